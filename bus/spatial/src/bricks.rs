@@ -1,0 +1,151 @@
+//! A sparse voxel grid: bricks of 8×8×8 cells, found through a hash of their position.
+//!
+//! Dense inside a brick, nothing outside: a lookup is one hash probe (none while it stays in the brick of the previous
+//! one, see [`Bricks::brick`]), and neighbours share cache lines. Bricks are kept in the order in which they were first
+//! written, so that every walk over the grid is the same on every run.
+
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+use crate::voxel::Voxel;
+
+/// Edge of a brick, in cells.
+pub const BRICK: i32 = 8;
+/// Cells of a brick.
+pub const BRICK_CELLS: usize = 512;
+
+/// A sparse grid of `T`; cells never written read as `T::default()`.
+#[derive(Debug, Clone, Default)]
+pub struct Bricks<T> {
+    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    positions: Vec<Voxel>,
+    cells: Vec<Box<[T; BRICK_CELLS]>>,
+}
+
+/// The brick that holds a cell: the cell's indices divided by eight, rounded down.
+pub fn brick_of(voxel: Voxel) -> Voxel {
+    Voxel::new(voxel.x >> 3, voxel.y >> 3, voxel.z >> 3)
+}
+
+/// A cell's place inside its brick: x fastest, z slowest.
+pub fn cell_of(voxel: Voxel) -> usize {
+    ((voxel.z & 7) << 6 | (voxel.y & 7) << 3 | voxel.x & 7) as usize
+}
+
+/// The cell at place `cell` of brick `brick`; the inverse of [`brick_of`] and [`cell_of`].
+pub fn voxel_at(brick: Voxel, cell: usize) -> Voxel {
+    let c = cell as i32;
+    Voxel::new(
+        brick.x << 3 | c & 7,
+        brick.y << 3 | c >> 3 & 7,
+        brick.z << 3 | c >> 6,
+    )
+}
+
+impl<T: Copy + Default> Bricks<T> {
+    /// An empty grid.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The value of a cell.
+    pub fn get(&self, voxel: Voxel) -> T {
+        self.brick(brick_of(voxel))
+            .map_or_else(T::default, |cells| cells[cell_of(voxel)])
+    }
+
+    /// The cell, for writing; its brick comes into being if it was not there.
+    pub fn get_mut(&mut self, voxel: Voxel) -> &mut T {
+        &mut self.brick_mut(brick_of(voxel))[cell_of(voxel)]
+    }
+
+    /// The cells of the brick at `brick` (in bricks, see [`brick_of`]), if any of them was ever written.
+    pub fn brick(&self, brick: Voxel) -> Option<&[T; BRICK_CELLS]> {
+        self.index.get(&brick).map(|&i| &*self.cells[i as usize])
+    }
+
+    /// The cells of the brick at `brick`, for writing; comes into being if it was not there.
+    pub fn brick_mut(&mut self, brick: Voxel) -> &mut [T; BRICK_CELLS] {
+        let next = self.cells.len() as u32;
+        let i = *self.index.entry(brick).or_insert(next);
+        if i == next {
+            self.positions.push(brick);
+            self.cells.push(Box::new([T::default(); BRICK_CELLS]));
+        }
+        &mut self.cells[i as usize]
+    }
+
+    /// All bricks with their cells, in the order in which they were first written.
+    pub fn iter(&self) -> impl Iterator<Item = (Voxel, &[T; BRICK_CELLS])> {
+        self.positions
+            .iter()
+            .zip(&self.cells)
+            .map(|(&p, c)| (p, &**c))
+    }
+
+    /// All cells of all bricks, in the order of [`Bricks::iter`].
+    pub fn voxels(&self) -> impl Iterator<Item = (Voxel, T)> {
+        self.iter().flat_map(|(b, cells)| {
+            cells
+                .iter()
+                .enumerate()
+                .map(move |(i, &v)| (voxel_at(b, i), v))
+        })
+    }
+
+    /// Number of bricks.
+    pub fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// Whether nothing was ever written.
+    pub fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+}
+
+/// Mixes the three indices of a brick; the keys are trusted, so no defence against collisions is paid for.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct BrickHasher(u64);
+
+impl Hasher for BrickHasher {
+    fn finish(&self) -> u64 {
+        self.0 ^ self.0 >> 32
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        for &b in bytes {
+            self.write_i32(i32::from(b));
+        }
+    }
+    fn write_i32(&mut self, i: i32) {
+        self.0 = (self.0.rotate_left(21) ^ u64::from(i as u32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_cell_is_where_its_brick_says(x in -40000..40000i32, y in -40000..40000i32, z in -40000..40000i32) {
+            let v = Voxel::new(x, y, z);
+            prop_assert_eq!(voxel_at(brick_of(v), cell_of(v)), v);
+        }
+
+        #[test]
+        fn what_was_written_is_read(cells in prop::collection::vec(((-20..20i32, -20..20i32, -20..20i32), any::<u8>()), 0..200)) {
+            let mut bricks = Bricks::new();
+            let mut model = std::collections::BTreeMap::new();
+            for &((x, y, z), value) in &cells {
+                *bricks.get_mut(Voxel::new(x, y, z)) = value;
+                model.insert(Voxel::new(x, y, z), value);
+            }
+            for (&v, &value) in &model {
+                prop_assert_eq!(bricks.get(v), value);
+            }
+            prop_assert_eq!(bricks.voxels().filter(|(v, _)| model.contains_key(v)).count(), model.len());
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! Space as elk's apps speak of it: poses, scans, voxels, paths, and the keys they travel under.
+//!
+//! Metres, radians; right-handed, z up; camera frame x right, y down, z forward. Everything here is plain data with no
+//! bus in sight, except [`keys`], which names the variables that apps exchange it under.
+
+pub mod bricks;
+pub mod frontier;
+pub mod keys;
+pub mod map;
+pub mod messages;
+pub mod pose;
+pub mod ray;
+pub mod scan;
+pub mod voxel;
+
+pub use bricks::Bricks;
+pub use frontier::FrontierSet;
+pub use map::{OccupancyGrid, State};
+pub use pose::Pose;
+pub use scan::{Points, Scan};
+pub use voxel::{Bounds, Voxel};

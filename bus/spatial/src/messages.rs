@@ -1,0 +1,180 @@
+//! What the apps of an exploration say to each other, in the order in which a step says it.
+
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+
+use crate::pose::Pose;
+use crate::voxel::Voxel;
+
+elk_bus::payload! {
+    /// Controller to sensor: go there, in a straight line, and take a scan.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct PoseCommand {
+        /// Number of the command, from 1, unbroken; the scan that answers carries it.
+        pub id: u64,
+        /// The camera's pose to take (world).
+        pub pose: Pose,
+    }
+
+    /// Sensor to anyone: what a simulated sensor knows of its true world so far.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct SensorReport {
+        /// Scans taken.
+        pub scans: u64,
+        /// Motions on which the robot's body touched the true world.
+        pub contacts: u64,
+        /// The scan after which this was said.
+        pub scan: u64,
+        /// Seconds of CPU spent on ray casting.
+        pub cpu_secs: f64,
+    }
+
+    /// Sensor to anyone: the final map held against the true world.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct AccuracyReport {
+        /// Revision of the map that was judged.
+        pub revision: u64,
+        /// Known voxels whose state is that of the true world, of all known voxels (0 to 1).
+        pub accuracy: f64,
+        /// Known voxels judged.
+        pub voxels: u64,
+    }
+
+    /// Map to anyone: how much is known.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct MapStatus {
+        /// Revision of the map that this describes.
+        pub revision: u64,
+        /// Free voxels.
+        pub free: u64,
+        /// Occupied voxels.
+        pub occupied: u64,
+        /// Frontier voxels of the whole map, reachable or not.
+        pub frontier: u64,
+        /// Edge of a voxel (m).
+        pub resolution: f64,
+        /// Seconds of CPU spent on insertion.
+        pub cpu_secs: f64,
+    }
+
+    /// Controller to explorer: where to go from here?
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct PlanRequest {
+        /// Number of the request, from 1, unbroken.
+        pub id: u64,
+        /// The camera's pose now (world).
+        pub pose: Pose,
+        /// The revision that the map has to be at for the answer.
+        pub revision: u64,
+    }
+
+    /// Explorer to controller: the answer to a [`PlanRequest`].
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Plan {
+        /// The request that it answers.
+        pub request: u64,
+        /// The revision of the map that it was made from.
+        pub revision: u64,
+        /// Where to go, or that there is nowhere left to go.
+        pub decision: Decision,
+        /// How the controller is to move and scan along the path; one for all strategies.
+        pub motion: MotionPolicy,
+        /// Seconds of CPU that the planning took.
+        pub cpu_secs: f64,
+    }
+
+    /// Explorer to anyone, once, with its last plan: why it ended and what is left.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct ExplorationReport {
+        /// The explorer's type.
+        pub explorer: String,
+        /// The motion policy's name.
+        pub policy: String,
+        /// Whether every frontier that can be reached and seen is resolved.
+        pub complete: bool,
+        /// Why it ended, for people.
+        pub reason: String,
+        /// Frontier voxels left, by cause.
+        pub left: FrontiersLeft,
+        /// Plans made.
+        pub plans: u64,
+        /// Streamlines that stalled before they reached a frontier.
+        pub stalls: u64,
+        /// Seconds of CPU by phase of planning, by name.
+        pub cpu_secs: Vec<(String, f64)>,
+    }
+
+    /// Controller to anyone, after every scan that is in the map: how far the run is.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Progress {
+        /// The scan after which this holds.
+        pub scan: u64,
+        /// Revision of the map.
+        pub revision: u64,
+        /// Scans so far.
+        pub scans: u64,
+        /// Length of the way so far (m).
+        pub path_length_m: f64,
+        /// Free voxels known.
+        pub free: u64,
+        /// Whether the run is over.
+        pub finished: bool,
+    }
+}
+
+/// What an explorer decides.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Decision {
+    /// Follow this path.
+    Go(Path),
+    /// Exploration is over; the reason is in the [`ExplorationReport`].
+    Done,
+}
+
+/// A way to a frontier voxel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Path {
+    /// Positions to pass in straight lines (m, world), the robot's own first. A single one: look from where you are.
+    pub points: Vec<Point3<f64>>,
+    /// The frontier voxel to be resolved.
+    pub target: Voxel,
+    /// Poses to scan from at the end of the path, in order, as long as the target is not resolved.
+    pub looks: Vec<Pose>,
+}
+
+/// How to move and when to scan: the same for all strategies (thesis 6.5.1, and what a prototype paid for).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MotionPolicy {
+    /// The policy's name: `thesis` or `elk`.
+    pub name: String,
+    /// Length of way between two scans (m).
+    pub scan_spacing_m: f64,
+    /// Ask for a new plan as soon as the target is no longer a frontier.
+    pub early_stop: bool,
+    /// Look at the target while travelling; otherwise along the motion.
+    pub look_at_target: bool,
+    /// The robot's clearance from occupied voxels, in voxels: a path that comes closer is cut.
+    pub clearance_voxels: f64,
+}
+
+/// Frontier voxels that exploration leaves behind, by cause.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct FrontiersLeft {
+    /// Not in the free component of the robot.
+    pub unreachable: u64,
+    /// No pose that the robot can take sees the unknown beyond them.
+    pub invisible: u64,
+    /// Looked at as often as the policy allows, and still there.
+    pub unresolved: u64,
+    /// In clusters below the size that counts.
+    pub too_small: u64,
+    /// Still to be resolved when the run ended before its time.
+    pub open: u64,
+}
+
+impl FrontiersLeft {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.unreachable + self.invisible + self.unresolved + self.too_small + self.open
+    }
+}

@@ -1,0 +1,127 @@
+//! Depth scans as they travel: points where they were written, never copied on the way.
+
+use std::borrow::Cow;
+
+use elk_bus::{Payload, fnv1a};
+use nalgebra::Point3;
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::pose::Pose;
+
+/// Bytes of a point on the wire: three little-endian f32.
+const POINT_BYTES: usize = 12;
+
+/// A list of points (m, f32), kept as the bytes that travel. A receiver borrows them in place.
+#[derive(Clone, PartialEq, Default)]
+pub struct Points<'a>(Cow<'a, [u8]>);
+
+impl<'a> Points<'a> {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.0.len() / POINT_BYTES
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The points in order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Point3<f32>> + '_ {
+        self.0.chunks_exact(POINT_BYTES).map(|c| {
+            let at = |i: usize| f32::from_le_bytes([c[i], c[i + 1], c[i + 2], c[i + 3]]);
+            Point3::new(at(0), at(4), at(8))
+        })
+    }
+
+    /// The packed bytes: x, y, z as little-endian f32, 12 bytes a point, as viewers' point clouds want them.
+    pub fn as_bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    /// The same points, owned.
+    pub fn into_owned(self) -> Points<'static> {
+        Points(Cow::Owned(self.0.into_owned()))
+    }
+}
+
+impl FromIterator<Point3<f32>> for Points<'static> {
+    fn from_iter<I: IntoIterator<Item = Point3<f32>>>(points: I) -> Self {
+        Points(Cow::Owned(
+            points
+                .into_iter()
+                .flat_map(|p| [p.x, p.y, p.z])
+                .flat_map(f32::to_le_bytes)
+                .collect(),
+        ))
+    }
+}
+
+impl std::fmt::Debug for Points<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} points", self.len())
+    }
+}
+
+impl Serialize for Points<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&self.0)
+    }
+}
+
+impl<'de: 'a, 'a> Deserialize<'de> for Points<'a> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct InPlace;
+        impl<'de> Visitor<'de> for InPlace {
+            type Value = Points<'de>;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                write!(f, "packed points, {POINT_BYTES} bytes each")
+            }
+            fn visit_borrowed_bytes<E: Error>(self, bytes: &'de [u8]) -> Result<Points<'de>, E> {
+                match bytes.len() % POINT_BYTES {
+                    0 => Ok(Points(Cow::Borrowed(bytes))),
+                    _ => Err(E::invalid_length(bytes.len(), &self)),
+                }
+            }
+        }
+        deserializer.deserialize_bytes(InPlace)
+    }
+}
+
+/// What a depth camera saw from one pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Scan<'a> {
+    /// Number of the scan, from 1, unbroken: filters and the map hand it on.
+    pub id: u64,
+    /// The pose command that it answers (see [`crate::messages::PoseCommand::id`]); 0: none.
+    pub command: u64,
+    /// Pose of the camera at capture (world).
+    pub pose: Pose,
+    /// Points in the camera frame (x right, y down, z forward; m). A ray that hit nothing has no point.
+    #[serde(borrow)]
+    pub points: Points<'a>,
+}
+
+impl Payload for Scan<'static> {
+    const NAME: &'static str = "Scan";
+    const LAYOUT: u64 = fnv1a("Scan id:u64 command:u64 pose:Isometry3<f64> points:bytes f32x3");
+    type View<'a> = Scan<'a>;
+}
+
+impl Scan<'_> {
+    /// The same scan with other points: what a filter makes of it.
+    pub fn with_points(&self, points: impl IntoIterator<Item = Point3<f32>>) -> Scan<'static> {
+        Scan {
+            id: self.id,
+            command: self.command,
+            pose: self.pose,
+            points: points.into_iter().collect(),
+        }
+    }
+
+    /// The points in the world frame (m).
+    pub fn world_points(&self) -> impl ExactSizeIterator<Item = Point3<f64>> + '_ {
+        self.points.iter().map(|p| self.pose.to_world(p.cast()))
+    }
+}

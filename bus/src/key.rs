@@ -1,0 +1,104 @@
+//! Typed keys: what a key's binary value is, checked by the compiler on both ends.
+
+use std::borrow::Cow;
+use std::marker::PhantomData;
+
+use serde::{Deserialize, Serialize};
+
+/// A type that can be the binary value of a key.
+///
+/// `View<'a>` is what a receiver gets: for most types the type itself, for bulky ones a borrow of the bytes in shared
+/// memory. Implement it with [`payload!`](crate::payload), which derives name and layout from the definition.
+pub trait Payload {
+    /// The type's name as it is shown to people and checked by receivers.
+    const NAME: &'static str;
+    /// A hash of the type's fields in order; two definitions that differ do not decode each other's bytes.
+    const LAYOUT: u64;
+    /// What is encoded and decoded; borrows from the received bytes where it can.
+    type View<'a>: Serialize + Deserialize<'a>;
+}
+
+/// The name of a variable of the community together with the type of its value.
+pub struct Key<T: Payload> {
+    name: Cow<'static, str>,
+    payload: PhantomData<fn() -> T>,
+}
+
+impl<T: Payload> Key<T> {
+    /// A key known at compile time.
+    pub const fn new(name: &'static str) -> Self {
+        Self {
+            name: Cow::Borrowed(name),
+            payload: PhantomData,
+        }
+    }
+
+    /// A key whose name comes from a mission file.
+    pub fn named(name: impl Into<String>) -> Self {
+        Self {
+            name: Cow::Owned(name.into()),
+            payload: PhantomData,
+        }
+    }
+
+    /// The key's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl<T: Payload> Clone for Key<T> {
+    fn clone(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            payload: PhantomData,
+        }
+    }
+}
+
+impl<T: Payload> std::fmt::Debug for Key<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} ({})", self.name, T::NAME)
+    }
+}
+
+/// FNV-1a, usable in constants: the layout hash of [`payload!`](crate::payload).
+pub const fn fnv1a(text: &str) -> u64 {
+    let bytes = text.as_bytes();
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = (hash ^ bytes[i] as u64).wrapping_mul(0x0100_0000_01b3);
+        i += 1;
+    }
+    hash
+}
+
+/// Defines structs (or enums, through `impl`) that travel as binary values.
+///
+/// ```
+/// elk_bus::payload! {
+///     /// Where the robot is heading.
+///     #[derive(Debug, Clone, PartialEq)]
+///     pub struct Heading {
+///         /// Radians, anticlockwise from x.
+///         pub yaw: f64,
+///     }
+/// }
+/// # use elk_bus::Payload;
+/// assert_eq!(Heading::NAME, "Heading");
+/// ```
+#[macro_export]
+macro_rules! payload {
+    ($($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident : $ty:ty),* $(,)? })+) => {$(
+        $(#[$meta])*
+        #[derive(::serde::Serialize, ::serde::Deserialize)]
+        pub struct $name { $($(#[$field_meta])* pub $field: $ty),* }
+
+        impl $crate::Payload for $name {
+            const NAME: &'static str = stringify!($name);
+            const LAYOUT: u64 = $crate::fnv1a(concat!(stringify!($name), $(" ", stringify!($field), ":", stringify!($ty)),*));
+            type View<'a> = $name;
+        }
+    )+};
+}

@@ -1,0 +1,4 @@
+//! The bus.
+mod key;
+
+pub use key::{Key, Payload, fnv1a};
