@@ -1,4 +1,6 @@
 //! The bus.
+mod app;
 mod key;
 
+pub use app::{App, AppError, Comms, Mail};
 pub use key::{Key, Payload, fnv1a};

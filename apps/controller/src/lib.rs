@@ -1,0 +1,1 @@
+//! Turns paths into pose commands, scanning on the way.

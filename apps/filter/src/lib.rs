@@ -1,0 +1,1 @@
+//! Filters over scans: what to leave out before the map sees it.

@@ -1,0 +1,1 @@
+//! Records every message of the community into a log.

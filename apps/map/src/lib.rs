@@ -1,0 +1,1 @@
+//! The occupancy map: log-odds voxels, scan insertion, and OctoMap's files.

@@ -1,0 +1,1 @@
+//! Draws plan and section of an explored world into a PNG.

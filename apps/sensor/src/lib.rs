@@ -1,0 +1,1 @@
+//! Where depth comes from: a simulated depth camera over OBJ worlds.

@@ -1,0 +1,1 @@
+//! A recorded run: what crossed the bus, as MCAP, written and read.

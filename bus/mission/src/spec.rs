@@ -1,0 +1,90 @@
+//! The table of app types: what a mission file may say, in what units, and what it means when it says nothing.
+
+use std::collections::BTreeMap;
+
+use elk_bus::{App, AppError};
+
+/// One type of app, as it is offered to mission files and to `elk types`.
+pub struct AppType {
+    /// The element that names it in a mission file: `Sensor`, `Filter`, `Map`, `Explorer`, `Controller`, `Logger`.
+    pub element: &'static str,
+    /// The value of the element's `type` attribute.
+    pub name: &'static str,
+    /// One sentence for people.
+    pub summary: &'static str,
+    /// Its parameters.
+    pub params: &'static [ParamSpec],
+    /// Makes the app from checked parameters; what the parameters cannot show (a file that does not parse) is an error.
+    pub build: fn(&Params) -> Result<Box<dyn App>, AppError>,
+}
+
+/// One parameter of an app type.
+pub struct ParamSpec {
+    /// Its element's name in the mission file.
+    pub name: &'static str,
+    /// What it may be.
+    pub kind: Kind,
+    /// What it is if the mission does not say; `None`: it must be said.
+    pub default: Option<&'static str>,
+    /// What it means, in one sentence.
+    pub doc: &'static str,
+}
+
+/// What a parameter may be.
+pub enum Kind {
+    /// A number in `min..=max`, in `unit` (`m`, `rad`, `deg`, `s`, `Hz`, `px`, or empty).
+    Number {
+        /// The unit.
+        unit: &'static str,
+        /// The smallest value allowed.
+        min: f64,
+        /// The largest value allowed.
+        max: f64,
+    },
+    /// A whole number in `min..=max`.
+    Integer {
+        /// The smallest value allowed.
+        min: i64,
+        /// The largest value allowed.
+        max: i64,
+    },
+    /// `true` or `false`.
+    Flag,
+    /// Three numbers separated by semicolons: `x; y; z`, in `unit`.
+    Point {
+        /// The unit.
+        unit: &'static str,
+    },
+    /// One of these words.
+    Choice(&'static [&'static str]),
+    /// Any text.
+    Text,
+    /// The name of a variable of the community.
+    Variable,
+    /// A file to read, relative to the mission file; must exist. A name in `builtin` stands for itself.
+    File {
+        /// Names that are no files but built into the program.
+        builtin: &'static [&'static str],
+    },
+}
+
+/// An app's parameters, checked against its type's table: every parameter has a value of its kind.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Params {
+    pub(crate) values: BTreeMap<&'static str, ParamValue>,
+}
+
+/// A checked value.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ParamValue {
+    /// Of [`Kind::Number`].
+    Number(f64),
+    /// Of [`Kind::Integer`].
+    Integer(i64),
+    /// Of [`Kind::Flag`].
+    Flag(bool),
+    /// Of [`Kind::Point`].
+    Point([f64; 3]),
+    /// Of the kinds that are text.
+    Text(String),
+}
