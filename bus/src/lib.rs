@@ -1,6 +1,96 @@
-//! The bus.
-mod app;
-mod key;
+//! The bus: a broker that mirrors the MOOSDB, lanes of shared memory to it, and the framework that apps are written in.
+//!
+//! | module | one idea |
+//! |---|---|
+//! | [`broker`] | the broker as a state machine without clock, socket or thread |
+//! | [`wire`] | frames: what lies in a batch between client and broker |
+//! | [`link`] | what a transport gives a client |
+//! | [`memory`], [`shm`] | the transports: inside one process, and between processes over iceoryx2 |
+//! | [`client`], [`app`] | what a client says and hears; MOOS' three callbacks |
+//! | [`key`], [`value`], [`codec`] | typed keys, the three kinds of value, their encoding |
+//! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
 
-pub use app::{App, AppError, Comms, Mail};
+pub mod app;
+pub mod broker;
+pub mod client;
+pub mod clock;
+pub mod codec;
+pub mod community;
+pub mod key;
+mod limits;
+pub mod link;
+pub mod memory;
+pub mod pattern;
+pub mod shm;
+pub mod value;
+pub mod wire;
+
+use std::sync::atomic::AtomicBool;
+
+pub use app::{App, AppError, RunError, run_app_on, stop_on_signals};
+pub use broker::BrokerConfig;
+pub use client::{Client, Comms, CommsError, Inbox, Mail, Refused};
+pub use clock::Clock;
+pub use codec::DecodeError;
+pub use community::Community;
 pub use key::{Key, Payload, fnv1a};
+pub use shm::{ConnectError, ServeError};
+pub use value::{Value, ValueRef};
+
+/// How an app is to be run.
+#[derive(Debug, Clone)]
+pub struct RunOptions {
+    /// The name that the broker will know it by.
+    pub name: String,
+    /// The community to join.
+    pub community: Community,
+}
+
+impl RunOptions {
+    /// An app of this name in this community.
+    pub fn new(name: impl Into<String>, community: Community) -> Self {
+        Self {
+            name: name.into(),
+            community,
+        }
+    }
+}
+
+impl Client {
+    /// Joins a community of this machine over shared memory.
+    pub fn connect(community: &Community, name: &str) -> Result<Self, ConnectError> {
+        Ok(Self::over(shm::connect(community, name)?, name, community))
+    }
+}
+
+/// Runs an app as this process, over shared memory, until it stops itself, fails, or SIGTERM or SIGINT comes.
+pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunError> {
+    let stop = stop_on_signals().map_err(RunError::Signals)?;
+    let mut client = Client::connect(&options.community, &options.name)?;
+    run_app_on(&mut *app, &mut client, &stop)
+}
+
+/// Serves a community as this process until SIGTERM or SIGINT.
+pub fn serve_broker(
+    community: Community,
+    config: BrokerConfig,
+    clock: Clock,
+) -> Result<(), ServeError> {
+    let io = |source| ServeError::Io {
+        community: community.clone(),
+        source,
+    };
+    let stop = stop_on_signals().map_err(io)?;
+    serve_broker_until(community.clone(), config, clock, &stop)
+}
+
+/// Serves a community until `stop` is set.
+pub fn serve_broker_until(
+    community: Community,
+    config: BrokerConfig,
+    clock: Clock,
+    stop: &AtomicBool,
+) -> Result<(), ServeError> {
+    shm::Server::start(community, config, clock)?.run(stop);
+    Ok(())
+}

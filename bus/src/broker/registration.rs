@@ -1,0 +1,187 @@
+//! Who wants what: patterns over variables and sources, and what they add up to for one client.
+
+use super::variable::Delivery;
+use super::{Broker, ClientId, marked_latest};
+use crate::pattern;
+use crate::wire::{self, Frame, LOSSLESS};
+
+/// One registration of a client.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Registration {
+    pub key_pattern: String,
+    pub source_pattern: String,
+    pub min_interval: f64,
+    pub lossless: bool,
+}
+
+impl Registration {
+    fn matches(&self, key: &str, source: &str) -> bool {
+        pattern::matches(&self.key_pattern, key) && pattern::matches(&self.source_pattern, source)
+    }
+
+    fn same_patterns(&self, other: &Registration) -> bool {
+        self.key_pattern == other.key_pattern && self.source_pattern == other.source_pattern
+    }
+
+    fn read(frame: &Frame<'_>) -> Result<Self, &'static str> {
+        let text = |bytes| {
+            std::str::from_utf8(bytes)
+                .map(str::to_owned)
+                .map_err(|_| "a pattern is not UTF-8")
+        };
+        let interval = frame.header.time;
+        Ok(Self {
+            key_pattern: text(frame.aux)?,
+            source_pattern: text(frame.value)?,
+            min_interval: if interval.is_finite() {
+                interval.max(0.0)
+            } else {
+                0.0
+            },
+            lossless: frame.header.flags & LOSSLESS != 0,
+        })
+    }
+}
+
+/// What a client's registrations add up to for (key, source): one delivery at the shortest of the intervals.
+pub(super) fn combine(
+    client: ClientId,
+    registrations: &[Registration],
+    key: &str,
+    source: &str,
+) -> Option<Delivery> {
+    let matching = || registrations.iter().filter(|r| r.matches(key, source));
+    let min_interval = matching().map(|r| r.min_interval).min_by(f64::total_cmp)?;
+    Some(Delivery {
+        client,
+        min_interval,
+        lossless: matching().any(|r| r.lossless),
+    })
+}
+
+impl Broker {
+    /// Adds or replaces a registration, and gives the client the latest values that it did not get before.
+    pub(super) fn register(
+        &mut self,
+        now: f64,
+        from: ClientId,
+        frame: &Frame<'_>,
+    ) -> Result<(), &'static str> {
+        let registration = Registration::read(frame)?;
+        let client = self
+            .clients
+            .get_mut(&from)
+            .ok_or("the client is not connected")?;
+        client
+            .registrations
+            .retain(|r| !r.same_patterns(&registration));
+        client.registrations.push(registration.clone());
+        for key in self.keys_matching(&registration.key_pattern) {
+            let before = self.variables[key as usize]
+                .latest_source()
+                .is_some_and(|s| self.is_delivered(key, s, from));
+            self.match_routes(key, from);
+            self.give_latest(now, key, from, &registration, before);
+        }
+        self.mark_lossless(from);
+        Ok(())
+    }
+
+    /// Takes a registration back.
+    pub(super) fn unregister(
+        &mut self,
+        from: ClientId,
+        frame: &Frame<'_>,
+    ) -> Result<(), &'static str> {
+        let registration = Registration::read(frame)?;
+        let client = self
+            .clients
+            .get_mut(&from)
+            .ok_or("the client is not connected")?;
+        client
+            .registrations
+            .retain(|r| !r.same_patterns(&registration));
+        for key in self.keys_matching(&registration.key_pattern) {
+            self.match_routes(key, from);
+        }
+        self.mark_lossless(from);
+        Ok(())
+    }
+
+    fn mark_lossless(&mut self, id: ClientId) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            let lossless = client.registrations.iter().any(|r| r.lossless);
+            client.mailbox.set_lossless(lossless);
+        }
+    }
+
+    fn keys_matching(&self, key_pattern: &str) -> Vec<u32> {
+        let all = 0..self.keys.len() as u32;
+        all.filter(|key| pattern::matches(key_pattern, self.keys.name(*key)))
+            .collect()
+    }
+
+    fn is_delivered(&self, key: u32, source: u32, to: ClientId) -> bool {
+        let routes = &self.variables[key as usize].routes;
+        routes
+            .iter()
+            .any(|r| r.source == source && r.deliveries.iter().any(|d| d.client == to))
+    }
+
+    /// Works out anew what `client` gets of each source of `key`.
+    fn match_routes(&mut self, key: u32, client: ClientId) {
+        let Some(registrations) = self.clients.get(&client).map(|c| &c.registrations) else {
+            return;
+        };
+        let key_name = self.keys.name(key);
+        let variable = &mut self.variables[key as usize];
+        for route in &mut variable.routes {
+            route.deliveries.retain(|d| d.client != client);
+            route.deliveries.extend(combine(
+                client,
+                registrations,
+                key_name,
+                self.sources.name(route.source),
+            ));
+            route.deliveries.sort_by_key(|d| d.client);
+        }
+        if !variable.routes.iter().any(|r| {
+            r.deliveries
+                .iter()
+                .any(|d| d.client == client && d.min_interval > 0.0)
+        }) {
+            variable.throttles.retain(|t| t.client != client);
+            self.due.retain(|(_, k, c)| (*k, *c) != (key, client));
+        }
+    }
+
+    fn give_latest(
+        &mut self,
+        now: f64,
+        key: u32,
+        to: ClientId,
+        registration: &Registration,
+        had: bool,
+    ) {
+        let variable = &self.variables[key as usize];
+        let Some(source) = variable.latest_source() else {
+            return;
+        };
+        if had || !pattern::matches(&registration.source_pattern, self.sources.name(source)) {
+            return;
+        }
+        let frame = marked_latest(&variable.latest);
+        let Ok(header) = wire::first_frame(&frame).map(|f| f.header) else {
+            return;
+        };
+        self.deliver(
+            now,
+            to,
+            [header.key, header.source, header.type_, header.community],
+            &frame,
+        );
+        if registration.min_interval > 0.0 {
+            self.variables[key as usize].throttle(to).last_sent = now;
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! The `DB_*` variables that MOOS' tools know, and `DB_DROPS`, which MOOS has no word for.
+
+use std::fmt::Write;
+
+use super::Broker;
+use crate::wire::{self, ValueKind};
+
+/// How often they are refreshed (s), as in the MOOSDB.
+pub(super) const PERIOD_SECS: f64 = 2.0;
+
+/// How long a client's messages took to the broker (s): `DB_QOS`.
+#[derive(Debug, Default)]
+pub(super) struct Latency {
+    recent: f64,
+    min: f64,
+    max: f64,
+    sum: f64,
+    count: u64,
+}
+
+impl Latency {
+    /// Takes note of one message.
+    pub fn note(&mut self, secs: f64) {
+        self.min = if self.count == 0 {
+            secs
+        } else {
+            self.min.min(secs)
+        };
+        self.max = if self.count == 0 {
+            secs
+        } else {
+            self.max.max(secs)
+        };
+        self.recent = secs;
+        self.sum += secs;
+        self.count += 1;
+    }
+
+    /// `recent:max:min:average` (ms).
+    fn text(&self) -> String {
+        let ms = |secs: f64| format!("{:.3}", secs * 1e3);
+        let average = self.sum / (self.count.max(1) as f64);
+        [self.recent, self.max, self.min, average].map(ms).join(":")
+    }
+}
+
+impl Broker {
+    pub(super) fn summarise(&mut self, now: f64) {
+        self.publish_own(now, "DB_TIME", ValueKind::Double, &now.to_le_bytes());
+        self.publish_own(
+            now,
+            "DB_UPTIME",
+            ValueKind::Double,
+            &(now - self.started).to_le_bytes(),
+        );
+        self.publish_clients(now);
+        let drops = self.per_client(|c| format!("{}={}", c.name, c.mailbox.dropped()));
+        self.publish_own(now, "DB_DROPS", ValueKind::Text, drops.as_bytes());
+        let quality = self.per_client(|c| format!("{}={}", c.name, c.latency.text()));
+        self.publish_own(now, "DB_QOS", ValueKind::Text, quality.as_bytes());
+        let reads_and_writes = self.reads_and_writes();
+        self.publish_own(
+            now,
+            "DB_RWSUMMARY",
+            ValueKind::Text,
+            reads_and_writes.as_bytes(),
+        );
+        let table = self.variable_table();
+        self.publish_own(now, "DB_VARSUMMARY", ValueKind::Text, table.as_bytes());
+    }
+
+    /// `DB_CLIENTS`: the names of all clients.
+    pub(super) fn publish_clients(&mut self, now: f64) {
+        let names = self.per_client(|c| c.name.clone());
+        self.publish_own(now, "DB_CLIENTS", ValueKind::Text, names.as_bytes());
+    }
+
+    fn per_client(&self, text: impl Fn(&super::Client) -> String) -> String {
+        self.clients.values().map(|c| text(c) + ",").collect()
+    }
+
+    /// `client=read:read&written:written,…`
+    fn reads_and_writes(&self) -> String {
+        let mut read = vec![Vec::new(); self.clients.len()];
+        let places: std::collections::BTreeMap<_, _> = self.clients.keys().zip(0..).collect();
+        for (key, variable) in (0..).zip(&self.variables) {
+            let readers: std::collections::BTreeSet<_> = variable
+                .routes
+                .iter()
+                .flat_map(|r| &r.deliveries)
+                .map(|d| d.client)
+                .collect();
+            for place in readers.iter().filter_map(|reader| places.get(reader)) {
+                read[*place as usize].push(self.keys.name(key));
+            }
+        }
+        let line = |(client, read): (&super::Client, &Vec<&str>)| {
+            let written: Vec<&str> = client
+                .published
+                .iter()
+                .map(|k| self.keys.name(*k))
+                .collect();
+            format!("{}={}&{}", client.name, read.join(":"), written.join(":"))
+        };
+        self.clients
+            .values()
+            .zip(&read)
+            .map(line)
+            .collect::<Vec<_>>()
+            .join(",")
+    }
+
+    /// A table for people: name, time, writer, rate, type, value.
+    fn variable_table(&mut self) -> String {
+        let mut table = String::new();
+        for (key, variable) in (0..).zip(&mut self.variables) {
+            let rate = (variable.writes - variable.summarised_writes) as f64 / PERIOD_SECS;
+            variable.summarised_writes = variable.writes;
+            let Ok(frame) = wire::first_frame(&variable.latest) else {
+                continue;
+            };
+            let source = self.sources.name(frame.header.source);
+            let age = variable.last_write - self.started;
+            let (kind, value) = match frame.header.value_kind {
+                ValueKind::Double => (
+                    'D',
+                    double(frame.value).map_or_else(String::new, |v| v.to_string()),
+                ),
+                ValueKind::Text => ('S', first_chars(&String::from_utf8_lossy(frame.value), 25)),
+                ValueKind::Binary => ('B', self.types.name(frame.header.type_).to_owned()),
+            };
+            let name = self.keys.name(key);
+            let _ = writeln!(
+                table,
+                "{name:<20} {age:<20.3} {source:<20} {rate:<8.1}Hz {kind} {value}"
+            );
+        }
+        table
+    }
+}
+
+fn double(value: &[u8]) -> Option<f64> {
+    value.try_into().ok().map(f64::from_le_bytes)
+}
+
+fn first_chars(text: &str, n: usize) -> String {
+    text.chars()
+        .take(n)
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect()
+}

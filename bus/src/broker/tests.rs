@@ -1,0 +1,401 @@
+//! The broker by itself: every time is a number that the test chose.
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::wire::{LOSSLESS, frames, put, put_definition};
+
+/// A client of the test: speaks frames, remembers what it was told.
+struct Speaker {
+    id: ClientId,
+    keys: Vec<String>,
+    sequence: u64,
+    names: BTreeMap<(u16, u32), String>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Heard {
+    key: String,
+    source: String,
+    value: Vec<u8>,
+    latest: bool,
+}
+
+impl Speaker {
+    fn new(broker: &mut Broker, now: f64, name: &str) -> Self {
+        let id = broker.connect(now, name).unwrap();
+        Self {
+            id,
+            keys: Vec::new(),
+            sequence: 0,
+            names: BTreeMap::new(),
+        }
+    }
+
+    fn register(&self, broker: &mut Broker, now: f64, key: &str, source: &str, interval: f64) {
+        self.registration(broker, now, FrameKind::Register, key, source, interval, 0);
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn registration(
+        &self,
+        broker: &mut Broker,
+        now: f64,
+        kind: FrameKind,
+        key: &str,
+        source: &str,
+        time: f64,
+        flags: u16,
+    ) {
+        let mut batch = Vec::new();
+        put(
+            &mut batch,
+            &Header {
+                time,
+                flags,
+                ..Header::new(kind)
+            },
+            key.as_bytes(),
+            source.as_bytes(),
+        );
+        broker.receive(now, self.id, &batch).unwrap();
+    }
+
+    fn say(&mut self, broker: &mut Broker, now: f64, key: &str, kind: ValueKind, value: &[u8]) {
+        let mut batch = Vec::new();
+        let number = self.keys.iter().position(|k| k == key).unwrap_or_else(|| {
+            put_definition(&mut batch, Named::Key, self.keys.len() as u32, key, 0);
+            self.keys.push(key.into());
+            self.keys.len() - 1
+        });
+        self.sequence += 1;
+        let header = Header {
+            value_kind: kind,
+            key: number as u32,
+            sequence: self.sequence,
+            time: now,
+            ..Header::new(FrameKind::Notify)
+        };
+        put(&mut batch, &header, &[], value);
+        broker.receive(now, self.id, &batch).unwrap();
+    }
+
+    fn text(&mut self, broker: &mut Broker, now: f64, key: &str, value: &str) {
+        self.say(broker, now, key, ValueKind::Text, value.as_bytes());
+    }
+
+    fn hear(&mut self, broker: &mut Broker, now: f64) -> (Vec<Heard>, u64, Vec<String>) {
+        let mut batch = Vec::new();
+        broker.take_mail(now, self.id, usize::MAX, &mut batch, |_, _| {});
+        let (mut heard, mut dropped, mut refused) = (Vec::new(), 0, Vec::new());
+        for frame in frames(&batch).map(Result::unwrap) {
+            let h = frame.header;
+            let name = |what: Named, number: u32| self.names[&(what as u16, number)].clone();
+            match h.kind {
+                FrameKind::Define => {
+                    self.names.insert(
+                        (h.flags, h.key),
+                        String::from_utf8(frame.aux.into()).unwrap(),
+                    );
+                }
+                FrameKind::Dropped => dropped = h.sequence,
+                FrameKind::Refused => refused.push(String::from_utf8(frame.value.into()).unwrap()),
+                _ => heard.push(Heard {
+                    key: name(Named::Key, h.key),
+                    source: name(Named::Source, h.source),
+                    value: frame.value.to_vec(),
+                    latest: h.flags & LATEST != 0,
+                }),
+            }
+        }
+        (heard, dropped, refused)
+    }
+
+    fn texts(&mut self, broker: &mut Broker, now: f64) -> Vec<String> {
+        self.hear(broker, now)
+            .0
+            .into_iter()
+            .map(|h| String::from_utf8(h.value).unwrap())
+            .collect()
+    }
+}
+
+fn broker() -> Broker {
+    Broker::new(BrokerConfig::new("test"), 0.0)
+}
+
+#[test]
+fn a_message_reaches_who_registered_and_only_them() {
+    let b = &mut broker();
+    let (mut a, mut c, mut d) = (
+        Speaker::new(b, 0.0, "a"),
+        Speaker::new(b, 0.0, "c"),
+        Speaker::new(b, 0.0, "d"),
+    );
+    c.register(b, 0.0, "X", "*", 0.0);
+    a.text(b, 0.0, "X", "1");
+    let (heard, ..) = c.hear(b, 0.0);
+    assert_eq!(
+        heard,
+        [Heard {
+            key: "X".into(),
+            source: "a".into(),
+            value: b"1".into(),
+            latest: false
+        }]
+    );
+    assert!(d.hear(b, 0.0).0.is_empty());
+}
+
+#[test]
+fn a_late_registrant_is_given_the_latest_value_once() {
+    let b = &mut broker();
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    a.text(b, 0.0, "X", "old");
+    a.text(b, 0.0, "X", "new");
+    c.register(b, 0.0, "X", "*", 0.0);
+    c.register(b, 0.0, "*", "a", 0.0);
+    let (heard, ..) = c.hear(b, 0.0);
+    assert_eq!(
+        heard,
+        [Heard {
+            key: "X".into(),
+            source: "a".into(),
+            value: b"new".into(),
+            latest: true
+        }]
+    );
+}
+
+#[test]
+fn a_wildcard_matches_every_pair_of_variable_and_source_whenever_it_first_appears() {
+    let b = &mut broker();
+    let (mut a, mut c, mut d) = (
+        Speaker::new(b, 0.0, "a"),
+        Speaker::new(b, 0.0, "c"),
+        Speaker::new(b, 0.0, "d"),
+    );
+    c.register(b, 0.0, "NAV_*", "d", 0.0);
+    a.text(b, 0.0, "NAV_X", "from a");
+    d.text(b, 0.0, "NAV_X", "from d");
+    d.text(b, 0.0, "OTHER", "from d");
+    assert_eq!(
+        c.texts(b, 0.0),
+        ["from d"],
+        "MOOS tests a variable against its first writer only"
+    );
+}
+
+#[test]
+fn a_throttled_registration_delivers_the_last_value_of_a_burst() {
+    let b = &mut broker();
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "X", "*", 0.5);
+    for i in 0..12 {
+        let now = 1.0 + 0.1 * f64::from(i);
+        b.tick(now);
+        a.text(b, now, "X", &i.to_string());
+    }
+    assert!(
+        (b.next_deadline() - 2.0).abs() < 0.6,
+        "{}",
+        b.next_deadline()
+    );
+    b.tick(1.6 + 1.0);
+    assert_eq!(
+        c.texts(b, 2.6),
+        ["0", "4", "9", "11"],
+        "every 0.5 s, and the last one"
+    );
+    b.tick(9.0);
+    assert!(c.texts(b, 9.0).is_empty());
+}
+
+#[test]
+fn a_write_of_the_wrong_type_is_answered_to_the_writer() {
+    let b = &mut broker();
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "X", "*", 0.0);
+    a.say(b, 0.0, "X", ValueKind::Double, &1.0_f64.to_le_bytes());
+    a.text(b, 0.0, "X", "two");
+    assert_eq!(
+        a.hear(b, 0.0).2,
+        ["X carries numbers since its first write; texts was refused"]
+    );
+    assert_eq!(c.hear(b, 0.0).0.len(), 1);
+}
+
+#[test]
+fn a_name_is_unique_and_free_when_its_holder_is_gone() {
+    let b = &mut broker();
+    let a = Speaker::new(b, 0.0, "a");
+    assert_eq!(b.connect(0.0, "a"), Err(Refusal::NameTaken("a".into())));
+    for bad in ["", "a,b", "a*", "a\n"] {
+        assert_eq!(b.connect(0.0, bad), Err(Refusal::BadName(bad.into())));
+    }
+    b.disconnect(0.0, a.id);
+    assert!(b.connect(0.0, "a").is_ok());
+}
+
+#[test]
+fn what_an_app_published_outlives_it() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    a.text(b, 0.0, "X", "1");
+    b.disconnect(0.0, a.id);
+    let mut c = Speaker::new(b, 0.0, "c");
+    c.register(b, 0.0, "X", "*", 0.0);
+    assert_eq!(c.texts(b, 0.0), ["1"]);
+}
+
+#[test]
+fn a_full_mailbox_drops_the_oldest_and_counts() {
+    let b = &mut Broker::new(
+        BrokerConfig {
+            mailbox_bytes: 10 * 56,
+            ..BrokerConfig::new("test")
+        },
+        0.0,
+    );
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "X", "*", 0.0);
+    for i in 0..100 {
+        a.text(b, 0.0, "X", &i.to_string());
+    }
+    let (heard, dropped, _) = c.hear(b, 0.0);
+    assert_eq!((heard.len(), dropped), (10, 90));
+    assert_eq!(
+        (&heard[0].value[..], &heard[9].value[..]),
+        (&b"90"[..], &b"99"[..])
+    );
+    for i in 0..11 {
+        a.text(b, 0.0, "X", &i.to_string());
+    }
+    assert_eq!(c.hear(b, 0.0).1, 91, "the count goes on");
+}
+
+#[test]
+fn a_lossless_registrant_holds_its_publishers_back_as_long_as_patience_lasts() {
+    let config = BrokerConfig {
+        mailbox_bytes: 10 * 56,
+        lossless_patience_secs: 5.0,
+        ..BrokerConfig::new("test")
+    };
+    let b = &mut Broker::new(config, 0.0);
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.registration(b, 0.0, FrameKind::Register, "X", "*", 0.0, LOSSLESS);
+    let mut sent = 0;
+    while !b.holds_back(0.0, a.id) {
+        a.text(b, 0.0, "X", &sent.to_string());
+        sent += 1;
+    }
+    assert_eq!(sent, 10);
+    assert_eq!(c.texts(b, 1.0).len(), 10);
+    assert!(!b.holds_back(1.0, a.id));
+    for i in 0..10 {
+        a.text(b, 2.0, "X", &i.to_string());
+    }
+    assert!(
+        b.holds_back(2.0, a.id) && !b.holds_back(8.0, a.id),
+        "a reader that stopped is waited for 5 s"
+    );
+    a.text(b, 8.0, "X", "late");
+    let (heard, dropped, _) = c.hear(b, 8.0);
+    assert_eq!((heard.len(), dropped), (10, 1));
+}
+
+#[test]
+fn unregistered_means_silence() {
+    let b = &mut broker();
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "X*", "*", 0.0);
+    a.text(b, 0.0, "X1", "1");
+    c.registration(b, 0.0, FrameKind::Unregister, "X*", "*", 0.0, 0);
+    a.text(b, 0.0, "X1", "2");
+    a.text(b, 0.0, "X2", "3");
+    assert_eq!(
+        c.texts(b, 0.0),
+        ["1"],
+        "MOOS' wildcard unregister keeps the filter; ours does not"
+    );
+}
+
+#[test]
+fn the_db_variables_are_there() {
+    let b = &mut broker();
+    let mut c = Speaker::new(b, 0.0, "c");
+    c.register(b, 0.0, "DB_*", "*", 0.0);
+    b.tick(0.0);
+    let keys: BTreeSet<String> = c.hear(b, 0.0).0.into_iter().map(|h| h.key).collect();
+    for key in [
+        "DB_CLIENTS",
+        "DB_EVENT",
+        "DB_TIME",
+        "DB_UPTIME",
+        "DB_QOS",
+        "DB_RWSUMMARY",
+        "DB_VARSUMMARY",
+        "DB_DROPS",
+    ] {
+        assert!(keys.contains(key), "{key} is missing from {keys:?}");
+    }
+}
+
+#[test]
+fn a_client_that_speaks_nonsense_is_an_error_not_a_panic() {
+    let b = &mut broker();
+    let a = Speaker::new(b, 0.0, "a");
+    let mut batch = Vec::new();
+    put(&mut batch, &Header::new(FrameKind::Notify), &[], &[]);
+    assert!(
+        b.receive(0.0, a.id, &batch).is_err(),
+        "key 0 was never defined"
+    );
+    let mut batch = Vec::new();
+    put_definition(&mut batch, Named::Key, 7, "X", 0);
+    assert!(
+        b.receive(0.0, a.id, &batch).is_err(),
+        "definitions come in order"
+    );
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_from_a_client_leave_the_broker_standing(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        let b = &mut broker();
+        let a = Speaker::new(b, 0.0, "a");
+        let _ = b.receive(0.0, a.id, &bytes);
+        b.tick(10.0);
+    }
+
+    /// Whatever is published when, at whatever pace the throttle has: what is heard keeps the order of what was said,
+    /// two messages are never closer than the interval, and the last one said is the last one heard.
+    #[test]
+    fn throttled_mail_is_ordered_spaced_and_complete_at_its_end(
+        gaps in prop::collection::vec(0.0..0.4f64, 1..40),
+        interval in 0.05..0.5f64,
+    ) {
+        let b = &mut broker();
+        let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+        c.register(b, 0.0, "X", "*", interval);
+        let mut heard: Vec<(f64, usize)> = Vec::new();
+        let mut listen = |b: &mut Broker, now: f64| {
+            b.tick(now);
+            heard.extend(c.texts(b, now).iter().map(|t| (now, t.parse::<usize>().unwrap())));
+        };
+        let mut now = 1.0;
+        for (i, gap) in gaps.iter().enumerate() {
+            let arrival = now + gap;
+            while b.next_deadline() <= arrival {
+                let due = b.next_deadline();
+                listen(b, due);
+            }
+            now = arrival;
+            a.text(b, now, "X", &i.to_string());
+            listen(b, now);
+        }
+        listen(b, now + interval);
+        prop_assert!(heard.windows(2).all(|w| w[0].1 < w[1].1 && w[1].0 - w[0].0 > interval - 1e-9), "{:?}", heard);
+        prop_assert_eq!(heard.last().unwrap().1, gaps.len() - 1);
+    }
+}

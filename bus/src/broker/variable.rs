@@ -1,0 +1,95 @@
+//! A variable of the community: its type, its latest value, and who gets it.
+
+use std::collections::BTreeSet;
+
+use super::ClientId;
+use crate::wire::{self, ValueKind};
+
+/// The type that a variable's first write fixed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct TypeLock {
+    pub kind: ValueKind,
+    /// The payload type's number, for binary values; it stands for name and layout.
+    pub type_: u32,
+}
+
+/// What one client gets of one (variable, source).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Delivery {
+    pub client: ClientId,
+    pub min_interval: f64,
+    pub lossless: bool,
+}
+
+/// Who gets what one source writes to the variable.
+#[derive(Debug)]
+pub(super) struct Route {
+    pub source: u32,
+    pub deliveries: Vec<Delivery>,
+}
+
+/// When a throttled client last got the variable, and what waits for it.
+#[derive(Debug)]
+pub(super) struct Throttle {
+    pub client: ClientId,
+    pub last_sent: f64,
+    pub pending: Option<Vec<u8>>,
+}
+
+/// A variable.
+#[derive(Debug, Default)]
+pub(super) struct Variable {
+    pub lock: Option<TypeLock>,
+    /// The latest frame, in the broker's numbers; empty before the first write.
+    pub latest: Vec<u8>,
+    pub writes: u64,
+    pub last_write: f64,
+    pub writers: BTreeSet<u32>,
+    /// Writes at the last summary, for the rate.
+    pub summarised_writes: u64,
+    pub routes: Vec<Route>,
+    pub throttles: Vec<Throttle>,
+}
+
+impl Variable {
+    /// Stores the latest frame.
+    pub fn keep(&mut self, now: f64, lock: TypeLock, frame: &[u8]) {
+        self.lock = Some(lock);
+        self.latest.clear();
+        self.latest.extend_from_slice(frame);
+        self.writes += 1;
+        self.last_write = now;
+    }
+
+    /// The source of the latest value.
+    pub fn latest_source(&self) -> Option<u32> {
+        wire::first_frame(&self.latest)
+            .ok()
+            .map(|f| f.header.source)
+    }
+
+    /// The throttle of a client.
+    pub fn throttle(&mut self, client: ClientId) -> &mut Throttle {
+        let at = self
+            .throttles
+            .iter()
+            .position(|t| t.client == client)
+            .unwrap_or_else(|| {
+                self.throttles.push(Throttle {
+                    client,
+                    last_sent: f64::NEG_INFINITY,
+                    pending: None,
+                });
+                self.throttles.len() - 1
+            });
+        &mut self.throttles[at]
+    }
+
+    /// Forgets a client that is gone.
+    pub fn forget(&mut self, client: ClientId) {
+        for route in &mut self.routes {
+            route.deliveries.retain(|d| d.client != client);
+        }
+        self.throttles.retain(|t| t.client != client);
+    }
+}

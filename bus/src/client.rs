@@ -1,0 +1,632 @@
+//! A client's end of the bus: what it says ([`Comms`]), and what it hears ([`Inbox`]).
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::time::Duration;
+
+use crate::clock::Clock;
+use crate::codec::{self, DecodeError, EncodeError};
+use crate::community::Community;
+use crate::key::{Key, Payload};
+use crate::link::{Downlink, Fill, Link, LinkError, Uplink};
+use crate::value::{Value, ValueRef};
+use crate::wire::{
+    self, ATTACH, BULK, BulkRef, Frame, FrameKind, Header, LATEST, LOSSLESS, Named, ValueKind,
+};
+
+/// Values of at least this many bytes are written once into shared memory and read in place.
+pub const BULK_MIN_BYTES: usize = 16 << 10;
+/// A batch that has grown to this many bytes leaves without being asked to.
+pub const BATCH_BYTES: usize = 48 << 10;
+
+/// Why the bus could not do what it was asked to.
+#[derive(Debug, thiserror::Error)]
+pub enum CommsError {
+    /// The transport failed.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The value cannot be encoded.
+    #[error("{key}: {source}")]
+    Encode {
+        /// The variable.
+        key: String,
+        /// Why.
+        source: EncodeError,
+    },
+}
+
+/// What a client says: publishes, registers. Messages gather in a batch that leaves at [`Comms::flush`], when it is
+/// full, or, in an app, at the end of each callback.
+pub struct Comms {
+    name: String,
+    community: Community,
+    clock: Clock,
+    up: Box<dyn Uplink>,
+    batch: Vec<u8>,
+    scratch: Vec<u8>,
+    keys: HashMap<String, u32>,
+    sources: HashMap<String, u32>,
+    types: HashMap<(String, u64), u32>,
+    sequence: u64,
+    stopping: bool,
+}
+
+impl Comms {
+    /// The name that the broker knows this client by.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The community's name.
+    pub fn community(&self) -> &str {
+        self.community.as_str()
+    }
+
+    /// The community's clock.
+    pub fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    /// The community's time (s).
+    pub fn time(&self) -> f64 {
+        self.clock.now()
+    }
+
+    /// Asks the app's run loop to end after this callback.
+    pub fn stop(&mut self) {
+        self.stopping = true;
+    }
+
+    /// Whether [`Comms::stop`] was called.
+    pub fn stopping(&self) -> bool {
+        self.stopping
+    }
+
+    /// Registers for a variable: its latest value comes at once, then every new one.
+    pub fn register<T: Payload>(&mut self, key: &Key<T>) -> Result<(), CommsError> {
+        self.register_wildcard(key.name(), "*", 0.0)
+    }
+
+    /// Registers for a variable by name, at most one message in `min_interval_secs` (0: all); the last one of a burst
+    /// always comes.
+    pub fn register_variable(
+        &mut self,
+        key: &str,
+        min_interval_secs: f64,
+    ) -> Result<(), CommsError> {
+        self.register_wildcard(key, "*", min_interval_secs)
+    }
+
+    /// Registers for all variables that match `key_pattern` from all sources that match `source_pattern`, those to come
+    /// included. `*` is any run of characters, `?` a single one.
+    pub fn register_wildcard(
+        &mut self,
+        key_pattern: &str,
+        source_pattern: &str,
+        min_interval_secs: f64,
+    ) -> Result<(), CommsError> {
+        self.registration(
+            FrameKind::Register,
+            key_pattern,
+            source_pattern,
+            min_interval_secs,
+            0,
+        )
+    }
+
+    /// Registers so that nothing is dropped: publishers wait if this client does not keep up (with limited patience).
+    pub fn register_lossless(
+        &mut self,
+        key_pattern: &str,
+        source_pattern: &str,
+    ) -> Result<(), CommsError> {
+        self.registration(
+            FrameKind::Register,
+            key_pattern,
+            source_pattern,
+            0.0,
+            LOSSLESS,
+        )
+    }
+
+    /// Takes back the registration that was made with these patterns.
+    pub fn unregister(
+        &mut self,
+        key_pattern: &str,
+        source_pattern: &str,
+    ) -> Result<(), CommsError> {
+        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0)
+    }
+
+    fn registration(
+        &mut self,
+        kind: FrameKind,
+        key_pattern: &str,
+        source_pattern: &str,
+        interval: f64,
+        flags: u16,
+    ) -> Result<(), CommsError> {
+        let header = Header {
+            flags,
+            time: interval,
+            ..Header::new(kind)
+        };
+        wire::put(
+            &mut self.batch,
+            &header,
+            key_pattern.as_bytes(),
+            source_pattern.as_bytes(),
+        );
+        self.flush_if_full()
+    }
+
+    /// Publishes a typed value. A bulky one is encoded straight into shared memory, where its readers read it.
+    pub fn publish<T: Payload>(
+        &mut self,
+        key: &Key<T>,
+        value: &T::View<'_>,
+    ) -> Result<(), CommsError> {
+        let bad = |source| CommsError::Encode {
+            key: key.name().into(),
+            source,
+        };
+        let len = codec::encoded_len(value).map_err(bad)?;
+        if len >= BULK_MIN_BYTES {
+            let fill = &mut |writer: &mut dyn Write| {
+                codec::encode_to_writer(value, writer).map_err(std::io::Error::other)
+            };
+            if self.bulk(key.name(), T::NAME, T::LAYOUT, len, fill)? {
+                return Ok(());
+            }
+        }
+        self.scratch.clear();
+        codec::encode_onto(value, &mut self.scratch).map_err(bad)?;
+        let bytes = std::mem::take(&mut self.scratch);
+        let value = ValueRef::Binary {
+            type_name: T::NAME,
+            layout: T::LAYOUT,
+            bytes: &bytes,
+        };
+        let done = self.message(key.name(), value, "", None);
+        self.scratch = bytes;
+        done
+    }
+
+    /// Publishes a number or a text.
+    pub fn notify(&mut self, key: &str, value: impl Into<Value>) -> Result<(), CommsError> {
+        self.publish_value(key, value.into().as_ref(), "", None)
+    }
+
+    /// Publishes a value of any kind, with a word about its source, and, for gateways and replay, in the name of
+    /// another source.
+    pub fn publish_value(
+        &mut self,
+        key: &str,
+        value: ValueRef<'_>,
+        source_aux: &str,
+        source: Option<&str>,
+    ) -> Result<(), CommsError> {
+        if let ValueRef::Binary {
+            type_name,
+            layout,
+            bytes,
+        } = value
+            && bytes.len() >= BULK_MIN_BYTES
+            && source.is_none()
+            && source_aux.is_empty()
+            && self.bulk(key, type_name, layout, bytes.len(), &mut |writer| {
+                writer.write_all(bytes)
+            })?
+        {
+            return Ok(());
+        }
+        self.message(key, value, source_aux, source)
+    }
+
+    /// Sends what has gathered.
+    pub fn flush(&mut self) -> Result<(), CommsError> {
+        if !self.batch.is_empty() {
+            self.up.send(&self.batch)?;
+            self.batch.clear();
+        }
+        Ok(())
+    }
+
+    fn flush_if_full(&mut self) -> Result<(), CommsError> {
+        if self.batch.len() >= BATCH_BYTES {
+            self.flush()
+        } else {
+            Ok(())
+        }
+    }
+
+    fn bulk(
+        &mut self,
+        key: &str,
+        type_name: &str,
+        layout: u64,
+        len: usize,
+        fill: &mut Fill<'_>,
+    ) -> Result<bool, CommsError> {
+        // What readers have to acknowledge before there is room must have left first.
+        self.flush()?;
+        let Some(reference) = self.up.send_bulk(len, fill)? else {
+            return Ok(false);
+        };
+        let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), None);
+        wire::put(
+            &mut self.batch,
+            &Header {
+                flags: BULK,
+                ..header
+            },
+            &[],
+            &reference.to_bytes(),
+        );
+        self.flush()?;
+        Ok(true)
+    }
+
+    fn message(
+        &mut self,
+        key: &str,
+        value: ValueRef<'_>,
+        source_aux: &str,
+        source: Option<&str>,
+    ) -> Result<(), CommsError> {
+        let aux = source_aux.as_bytes();
+        match value {
+            ValueRef::Double(number) => {
+                let header = self.header(key, ValueKind::Double, None, source);
+                wire::put(&mut self.batch, &header, aux, &number.to_le_bytes());
+            }
+            ValueRef::Text(text) => {
+                let header = self.header(key, ValueKind::Text, None, source);
+                wire::put(&mut self.batch, &header, aux, text.as_bytes());
+            }
+            ValueRef::Binary {
+                type_name,
+                layout,
+                bytes,
+            } => {
+                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), source);
+                wire::put(&mut self.batch, &header, aux, bytes);
+            }
+        }
+        self.flush_if_full()
+    }
+
+    fn header(
+        &mut self,
+        key: &str,
+        kind: ValueKind,
+        type_: Option<(&str, u64)>,
+        source: Option<&str>,
+    ) -> Header {
+        self.sequence += 1;
+        Header {
+            value_kind: kind,
+            key: number(&mut self.batch, &mut self.keys, Named::Key, key, 0),
+            source: source.map_or(0, |s| {
+                number(&mut self.batch, &mut self.sources, Named::Source, s, 1)
+            }),
+            type_: type_.map_or(0, |(name, layout)| self.type_number(name, layout)),
+            sequence: self.sequence,
+            time: self.clock.now(),
+            ..Header::new(FrameKind::Notify)
+        }
+    }
+
+    fn type_number(&mut self, name: &str, layout: u64) -> u32 {
+        let next = self.types.len() as u32;
+        match self.types.get(&(name.to_owned(), layout)) {
+            Some(known) => *known,
+            None => {
+                self.types.insert((name.to_owned(), layout), next);
+                wire::put_definition(&mut self.batch, Named::Type, next, name, layout);
+                next
+            }
+        }
+    }
+
+    fn attached(&mut self, publisher: u32) {
+        let header = Header {
+            source: publisher,
+            ..Header::new(FrameKind::Attached)
+        };
+        wire::put(&mut self.batch, &header, &[], &[]);
+    }
+}
+
+impl Drop for Comms {
+    fn drop(&mut self) {
+        // Nobody is left to tell of a failure; who needs to know flushes first.
+        let _ = self.flush();
+    }
+}
+
+/// The number of a name on this lane, introduced to the broker the first time; numbers start at `first`.
+fn number(
+    batch: &mut Vec<u8>,
+    known: &mut HashMap<String, u32>,
+    what: Named,
+    name: &str,
+    first: u32,
+) -> u32 {
+    if let Some(number) = known.get(name) {
+        return *number;
+    }
+    let next = known.len() as u32 + first;
+    known.insert(name.to_owned(), next);
+    wire::put_definition(batch, what, next, name, 0);
+    next
+}
+
+/// A message where it lies: names in the client's tables, the value in the batch or in the publisher's shared memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Mail<'a> {
+    header: Header,
+    key: &'a str,
+    source: &'a str,
+    community: &'a str,
+    source_aux: &'a str,
+    value: ValueRef<'a>,
+}
+
+impl<'a> Mail<'a> {
+    /// The variable's name.
+    pub fn key(&self) -> &'a str {
+        self.key
+    }
+
+    /// The name of the app that published it.
+    pub fn source(&self) -> &'a str {
+        self.source
+    }
+
+    /// What the publisher said about the source; mostly empty.
+    pub fn source_aux(&self) -> &'a str {
+        self.source_aux
+    }
+
+    /// The community that it was first published in.
+    pub fn community(&self) -> &'a str {
+        self.community
+    }
+
+    /// When it was published (s, the community's clock).
+    pub fn time(&self) -> f64 {
+        self.header.time
+    }
+
+    /// The publisher's count of its messages, from 1.
+    pub fn sequence(&self) -> u64 {
+        self.header.sequence
+    }
+
+    /// Whether it was published before this client registered, and given to it as the variable's latest value.
+    pub fn is_latest(&self) -> bool {
+        self.header.flags & LATEST != 0
+    }
+
+    /// The value.
+    pub fn value(&self) -> ValueRef<'a> {
+        self.value
+    }
+
+    /// The value, if it is a number.
+    pub fn as_double(&self) -> Option<f64> {
+        if let ValueRef::Double(number) = self.value {
+            Some(number)
+        } else {
+            None
+        }
+    }
+
+    /// The value, if it is a text.
+    pub fn as_text(&self) -> Option<&'a str> {
+        if let ValueRef::Text(text) = self.value {
+            Some(text)
+        } else {
+            None
+        }
+    }
+
+    /// Whether it is of the variable that `key` names.
+    pub fn is<T: Payload>(&self, key: &Key<T>) -> bool {
+        self.key == key.name()
+    }
+
+    /// Decodes the value as what `key` carries; bulky parts stay where they lie.
+    pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
+        self.value.decode(key)
+    }
+}
+
+/// What a client hears.
+pub struct Inbox {
+    down: Box<dyn Downlink>,
+    names: Names,
+    /// Messages dropped in the broker because this client did not read.
+    dropped: u64,
+    /// Bulk values that were overwritten before this client came to read them.
+    missed_bulk: u64,
+    refusals: Vec<Refused>,
+}
+
+/// A message of this client that the broker did not take.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refused {
+    /// The variable.
+    pub key: String,
+    /// The message's number (see [`Mail::sequence`]).
+    pub sequence: u64,
+    /// Why.
+    pub reason: String,
+}
+
+/// The broker's numbers and what they stand for.
+#[derive(Default)]
+struct Names {
+    tables: [Vec<(String, u64)>; 4],
+}
+
+impl Names {
+    fn define(&mut self, frame: &Frame<'_>) {
+        let Some(what) = wire::named(frame.header.flags) else {
+            return;
+        };
+        let table = &mut self.tables[what as usize];
+        let number = frame.header.key as usize;
+        if table.len() <= number {
+            table.resize(number + 1, (String::new(), 0));
+        }
+        table[number] = (
+            String::from_utf8_lossy(frame.aux).into_owned(),
+            frame.header.sequence,
+        );
+    }
+
+    fn get(&self, what: Named, number: u32) -> (&str, u64) {
+        self.tables[what as usize]
+            .get(number as usize)
+            .map_or(("", 0), |(name, layout)| (name, *layout))
+    }
+}
+
+impl Inbox {
+    /// Waits at most `timeout` for mail and hands all that has come to `on_mail`, in order; answers how many messages
+    /// that were. What `on_mail` fails with ends the batch.
+    pub fn receive<E: From<CommsError>>(
+        &mut self,
+        comms: &mut Comms,
+        timeout: Duration,
+        mut on_mail: impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
+    ) -> Result<usize, E> {
+        comms.flush()?;
+        let Some(batch) = self.down.receive(timeout).map_err(CommsError::from)? else {
+            return Ok(0);
+        };
+        let mut messages = 0;
+        // The broker and the transport are trusted to frame rightly; a damaged rest is left unread.
+        for frame in wire::frames(&batch).map_while(Result::ok) {
+            match frame.header.kind {
+                FrameKind::Define => self.names.define(&frame),
+                FrameKind::Dropped => self.dropped = frame.header.sequence,
+                FrameKind::Refused => self.refusals.push(Refused {
+                    key: String::from_utf8_lossy(frame.aux).into_owned(),
+                    sequence: frame.header.sequence,
+                    reason: String::from_utf8_lossy(frame.value).into_owned(),
+                }),
+                FrameKind::Notify => {
+                    self.attach_if_told(comms, &frame);
+                    match mail(&mut *self.down, &self.names, &frame) {
+                        Some(mail) => on_mail(comms, &mail)?,
+                        None => self.missed_bulk += 1,
+                    }
+                    messages += 1;
+                }
+                FrameKind::Register | FrameKind::Unregister | FrameKind::Attached => {}
+            }
+        }
+        Ok(messages)
+    }
+
+    fn attach_if_told(&mut self, comms: &mut Comms, frame: &Frame<'_>) {
+        if let Some(publisher) = wire::publisher_to_attach(frame)
+            && self.down.attach(publisher)
+        {
+            comms.attached(publisher);
+        }
+    }
+
+    /// Messages that this client will never see, because it did not read in time.
+    pub fn dropped(&self) -> u64 {
+        self.dropped + self.missed_bulk
+    }
+
+    /// What the broker refused of this client's messages since the last call.
+    pub fn take_refusals(&mut self) -> Vec<Refused> {
+        std::mem::take(&mut self.refusals)
+    }
+}
+
+fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> Option<Mail<'a>> {
+    let header = frame.header;
+    let bytes = match header.flags & BULK {
+        0 => frame.value,
+        _ => down.bulk(BulkRef::from_bytes(frame.value)?)?,
+    };
+    let (type_name, layout) = names.get(Named::Type, header.type_);
+    let value = match header.value_kind {
+        ValueKind::Double => ValueRef::Double(f64::from_le_bytes(bytes.try_into().ok()?)),
+        ValueKind::Text => ValueRef::Text(std::str::from_utf8(bytes).ok()?),
+        ValueKind::Binary => ValueRef::Binary {
+            type_name,
+            layout,
+            bytes,
+        },
+    };
+    Some(Mail {
+        header,
+        key: names.get(Named::Key, header.key).0,
+        source: names.get(Named::Source, header.source).0,
+        community: names.get(Named::Community, header.community).0,
+        source_aux: if header.flags & ATTACH != 0 {
+            ""
+        } else {
+            std::str::from_utf8(frame.aux).ok()?
+        },
+        value,
+    })
+}
+
+/// A client: both ends together, for programs that are no apps.
+pub struct Client {
+    /// What it says.
+    pub comms: Comms,
+    /// What it hears.
+    pub inbox: Inbox,
+}
+
+impl Client {
+    /// Puts a client on a transport's link.
+    pub fn over(link: Link, name: &str, community: &Community) -> Self {
+        let comms = Comms {
+            name: name.into(),
+            community: community.clone(),
+            clock: link.clock,
+            up: link.up,
+            batch: Vec::new(),
+            scratch: Vec::new(),
+            keys: HashMap::new(),
+            sources: HashMap::new(),
+            types: HashMap::new(),
+            sequence: 0,
+            stopping: false,
+        };
+        let names = Names::default();
+        Self {
+            comms,
+            inbox: Inbox {
+                down: link.down,
+                names,
+                dropped: 0,
+                missed_bulk: 0,
+                refusals: Vec::new(),
+            },
+        }
+    }
+
+    /// See [`Inbox::receive`].
+    pub fn receive(
+        &mut self,
+        timeout: Duration,
+        mut on_mail: impl FnMut(&Mail<'_>),
+    ) -> Result<usize, CommsError> {
+        self.inbox.receive(&mut self.comms, timeout, |_, mail| {
+            on_mail(mail);
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,173 @@
+//! The bus' encoding of typed values: bincode, kept behind this module so that it can be exchanged.
+//!
+//! Fixed-width little-endian integers: a value's size does not depend on its numbers, and a reader can find its way in
+//! a dump. Every decode is bounded by the bytes that are there.
+
+use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
+use serde::{Deserialize, Serialize};
+
+/// The largest value that is decoded (bytes): a lid on what a corrupt length can make the decoder allocate.
+pub const MAX_VALUE_BYTES: usize = 1 << 30;
+
+const CONFIG: Configuration<LittleEndian, Fixint, Limit<MAX_VALUE_BYTES>> =
+    bincode::config::standard()
+        .with_fixed_int_encoding()
+        .with_limit::<MAX_VALUE_BYTES>();
+
+/// Why a value could not be decoded.
+#[derive(Debug, thiserror::Error)]
+pub enum DecodeError {
+    /// The key carries another type than the reader expects.
+    #[error(
+        "{key} carries {found}, but {expected} was expected: do writer and reader mean the same variable?"
+    )]
+    Type {
+        /// The variable.
+        key: String,
+        /// The reader's type.
+        expected: &'static str,
+        /// What came.
+        found: String,
+    },
+    /// The type has the expected name but other fields.
+    #[error(
+        "{key} carries a {type_name} of another layout ({found:016x}, expected {expected:016x}): \
+         build writer and reader from the same version"
+    )]
+    Layout {
+        /// The variable.
+        key: String,
+        /// The type's name.
+        type_name: &'static str,
+        /// The reader's layout hash.
+        expected: u64,
+        /// The layout hash that came.
+        found: u64,
+    },
+    /// The bytes are not an encoding of the type.
+    #[error("the bytes are no {type_name}: {reason}")]
+    Bytes {
+        /// The type's name.
+        type_name: &'static str,
+        /// What bincode says.
+        reason: String,
+    },
+}
+
+/// Why a value could not be encoded.
+#[derive(Debug, thiserror::Error)]
+#[error("the value cannot be encoded: {0}")]
+pub struct EncodeError(String);
+
+/// The number of bytes that `value` takes.
+pub fn encoded_len<T: Serialize + ?Sized>(value: &T) -> Result<usize, EncodeError> {
+    struct Count(usize);
+    impl bincode::enc::write::Writer for Count {
+        fn write(&mut self, bytes: &[u8]) -> Result<(), bincode::error::EncodeError> {
+            self.0 += bytes.len();
+            Ok(())
+        }
+    }
+    let mut count = Count(0);
+    encode_to(value, &mut count)?;
+    Ok(count.0)
+}
+
+/// Encodes `value` behind what is in `buffer`.
+pub fn encode_onto<T: Serialize + ?Sized>(
+    value: &T,
+    buffer: &mut Vec<u8>,
+) -> Result<(), EncodeError> {
+    struct Append<'a>(&'a mut Vec<u8>);
+    impl bincode::enc::write::Writer for Append<'_> {
+        fn write(&mut self, bytes: &[u8]) -> Result<(), bincode::error::EncodeError> {
+            self.0.extend_from_slice(bytes);
+            Ok(())
+        }
+    }
+    encode_to(value, &mut Append(buffer))
+}
+
+/// Encodes `value` into a writer; it takes [`encoded_len`] bytes.
+pub fn encode_to_writer<T: Serialize + ?Sized>(
+    value: &T,
+    mut writer: &mut dyn std::io::Write,
+) -> Result<(), EncodeError> {
+    bincode::serde::encode_into_std_write(value, &mut writer, CONFIG)
+        .map(|_| ())
+        .map_err(|e| EncodeError(e.to_string()))
+}
+
+fn encode_to<T: Serialize + ?Sized>(
+    value: &T,
+    writer: &mut impl bincode::enc::write::Writer,
+) -> Result<(), EncodeError> {
+    bincode::serde::encode_into_writer(value, writer, CONFIG)
+        .map_err(|e| EncodeError(e.to_string()))
+}
+
+/// Decodes a value that fills `bytes` to the last one; borrows from them where the type can.
+pub fn decode<'a, T: Deserialize<'a>>(
+    bytes: &'a [u8],
+    type_name: &'static str,
+) -> Result<T, DecodeError> {
+    let bad = |reason: String| DecodeError::Bytes { type_name, reason };
+    let (value, read) =
+        bincode::serde::borrow_decode_from_slice(bytes, CONFIG).map_err(|e| bad(e.to_string()))?;
+    match bytes.len() - read {
+        0 => Ok(value),
+        left => Err(bad(format!("{left} bytes are left over"))),
+    }
+}
+
+/// As [`decode`], for types that keep nothing of the bytes.
+pub fn decode_owned<T: serde::de::DeserializeOwned>(
+    bytes: &[u8],
+    type_name: &'static str,
+) -> Result<T, DecodeError> {
+    decode(bytes, type_name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    crate::payload! {
+        /// A bit of everything.
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Sample {
+            /// A number.
+            pub number: f64,
+            /// A text.
+            pub text: String,
+            /// A list.
+            pub list: Vec<u32>,
+            /// Perhaps.
+            pub perhaps: Option<i64>,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_goes_in_comes_out(number in -1e9..1e9f64, text in ".*", list in prop::collection::vec(any::<u32>(), 0..20), perhaps: Option<i64>) {
+            let sample = Sample { number, text, list, perhaps };
+            let mut bytes = Vec::new();
+            encode_to_writer(&sample, &mut bytes).unwrap();
+            prop_assert_eq!(bytes.len(), encoded_len(&sample).unwrap());
+            let mut appended = Vec::new();
+            encode_onto(&sample, &mut appended).unwrap();
+            prop_assert_eq!(&bytes, &appended);
+            prop_assert_eq!(decode::<Sample>(&bytes, "Sample").unwrap(), sample);
+            prop_assert!(decode::<Sample>(&bytes[..bytes.len() - 1], "Sample").is_err());
+            bytes.push(0);
+            prop_assert!(decode::<Sample>(&bytes, "Sample").is_err(), "left over bytes are no part of the value");
+        }
+
+        /// A length from outside never makes the decoder allocate what is not there.
+        #[test]
+        fn any_bytes_are_an_error_or_a_value(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = decode::<Sample>(&bytes, "Sample");
+        }
+    }
+}

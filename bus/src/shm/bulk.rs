@@ -1,0 +1,151 @@
+//! Bulk values: an iceoryx2 service per publishing client. A value is written once into the publisher's shared memory;
+//! every attached receiver, the broker among them, reads it there.
+
+use std::io::Write;
+use std::mem::MaybeUninit;
+
+use iceoryx2::node::Node;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
+use iceoryx2::sample::Sample;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use super::lane::{Service, failed};
+use crate::link::{Fill, LinkError};
+
+/// A received bulk value; its header is the sample's number, from 1.
+pub type BulkSample = Sample<Service, [u8], u64>;
+
+/// Values that a receiver's queue holds; then the oldest goes. Lossless receivers never let it come so far.
+pub const QUEUE: usize = 8;
+/// Values that a publisher may be ahead of its lossless receivers.
+pub const DEPTH: u64 = 4;
+/// Latest values that the broker keeps in place for late registrants; beyond that it copies.
+pub const HELD: usize = 24;
+/// Chunks of a publisher's segment: queues and holders together never need more in practice, and a publisher that
+/// finds none free sends by batch instead.
+const CHUNKS: usize = 64;
+const RECEIVERS: usize = 32;
+
+fn open(node: &Node<Service>, name: &str) -> Result<PortFactory<Service, [u8], u64>, LinkError> {
+    node.service_builder(&name.try_into().map_err(failed(name))?)
+        .publish_subscribe::<[u8]>()
+        .user_header::<u64>()
+        .enable_safe_overflow(true)
+        .subscriber_max_buffer_size(QUEUE)
+        .subscriber_max_borrowed_samples(HELD + 4)
+        .history_size(0)
+        .max_publishers(1)
+        .max_subscribers(RECEIVERS)
+        .max_nodes(RECEIVERS + 4)
+        .open_or_create()
+        .map_err(failed(format_args!("opening bulk service {name}")))
+}
+
+/// The publishing end.
+pub struct BulkWriter {
+    publisher: Publisher<Service, [u8], u64>,
+    /// The number of the last value.
+    pub sent: u64,
+}
+
+impl BulkWriter {
+    /// Opens a client's bulk service for values of about `len` bytes; it grows by powers of two.
+    pub fn open(node: &Node<Service>, name: &str, len: usize) -> Result<Self, LinkError> {
+        let publisher = open(node, name)?
+            .publisher_builder()
+            .initial_max_slice_len(len.next_power_of_two())
+            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .override_sample_preallocation(|worst_case| worst_case.min(CHUNKS))
+            .max_loaned_samples(1)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(failed(format_args!("writing to bulk service {name}")))?;
+        Ok(Self { publisher, sent: 0 })
+    }
+
+    /// Has a value of `len` bytes written in place and sends it; answers its number, or `None` if all chunks are held
+    /// by readers.
+    pub fn send(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<u64>, LinkError> {
+        let Ok(mut sample) = self.publisher.loan_slice_uninit(len) else {
+            return Ok(None);
+        };
+        let mut slot = Slot {
+            memory: sample.payload_mut(),
+            written: 0,
+        };
+        fill(&mut slot).map_err(failed("writing a bulk value"))?;
+        let (written, memory) = (slot.written, slot.memory);
+        memory[written..].fill(MaybeUninit::new(0));
+        self.sent += 1;
+        *sample.user_header_mut() = self.sent;
+        // SAFETY: `Slot` has written `..written` and the line above the rest.
+        let sample = unsafe { sample.assume_init() };
+        sample.send().map_err(failed("sending a bulk value"))?;
+        Ok(Some(self.sent))
+    }
+}
+
+/// Memory that is written front to back.
+struct Slot<'a> {
+    memory: &'a mut [MaybeUninit<u8>],
+    written: usize,
+}
+
+impl Write for Slot<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let room = self
+            .memory
+            .get_mut(self.written..self.written + bytes.len());
+        let room =
+            room.ok_or_else(|| std::io::Error::other("the value is longer than announced"))?;
+        room.write_copy_of_slice(bytes);
+        self.written += bytes.len();
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A receiving end.
+pub struct BulkReader {
+    subscriber: Subscriber<Service, [u8], u64>,
+    current: Option<BulkSample>,
+}
+
+impl BulkReader {
+    /// Opens a receiving end of a client's bulk service.
+    pub fn open(node: &Node<Service>, name: &str) -> Result<Self, LinkError> {
+        let subscriber = open(node, name)?
+            .subscriber_builder()
+            .create()
+            .map_err(failed(format_args!("reading bulk service {name}")))?;
+        Ok(Self {
+            subscriber,
+            current: None,
+        })
+    }
+
+    /// The next value that came, whichever it is.
+    pub fn next(&self) -> Option<BulkSample> {
+        self.subscriber.receive().ok().flatten()
+    }
+
+    /// Value number `wanted`, in place; lets go of all before it. `None` if it was overwritten.
+    pub fn get(&mut self, wanted: u64) -> Option<&[u8]> {
+        while self
+            .current
+            .as_ref()
+            .is_none_or(|s| *s.user_header() < wanted)
+        {
+            self.current = None;
+            self.current = Some(self.next()?);
+        }
+        self.current
+            .as_ref()
+            .filter(|s| *s.user_header() == wanted)
+            .map(|s| s.payload())
+    }
+}

@@ -1,0 +1,119 @@
+//! What a variable's value is: a number, a text, or bytes of a named type.
+
+use crate::codec::{self, DecodeError};
+use crate::key::{Key, Payload};
+
+/// A value as an app hands it to the bus.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// A number.
+    Double(f64),
+    /// A text that people can read and poke.
+    Text(String),
+    /// A typed value in the bus' encoding.
+    Binary {
+        /// The type's name (see [`Payload::NAME`]).
+        type_name: String,
+        /// The hash of its fields (see [`Payload::LAYOUT`]).
+        layout: u64,
+        /// The encoded value.
+        bytes: Vec<u8>,
+    },
+}
+
+/// A value where it lies: in the received batch, or in the publisher's shared memory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ValueRef<'a> {
+    /// A number.
+    Double(f64),
+    /// A text.
+    Text(&'a str),
+    /// A typed value in the bus' encoding.
+    Binary {
+        /// The type's name.
+        type_name: &'a str,
+        /// The hash of its fields.
+        layout: u64,
+        /// The encoded value.
+        bytes: &'a [u8],
+    },
+}
+
+impl<'a> ValueRef<'a> {
+    /// Decodes the value as what `key` carries; refuses another type or another layout of the same type.
+    pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
+        let mismatch = |found: String| DecodeError::Type {
+            key: key.name().into(),
+            expected: T::NAME,
+            found,
+        };
+        match *self {
+            ValueRef::Double(number) => Err(mismatch(format!("the number {number}"))),
+            ValueRef::Text(_) => Err(mismatch("a text".into())),
+            ValueRef::Binary { type_name, .. } if type_name != T::NAME => {
+                Err(mismatch(type_name.into()))
+            }
+            ValueRef::Binary { layout, .. } if layout != T::LAYOUT => Err(DecodeError::Layout {
+                key: key.name().into(),
+                type_name: T::NAME,
+                expected: T::LAYOUT,
+                found: layout,
+            }),
+            ValueRef::Binary { bytes, .. } => codec::decode(bytes, T::NAME),
+        }
+    }
+
+    /// The same value, owned.
+    pub fn to_value(self) -> Value {
+        match self {
+            ValueRef::Double(number) => Value::Double(number),
+            ValueRef::Text(text) => Value::Text(text.into()),
+            ValueRef::Binary {
+                type_name,
+                layout,
+                bytes,
+            } => Value::Binary {
+                type_name: type_name.into(),
+                layout,
+                bytes: bytes.into(),
+            },
+        }
+    }
+}
+
+impl Value {
+    /// The value where it lies.
+    pub fn as_ref(&self) -> ValueRef<'_> {
+        match self {
+            Value::Double(number) => ValueRef::Double(*number),
+            Value::Text(text) => ValueRef::Text(text),
+            Value::Binary {
+                type_name,
+                layout,
+                bytes,
+            } => ValueRef::Binary {
+                type_name,
+                layout: *layout,
+                bytes,
+            },
+        }
+    }
+}
+
+impl From<f64> for Value {
+    fn from(number: f64) -> Self {
+        Value::Double(number)
+    }
+}
+
+impl From<&str> for Value {
+    fn from(text: &str) -> Self {
+        Value::Text(text.into())
+    }
+}
+
+impl From<String> for Value {
+    fn from(text: String) -> Self {
+        Value::Text(text)
+    }
+}

@@ -1,0 +1,340 @@
+//! Frames: what lies in a batch between client and broker, in both directions.
+//!
+//! A batch is a run of frames, each a multiple of eight bytes. A message's names (key, source, type, community) are
+//! numbers that an earlier definition frame of the same lane introduced, so that the broker routes without hashing or
+//! comparing text, and forwards a message by copying it and rewriting four numbers. All numbers are little-endian.
+//!
+//! ```text
+//!  0 u32 length of the frame       16 u32 type          32 f64 time
+//!  4 u8  kind   5 u8 value kind    20 u32 community     40 u32 length of aux
+//!  6 u16 flags                     24 u64 sequence      44 u32 length of value
+//!  8 u32 key   12 u32 source                            48 aux, value, padding
+//! ```
+
+/// Length of a frame's fixed part (bytes).
+pub const HEADER: usize = 48;
+/// The longest frame that a reader accepts (bytes).
+pub const MAX_FRAME: usize = 1 << 30;
+
+/// What a frame is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum FrameKind {
+    /// A message.
+    Notify = 1,
+    /// Up: register. `aux` is the key's pattern, the value the source's; `time` the minimum interval (s).
+    Register = 2,
+    /// Up: take back registrations with these two patterns.
+    Unregister = 3,
+    /// Names a number: `flags` says of what (see [`Named`]), `key` is the number, `aux` the name.
+    Define = 4,
+    /// Down: a message was refused. `sequence` says which, `aux` the variable, the value why.
+    Refused = 5,
+    /// Down: `sequence` messages have been dropped for this client so far, because it did not read.
+    Dropped = 6,
+    /// Up: the client has opened the bulk service of the client whose number is `source`.
+    Attached = 7,
+}
+
+/// What a definition names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u16)]
+pub enum Named {
+    /// A variable.
+    Key = 0,
+    /// A source of messages.
+    Source = 1,
+    /// A payload type; `sequence` carries its layout hash.
+    Type = 2,
+    /// A community.
+    Community = 3,
+}
+
+/// What kind of value a message carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum ValueKind {
+    /// Eight bytes of f64.
+    Double = 0,
+    /// UTF-8 text.
+    Text = 1,
+    /// Bytes of the type that the frame names.
+    Binary = 2,
+}
+
+/// Flag of a message: the value is a [`BulkRef`] to where it lies in the publisher's shared memory.
+pub const BULK: u16 = 1;
+/// Flag of a message whose bulk value was copied because the client is not attached to the publisher's bulk service
+/// yet; `aux` is the publishing client's number.
+pub const ATTACH: u16 = 2;
+/// Flag of a message that was given to a late registrant: the variable's latest value, not a new one.
+pub const LATEST: u16 = 4;
+/// Flag of a registration: publishers wait rather than mail be dropped.
+pub const LOSSLESS: u16 = 8;
+
+/// Where a bulk value lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BulkRef {
+    /// The publishing client's number.
+    pub client: u32,
+    /// How many attachments the publisher knew of when it sent.
+    pub generation: u32,
+    /// The number of the sample in the publisher's bulk service.
+    pub sample: u64,
+}
+
+impl BulkRef {
+    /// Its sixteen bytes.
+    pub fn to_bytes(self) -> [u8; 16] {
+        let mut bytes = [0; 16];
+        bytes[..4].copy_from_slice(&self.client.to_le_bytes());
+        bytes[4..8].copy_from_slice(&self.generation.to_le_bytes());
+        bytes[8..].copy_from_slice(&self.sample.to_le_bytes());
+        bytes
+    }
+
+    /// From its sixteen bytes.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        (bytes.len() == 16).then(|| Self {
+            client: u32_at(bytes, 0),
+            generation: u32_at(bytes, 4),
+            sample: u64_at(bytes, 8),
+        })
+    }
+}
+
+/// The fixed part of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Header {
+    /// What the frame is for.
+    pub kind: FrameKind,
+    /// What kind of value it carries.
+    pub value_kind: ValueKind,
+    /// See [`BULK`] and its neighbours.
+    pub flags: u16,
+    /// Number of the variable.
+    pub key: u32,
+    /// Number of the source; from a client, 0 is the client itself.
+    pub source: u32,
+    /// Number of the value's type, for binary values.
+    pub type_: u32,
+    /// Number of the community; from a client, 0 is the broker's own.
+    pub community: u32,
+    /// The publisher's count of its messages, from 1.
+    pub sequence: u64,
+    /// The publisher's time (s).
+    pub time: f64,
+}
+
+impl Header {
+    /// A frame with nothing but a kind.
+    pub fn new(kind: FrameKind) -> Self {
+        Self {
+            kind,
+            value_kind: ValueKind::Text,
+            flags: 0,
+            key: 0,
+            source: 0,
+            type_: 0,
+            community: 0,
+            sequence: 0,
+            time: 0.0,
+        }
+    }
+}
+
+/// A frame where it lies.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame<'a> {
+    /// The fixed part.
+    pub header: Header,
+    /// Free text of the publisher about the source (MOOS' source aux).
+    pub aux: &'a [u8],
+    /// The value.
+    pub value: &'a [u8],
+    /// The whole frame, padding included.
+    pub bytes: &'a [u8],
+}
+
+/// Bytes that are no frames.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the batch is damaged at byte {at}: {what}")]
+pub struct WireError {
+    /// Offset in the batch (bytes).
+    pub at: usize,
+    /// What is wrong there.
+    pub what: &'static str,
+}
+
+/// Bytes that a frame with these lengths takes.
+pub fn frame_len(aux: usize, value: usize) -> usize {
+    (HEADER + aux + value).next_multiple_of(8)
+}
+
+/// Appends a frame to a batch, padded to a multiple of eight bytes.
+pub fn put(batch: &mut Vec<u8>, header: &Header, aux: &[u8], value: &[u8]) {
+    let start = batch.len();
+    let len = frame_len(aux.len(), value.len());
+    batch.reserve(len);
+    let mut fixed = [0; HEADER];
+    fixed[0..4].copy_from_slice(&(len as u32).to_le_bytes());
+    fixed[4] = header.kind as u8;
+    fixed[5] = header.value_kind as u8;
+    fixed[6..8].copy_from_slice(&header.flags.to_le_bytes());
+    fixed[8..12].copy_from_slice(&header.key.to_le_bytes());
+    fixed[12..16].copy_from_slice(&header.source.to_le_bytes());
+    fixed[16..20].copy_from_slice(&header.type_.to_le_bytes());
+    fixed[20..24].copy_from_slice(&header.community.to_le_bytes());
+    fixed[24..32].copy_from_slice(&header.sequence.to_le_bytes());
+    fixed[32..40].copy_from_slice(&header.time.to_le_bytes());
+    fixed[40..44].copy_from_slice(&(aux.len() as u32).to_le_bytes());
+    fixed[44..48].copy_from_slice(&(value.len() as u32).to_le_bytes());
+    batch.extend_from_slice(&fixed);
+    batch.extend_from_slice(aux);
+    batch.extend_from_slice(value);
+    batch.resize(start + len, 0);
+}
+
+/// Appends a frame that names number `number`.
+pub fn put_definition(batch: &mut Vec<u8>, what: Named, number: u32, name: &str, layout: u64) {
+    let header = Header {
+        flags: what as u16,
+        key: number,
+        sequence: layout,
+        ..Header::new(FrameKind::Define)
+    };
+    put(batch, &header, name.as_bytes(), &[]);
+}
+
+/// The frames of a batch; ends after the first that is damaged.
+pub fn frames(batch: &[u8]) -> impl Iterator<Item = Result<Frame<'_>, WireError>> {
+    let mut at = 0;
+    let mut damaged = false;
+    std::iter::from_fn(move || {
+        if damaged || at == batch.len() {
+            return None;
+        }
+        let frame = first_frame(&batch[at..]).map_err(|what| WireError { at, what });
+        match &frame {
+            Ok(frame) => at += frame.bytes.len(),
+            Err(_) => damaged = true,
+        }
+        Some(frame)
+    })
+}
+
+/// Length of the frame that a well-formed batch begins with.
+pub fn first_len(batch: &[u8]) -> usize {
+    u32_at(batch, 0) as usize
+}
+
+/// The frame at the start of `bytes`.
+pub fn first_frame(bytes: &[u8]) -> Result<Frame<'_>, &'static str> {
+    if bytes.len() < HEADER {
+        return Err("the frame's header is cut short");
+    }
+    let len = u32_at(bytes, 0) as usize;
+    let (aux_len, value_len) = (u32_at(bytes, 40) as usize, u32_at(bytes, 44) as usize);
+    if len > bytes.len() || len > MAX_FRAME {
+        return Err("the frame reaches beyond the batch");
+    }
+    if aux_len > len || value_len > len || frame_len(aux_len, value_len) != len {
+        return Err("the frame's lengths contradict each other");
+    }
+    let header = Header {
+        kind: frame_kind(bytes[4]).ok_or("the frame is of no known kind")?,
+        value_kind: value_kind(bytes[5]).ok_or("the value is of no known kind")?,
+        flags: u16::from_le_bytes([bytes[6], bytes[7]]),
+        key: u32_at(bytes, 8),
+        source: u32_at(bytes, 12),
+        type_: u32_at(bytes, 16),
+        community: u32_at(bytes, 20),
+        sequence: u64_at(bytes, 24),
+        time: f64::from_bits(u64_at(bytes, 32)),
+    };
+    let (aux_end, value_end) = (HEADER + aux_len, HEADER + aux_len + value_len);
+    Ok(Frame {
+        header,
+        aux: &bytes[HEADER..aux_end],
+        value: &bytes[aux_end..value_end],
+        bytes: &bytes[..len],
+    })
+}
+
+/// Rewrites the numbers of the frame that starts at `start`: what the broker does before it forwards.
+pub fn renumber(
+    batch: &mut [u8],
+    start: usize,
+    flags: u16,
+    [key, source, type_, community]: [u32; 4],
+) {
+    let frame = &mut batch[start..start + HEADER];
+    frame[6..8].copy_from_slice(&flags.to_le_bytes());
+    frame[8..12].copy_from_slice(&key.to_le_bytes());
+    frame[12..16].copy_from_slice(&source.to_le_bytes());
+    frame[16..20].copy_from_slice(&type_.to_le_bytes());
+    frame[20..24].copy_from_slice(&community.to_le_bytes());
+}
+
+/// The client whose bulk service the receiver of `frame` is told to attach to.
+pub fn publisher_to_attach(frame: &Frame<'_>) -> Option<u32> {
+    (frame.header.flags & ATTACH != 0 && frame.aux.len() == 4).then(|| u32_at(frame.aux, 0))
+}
+
+/// The kind that a definition's flags name.
+pub fn named(flags: u16) -> Option<Named> {
+    [Named::Key, Named::Source, Named::Type, Named::Community]
+        .into_iter()
+        .find(|n| *n as u16 == flags)
+}
+
+fn frame_kind(byte: u8) -> Option<FrameKind> {
+    use FrameKind::*;
+    [
+        Notify, Register, Unregister, Define, Refused, Dropped, Attached,
+    ]
+    .into_iter()
+    .find(|k| *k as u8 == byte)
+}
+
+fn value_kind(byte: u8) -> Option<ValueKind> {
+    [ValueKind::Double, ValueKind::Text, ValueKind::Binary]
+        .into_iter()
+        .find(|k| *k as u8 == byte)
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
+fn u64_at(bytes: &[u8], at: usize) -> u64 {
+    u64::from(u32_at(bytes, at)) | u64::from(u32_at(bytes, at + 4)) << 32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn frames_come_back(parts in prop::collection::vec((prop::collection::vec(any::<u8>(), 0..30), prop::collection::vec(any::<u8>(), 0..90), any::<u64>()), 0..8)) {
+            let mut batch = Vec::new();
+            for (aux, value, sequence) in &parts {
+                put(&mut batch, &Header { sequence: *sequence, ..Header::new(FrameKind::Notify) }, aux, value);
+            }
+            let back: Vec<_> = frames(&batch).map(|f| f.map(|f| (f.aux.to_vec(), f.value.to_vec(), f.header.sequence))).collect::<Result<_, _>>().unwrap();
+            prop_assert_eq!(back, parts);
+        }
+
+        #[test]
+        fn any_bytes_are_frames_or_an_error(mut bytes in prop::collection::vec(any::<u8>(), 0..300), short in any::<bool>()) {
+            if short && bytes.len() >= 4 {
+                bytes[1..4].fill(0);
+            }
+            for frame in frames(&bytes) {
+                prop_assert!(frame.map_or(0, |f| f.bytes.len()) <= bytes.len());
+            }
+        }
+    }
+}
