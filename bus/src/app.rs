@@ -83,28 +83,18 @@ const STATUS_PERIOD_SECS: f64 = 2.0;
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 
 /// Runs an app on a connected client until it stops itself, fails, or `stop` is set.
-pub fn run_app_on(
-    app: &mut dyn App,
-    client: &mut Client,
-    stop: &AtomicBool,
-) -> Result<(), RunError> {
+pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), RunError> {
     let name = client.comms.name().to_owned();
     let failed = |source: AppError| match source.downcast::<CommsError>() {
         Ok(comms) => RunError::Comms(*comms),
-        Err(source) => RunError::App {
-            app: name.clone(),
-            source,
-        },
+        Err(source) => RunError::App { app: name.clone(), source },
     };
     app.on_start_up(&mut client.comms).map_err(failed)?;
     let mut beat = Beat::new(&*app, &client.comms);
     while !stop.load(Ordering::Relaxed) && !client.comms.stopping() {
         let pause = beat.pause(&client.comms);
         let comms = &mut client.comms;
-        client
-            .inbox
-            .receive(comms, pause, |comms, mail| app.on_new_mail(comms, mail))
-            .map_err(failed)?;
+        client.inbox.receive(comms, pause, |comms, mail| app.on_new_mail(comms, mail)).map_err(failed)?;
         if beat.tick_is_due(&client.comms) {
             app.iterate(&mut client.comms).map_err(failed)?;
         }
@@ -117,10 +107,7 @@ pub fn run_app_on(
 
 fn report_refusals(name: &str, inbox: &mut Inbox) {
     for refused in inbox.take_refusals() {
-        eprintln!(
-            "{name}: {} #{} was refused: {}",
-            refused.key, refused.sequence, refused.reason
-        );
+        eprintln!("{name}: {} #{} was refused: {}", refused.key, refused.sequence, refused.reason);
     }
 }
 
@@ -136,18 +123,11 @@ impl Beat {
     fn new(app: &dyn App, comms: &Comms) -> Self {
         let now = comms.time();
         let period_secs = app.tick_hz().filter(|hz| *hz > 0.0).map(|hz| 1.0 / hz);
-        Self {
-            period_secs,
-            next_tick: now,
-            next_status: now,
-            running: Stopwatch::start(),
-        }
+        Self { period_secs, next_tick: now, next_status: now, running: Stopwatch::start() }
     }
 
     fn pause(&self, comms: &Comms) -> Duration {
-        let next = self
-            .period_secs
-            .map_or(self.next_status, |_| self.next_tick.min(self.next_status));
+        let next = self.period_secs.map_or(self.next_status, |_| self.next_tick.min(self.next_status));
         comms.clock().real(next - comms.time()).min(LONGEST_SLEEP)
     }
 
@@ -182,8 +162,7 @@ impl Beat {
 fn peak_memory_kb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
-    line.and_then(|l| l.trim().trim_end_matches(" kB").parse().ok())
-        .unwrap_or(0)
+    line.and_then(|l| l.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0)
 }
 
 /// Sets `stop` on SIGTERM and SIGINT.

@@ -10,9 +10,7 @@ use crate::community::Community;
 use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Uplink};
 use crate::value::{Value, ValueRef};
-use crate::wire::{
-    self, ATTACH, BULK, BulkRef, Frame, FrameKind, Header, LATEST, LOSSLESS, Named, ValueKind,
-};
+use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, FrameKind, Header, LATEST, LOSSLESS, Named, ValueKind};
 
 /// Values of at least this many bytes are written once into shared memory and read in place.
 pub const BULK_MIN_BYTES: usize = 16 << 10;
@@ -89,11 +87,7 @@ impl Comms {
 
     /// Registers for a variable by name, at most one message in `min_interval_secs` (0: all); the last one of a burst
     /// always comes.
-    pub fn register_variable(
-        &mut self,
-        key: &str,
-        min_interval_secs: f64,
-    ) -> Result<(), CommsError> {
+    pub fn register_variable(&mut self, key: &str, min_interval_secs: f64) -> Result<(), CommsError> {
         self.register_wildcard(key, "*", min_interval_secs)
     }
 
@@ -105,36 +99,16 @@ impl Comms {
         source_pattern: &str,
         min_interval_secs: f64,
     ) -> Result<(), CommsError> {
-        self.registration(
-            FrameKind::Register,
-            key_pattern,
-            source_pattern,
-            min_interval_secs,
-            0,
-        )
+        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0)
     }
 
     /// Registers so that nothing is dropped: publishers wait if this client does not keep up (with limited patience).
-    pub fn register_lossless(
-        &mut self,
-        key_pattern: &str,
-        source_pattern: &str,
-    ) -> Result<(), CommsError> {
-        self.registration(
-            FrameKind::Register,
-            key_pattern,
-            source_pattern,
-            0.0,
-            LOSSLESS,
-        )
+    pub fn register_lossless(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
+        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS)
     }
 
     /// Takes back the registration that was made with these patterns.
-    pub fn unregister(
-        &mut self,
-        key_pattern: &str,
-        source_pattern: &str,
-    ) -> Result<(), CommsError> {
+    pub fn unregister(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
         self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0)
     }
 
@@ -146,35 +120,18 @@ impl Comms {
         interval: f64,
         flags: u16,
     ) -> Result<(), CommsError> {
-        let header = Header {
-            flags,
-            time: interval,
-            ..Header::new(kind)
-        };
-        wire::put(
-            &mut self.batch,
-            &header,
-            key_pattern.as_bytes(),
-            source_pattern.as_bytes(),
-        );
+        let header = Header { flags, time: interval, ..Header::new(kind) };
+        wire::put(&mut self.batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
         self.flush_if_full()
     }
 
     /// Publishes a typed value. A bulky one is encoded straight into shared memory, where its readers read it.
-    pub fn publish<T: Payload>(
-        &mut self,
-        key: &Key<T>,
-        value: &T::View<'_>,
-    ) -> Result<(), CommsError> {
-        let bad = |source| CommsError::Encode {
-            key: key.name().into(),
-            source,
-        };
+    pub fn publish<T: Payload>(&mut self, key: &Key<T>, value: &T::View<'_>) -> Result<(), CommsError> {
+        let bad = |source| CommsError::Encode { key: key.name().into(), source };
         let len = codec::encoded_len(value).map_err(bad)?;
         if len >= BULK_MIN_BYTES {
-            let fill = &mut |writer: &mut dyn Write| {
-                codec::encode_to_writer(value, writer).map_err(std::io::Error::other)
-            };
+            let fill =
+                &mut |writer: &mut dyn Write| codec::encode_to_writer(value, writer).map_err(std::io::Error::other);
             if self.bulk(key.name(), T::NAME, T::LAYOUT, len, fill)? {
                 return Ok(());
             }
@@ -182,11 +139,7 @@ impl Comms {
         self.scratch.clear();
         codec::encode_onto(value, &mut self.scratch).map_err(bad)?;
         let bytes = std::mem::take(&mut self.scratch);
-        let value = ValueRef::Binary {
-            type_name: T::NAME,
-            layout: T::LAYOUT,
-            bytes: &bytes,
-        };
+        let value = ValueRef::Binary { type_name: T::NAME, layout: T::LAYOUT, bytes: &bytes };
         let done = self.message(key.name(), value, "", None);
         self.scratch = bytes;
         done
@@ -206,17 +159,11 @@ impl Comms {
         source_aux: &str,
         source: Option<&str>,
     ) -> Result<(), CommsError> {
-        if let ValueRef::Binary {
-            type_name,
-            layout,
-            bytes,
-        } = value
+        if let ValueRef::Binary { type_name, layout, bytes } = value
             && bytes.len() >= BULK_MIN_BYTES
             && source.is_none()
             && source_aux.is_empty()
-            && self.bulk(key, type_name, layout, bytes.len(), &mut |writer| {
-                writer.write_all(bytes)
-            })?
+            && self.bulk(key, type_name, layout, bytes.len(), &mut |writer| writer.write_all(bytes))?
         {
             return Ok(());
         }
@@ -233,11 +180,7 @@ impl Comms {
     }
 
     fn flush_if_full(&mut self) -> Result<(), CommsError> {
-        if self.batch.len() >= BATCH_BYTES {
-            self.flush()
-        } else {
-            Ok(())
-        }
+        if self.batch.len() >= BATCH_BYTES { self.flush() } else { Ok(()) }
     }
 
     fn bulk(
@@ -254,15 +197,7 @@ impl Comms {
             return Ok(false);
         };
         let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), None);
-        wire::put(
-            &mut self.batch,
-            &Header {
-                flags: BULK,
-                ..header
-            },
-            &[],
-            &reference.to_bytes(),
-        );
+        wire::put(&mut self.batch, &Header { flags: BULK, ..header }, &[], &reference.to_bytes());
         self.flush()?;
         Ok(true)
     }
@@ -284,11 +219,7 @@ impl Comms {
                 let header = self.header(key, ValueKind::Text, None, source);
                 wire::put(&mut self.batch, &header, aux, text.as_bytes());
             }
-            ValueRef::Binary {
-                type_name,
-                layout,
-                bytes,
-            } => {
+            ValueRef::Binary { type_name, layout, bytes } => {
                 let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), source);
                 wire::put(&mut self.batch, &header, aux, bytes);
             }
@@ -296,20 +227,12 @@ impl Comms {
         self.flush_if_full()
     }
 
-    fn header(
-        &mut self,
-        key: &str,
-        kind: ValueKind,
-        type_: Option<(&str, u64)>,
-        source: Option<&str>,
-    ) -> Header {
+    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<(&str, u64)>, source: Option<&str>) -> Header {
         self.sequence += 1;
         Header {
             value_kind: kind,
             key: number(&mut self.batch, &mut self.keys, Named::Key, key, 0),
-            source: source.map_or(0, |s| {
-                number(&mut self.batch, &mut self.sources, Named::Source, s, 1)
-            }),
+            source: source.map_or(0, |s| number(&mut self.batch, &mut self.sources, Named::Source, s, 1)),
             type_: type_.map_or(0, |(name, layout)| self.type_number(name, layout)),
             sequence: self.sequence,
             time: self.clock.now(),
@@ -330,10 +253,7 @@ impl Comms {
     }
 
     fn attached(&mut self, publisher: u32) {
-        let header = Header {
-            source: publisher,
-            ..Header::new(FrameKind::Attached)
-        };
+        let header = Header { source: publisher, ..Header::new(FrameKind::Attached) };
         wire::put(&mut self.batch, &header, &[], &[]);
     }
 }
@@ -346,13 +266,7 @@ impl Drop for Comms {
 }
 
 /// The number of a name on this lane, introduced to the broker the first time; numbers start at `first`.
-fn number(
-    batch: &mut Vec<u8>,
-    known: &mut HashMap<String, u32>,
-    what: Named,
-    name: &str,
-    first: u32,
-) -> u32 {
+fn number(batch: &mut Vec<u8>, known: &mut HashMap<String, u32>, what: Named, name: &str, first: u32) -> u32 {
     if let Some(number) = known.get(name) {
         return *number;
     }
@@ -416,20 +330,12 @@ impl<'a> Mail<'a> {
 
     /// The value, if it is a number.
     pub fn as_double(&self) -> Option<f64> {
-        if let ValueRef::Double(number) = self.value {
-            Some(number)
-        } else {
-            None
-        }
+        if let ValueRef::Double(number) = self.value { Some(number) } else { None }
     }
 
     /// The value, if it is a text.
     pub fn as_text(&self) -> Option<&'a str> {
-        if let ValueRef::Text(text) = self.value {
-            Some(text)
-        } else {
-            None
-        }
+        if let ValueRef::Text(text) = self.value { Some(text) } else { None }
     }
 
     /// Whether it is of the variable that `key` names.
@@ -481,16 +387,11 @@ impl Names {
         if table.len() <= number {
             table.resize(number + 1, (String::new(), 0));
         }
-        table[number] = (
-            String::from_utf8_lossy(frame.aux).into_owned(),
-            frame.header.sequence,
-        );
+        table[number] = (String::from_utf8_lossy(frame.aux).into_owned(), frame.header.sequence);
     }
 
     fn get(&self, what: Named, number: u32) -> (&str, u64) {
-        self.tables[what as usize]
-            .get(number as usize)
-            .map_or(("", 0), |(name, layout)| (name, *layout))
+        self.tables[what as usize].get(number as usize).map_or(("", 0), |(name, layout)| (name, *layout))
     }
 }
 
@@ -561,22 +462,14 @@ fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> 
     let value = match header.value_kind {
         ValueKind::Double => ValueRef::Double(f64::from_le_bytes(bytes.try_into().ok()?)),
         ValueKind::Text => ValueRef::Text(std::str::from_utf8(bytes).ok()?),
-        ValueKind::Binary => ValueRef::Binary {
-            type_name,
-            layout,
-            bytes,
-        },
+        ValueKind::Binary => ValueRef::Binary { type_name, layout, bytes },
     };
     Some(Mail {
         header,
         key: names.get(Named::Key, header.key).0,
         source: names.get(Named::Source, header.source).0,
         community: names.get(Named::Community, header.community).0,
-        source_aux: if header.flags & ATTACH != 0 {
-            ""
-        } else {
-            std::str::from_utf8(frame.aux).ok()?
-        },
+        source_aux: if header.flags & ATTACH != 0 { "" } else { std::str::from_utf8(frame.aux).ok()? },
         value,
     })
 }
@@ -606,24 +499,11 @@ impl Client {
             stopping: false,
         };
         let names = Names::default();
-        Self {
-            comms,
-            inbox: Inbox {
-                down: link.down,
-                names,
-                dropped: 0,
-                missed_bulk: 0,
-                refusals: Vec::new(),
-            },
-        }
+        Self { comms, inbox: Inbox { down: link.down, names, dropped: 0, missed_bulk: 0, refusals: Vec::new() } }
     }
 
     /// See [`Inbox::receive`].
-    pub fn receive(
-        &mut self,
-        timeout: Duration,
-        mut on_mail: impl FnMut(&Mail<'_>),
-    ) -> Result<usize, CommsError> {
+    pub fn receive(&mut self, timeout: Duration, mut on_mail: impl FnMut(&Mail<'_>)) -> Result<usize, CommsError> {
         self.inbox.receive(&mut self.comms, timeout, |_, mail| {
             on_mail(mail);
             Ok(())

@@ -22,9 +22,7 @@ impl Clock {
     /// The community's time (s).
     #[allow(clippy::disallowed_methods, reason = "this is the one clock")]
     pub fn now(&self) -> f64 {
-        let since = SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .unwrap_or_default();
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         since.as_secs_f64() * self.warp
     }
 

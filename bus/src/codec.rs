@@ -10,17 +10,13 @@ use serde::{Deserialize, Serialize};
 pub const MAX_VALUE_BYTES: usize = 1 << 30;
 
 const CONFIG: Configuration<LittleEndian, Fixint, Limit<MAX_VALUE_BYTES>> =
-    bincode::config::standard()
-        .with_fixed_int_encoding()
-        .with_limit::<MAX_VALUE_BYTES>();
+    bincode::config::standard().with_fixed_int_encoding().with_limit::<MAX_VALUE_BYTES>();
 
 /// Why a value could not be decoded.
 #[derive(Debug, thiserror::Error)]
 pub enum DecodeError {
     /// The key carries another type than the reader expects.
-    #[error(
-        "{key} carries {found}, but {expected} was expected: do writer and reader mean the same variable?"
-    )]
+    #[error("{key} carries {found}, but {expected} was expected: do writer and reader mean the same variable?")]
     Type {
         /// The variable.
         key: String,
@@ -74,10 +70,7 @@ pub fn encoded_len<T: Serialize + ?Sized>(value: &T) -> Result<usize, EncodeErro
 }
 
 /// Encodes `value` behind what is in `buffer`.
-pub fn encode_onto<T: Serialize + ?Sized>(
-    value: &T,
-    buffer: &mut Vec<u8>,
-) -> Result<(), EncodeError> {
+pub fn encode_onto<T: Serialize + ?Sized>(value: &T, buffer: &mut Vec<u8>) -> Result<(), EncodeError> {
     struct Append<'a>(&'a mut Vec<u8>);
     impl bincode::enc::write::Writer for Append<'_> {
         fn write(&mut self, bytes: &[u8]) -> Result<(), bincode::error::EncodeError> {
@@ -102,18 +95,13 @@ fn encode_to<T: Serialize + ?Sized>(
     value: &T,
     writer: &mut impl bincode::enc::write::Writer,
 ) -> Result<(), EncodeError> {
-    bincode::serde::encode_into_writer(value, writer, CONFIG)
-        .map_err(|e| EncodeError(e.to_string()))
+    bincode::serde::encode_into_writer(value, writer, CONFIG).map_err(|e| EncodeError(e.to_string()))
 }
 
 /// Decodes a value that fills `bytes` to the last one; borrows from them where the type can.
-pub fn decode<'a, T: Deserialize<'a>>(
-    bytes: &'a [u8],
-    type_name: &'static str,
-) -> Result<T, DecodeError> {
+pub fn decode<'a, T: Deserialize<'a>>(bytes: &'a [u8], type_name: &'static str) -> Result<T, DecodeError> {
     let bad = |reason: String| DecodeError::Bytes { type_name, reason };
-    let (value, read) =
-        bincode::serde::borrow_decode_from_slice(bytes, CONFIG).map_err(|e| bad(e.to_string()))?;
+    let (value, read) = bincode::serde::borrow_decode_from_slice(bytes, CONFIG).map_err(|e| bad(e.to_string()))?;
     match bytes.len() - read {
         0 => Ok(value),
         left => Err(bad(format!("{left} bytes are left over"))),
@@ -121,10 +109,7 @@ pub fn decode<'a, T: Deserialize<'a>>(
 }
 
 /// As [`decode`], for types that keep nothing of the bytes.
-pub fn decode_owned<T: serde::de::DeserializeOwned>(
-    bytes: &[u8],
-    type_name: &'static str,
-) -> Result<T, DecodeError> {
+pub fn decode_owned<T: serde::de::DeserializeOwned>(bytes: &[u8], type_name: &'static str) -> Result<T, DecodeError> {
     decode(bytes, type_name)
 }
 

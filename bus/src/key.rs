@@ -27,18 +27,12 @@ pub struct Key<T: Payload> {
 impl<T: Payload> Key<T> {
     /// A key known at compile time.
     pub const fn new(name: &'static str) -> Self {
-        Self {
-            name: Cow::Borrowed(name),
-            payload: PhantomData,
-        }
+        Self { name: Cow::Borrowed(name), payload: PhantomData }
     }
 
     /// A key whose name comes from a mission file.
     pub fn named(name: impl Into<String>) -> Self {
-        Self {
-            name: Cow::Owned(name.into()),
-            payload: PhantomData,
-        }
+        Self { name: Cow::Owned(name.into()), payload: PhantomData }
     }
 
     /// The key's name.
@@ -49,10 +43,7 @@ impl<T: Payload> Key<T> {
 
 impl<T: Payload> Clone for Key<T> {
     fn clone(&self) -> Self {
-        Self {
-            name: self.name.clone(),
-            payload: PhantomData,
-        }
+        Self { name: self.name.clone(), payload: PhantomData }
     }
 }
 

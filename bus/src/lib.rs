@@ -49,10 +49,7 @@ pub struct RunOptions {
 impl RunOptions {
     /// An app of this name in this community.
     pub fn new(name: impl Into<String>, community: Community) -> Self {
-        Self {
-            name: name.into(),
-            community,
-        }
+        Self { name: name.into(), community }
     }
 }
 
@@ -71,15 +68,8 @@ pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunErr
 }
 
 /// Serves a community as this process until SIGTERM or SIGINT.
-pub fn serve_broker(
-    community: Community,
-    config: BrokerConfig,
-    clock: Clock,
-) -> Result<(), ServeError> {
-    let io = |source| ServeError::Io {
-        community: community.clone(),
-        source,
-    };
+pub fn serve_broker(community: Community, config: BrokerConfig, clock: Clock) -> Result<(), ServeError> {
+    let io = |source| ServeError::Io { community: community.clone(), source };
     let stop = stop_on_signals().map_err(io)?;
     serve_broker_until(community.clone(), config, clock, &stop)
 }

@@ -26,31 +26,16 @@ impl MemoryBroker {
     pub fn new(config: BrokerConfig, clock: Clock) -> Self {
         let community = config.community.clone();
         let broker = Mutex::new(Some(Broker::new(config, clock.now())));
-        Self(Arc::new(Shared {
-            broker,
-            changed: Condvar::new(),
-            clock,
-            community,
-        }))
+        Self(Arc::new(Shared { broker, changed: Condvar::new(), clock, community }))
     }
 
     /// Lets a client in.
     pub fn connect(&self, name: &str) -> Result<Link, Refusal> {
         let mut broker = self.0.lock();
         // A broker that has stopped has no names to give; the link will say that it is gone.
-        let id = broker
-            .as_mut()
-            .map_or(Ok(0), |b| b.connect(self.0.clock.now(), name))?;
-        let end = Arc::new(End {
-            shared: self.0.clone(),
-            id,
-        });
-        Ok(Link {
-            up: Box::new(MemoryUp(end.clone())),
-            down: Box::new(MemoryDown(end)),
-            clock: self.0.clock,
-            epoch: 1,
-        })
+        let id = broker.as_mut().map_or(Ok(0), |b| b.connect(self.0.clock.now(), name))?;
+        let end = Arc::new(End { shared: self.0.clone(), id });
+        Ok(Link { up: Box::new(MemoryUp(end.clone())), down: Box::new(MemoryDown(end)), clock: self.0.clock, epoch: 1 })
     }
 
     /// Ends the community: clients are told that the broker is gone.
@@ -125,16 +110,10 @@ impl Downlink for MemoryDown {
                 shared.changed.notify_all();
                 return Ok(Some(Batch(Box::new(batch))));
             }
-            let Some(left) = timeout
-                .checked_sub(waited.elapsed())
-                .filter(|left| !left.is_zero())
-            else {
+            let Some(left) = timeout.checked_sub(waited.elapsed()).filter(|left| !left.is_zero()) else {
                 return Ok(None);
             };
-            let next = shared
-                .clock
-                .real(broker.next_deadline() - now)
-                .max(Duration::from_millis(1));
+            let next = shared.clock.real(broker.next_deadline() - now).max(Duration::from_millis(1));
             guard = wait(shared, guard, left.min(next));
         }
     }
@@ -153,9 +132,5 @@ fn wait<'a>(
     guard: MutexGuard<'a, Option<Broker>>,
     timeout: Duration,
 ) -> MutexGuard<'a, Option<Broker>> {
-    shared
-        .changed
-        .wait_timeout(guard, timeout)
-        .unwrap_or_else(PoisonError::into_inner)
-        .0
+    shared.changed.wait_timeout(guard, timeout).unwrap_or_else(PoisonError::into_inner).0
 }

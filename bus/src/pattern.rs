@@ -2,8 +2,7 @@
 
 /// Whether `text` matches `pattern`.
 pub fn matches(pattern: &str, text: &str) -> bool {
-    let (pattern, text): (Vec<char>, Vec<char>) =
-        (pattern.chars().collect(), text.chars().collect());
+    let (pattern, text): (Vec<char>, Vec<char>) = (pattern.chars().collect(), text.chars().collect());
     let (mut p, mut t) = (0, 0);
     // Where to go on when the characters after the last `*` do not fit: it then swallows one more.
     let mut retry: Option<(usize, usize)> = None;
@@ -59,8 +58,7 @@ mod tests {
         match (pattern.first(), text.first()) {
             (None, None) => true,
             (Some('*'), _) => {
-                by_the_book(&pattern[1..], text)
-                    || (!text.is_empty() && by_the_book(pattern, &text[1..]))
+                by_the_book(&pattern[1..], text) || (!text.is_empty() && by_the_book(pattern, &text[1..]))
             }
             (Some(p), Some(t)) => (*p == '?' || p == t) && by_the_book(&pattern[1..], &text[1..]),
             _ => false,

@@ -42,17 +42,11 @@ pub enum ValueRef<'a> {
 impl<'a> ValueRef<'a> {
     /// Decodes the value as what `key` carries; refuses another type or another layout of the same type.
     pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
-        let mismatch = |found: String| DecodeError::Type {
-            key: key.name().into(),
-            expected: T::NAME,
-            found,
-        };
+        let mismatch = |found: String| DecodeError::Type { key: key.name().into(), expected: T::NAME, found };
         match *self {
             ValueRef::Double(number) => Err(mismatch(format!("the number {number}"))),
             ValueRef::Text(_) => Err(mismatch("a text".into())),
-            ValueRef::Binary { type_name, .. } if type_name != T::NAME => {
-                Err(mismatch(type_name.into()))
-            }
+            ValueRef::Binary { type_name, .. } if type_name != T::NAME => Err(mismatch(type_name.into())),
             ValueRef::Binary { layout, .. } if layout != T::LAYOUT => Err(DecodeError::Layout {
                 key: key.name().into(),
                 type_name: T::NAME,
@@ -68,15 +62,9 @@ impl<'a> ValueRef<'a> {
         match self {
             ValueRef::Double(number) => Value::Double(number),
             ValueRef::Text(text) => Value::Text(text.into()),
-            ValueRef::Binary {
-                type_name,
-                layout,
-                bytes,
-            } => Value::Binary {
-                type_name: type_name.into(),
-                layout,
-                bytes: bytes.into(),
-            },
+            ValueRef::Binary { type_name, layout, bytes } => {
+                Value::Binary { type_name: type_name.into(), layout, bytes: bytes.into() }
+            }
         }
     }
 }
@@ -87,15 +75,7 @@ impl Value {
         match self {
             Value::Double(number) => ValueRef::Double(*number),
             Value::Text(text) => ValueRef::Text(text),
-            Value::Binary {
-                type_name,
-                layout,
-                bytes,
-            } => ValueRef::Binary {
-                type_name,
-                layout: *layout,
-                bytes,
-            },
+            Value::Binary { type_name, layout, bytes } => ValueRef::Binary { type_name, layout: *layout, bytes },
         }
     }
 }

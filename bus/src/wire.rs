@@ -197,12 +197,7 @@ pub fn put(batch: &mut Vec<u8>, header: &Header, aux: &[u8], value: &[u8]) {
 
 /// Appends a frame that names number `number`.
 pub fn put_definition(batch: &mut Vec<u8>, what: Named, number: u32, name: &str, layout: u64) {
-    let header = Header {
-        flags: what as u16,
-        key: number,
-        sequence: layout,
-        ..Header::new(FrameKind::Define)
-    };
+    let header = Header { flags: what as u16, key: number, sequence: layout, ..Header::new(FrameKind::Define) };
     put(batch, &header, name.as_bytes(), &[]);
 }
 
@@ -253,21 +248,11 @@ pub fn first_frame(bytes: &[u8]) -> Result<Frame<'_>, &'static str> {
         time: f64::from_bits(u64_at(bytes, 32)),
     };
     let (aux_end, value_end) = (HEADER + aux_len, HEADER + aux_len + value_len);
-    Ok(Frame {
-        header,
-        aux: &bytes[HEADER..aux_end],
-        value: &bytes[aux_end..value_end],
-        bytes: &bytes[..len],
-    })
+    Ok(Frame { header, aux: &bytes[HEADER..aux_end], value: &bytes[aux_end..value_end], bytes: &bytes[..len] })
 }
 
 /// Rewrites the numbers of the frame that starts at `start`: what the broker does before it forwards.
-pub fn renumber(
-    batch: &mut [u8],
-    start: usize,
-    flags: u16,
-    [key, source, type_, community]: [u32; 4],
-) {
+pub fn renumber(batch: &mut [u8], start: usize, flags: u16, [key, source, type_, community]: [u32; 4]) {
     let frame = &mut batch[start..start + HEADER];
     frame[6..8].copy_from_slice(&flags.to_le_bytes());
     frame[8..12].copy_from_slice(&key.to_le_bytes());
@@ -283,24 +268,16 @@ pub fn publisher_to_attach(frame: &Frame<'_>) -> Option<u32> {
 
 /// The kind that a definition's flags name.
 pub fn named(flags: u16) -> Option<Named> {
-    [Named::Key, Named::Source, Named::Type, Named::Community]
-        .into_iter()
-        .find(|n| *n as u16 == flags)
+    [Named::Key, Named::Source, Named::Type, Named::Community].into_iter().find(|n| *n as u16 == flags)
 }
 
 fn frame_kind(byte: u8) -> Option<FrameKind> {
     use FrameKind::*;
-    [
-        Notify, Register, Unregister, Define, Refused, Dropped, Attached,
-    ]
-    .into_iter()
-    .find(|k| *k as u8 == byte)
+    [Notify, Register, Unregister, Define, Refused, Dropped, Attached].into_iter().find(|k| *k as u8 == byte)
 }
 
 fn value_kind(byte: u8) -> Option<ValueKind> {
-    [ValueKind::Double, ValueKind::Text, ValueKind::Binary]
-        .into_iter()
-        .find(|k| *k as u8 == byte)
+    [ValueKind::Double, ValueKind::Text, ValueKind::Binary].into_iter().find(|k| *k as u8 == byte)
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> u32 {

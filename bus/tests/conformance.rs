@@ -26,10 +26,7 @@ elk_bus::payload! {
 const BLOB: Key<Blob> = Key::new("BLOB");
 
 fn blob(number: u64, len: usize) -> Blob {
-    Blob {
-        number,
-        bytes: (0..len).map(|i| (i as u64 * 31 + number) as u8).collect(),
-    }
+    Blob { number, bytes: (0..len).map(|i| (i as u64 * 31 + number) as u8).collect() }
 }
 
 /// A community on some transport.
@@ -43,17 +40,10 @@ struct Memory(MemoryBroker, Community);
 
 impl Transport for Memory {
     fn start(name: &str) -> Self {
-        Memory(
-            MemoryBroker::new(BrokerConfig::new(name), Clock::new(1.0)),
-            Community::new(name).unwrap(),
-        )
+        Memory(MemoryBroker::new(BrokerConfig::new(name), Clock::new(1.0)), Community::new(name).unwrap())
     }
     fn connect(&self, name: &str) -> Result<Client, String> {
-        Ok(Client::over(
-            self.0.connect(name).map_err(|e| e.to_string())?,
-            name,
-            &self.1,
-        ))
+        Ok(Client::over(self.0.connect(name).map_err(|e| e.to_string())?, name, &self.1))
     }
     fn stop(self) {
         self.0.stop();
@@ -73,19 +63,13 @@ impl Transport for Shm {
         let (c, s) = (community.clone(), stop.clone());
         let config = BrokerConfig::new(name);
         let server = std::thread::spawn(move || serve_broker_until(c, config, Clock::new(1.0), &s));
-        Shm {
-            community,
-            stop,
-            server,
-        }
+        Shm { community, stop, server }
     }
     fn connect(&self, name: &str) -> Result<Client, String> {
         let waited = Stopwatch::start();
         loop {
             match Client::connect(&self.community, name) {
-                Err(elk_bus::ConnectError::NoBroker(_)) if waited.elapsed() < DEADLINE => {
-                    std::thread::yield_now()
-                }
+                Err(elk_bus::ConnectError::NoBroker(_)) if waited.elapsed() < DEADLINE => std::thread::yield_now(),
                 other => return other.map_err(|e| e.to_string()),
             }
         }
@@ -94,17 +78,8 @@ impl Transport for Shm {
         self.stop.store(true, Ordering::Relaxed);
         self.server.join().unwrap().unwrap();
         let prefix = format!("elk_{}_", self.community);
-        let left: Vec<_> = std::fs::read_dir("/dev/shm")
-            .unwrap()
-            .flatten()
-            .map(|f| f.file_name())
-            .collect();
-        assert!(
-            !left
-                .iter()
-                .any(|f| f.to_string_lossy().starts_with(&prefix)),
-            "left in /dev/shm: {left:?}"
-        );
+        let left: Vec<_> = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|f| f.file_name()).collect();
+        assert!(!left.iter().any(|f| f.to_string_lossy().starts_with(&prefix)), "left in /dev/shm: {left:?}");
     }
 }
 
@@ -114,20 +89,10 @@ type Heard = (String, String, Value, bool);
 fn hear(client: &mut Client, enough: impl Fn(&[Heard]) -> bool) -> Vec<Heard> {
     let (mut heard, waited) = (Vec::new(), Stopwatch::start());
     while !enough(&heard) {
-        assert!(
-            waited.elapsed() < DEADLINE,
-            "heard only {} messages: {:?}",
-            heard.len(),
-            heard.last()
-        );
+        assert!(waited.elapsed() < DEADLINE, "heard only {} messages: {:?}", heard.len(), heard.last());
         client
             .receive(Duration::from_millis(100), |m| {
-                heard.push((
-                    m.key().into(),
-                    m.source().into(),
-                    m.value().to_value(),
-                    m.is_latest(),
-                ));
+                heard.push((m.key().into(), m.source().into(), m.value().to_value(), m.is_latest()));
             })
             .unwrap();
     }
@@ -152,16 +117,9 @@ fn numbers_and_texts_arrive_as_sent<T: Transport>() {
     a.comms.notify("V_EMPTY", "").unwrap();
     a.comms.flush().unwrap();
     let heard = hear(&mut b, |h| h.len() == 3);
-    let expected = [
-        ("V_NUMBER", Value::Double(2.5)),
-        ("V_TEXT", "elks can dance".into()),
-        ("V_EMPTY", "".into()),
-    ];
+    let expected = [("V_NUMBER", Value::Double(2.5)), ("V_TEXT", "elks can dance".into()), ("V_EMPTY", "".into())];
     for ((key, source, value, _), (expected_key, expected_value)) in heard.iter().zip(&expected) {
-        assert_eq!(
-            (key.as_str(), source.as_str(), value),
-            (*expected_key, "a", expected_value)
-        );
+        assert_eq!((key.as_str(), source.as_str(), value), (*expected_key, "a", expected_value));
     }
     drop((a, b));
     t.stop();
@@ -184,16 +142,8 @@ fn order_is_kept_and_nothing_lost_however_fast<T: Transport + Sync>() {
         }
         let heard = hear(&mut b, |h| h.len() as u64 == 2 * COUNT);
         for name in ["a1", "a2"] {
-            let of_one = heard
-                .iter()
-                .filter(|(_, source, ..)| source == name)
-                .map(|(_, _, value, _)| value);
-            assert!(
-                of_one.eq((0..COUNT)
-                    .map(|i| Value::Double(i as f64))
-                    .collect::<Vec<_>>()
-                    .iter())
-            );
+            let of_one = heard.iter().filter(|(_, source, ..)| source == name).map(|(_, _, value, _)| value);
+            assert!(of_one.eq((0..COUNT).map(|i| Value::Double(i as f64)).collect::<Vec<_>>().iter()));
         }
         assert_eq!(b.inbox.dropped(), 0);
     });
@@ -215,16 +165,9 @@ fn a_client_that_never_reads_hurts_nobody<T: Transport>() {
         }
     }
     settle(&mut a);
-    let heard = hear(&mut slow, |h| {
-        h.last()
-            .is_some_and(|(_, _, v, _)| *v == Value::Double(f64::from(count - 1)))
-    });
+    let heard = hear(&mut slow, |h| h.last().is_some_and(|(_, _, v, _)| *v == Value::Double(f64::from(count - 1))));
     assert!(slow.inbox.dropped() > 0, "its mailbox is bounded");
-    assert_eq!(
-        heard.len() as u64 + slow.inbox.dropped(),
-        count as u64,
-        "every drop is counted"
-    );
+    assert_eq!(heard.len() as u64 + slow.inbox.dropped(), count as u64, "every drop is counted");
     drop((a, slow));
     t.stop();
 }
@@ -234,25 +177,17 @@ fn values_of_any_size_arrive_whole_and_in_order<T: Transport>() {
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
     b.comms.register_lossless("*", "a").unwrap();
     settle(&mut b);
-    let sizes = [
-        0, 1, 100, 20_000, 1_000_000, 30, 3_000_000, 16_384, 17, 2_400_000, 2_400_000, 2_400_000,
-    ];
+    let sizes = [0, 1, 100, 20_000, 1_000_000, 30, 3_000_000, 16_384, 17, 2_400_000, 2_400_000, 2_400_000];
     for (number, len) in (1..).zip(sizes) {
         a.comms.publish(&BLOB, &blob(number, len)).unwrap();
         a.comms.notify("BETWEEN", number as f64).unwrap();
         a.comms.flush().unwrap();
         let (mut got, waited) = (Vec::new(), Stopwatch::start());
         while got.len() < 2 {
-            assert!(
-                waited.elapsed() < DEADLINE,
-                "value {number} of {len} bytes did not come"
-            );
+            assert!(waited.elapsed() < DEADLINE, "value {number} of {len} bytes did not come");
             b.receive(Duration::from_millis(100), |m| {
                 if m.is(&BLOB) {
-                    assert!(
-                        m.decode(&BLOB).unwrap() == blob(number, len),
-                        "value {number} of {len} bytes is damaged"
-                    );
+                    assert!(m.decode(&BLOB).unwrap() == blob(number, len), "value {number} of {len} bytes is damaged");
                 }
                 got.push(m.key().to_owned());
             })
@@ -281,10 +216,7 @@ fn a_late_registrant_is_given_the_latest_value_however_large<T: Transport>() {
         let waited = Stopwatch::start();
         while got.len() < 2 && waited.elapsed() < DEADLINE {
             late.receive(Duration::from_millis(100), |m| {
-                assert!(
-                    m.is_latest()
-                        && (!m.is(&BLOB) || m.decode(&BLOB).unwrap() == blob(20, 500_000))
-                );
+                assert!(m.is_latest() && (!m.is(&BLOB) || m.decode(&BLOB).unwrap() == blob(20, 500_000)));
                 got.push(m.key().to_owned());
             })
             .unwrap();
@@ -305,24 +237,12 @@ fn a_value_of_another_type_is_refused_to_its_writer_and_never_misread<T: Transpo
     settle(&mut a);
     let refusals = a.inbox.take_refusals();
     assert_eq!(refusals.len(), 1);
-    assert!(
-        refusals[0]
-            .reason
-            .contains("BLOB carries texts since its first write; Blob"),
-        "{}",
-        refusals[0].reason
-    );
+    assert!(refusals[0].reason.contains("BLOB carries texts since its first write; Blob"), "{}", refusals[0].reason);
     let mut said = String::new();
     while said.is_empty() {
-        b.receive(Duration::from_millis(100), |m| {
-            said = m.decode(&BLOB).unwrap_err().to_string()
-        })
-        .unwrap();
+        b.receive(Duration::from_millis(100), |m| said = m.decode(&BLOB).unwrap_err().to_string()).unwrap();
     }
-    assert_eq!(
-        said,
-        "BLOB carries a text, but Blob was expected: do writer and reader mean the same variable?"
-    );
+    assert_eq!(said, "BLOB carries a text, but Blob was expected: do writer and reader mean the same variable?");
     drop((a, b));
     t.stop();
 }
@@ -349,10 +269,7 @@ fn clients_are_told_that_the_broker_is_gone<T: Transport + Send>() {
         let said = loop {
             match a.receive(Duration::from_millis(100), |_| {}) {
                 Err(error) => break error.to_string(),
-                Ok(_) => assert!(
-                    waited.elapsed() < DEADLINE,
-                    "nobody said that the broker is gone"
-                ),
+                Ok(_) => assert!(waited.elapsed() < DEADLINE, "nobody said that the broker is gone"),
             }
         };
         assert!(said.contains("is gone"), "{said}");

@@ -1,1 +1,19 @@
 //! The occupancy map: log-odds voxels, scan insertion, and OctoMap's files.
+//!
+//! [`occupancy::OccupancyMap`] is the map and what can be asked of it, [`insertion`] how a scan gets into it,
+//! [`octree`] and [`bt`] how it gets into OctoMap's files and out of them, [`app`] the process around it. Metres; world
+//! frame, z up; voxel indices as in [`elk_spatial::Voxel`].
+
+pub mod app;
+pub mod bt;
+pub mod frontier;
+pub mod insertion;
+pub mod mask;
+pub mod occupancy;
+pub mod octree;
+mod table;
+pub mod walk;
+
+pub use app::TYPES;
+pub use insertion::{Dropped, Insertion};
+pub use occupancy::{Grazing, MapConfig, OccupancyMap};

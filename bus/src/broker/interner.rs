@@ -28,9 +28,7 @@ impl Interner {
 
     /// The layout that goes with a type's name.
     pub fn layout(&self, number: u32) -> u64 {
-        self.names
-            .get(number as usize)
-            .map_or(0, |(_, layout)| *layout)
+        self.names.get(number as usize).map_or(0, |(_, layout)| *layout)
     }
 
     /// How many names there are.

@@ -101,10 +101,7 @@ impl Mailbox {
             self.last_taken = now;
         }
         // A lossless mailbox takes what a batch in flight brings beyond the limit; the next batch waits.
-        while self.waiting() > 0
-            && self.waiting() + frame.len() > self.limit
-            && !self.holds_back_at(now, patience)
-        {
+        while self.waiting() > 0 && self.waiting() + frame.len() > self.limit && !self.holds_back_at(now, patience) {
             self.head += wire::first_len(&self.mail[self.head..]);
             self.dropped += 1;
             self.left += 1;
@@ -144,10 +141,7 @@ impl Mailbox {
         batch.append(&mut self.notices);
         if self.dropped != self.told_dropped {
             self.told_dropped = self.dropped;
-            let header = Header {
-                sequence: self.dropped,
-                ..Header::new(FrameKind::Dropped)
-            };
+            let header = Header { sequence: self.dropped, ..Header::new(FrameKind::Dropped) };
             wire::put(batch, &header, &[], &[]);
         }
         while self.waiting() > 0 {

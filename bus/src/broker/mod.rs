@@ -14,9 +14,7 @@ mod variable;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::wire::{
-    self, BULK, BulkRef, Frame, FrameKind, Header, LATEST, Named, ValueKind, WireError,
-};
+use crate::wire::{self, BULK, BulkRef, Frame, FrameKind, Header, LATEST, Named, ValueKind, WireError};
 use interner::Interner;
 pub use mailbox::Mailbox;
 use registration::Registration;
@@ -39,11 +37,7 @@ pub struct BrokerConfig {
 impl BrokerConfig {
     /// Mailboxes of 4 MiB, patience of 5 s.
     pub fn new(community: impl Into<String>) -> Self {
-        Self {
-            community: community.into(),
-            mailbox_bytes: 4 << 20,
-            lossless_patience_secs: 5.0,
-        }
+        Self { community: community.into(), mailbox_bytes: 4 << 20, lossless_patience_secs: 5.0 }
     }
 }
 
@@ -51,14 +45,10 @@ impl BrokerConfig {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     /// Another client has the name.
-    #[error(
-        "a client named {0:?} is already connected: give this one another name, or stop the other first"
-    )]
+    #[error("a client named {0:?} is already connected: give this one another name, or stop the other first")]
     NameTaken(String),
     /// The name cannot be one.
-    #[error(
-        "{0:?} is no name for a client: 1 to 64 printable characters without comma, '*' or '?'"
-    )]
+    #[error("{0:?} is no name for a client: 1 to 64 printable characters without comma, '*' or '?'")]
     BadName(String),
 }
 
@@ -198,8 +188,7 @@ impl Broker {
         let mut at = 0;
         for frame in wire::frames(batch) {
             let frame = frame?;
-            self.frame(now, from, &frame)
-                .map_err(|what| WireError { at, what })?;
+            self.frame(now, from, &frame).map_err(|what| WireError { at, what })?;
             at += frame.bytes.len();
         }
         Ok(())
@@ -231,10 +220,7 @@ impl Broker {
         while self.variables.len() < self.keys.len() {
             self.variables.push(Variable::default());
         }
-        let client = self
-            .clients
-            .get_mut(&from)
-            .ok_or("the client is not connected")?;
+        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         let numbers = &mut client.numbers[what as usize];
         if numbers.len() != frame.header.key as usize {
             return Err("the definitions are not numbered in order");
@@ -245,15 +231,9 @@ impl Broker {
 
     fn notify(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let header = &frame.header;
-        let client = self
-            .clients
-            .get_mut(&from)
-            .ok_or("the client is not connected")?;
+        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         let translate = |what: Named, number: u32| {
-            client.numbers[what as usize]
-                .get(number as usize)
-                .copied()
-                .ok_or("a number was used before its definition")
+            client.numbers[what as usize].get(number as usize).copied().ok_or("a number was used before its definition")
         };
         let key = translate(Named::Key, header.key)?;
         let source = translate(Named::Source, header.source)?;
@@ -266,29 +246,15 @@ impl Broker {
         if client.published.insert(key) {
             self.variables[key as usize].writers.insert(source);
         }
-        let lock = TypeLock {
-            kind: header.value_kind,
-            type_,
-        };
+        let lock = TypeLock { kind: header.value_kind, type_ };
         if let Some(reason) = self.type_conflict(key, lock) {
             return self.refuse(from, key, header.sequence, &reason);
         }
         let mut scratch = std::mem::take(&mut self.scratch);
         scratch.clear();
         scratch.extend_from_slice(frame.bytes);
-        wire::renumber(
-            &mut scratch,
-            0,
-            header.flags & BULK,
-            [key, source, type_, community],
-        );
-        self.store_and_deliver(
-            now,
-            Some(from),
-            lock,
-            [key, source, type_, community],
-            &scratch,
-        );
+        wire::renumber(&mut scratch, 0, header.flags & BULK, [key, source, type_, community]);
+        self.store_and_deliver(now, Some(from), lock, [key, source, type_, community], &scratch);
         self.scratch = scratch;
         Ok(())
     }
@@ -297,10 +263,7 @@ impl Broker {
         let locked = self.variables[key as usize].lock?;
         (locked != lock).then(|| {
             let (was, is) = (self.describe(locked), self.describe(lock));
-            format!(
-                "{} carries {was} since its first write; {is} was refused",
-                self.keys.name(key)
-            )
+            format!("{} carries {was} since its first write; {is} was refused", self.keys.name(key))
         })
     }
 
@@ -309,37 +272,16 @@ impl Broker {
             ValueKind::Double => "numbers".into(),
             ValueKind::Text => "texts".into(),
             ValueKind::Binary => {
-                format!(
-                    "{} (layout {:016x})",
-                    self.types.name(lock.type_),
-                    self.types.layout(lock.type_)
-                )
+                format!("{} (layout {:016x})", self.types.name(lock.type_), self.types.layout(lock.type_))
             }
         }
     }
 
-    fn refuse(
-        &mut self,
-        to: ClientId,
-        key: u32,
-        sequence: u64,
-        reason: &str,
-    ) -> Result<(), &'static str> {
+    fn refuse(&mut self, to: ClientId, key: u32, sequence: u64, reason: &str) -> Result<(), &'static str> {
         let name = self.keys.name(key).to_owned();
-        let client = self
-            .clients
-            .get_mut(&to)
-            .ok_or("the client is not connected")?;
-        let header = Header {
-            sequence,
-            ..Header::new(FrameKind::Refused)
-        };
-        wire::put(
-            client.mailbox.notices(),
-            &header,
-            name.as_bytes(),
-            reason.as_bytes(),
-        );
+        let client = self.clients.get_mut(&to).ok_or("the client is not connected")?;
+        let header = Header { sequence, ..Header::new(FrameKind::Refused) };
+        wire::put(client.mailbox.notices(), &header, name.as_bytes(), reason.as_bytes());
         Ok(())
     }
 
@@ -367,14 +309,7 @@ impl Broker {
         self.store_and_deliver(now, None, lock, [key, self.own_source, 0, 0], &frame);
     }
 
-    fn store_and_deliver(
-        &mut self,
-        now: f64,
-        from: Option<ClientId>,
-        lock: TypeLock,
-        numbers: [u32; 4],
-        frame: &[u8],
-    ) {
+    fn store_and_deliver(&mut self, now: f64, from: Option<ClientId>, lock: TypeLock, numbers: [u32; 4], frame: &[u8]) {
         let [key, source, ..] = numbers;
         self.keep_as_latest(now, key, lock, frame);
         let route = self.route(key, source);
@@ -386,13 +321,7 @@ impl Broker {
                 feeder.feeds.insert(delivery.client);
             }
             match delivery.min_interval > 0.0 {
-                true => self.deliver_throttled(
-                    now,
-                    delivery.client,
-                    delivery.min_interval,
-                    numbers,
-                    frame,
-                ),
+                true => self.deliver_throttled(now, delivery.client, delivery.min_interval, numbers, frame),
                 false => self.deliver(now, delivery.client, numbers, frame),
             }
         }
@@ -412,20 +341,14 @@ impl Broker {
 
     /// The place of (key, source) in the variable's routes; a pair that is new is matched against all registrations.
     fn route(&mut self, key: u32, source: u32) -> usize {
-        if let Some(known) = self.variables[key as usize]
-            .routes
-            .iter()
-            .position(|r| r.source == source)
-        {
+        if let Some(known) = self.variables[key as usize].routes.iter().position(|r| r.source == source) {
             return known;
         }
         let (key_name, source_name) = (self.keys.name(key), self.sources.name(source));
         let deliveries = self
             .clients
             .iter()
-            .filter_map(|(id, c)| {
-                registration::combine(*id, &c.registrations, key_name, source_name)
-            })
+            .filter_map(|(id, c)| registration::combine(*id, &c.registrations, key_name, source_name))
             .collect();
         let routes = &mut self.variables[key as usize].routes;
         routes.push(variable::Route { source, deliveries });
@@ -437,31 +360,18 @@ impl Broker {
             return;
         };
         let names = [&self.keys, &self.sources, &self.types, &self.communities];
-        let binary =
-            wire::first_frame(frame).is_ok_and(|f| f.header.value_kind == ValueKind::Binary);
-        for (what, names) in [Named::Key, Named::Source, Named::Type, Named::Community]
-            .into_iter()
-            .zip(names)
-        {
+        let binary = wire::first_frame(frame).is_ok_and(|f| f.header.value_kind == ValueKind::Binary);
+        for (what, names) in [Named::Key, Named::Source, Named::Type, Named::Community].into_iter().zip(names) {
             let number = numbers[what as usize];
             if (what != Named::Type || binary) && client.mailbox.learns(what, number) {
                 let (name, layout) = (names.name(number), names.layout(number));
                 wire::put_definition(client.mailbox.notices(), what, number, name, layout);
             }
         }
-        client
-            .mailbox
-            .push(now, frame, self.config.lossless_patience_secs);
+        client.mailbox.push(now, frame, self.config.lossless_patience_secs);
     }
 
-    fn deliver_throttled(
-        &mut self,
-        now: f64,
-        to: ClientId,
-        interval: f64,
-        numbers: [u32; 4],
-        frame: &[u8],
-    ) {
+    fn deliver_throttled(&mut self, now: f64, to: ClientId, interval: f64, numbers: [u32; 4], frame: &[u8]) {
         let key = numbers[0];
         let throttle = self.variables[key as usize].throttle(to);
         let due = throttle.last_sent + interval;
@@ -495,9 +405,7 @@ impl Broker {
 
     /// When [`Broker::tick`] next has something to do (s).
     pub fn next_deadline(&self) -> f64 {
-        self.due
-            .first()
-            .map_or(self.next_summary, |(due, ..)| due.0.min(self.next_summary))
+        self.due.first().map_or(self.next_summary, |(due, ..)| due.0.min(self.next_summary))
     }
 
     /// Whether the client's next batch has to wait for a lossless registrant whose mailbox is full.
@@ -505,20 +413,13 @@ impl Broker {
         let patience = self.config.lossless_patience_secs;
         let feeds = self.clients.get(&from).map(|c| &c.feeds);
         feeds.is_some_and(|feeds| {
-            feeds.iter().any(|id| {
-                self.clients
-                    .get(id)
-                    .is_some_and(|c| c.mailbox.holds_back(now, patience))
-            })
+            feeds.iter().any(|id| self.clients.get(id).is_some_and(|c| c.mailbox.holds_back(now, patience)))
         })
     }
 
     /// The clients that have mail waiting, or notices.
     pub fn with_mail(&self) -> impl Iterator<Item = ClientId> + '_ {
-        self.clients
-            .iter()
-            .filter(|(_, c)| !c.mailbox.is_empty())
-            .map(|(id, _)| *id)
+        self.clients.iter().filter(|(_, c)| !c.mailbox.is_empty()).map(|(id, _)| *id)
     }
 
     /// Moves a client's mail into `batch` until it holds `max` bytes (a single message may be longer). Messages whose
@@ -548,14 +449,8 @@ impl Broker {
 
     /// The lossless registrants that a client's messages went to, each with the position of its newest mail.
     pub fn lossless_positions(&self, publisher: ClientId) -> Vec<(ClientId, u64)> {
-        let feeds = self
-            .clients
-            .get(&publisher)
-            .into_iter()
-            .flat_map(|c| &c.feeds);
-        feeds
-            .filter_map(|id| Some((*id, self.clients.get(id)?.mailbox.pushed())))
-            .collect()
+        let feeds = self.clients.get(&publisher).into_iter().flat_map(|c| &c.feeds);
+        feeds.filter_map(|id| Some((*id, self.clients.get(id)?.mailbox.pushed()))).collect()
     }
 
     /// The position up to which a client's mail has left its mailbox.
@@ -584,12 +479,7 @@ fn marked_latest(frame: &[u8]) -> Vec<u8> {
     let mut copy = frame.to_vec();
     if let Ok(f) = wire::first_frame(frame) {
         let h = f.header;
-        wire::renumber(
-            &mut copy,
-            0,
-            h.flags | LATEST,
-            [h.key, h.source, h.type_, h.community],
-        );
+        wire::renumber(&mut copy, 0, h.flags | LATEST, [h.key, h.source, h.type_, h.community]);
     }
     copy
 }

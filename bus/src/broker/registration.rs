@@ -24,62 +24,33 @@ impl Registration {
     }
 
     fn read(frame: &Frame<'_>) -> Result<Self, &'static str> {
-        let text = |bytes| {
-            std::str::from_utf8(bytes)
-                .map(str::to_owned)
-                .map_err(|_| "a pattern is not UTF-8")
-        };
+        let text = |bytes| std::str::from_utf8(bytes).map(str::to_owned).map_err(|_| "a pattern is not UTF-8");
         let interval = frame.header.time;
         Ok(Self {
             key_pattern: text(frame.aux)?,
             source_pattern: text(frame.value)?,
-            min_interval: if interval.is_finite() {
-                interval.max(0.0)
-            } else {
-                0.0
-            },
+            min_interval: if interval.is_finite() { interval.max(0.0) } else { 0.0 },
             lossless: frame.header.flags & LOSSLESS != 0,
         })
     }
 }
 
 /// What a client's registrations add up to for (key, source): one delivery at the shortest of the intervals.
-pub(super) fn combine(
-    client: ClientId,
-    registrations: &[Registration],
-    key: &str,
-    source: &str,
-) -> Option<Delivery> {
+pub(super) fn combine(client: ClientId, registrations: &[Registration], key: &str, source: &str) -> Option<Delivery> {
     let matching = || registrations.iter().filter(|r| r.matches(key, source));
     let min_interval = matching().map(|r| r.min_interval).min_by(f64::total_cmp)?;
-    Some(Delivery {
-        client,
-        min_interval,
-        lossless: matching().any(|r| r.lossless),
-    })
+    Some(Delivery { client, min_interval, lossless: matching().any(|r| r.lossless) })
 }
 
 impl Broker {
     /// Adds or replaces a registration, and gives the client the latest values that it did not get before.
-    pub(super) fn register(
-        &mut self,
-        now: f64,
-        from: ClientId,
-        frame: &Frame<'_>,
-    ) -> Result<(), &'static str> {
+    pub(super) fn register(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let registration = Registration::read(frame)?;
-        let client = self
-            .clients
-            .get_mut(&from)
-            .ok_or("the client is not connected")?;
-        client
-            .registrations
-            .retain(|r| !r.same_patterns(&registration));
+        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
+        client.registrations.retain(|r| !r.same_patterns(&registration));
         client.registrations.push(registration.clone());
         for key in self.keys_matching(&registration.key_pattern) {
-            let before = self.variables[key as usize]
-                .latest_source()
-                .is_some_and(|s| self.is_delivered(key, s, from));
+            let before = self.variables[key as usize].latest_source().is_some_and(|s| self.is_delivered(key, s, from));
             self.match_routes(key, from);
             self.give_latest(now, key, from, &registration, before);
         }
@@ -88,19 +59,10 @@ impl Broker {
     }
 
     /// Takes a registration back.
-    pub(super) fn unregister(
-        &mut self,
-        from: ClientId,
-        frame: &Frame<'_>,
-    ) -> Result<(), &'static str> {
+    pub(super) fn unregister(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let registration = Registration::read(frame)?;
-        let client = self
-            .clients
-            .get_mut(&from)
-            .ok_or("the client is not connected")?;
-        client
-            .registrations
-            .retain(|r| !r.same_patterns(&registration));
+        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
+        client.registrations.retain(|r| !r.same_patterns(&registration));
         for key in self.keys_matching(&registration.key_pattern) {
             self.match_routes(key, from);
         }
@@ -117,15 +79,12 @@ impl Broker {
 
     fn keys_matching(&self, key_pattern: &str) -> Vec<u32> {
         let all = 0..self.keys.len() as u32;
-        all.filter(|key| pattern::matches(key_pattern, self.keys.name(*key)))
-            .collect()
+        all.filter(|key| pattern::matches(key_pattern, self.keys.name(*key))).collect()
     }
 
     fn is_delivered(&self, key: u32, source: u32, to: ClientId) -> bool {
         let routes = &self.variables[key as usize].routes;
-        routes
-            .iter()
-            .any(|r| r.source == source && r.deliveries.iter().any(|d| d.client == to))
+        routes.iter().any(|r| r.source == source && r.deliveries.iter().any(|d| d.client == to))
     }
 
     /// Works out anew what `client` gets of each source of `key`.
@@ -137,32 +96,16 @@ impl Broker {
         let variable = &mut self.variables[key as usize];
         for route in &mut variable.routes {
             route.deliveries.retain(|d| d.client != client);
-            route.deliveries.extend(combine(
-                client,
-                registrations,
-                key_name,
-                self.sources.name(route.source),
-            ));
+            route.deliveries.extend(combine(client, registrations, key_name, self.sources.name(route.source)));
             route.deliveries.sort_by_key(|d| d.client);
         }
-        if !variable.routes.iter().any(|r| {
-            r.deliveries
-                .iter()
-                .any(|d| d.client == client && d.min_interval > 0.0)
-        }) {
+        if !variable.routes.iter().any(|r| r.deliveries.iter().any(|d| d.client == client && d.min_interval > 0.0)) {
             variable.throttles.retain(|t| t.client != client);
             self.due.retain(|(_, k, c)| (*k, *c) != (key, client));
         }
     }
 
-    fn give_latest(
-        &mut self,
-        now: f64,
-        key: u32,
-        to: ClientId,
-        registration: &Registration,
-        had: bool,
-    ) {
+    fn give_latest(&mut self, now: f64, key: u32, to: ClientId, registration: &Registration, had: bool) {
         let variable = &self.variables[key as usize];
         let Some(source) = variable.latest_source() else {
             return;
@@ -174,12 +117,7 @@ impl Broker {
         let Ok(header) = wire::first_frame(&frame).map(|f| f.header) else {
             return;
         };
-        self.deliver(
-            now,
-            to,
-            [header.key, header.source, header.type_, header.community],
-            &frame,
-        );
+        self.deliver(now, to, [header.key, header.source, header.type_, header.community], &frame);
         if registration.min_interval > 0.0 {
             self.variables[key as usize].throttle(to).last_sent = now;
         }

@@ -21,16 +21,8 @@ pub(super) struct Latency {
 impl Latency {
     /// Takes note of one message.
     pub fn note(&mut self, secs: f64) {
-        self.min = if self.count == 0 {
-            secs
-        } else {
-            self.min.min(secs)
-        };
-        self.max = if self.count == 0 {
-            secs
-        } else {
-            self.max.max(secs)
-        };
+        self.min = if self.count == 0 { secs } else { self.min.min(secs) };
+        self.max = if self.count == 0 { secs } else { self.max.max(secs) };
         self.recent = secs;
         self.sum += secs;
         self.count += 1;
@@ -47,24 +39,14 @@ impl Latency {
 impl Broker {
     pub(super) fn summarise(&mut self, now: f64) {
         self.publish_own(now, "DB_TIME", ValueKind::Double, &now.to_le_bytes());
-        self.publish_own(
-            now,
-            "DB_UPTIME",
-            ValueKind::Double,
-            &(now - self.started).to_le_bytes(),
-        );
+        self.publish_own(now, "DB_UPTIME", ValueKind::Double, &(now - self.started).to_le_bytes());
         self.publish_clients(now);
         let drops = self.per_client(|c| format!("{}={}", c.name, c.mailbox.dropped()));
         self.publish_own(now, "DB_DROPS", ValueKind::Text, drops.as_bytes());
         let quality = self.per_client(|c| format!("{}={}", c.name, c.latency.text()));
         self.publish_own(now, "DB_QOS", ValueKind::Text, quality.as_bytes());
         let reads_and_writes = self.reads_and_writes();
-        self.publish_own(
-            now,
-            "DB_RWSUMMARY",
-            ValueKind::Text,
-            reads_and_writes.as_bytes(),
-        );
+        self.publish_own(now, "DB_RWSUMMARY", ValueKind::Text, reads_and_writes.as_bytes());
         let table = self.variable_table();
         self.publish_own(now, "DB_VARSUMMARY", ValueKind::Text, table.as_bytes());
     }
@@ -84,30 +66,17 @@ impl Broker {
         let mut read = vec![Vec::new(); self.clients.len()];
         let places: std::collections::BTreeMap<_, _> = self.clients.keys().zip(0..).collect();
         for (key, variable) in (0..).zip(&self.variables) {
-            let readers: std::collections::BTreeSet<_> = variable
-                .routes
-                .iter()
-                .flat_map(|r| &r.deliveries)
-                .map(|d| d.client)
-                .collect();
+            let readers: std::collections::BTreeSet<_> =
+                variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
             for place in readers.iter().filter_map(|reader| places.get(reader)) {
                 read[*place as usize].push(self.keys.name(key));
             }
         }
         let line = |(client, read): (&super::Client, &Vec<&str>)| {
-            let written: Vec<&str> = client
-                .published
-                .iter()
-                .map(|k| self.keys.name(*k))
-                .collect();
+            let written: Vec<&str> = client.published.iter().map(|k| self.keys.name(*k)).collect();
             format!("{}={}&{}", client.name, read.join(":"), written.join(":"))
         };
-        self.clients
-            .values()
-            .zip(&read)
-            .map(line)
-            .collect::<Vec<_>>()
-            .join(",")
+        self.clients.values().zip(&read).map(line).collect::<Vec<_>>().join(",")
     }
 
     /// A table for people: name, time, writer, rate, type, value.
@@ -122,18 +91,12 @@ impl Broker {
             let source = self.sources.name(frame.header.source);
             let age = variable.last_write - self.started;
             let (kind, value) = match frame.header.value_kind {
-                ValueKind::Double => (
-                    'D',
-                    double(frame.value).map_or_else(String::new, |v| v.to_string()),
-                ),
+                ValueKind::Double => ('D', double(frame.value).map_or_else(String::new, |v| v.to_string())),
                 ValueKind::Text => ('S', first_chars(&String::from_utf8_lossy(frame.value), 25)),
                 ValueKind::Binary => ('B', self.types.name(frame.header.type_).to_owned()),
             };
             let name = self.keys.name(key);
-            let _ = writeln!(
-                table,
-                "{name:<20} {age:<20.3} {source:<20} {rate:<8.1}Hz {kind} {value}"
-            );
+            let _ = writeln!(table, "{name:<20} {age:<20.3} {source:<20} {rate:<8.1}Hz {kind} {value}");
         }
         table
     }
@@ -144,8 +107,5 @@ fn double(value: &[u8]) -> Option<f64> {
 }
 
 fn first_chars(text: &str, n: usize) -> String {
-    text.chars()
-        .take(n)
-        .map(|c| if c.is_control() { ' ' } else { c })
-        .collect()
+    text.chars().take(n).map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

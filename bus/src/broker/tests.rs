@@ -24,12 +24,7 @@ struct Heard {
 impl Speaker {
     fn new(broker: &mut Broker, now: f64, name: &str) -> Self {
         let id = broker.connect(now, name).unwrap();
-        Self {
-            id,
-            keys: Vec::new(),
-            sequence: 0,
-            names: BTreeMap::new(),
-        }
+        Self { id, keys: Vec::new(), sequence: 0, names: BTreeMap::new() }
     }
 
     fn register(&self, broker: &mut Broker, now: f64, key: &str, source: &str, interval: f64) {
@@ -48,16 +43,7 @@ impl Speaker {
         flags: u16,
     ) {
         let mut batch = Vec::new();
-        put(
-            &mut batch,
-            &Header {
-                time,
-                flags,
-                ..Header::new(kind)
-            },
-            key.as_bytes(),
-            source.as_bytes(),
-        );
+        put(&mut batch, &Header { time, flags, ..Header::new(kind) }, key.as_bytes(), source.as_bytes());
         broker.receive(now, self.id, &batch).unwrap();
     }
 
@@ -93,10 +79,7 @@ impl Speaker {
             let name = |what: Named, number: u32| self.names[&(what as u16, number)].clone();
             match h.kind {
                 FrameKind::Define => {
-                    self.names.insert(
-                        (h.flags, h.key),
-                        String::from_utf8(frame.aux.into()).unwrap(),
-                    );
+                    self.names.insert((h.flags, h.key), String::from_utf8(frame.aux.into()).unwrap());
                 }
                 FrameKind::Dropped => dropped = h.sequence,
                 FrameKind::Refused => refused.push(String::from_utf8(frame.value.into()).unwrap()),
@@ -112,11 +95,7 @@ impl Speaker {
     }
 
     fn texts(&mut self, broker: &mut Broker, now: f64) -> Vec<String> {
-        self.hear(broker, now)
-            .0
-            .into_iter()
-            .map(|h| String::from_utf8(h.value).unwrap())
-            .collect()
+        self.hear(broker, now).0.into_iter().map(|h| String::from_utf8(h.value).unwrap()).collect()
     }
 }
 
@@ -127,23 +106,11 @@ fn broker() -> Broker {
 #[test]
 fn a_message_reaches_who_registered_and_only_them() {
     let b = &mut broker();
-    let (mut a, mut c, mut d) = (
-        Speaker::new(b, 0.0, "a"),
-        Speaker::new(b, 0.0, "c"),
-        Speaker::new(b, 0.0, "d"),
-    );
+    let (mut a, mut c, mut d) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"), Speaker::new(b, 0.0, "d"));
     c.register(b, 0.0, "X", "*", 0.0);
     a.text(b, 0.0, "X", "1");
     let (heard, ..) = c.hear(b, 0.0);
-    assert_eq!(
-        heard,
-        [Heard {
-            key: "X".into(),
-            source: "a".into(),
-            value: b"1".into(),
-            latest: false
-        }]
-    );
+    assert_eq!(heard, [Heard { key: "X".into(), source: "a".into(), value: b"1".into(), latest: false }]);
     assert!(d.hear(b, 0.0).0.is_empty());
 }
 
@@ -156,34 +123,18 @@ fn a_late_registrant_is_given_the_latest_value_once() {
     c.register(b, 0.0, "X", "*", 0.0);
     c.register(b, 0.0, "*", "a", 0.0);
     let (heard, ..) = c.hear(b, 0.0);
-    assert_eq!(
-        heard,
-        [Heard {
-            key: "X".into(),
-            source: "a".into(),
-            value: b"new".into(),
-            latest: true
-        }]
-    );
+    assert_eq!(heard, [Heard { key: "X".into(), source: "a".into(), value: b"new".into(), latest: true }]);
 }
 
 #[test]
 fn a_wildcard_matches_every_pair_of_variable_and_source_whenever_it_first_appears() {
     let b = &mut broker();
-    let (mut a, mut c, mut d) = (
-        Speaker::new(b, 0.0, "a"),
-        Speaker::new(b, 0.0, "c"),
-        Speaker::new(b, 0.0, "d"),
-    );
+    let (mut a, mut c, mut d) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"), Speaker::new(b, 0.0, "d"));
     c.register(b, 0.0, "NAV_*", "d", 0.0);
     a.text(b, 0.0, "NAV_X", "from a");
     d.text(b, 0.0, "NAV_X", "from d");
     d.text(b, 0.0, "OTHER", "from d");
-    assert_eq!(
-        c.texts(b, 0.0),
-        ["from d"],
-        "MOOS tests a variable against its first writer only"
-    );
+    assert_eq!(c.texts(b, 0.0), ["from d"], "MOOS tests a variable against its first writer only");
 }
 
 #[test]
@@ -196,17 +147,9 @@ fn a_throttled_registration_delivers_the_last_value_of_a_burst() {
         b.tick(now);
         a.text(b, now, "X", &i.to_string());
     }
-    assert!(
-        (b.next_deadline() - 2.0).abs() < 0.6,
-        "{}",
-        b.next_deadline()
-    );
+    assert!((b.next_deadline() - 2.0).abs() < 0.6, "{}", b.next_deadline());
     b.tick(1.6 + 1.0);
-    assert_eq!(
-        c.texts(b, 2.6),
-        ["0", "4", "9", "11"],
-        "every 0.5 s, and the last one"
-    );
+    assert_eq!(c.texts(b, 2.6), ["0", "4", "9", "11"], "every 0.5 s, and the last one");
     b.tick(9.0);
     assert!(c.texts(b, 9.0).is_empty());
 }
@@ -218,10 +161,7 @@ fn a_write_of_the_wrong_type_is_answered_to_the_writer() {
     c.register(b, 0.0, "X", "*", 0.0);
     a.say(b, 0.0, "X", ValueKind::Double, &1.0_f64.to_le_bytes());
     a.text(b, 0.0, "X", "two");
-    assert_eq!(
-        a.hear(b, 0.0).2,
-        ["X carries numbers since its first write; texts was refused"]
-    );
+    assert_eq!(a.hear(b, 0.0).2, ["X carries numbers since its first write; texts was refused"]);
     assert_eq!(c.hear(b, 0.0).0.len(), 1);
 }
 
@@ -250,13 +190,7 @@ fn what_an_app_published_outlives_it() {
 
 #[test]
 fn a_full_mailbox_drops_the_oldest_and_counts() {
-    let b = &mut Broker::new(
-        BrokerConfig {
-            mailbox_bytes: 10 * 56,
-            ..BrokerConfig::new("test")
-        },
-        0.0,
-    );
+    let b = &mut Broker::new(BrokerConfig { mailbox_bytes: 10 * 56, ..BrokerConfig::new("test") }, 0.0);
     let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
     c.register(b, 0.0, "X", "*", 0.0);
     for i in 0..100 {
@@ -264,10 +198,7 @@ fn a_full_mailbox_drops_the_oldest_and_counts() {
     }
     let (heard, dropped, _) = c.hear(b, 0.0);
     assert_eq!((heard.len(), dropped), (10, 90));
-    assert_eq!(
-        (&heard[0].value[..], &heard[9].value[..]),
-        (&b"90"[..], &b"99"[..])
-    );
+    assert_eq!((&heard[0].value[..], &heard[9].value[..]), (&b"90"[..], &b"99"[..]));
     for i in 0..11 {
         a.text(b, 0.0, "X", &i.to_string());
     }
@@ -276,11 +207,7 @@ fn a_full_mailbox_drops_the_oldest_and_counts() {
 
 #[test]
 fn a_lossless_registrant_holds_its_publishers_back_as_long_as_patience_lasts() {
-    let config = BrokerConfig {
-        mailbox_bytes: 10 * 56,
-        lossless_patience_secs: 5.0,
-        ..BrokerConfig::new("test")
-    };
+    let config = BrokerConfig { mailbox_bytes: 10 * 56, lossless_patience_secs: 5.0, ..BrokerConfig::new("test") };
     let b = &mut Broker::new(config, 0.0);
     let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
     c.registration(b, 0.0, FrameKind::Register, "X", "*", 0.0, LOSSLESS);
@@ -295,10 +222,7 @@ fn a_lossless_registrant_holds_its_publishers_back_as_long_as_patience_lasts() {
     for i in 0..10 {
         a.text(b, 2.0, "X", &i.to_string());
     }
-    assert!(
-        b.holds_back(2.0, a.id) && !b.holds_back(8.0, a.id),
-        "a reader that stopped is waited for 5 s"
-    );
+    assert!(b.holds_back(2.0, a.id) && !b.holds_back(8.0, a.id), "a reader that stopped is waited for 5 s");
     a.text(b, 8.0, "X", "late");
     let (heard, dropped, _) = c.hear(b, 8.0);
     assert_eq!((heard.len(), dropped), (10, 1));
@@ -313,11 +237,7 @@ fn unregistered_means_silence() {
     c.registration(b, 0.0, FrameKind::Unregister, "X*", "*", 0.0, 0);
     a.text(b, 0.0, "X1", "2");
     a.text(b, 0.0, "X2", "3");
-    assert_eq!(
-        c.texts(b, 0.0),
-        ["1"],
-        "MOOS' wildcard unregister keeps the filter; ours does not"
-    );
+    assert_eq!(c.texts(b, 0.0), ["1"], "MOOS' wildcard unregister keeps the filter; ours does not");
 }
 
 #[test]
@@ -327,16 +247,8 @@ fn the_db_variables_are_there() {
     c.register(b, 0.0, "DB_*", "*", 0.0);
     b.tick(0.0);
     let keys: BTreeSet<String> = c.hear(b, 0.0).0.into_iter().map(|h| h.key).collect();
-    for key in [
-        "DB_CLIENTS",
-        "DB_EVENT",
-        "DB_TIME",
-        "DB_UPTIME",
-        "DB_QOS",
-        "DB_RWSUMMARY",
-        "DB_VARSUMMARY",
-        "DB_DROPS",
-    ] {
+    for key in ["DB_CLIENTS", "DB_EVENT", "DB_TIME", "DB_UPTIME", "DB_QOS", "DB_RWSUMMARY", "DB_VARSUMMARY", "DB_DROPS"]
+    {
         assert!(keys.contains(key), "{key} is missing from {keys:?}");
     }
 }
@@ -347,16 +259,10 @@ fn a_client_that_speaks_nonsense_is_an_error_not_a_panic() {
     let a = Speaker::new(b, 0.0, "a");
     let mut batch = Vec::new();
     put(&mut batch, &Header::new(FrameKind::Notify), &[], &[]);
-    assert!(
-        b.receive(0.0, a.id, &batch).is_err(),
-        "key 0 was never defined"
-    );
+    assert!(b.receive(0.0, a.id, &batch).is_err(), "key 0 was never defined");
     let mut batch = Vec::new();
     put_definition(&mut batch, Named::Key, 7, "X", 0);
-    assert!(
-        b.receive(0.0, a.id, &batch).is_err(),
-        "definitions come in order"
-    );
+    assert!(b.receive(0.0, a.id, &batch).is_err(), "definitions come in order");
 }
 
 proptest! {

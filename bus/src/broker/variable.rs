@@ -63,25 +63,15 @@ impl Variable {
 
     /// The source of the latest value.
     pub fn latest_source(&self) -> Option<u32> {
-        wire::first_frame(&self.latest)
-            .ok()
-            .map(|f| f.header.source)
+        wire::first_frame(&self.latest).ok().map(|f| f.header.source)
     }
 
     /// The throttle of a client.
     pub fn throttle(&mut self, client: ClientId) -> &mut Throttle {
-        let at = self
-            .throttles
-            .iter()
-            .position(|t| t.client == client)
-            .unwrap_or_else(|| {
-                self.throttles.push(Throttle {
-                    client,
-                    last_sent: f64::NEG_INFINITY,
-                    pending: None,
-                });
-                self.throttles.len() - 1
-            });
+        let at = self.throttles.iter().position(|t| t.client == client).unwrap_or_else(|| {
+            self.throttles.push(Throttle { client, last_sent: f64::NEG_INFINITY, pending: None });
+            self.throttles.len() - 1
+        });
         &mut self.throttles[at]
     }
 

@@ -71,10 +71,7 @@ impl BulkWriter {
         let Ok(mut sample) = self.publisher.loan_slice_uninit(len) else {
             return Ok(None);
         };
-        let mut slot = Slot {
-            memory: sample.payload_mut(),
-            written: 0,
-        };
+        let mut slot = Slot { memory: sample.payload_mut(), written: 0 };
         fill(&mut slot).map_err(failed("writing a bulk value"))?;
         let (written, memory) = (slot.written, slot.memory);
         memory[written..].fill(MaybeUninit::new(0));
@@ -95,11 +92,8 @@ struct Slot<'a> {
 
 impl Write for Slot<'_> {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let room = self
-            .memory
-            .get_mut(self.written..self.written + bytes.len());
-        let room =
-            room.ok_or_else(|| std::io::Error::other("the value is longer than announced"))?;
+        let room = self.memory.get_mut(self.written..self.written + bytes.len());
+        let room = room.ok_or_else(|| std::io::Error::other("the value is longer than announced"))?;
         room.write_copy_of_slice(bytes);
         self.written += bytes.len();
         Ok(bytes.len())
@@ -122,10 +116,7 @@ impl BulkReader {
             .subscriber_builder()
             .create()
             .map_err(failed(format_args!("reading bulk service {name}")))?;
-        Ok(Self {
-            subscriber,
-            current: None,
-        })
+        Ok(Self { subscriber, current: None })
     }
 
     /// The next value that came, whichever it is.
@@ -135,17 +126,10 @@ impl BulkReader {
 
     /// Value number `wanted`, in place; lets go of all before it. `None` if it was overwritten.
     pub fn get(&mut self, wanted: u64) -> Option<&[u8]> {
-        while self
-            .current
-            .as_ref()
-            .is_none_or(|s| *s.user_header() < wanted)
-        {
+        while self.current.as_ref().is_none_or(|s| *s.user_header() < wanted) {
             self.current = None;
             self.current = Some(self.next()?);
         }
-        self.current
-            .as_ref()
-            .filter(|s| *s.user_header() == wanted)
-            .map(|s| s.payload())
+        self.current.as_ref().filter(|s| *s.user_header() == wanted).map(|s| s.payload())
     }
 }

@@ -30,14 +30,10 @@ const LINGER: Duration = Duration::from_secs(10);
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
     /// Nobody serves the community.
-    #[error(
-        "no broker serves community {0} here: start one with `elk db --community {0}` or `elk launch`"
-    )]
+    #[error("no broker serves community {0} here: start one with `elk db --community {0}` or `elk launch`")]
     NoBroker(Community),
     /// The community is another user's.
-    #[error(
-        "community {community} belongs to user {user}: join as that user, or choose another --community"
-    )]
+    #[error("community {community} belongs to user {user}: join as that user, or choose another --community")]
     ForeignUser {
         /// The community.
         community: Community,
@@ -68,50 +64,26 @@ pub enum ConnectError {
 /// Joins a community under a name.
 pub fn connect(community: &Community, name: &str) -> Result<Link, ConnectError> {
     limits::raise_descriptors();
-    let broken = |source| ConnectError::Handshake {
-        community: community.clone(),
-        source,
-    };
-    let stream =
-        handshake::dial(community).map_err(|_| ConnectError::NoBroker(community.clone()))?;
+    let broken = |source| ConnectError::Handshake { community: community.clone(), source };
+    let stream = handshake::dial(community).map_err(|_| ConnectError::NoBroker(community.clone()))?;
     let (_, user) = handshake::peer(&stream).map_err(broken)?;
     if user != handshake::own_user() {
-        return Err(ConnectError::ForeignUser {
-            community: community.clone(),
-            user,
-        });
+        return Err(ConnectError::ForeignUser { community: community.clone(), user });
     }
-    let hello = Hello {
-        protocol: handshake::PROTOCOL,
-        name: name.into(),
-    };
+    let hello = Hello { protocol: handshake::PROTOCOL, name: name.into() };
     handshake::send(&stream, &hello, &[]).map_err(broken)?;
     let (answer, files) = handshake::receive(&stream).map_err(broken)?;
     let (id, epoch, warp) = match answer {
         Answer::Welcome { id, epoch, warp } => (id, epoch, warp),
         Answer::Refused { reason } => {
-            return Err(ConnectError::Refused {
-                community: community.clone(),
-                reason,
-            });
+            return Err(ConnectError::Refused { community: community.clone(), reason });
         }
     };
-    let [broker_page, page]: [_; 2] = files
-        .try_into()
-        .map_err(|_| broken(std::io::Error::other("it sent no shared pages")))?;
-    let (broker, page) = (
-        Page::open(broker_page).map_err(broken)?,
-        Page::open(page).map_err(broken)?,
-    );
-    let line = Rc::new(Line {
-        community: community.clone(),
-        id,
-        epoch,
-        stream,
-        broker,
-        page,
-        node: lane::node(community)?,
-    });
+    let [broker_page, page]: [_; 2] =
+        files.try_into().map_err(|_| broken(std::io::Error::other("it sent no shared pages")))?;
+    let (broker, page) = (Page::open(broker_page).map_err(broken)?, Page::open(page).map_err(broken)?);
+    let line =
+        Rc::new(Line { community: community.clone(), id, epoch, stream, broker, page, node: lane::node(community)? });
     open_lanes(line, Clock::new(warp)).map_err(ConnectError::from)
 }
 
@@ -121,24 +93,9 @@ fn open_lanes(line: Rc<Line>, clock: Clock) -> Result<Link, LinkError> {
     line.page.ready.store(1, Release);
     line.broker.bell.ring();
     let epoch = line.epoch;
-    let up = Box::new(ShmUp {
-        lane: up,
-        bulk: None,
-        line: line.clone(),
-    });
-    let down = Box::new(ShmDown {
-        lane: down,
-        received: 0,
-        taken: Rc::new(Cell::new(0)),
-        bulk: BTreeMap::new(),
-        line,
-    });
-    Ok(Link {
-        up,
-        down,
-        clock,
-        epoch,
-    })
+    let up = Box::new(ShmUp { lane: up, bulk: None, line: line.clone() });
+    let down = Box::new(ShmDown { lane: down, received: 0, taken: Rc::new(Cell::new(0)), bulk: BTreeMap::new(), line });
+    Ok(Link { up, down, clock, epoch })
 }
 
 /// The name of a client's service in the community.
@@ -175,11 +132,7 @@ impl Line {
         self.wait_at_most(Duration::MAX, done)
     }
 
-    fn wait_at_most(
-        &self,
-        patience: Duration,
-        done: impl Fn(&ClientPage) -> bool,
-    ) -> Result<(), LinkError> {
+    fn wait_at_most(&self, patience: Duration, done: impl Fn(&ClientPage) -> bool) -> Result<(), LinkError> {
         if done(&self.page) {
             return Ok(());
         }
@@ -212,14 +165,10 @@ impl ShmUp {
         let writer = BulkWriter::open(&self.line.node, &name, len)?;
         // The broker attaches first: it keeps latest values, and copies for those who come later.
         let mut frame = Vec::new();
-        let header = Header {
-            source: self.line.id,
-            ..Header::new(FrameKind::Attached)
-        };
+        let header = Header { source: self.line.id, ..Header::new(FrameKind::Attached) };
         wire::put(&mut frame, &header, &[], &[]);
         self.send(&frame)?;
-        self.line
-            .wait_until(|page| page.attachments.load(Acquire) > 0)?;
+        self.line.wait_until(|page| page.attachments.load(Acquire) > 0)?;
         Ok(writer)
     }
 }
@@ -228,8 +177,7 @@ impl Uplink for ShmUp {
     fn send(&mut self, batch: &[u8]) -> Result<(), LinkError> {
         let page = &self.line.page;
         let sent = page.up_sent.load(Relaxed);
-        self.line
-            .wait_until(|page| sent - page.up_taken.load(Acquire) < DEPTH)?;
+        self.line.wait_until(|page| sent - page.up_taken.load(Acquire) < DEPTH)?;
         if page.closed.load(Acquire) != 0 {
             return Err(self.line.gone());
         }
@@ -245,17 +193,12 @@ impl Uplink for ShmUp {
             None => self.open_bulk(len)?,
         };
         let sent = writer.sent;
-        self.line
-            .wait_until(|page| sent - page.bulk_settled.load(Acquire) < bulk::DEPTH)?;
+        self.line.wait_until(|page| sent - page.bulk_settled.load(Acquire) < bulk::DEPTH)?;
         // Read before sending: whoever attached by now is reached by this very sample.
         let generation = self.line.page.attachments.load(Acquire);
         let sample = writer.send(len, fill)?;
         self.bulk = Some(writer);
-        Ok(sample.map(|sample| BulkRef {
-            client: self.line.id,
-            generation,
-            sample,
-        }))
+        Ok(sample.map(|sample| BulkRef { client: self.line.id, generation, sample }))
     }
 }
 
@@ -265,9 +208,7 @@ impl Drop for ShmUp {
     fn drop(&mut self) {
         // A broker that is gone, or that has no room for so long, will not hear them either way.
         let sent = self.line.page.up_sent.load(Relaxed);
-        let _ = self
-            .line
-            .wait_at_most(LINGER, |page| page.up_taken.load(Acquire) == sent);
+        let _ = self.line.wait_at_most(LINGER, |page| page.up_taken.load(Acquire) == sent);
     }
 }
 
@@ -289,20 +230,13 @@ impl Downlink for ShmDown {
                 && let Some(sample) = self.lane.receive()?
             {
                 self.received += 1;
-                return Ok(Some(Batch(Box::new(Taken {
-                    sample,
-                    taken: self.taken.clone(),
-                    line: self.line.clone(),
-                }))));
+                return Ok(Some(Batch(Box::new(Taken { sample, taken: self.taken.clone(), line: self.line.clone() }))));
             }
             if page.closed.load(Acquire) != 0 {
                 return Err(self.line.gone());
             }
             let waited = *waited.get_or_insert_with(Stopwatch::start);
-            let Some(left) = timeout
-                .checked_sub(waited.elapsed())
-                .filter(|left| !left.is_zero())
-            else {
+            let Some(left) = timeout.checked_sub(waited.elapsed()).filter(|left| !left.is_zero()) else {
                 return self.line.check().map(|()| None);
             };
             page.bell.wait(rings, left.min(LOOK_EVERY));
@@ -320,13 +254,8 @@ impl Downlink for ShmDown {
         if self.bulk.contains_key(&publisher) {
             return false; // told twice: the first word is still on its way up
         }
-        let opened = BulkReader::open(
-            &self.line.node,
-            &lane_name(self.line.epoch, "bulk", publisher),
-        );
-        opened
-            .map(|reader| self.bulk.insert(publisher, reader))
-            .is_ok()
+        let opened = BulkReader::open(&self.line.node, &lane_name(self.line.epoch, "bulk", publisher));
+        opened.map(|reader| self.bulk.insert(publisher, reader)).is_ok()
     }
 }
 

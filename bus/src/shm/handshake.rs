@@ -9,8 +9,7 @@ use std::os::unix::net::{SocketAddr, UnixListener, UnixStream};
 use std::time::Duration;
 
 use rustix::net::{
-    RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer,
-    SendAncillaryMessage, SendFlags,
+    RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer, SendAncillaryMessage, SendFlags,
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -59,10 +58,7 @@ pub fn dial(community: &Community) -> std::io::Result<UnixStream> {
 /// The process and the user at the other end.
 pub fn peer(stream: &UnixStream) -> std::io::Result<(u32, u32)> {
     let credentials = rustix::net::sockopt::socket_peercred(stream)?;
-    Ok((
-        credentials.pid.as_raw_nonzero().get() as u32,
-        credentials.uid.as_raw(),
-    ))
+    Ok((credentials.pid.as_raw_nonzero().get() as u32, credentials.uid.as_raw()))
 }
 
 /// The user that this process runs as.
@@ -71,11 +67,7 @@ pub fn own_user() -> u32 {
 }
 
 /// Sends a message, and files with it.
-pub fn send<T: Serialize>(
-    stream: &UnixStream,
-    message: &T,
-    files: &[BorrowedFd<'_>],
-) -> std::io::Result<()> {
+pub fn send<T: Serialize>(stream: &UnixStream, message: &T, files: &[BorrowedFd<'_>]) -> std::io::Result<()> {
     let mut bytes = vec![0; 4];
     codec::encode_onto(message, &mut bytes).map_err(std::io::Error::other)?;
     let len = (bytes.len() - 4) as u32;
@@ -85,12 +77,7 @@ pub fn send<T: Serialize>(
     if !files.is_empty() {
         ancillary.push(SendAncillaryMessage::ScmRights(files));
     }
-    let sent = rustix::net::sendmsg(
-        stream,
-        &[std::io::IoSlice::new(&bytes)],
-        &mut ancillary,
-        SendFlags::NOSIGNAL,
-    )?;
+    let sent = rustix::net::sendmsg(stream, &[std::io::IoSlice::new(&bytes)], &mut ancillary, SendFlags::NOSIGNAL)?;
     let mut stream = stream;
     stream.write_all(&bytes[sent..])
 }
@@ -102,13 +89,7 @@ pub fn receive<T: DeserializeOwned>(stream: &UnixStream) -> std::io::Result<(T, 
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(2))];
     let mut ancillary = RecvAncillaryBuffer::new(&mut space);
     let flags = RecvFlags::CMSG_CLOEXEC;
-    let got = rustix::net::recvmsg(
-        stream.as_fd(),
-        &mut [IoSliceMut::new(&mut len)],
-        &mut ancillary,
-        flags,
-    )?
-    .bytes;
+    let got = rustix::net::recvmsg(stream.as_fd(), &mut [IoSliceMut::new(&mut len)], &mut ancillary, flags)?.bytes;
     for message in ancillary.drain() {
         if let RecvAncillaryMessage::ScmRights(rights) = message {
             files.extend(rights);
@@ -121,14 +102,11 @@ pub fn receive<T: DeserializeOwned>(stream: &UnixStream) -> std::io::Result<(T, 
     stream.read_exact(&mut len[got..])?;
     let len = u32::from_le_bytes(len) as usize;
     if len > MAX_BYTES {
-        return Err(std::io::Error::other(format!(
-            "a message of {len} bytes is no handshake"
-        )));
+        return Err(std::io::Error::other(format!("a message of {len} bytes is no handshake")));
     }
     let mut bytes = vec![0; len];
     stream.read_exact(&mut bytes)?;
-    let message =
-        codec::decode_owned(&bytes, "handshake message").map_err(std::io::Error::other)?;
+    let message = codec::decode_owned(&bytes, "handshake message").map_err(std::io::Error::other)?;
     Ok((message, files))
 }
 

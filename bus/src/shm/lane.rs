@@ -8,9 +8,7 @@ use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{
-    AllocationStrategy, BackpressureStrategy, FileName, Path, SemanticString, SignalHandlingMode,
-};
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, FileName, Path, SemanticString, SignalHandlingMode};
 use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
@@ -42,11 +40,9 @@ pub fn failed<E: std::fmt::Debug>(what: impl std::fmt::Display) -> impl FnOnce(E
 pub fn config(community: &Community) -> Result<Config, LinkError> {
     let mut config = Config::default();
     let prefix = leftovers::prefix(community);
-    config.global.prefix =
-        FileName::new(prefix.as_bytes()).map_err(failed("the community's name in file names"))?;
+    config.global.prefix = FileName::new(prefix.as_bytes()).map_err(failed("the community's name in file names"))?;
     let root = leftovers::root(community);
-    let root =
-        Path::new(root.to_string_lossy().as_bytes()).map_err(failed("the community's folder"))?;
+    let root = Path::new(root.to_string_lossy().as_bytes()).map_err(failed("the community's folder"))?;
     config.global.set_root_path(&root);
     Ok(config)
 }
@@ -94,15 +90,8 @@ impl LaneWriter {
 
     /// Sends a batch.
     pub fn send(&self, batch: &[u8]) -> Result<(), LinkError> {
-        let sample = self
-            .0
-            .loan_slice_uninit(batch.len())
-            .map_err(failed("room for a batch"))?;
-        sample
-            .write_from_slice(batch)
-            .send()
-            .map(|_| ())
-            .map_err(failed("sending a batch"))
+        let sample = self.0.loan_slice_uninit(batch.len()).map_err(failed("room for a batch"))?;
+        sample.write_from_slice(batch).send().map(|_| ()).map_err(failed("sending a batch"))
     }
 }
 
@@ -112,11 +101,7 @@ pub struct LaneReader(Subscriber<Service, [u8], ()>);
 impl LaneReader {
     /// Opens the reading end of a lane.
     pub fn open(node: &Node<Service>, name: &str) -> Result<Self, LinkError> {
-        open(node, name)?
-            .subscriber_builder()
-            .create()
-            .map(Self)
-            .map_err(failed(format_args!("reading lane {name}")))
+        open(node, name)?.subscriber_builder().create().map(Self).map_err(failed(format_args!("reading lane {name}")))
     }
 
     /// The next batch, if one is there.

@@ -30,9 +30,7 @@ pub fn sweep() {
     let Ok(folders) = std::fs::read_dir(home()) else {
         return;
     };
-    let names = folders
-        .flatten()
-        .filter_map(|f| Community::new(f.file_name().to_string_lossy()).ok());
+    let names = folders.flatten().filter_map(|f| Community::new(f.file_name().to_string_lossy()).ok());
     for community in names.filter(|c| handshake::dial(c).is_err() && !anyone_lives(c)) {
         remove(&community);
     }
@@ -44,10 +42,7 @@ fn anyone_lives(community: &Community) -> bool {
     };
     let mut alive = false;
     let listed = Node::<lane::Service>::list(&config, |state| {
-        alive |= matches!(
-            state,
-            NodeState::Alive(_) | NodeState::Inaccessible(_) | NodeState::Undefined(_)
-        );
+        alive |= matches!(state, NodeState::Alive(_) | NodeState::Inaccessible(_) | NodeState::Undefined(_));
         CallbackProgression::Continue
     });
     alive || listed.is_err()
@@ -56,11 +51,7 @@ fn anyone_lives(community: &Community) -> bool {
 /// Removes all files of a community, whose name the caller holds or nobody does.
 pub fn remove(community: &Community) {
     let prefix = prefix(community);
-    for file in std::fs::read_dir(SHARED_MEMORY)
-        .into_iter()
-        .flatten()
-        .flatten()
-    {
+    for file in std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten() {
         if file.file_name().to_string_lossy().starts_with(&prefix) {
             // Another user's file cannot be removed, and need not be: it is not this community's.
             let _ = std::fs::remove_file(file.path());
@@ -75,7 +66,7 @@ pub fn shared_memory_hint() -> String {
     let Ok(stat) = rustix::fs::statvfs(SHARED_MEMORY) else {
         return String::new();
     };
-    let free_mb = stat.f_bavail * stat.f_frsize >> 20;
+    let free_mb = (stat.f_bavail * stat.f_frsize) >> 20;
     match free_mb < 64 {
         true => format!(
             " ({SHARED_MEMORY} has only {free_mb} MB left: remove what fills it, or enlarge it with \

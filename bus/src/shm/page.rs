@@ -42,8 +42,7 @@ impl Bell {
                 tv_sec: timeout.as_secs().min(1 << 30) as i64,
                 tv_nsec: i64::from(timeout.subsec_nanos()) as _,
             };
-            let _: Result<(), Errno> =
-                futex::wait(&self.rings, futex::Flags::empty(), rings, Some(&timeout));
+            let _: Result<(), Errno> = futex::wait(&self.rings, futex::Flags::empty(), rings, Some(&timeout));
         }
         self.sleeping.store(0, Ordering::SeqCst);
     }
@@ -128,8 +127,7 @@ impl<T: Shareable> Page<T> {
                 0,
             )?
         };
-        let at = NonNull::new(at.cast())
-            .ok_or_else(|| std::io::Error::other("the page was mapped nowhere"))?;
+        let at = NonNull::new(at.cast()).ok_or_else(|| std::io::Error::other("the page was mapped nowhere"))?;
         Ok(Self { at, file })
     }
 

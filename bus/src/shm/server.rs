@@ -126,16 +126,9 @@ impl Kept {
 
 impl Server {
     /// Takes the community's name and clears away what crashed runs left.
-    pub fn start(
-        community: Community,
-        config: BrokerConfig,
-        clock: Clock,
-    ) -> Result<Self, ServeError> {
+    pub fn start(community: Community, config: BrokerConfig, clock: Clock) -> Result<Self, ServeError> {
         limits::raise_descriptors();
-        let io = |source| ServeError::Io {
-            community: community.clone(),
-            source,
-        };
+        let io = |source| ServeError::Io { community: community.clone(), source };
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
         leftovers::remove(&community);
@@ -168,10 +161,8 @@ impl Server {
             let rings = self.page.bell.rings();
             let now = self.clock.now();
             self.broker.tick(now);
-            let moved = self.take_events(now)
-                | self.take_batches(now)
-                | self.let_go_of_the_gone(now)
-                | self.hand_out(now);
+            let moved =
+                self.take_events(now) | self.take_batches(now) | self.let_go_of_the_gone(now) | self.hand_out(now);
             if !moved {
                 let until_next = self.clock.real(self.broker.next_deadline() - now);
                 self.page.bell.wait(rings, until_next.min(LONGEST_SLEEP));
@@ -185,16 +176,9 @@ impl Server {
         while let Ok(event) = self.events.try_recv() {
             any = true;
             match event {
-                Event::Hello(connection, stream, hello) => {
-                    self.let_in(now, connection, stream, &hello)
-                }
+                Event::Hello(connection, stream, hello) => self.let_in(now, connection, stream, &hello),
                 Event::HungUp(connection) => {
-                    if let Some(id) = self
-                        .peers
-                        .iter()
-                        .find(|(_, p)| p.connection == connection)
-                        .map(|(id, _)| *id)
-                    {
+                    if let Some(id) = self.peers.iter().find(|(_, p)| p.connection == connection).map(|(id, _)| *id) {
                         self.let_go(now, id);
                     }
                 }
@@ -206,31 +190,22 @@ impl Server {
     fn let_in(&mut self, now: f64, connection: u64, stream: UnixStream, hello: &Hello) {
         self.free_name_of_the_dead(now, &hello.name);
         let admitted = match hello.protocol {
-            handshake::PROTOCOL => self
-                .broker
-                .connect(now, &hello.name)
-                .map_err(|refusal| refusal.to_string()),
+            handshake::PROTOCOL => self.broker.connect(now, &hello.name).map_err(|refusal| refusal.to_string()),
             other => Err(format!(
                 "this broker speaks protocol {}, the client {other}: build both from the same version",
                 handshake::PROTOCOL
             )),
         };
         let peer = admitted.and_then(|id| {
-            self.open_lanes(connection, &stream, id)
-                .map(|peer| (id, peer))
-                .map_err(|e| {
-                    self.broker.disconnect(now, id);
-                    e.to_string()
-                })
+            self.open_lanes(connection, &stream, id).map(|peer| (id, peer)).map_err(|e| {
+                self.broker.disconnect(now, id);
+                e.to_string()
+            })
         });
         match peer {
             Ok((id, peer)) => {
                 let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
-                let welcome = Answer::Welcome {
-                    id,
-                    epoch: self.epoch,
-                    warp: self.clock.warp(),
-                };
+                let welcome = Answer::Welcome { id, epoch: self.epoch, warp: self.clock.warp() };
                 // Who hung up meanwhile is noticed by the connection's own thread.
                 let _ = handshake::send(&stream, &welcome, &files);
                 self.peers.insert(id, peer);
@@ -244,10 +219,7 @@ impl Server {
 
     /// The news of a client's end may come later than its successor: the socket knows.
     fn free_name_of_the_dead(&mut self, now: f64, name: &str) {
-        let holder = self
-            .peers
-            .iter()
-            .find(|(id, _)| self.broker.client_name(**id) == Some(name));
+        let holder = self.peers.iter().find(|(id, _)| self.broker.client_name(**id) == Some(name));
         if let Some((&id, _)) = holder.filter(|(_, peer)| handshake::hung_up(&peer.stream)) {
             while self.peers.get(&id).is_some_and(Peer::has_sent) && self.take_batch(now, id) {}
             self.let_go(now, id);
@@ -256,22 +228,12 @@ impl Server {
 
     /// Lets go of the clients that are gone and whose last words are taken.
     fn let_go_of_the_gone(&mut self, now: f64) -> bool {
-        let gone: Vec<_> = self
-            .peers
-            .iter()
-            .filter(|(_, p)| p.hung_up && !p.has_sent())
-            .map(|(id, _)| *id)
-            .collect();
+        let gone: Vec<_> = self.peers.iter().filter(|(_, p)| p.hung_up && !p.has_sent()).map(|(id, _)| *id).collect();
         gone.iter().for_each(|id| self.let_go(now, *id));
         !gone.is_empty()
     }
 
-    fn open_lanes(
-        &self,
-        connection: u64,
-        stream: &UnixStream,
-        id: ClientId,
-    ) -> Result<Peer, LinkError> {
+    fn open_lanes(&self, connection: u64, stream: &UnixStream, id: ClientId) -> Result<Peer, LinkError> {
         let Some(node) = &self.node else {
             return Err(LinkError::BrokerGone(self.community.to_string()));
         };
@@ -302,12 +264,7 @@ impl Server {
 
     /// One batch from each client that has sent any.
     fn take_batches(&mut self, now: f64) -> bool {
-        let ids: Vec<ClientId> = self
-            .peers
-            .iter()
-            .filter(|(_, p)| p.has_sent())
-            .map(|(id, _)| *id)
-            .collect();
+        let ids: Vec<ClientId> = self.peers.iter().filter(|(_, p)| p.has_sent()).map(|(id, _)| *id).collect();
         let mut any = false;
         for id in ids {
             if !self.broker.holds_back(now, id) {
@@ -368,12 +325,7 @@ impl Server {
             return;
         };
         let Some(held) = &mut peer.bulk else { return };
-        if let Some(newest) = held
-            .samples
-            .last_key_value()
-            .map(|(n, _)| *n)
-            .filter(|n| *n > newest_before)
-        {
+        if let Some(newest) = held.samples.last_key_value().map(|(n, _)| *n).filter(|n| *n > newest_before) {
             held.unsettled.push_back((newest, waiting));
         }
     }
@@ -396,13 +348,7 @@ impl Server {
             return;
         };
         match BulkReader::open(node, &lane_name(self.epoch, "bulk", publisher)) {
-            Ok(reader) => {
-                peer.bulk = Some(Held {
-                    reader,
-                    samples: BTreeMap::new(),
-                    unsettled: VecDeque::new(),
-                })
-            }
+            Ok(reader) => peer.bulk = Some(Held { reader, samples: BTreeMap::new(), unsettled: VecDeque::new() }),
             // The values will be missed and counted by their receivers; the reason stands in the broker's log.
             Err(error) => eprintln!("elk db: {error}"),
         }
@@ -421,11 +367,7 @@ impl Server {
     }
 
     fn hand_out_to(&mut self, now: f64, id: ClientId) -> bool {
-        let Some(peer) = self
-            .peers
-            .get(&id)
-            .filter(|p| p.page.ready.load(Acquire) != 0)
-        else {
+        let Some(peer) = self.peers.get(&id).filter(|p| p.page.ready.load(Acquire) != 0) else {
             return false;
         };
         if !peer.has_room() {
@@ -438,10 +380,8 @@ impl Server {
         let mut batch = std::mem::take(&mut self.scratch);
         batch.clear();
         let peers = &self.peers;
-        let resolve =
-            |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk(peers, peer, frame, batch);
-        self.broker
-            .take_mail(now, id, BATCH_BYTES, &mut batch, resolve);
+        let resolve = |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk(peers, peer, frame, batch);
+        self.broker.take_mail(now, id, BATCH_BYTES, &mut batch, resolve);
         let sent = peer.down.send(&batch);
         self.scratch = batch;
         let position = self.broker.mail_taken(id);
@@ -461,15 +401,12 @@ impl Server {
         for peer in self.peers.values_mut() {
             peer.note_done();
         }
-        let done: BTreeMap<ClientId, u64> =
-            self.peers.iter().map(|(id, p)| (*id, p.done)).collect();
+        let done: BTreeMap<ClientId, u64> = self.peers.iter().map(|(id, p)| (*id, p.done)).collect();
         for peer in self.peers.values_mut() {
             let Some(held) = &mut peer.bulk else { continue };
             let mut settled = None;
             while let Some((sample, waiting)) = held.unsettled.front()
-                && waiting
-                    .iter()
-                    .all(|(id, position)| done.get(id).is_none_or(|d| d >= position))
+                && waiting.iter().all(|(id, position)| done.get(id).is_none_or(|d| d >= position))
             {
                 settled = Some(*sample);
                 held.unsettled.pop_front();
@@ -490,9 +427,7 @@ impl Server {
             peer.page.bell.ring();
         }
         let waited = Stopwatch::start();
-        while self.peers.values().any(|p| !handshake::hung_up(&p.stream))
-            && waited.elapsed() < FAREWELL
-        {
+        while self.peers.values().any(|p| !handshake::hung_up(&p.stream)) && waited.elapsed() < FAREWELL {
             let rings = self.page.bell.rings();
             self.page.bell.wait(rings, Duration::from_millis(20));
         }
@@ -508,34 +443,16 @@ fn place_bulk(peers: &BTreeMap<ClientId, Peer>, to: &Peer, frame: &Frame<'_>, ba
     let Some(reference) = BulkRef::from_bytes(frame.value) else {
         return;
     };
-    let reached = to
-        .attached
-        .get(&reference.client)
-        .is_some_and(|since| *since <= reference.generation);
+    let reached = to.attached.get(&reference.client).is_some_and(|since| *since <= reference.generation);
     let in_place = reached && frame.header.flags & LATEST == 0;
-    let kept = || {
-        peers
-            .get(&reference.client)?
-            .bulk
-            .as_ref()?
-            .samples
-            .get(&reference.sample)
-    };
+    let kept = || peers.get(&reference.client)?.bulk.as_ref()?.samples.get(&reference.sample);
     match kept().filter(|_| !in_place) {
         Some(kept) => {
             let tell = !to.attached.contains_key(&reference.client);
             let flags = frame.header.flags & !BULK | if tell { ATTACH } else { 0 };
             let publisher = reference.client.to_le_bytes();
             let aux: &[u8] = if tell { &publisher } else { frame.aux };
-            wire::put(
-                batch,
-                &wire::Header {
-                    flags,
-                    ..frame.header
-                },
-                aux,
-                kept.bytes(),
-            );
+            wire::put(batch, &wire::Header { flags, ..frame.header }, aux, kept.bytes());
         }
         // In place; or gone before it could be copied: then the receiver finds nothing behind the reference, and counts.
         None => batch.extend_from_slice(frame.bytes),
@@ -562,8 +479,7 @@ impl Peer {
 impl Held {
     fn take_in(&mut self) {
         while let Some(sample) = self.reader.next() {
-            self.samples
-                .insert(*sample.user_header(), Kept::InPlace(sample));
+            self.samples.insert(*sample.user_header(), Kept::InPlace(sample));
         }
     }
 
@@ -575,17 +491,9 @@ impl Held {
     /// too many to hold in place are copied.
     fn let_go_of_unwanted(&mut self, is_latest: impl Fn(u64) -> bool) {
         let newest = self.samples.last_key_value().map_or(0, |(n, _)| *n);
-        self.samples
-            .retain(|sample, _| *sample + bulk::DEPTH > newest || is_latest(*sample));
-        let in_place = self
-            .samples
-            .values()
-            .filter(|k| matches!(k, Kept::InPlace(_)))
-            .count();
-        let old = self
-            .samples
-            .values_mut()
-            .filter(|k| matches!(k, Kept::InPlace(_)));
+        self.samples.retain(|sample, _| *sample + bulk::DEPTH > newest || is_latest(*sample));
+        let in_place = self.samples.values().filter(|k| matches!(k, Kept::InPlace(_))).count();
+        let old = self.samples.values_mut().filter(|k| matches!(k, Kept::InPlace(_)));
         for kept in old.take(in_place.saturating_sub(bulk::HELD)) {
             *kept = Kept::Copied(kept.bytes().to_vec());
         }
@@ -595,15 +503,8 @@ impl Held {
 fn taken(community: &Community, source: std::io::Error) -> ServeError {
     let other = handshake::dial(community).and_then(|stream| handshake::peer(&stream));
     match other {
-        Ok((process, user)) => ServeError::Taken {
-            community: community.clone(),
-            process,
-            user,
-        },
-        Err(_) => ServeError::Io {
-            community: community.clone(),
-            source,
-        },
+        Ok((process, user)) => ServeError::Taken { community: community.clone(), process, user },
+        Err(_) => ServeError::Io { community: community.clone(), source },
     }
 }
 
@@ -611,24 +512,21 @@ fn accept_all(listener: &UnixListener, events: &Sender<Event>, page: &Arc<Page<B
     for (connection, stream) in (0_u64..).zip(listener.incoming()) {
         let Ok(stream) = stream else { continue };
         let (events, page) = (events.clone(), page.clone());
-        let spawned = std::thread::Builder::new()
-            .name("connection".into())
-            .stack_size(64 << 10)
-            .spawn(move || {
-                let tell = |event| {
-                    // The broker may be gone already; then nobody needs the news.
-                    let _ = events.send(event);
-                    page.bell.ring();
+        let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(move || {
+            let tell = |event| {
+                // The broker may be gone already; then nobody needs the news.
+                let _ = events.send(event);
+                page.bell.ring();
+            };
+            if let Some((stream, hello)) = first_word(stream) {
+                let Ok(watched) = stream.try_clone() else {
+                    return;
                 };
-                if let Some((stream, hello)) = first_word(stream) {
-                    let Ok(watched) = stream.try_clone() else {
-                        return;
-                    };
-                    tell(Event::Hello(connection, stream, hello));
-                    watch(&watched);
-                    tell(Event::HungUp(connection));
-                }
-            });
+                tell(Event::Hello(connection, stream, hello));
+                watch(&watched);
+                tell(Event::HungUp(connection));
+            }
+        });
         if let Err(error) = spawned {
             eprintln!("elk db: a client was turned away, no thread for it: {error}");
         }

@@ -1,0 +1,197 @@
+//! How a scan gets into the map: as a set.
+//!
+//! All rays are walked first, and only mark voxels as hit or passed; then every marked voxel gets one update, and a hit
+//! wins over any number of passing rays. The order of the points therefore does not matter, and a voxel near the sensor
+//! that a thousand rays pass is not a thousand times as free (`exploration-prototype`: without this no exploration ends).
+
+use elk_spatial::Voxel;
+use elk_spatial::bricks::{brick_of, voxel_at};
+use elk_spatial::voxel::INDEX_RANGE;
+use nalgebra::Point3;
+
+use crate::mask::{self, Mask};
+use crate::occupancy::{Brick, Grazing, MapConfig, Marks, OccupancyMap};
+use crate::walk::Walk;
+
+/// How far a point is moved along its ray (m): one that lies on the border of two voxels, as those on walls that follow
+/// the lattice do, falls into the voxel behind the surface, whatever rounding did to it.
+const ADVANCE: f64 = 1e-4;
+
+/// Points of a scan that could not be inserted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Dropped {
+    /// Points that are not finite, or at the sensor's very position.
+    pub invalid: usize,
+    /// Points outside the 16-bit indices of OctoMap's files.
+    pub out_of_range: usize,
+}
+
+/// What inserting a scan did.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Insertion {
+    /// The voxels whose state changed, by brick in lexicographic order.
+    pub changed: Vec<Voxel>,
+    /// Points left out.
+    pub dropped: Dropped,
+}
+
+/// A point as the map takes it: the end of its ray, and whether something is there.
+struct Ray {
+    end: Point3<f64>,
+    hit: bool,
+}
+
+impl OccupancyMap {
+    /// Inserts what was seen from `origin`: one ray to each of `points` (both m, world). The voxel of a point is hit,
+    /// those from the sensor's own up to it are passed.
+    pub fn insert(&mut self, origin: Point3<f64>, points: impl IntoIterator<Item = Point3<f64>>) -> Insertion {
+        let mut dropped = Dropped::default();
+        let Some(start) = lattice(origin, self.config.resolution) else {
+            dropped.out_of_range = points.into_iter().count();
+            return Insertion { dropped, ..Insertion::default() };
+        };
+        let home = self.table.find_or_add(brick_of(Voxel::containing(start, 1.0)));
+        self.grow();
+        for point in points {
+            let Some(ray) = ray_to(origin, point, &self.config) else {
+                dropped.invalid += 1;
+                continue;
+            };
+            match lattice(ray.end, self.config.resolution) {
+                Some(end) => self.mark(Walk::new(start, end), home, ray.hit),
+                None => dropped.out_of_range += 1,
+            }
+        }
+        Insertion { changed: self.update_marked(), dropped }
+    }
+
+    /// Walks a ray from brick `home` on, marks what it passes, and its end if it is a hit.
+    fn mark(&mut self, mut walk: Walk, home: usize, hit: bool) {
+        let mut i = home;
+        self.touch(i);
+        loop {
+            let key = walk.brick_key();
+            let passed = &mut self.marks[i].passed;
+            while walk.left() > 0 && walk.brick_key() == key {
+                let (layer, bit) = walk.cell();
+                passed[layer] |= bit;
+                walk.advance();
+            }
+            if walk.brick_key() == key {
+                break;
+            }
+            i = self.table.beyond(i, walk.face_from(key));
+            self.touch(i);
+        }
+        if hit {
+            let (layer, bit) = walk.cell();
+            self.marks[i].hit[layer] |= bit;
+        }
+    }
+
+    #[inline]
+    fn touch(&mut self, i: usize) {
+        if i >= self.marks.len() {
+            self.grow();
+        }
+        if !self.marks[i].touched {
+            self.marks[i].touched = true;
+            self.touched.push(i);
+        }
+    }
+
+    /// Gives every marked voxel its update, clears the marks and answers the voxels whose state changed.
+    fn update_marked(&mut self) -> Vec<Voxel> {
+        let mut touched = std::mem::take(&mut self.touched);
+        // By position, not in the order in which rays came by: the answer does not depend on the order of the points.
+        touched.sort_unstable_by_key(|&i| self.table.position(i));
+        let spared: Vec<Mask> = touched.iter().map(|&i| self.spared(i)).collect();
+        let (mut changed, mut changed_bricks) = (Vec::new(), Vec::new());
+        for (&i, spared) in touched.iter().zip(&spared) {
+            let marks = std::mem::take(&mut self.marks[i]);
+            let cells = self.bricks[i].update(&marks, spared, &self.config);
+            if cells != mask::NONE {
+                changed_bricks.push(i);
+                self.tell_grid(i, &cells, &mut changed);
+            }
+        }
+        self.update_frontier(&changed_bricks);
+        touched.clear();
+        self.touched = touched;
+        changed
+    }
+
+    fn tell_grid(&mut self, i: usize, cells: &Mask, changed: &mut Vec<Voxel>) {
+        let (brick, position) = (&self.bricks[i], self.table.position(i));
+        for cell in mask::cells(cells) {
+            let voxel = voxel_at(position, cell);
+            self.grid.set(voxel, Self::state_of(brick.log_odds[cell]));
+            changed.push(voxel);
+        }
+    }
+
+    /// The cells of brick `i` that passing rays do not count against (see [`Grazing`]).
+    fn spared(&self, i: usize) -> Mask {
+        let ever_hit = self.bricks[i].ever_hit;
+        let passed = self.marks[i].passed;
+        match self.config.grazing {
+            Grazing::None => mask::NONE,
+            Grazing::Sticky => ever_hit,
+            Grazing::Guard if (0..8).all(|z| ever_hit[z] & passed[z] == 0) => mask::NONE,
+            Grazing::Guard => {
+                let near_hit = mask::grown(|offset| self.hits(self.table.position(i) + offset));
+                std::array::from_fn(|z| ever_hit[z] & near_hit[z])
+            }
+        }
+    }
+
+    /// The cells of the brick at `position` that this scan hit.
+    fn hits(&self, position: Voxel) -> Mask {
+        self.table.find(position).map_or(mask::NONE, |i| self.marks[i].hit)
+    }
+}
+
+impl Brick {
+    /// One update for every cell that was hit, or passed and not spared; answers the cells whose state changed.
+    fn update(&mut self, marks: &Marks, spared: &Mask, config: &MapConfig) -> Mask {
+        std::array::from_fn(|z| {
+            let hit = marks.hit[z];
+            let missed = marks.passed[z] & !hit & !spared[z];
+            let clamp = |log_odds: f32| log_odds.clamp(config.clamp_min, config.clamp_max);
+            let mut occupied = self.occupied[z];
+            for bit in mask::bits(hit | missed) {
+                let step = if hit >> bit & 1 == 1 { config.hit } else { config.miss };
+                let log_odds = &mut self.log_odds[z << 6 | bit];
+                *log_odds = clamp(*log_odds + step);
+                occupied = occupied & !(1 << bit) | u64::from(*log_odds > 0.0) << bit;
+            }
+            let changed = (occupied ^ self.occupied[z]) | ((hit | missed) & !self.known[z]);
+            self.occupied[z] = occupied;
+            self.known[z] |= hit | missed;
+            self.ever_hit[z] |= hit;
+            changed
+        })
+    }
+}
+
+/// The ray to a point: cut at the largest range, or advanced into the surface. `None`: the point is not one.
+fn ray_to(origin: Point3<f64>, point: Point3<f64>, config: &MapConfig) -> Option<Ray> {
+    let offset = point - origin;
+    let range = offset.norm();
+    if !range.is_finite() || range == 0.0 {
+        return None;
+    }
+    let cut = config.max_range > 0.0 && range > config.max_range;
+    let length = if cut { config.max_range } else { range + ADVANCE };
+    Some(Ray { end: origin + offset * (length / range), hit: !cut })
+}
+
+/// A point (m) in units of voxels; `None` where OctoMap's keys end.
+fn lattice(point: Point3<f64>, resolution: f64) -> Option<Point3<f64>> {
+    let (low, high) = (f64::from(*INDEX_RANGE.start()), f64::from(*INDEX_RANGE.end()) + 1.0);
+    let scaled = point / resolution;
+    scaled.iter().all(|c| (low..high).contains(c)).then_some(scaled)
+}
+
+#[cfg(test)]
+mod tests;

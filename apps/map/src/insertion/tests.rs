@@ -1,0 +1,152 @@
+use super::*;
+use elk_spatial::State;
+use proptest::prelude::*;
+
+fn point() -> impl Strategy<Value = Point3<f64>> {
+    prop::array::uniform3(-2.0..2.0f64).prop_map(Point3::from)
+}
+
+fn map(grazing: Grazing) -> OccupancyMap {
+    OccupancyMap::new(MapConfig { resolution: 1.0, grazing, ..MapConfig::default() })
+}
+
+fn at(x: f64, y: f64) -> Point3<f64> {
+    Point3::new(x, y, 0.5)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn the_order_of_points_does_not_matter(origin in point(), points in prop::collection::vec(point(), 1..40), twice in any::<bool>()) {
+        let (mut forward, mut backward) = (OccupancyMap::new(MapConfig::default()), OccupancyMap::new(MapConfig::default()));
+        for _ in 0..1 + usize::from(twice) {
+            let there = forward.insert(origin, points.iter().copied());
+            let back = backward.insert(origin, points.iter().rev().copied());
+            prop_assert_eq!(there, back);
+        }
+        let voxels = |m: &OccupancyMap| {
+            let mut all: Vec<_> = m.known().collect();
+            all.sort_by_key(|(v, _)| *v);
+            all
+        };
+        prop_assert_eq!(voxels(&forward), voxels(&backward));
+    }
+
+    /// What the masks make of a scan is what one set of hits and one of misses, voxel by voxel, make of it.
+    #[test]
+    fn masks_equal_sets(origin in point(), points in prop::collection::vec(point(), 1..40)) {
+        let config = MapConfig::default();
+        let mut map = OccupancyMap::new(config);
+        let insertion = map.insert(origin, points.iter().copied());
+        let (mut hits, mut misses) = (std::collections::BTreeSet::new(), std::collections::BTreeSet::new());
+        for &p in &points {
+            let end = origin + (p - origin) * (1.0 + ADVANCE / (p - origin).norm());
+            let mut walk = Walk::new(origin / config.resolution, end / config.resolution);
+            while walk.left() > 0 {
+                misses.insert(walk.voxel());
+                walk.advance();
+            }
+            hits.insert(Voxel::containing(end, config.resolution));
+        }
+        prop_assert_eq!(insertion.changed.len(), hits.union(&misses).count());
+        for v in &misses {
+            let expected = if hits.contains(v) { config.hit } else { config.miss };
+            prop_assert_eq!(map.log_odds(*v), Some(expected));
+        }
+        prop_assert_eq!(map.grid().occupied(), hits.len());
+        prop_assert_eq!(map.grid().free(), misses.difference(&hits).count());
+    }
+}
+
+#[test]
+fn a_scan_hits_once_and_frees_up_to_the_hit() {
+    let mut map = map(Grazing::None);
+    let seen = map.insert(at(0.5, 0.5), vec![at(3.5, 0.5); 5]);
+    assert_eq!(seen.changed.len(), 4);
+    assert_eq!(map.log_odds(Voxel::new(3, 0, 0)), Some(0.85));
+    assert_eq!(map.log_odds(Voxel::new(0, 0, 0)), Some(-0.4));
+    assert_eq!(map.log_odds(Voxel::new(4, 0, 0)), None);
+}
+
+#[test]
+fn a_wall_on_the_lattice_lies_behind_its_face() {
+    for noise in [-1e-9, 0.0, 1e-9] {
+        let mut map = map(Grazing::None);
+        map.insert(at(0.5, 0.5), [at(3.0 + noise, 0.5)]);
+        map.insert(at(5.5, 0.5), [at(3.0 + noise, 0.5)]);
+        let state = |x| map.grid().state(Voxel::new(x, 0, 0));
+        assert_eq!((state(2), state(3)), (State::Occupied, State::Occupied));
+    }
+}
+
+#[test]
+fn log_odds_stay_within_their_bounds() {
+    let mut map = map(Grazing::None);
+    for _ in 0..20 {
+        map.insert(at(0.5, 0.5), [at(3.5, 0.5)]);
+    }
+    assert_eq!(map.log_odds(Voxel::new(3, 0, 0)), Some(3.5));
+    assert_eq!(map.log_odds(Voxel::new(1, 0, 0)), Some(-2.0));
+}
+
+#[test]
+fn beyond_the_largest_range_nothing_is_hit() {
+    let mut map = OccupancyMap::new(MapConfig { resolution: 1.0, max_range: 2.5, ..MapConfig::default() });
+    map.insert(at(0.5, 0.5), [at(9.5, 0.5)]);
+    assert_eq!((map.grid().free(), map.grid().occupied()), (3, 0));
+}
+
+#[test]
+fn grazing_rules_differ_in_what_they_spare() {
+    let wall = Voxel::new(3, 0, 0);
+    let freed_after = |grazing, neighbour_hit: bool| {
+        let mut map = map(grazing);
+        map.insert(at(0.5, 0.5), [at(3.5, 0.5)]);
+        let mut points = vec![at(8.5, 0.5)];
+        points.extend(neighbour_hit.then_some(at(3.5, 1.5)));
+        (1..=10).find(|_| {
+            map.insert(at(0.5, 0.5), points.iter().copied());
+            map.grid().state(wall) == State::Free
+        })
+    };
+    assert_eq!(freed_after(Grazing::None, true), Some(3));
+    assert_eq!(freed_after(Grazing::Guard, true), None, "its neighbour was hit");
+    assert_eq!(freed_after(Grazing::Guard, false), Some(3), "a lone voxel is noise");
+    assert_eq!(freed_after(Grazing::Sticky, false), None);
+}
+
+#[test]
+fn the_guard_looks_over_the_border_of_a_brick() {
+    let mut map = map(Grazing::Guard);
+    map.insert(at(0.5, 7.5), [at(7.5, 7.5)]);
+    for _ in 0..10 {
+        map.insert(at(0.5, 7.5), [at(9.5, 7.5), at(8.5, 8.5)]);
+    }
+    assert_eq!(map.grid().state(Voxel::new(7, 7, 0)), State::Occupied);
+}
+
+#[test]
+fn what_is_no_point_is_dropped_and_counted() {
+    let mut map = map(Grazing::Guard);
+    let points = [at(f64::NAN, 0.0), at(f64::INFINITY, 0.0), at(0.5, 0.5), at(4e4, 0.0), at(2.5, 0.5)];
+    let seen = map.insert(at(0.5, 0.5), points);
+    assert_eq!(seen.dropped, Dropped { invalid: 3, out_of_range: 1 });
+    assert_eq!(seen.changed.len(), 3);
+    let nowhere = map.insert(at(1e9, 0.5), points);
+    assert_eq!(nowhere.dropped, Dropped { invalid: 0, out_of_range: 5 });
+}
+
+#[test]
+fn the_update_carries_what_the_scan_changed() {
+    let mut map = map(Grazing::Guard);
+    let mut reader = elk_spatial::OccupancyGrid::new(1.0);
+    for (scan, y) in [(1, 0.5), (2, 9.5), (3, -20.5)] {
+        let mut changed = map.insert(at(0.5, 0.5), [at(6.5, y)]).changed;
+        let update = map.advance(&changed, scan);
+        let mut read = reader.apply(&update).unwrap();
+        changed.sort();
+        read.sort();
+        assert_eq!(read, changed);
+    }
+    assert_eq!((reader.free(), reader.occupied()), (map.grid().free(), map.grid().occupied()));
+}

@@ -1,0 +1,127 @@
+//! Sets of cells of a brick, a bit a cell, and their growth across the borders of bricks.
+//!
+//! A brick's 512 cells are eight layers of 64: cell `z·64 + y·8 + x` (see [`elk_spatial::bricks::cell_of`]) is bit
+//! `y·8 + x` of word `z`, so a row along x is a byte and whole layers are worked on at once.
+
+use elk_spatial::voxel::{FACES, Voxel};
+
+/// A set of cells of one brick: eight layers along z, each with 8 rows along y of 8 bits along x.
+pub type Mask = [u64; 8];
+
+/// No cell.
+pub const NONE: Mask = [0; 8];
+/// Every cell.
+pub const ALL: Mask = [!0; 8];
+
+/// The cells with x = 0, in every row of a layer.
+const FIRST_COLUMN: u64 = 0x0101_0101_0101_0101;
+/// The cells with x = 7.
+const LAST_COLUMN: u64 = FIRST_COLUMN << 7;
+
+/// The places of the bits of `word`, ascending.
+pub fn bits(mut word: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let bit = (word != 0).then(|| word.trailing_zeros() as usize)?;
+        word &= word - 1;
+        Some(bit)
+    })
+}
+
+/// The cells of a set, as places in the brick, ascending.
+pub fn cells(mask: &Mask) -> impl Iterator<Item = usize> {
+    mask.iter().enumerate().flat_map(|(z, &word)| bits(word).map(move |bit| z << 6 | bit))
+}
+
+/// Number of cells in a set.
+pub fn count(mask: &Mask) -> usize {
+    mask.iter().map(|word| word.count_ones() as usize).sum()
+}
+
+/// The cells of a brick whose x, y and z (0 to 7) lie in these half-open ranges.
+pub fn block(x: [i32; 2], y: [i32; 2], z: [i32; 2]) -> Mask {
+    let within = |[from, to]: [i32; 2], i: i32| from <= i && i < to;
+    let row = (0..8).filter(|&i| within(x, i)).fold(0, |row, i| row | 1u64 << i);
+    let layer = (0..8).filter(|&i| within(y, i)).fold(0, |layer, i| layer | row << (8 * i));
+    std::array::from_fn(|i| if within(z, i as i32) { layer } else { 0 })
+}
+
+/// The cells of a brick that share a face with a cell of a set; `set` gives the set in the bricks around it, by offset.
+pub fn face_neighbours(set: impl Fn(Voxel) -> Mask) -> Mask {
+    let own = set(Voxel::new(0, 0, 0));
+    let [left, right, front, back, below, above] = FACES.map(&set);
+    std::array::from_fn(|z| {
+        along_x(own[z], left[z], right[z])
+            | along_y(own[z], front[z], back[z])
+            | if z == 0 { below[7] } else { own[z - 1] }
+            | if z == 7 { above[0] } else { own[z + 1] }
+    })
+}
+
+/// The cells of a brick that are in a set or share a face, an edge or a corner with a cell of it; `set` gives the set in
+/// the brick and the 26 around it, by offset.
+pub fn grown(set: impl Fn(Voxel) -> Mask) -> Mask {
+    let columns: [[[Mask; 3]; 3]; 3] = std::array::from_fn(|z| {
+        std::array::from_fn(|y| std::array::from_fn(|x| set(Voxel::new(x as i32 - 1, y as i32 - 1, z as i32 - 1))))
+    });
+    // Layers −1 to 8 grown along x and y, then each joined with the two beside it.
+    let layers: [u64; 10] = std::array::from_fn(|i| {
+        let layer = i + 7; // of the 24 of the three bricks one above the other
+        let (brick, z) = (layer >> 3, layer & 7);
+        let [front, own, back] = std::array::from_fn(|y| grown_along_x(columns[brick][y].map(|mask| mask[z])));
+        own | along_y(own, front, back)
+    });
+    std::array::from_fn(|z| layers[z] | layers[z + 1] | layers[z + 2])
+}
+
+fn grown_along_x([left, own, right]: [u64; 3]) -> u64 {
+    own | along_x(own, left, right)
+}
+
+/// The cells beside those of a layer along x; `left` and `right` are the same layer of the bricks there.
+fn along_x(own: u64, left: u64, right: u64) -> u64 {
+    (own & !LAST_COLUMN) << 1 | (own & !FIRST_COLUMN) >> 1 | (left & LAST_COLUMN) >> 7 | (right & FIRST_COLUMN) << 7
+}
+
+/// The cells beside those of a layer along y.
+fn along_y(own: u64, front: u64, back: u64) -> u64 {
+    own << 8 | own >> 8 | front >> 56 | back << 56
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elk_spatial::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    fn mask_of(set: &BTreeSet<Voxel>, brick: Voxel) -> Mask {
+        let mut mask = NONE;
+        for v in set.iter().filter(|v| brick_of(**v) == brick) {
+            mask[cell_of(*v) >> 6] |= 1 << (cell_of(*v) & 63);
+        }
+        mask
+    }
+
+    proptest! {
+        #[test]
+        fn growth_is_what_the_neighbours_say(cells in prop::collection::btree_set((-2..10i32, -2..10i32, -2..10i32), 0..60)) {
+            let set: BTreeSet<Voxel> = cells.into_iter().map(|(x, y, z)| Voxel::new(x, y, z)).collect();
+            let grown = grown(|brick| mask_of(&set, brick));
+            let beside = face_neighbours(|brick| mask_of(&set, brick));
+            for cell in 0..BRICK_CELLS {
+                let v = voxel_at(Voxel::new(0, 0, 0), cell);
+                let near = set.contains(&v) || v.neighbours().any(|n| set.contains(&n));
+                prop_assert_eq!(grown[cell >> 6] >> (cell & 63) & 1 == 1, near);
+                let face = v.face_neighbours().iter().any(|n| set.contains(n));
+                prop_assert_eq!(beside[cell >> 6] >> (cell & 63) & 1 == 1, face);
+            }
+        }
+    }
+
+    #[test]
+    fn a_block_is_its_ranges() {
+        let mask = block([1, 3], [-5, 1], [7, 20]);
+        assert_eq!(cells(&mask).collect::<Vec<_>>(), vec![7 << 6 | 1, 7 << 6 | 2]);
+        assert_eq!((count(&mask), count(&block([0, 8], [0, 8], [0, 8]))), (2, 512));
+    }
+}

@@ -1,0 +1,67 @@
+//! Where the bricks of a map are: a hash of positions for strangers, direct links for neighbours.
+//!
+//! A ray enters a brick through a face of the one before, so after the first time it finds it without hashing.
+
+use std::collections::HashMap;
+use std::hash::BuildHasherDefault;
+
+use elk_spatial::Voxel;
+use elk_spatial::bricks::BrickHasher;
+use elk_spatial::voxel::FACES;
+
+/// A link that was never followed.
+const UNLINKED: u32 = u32::MAX;
+
+/// Numbers bricks in the order in which they were first asked for.
+#[derive(Debug, Clone, Default)]
+pub struct BrickTable {
+    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    positions: Vec<Voxel>,
+    links: Vec<[u32; 6]>,
+}
+
+impl BrickTable {
+    /// The number of the brick at `position` (in bricks), if it has one.
+    pub fn find(&self, position: Voxel) -> Option<usize> {
+        self.index.get(&position).map(|&i| i as usize)
+    }
+
+    /// The number of the brick at `position`; a new one if it had none.
+    pub fn find_or_add(&mut self, position: Voxel) -> usize {
+        let next = self.positions.len() as u32;
+        let i = *self.index.entry(position).or_insert(next);
+        if i == next {
+            self.positions.push(position);
+            self.links.push([UNLINKED; 6]);
+        }
+        i as usize
+    }
+
+    /// The number of the brick beyond `face` (an index into [`FACES`]) of brick `i`; a new one if it had none.
+    #[inline]
+    pub fn beyond(&mut self, i: usize, face: usize) -> usize {
+        match self.links[i][face] {
+            UNLINKED => self.link(i, face),
+            linked => linked as usize,
+        }
+    }
+
+    #[cold]
+    fn link(&mut self, i: usize, face: usize) -> usize {
+        let other = self.find_or_add(self.positions[i] + FACES[face]);
+        self.links[i][face] = other as u32;
+        // Faces come in pairs of opposites.
+        self.links[other][face ^ 1] = i as u32;
+        other
+    }
+
+    /// The position of brick `i`, in bricks.
+    pub fn position(&self, i: usize) -> Voxel {
+        self.positions[i]
+    }
+
+    /// Number of bricks.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+}

@@ -1,0 +1,56 @@
+//! What we write, OctoMap's own tools read: Debian's `octomap-tools`, skipped where they are not installed.
+
+use std::path::Path;
+use std::process::Command;
+
+use elk_map::bt::{read_bt, write_bt, write_ot};
+use elk_map::{MapConfig, OccupancyMap};
+use nalgebra::Point3;
+
+/// A map of a few hundred voxels, some of them in cubes that are pruned.
+fn map() -> OccupancyMap {
+    let mut map = OccupancyMap::new(MapConfig::default());
+    let points = (0..900).map(|i| {
+        let (u, v) = (f64::from(i % 30) / 15.0 - 1.0, f64::from(i / 30) / 15.0 - 1.0);
+        Point3::new(2.0, 1.5 * u, 1.5 * v)
+    });
+    for _ in 0..12 {
+        map.insert(Point3::new(-0.3, 0.1, 0.2), points.clone());
+    }
+    map
+}
+
+/// Runs `convert_octree`; `None` where it is not installed.
+fn convert(from: &Path, to: &Path) -> Option<String> {
+    let output = match Command::new("convert_octree").arg(from).arg(to).output() {
+        Ok(output) => output,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            eprintln!("skipped: convert_octree is not installed (Debian: octomap-tools)");
+            return None;
+        }
+        Err(error) => panic!("convert_octree: {error}"),
+    };
+    assert!(output.status.success(), "convert_octree {from:?} {to:?}: {output:?}");
+    Some(String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+}
+
+#[test]
+fn octomap_reads_our_files_and_writes_the_same_tree() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let map = map();
+    let (occupancy, log_odds) = (map.occupancy_tree(), map.log_odds_tree());
+    let create = |name| std::fs::File::create(path(name)).unwrap();
+    write_bt(&mut create("ours.bt"), &occupancy, 0.1).unwrap();
+    write_ot(&mut create("ours.ot"), &log_odds, 0.1).unwrap();
+    for (from, through, back) in [("ours.bt", "a.ot", "a.bt"), ("ours.ot", "b.ot", "b.bt")] {
+        let Some(said) = convert(&path(from), &path(through)) else {
+            return;
+        };
+        assert!(!said.contains("ERROR") && !said.contains("WARNING"), "{from}: {said}");
+        convert(&path(through), &path(back));
+        let theirs = read_bt(&std::fs::read(path(back)).unwrap()).unwrap();
+        assert_eq!(theirs.resolution, 0.1);
+        assert_eq!(theirs.tree, occupancy, "{from}");
+    }
+}
