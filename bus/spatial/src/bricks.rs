@@ -35,11 +35,7 @@ pub fn cell_of(voxel: Voxel) -> usize {
 /// The cell at place `cell` of brick `brick`; the inverse of [`brick_of`] and [`cell_of`].
 pub fn voxel_at(brick: Voxel, cell: usize) -> Voxel {
     let c = cell as i32;
-    Voxel::new(
-        brick.x << 3 | c & 7,
-        brick.y << 3 | c >> 3 & 7,
-        brick.z << 3 | c >> 6,
-    )
+    Voxel::new(brick.x << 3 | c & 7, brick.y << 3 | c >> 3 & 7, brick.z << 3 | c >> 6)
 }
 
 impl<T: Copy + Default> Bricks<T> {
@@ -50,8 +46,7 @@ impl<T: Copy + Default> Bricks<T> {
 
     /// The value of a cell.
     pub fn get(&self, voxel: Voxel) -> T {
-        self.brick(brick_of(voxel))
-            .map_or_else(T::default, |cells| cells[cell_of(voxel)])
+        self.brick(brick_of(voxel)).map_or_else(T::default, |cells| cells[cell_of(voxel)])
     }
 
     /// The cell, for writing; its brick comes into being if it was not there.
@@ -77,20 +72,12 @@ impl<T: Copy + Default> Bricks<T> {
 
     /// All bricks with their cells, in the order in which they were first written.
     pub fn iter(&self) -> impl Iterator<Item = (Voxel, &[T; BRICK_CELLS])> {
-        self.positions
-            .iter()
-            .zip(&self.cells)
-            .map(|(&p, c)| (p, &**c))
+        self.positions.iter().zip(&self.cells).map(|(&p, c)| (p, &**c))
     }
 
     /// All cells of all bricks, in the order of [`Bricks::iter`].
     pub fn voxels(&self) -> impl Iterator<Item = (Voxel, T)> {
-        self.iter().flat_map(|(b, cells)| {
-            cells
-                .iter()
-                .enumerate()
-                .map(move |(i, &v)| (voxel_at(b, i), v))
-        })
+        self.iter().flat_map(|(b, cells)| cells.iter().enumerate().map(move |(i, &v)| (voxel_at(b, i), v)))
     }
 
     /// Number of bricks.

@@ -12,10 +12,7 @@ pub fn is_frontier(grid: &OccupancyGrid, voxel: Voxel) -> bool {
 
 /// The face neighbours of `voxel` that are unknown, in the order of [`crate::voxel::FACES`].
 pub fn unknown_neighbours(grid: &OccupancyGrid, voxel: Voxel) -> impl Iterator<Item = Voxel> + '_ {
-    voxel
-        .face_neighbours()
-        .into_iter()
-        .filter(|n| grid.state(*n) == State::Unknown)
+    voxel.face_neighbours().into_iter().filter(|n| grid.state(*n) == State::Unknown)
 }
 
 /// All frontier voxels inside a bounded volume, in lexicographic order.
@@ -28,10 +25,7 @@ pub struct FrontierSet {
 impl FrontierSet {
     /// No frontier yet; voxels whose unknown neighbours all lie outside `bounds` will not count.
     pub fn new(bounds: Option<Bounds>) -> Self {
-        Self {
-            voxels: BTreeSet::new(),
-            bounds,
-        }
+        Self { voxels: BTreeSet::new(), bounds }
     }
 
     /// Takes note that these voxels of `grid` changed.
@@ -53,13 +47,8 @@ impl FrontierSet {
     }
 
     fn counts(&self, grid: &OccupancyGrid, voxel: Voxel) -> bool {
-        let inside = |v: Voxel| {
-            self.bounds
-                .is_none_or(|b| b.contains(v.center(grid.resolution())))
-        };
-        grid.state(voxel) == State::Free
-            && inside(voxel)
-            && unknown_neighbours(grid, voxel).any(inside)
+        let inside = |v: Voxel| self.bounds.is_none_or(|b| b.contains(v.center(grid.resolution())));
+        grid.state(voxel) == State::Free && inside(voxel) && unknown_neighbours(grid, voxel).any(inside)
     }
 
     /// Whether `voxel` is a frontier voxel.
@@ -114,23 +103,13 @@ mod tests {
     #[test]
     fn outside_the_bounds_nothing_counts() {
         let mut grid = OccupancyGrid::new(1.0);
-        let bounds = Bounds {
-            min: [0.0; 3].into(),
-            max: [2.0; 3].into(),
-        };
+        let bounds = Bounds { min: [0.0; 3].into(), max: [2.0; 3].into() };
         let mut set = FrontierSet::new(Some(bounds));
         let inside = Voxel::new(1, 1, 1);
         grid.set(inside, State::Free);
         set.update(&grid, &[inside]);
-        assert!(
-            set.contains(inside),
-            "its neighbour (0, 1, 1) is unknown and inside"
-        );
-        for n in [
-            Voxel::new(0, 1, 1),
-            Voxel::new(1, 0, 1),
-            Voxel::new(1, 1, 0),
-        ] {
+        assert!(set.contains(inside), "its neighbour (0, 1, 1) is unknown and inside");
+        for n in [Voxel::new(0, 1, 1), Voxel::new(1, 0, 1), Voxel::new(1, 1, 0)] {
             grid.set(n, State::Occupied);
             set.update(&grid, &[n]);
         }

@@ -4,10 +4,12 @@
 //! bus in sight, except [`keys`], which names the variables that apps exchange it under.
 
 pub mod bricks;
+pub mod clearance;
 pub mod frontier;
 pub mod keys;
 pub mod map;
 pub mod messages;
+pub mod polyline;
 pub mod pose;
 pub mod ray;
 pub mod scan;
@@ -16,6 +18,7 @@ pub mod voxel;
 pub use bricks::Bricks;
 pub use frontier::FrontierSet;
 pub use map::{OccupancyGrid, State};
+pub use polyline::Polyline;
 pub use pose::Pose;
 pub use scan::{Points, Scan};
 pub use voxel::{Bounds, Voxel};

@@ -40,14 +40,8 @@ pub struct BrickStates {
 impl BrickStates {
     /// Packs a brick.
     pub fn pack(brick: Voxel, cells: &[State; BRICK_CELLS]) -> Self {
-        let states = cells
-            .chunks_exact(4)
-            .map(|c| c.iter().rev().fold(0, |byte, &s| byte << 2 | s as u8))
-            .collect();
-        Self {
-            brick: brick.to_array().map(|c| c as i16),
-            states,
-        }
+        let states = cells.chunks_exact(4).map(|c| c.iter().rev().fold(0, |byte, &s| byte << 2 | s as u8)).collect();
+        Self { brick: brick.to_array().map(|c| c as i16), states }
     }
 
     /// The brick's position.
@@ -57,11 +51,7 @@ impl BrickStates {
 
     /// The state of cell `cell`; unknown where the bytes are too few.
     pub fn state(&self, cell: usize) -> State {
-        State::from_bits(
-            self.states
-                .get(cell / 4)
-                .map_or(0, |b| b >> (2 * (cell % 4))),
-        )
+        State::from_bits(self.states.get(cell / 4).map_or(0, |b| b >> (2 * (cell % 4))))
     }
 }
 
@@ -87,9 +77,7 @@ elk_bus::payload! {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum UpdateError {
     /// A revision is missing: ask for the whole map.
-    #[error(
-        "the map is at revision {have}, the update continues from {since}: ask for the whole map (MAP_REQUEST)"
-    )]
+    #[error("the map is at revision {have}, the update continues from {since}: ask for the whole map (MAP_REQUEST)")]
     Gap {
         /// The reader's revision.
         have: u64,
@@ -97,9 +85,7 @@ pub enum UpdateError {
         since: u64,
     },
     /// The update is of a map with other voxels.
-    #[error(
-        "the map has voxels of {have} m, the update of {update} m: do the Map's and the reader's Res differ?"
-    )]
+    #[error("the map has voxels of {have} m, the update of {update} m: do the Map's and the reader's Res differ?")]
     Resolution {
         /// The reader's resolution (m).
         have: f64,
@@ -120,12 +106,7 @@ pub struct OccupancyGrid {
 impl OccupancyGrid {
     /// An unknown world with voxels of `resolution` (m), at revision 0.
     pub fn new(resolution: f64) -> Self {
-        Self {
-            states: Bricks::new(),
-            resolution,
-            revision: 0,
-            counts: [0; 3],
-        }
+        Self { states: Bricks::new(), resolution, revision: 0, counts: [0; 3] }
     }
 
     /// Edge of a voxel (m).
@@ -177,16 +158,10 @@ impl OccupancyGrid {
     /// Applies an update and answers the voxels that changed, in the update's order.
     pub fn apply(&mut self, update: &MapUpdate) -> Result<Vec<Voxel>, UpdateError> {
         if update.resolution != self.resolution {
-            return Err(UpdateError::Resolution {
-                have: self.resolution,
-                update: update.resolution,
-            });
+            return Err(UpdateError::Resolution { have: self.resolution, update: update.resolution });
         }
         if update.since != 0 && update.since != self.revision {
-            return Err(UpdateError::Gap {
-                have: self.revision,
-                since: update.since,
-            });
+            return Err(UpdateError::Gap { have: self.revision, since: update.since });
         }
         let mut changed = Vec::new();
         if update.since == 0 {
@@ -206,14 +181,8 @@ impl OccupancyGrid {
     }
 
     fn forget_what_is_not_in(&mut self, update: &MapUpdate, changed: &mut Vec<Voxel>) {
-        let kept: std::collections::BTreeSet<Voxel> =
-            update.bricks.iter().map(BrickStates::position).collect();
-        let known: Vec<Voxel> = self
-            .states
-            .voxels()
-            .filter(|(_, s)| *s != State::Unknown)
-            .map(|(v, _)| v)
-            .collect();
+        let kept: std::collections::BTreeSet<Voxel> = update.bricks.iter().map(BrickStates::position).collect();
+        let known: Vec<Voxel> = self.states.voxels().filter(|(_, s)| *s != State::Unknown).map(|(v, _)| v).collect();
         for voxel in known.into_iter().filter(|v| !kept.contains(&brick_of(*v))) {
             self.set(voxel, State::Unknown);
             changed.push(voxel);
@@ -222,38 +191,18 @@ impl OccupancyGrid {
 
     /// The whole map as an update that any reader can apply.
     pub fn whole(&self, scan: u64) -> MapUpdate {
-        let bricks = self
-            .states
-            .iter()
-            .map(|(b, cells)| BrickStates::pack(b, cells))
-            .collect();
-        MapUpdate {
-            revision: self.revision,
-            since: 0,
-            scan,
-            resolution: self.resolution,
-            bricks,
-        }
+        let bricks = self.states.iter().map(|(b, cells)| BrickStates::pack(b, cells)).collect();
+        MapUpdate { revision: self.revision, since: 0, scan, resolution: self.resolution, bricks }
     }
 
     /// Advances to the next revision and answers what changed: the bricks that hold `changed` voxels.
     pub fn advance(&mut self, changed: &[Voxel], scan: u64) -> MapUpdate {
-        let touched: std::collections::BTreeSet<Voxel> =
-            changed.iter().map(|v| brick_of(*v)).collect();
-        let bricks = touched
-            .into_iter()
-            .filter_map(|b| Some(BrickStates::pack(b, self.states.brick(b)?)))
-            .collect();
+        let touched: std::collections::BTreeSet<Voxel> = changed.iter().map(|v| brick_of(*v)).collect();
+        let bricks = touched.into_iter().filter_map(|b| Some(BrickStates::pack(b, self.states.brick(b)?))).collect();
         // The first update is the whole map: there is no revision 0 to continue from.
         let since = self.revision;
         self.revision += 1;
-        MapUpdate {
-            revision: self.revision,
-            since,
-            scan,
-            resolution: self.resolution,
-            bricks,
-        }
+        MapUpdate { revision: self.revision, since, scan, resolution: self.resolution, bricks }
     }
 }
 
@@ -265,20 +214,14 @@ mod tests {
     fn an_update_carries_a_change_to_a_reader() {
         let mut map = OccupancyGrid::new(0.1);
         let mut reader = OccupancyGrid::new(0.1);
-        let cells = [
-            (Voxel::new(0, 0, 0), State::Free),
-            (Voxel::new(-1, 9, 3), State::Occupied),
-        ];
+        let cells = [(Voxel::new(0, 0, 0), State::Free), (Voxel::new(-1, 9, 3), State::Occupied)];
         for (scan, &(voxel, state)) in cells.iter().enumerate() {
             assert!(map.set(voxel, state) && !map.set(voxel, state));
             let update = map.advance(&[voxel], scan as u64);
             assert_eq!(reader.apply(&update).unwrap(), vec![voxel]);
             assert_eq!(reader.state(voxel), state);
         }
-        assert_eq!(
-            (reader.free(), reader.occupied(), reader.revision()),
-            (1, 1, 2)
-        );
+        assert_eq!((reader.free(), reader.occupied(), reader.revision()), (1, 1, 2));
     }
 
     #[test]
@@ -291,15 +234,8 @@ mod tests {
             map.set(Voxel::new(i, 0, 0), State::Free);
             last = Some(map.advance(&[Voxel::new(i, 0, 0)], 0));
         }
-        assert_eq!(
-            late.apply(&last.unwrap()),
-            Err(UpdateError::Gap { have: 0, since: 2 })
-        );
-        assert_eq!(
-            late.apply(&map.whole(0)).unwrap().len(),
-            4,
-            "three new ones, and one that the map never saw"
-        );
+        assert_eq!(late.apply(&last.unwrap()), Err(UpdateError::Gap { have: 0, since: 2 }));
+        assert_eq!(late.apply(&map.whole(0)).unwrap().len(), 4, "three new ones, and one that the map never saw");
         assert_eq!((late.free(), late.revision()), (3, 3));
     }
 }

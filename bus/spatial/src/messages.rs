@@ -7,12 +7,24 @@ use crate::pose::Pose;
 use crate::voxel::Voxel;
 
 elk_bus::payload! {
-    /// Controller to sensor: go there, in a straight line, and take a scan.
+    /// Controller to sensor: go there and take a scan.
     #[derive(Debug, Clone, PartialEq)]
     pub struct PoseCommand {
         /// Number of the command, from 1, unbroken; the scan that answers carries it.
         pub id: u64,
+        /// Positions (m, world) to pass on the way from where the camera is, in straight lines from one to the next and
+        /// from the last one to `pose`. Empty: go straight, or turn on the spot. Contacts are judged on every segment.
+        pub via: Vec<Point3<f64>>,
         /// The camera's pose to take (world).
+        pub pose: Pose,
+    }
+
+    /// Sensor to anyone, on start-up and after every motion: where the camera is.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct CameraPose {
+        /// The last pose command carried out; 0: none yet, this is the start.
+        pub command: u64,
+        /// The camera's pose (world).
         pub pose: Pose,
     }
 
@@ -66,6 +78,8 @@ elk_bus::payload! {
         pub pose: Pose,
         /// The revision that the map has to be at for the answer.
         pub revision: u64,
+        /// What became of the plan before.
+        pub outcome: Outcome,
     }
 
     /// Explorer to controller: the answer to a [`PlanRequest`].
@@ -120,6 +134,43 @@ elk_bus::payload! {
         /// Whether the run is over.
         pub finished: bool,
     }
+
+    /// Controller to anyone, once, when the run is over: what it cost to get how far.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct MotionReport {
+        /// Scans taken.
+        pub scans: u64,
+        /// Length of the way (m).
+        pub path_length_m: f64,
+        /// Free voxels known at the end.
+        pub free: u64,
+        /// Scans and way to 95, 99, 99.9 and 100 % of these free voxels.
+        pub marks: Vec<CoverageMark>,
+    }
+}
+
+/// When a share of what was known in the end was first known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CoverageMark {
+    /// Share of the free voxels known at the end (0 to 1).
+    pub share: f64,
+    /// Scans taken by then.
+    pub scans: u64,
+    /// Length of the way by then (m).
+    pub path_length_m: f64,
+}
+
+/// What became of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Outcome {
+    /// There was none: this is the first request.
+    First,
+    /// Its target is resolved.
+    Resolved,
+    /// Followed to the end, every look taken, and the target is still unresolved.
+    Unresolved,
+    /// New obstacles cut the path before its end.
+    Cut,
 }
 
 /// What an explorer decides.
@@ -138,6 +189,8 @@ pub struct Path {
     pub points: Vec<Point3<f64>>,
     /// The frontier voxel to be resolved.
     pub target: Voxel,
+    /// Its unknown neighbours: it is resolved once they are all known, or it is no longer free.
+    pub unknown: Vec<Voxel>,
     /// Poses to scan from at the end of the path, in order, as long as the target is not resolved.
     pub looks: Vec<Pose>,
 }
@@ -153,8 +206,8 @@ pub struct MotionPolicy {
     pub early_stop: bool,
     /// Look at the target while travelling; otherwise along the motion.
     pub look_at_target: bool,
-    /// The robot's clearance from occupied voxels, in voxels: a path that comes closer is cut.
-    pub clearance_voxels: f64,
+    /// The robot's clearance from occupied voxels (m, see [`crate::clearance`]): a path that comes closer is cut.
+    pub clearance_m: f64,
 }
 
 /// Frontier voxels that exploration leaves behind, by cause.

@@ -13,26 +13,16 @@ impl Pose {
     /// level. Looking straight up or down, the image's top points to +x or −x.
     pub fn looking(position: Point3<f64>, direction: Vector3<f64>) -> Self {
         let forward = direction.try_normalize(1e-12).unwrap_or_else(Vector3::x);
-        let right = forward
-            .cross(&Vector3::z())
-            .try_normalize(1e-9)
-            .unwrap_or(-Vector3::y());
+        let right = forward.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or(-Vector3::y());
         let down = forward.cross(&right);
-        let rotation =
-            Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[right, down, forward]));
-        Self(Isometry3::from_parts(
-            Translation3::from(position),
-            UnitQuaternion::from_rotation_matrix(&rotation),
-        ))
+        let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[right, down, forward]));
+        Self(Isometry3::from_parts(Translation3::from(position), UnitQuaternion::from_rotation_matrix(&rotation)))
     }
 
     /// The camera at `position`, heading `yaw` (rad, anticlockwise from world x), raised by `pitch` (rad, up positive).
     pub fn from_yaw_pitch(position: Point3<f64>, yaw: f64, pitch: f64) -> Self {
         let level = pitch.cos();
-        Self::looking(
-            position,
-            Vector3::new(level * yaw.cos(), level * yaw.sin(), pitch.sin()),
-        )
+        Self::looking(position, Vector3::new(level * yaw.cos(), level * yaw.sin(), pitch.sin()))
     }
 
     /// Position of the camera's centre (m, world).
@@ -69,15 +59,9 @@ mod tests {
     #[test]
     fn the_camera_axes_are_right_down_forward() {
         let pose = Pose::looking(Point3::new(1.0, 2.0, 3.0), Vector3::x());
-        assert!(
-            (pose.to_world(Point3::new(0.0, 0.0, 2.0)) - Point3::new(3.0, 2.0, 3.0)).norm() < 1e-12
-        );
-        assert!(
-            (pose.to_world(Point3::new(1.0, 0.0, 0.0)) - Point3::new(1.0, 1.0, 3.0)).norm() < 1e-12
-        );
-        assert!(
-            (pose.to_world(Point3::new(0.0, 1.0, 0.0)) - Point3::new(1.0, 2.0, 2.0)).norm() < 1e-12
-        );
+        assert!((pose.to_world(Point3::new(0.0, 0.0, 2.0)) - Point3::new(3.0, 2.0, 3.0)).norm() < 1e-12);
+        assert!((pose.to_world(Point3::new(1.0, 0.0, 0.0)) - Point3::new(1.0, 1.0, 3.0)).norm() < 1e-12);
+        assert!((pose.to_world(Point3::new(0.0, 1.0, 0.0)) - Point3::new(1.0, 2.0, 2.0)).norm() < 1e-12);
     }
 
     #[test]
@@ -85,14 +69,7 @@ mod tests {
         let pose = Pose::from_yaw_pitch(Point3::origin(), 0.7, -0.3);
         assert!((pose.yaw() - 0.7).abs() < 1e-12 && (pose.pitch() + 0.3).abs() < 1e-12);
         for up in [-1.0, 1.0] {
-            assert!(
-                (Pose::looking(Point3::origin(), Vector3::z() * up)
-                    .forward()
-                    .z
-                    - up)
-                    .abs()
-                    < 1e-12
-            );
+            assert!((Pose::looking(Point3::origin(), Vector3::z() * up).forward().z - up).abs() < 1e-12);
         }
     }
 }

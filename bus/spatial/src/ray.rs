@@ -23,10 +23,7 @@ impl Traversal {
     /// Along each axis it takes as many steps as lie between the two end voxels, so the walk always ends in the voxel
     /// of `to`, whatever rounding does on the way.
     pub fn new(from: Point3<f64>, to: Point3<f64>, resolution: f64) -> Self {
-        let (first, last) = (
-            Voxel::containing(from, resolution),
-            Voxel::containing(to, resolution),
-        );
+        let (first, last) = (Voxel::containing(from, resolution), Voxel::containing(to, resolution));
         let direction = to - from;
         let (mut step, mut t_next, mut t_delta) = ([0; 3], [f64::INFINITY; 3], [f64::INFINITY; 3]);
         let (first_a, last_a) = (first.to_array(), last.to_array());
@@ -41,14 +38,7 @@ impl Traversal {
             }
         }
         let left = std::array::from_fn(|axis| last_a[axis].abs_diff(first_a[axis]));
-        Self {
-            voxel: first,
-            step,
-            t_next,
-            t_delta,
-            left,
-            arrived: false,
-        }
+        Self { voxel: first, step, t_next, t_delta, left, arrived: false }
     }
 }
 
@@ -78,11 +68,7 @@ impl Iterator for Traversal {
             _ => self.voxel.z += self.step[2],
         }
         self.left[axis] -= 1;
-        self.t_next[axis] = if self.left[axis] == 0 {
-            f64::INFINITY
-        } else {
-            self.t_next[axis] + self.t_delta[axis]
-        };
+        self.t_next[axis] = if self.left[axis] == 0 { f64::INFINITY } else { self.t_next[axis] + self.t_delta[axis] };
         Some(current)
     }
 }
@@ -91,9 +77,7 @@ impl Iterator for Traversal {
 /// voxel of `to`, whatever is in it.
 pub fn line_of_sight(grid: &OccupancyGrid, from: Point3<f64>, to: Point3<f64>) -> bool {
     let last = Voxel::containing(to, grid.resolution());
-    Traversal::new(from, to, grid.resolution())
-        .take_while(|v| *v != last)
-        .all(|v| grid.state(v) == State::Free)
+    Traversal::new(from, to, grid.resolution()).take_while(|v| *v != last).all(|v| grid.state(v) == State::Free)
 }
 
 #[cfg(test)]
@@ -131,10 +115,7 @@ mod tests {
             grid.set(Voxel::new(x, 0, 0), State::Free);
         }
         let at = |x: f64| Point3::new(x, 0.5, 0.5);
-        assert!(
-            line_of_sight(&grid, at(0.5), at(5.5)),
-            "the target itself may be unknown"
-        );
+        assert!(line_of_sight(&grid, at(0.5), at(5.5)), "the target itself may be unknown");
         assert!(!line_of_sight(&grid, at(0.5), at(6.5)));
         grid.set(Voxel::new(2, 0, 0), State::Occupied);
         assert!(!line_of_sight(&grid, at(0.5), at(4.5)));

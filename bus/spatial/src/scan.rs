@@ -48,13 +48,7 @@ impl<'a> Points<'a> {
 
 impl FromIterator<Point3<f32>> for Points<'static> {
     fn from_iter<I: IntoIterator<Item = Point3<f32>>>(points: I) -> Self {
-        Points(Cow::Owned(
-            points
-                .into_iter()
-                .flat_map(|p| [p.x, p.y, p.z])
-                .flat_map(f32::to_le_bytes)
-                .collect(),
-        ))
+        Points(Cow::Owned(points.into_iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f32::to_le_bytes).collect()))
     }
 }
 
@@ -112,12 +106,7 @@ impl Payload for Scan<'static> {
 impl Scan<'_> {
     /// The same scan with other points: what a filter makes of it.
     pub fn with_points(&self, points: impl IntoIterator<Item = Point3<f32>>) -> Scan<'static> {
-        Scan {
-            id: self.id,
-            command: self.command,
-            pose: self.pose,
-            points: points.into_iter().collect(),
-        }
+        Scan { id: self.id, command: self.command, pose: self.pose, points: points.into_iter().collect() }
     }
 
     /// The points in the world frame (m).

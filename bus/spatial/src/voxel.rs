@@ -52,9 +52,7 @@ impl Voxel {
 
     /// The 26 cells that share a face, an edge or a corner, in lexicographic order.
     pub fn neighbours(self) -> impl Iterator<Item = Voxel> {
-        (0..27)
-            .filter(|&i| i != 13)
-            .map(move |i| self + Voxel::new(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1))
+        (0..27).filter(|&i| i != 13).map(move |i| self + Voxel::new(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1))
     }
 
     /// Distance between the centres of two cells, in cells.
@@ -101,10 +99,7 @@ pub struct Bounds {
 impl Bounds {
     /// The box of size `dim` around `mid` (both m), as a mission file's `Mid` and `Dim` give it.
     pub fn from_mid_dim(mid: Point3<f64>, dim: Vector3<f64>) -> Self {
-        Self {
-            min: mid - dim / 2.0,
-            max: mid + dim / 2.0,
-        }
+        Self { min: mid - dim / 2.0, max: mid + dim / 2.0 }
     }
 
     /// Whether `point` (m, world) lies inside or on the box.

@@ -1,0 +1,104 @@
+//! A log that goes on whatever the disk does.
+
+use std::path::PathBuf;
+
+use elk_log::{LogError, LogWriter, Metadata, RecordRef};
+
+/// Writes a log and, where it cannot, counts what is missing and tries again.
+pub struct Recorder {
+    path: PathBuf,
+    metadata: Metadata,
+    log: Option<LogWriter>,
+    lost: u64,
+}
+
+impl Recorder {
+    /// A recorder for a log at `path`; nothing is touched before [`Recorder::flush`].
+    pub fn new(path: PathBuf, metadata: Metadata) -> Self {
+        Self { path, metadata, log: None, lost: 0 }
+    }
+
+    /// Records a message. An error means that it is missing from the log, and is counted as such.
+    pub fn record(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
+        let outcome = match &mut self.log {
+            Some(log) => log.append(record),
+            None => {
+                self.lost += 1;
+                return Ok(()); // that there is no file was the last flush's error
+            }
+        };
+        self.lost += u64::from(outcome.is_err());
+        outcome
+    }
+
+    /// Brings what was recorded onto the disk; creates the file where that has not succeeded yet.
+    pub fn flush(&mut self) -> Result<(), LogError> {
+        match &mut self.log {
+            Some(log) => log.flush(),
+            None => {
+                self.log = Some(LogWriter::create(&self.path, &self.metadata)?);
+                Ok(())
+            }
+        }
+    }
+
+    /// Ends the file. What was flushed before stays readable even if this fails.
+    pub fn finish(&mut self) -> Result<(), LogError> {
+        match self.log.take() {
+            Some(log) => log.finish(),
+            None => Ok(()),
+        }
+    }
+
+    /// Messages that are missing from the log.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elk_bus::{Value, ValueRef};
+    use elk_log::LogReader;
+
+    fn say(number: f64) -> RecordRef<'static> {
+        RecordRef {
+            key: "DEPTH",
+            source: "sensor",
+            source_aux: "",
+            community: "elk",
+            time: number,
+            sequence: number as u64,
+            received: number,
+            value: ValueRef::Double(number),
+        }
+    }
+
+    #[test]
+    fn a_folder_that_appears_later_costs_only_what_was_said_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run/log.mcap");
+        let mut recorder = Recorder::new(path.clone(), Metadata::default());
+        assert!(matches!(recorder.flush(), Err(LogError::Create { .. })));
+        recorder.record(&say(1.0)).unwrap();
+        assert_eq!(recorder.lost(), 1);
+        std::fs::create_dir(folder.path().join("run")).unwrap();
+        recorder.flush().unwrap();
+        recorder.record(&say(2.0)).unwrap();
+        recorder.finish().unwrap();
+        let values: Vec<Value> = LogReader::open(&path).unwrap().map(|r| r.unwrap().value).collect();
+        assert_eq!((values, recorder.lost()), (vec![Value::Double(2.0)], 1));
+    }
+
+    /// `/dev/full` is a disk without room: every write fails as on a full disk.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_an_error_at_the_first_flush() {
+        let mut recorder = Recorder::new("/dev/full".into(), Metadata::default());
+        let error = recorder.flush().unwrap_err();
+        assert!(matches!(&error, LogError::Write { source, .. } if source.raw_os_error() == Some(28)), "{error}");
+        recorder.record(&say(1.0)).unwrap();
+        assert_eq!(recorder.lost(), 1);
+    }
+}

@@ -1,0 +1,147 @@
+//! What there is to draw, as plain data, and how it is found in a log.
+
+use std::collections::BTreeMap;
+
+use elk_bus::{Key, Payload, codec::DecodeError};
+use elk_log::{LogError, LogReader, Record};
+use elk_spatial::map::{MapUpdate, UpdateError};
+use elk_spatial::messages::Decision;
+use elk_spatial::{OccupancyGrid, Pose, Scan, Voxel, frontier, keys};
+use nalgebra::Point3;
+
+/// An explored world and how it was explored.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The mission's name.
+    pub mission: String,
+    /// The explorer's type; empty where the log does not say.
+    pub explorer: String,
+    /// The final map.
+    pub grid: OccupancyGrid,
+    /// Frontier voxels that are left.
+    pub frontier: Vec<Voxel>,
+    /// Corners of the way travelled, from start to end (m, world).
+    pub path: Vec<Point3<f64>>,
+    /// The camera's pose at each scan, in order.
+    pub scans: Vec<Pose>,
+    /// Length of the way (m).
+    pub path_length_m: f64,
+    /// Plans that led somewhere.
+    pub plans: usize,
+    /// Whether the exploration is complete, where the log says.
+    pub complete: Option<bool>,
+}
+
+/// Why a log makes no scene.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The log could not be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// A message is not of the type that its key stands for.
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+    /// An update does not belong to the map before it.
+    #[error("the map cannot be put together: {0}")]
+    Update(#[from] UpdateError),
+    /// Nothing was mapped.
+    #[error("the log holds no map ({MAP_UPDATE} or {MAP}): did the mission run, and did it have a map?", MAP_UPDATE = keys::MAP_UPDATE.name(), MAP = keys::MAP.name())]
+    NoMap,
+}
+
+/// What has been collected so far.
+#[derive(Default)]
+struct Collector {
+    grid: Option<OccupancyGrid>,
+    scans: BTreeMap<u64, Pose>,
+    path: Vec<Point3<f64>>,
+    path_length_m: Option<f64>,
+    plans: usize,
+    explorer: String,
+    complete: Option<bool>,
+}
+
+impl Scene {
+    /// Collects a scene from a log; one that breaks off gives the scene at that moment.
+    pub fn from_log(mut log: LogReader) -> Result<Self, SceneError> {
+        let mut collector = Collector::default();
+        for record in log.by_ref() {
+            collector.take(&record?)?;
+        }
+        let mission = log.metadata().mission_name.trim_end_matches(".xml").to_owned();
+        collector.finish(mission)
+    }
+}
+
+impl Collector {
+    fn take(&mut self, record: &Record) -> Result<(), SceneError> {
+        match record.key.as_str() {
+            key if key == keys::MAP_UPDATE.name() => self.map(&decode(record, &keys::MAP_UPDATE)?)?,
+            key if key == keys::MAP.name() => self.map(&decode(record, &keys::MAP)?)?,
+            key if key == keys::SCAN.name() => {
+                let scan: Scan<'_> = record.value.as_ref().decode(&keys::SCAN)?;
+                self.scans.insert(scan.id, scan.pose);
+            }
+            key if key == keys::POSE_COMMAND.name() => {
+                let command = decode(record, &keys::POSE_COMMAND)?;
+                self.path.extend(command.via);
+                self.path.push(command.pose.position());
+            }
+            key if key == keys::PROGRESS.name() => {
+                self.path_length_m = Some(decode(record, &keys::PROGRESS)?.path_length_m);
+            }
+            key if key == keys::PLAN.name() => {
+                self.plans += usize::from(matches!(decode(record, &keys::PLAN)?.decision, Decision::Go(_)));
+            }
+            key if key == keys::EXPLORATION_REPORT.name() => {
+                let report = decode(record, &keys::EXPLORATION_REPORT)?;
+                (self.explorer, self.complete) = (report.explorer, Some(report.complete));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// A gap is passed over: the next whole map mends it.
+    fn map(&mut self, update: &MapUpdate) -> Result<(), UpdateError> {
+        let grid = self.grid.get_or_insert_with(|| OccupancyGrid::new(update.resolution));
+        match grid.apply(update) {
+            Ok(_) | Err(UpdateError::Gap { .. }) => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn finish(self, mission: String) -> Result<Scene, SceneError> {
+        let grid = self.grid.filter(|grid| grid.free() + grid.occupied() > 0).ok_or(SceneError::NoMap)?;
+        let frontier =
+            grid.bricks().voxels().map(|(voxel, _)| voxel).filter(|v| frontier::is_frontier(&grid, *v)).collect();
+        let scans: Vec<Pose> = self.scans.into_values().collect();
+        let path = match self.path.is_empty() {
+            true => scans.iter().map(Pose::position).collect(),
+            false => self.path,
+        };
+        let path_length_m = self.path_length_m.unwrap_or_else(|| length(&path));
+        Ok(Scene {
+            mission,
+            explorer: self.explorer,
+            grid,
+            frontier,
+            path,
+            scans,
+            path_length_m,
+            plans: self.plans,
+            complete: self.complete,
+        })
+    }
+}
+
+fn decode<T>(record: &Record, key: &Key<T>) -> Result<T, DecodeError>
+where
+    T: for<'a> Payload<View<'a> = T>,
+{
+    record.value.as_ref().decode(key)
+}
+
+fn length(path: &[Point3<f64>]) -> f64 {
+    path.windows(2).map(|leg| nalgebra::distance(&leg[0], &leg[1])).sum()
+}

@@ -1,0 +1,36 @@
+//! CPU time of a 100×100 scan in each world: `cargo run --release -p elk-sensor --example scan_time`
+
+use elk_bus::clock::thread_cpu_secs;
+use elk_sensor::scenery::SITES;
+use elk_sensor::{Settings, Simulator, World, random_start};
+use elk_spatial::messages::PoseCommand;
+
+const SCANS: u64 = 100;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    for site in &SITES {
+        let before = thread_cpu_secs();
+        let world = World::from_triangles(site.name, (site.build)().triangles())?;
+        let built = thread_cpu_secs() - before;
+        let mut scanning = 0.0;
+        let mut points = 0;
+        for seed in 0..SCANS {
+            let pose = random_start(&world, seed)?;
+            let mut simulator = Simulator::new(world.clone(), Settings::default(), pose)?;
+            let command = PoseCommand { id: 1, via: Vec::new(), pose };
+            let before = thread_cpu_secs();
+            points += simulator.execute(&command).scan.points.len();
+            scanning += thread_cpu_secs() - before;
+        }
+        println!(
+            "{:10} {:5} triangles: built in {:.2} ms, {:.2} ms a scan, {} of {} rays hit",
+            site.name,
+            world.surfaces().triangles().len(),
+            built * 1e3,
+            scanning * 1e3 / SCANS as f64,
+            points,
+            SCANS * 10_000,
+        );
+    }
+    Ok(())
+}

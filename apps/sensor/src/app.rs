@@ -1,0 +1,294 @@
+//! The simulator as an app: pose commands in, poses and scans out.
+
+use elk_bus::clock::thread_cpu_secs;
+use elk_bus::{App, AppError, Comms, Key, Mail};
+use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
+use elk_spatial::map::MapUpdate;
+use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
+use elk_spatial::{OccupancyGrid, Pose, Scan};
+use nalgebra::Point3;
+
+use crate::camera::Camera;
+use crate::noise::StereoNoise;
+use crate::simulator::{Settings, Simulator, random_start};
+use crate::truth::accuracy;
+use crate::world::{CAR_INTERIOR, World};
+
+/// The sensors that a mission file can name.
+pub static TYPES: &[AppType] = &[AppType {
+    element: "Sensor",
+    name: "Simulator",
+    summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
+    params: PARAMS,
+    build,
+}];
+
+const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
+    ParamSpec { name, kind, default: Some(default), doc }
+}
+
+const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
+
+const PARAMS: &[ParamSpec] = &[
+    param(
+        "World",
+        Kind::File { builtin: &[CAR_INTERIOR] },
+        CAR_INTERIOR,
+        "The world: an OBJ file (metres, z up, closed, faces anticlockwise as seen from the free side).",
+    ),
+    param("Width", PIXELS, "100", "Pixels in a row of the depth image."),
+    param("Height", PIXELS, "100", "Rows of the depth image."),
+    param(
+        "Fov",
+        Kind::Number { unit: "deg", min: 1.0, max: 170.0 },
+        "75",
+        "Horizontal field of view; pixels are square, so Width and Height give the vertical one.",
+    ),
+    param(
+        "NoiseSigma",
+        Kind::Number { unit: "px", min: 0.0, max: 100.0 },
+        "0",
+        "Standard deviation of the matched pixel position before triangulation; 0: exact depth.",
+    ),
+    param(
+        "NoiseBaseline",
+        Kind::Number { unit: "m", min: 0.001, max: 10.0 },
+        "0.12",
+        "Distance of the two cameras whose triangulation NoiseSigma disturbs (the thesis' stereo camera: 0.12).",
+    ),
+    param("Seed", Kind::Integer { min: 0, max: i64::MAX }, "1", "Seed of noise and of RandomStart."),
+    param(
+        "Start",
+        Kind::Point { unit: "m" },
+        "0; 0; 0.8",
+        "Position at the start, in free space (the default is in the car interior).",
+    ),
+    param(
+        "StartYaw",
+        Kind::Number { unit: "deg", min: -360.0, max: 360.0 },
+        "0",
+        "Heading at the start, anticlockwise from world x.",
+    ),
+    param(
+        "StartPitch",
+        Kind::Number { unit: "deg", min: -90.0, max: 90.0 },
+        "0",
+        "Elevation of the view at the start, up positive.",
+    ),
+    param(
+        "RandomStart",
+        Kind::Flag,
+        "false",
+        "Start anywhere free, 0.3 m off every surface, looking anywhere, drawn from Seed; Start, StartYaw and StartPitch then do not count.",
+    ),
+    param(
+        "BodyRadius",
+        Kind::Number { unit: "m", min: 0.0, max: 10.0 },
+        "0.05",
+        "Radius of the robot's body, a ball around the camera, for counting contacts.",
+    ),
+    param("Output", Kind::Variable, "SCAN", "Variable under which scans are published."),
+    param("MOOSPoseVarName", Kind::Variable, "SIM_SENSOR", "Variable under which the camera's pose is published."),
+    param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
+    param(
+        "MOOSHost",
+        Kind::Text,
+        "localhost",
+        "Accepted for MOOS' sake, without effect: the broker is found by the community's name.",
+    ),
+    param(
+        "MOOSPort",
+        Kind::Integer { min: 1, max: 65_535 },
+        "9000",
+        "Accepted for MOOS' sake, without effect: the broker is found by the community's name.",
+    ),
+];
+
+/// The [`Simulator`] on the bus.
+pub struct SimulatorApp {
+    simulator: Simulator,
+    scan: Key<Scan<'static>>,
+    camera_pose: Key<CameraPose>,
+    /// CPU spent on scans so far (s).
+    cpu_secs: f64,
+}
+
+fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
+    let world = World::load(params.text("World"))?;
+    let start = start(params, &world)?;
+    let simulator = Simulator::new(world, settings(params), start)
+        .map_err(|refusal| format!("Start: {refusal}; choose a free place, or RandomStart true"))?;
+    Ok(Box::new(SimulatorApp {
+        simulator,
+        scan: Key::named(params.text("Output")),
+        camera_pose: camera_pose(params.text("MOOSPoseVarName")),
+        cpu_secs: 0.0,
+    }))
+}
+
+fn start(params: &Params, world: &World) -> Result<Pose, AppError> {
+    if params.flag("RandomStart") {
+        return Ok(random_start(world, seed(params))?);
+    }
+    let angle = |name| params.number(name).to_radians();
+    let place = Point3::from(params.point("Start"));
+    Ok(Pose::from_yaw_pitch(place, angle("StartYaw"), angle("StartPitch")))
+}
+
+fn settings(params: &Params) -> Settings {
+    // The table keeps the numbers of pixels within 32 bits and the seed positive.
+    let pixels = |name| params.integer(name) as u32;
+    let noise = StereoNoise { sigma_px: params.number("NoiseSigma"), baseline_m: params.number("NoiseBaseline") };
+    Settings {
+        camera: Camera::new(pixels("Width"), pixels("Height"), params.number("Fov").to_radians()),
+        noise: (noise.sigma_px > 0.0).then_some(noise),
+        seed: seed(params),
+        body_radius: params.number("BodyRadius"),
+    }
+}
+
+fn seed(params: &Params) -> u64 {
+    params.integer("Seed") as u64
+}
+
+impl App for SimulatorApp {
+    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        comms.register(&POSE_COMMAND)?;
+        comms.register(&MAP)?;
+        self.publish_pose(comms)
+    }
+
+    fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        if mail.is(&POSE_COMMAND) {
+            self.on_command(comms, &mail.decode(&POSE_COMMAND)?)?;
+        } else if mail.is(&MAP) {
+            self.on_map(comms, &mail.decode(&MAP)?)?;
+        }
+        Ok(())
+    }
+}
+
+impl SimulatorApp {
+    fn on_command(&mut self, comms: &mut Comms, command: &PoseCommand) -> Result<(), AppError> {
+        if command.id <= self.simulator.command() {
+            let last = self.simulator.command();
+            eprintln!("pose command {} ignored: {last} is already carried out", command.id);
+            return Ok(());
+        }
+        let before = thread_cpu_secs();
+        let outcome = self.simulator.execute(command);
+        self.cpu_secs += thread_cpu_secs() - before;
+        if let Some(refusal) = outcome.refused {
+            eprintln!("pose command {} refused, the robot stays: {refusal}", command.id);
+        }
+        self.publish_pose(comms)?;
+        comms.publish(&self.scan, &outcome.scan)?;
+        comms.publish(&SENSOR_REPORT, &self.report())?;
+        Ok(())
+    }
+
+    fn publish_pose(&self, comms: &mut Comms) -> Result<(), AppError> {
+        let pose = CameraPose { command: self.simulator.command(), pose: self.simulator.pose() };
+        Ok(comms.publish(&self.camera_pose, &pose)?)
+    }
+
+    fn report(&self) -> SensorReport {
+        SensorReport {
+            scans: self.simulator.scans(),
+            contacts: self.simulator.contacts(),
+            scan: self.simulator.scans(),
+            cpu_secs: self.cpu_secs,
+        }
+    }
+
+    /// Judges a whole map; only the simulator knows the truth.
+    fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
+        let mut map = OccupancyGrid::new(update.resolution);
+        map.apply(update)?;
+        let accuracy = accuracy(self.simulator.world(), &map);
+        let report = AccuracyReport { revision: update.revision, accuracy: accuracy.share(), voxels: accuracy.known };
+        Ok(comms.publish(&ACCURACY_REPORT, &report)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use elk_bus::memory::MemoryBroker;
+    use elk_bus::{BrokerConfig, Client, Clock, Community};
+    use elk_spatial::keys::SCAN;
+    use elk_spatial::{State, Voxel};
+
+    use super::*;
+
+    fn app() -> SimulatorApp {
+        let world = World::load(CAR_INTERIOR).unwrap();
+        let start = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 0.8), 0.0, 0.0);
+        SimulatorApp {
+            simulator: Simulator::new(world, Settings::default(), start).unwrap(),
+            scan: SCAN,
+            camera_pose: camera_pose("SIM_SENSOR"),
+            cpu_secs: 0.0,
+        }
+    }
+
+    fn join(broker: &MemoryBroker, name: &str) -> Client {
+        let community = Community::new("sensor-test").unwrap();
+        Client::over(broker.connect(name).unwrap(), name, &community)
+    }
+
+    /// Hands the app what has come for it, on the spot.
+    fn serve(app: &mut SimulatorApp, client: &mut Client) {
+        let (comms, inbox) = (&mut client.comms, &mut client.inbox);
+        while inbox.receive(comms, Duration::ZERO, |comms, mail| app.on_new_mail(comms, mail)).unwrap() > 0 {}
+        comms.flush().unwrap();
+    }
+
+    /// What the probe has been sent, as key and the command, scan or revision that it carries.
+    fn heard(probe: &mut Client) -> Vec<(String, u64)> {
+        let mut heard = Vec::new();
+        probe
+            .receive(Duration::ZERO, |mail| {
+                let number = match mail.key() {
+                    "SIM_SENSOR" => mail.decode(&camera_pose("SIM_SENSOR")).unwrap().command,
+                    "SCAN" => mail.decode(&SCAN).unwrap().command,
+                    "SENSOR_REPORT" => mail.decode(&SENSOR_REPORT).unwrap().contacts,
+                    _ => mail.decode(&ACCURACY_REPORT).unwrap().voxels,
+                };
+                heard.push((mail.key().to_owned(), number));
+            })
+            .unwrap();
+        heard
+    }
+
+    #[test]
+    fn a_command_is_answered_by_pose_scan_and_report_once_and_a_map_by_its_accuracy() {
+        let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
+        let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
+        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.flush().unwrap();
+        app.on_start_up(&mut sensor.comms).unwrap();
+        sensor.comms.flush().unwrap();
+        assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 0)]);
+
+        let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
+        let command = PoseCommand { id: 1, via: Vec::new(), pose };
+        for _ in 0..2 {
+            probe.comms.publish(&POSE_COMMAND, &command).unwrap();
+        }
+        probe.comms.flush().unwrap();
+        serve(&mut app, &mut sensor);
+        let expected = [("SIM_SENSOR", 1), ("SCAN", 1), ("SENSOR_REPORT", 0)];
+        assert_eq!(heard(&mut probe), expected.map(|(key, n)| (key.to_owned(), n)));
+        assert_eq!(app.simulator.pose(), pose);
+
+        let mut map = OccupancyGrid::new(0.1);
+        map.set(Voxel::new(0, 0, 8), State::Free);
+        probe.comms.publish(&MAP, &map.whole(1)).unwrap();
+        probe.comms.flush().unwrap();
+        serve(&mut app, &mut sensor);
+        assert_eq!(heard(&mut probe), [("ACCURACY_REPORT".to_owned(), 1)]);
+    }
+}

@@ -1,0 +1,76 @@
+//! What a log holds: messages as they crossed the bus, and where the run came from.
+
+use elk_bus::{Value, ValueRef};
+
+/// A message as it crossed the bus.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// The variable.
+    pub key: String,
+    /// The app that published it.
+    pub source: String,
+    /// What the app says of the origin beyond its name; mostly empty.
+    pub source_aux: String,
+    /// The community that it was published in.
+    pub community: String,
+    /// When it was published (s, the community's clock).
+    pub time: f64,
+    /// Its number among the messages of its source.
+    pub sequence: u64,
+    /// When it was recorded (s, the community's clock); a log is in this order.
+    pub received: f64,
+    /// What was said.
+    pub value: Value,
+}
+
+/// A [`Record`] where it lies, so that recording copies each message only once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecordRef<'a> {
+    /// See [`Record::key`].
+    pub key: &'a str,
+    /// See [`Record::source`].
+    pub source: &'a str,
+    /// See [`Record::source_aux`].
+    pub source_aux: &'a str,
+    /// See [`Record::community`].
+    pub community: &'a str,
+    /// See [`Record::time`].
+    pub time: f64,
+    /// See [`Record::sequence`].
+    pub sequence: u64,
+    /// See [`Record::received`].
+    pub received: f64,
+    /// See [`Record::value`].
+    pub value: ValueRef<'a>,
+}
+
+impl Record {
+    /// The record where it lies.
+    pub fn as_ref(&self) -> RecordRef<'_> {
+        RecordRef {
+            key: &self.key,
+            source: &self.source,
+            source_aux: &self.source_aux,
+            community: &self.community,
+            time: self.time,
+            sequence: self.sequence,
+            received: self.received,
+            value: self.value.as_ref(),
+        }
+    }
+}
+
+/// Where a run came from: enough to do it again.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Metadata {
+    /// Name of the mission file, without its folder.
+    pub mission_name: String,
+    /// The mission file as it was run.
+    pub mission: String,
+    /// Version of the program that ran it.
+    pub version: String,
+    /// The run's seed.
+    pub seed: u64,
+    /// When the run was started (s since 1970, UTC).
+    pub started: f64,
+}
