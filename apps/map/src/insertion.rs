@@ -158,11 +158,14 @@ impl Brick {
             let hit = marks.hit[z];
             let missed = marks.passed[z] & !hit & !spared[z];
             let clamp = |log_odds: f32| log_odds.clamp(config.clamp_min, config.clamp_max);
+            // What passed before the first hit grazed the surface that was hit now, unless misses always count.
+            let first_hit = if config.grazing == Grazing::None { 0 } else { hit & !self.ever_hit[z] };
             let mut occupied = self.occupied[z];
             for bit in mask::bits(hit | missed) {
-                let step = if hit >> bit & 1 == 1 { config.hit } else { config.miss };
+                let step = if hit >> bit & 1 == 1 { config.hit } else if self.ever_hit[z] >> bit & 1 == 1 { config.miss * std::env::var("W").ok().and_then(|v| v.parse().ok()).unwrap_or(1.0f32) } else { config.miss };
                 let log_odds = &mut self.log_odds[z << 6 | bit];
-                *log_odds = clamp(*log_odds + step);
+                let forgets = first_hit >> bit & 1 == 1 && *log_odds < 0.0;
+                *log_odds = clamp(if forgets { step } else { *log_odds + step });
                 occupied = occupied & !(1 << bit) | u64::from(*log_odds > 0.0) << bit;
             }
             let changed = (occupied ^ self.occupied[z]) | ((hit | missed) & !self.known[z]);

@@ -1,8 +1,8 @@
 //! The table of app types: what a mission file may say, in what units, and what it means when it says nothing.
 
-use std::collections::BTreeMap;
-
 use elk_bus::{App, AppError};
+
+use crate::params::Params;
 
 /// One type of app, as it is offered to mission files and to `elk types`.
 pub struct AppType {
@@ -66,25 +66,4 @@ pub enum Kind {
         /// Names that are no files but built into the program.
         builtin: &'static [&'static str],
     },
-}
-
-/// An app's parameters, checked against its type's table: every parameter has a value of its kind.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Params {
-    pub(crate) values: BTreeMap<&'static str, ParamValue>,
-}
-
-/// A checked value.
-#[derive(Debug, Clone, PartialEq)]
-pub enum ParamValue {
-    /// Of [`Kind::Number`].
-    Number(f64),
-    /// Of [`Kind::Integer`].
-    Integer(i64),
-    /// Of [`Kind::Flag`].
-    Flag(bool),
-    /// Of [`Kind::Point`].
-    Point([f64; 3]),
-    /// Of the kinds that are text.
-    Text(String),
 }

@@ -22,8 +22,8 @@ pub const MAP: Key<MapUpdate> = Key::new("MAP");
 pub const STEP: &str = "STEP";
 /// Anyone to the map: publish the whole map (any double).
 pub const MAP_REQUEST: &str = "MAP_REQUEST";
-/// Map to anyone: how much is known.
-pub const MAP_STATUS: Key<MapStatus> = Key::new("MAP_STATUS");
+/// Map to anyone: how much is known. (Not `MAP_STATUS`: every app says `<APP>_STATUS` of itself, and one may be named Map.)
+pub const MAP_KNOWN: Key<MapStatus> = Key::new("MAP_KNOWN");
 /// Controller to explorer: where to?
 pub const PLAN_REQUEST: Key<PlanRequest> = Key::new("PLAN_REQUEST");
 /// Explorer to controller: there.

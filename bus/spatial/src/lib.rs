@@ -12,6 +12,7 @@ pub mod messages;
 pub mod polyline;
 pub mod pose;
 pub mod ray;
+pub mod replica;
 pub mod scan;
 pub mod voxel;
 
@@ -20,5 +21,6 @@ pub use frontier::FrontierSet;
 pub use map::{OccupancyGrid, State};
 pub use polyline::Polyline;
 pub use pose::Pose;
+pub use replica::Replica;
 pub use scan::{Points, Scan};
 pub use voxel::{Bounds, Voxel};

@@ -1,0 +1,147 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+use elk_bus::Community;
+use elk_mission::Override;
+
+/// Explores worlds as mission files say, each app a process of its own.
+#[derive(Debug, Parser)]
+#[command(name = "elk", version, arg_required_else_help = true)]
+#[command(after_help = "Example: elk launch mission-files/apartment.xml")]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What elk can do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a mission: start its broker and apps, watch over them, sum up
+    #[command(after_help = "Example: elk launch mission-files/apartment.xml --set Explorer.type=ClosestFrontier")]
+    Launch(LaunchArgs),
+    /// Check a mission file and start nothing
+    #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
+    Check(MissionArgs),
+    /// List the app types with their parameters, units, defaults and meaning
+    #[command(after_help = "Example: elk types Explorer")]
+    Types {
+        /// Only the types of this element: Sensor, Filter, Map, Explorer, Controller or Logger
+        element: Option<String>,
+    },
+    /// Serve a community: the broker by itself
+    #[command(after_help = "Example: elk db --community lab")]
+    Db(CommunityArgs),
+    /// Run a sensor by itself
+    #[command(after_help = "Example: elk sensor --type Simulator World=mission-files/worlds/car.obj")]
+    Sensor(AppArgs),
+    /// Run a filter by itself
+    #[command(after_help = "Example: elk filter --type Distance Threshold=5 Input=SCAN Output=SCAN_1")]
+    Filter(AppArgs),
+    /// Run a map by itself
+    #[command(after_help = "Example: elk map --type OctoMap Res=0.05 Input=SCAN_1")]
+    Map(AppArgs),
+    /// Run an explorer by itself
+    #[command(after_help = "Example: elk explorer --type Potential 'Mid=0; 0; 0' 'Dim=5.7; 4.3; 4.5'")]
+    Explorer(AppArgs),
+    /// Run a controller by itself
+    #[command(after_help = "Example: elk controller --type MOOSSim")]
+    Controller(AppArgs),
+    /// Run a logger by itself
+    #[command(after_help = "Example: elk logger --type Mcap File=everything.mcap")]
+    Logger(AppArgs),
+    /// List the clients and variables of a running community
+    #[command(after_help = "Example: elk list --community lab")]
+    List(CommunityArgs),
+    /// Draw plan and section of a run into its folder
+    #[command(after_help = "Example: elk picture logs/apartment-20261123-224512")]
+    Picture {
+        /// The run's folder
+        run: PathBuf,
+    },
+    /// End the processes of a launcher that is gone; the launcher starts this itself
+    #[command(hide = true)]
+    Guard,
+}
+
+/// Which community.
+#[derive(Debug, Args)]
+pub struct CommunityArgs {
+    /// The community's name; communities of one machine do not hear each other
+    #[arg(long, default_value = "elk")]
+    pub community: Community,
+}
+
+/// Which mission, and what to change in it.
+#[derive(Debug, Args)]
+pub struct MissionArgs {
+    /// The mission file
+    pub mission: PathBuf,
+    /// Say a parameter here instead of in the file; `type` exchanges the app's type; files from the working directory
+    #[arg(long = "set", value_name = "APP.PARAM=VALUE")]
+    pub sets: Vec<Override>,
+}
+
+/// How to launch a mission.
+#[derive(Debug, Args)]
+pub struct LaunchArgs {
+    /// Which mission.
+    #[command(flatten)]
+    pub mission: MissionArgs,
+    /// Run a manual mission through, without waiting for Enter
+    #[arg(long)]
+    pub auto: bool,
+    /// Where the run's folder is made
+    #[arg(long, default_value = "logs", value_name = "DIR")]
+    pub log_dir: PathBuf,
+    /// Plain lines instead of one that changes
+    #[arg(long)]
+    pub headless: bool,
+    /// Run everything in this one process, over a bus in memory
+    #[arg(long)]
+    pub in_process: bool,
+    /// Which community.
+    #[command(flatten)]
+    pub community: CommunityArgs,
+}
+
+/// One app by itself.
+#[derive(Debug, Args)]
+pub struct AppArgs {
+    /// Its type; `elk types` lists them
+    #[arg(long = "type", value_name = "TYPE")]
+    pub type_name: String,
+    /// Its name on the bus; its element's if not said
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Which community.
+    #[command(flatten)]
+    pub community: CommunityArgs,
+    /// Its parameters
+    #[arg(value_name = "PARAM=VALUE", value_parser = setting)]
+    pub settings: Vec<(String, String)>,
+}
+
+fn setting(said: &str) -> Result<(String, String), String> {
+    let (name, text) = said.split_once('=').ok_or("right is Param=Value, for example Res=0.05")?;
+    Ok((name.trim().to_owned(), text.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::Cli;
+
+    #[test]
+    fn the_command_line_is_consistent_and_every_command_has_an_example() {
+        let command = Cli::command();
+        command.clone().debug_assert();
+        for one in command.get_subcommands().filter(|one| !one.is_hide_set()) {
+            let help = one.get_after_help().map(|help| help.to_string()).unwrap_or_default();
+            assert!(help.contains(&format!("elk {}", one.get_name())), "{}", one.get_name());
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! What each command does, once its arguments are checked.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow, bail};
+use elk_bus::clock::Stopwatch;
+use elk_bus::{BrokerConfig, Client, Clock, Community, RunOptions, run_app, serve_broker};
+use elk_launcher::{LaunchOptions, Outcome};
+use elk_mission::{AppType, Mission, Registry, describe, instead};
+
+use crate::cli::{AppArgs, LaunchArgs, MissionArgs};
+use crate::registry::registry;
+
+/// How long `elk list` waits for the broker's tables.
+const LIST_PATIENCE: Duration = Duration::from_secs(5);
+
+/// `elk launch`
+pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
+    let mission = load(&arguments.mission)?;
+    let options = LaunchOptions {
+        program: std::env::current_exe().context("elk does not know where it is itself")?,
+        community: arguments.community.community,
+        log_dir: arguments.log_dir,
+        headless: arguments.headless,
+        auto: arguments.auto,
+        in_process: arguments.in_process,
+    };
+    let outcome = elk_launcher::launch(mission, &options)?;
+    report(&outcome)?;
+    Ok(if outcome.summary.complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn report(outcome: &Outcome) -> Result<()> {
+    say(&outcome.summary.to_string())?;
+    match &outcome.picture {
+        Some(Ok(picture)) => say(&format!("  picture {}\n", picture.display()))?,
+        Some(Err(error)) => say(&format!("  no picture: {error}\n"))?,
+        None => {}
+    }
+    say(&format!("  all of it is in {}\n", outcome.folder.display()))
+}
+
+/// `elk check`
+pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
+    let mission = load(arguments)?;
+    let mut text = format!("{}: {} is right\n", arguments.mission.display(), mission.name);
+    for app in &mission.apps {
+        text += &format!("  {} {} {}\n", app.element, app.type_name(), app.name);
+    }
+    say(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn load(arguments: &MissionArgs) -> Result<Mission> {
+    Ok(Mission::load(&arguments.mission, &registry(), &arguments.sets)?)
+}
+
+/// `elk types`
+pub fn types(element: Option<&str>) -> Result<ExitCode> {
+    let registry = registry();
+    let chosen = match element {
+        None => registry,
+        Some(element) => of_element(&registry, element)?,
+    };
+    say(&describe(&chosen))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn of_element(registry: &Registry, element: &str) -> Result<Registry> {
+    let chosen: Registry = registry.of_element(element).collect();
+    if chosen.types().next().is_none() {
+        let mut known: Vec<&str> = registry.types().map(|one| one.element).collect();
+        known.dedup();
+        bail!("{element} is no element of a mission; {}", instead(element, &known));
+    }
+    Ok(chosen)
+}
+
+/// `elk db`
+pub fn db(community: Community) -> Result<ExitCode> {
+    let config = BrokerConfig::new(community.as_str());
+    serve_broker(community, config, Clock::new(1.0))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `elk sensor`, `elk filter`, …
+pub fn app(element: &str, arguments: AppArgs) -> Result<ExitCode> {
+    let app_type = app_type(element, &arguments.type_name)?;
+    let params = app_type.check(&arguments.settings, Path::new(""))?;
+    let name = arguments.name.unwrap_or_else(|| element.to_owned());
+    let app = (app_type.build)(&params).map_err(|error| anyhow!("{name}: {error}"))?;
+    run_app(app, &RunOptions::new(name, arguments.community.community))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn app_type(element: &str, name: &str) -> Result<&'static AppType> {
+    let registry = registry();
+    registry.find(element, name).ok_or_else(|| {
+        let known: Vec<&str> = registry.of_element(element).map(|one| one.name).collect();
+        anyhow!("{element} has no type {name:?}; {}", instead(name, &known))
+    })
+}
+
+/// `elk list`
+pub fn list(community: &Community) -> Result<ExitCode> {
+    const TABLES: [&str; 2] = ["DB_CLIENTS", "DB_VARSUMMARY"];
+    let name = format!("list-{}", std::process::id());
+    let mut client = Client::connect(community, &name)?;
+    for table in TABLES {
+        client.comms.register_variable(table, 0.0)?;
+    }
+    let mut tables = [const { None }; TABLES.len()];
+    let clock = Stopwatch::start();
+    while tables.iter().any(Option::is_none) && clock.elapsed() < LIST_PATIENCE {
+        client.receive(Duration::from_millis(100), |mail| {
+            if let Some(place) = TABLES.iter().position(|table| *table == mail.key()) {
+                tables[place] = mail.as_text().map(str::to_owned);
+            }
+        })?;
+    }
+    let [Some(clients), Some(variables)] = tables else {
+        bail!("the broker of community {community} did not say who and what is there");
+    };
+    let others = clients.split(',').filter(|client| !client.is_empty() && *client != name);
+    say(&format!("clients: {}\n{}\n", others.collect::<Vec<_>>().join(" "), variables.trim_end()))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `elk picture`
+pub fn picture(run: &Path) -> Result<ExitCode> {
+    let picture = elk_picture::draw_run(run)?;
+    say(&format!("{}\n", picture.display()))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `elk guard`
+pub fn guard() -> Result<ExitCode> {
+    elk_launcher::guard(std::io::stdin().lock()).context("the launcher cannot be followed")?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes to standard output; a reader that has gone (`elk types | head`) is no failure.
+fn say(text: &str) -> Result<()> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}

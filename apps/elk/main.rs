@@ -1,0 +1,47 @@
+//! `elk`: explores worlds as missions say, one process per app.
+//!
+//! Raw arguments become a checked configuration (`cli`, `elk_mission`), and only then does anything start.
+
+mod cli;
+mod commands;
+mod registry;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use cli::{Cli, Command};
+
+fn main() -> ExitCode {
+    let done = match Cli::parse().command {
+        Command::Launch(arguments) => commands::launch(arguments),
+        Command::Check(arguments) => commands::check(&arguments),
+        Command::Types { element } => commands::types(element.as_deref()),
+        Command::Db(arguments) => commands::db(arguments.community),
+        Command::Sensor(app) => commands::app("Sensor", app),
+        Command::Filter(app) => commands::app("Filter", app),
+        Command::Map(app) => commands::app("Map", app),
+        Command::Explorer(app) => commands::app("Explorer", app),
+        Command::Controller(app) => commands::app("Controller", app),
+        Command::Logger(app) => commands::app("Logger", app),
+        Command::List(arguments) => commands::list(&arguments.community),
+        Command::Picture { run } => commands::picture(&run),
+        Command::Guard => commands::guard(),
+    };
+    match done {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("elk: {}", in_one_line(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// An error and its causes; a cause that an error quotes itself is not said again.
+fn in_one_line(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |said, next| match said.as_str() {
+        "" => next,
+        _ if said.contains(&next) => said,
+        _ => format!("{said}: {next}"),
+    })
+}

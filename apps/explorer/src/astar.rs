@@ -1,0 +1,143 @@
+//! Shortest ways over voxels: A* to one voxel, Dijkstra to the closest of many.
+//!
+//! The 26 neighbours, no corner cut. A voxel with an unknown neighbour costs [`EXPOSED_COST`] times its length: what is
+//! unknown may hold a surface, so a way that keeps off it is taken where there is one. Ties go to the smaller index, so
+//! that equal maps give equal ways.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use crate::volume::Volume;
+
+/// What a voxel of way costs beside the unknown, in voxels.
+const EXPOSED_COST: f64 = 1.5;
+
+/// The shortest way from `from` to `to` over voxels in `passable` (indices, both ends included).
+pub fn shortest(
+    volume: &Volume,
+    passable: &[bool],
+    from: usize,
+    to: usize,
+) -> Option<Vec<usize>> {
+    let target = volume.voxel(to);
+    search(
+        volume,
+        passable,
+        from,
+        |i| i == to,
+        |i| volume.voxel(i).distance(target),
+    )
+}
+
+/// The shortest way from `from` to the closest voxel that is a goal.
+pub fn closest(
+    volume: &Volume,
+    passable: &[bool],
+    from: usize,
+    is_goal: impl Fn(usize) -> bool,
+) -> Option<Vec<usize>> {
+    search(volume, passable, from, is_goal, |_| 0.0)
+}
+
+fn search(
+    volume: &Volume,
+    passable: &[bool],
+    from: usize,
+    is_goal: impl Fn(usize) -> bool,
+    bound: impl Fn(usize) -> f64,
+) -> Option<Vec<usize>> {
+    let mut cost = vec![f64::INFINITY; volume.len()];
+    let mut parent = vec![u32::MAX; volume.len()];
+    cost[from] = 0.0;
+    // Costs are not negative, so their bits sort as they do.
+    let mut open = BinaryHeap::from([Reverse((bound(from).to_bits(), from))]);
+    while let Some(Reverse((estimate, i))) = open.pop() {
+        if is_goal(i) {
+            return Some(way_back(&parent, from, i));
+        }
+        if f64::from_bits(estimate) > cost[i] + bound(i) {
+            continue;
+        }
+        for m in volume.moves() {
+            let n = i.wrapping_add_signed(m.offset);
+            let cut = |d: &isize| !passable[i.wrapping_add_signed(*d)];
+            if !passable[n] || m.between.iter().any(cut) {
+                continue;
+            }
+            let factor = if volume.exposed(n) { EXPOSED_COST } else { 1.0 };
+            let new = cost[i] + m.length * factor;
+            if new < cost[n] {
+                cost[n] = new;
+                parent[n] = i as u32;
+                open.push(Reverse(((new + bound(n)).to_bits(), n)));
+            }
+        }
+    }
+    None
+}
+
+fn way_back(parent: &[u32], from: usize, to: usize) -> Vec<usize> {
+    let mut way = vec![to];
+    let mut at = to;
+    while at != from {
+        at = parent[at] as usize;
+        way.push(at);
+    }
+    way.reverse();
+    way
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elk_spatial::{OccupancyGrid, State, Voxel};
+
+    /// Two rooms side by side behind a wall of one voxel at x = 6 with a door at y = 0; a shell around, so that nothing
+    /// is exposed inside.
+    fn rooms() -> (Volume, Vec<bool>) {
+        let mut grid = OccupancyGrid::new(0.1);
+        for x in -2..15 {
+            for y in -2..10 {
+                for z in -2..5 {
+                    let inside = (0..13).contains(&x) && (0..8).contains(&y) && (0..3).contains(&z);
+                    let free = inside && (x != 6 || y == 0);
+                    let state = if free { State::Free } else { State::Occupied };
+                    grid.set(Voxel::new(x, y, z), state);
+                }
+            }
+        }
+        let volume = Volume::of(&grid, Voxel::new(0, 0, 0), 1);
+        let passable = volume.states().iter().map(|s| *s == State::Free).collect();
+        (volume, passable)
+    }
+
+    fn length(volume: &Volume, way: &[usize]) -> f64 {
+        way.windows(2)
+            .map(|w| volume.voxel(w[0]).distance(volume.voxel(w[1])))
+            .sum()
+    }
+
+    #[test]
+    fn the_way_leads_through_the_door_and_cuts_no_corner() {
+        let (volume, passable) = rooms();
+        let at = |x, y| volume.index(Voxel::new(x, y, 1)).unwrap();
+        let way = shortest(&volume, &passable, at(3, 4), at(9, 4)).unwrap();
+        // Five diagonals would cut the door posts: two straight steps through, the rest diagonal.
+        let expected = 2.0 + 2.0 * (2.0 * 2f64.sqrt() + 2.0);
+        assert!((length(&volume, &way) - expected).abs() < 1e-9);
+        assert!(way.contains(&at(6, 0)));
+        let flood = closest(&volume, &passable, at(3, 4), |i| i == at(9, 4)).unwrap();
+        assert!((length(&volume, &flood) - expected).abs() < 1e-9);
+    }
+
+    #[test]
+    fn no_way_is_none() {
+        let (volume, mut passable) = rooms();
+        for z in 0..3 {
+            passable[volume.index(Voxel::new(6, 0, z)).unwrap()] = false;
+        }
+        let at = |x| volume.index(Voxel::new(x, 4, 1)).unwrap();
+        assert_eq!(shortest(&volume, &passable, at(3), at(9)), None);
+        assert_eq!(closest(&volume, &passable, at(3), |_| false), None);
+    }
+}

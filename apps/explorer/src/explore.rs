@@ -1,0 +1,353 @@
+//! One explorer: from a map and a pose to the next path, until nothing is left that can be reached and seen.
+
+mod memory;
+
+use elk_spatial::clearance::Clearance;
+use elk_spatial::messages::{
+    Decision, ExplorationReport, FrontiersLeft, Path, Plan, PlanRequest,
+};
+use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
+use nalgebra::Point3;
+
+use crate::goals::{Goal, Goals, Target};
+use crate::policy::{Policy, looks};
+use crate::space::Space;
+use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
+use crate::volume::Volume;
+use memory::Memory;
+
+/// What an explorer is told besides its strategy.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// How paths are followed and where scans are taken.
+    pub policy: Policy,
+    /// The volume to explore; `None`: all there is.
+    pub bounds: Option<Bounds>,
+    /// Radius of a sphere around the robot's body (m).
+    pub radius_m: f64,
+    /// Clusters of fewer frontier voxels than this do not count.
+    pub min_frontier: usize,
+    /// Distinct places from which a frontier voxel is looked at before it is given up.
+    pub attempts: usize,
+    /// A run of more scans than this has failed.
+    pub max_scans: u64,
+    /// A run that learns nothing new in this many scans has failed.
+    pub patience: u64,
+    /// Seconds of CPU that the thread has used.
+    pub clock: fn() -> f64,
+}
+
+/// Why a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    Explored,
+    TooManyScans,
+    NoProgress,
+}
+
+/// Plans, remembers what it tried, and knows when it is done.
+pub struct Explorer {
+    strategy: Box<dyn Strategy>,
+    settings: Settings,
+    memory: Memory,
+    journal: Journal,
+    plans: u64,
+    report: Option<ExplorationReport>,
+}
+
+/// The map as one plan sees it.
+struct Scene {
+    volume: Volume,
+    space: Space,
+    targets: Vec<Target>,
+    left: FrontiersLeft,
+}
+
+impl Explorer {
+    /// An explorer that has seen nothing yet.
+    pub fn new(strategy: Box<dyn Strategy>, settings: Settings) -> Self {
+        Self {
+            strategy,
+            memory: Memory::default(),
+            journal: Journal::new(settings.clock),
+            settings,
+            plans: 0,
+            report: None,
+        }
+    }
+
+    /// The strategy, its settings and the policy, in one line.
+    pub fn describe(&self) -> String {
+        let strategy = [self.strategy.name().to_string(), self.strategy.describe()];
+        let named = strategy.iter().filter(|s| !s.is_empty());
+        let named: Vec<&str> = named.map(String::as_str).collect();
+        format!(
+            "{}; {}; clearance {} m",
+            named.join(": "),
+            self.settings.policy.describe(),
+            self.settings.radius_m
+        )
+    }
+
+    /// An empty frontier of the volume that this explorer explores, to be kept up to date by the caller.
+    pub fn frontier(&self) -> FrontierSet {
+        FrontierSet::new(self.settings.bounds)
+    }
+
+    /// Why it ended and what is left; there once a plan was [`Decision::Done`].
+    pub fn report(&self) -> Option<&ExplorationReport> {
+        self.report.as_ref()
+    }
+
+    /// Answers a request from a map at the asked revision and its frontier.
+    pub fn plan(
+        &mut self,
+        grid: &OccupancyGrid,
+        frontier: &FrontierSet,
+        request: &PlanRequest,
+    ) -> Plan {
+        let before = self.journal.total_secs();
+        self.plans += 1;
+        self.memory.learn(request, grid, frontier);
+        Plan {
+            request: request.id,
+            revision: grid.revision(),
+            decision: self.decide(grid, frontier, request),
+            motion: self.settings.policy.motion(self.settings.radius_m),
+            cpu_secs: self.journal.total_secs() - before,
+        }
+    }
+
+    fn decide(
+        &mut self,
+        grid: &OccupancyGrid,
+        frontier: &FrontierSet,
+        request: &PlanRequest,
+    ) -> Decision {
+        let mut scene = self.look_around(grid, frontier, request.pose.position());
+        if request.revision >= self.settings.max_scans {
+            return self.end(End::TooManyScans, &scene);
+        }
+        if self.memory.scans_without_progress(request.revision) >= self.settings.patience {
+            return self.end(End::NoProgress, &scene);
+        }
+        let Some(goals) = self.find_goals(&mut scene) else {
+            return self.end(End::Explored, &scene);
+        };
+        let from = request.pose.position();
+        match self.choose(&scene, &goals, from) {
+            Some((goal, way)) => Decision::Go(self.path(&scene, frontier, goal, way)),
+            None => self.end(End::NoProgress, &scene),
+        }
+    }
+
+    /// Where the robot can be, what is to be resolved, and what is not, by cause.
+    fn look_around(
+        &mut self,
+        grid: &OccupancyGrid,
+        frontier: &FrontierSet,
+        position: Point3<f64>,
+    ) -> Scene {
+        let (memory, settings) = (&self.memory, &self.settings);
+        self.journal.time("space", || {
+            let clearance = Clearance::new(settings.radius_m, grid.resolution());
+            let robot = Voxel::containing(position, grid.resolution());
+            let volume = Volume::of(grid, robot, clearance.reach().max(2));
+            let start = volume.index(robot).unwrap_or_default();
+            let space = Space::around(&volume, start, &clearance, memory.trail());
+            let mut scene = Scene {
+                volume,
+                space,
+                targets: Vec::new(),
+                left: FrontiersLeft::default(),
+            };
+            scene.sort_out(frontier, memory, settings);
+            scene
+        })
+    }
+
+    /// The goals near the frontier, or if there are none, all places that see it; `None` if none does.
+    fn find_goals(&mut self, scene: &mut Scene) -> Option<Goals> {
+        let Scene {
+            volume,
+            space,
+            targets,
+            left,
+        } = scene;
+        let near = self.journal.time("goals", || {
+            Goals::near(volume, &space.reach, targets)
+        });
+        if !near.is_empty() {
+            return Some(near);
+        }
+        let (far, invisible) = self.journal.time("sight", || {
+            Goals::far(volume, &space.reach, targets)
+        });
+        left.invisible += invisible.len() as u64;
+        targets.retain(|t| !invisible.contains(&t.voxel));
+        if !far.is_empty() {
+            return Some(far);
+        }
+        // Each place that sees these was tried.
+        left.unresolved += targets.len() as u64;
+        targets.clear();
+        None
+    }
+
+    /// The goal to go to and the whole way there.
+    fn choose<'a>(
+        &mut self,
+        scene: &Scene,
+        goals: &'a Goals,
+        robot: Point3<f64>,
+    ) -> Option<(&'a Goal, Vec<Point3<f64>>)> {
+        let (volume, space) = (&scene.volume, &scene.space);
+        let start = space.start();
+        let backed_off = space.escape.len() > 1;
+        let view = View {
+            volume,
+            space,
+            from: if backed_off { volume.center(start) } else { robot },
+            goals,
+        };
+        // A robot that stands in a goal looks first: for the field it would be source and sink at once.
+        let here = goals.contains(start).then(|| Route {
+            points: vec![view.from],
+            goal: start,
+        });
+        let route = here
+            .or_else(|| self.strategy.plan(&view, &mut self.journal))
+            .or_else(|| {
+                self.journal.fallbacks += 1;
+                ClosestFrontier.plan(&view, &mut self.journal)
+            })?;
+        let goal = goals.at(route.goal)?;
+        let escape = space.escape.iter().skip(1).map(|i| volume.center(*i));
+        let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
+        way.extend(route.points);
+        let there = way.last().is_some_and(|p| goal.target.seen_from(volume, *p));
+        if !there {
+            way.push(goal.position);
+        }
+        Some((goal, way))
+    }
+
+    /// The path to follow, and what to do at its end.
+    fn path(
+        &mut self,
+        scene: &Scene,
+        frontier: &FrontierSet,
+        goal: &Goal,
+        way: Vec<Point3<f64>>,
+    ) -> Path {
+        let (volume, target) = (&scene.volume, &goal.target);
+        let policy = &self.settings.policy;
+        let path = self.journal.time("path", || {
+            let fixed = Polyline::new(way.iter().copied().take(scene.space.escape.len()));
+            let fixed = fixed.map_or(0.0, |f| f.length());
+            let whole = Polyline::new(way.iter().copied());
+            let shaped =
+                whole.map(|w| policy.shape(volume, &scene.space.reach, target, w, fixed));
+            let points = shaped.map_or(way, |s| s.points().to_vec());
+            let end = points.last().copied().unwrap_or(goal.position);
+            Path {
+                looks: looks(volume, frontier, end, target),
+                points,
+                target: target.voxel,
+                unknown: target.unknown.clone(),
+            }
+        });
+        self.memory.remember(&path);
+        path
+    }
+
+    fn end(&mut self, end: End, scene: &Scene) -> Decision {
+        let mut left = scene.left;
+        left.open += scene.targets.len() as u64;
+        let missed = left.unresolved + left.open;
+        let reason = match end {
+            End::Explored if missed == 0 => {
+                "every frontier that can be reached and seen is resolved".into()
+            }
+            End::Explored => format!(
+                "{missed} frontier voxels were looked at from {} places each, in vain",
+                self.settings.attempts
+            ),
+            End::TooManyScans => format!("more than {} scans (MaxScans)", self.settings.max_scans),
+            End::NoProgress => {
+                format!("{} scans taught nothing new (Patience)", self.settings.patience)
+            }
+        };
+        let phases = self.journal.phases().iter();
+        self.report = Some(ExplorationReport {
+            explorer: self.strategy.name().into(),
+            policy: self.settings.policy.name.into(),
+            complete: end == End::Explored && missed == 0,
+            reason,
+            left,
+            plans: self.plans,
+            stalls: self.journal.stalls,
+            cpu_secs: phases.map(|(n, s)| ((*n).into(), *s)).collect(),
+        });
+        Decision::Done
+    }
+
+    /// What planning cost so far.
+    pub fn journal(&self) -> &Journal {
+        &self.journal
+    }
+}
+
+impl Scene {
+    /// Sorts the frontier into targets and what is left out, by cause.
+    fn sort_out(&mut self, frontier: &FrontierSet, memory: &Memory, settings: &Settings) {
+        let reached = |v: &Voxel| {
+            let i = self.volume.index(*v);
+            i.is_some_and(|i| self.space.component[i])
+        };
+        let (connected, apart): (Vec<Voxel>, Vec<Voxel>) = frontier.iter().partition(reached);
+        self.left.unreachable = apart.len() as u64;
+        let (large, small) = by_cluster_size(connected, settings.min_frontier);
+        self.left.too_small = small as u64;
+        for voxel in large {
+            let tried = memory.tried(voxel);
+            if tried.len() >= settings.attempts {
+                self.left.unresolved += 1;
+            } else {
+                let target = Target::new(&self.volume, settings.bounds, voxel, tried.to_vec());
+                self.targets.push(target);
+            }
+        }
+    }
+}
+
+/// The voxels in clusters (connected over 26 neighbours) of at least `min`, in order, and the number of the others.
+fn by_cluster_size(voxels: Vec<Voxel>, min: usize) -> (Vec<Voxel>, usize) {
+    if min <= 1 {
+        return (voxels, 0);
+    }
+    let mut open: std::collections::BTreeSet<Voxel> = voxels.iter().copied().collect();
+    let (mut large, mut small) = (Vec::new(), 0);
+    while let Some(first) = open.pop_first() {
+        let mut cluster = vec![first];
+        let mut next = 0;
+        while next < cluster.len() {
+            for n in cluster[next].neighbours() {
+                if open.remove(&n) {
+                    cluster.push(n);
+                }
+            }
+            next += 1;
+        }
+        if cluster.len() >= min {
+            large.extend(cluster);
+        } else {
+            small += cluster.len();
+        }
+    }
+    large.sort_unstable();
+    (large, small)
+}
+
+#[cfg(test)]
+mod tests;

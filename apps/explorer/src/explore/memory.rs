@@ -1,0 +1,94 @@
+//! What an explorer remembers from plan to plan.
+
+use std::collections::BTreeMap;
+
+use elk_spatial::messages::{Outcome, Path, PlanRequest};
+use elk_spatial::ray::Traversal;
+use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
+
+/// Paths to a target that may be cut in a row before that counts as an attempt in vain.
+const CUTS: u32 = 3;
+
+/// Where the robot has been, and what it looked at in vain.
+#[derive(Debug, Default)]
+pub struct Memory {
+    /// The last path, and the position that it was to end in.
+    path: Option<Path>,
+    tried: BTreeMap<Voxel, Vec<Voxel>>,
+    cuts: BTreeMap<Voxel, u32>,
+    trail: Vec<Voxel>,
+    /// Known voxels and voxels tried at the last progress, and its revision.
+    known: usize,
+    attempts: usize,
+    progress_at: u64,
+}
+
+impl Memory {
+    /// Takes note of how the last path went.
+    pub fn learn(&mut self, request: &PlanRequest, grid: &OccupancyGrid, frontier: &FrontierSet) {
+        let resolution = grid.resolution();
+        let robot = Voxel::containing(request.pose.position(), resolution);
+        if let Some(path) = self.path.take() {
+            self.extend_trail(&path, robot, resolution);
+            if frontier.contains(path.target) {
+                self.judge(&path, request.outcome, robot, resolution);
+            }
+        }
+        let known = grid.free() + grid.occupied();
+        let attempts = self.tried.values().map(Vec::len).sum();
+        if known != self.known || attempts != self.attempts {
+            (self.known, self.attempts) = (known, attempts);
+            self.progress_at = request.revision;
+        }
+    }
+
+    fn judge(&mut self, path: &Path, outcome: Outcome, robot: Voxel, resolution: f64) {
+        let end = path.points.last().copied();
+        match outcome {
+            Outcome::Unresolved => self.tried.entry(path.target).or_default().push(robot),
+            Outcome::Cut => {
+                let cuts = self.cuts.entry(path.target).or_default();
+                *cuts += 1;
+                if *cuts >= CUTS {
+                    *cuts = 0;
+                    let goal = end.map_or(robot, |p| Voxel::containing(p, resolution));
+                    self.tried.entry(path.target).or_default().push(goal);
+                }
+            }
+            Outcome::First | Outcome::Resolved => {}
+        }
+    }
+
+    /// The robot went along `path` until it was in `robot`.
+    fn extend_trail(&mut self, path: &Path, robot: Voxel, resolution: f64) {
+        let pairs = path.points.windows(2);
+        let way = pairs.flat_map(|p| Traversal::new(p[0], p[1], resolution));
+        let mut gone: Vec<Voxel> = way.collect();
+        let arrived = gone.iter().rposition(|v| *v == robot);
+        gone.truncate(arrived.map_or(0, |n| n + 1));
+        gone.push(robot);
+        self.trail.extend(gone);
+        self.trail.sort_unstable();
+        self.trail.dedup();
+    }
+
+    /// Has the explorer's last decision.
+    pub fn remember(&mut self, path: &Path) {
+        self.path = Some(path.clone());
+    }
+
+    /// The voxels that the robot went through.
+    pub fn trail(&self) -> &[Voxel] {
+        &self.trail
+    }
+
+    /// The voxels from which `target` was looked at in vain.
+    pub fn tried(&self, target: Voxel) -> &[Voxel] {
+        self.tried.get(&target).map_or(&[], Vec::as_slice)
+    }
+
+    /// Scans since anything was learned.
+    pub fn scans_without_progress(&self, revision: u64) -> u64 {
+        revision.saturating_sub(self.progress_at)
+    }
+}

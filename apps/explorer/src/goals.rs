@@ -1,0 +1,264 @@
+//! From where the frontier can be resolved.
+//!
+//! A frontier voxel that the robot can be in is its own goal. One that it cannot enter (an obstacle is too near) is
+//! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
+//! every place that sees the unknown at all counts.
+
+use elk_spatial::{Bounds, State, Voxel};
+use nalgebra::Point3;
+
+use crate::visibility::{sees, viewpoints};
+use crate::volume::Volume;
+
+/// Greatest distance of a standoff from its frontier voxel (m).
+const STANDOFF_M: f64 = 0.5;
+/// Greatest distance from which a look into a voxel is trusted, as a last resort (m).
+const LAST_RESORT_M: f64 = 6.0;
+
+/// A frontier voxel to be resolved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    /// The frontier voxel.
+    pub voxel: Voxel,
+    /// Its unknown face neighbours that count.
+    pub unknown: Vec<Voxel>,
+    /// Voxels from which it was looked at in vain.
+    pub tried: Vec<Voxel>,
+}
+
+impl Target {
+    /// The target of frontier voxel `voxel`: what is unknown beside it, inside `bounds`.
+    pub fn new(volume: &Volume, bounds: Option<Bounds>, voxel: Voxel, tried: Vec<Voxel>) -> Self {
+        let inside = |v: &Voxel| bounds.is_none_or(|b| b.contains(v.center(volume.resolution())));
+        let unknown = voxel
+            .face_neighbours()
+            .into_iter()
+            .filter(|n| volume.state(*n) == State::Unknown)
+            .filter(inside)
+            .collect();
+        Self {
+            voxel,
+            unknown,
+            tried,
+        }
+    }
+
+    /// Whether a camera at `from` (m, world) sees any of the unknown, from a place not tried yet.
+    pub fn seen_from(&self, volume: &Volume, from: Point3<f64>) -> bool {
+        self.untried(Voxel::containing(from, volume.resolution()))
+            && self.unknown.iter().any(|u| sees(volume, from, *u))
+    }
+
+    /// Whether looking from `voxel` would be something new.
+    pub fn untried(&self, voxel: Voxel) -> bool {
+        self.tried.iter().all(|t| t.distance(voxel) > 1.5)
+    }
+}
+
+/// A place from which a target can be resolved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Goal {
+    /// Where to look from (m, world).
+    pub position: Point3<f64>,
+    /// What to look at.
+    pub target: Target,
+}
+
+/// The goals of one plan, at most one a voxel.
+#[derive(Debug, Clone)]
+pub struct Goals {
+    /// By index of the [`Volume`]: one more than the place in `list`, or 0.
+    at: Vec<u32>,
+    list: Vec<Goal>,
+}
+
+impl Goals {
+    fn none(volume: &Volume) -> Self {
+        Self {
+            at: vec![0; volume.len()],
+            list: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, index: usize, goal: impl FnOnce() -> Goal) {
+        if self.at[index] == 0 {
+            self.list.push(goal());
+            self.at[index] = self.list.len() as u32;
+        }
+    }
+
+    /// Goals in the frontier itself, or at a standoff.
+    pub fn near(volume: &Volume, reach: &[bool], targets: &[Target]) -> Self {
+        let mut goals = Self::none(volume);
+        let enterable = |t: &Target| {
+            let i = volume.index(t.voxel)?;
+            (reach[i] && t.tried.is_empty()).then_some(i)
+        };
+        for (i, target) in targets.iter().filter_map(|t| Some((enterable(t)?, t))) {
+            let position = volume.center(i);
+            goals.add(i, || Goal {
+                position,
+                target: target.clone(),
+            });
+        }
+        let ball = ball(STANDOFF_M / volume.resolution());
+        for target in targets.iter().filter(|t| enterable(t).is_none()) {
+            if let Some(i) = standoff(volume, reach, target, &ball) {
+                let position = volume.center(i);
+                goals.add(i, || Goal {
+                    position,
+                    target: target.clone(),
+                });
+            }
+        }
+        goals
+    }
+
+    /// Every place that looks into the unknown beside a target, from afar if need be; and the targets that none sees.
+    pub fn far(volume: &Volume, reach: &[bool], targets: &[Target]) -> (Self, Vec<Voxel>) {
+        let mut goals = Self::none(volume);
+        let mut invisible = Vec::new();
+        for target in targets {
+            let seen = target
+                .unknown
+                .iter()
+                .flat_map(|u| viewpoints(volume, reach, *u, LAST_RESORT_M));
+            let mut hidden = true;
+            for (i, position) in seen {
+                hidden = false;
+                if target.untried(volume.voxel(i)) {
+                    let target = target.clone();
+                    goals.add(i, || Goal { position, target });
+                }
+            }
+            if hidden {
+                invisible.push(target.voxel);
+            }
+        }
+        (goals, invisible)
+    }
+
+    /// The goal in the voxel at an index.
+    pub fn at(&self, index: usize) -> Option<&Goal> {
+        self.list.get((self.at[index] as usize).wrapping_sub(1))
+    }
+
+    /// Whether there is a goal in the voxel at an index.
+    pub fn contains(&self, index: usize) -> bool {
+        self.at[index] != 0
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// Number of goals.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+}
+
+/// The reachable voxel nearest to a target that sees its unknown neighbours.
+fn standoff(volume: &Volume, reach: &[bool], target: &Target, ball: &[Voxel]) -> Option<usize> {
+    ball.iter()
+        .map(|d| target.voxel + *d)
+        .filter_map(|v| volume.index(v).filter(|i| reach[*i]))
+        .find(|i| target.seen_from(volume, volume.center(*i)))
+}
+
+/// The offsets within `radius` (voxels), nearest first.
+fn ball(radius: f64) -> Vec<Voxel> {
+    let n = radius.ceil() as i32;
+    let zero = Voxel::new(0, 0, 0);
+    let mut offsets: Vec<Voxel> = (-n..=n)
+        .flat_map(|x| (-n..=n).flat_map(move |y| (-n..=n).map(move |z| Voxel::new(x, y, z))))
+        .filter(|d| d.distance(zero) <= radius)
+        .collect();
+    offsets.sort_by_key(|d| d.x * d.x + d.y * d.y + d.z * d.z);
+    offsets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elk_spatial::OccupancyGrid;
+
+    /// A free box of 10³ voxels, its floor occupied but for what `unknown` leaves open.
+    fn room(unknown: &[Voxel]) -> Volume {
+        let mut grid = OccupancyGrid::new(0.1);
+        for x in -1..11 {
+            for y in -1..11 {
+                for z in -1..11 {
+                    let voxel = Voxel::new(x, y, z);
+                    let inside = [x, y, z].iter().all(|c| (0..10).contains(c));
+                    let state = if inside { State::Free } else { State::Occupied };
+                    if !unknown.contains(&voxel) {
+                        grid.set(voxel, state);
+                    }
+                }
+            }
+        }
+        Volume::of(&grid, Voxel::new(0, 0, 0), 2)
+    }
+
+    fn reach(volume: &Volume, margin: i32) -> Vec<bool> {
+        let within = |c: i32| (margin..10 - margin).contains(&c);
+        (0..volume.len())
+            .map(|i| volume.voxel(i).to_array().into_iter().all(within))
+            .collect()
+    }
+
+    #[test]
+    fn what_cannot_be_entered_is_looked_at_from_near() {
+        let hole = Voxel::new(5, 5, -1);
+        let volume = room(&[hole]);
+        let frontier = Voxel::new(5, 5, 0);
+        let target = Target::new(&volume, None, frontier, vec![]);
+        assert_eq!(target.unknown, vec![hole]);
+
+        let entered = Goals::near(&volume, &reach(&volume, 0), std::slice::from_ref(&target));
+        assert!(entered.contains(volume.index(frontier).unwrap()));
+
+        let kept_off = Goals::near(&volume, &reach(&volume, 2), std::slice::from_ref(&target));
+        let above = volume.index(Voxel::new(5, 5, 2)).unwrap();
+        assert_eq!(kept_off.len(), 1);
+        assert_eq!(kept_off.at(above).map(|g| g.target.voxel), Some(frontier));
+    }
+
+    #[test]
+    fn a_place_tried_in_vain_is_not_tried_again() {
+        let hole = Voxel::new(5, 5, -1);
+        let volume = room(&[hole]);
+        let tried = vec![Voxel::new(5, 5, 0), Voxel::new(5, 5, 2)];
+        let target = Target::new(&volume, None, Voxel::new(5, 5, 0), tried.clone());
+        let goals = Goals::near(&volume, &reach(&volume, 1), &[target]);
+        assert_eq!(goals.len(), 1);
+        for t in tried {
+            assert!(!goals.contains(volume.index(t).unwrap()));
+        }
+    }
+
+    #[test]
+    fn outside_the_bounds_nothing_is_unknown() {
+        let volume = room(&[Voxel::new(5, 5, -1)]);
+        let bounds = Bounds {
+            min: [0.0; 3].into(),
+            max: [1.0; 3].into(),
+        };
+        let target = Target::new(&volume, Some(bounds), Voxel::new(5, 5, 0), vec![]);
+        assert!(target.unknown.is_empty());
+    }
+
+    #[test]
+    fn what_nothing_sees_is_invisible() {
+        let hole = Voxel::new(5, 5, -1);
+        let volume = room(&[hole]);
+        let target = Target::new(&volume, None, Voxel::new(5, 5, 0), vec![]);
+        let nowhere = vec![false; volume.len()];
+        let (goals, invisible) = Goals::far(&volume, &nowhere, std::slice::from_ref(&target));
+        assert!(goals.is_empty() && invisible == vec![target.voxel]);
+        let (goals, invisible) = Goals::far(&volume, &reach(&volume, 3), &[target]);
+        assert!(!goals.is_empty() && invisible.is_empty());
+    }
+}

@@ -1,0 +1,320 @@
+//! What is made of a strategy's route: how far it is followed, and where scans are taken. One for all strategies.
+//!
+//! The rules decide path lengths more than the strategies do, so they are named, the same for all, and printed with
+//! every result. `thesis` is its letter (6.5.1): follow the path to its end, looking along it. `elk` stops where the
+//! target's unknown side is in sight, cuts bends that nothing asks for, and looks at the target on the way.
+
+use elk_spatial::messages::MotionPolicy;
+use elk_spatial::{FrontierSet, Polyline, Pose, Voxel};
+use nalgebra::{Point3, Vector3};
+
+use crate::goals::Target;
+use crate::visibility::sees;
+use crate::volume::Volume;
+
+/// Length of way between two checks for line of sight (m).
+const SIGHT_STEP_M: f64 = 0.05;
+/// Frontier voxels this near the target share its first look (m).
+const LOOK_RADIUS_M: f64 = 0.35;
+/// Looks straight at single unknown voxels, after the first look.
+const EXACT_LOOKS: usize = 4;
+
+/// The rules of moving and scanning.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Policy {
+    /// `thesis` or `elk`.
+    pub name: &'static str,
+    /// Length of way between two scans (m).
+    pub scan_spacing_m: f64,
+    /// Ask for a new plan as soon as the target is resolved.
+    pub early_stop: bool,
+    /// Look at the target while travelling; otherwise along the motion.
+    pub look_at_target: bool,
+    /// Cut the path at the first point that sees the target's unknown side from at most so far (m).
+    pub stop_at_sight_m: Option<f64>,
+    /// Replace bends by straight lines where these keep the robot's clearance and do not come nearer to the unknown.
+    pub straighten: bool,
+}
+
+impl Policy {
+    /// The thesis' letter.
+    pub fn thesis(scan_spacing_m: f64) -> Self {
+        Self {
+            name: "thesis",
+            scan_spacing_m,
+            early_stop: false,
+            look_at_target: false,
+            stop_at_sight_m: None,
+            straighten: false,
+        }
+    }
+
+    /// The best that we found.
+    pub fn elk(scan_spacing_m: f64) -> Self {
+        Self {
+            name: "elk",
+            scan_spacing_m,
+            early_stop: true,
+            look_at_target: true,
+            stop_at_sight_m: Some(env("SIGHT", 5.0)),
+            straighten: true,
+        }
+    }
+
+    /// One line for people and for the record.
+    pub fn describe(&self) -> String {
+        let end = match self.stop_at_sight_m {
+            Some(range) => format!("the path is cut at line of sight within {range} m"),
+            None => "the path is followed to its end".into(),
+        };
+        let choose = |on: bool, yes: &'static str, no: &'static str| if on { yes } else { no };
+        format!(
+            "policy {}: a scan every {} m and on arrival; {end}; {}; {}, {} on the way",
+            self.name,
+            self.scan_spacing_m,
+            choose(self.early_stop, "a new plan once the target is resolved", "no early stop"),
+            choose(self.straighten, "paths straightened", "paths as planned"),
+            choose(self.look_at_target, "looking at the target", "looking along the motion"),
+        )
+    }
+
+    /// What the controller has to know of it.
+    pub fn motion(&self, clearance_m: f64) -> MotionPolicy {
+        MotionPolicy {
+            name: self.name.into(),
+            scan_spacing_m: self.scan_spacing_m,
+            early_stop: self.early_stop,
+            look_at_target: self.look_at_target,
+            clearance_m,
+        }
+    }
+
+    /// The part of `way` to follow to resolve `target`. `reach` is where the robot can be; the first `fixed` (m) of the
+    /// way, on which it backs off from an obstacle, are left as they are.
+    pub fn shape(
+        &self,
+        volume: &Volume,
+        reach: &[bool],
+        target: &Target,
+        way: Polyline,
+        fixed: f64,
+    ) -> Polyline {
+        let cut = self.cut(volume, target, way);
+        if !self.straighten {
+            return cut;
+        }
+        let straight = straighten(volume, reach, &cut, fixed);
+        self.cut(volume, target, straight)
+    }
+
+    /// Ends the way where the target is in sight.
+    fn cut(&self, volume: &Volume, target: &Target, way: Polyline) -> Polyline {
+        let Some(range) = self.stop_at_sight_m else {
+            return way;
+        };
+        let center = target.voxel.center(volume.resolution());
+        let in_sight = way
+            .samples(SIGHT_STEP_M)
+            .find(|(_, p)| (p - center).norm() <= range && target.seen_from(volume, *p));
+        let end = in_sight.map_or(way.length(), |(s, _)| s);
+        Polyline::new(way.part(0.0, end)).unwrap_or(way)
+    }
+}
+
+/// String pulling: from each point straight to the farthest one that can be reached so.
+fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Polyline {
+    let points: Vec<Point3<f64>> = way.samples(SIGHT_STEP_M).map(|(_, p)| p).collect();
+    let mut at = (fixed / SIGHT_STEP_M).ceil() as usize;
+    let mut pulled = way.part(0.0, (at as f64 * SIGHT_STEP_M).min(way.length()));
+    let near_unknown: Vec<bool> = points
+        .iter()
+        .map(|p| volume.index_at(*p).is_some_and(|i| volume.exposed(i)))
+        .collect();
+    while at + 1 < points.len() {
+        let straight = |to: &usize| {
+            let bold = near_unknown[at..=*to].contains(&true);
+            free_line(volume, reach, points[at], points[*to], bold)
+        };
+        let next = (at + 2..points.len()).rev().find(straight).unwrap_or(at + 1);
+        // What lies between two neighbouring samples may bend at a corner of the original.
+        let (from, to) = (at as f64 * SIGHT_STEP_M, next as f64 * SIGHT_STEP_M);
+        if next == at + 1 {
+            pulled.extend(way.bends(from, to));
+        }
+        pulled.push(points[next]);
+        at = next;
+    }
+    Polyline::new(pulled).unwrap_or_else(|| way.clone())
+}
+
+/// Whether the robot can go straight from `from` to `to`; past unknown voxels only if it is `bold`.
+fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>, bold: bool) -> bool {
+    elk_spatial::ray::Traversal::new(from, to, volume.resolution()).all(|v| {
+        volume
+            .index(v)
+            .is_some_and(|i| reach[i] && (bold || !volume.exposed(i)))
+    })
+}
+
+/// The poses to scan from at `position`, in order: first the one that has most of the frontier in view beside the target,
+/// then straight into each of its unknown neighbours, those in sight first.
+pub fn looks(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, target: &Target) -> Vec<Pose> {
+    let toward = |v: &Voxel| v.center(volume.resolution()) - position;
+    let mut exact: Vec<Voxel> = target.unknown.clone();
+    exact.sort_by_key(|u| !sees(volume, position, *u));
+    let first = if std::env::var("WIDE").is_ok() {
+        widest(volume, frontier, position, target)
+    } else {
+        outward(volume, frontier, position, target)
+    };
+    std::iter::once(first)
+        .chain(exact.iter().take(EXACT_LOOKS).map(toward))
+        .map(|direction| Pose::looking(position, direction))
+        .collect()
+}
+
+fn env(name: &str, default: f64) -> f64 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
+
+/// Of directions that keep the target in view, the one that sees most unknown voxels around.
+fn widest(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, target: &Target) -> Vector3<f64> {
+    let resolution = volume.resolution();
+    let range = env("WIDE", 3.0);
+    let direct = outward(volume, frontier, position, target);
+    let mut unknown: Vec<Voxel> = frontier
+        .iter()
+        .filter(|v| (v.center(resolution) - position).norm() <= range)
+        .flat_map(|v| Target::new(volume, frontier.bounds(), v, vec![]).unknown)
+        .collect();
+    unknown.sort_unstable();
+    unknown.dedup();
+    let directions: Vec<Vector3<f64>> = unknown
+        .into_iter()
+        .filter(|u| sees(volume, position, *u))
+        .filter_map(|u| (u.center(resolution) - position).try_normalize(1e-9))
+        .collect();
+    let u = target.unknown.iter().find(|u| sees(volume, position, **u));
+    let Some(anchor) = u.and_then(|u| (u.center(resolution) - position).try_normalize(1e-9)) else { return direct };
+    let side = anchor.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x);
+    let up = side.cross(&anchor);
+    let mut best = (-1.0, anchor);
+    for ring in 0..3 {
+        for k in 0..(if ring == 0 { 1 } else { 8 }) {
+            let tilt = [0.0f64, 15.0, 28.0][ring].to_radians();
+            let a = k as f64 * std::f64::consts::FRAC_PI_4;
+            let d = anchor * tilt.cos() + (side * a.cos() + up * a.sin()) * tilt.sin();
+            let limit = env("CONE", 35.0).to_radians().cos();
+            let score: f64 = directions.iter().filter(|x| x.dot(&d) >= limit).count() as f64;
+            if score > best.0 + 0.5 {
+                best = (score, d);
+            }
+        }
+    }
+    best.1
+}
+
+/// The mean direction from `position` to what is unknown around the target: seen from afar that is the target, seen from
+/// its own voxel it is the frontier's outward normal.
+fn outward(
+    volume: &Volume,
+    frontier: &FrontierSet,
+    position: Point3<f64>,
+    target: &Target,
+) -> Vector3<f64> {
+    let resolution = volume.resolution();
+    let n = (LOOK_RADIUS_M / resolution).floor() as i32;
+    let side = || -n..=n;
+    let offsets = side()
+        .flat_map(|x| side().flat_map(move |y| side().map(move |z| Voxel::new(x, y, z))))
+        .filter(|d| d.distance(Voxel::new(0, 0, 0)) * resolution <= LOOK_RADIUS_M);
+    let sum: Vector3<f64> = offsets
+        .map(|d| target.voxel + d)
+        .filter(|v| frontier.contains(*v))
+        .flat_map(|v| Target::new(volume, frontier.bounds(), v, vec![]).unknown)
+        .filter_map(|u| (u.center(resolution) - position).try_normalize(1e-9))
+        .sum();
+    let direct = target.voxel.center(resolution) - position;
+    sum.try_normalize(1e-3)
+        .or_else(|| direct.try_normalize(1e-9))
+        .or_else(|| Some(target.unknown.first()?.center(resolution) - position))
+        .unwrap_or_else(Vector3::x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elk_spatial::{OccupancyGrid, State};
+
+    /// An L-shaped corridor, 5 voxels wide and high: 30 along x, then 30 along y; its far end is open.
+    fn corridor() -> (OccupancyGrid, FrontierSet, Volume, Vec<bool>, Target) {
+        let mut grid = OccupancyGrid::new(0.1);
+        let mut frontier = FrontierSet::new(None);
+        for x in -1..31 {
+            for y in -1..30 {
+                for z in -1..6 {
+                    let inside = (0..5).contains(&z)
+                        && ((0..30).contains(&x) && (0..5).contains(&y)
+                            || (25..30).contains(&x) && y >= 0);
+                    let v = Voxel::new(x, y, z);
+                    grid.set(v, if inside { State::Free } else { State::Occupied });
+                }
+            }
+        }
+        let all: Vec<Voxel> = grid.bricks().voxels().map(|(v, _)| v).collect();
+        frontier.update(&grid, &all);
+        let volume = Volume::of(&grid, Voxel::new(0, 0, 0), 2);
+        let reach: Vec<bool> = volume.states().iter().map(|s| *s == State::Free).collect();
+        let target = Target::new(&volume, None, Voxel::new(27, 29, 2), vec![]);
+        (grid, frontier, volume, reach, target)
+    }
+
+    fn way() -> Polyline {
+        let at = |x, y| Voxel::new(x, y, 2).center(0.1);
+        Polyline::new([at(2, 2), at(2, 4), at(20, 4), at(27, 4), at(27, 29)]).unwrap()
+    }
+
+    #[test]
+    fn the_thesis_follows_to_the_end_and_elk_until_it_sees() {
+        let (_, _, volume, reach, target) = corridor();
+        let thesis = Policy::thesis(0.4).shape(&volume, &reach, &target, way(), 0.0);
+        assert_eq!(thesis, way());
+        let elk = Policy::elk(0.4).shape(&volume, &reach, &target, way(), 0.0);
+        assert!(target.seen_from(&volume, elk.end()));
+        assert!(elk.length() < 2.7, "{}", elk.length());
+        assert_eq!(elk.points()[0], way().points()[0]);
+        for pair in elk.points().windows(2) {
+            assert!(free_line(&volume, &reach, pair[0], pair[1], true));
+        }
+    }
+
+    #[test]
+    fn a_straightened_way_is_shorter_and_stays_where_the_robot_can_be() {
+        let (_, _, volume, reach, _) = corridor();
+        let straight = straighten(&volume, &reach, &way(), 0.0);
+        assert!(straight.length() < way().length() - 0.1);
+        assert_eq!((straight.points()[0], straight.end()), (way().points()[0], way().end()));
+        for pair in straight.points().windows(2) {
+            assert!(free_line(&volume, &reach, pair[0], pair[1], true));
+        }
+    }
+
+    #[test]
+    fn the_first_look_is_along_the_frontiers_normal_the_next_into_the_unknown() {
+        let (_, frontier, volume, _, target) = corridor();
+        let inside = target.voxel.center(0.1);
+        let poses = looks(&volume, &frontier, inside, &target);
+        assert_eq!(poses.len(), 2);
+        for pose in &poses {
+            assert!(pose.forward().y > 0.999, "{:?}", pose.forward());
+        }
+        let afar = Voxel::new(27, 2, 2).center(0.1);
+        assert!(looks(&volume, &frontier, afar, &target)[0].forward().y > 0.99);
+    }
+
+    #[test]
+    fn a_policy_says_what_it_does() {
+        assert!(Policy::elk(0.4).describe().contains("line of sight within 5 m"));
+        assert!(Policy::thesis(0.4).describe().contains("followed to its end"));
+    }
+}

@@ -1,0 +1,199 @@
+//! Where the robot can be, and where it can get to.
+
+use std::collections::VecDeque;
+
+use elk_spatial::clearance::Clearance;
+use elk_spatial::{State, Voxel};
+
+use crate::volume::Volume;
+
+/// How far a robot that stands too close to an obstacle may have to back off (voxels of way).
+const ESCAPE_VOXELS: u32 = 8;
+
+/// The space of one plan.
+#[derive(Debug, Clone)]
+pub struct Space {
+    /// The robot's component of the free voxels (connected over faces), by index of the [`Volume`].
+    pub component: Vec<bool>,
+    /// The voxels that the robot can get to with its clearance kept.
+    pub reach: Vec<bool>,
+    /// From the robot's own voxel to the first in `reach`; only that voxel if the robot stands in `reach`.
+    pub escape: Vec<usize>,
+}
+
+impl Space {
+    /// The space around a robot in voxel `robot` (an index of `volume`). Voxels of `trail`, where the robot has been,
+    /// stay passable as long as they are free.
+    pub fn around(volume: &Volume, robot: usize, clearance: &Clearance, trail: &[Voxel]) -> Self {
+        let free: Vec<bool> = volume.states().iter().map(|s| *s == State::Free).collect();
+        let component = flood(volume, robot, &free);
+        let mut passable = clear_of_obstacles(volume, clearance, free);
+        for i in trail.iter().filter_map(|v| volume.index(*v)) {
+            passable[i] = volume.states()[i] == State::Free;
+        }
+        let escape = escape(volume, robot, &component, &passable);
+        let start = escape.last().copied().unwrap_or(robot);
+        let reach = flood(volume, start, &passable);
+        Self {
+            component,
+            reach,
+            escape,
+        }
+    }
+
+    /// Where the way through `reach` starts.
+    pub fn start(&self) -> usize {
+        self.escape.last().copied().unwrap_or_default()
+    }
+}
+
+/// All voxels connected with `start` over the faces of voxels in `mask`; `start` itself always is.
+pub fn flood(volume: &Volume, start: usize, mask: &[bool]) -> Vec<bool> {
+    let faces = volume.faces();
+    let mut found = vec![false; mask.len()];
+    found[start] = true;
+    let mut open = vec![start];
+    while let Some(i) = open.pop() {
+        for d in faces {
+            let n = i.wrapping_add_signed(d);
+            if mask[n] && !found[n] {
+                found[n] = true;
+                open.push(n);
+            }
+        }
+    }
+    found
+}
+
+/// Takes from `free` what is too close to something occupied.
+fn clear_of_obstacles(volume: &Volume, clearance: &Clearance, free: Vec<bool>) -> Vec<bool> {
+    let offsets: Vec<isize> = clearance
+        .offsets()
+        .iter()
+        .map(|d| volume.offset(*d))
+        .collect();
+    let mut clear = free;
+    for (i, state) in volume.states().iter().enumerate() {
+        if *state == State::Occupied {
+            for d in &offsets {
+                clear[i.wrapping_add_signed(*d)] = false;
+            }
+        }
+    }
+    clear
+}
+
+/// The way out for a robot that stands where it should not: over free voxels to the passable voxel near by from which
+/// most can be reached, the nearest of equals.
+fn escape(volume: &Volume, robot: usize, free: &[bool], passable: &[bool]) -> Vec<usize> {
+    if passable[robot] {
+        return vec![robot];
+    }
+    let mut best: Option<(usize, usize)> = None;
+    let (found, came_from) = walk(volume, robot, free);
+    let mut seen: Vec<Vec<bool>> = Vec::new();
+    for &i in found.iter().filter(|i| passable[**i]) {
+        if seen.iter().any(|s| s[i]) {
+            continue;
+        }
+        let part = flood(volume, i, passable);
+        let size = part.iter().filter(|b| **b).count();
+        seen.push(part);
+        if best.is_none_or(|(_, s)| size > s) {
+            best = Some((i, size));
+        }
+    }
+    let mut way = vec![best.map_or(robot, |(i, _)| i)];
+    while let Some(&i) = way.last().filter(|i| **i != robot) {
+        way.push(came_from(i));
+    }
+    way.reverse();
+    way
+}
+
+/// Breadth first from `robot`, no further than [`ESCAPE_VOXELS`]: the voxels in order, and where each was come from.
+fn walk(volume: &Volume, robot: usize, free: &[bool]) -> (Vec<usize>, impl Fn(usize) -> usize) {
+    let mut order = Vec::new();
+    let mut parent = std::collections::BTreeMap::from([(robot, robot)]);
+    let mut open = VecDeque::from([(robot, 0)]);
+    while let Some((i, steps)) = open.pop_front() {
+        order.push(i);
+        for d in volume.faces() {
+            let n = i.wrapping_add_signed(d);
+            if steps < ESCAPE_VOXELS && free[n] && !parent.contains_key(&n) {
+                parent.insert(n, i);
+                open.push_back((n, steps + 1));
+            }
+        }
+    }
+    (order, move |i| parent.get(&i).copied().unwrap_or(robot))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elk_spatial::OccupancyGrid;
+
+    /// A corridor of 20 × 5 × 5 free voxels between occupied walls, cut in two by a wall at x = 10 with a hole of
+    /// `hole` × `hole` voxels.
+    fn corridor(hole: i32) -> OccupancyGrid {
+        let mut grid = OccupancyGrid::new(0.1);
+        for x in -1..21 {
+            for y in -1..6 {
+                for z in -1..6 {
+                    let shell = [x == -1, x == 20, y == -1, y == 5, z == -1, z == 5];
+                    let wall = x == 10 && !(y < hole && z < hole);
+                    let state = if wall || shell.contains(&true) {
+                        State::Occupied
+                    } else {
+                        State::Free
+                    };
+                    grid.set(Voxel::new(x, y, z), state);
+                }
+            }
+        }
+        grid
+    }
+
+    fn space(grid: &OccupancyGrid, robot: Voxel, trail: &[Voxel]) -> (Volume, Space) {
+        let volume = Volume::of(grid, robot, 2);
+        let robot = volume.index(robot).unwrap();
+        let space = Space::around(&volume, robot, &Clearance::new(0.1, 0.1), trail);
+        (volume, space)
+    }
+
+    #[test]
+    fn the_body_decides_what_is_reached() {
+        let robot = Voxel::new(3, 2, 2);
+        let reached = |hole: i32| {
+            let (volume, space) = space(&corridor(hole), robot, &[]);
+            let beyond = volume.index(Voxel::new(15, 2, 2)).unwrap();
+            (space.component[beyond], space.reach[beyond])
+        };
+        assert_eq!(reached(5), (true, true));
+        assert_eq!(reached(1), (true, false), "free, but too narrow");
+        assert_eq!(reached(0), (false, false));
+    }
+
+    #[test]
+    fn where_it_has_been_it_can_go_again() {
+        let trail: Vec<Voxel> = (3..18).map(|x| Voxel::new(x, 0, 0)).collect();
+        let (volume, space) = space(&corridor(1), Voxel::new(3, 2, 2), &trail);
+        assert!(!space.reach[volume.index(Voxel::new(15, 2, 2)).unwrap()]);
+        let (volume, space) = space_at_trail(&trail);
+        assert!(space.reach[volume.index(Voxel::new(17, 0, 0)).unwrap()]);
+    }
+
+    fn space_at_trail(trail: &[Voxel]) -> (Volume, Space) {
+        space(&corridor(1), trail[0], trail)
+    }
+
+    #[test]
+    fn too_close_to_a_wall_it_backs_off() {
+        let (volume, space) = space(&corridor(5), Voxel::new(3, 0, 0), &[]);
+        let way: Vec<Voxel> = space.escape.iter().map(|i| volume.voxel(*i)).collect();
+        assert_eq!(way[0], Voxel::new(3, 0, 0));
+        assert_eq!(way.len(), 3, "{way:?}");
+        assert!(space.reach[space.start()]);
+    }
+}

@@ -1,0 +1,22 @@
+//! Always to the closest frontier (thesis 6.5.1.2, after Yamauchi 1997).
+
+use super::{Journal, Route, Strategy, View};
+use crate::astar;
+
+/// Goes to the goal with the shortest way.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ClosestFrontier;
+
+impl Strategy for ClosestFrontier {
+    fn name(&self) -> &'static str {
+        "ClosestFrontier"
+    }
+
+    fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+        let way = journal.time("search", || {
+            let is_goal = |i| view.goals.contains(i);
+            astar::closest(view.volume, &view.space.reach, view.space.start(), is_goal)
+        })?;
+        Route::over_voxels(view, &way)
+    }
+}

@@ -1,0 +1,176 @@
+//! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
+
+use elk_spatial::Polyline;
+use nalgebra::{Point3, Vector3};
+
+use super::{Journal, Route, Strategy, View};
+use crate::astar;
+use crate::laplace::{self, Cell, Problem, Solver};
+use crate::streamline::{End, Field};
+
+/// Distance from the robot at which streamlines start, beside those through its face neighbours (m).
+const SEED_DISTANCE_M: f64 = 0.15;
+/// Directions in which they start.
+const SEED_DIRECTIONS: usize = 20;
+/// Past this a streamline has lost its way (m).
+const LONGEST_M: f64 = 1000.0;
+
+/// Which streamline to follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Start {
+    /// The one through the face neighbour of largest flux: the thesis' letter.
+    Flux,
+    /// The shortest of 26: through the face neighbours, and in 20 directions evenly around.
+    Shortest,
+}
+
+/// Follows a streamline.
+#[derive(Debug, Clone)]
+pub struct Potential {
+    /// Which streamline.
+    pub start: Start,
+    /// How the field is solved.
+    pub solver: Solver,
+    /// When the solver has done enough (see [`laplace::solve`]).
+    pub tolerance: f64,
+}
+
+impl Strategy for Potential {
+    fn name(&self) -> &'static str {
+        "Potential"
+    }
+
+    fn describe(&self) -> String {
+        let start = match self.start {
+            Start::Flux => "the streamline of largest flux",
+            Start::Shortest => "the shortest of 26 streamlines",
+        };
+        let solver = match self.solver {
+            Solver::Multigrid => "multigrid-CG, residual",
+            Solver::Jacobi => "Jacobi-CG, residual",
+            Solver::Thesis => "Gauss-Seidel, largest relative change",
+        };
+        format!("{start}; field by {solver} {:e}", self.tolerance)
+    }
+
+    fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+        let problem = problem(view);
+        let solution = journal.time("field", || {
+            laplace::solve(&problem, self.solver, self.tolerance)
+        });
+        journal.iterations += solution.iterations as u64;
+        let field = Field {
+            volume: view.volume,
+            problem: &problem,
+            psi: &solution.psi,
+        };
+        let mut stalls = 0;
+        let route = journal.time("streamline", || self.follow(view, &field, &mut stalls));
+        journal.stalls += stalls;
+        route
+    }
+}
+
+impl Potential {
+    fn follow(&self, view: &View<'_>, field: &Field<'_>, stalls: &mut u64) -> Option<Route> {
+        let seeds = match self.start {
+            Start::Flux => largest_flux(view, field).into_iter().collect(),
+            Start::Shortest => seeds(view, field),
+        };
+        let mut best: Option<(f64, Route)> = None;
+        for seed in seeds {
+            let longest = best.as_ref().map_or(LONGEST_M, |(length, _)| *length);
+            let Some(route) = flow(view, field, seed, longest, stalls) else {
+                continue;
+            };
+            let length = Polyline::new(route.points.iter().copied()).map_or(0.0, |p| p.length());
+            if length < longest {
+                best = Some((length, route));
+            }
+        }
+        best.map(|(_, route)| route)
+    }
+}
+
+/// ψ is 1 where the route starts, 0 at the goals, and sought wherever else the robot can be.
+fn problem(view: &View<'_>) -> Problem {
+    let start = view.space.start();
+    let cell = |(i, reached): (usize, &bool)| match reached {
+        _ if i == start => Cell::Source,
+        false => Cell::Outside,
+        true if view.goals.contains(i) => Cell::Sink,
+        true => Cell::Inside,
+    };
+    Problem {
+        dim: view.volume.dim(),
+        cells: view.space.reach.iter().enumerate().map(cell).collect(),
+    }
+}
+
+/// The centre of the face neighbour that most flows into.
+fn largest_flux(view: &View<'_>, field: &Field<'_>) -> Option<Point3<f64>> {
+    let mut best: Option<usize> = None;
+    for n in face_neighbours(view, field) {
+        if best.is_none_or(|b| field.psi[n] < field.psi[b]) {
+            best = Some(n);
+        }
+    }
+    best.map(|n| view.volume.center(n))
+}
+
+fn face_neighbours<'a>(
+    view: &'a View<'_>,
+    field: &'a Field<'_>,
+) -> impl Iterator<Item = usize> + 'a {
+    let start = view.space.start();
+    let faces = view.volume.faces().into_iter();
+    faces
+        .map(move |d| start.wrapping_add_signed(d))
+        .filter(|n| field.problem.cells[*n] != Cell::Outside)
+}
+
+/// The centres of the face neighbours, and points evenly around the start (a Fibonacci lattice on the sphere).
+fn seeds(view: &View<'_>, field: &Field<'_>) -> Vec<Point3<f64>> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let around = (0..SEED_DIRECTIONS).map(|k| {
+        let z = 1.0 - (2 * k + 1) as f64 / SEED_DIRECTIONS as f64;
+        let r = (1.0 - z * z).sqrt();
+        let angle = golden * k as f64;
+        view.from + SEED_DISTANCE_M * Vector3::new(r * angle.cos(), r * angle.sin(), z)
+    });
+    face_neighbours(view, field)
+        .map(|n| view.volume.center(n))
+        .chain(around.filter(|p| field.connected(view.from, *p)))
+        .collect()
+}
+
+/// The streamline through `seed`. Where it stalls, on by steepest descent over voxels, and if that ends too, by A*.
+fn flow(
+    view: &View<'_>,
+    field: &Field<'_>,
+    seed: Point3<f64>,
+    longest: f64,
+    stalls: &mut u64,
+) -> Option<Route> {
+    let (line, end) = field.trace(seed, longest);
+    let mut points = vec![view.from];
+    points.extend(line);
+    let goal = match end {
+        End::Goal(goal) => goal,
+        End::TooLong => return None,
+        End::Stalled(at) => {
+            *stalls += 1;
+            let way = rescue(view, field, at)?;
+            points.extend(way.iter().map(|i| view.volume.center(*i)));
+            *way.last()?
+        }
+    };
+    Some(Route { points, goal })
+}
+
+fn rescue(view: &View<'_>, field: &Field<'_>, at: usize) -> Option<Vec<usize>> {
+    field.descend(at).ok().or_else(|| {
+        let is_goal = |i| view.goals.contains(i);
+        astar::closest(view.volume, &view.space.reach, at, is_goal)
+    })
+}

@@ -1,0 +1,102 @@
+//! Why a launch failed.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why a mission could not be started, or did not run to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum LaunchError {
+    /// The run's folder cannot be made or written to.
+    #[error("cannot make the run's folder in {}: {source}; choose another one with --log-dir", .folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file of the run cannot be written.
+    #[error("cannot write {}: {source}", .file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// An app's parameter cannot be set to what this run needs.
+    #[error(transparent)]
+    Setting(#[from] elk_mission::Problems),
+    /// An executable cannot be started at all.
+    #[error("{app} cannot be started: {}: {source}", .program.display())]
+    CannotStart {
+        /// The app.
+        app: String,
+        /// The executable.
+        program: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// An app ended although the mission was not over.
+    #[error("{app} ended {when}: {how}{}", log_lines(.log, .tail))]
+    Died {
+        /// The app.
+        app: String,
+        /// When, seen from the mission.
+        when: &'static str,
+        /// Its exit code or signal, or what it failed with.
+        how: String,
+        /// Its text log.
+        log: PathBuf,
+        /// The log's last lines.
+        tail: Vec<String>,
+    },
+    /// As [`LaunchError::Died`], of an app that is a thread.
+    #[error("{app} ended {when}: {how}")]
+    ThreadEnded {
+        /// The app.
+        app: String,
+        /// When, seen from the mission.
+        when: &'static str,
+        /// What it failed with.
+        how: String,
+    },
+    /// Another executable cannot be a thread.
+    #[error("{0} is an executable of its own: it cannot run inside this process, launch without --in-process")]
+    NoThread(String),
+    /// An app runs but did not come to the bus.
+    #[error("{} did not register within {secs} s; what they say is in {}", .apps.join(", "), .folder.display())]
+    NotRegistered {
+        /// The apps.
+        apps: Vec<String>,
+        /// How long they were waited for.
+        secs: u64,
+        /// Where their text logs are.
+        folder: PathBuf,
+    },
+    /// The launcher itself cannot join the community.
+    #[error(transparent)]
+    Connect(#[from] elk_bus::ConnectError),
+    /// The bus failed.
+    #[error(transparent)]
+    Comms(#[from] elk_bus::CommsError),
+    /// The run was stopped by a person or by the system.
+    #[error("stopped")]
+    Stopped,
+    /// A manual mission without a person.
+    #[error("a manual mission needs a person who presses Enter, and the input has ended; --auto runs it through")]
+    NoPerson,
+    /// The system refused something that every launch needs.
+    #[error("{what}: {source}")]
+    System {
+        /// What was wanted.
+        what: &'static str,
+        /// Why not.
+        source: io::Error,
+    },
+}
+
+fn log_lines(log: &std::path::Path, tail: &[String]) -> String {
+    match tail {
+        [] => format!("; its log {} is empty", log.display()),
+        lines => format!("; the end of {}:\n    {}", log.display(), lines.join("\n    ")),
+    }
+}

@@ -1,0 +1,88 @@
+//! The folder that a run leaves behind: `logs/<mission>-<YYYYMMDD-HHMMSS>`.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use crate::error::LaunchError;
+
+/// Runs that can start in the same second before one is refused.
+const TRIES: u32 = 1000;
+
+/// Makes the folder of a run of `mission` that starts at `now` (s since 1970, UTC); a second one of the same second is
+/// numbered.
+pub(crate) fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, LaunchError> {
+    let stem = mission.file_stem().unwrap_or_default().to_string_lossy();
+    let name = format!("{stem}-{}", stamp(now));
+    let unwritable = |source| LaunchError::Folder { folder: logs.to_owned(), source };
+    std::fs::create_dir_all(logs).map_err(unwritable)?;
+    let logs = std::path::absolute(logs).map_err(unwritable)?;
+    for n in 1..TRIES {
+        let numbered = if n == 1 { name.clone() } else { format!("{name}-{n}") };
+        let folder = logs.join(numbered);
+        match std::fs::create_dir(&folder) {
+            Ok(()) => return Ok(folder),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(source) => return Err(LaunchError::Folder { folder, source }),
+        }
+    }
+    Err(unwritable(ErrorKind::AlreadyExists.into()))
+}
+
+/// `20261123-224512`, UTC.
+fn stamp(now: f64) -> String {
+    let secs = now as i64;
+    let (days, of_day) = (secs.div_euclid(86_400), secs.rem_euclid(86_400));
+    let (year, month, day) = civil(days);
+    let (hour, minute, second) = (of_day / 3600, of_day / 60 % 60, of_day % 60);
+    format!("{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}")
+}
+
+/// Year, month and day of a day since 1970-01-01, in the Gregorian calendar. Years are counted from March, so that the
+/// leap day is their last; 146,097 days are 400 years.
+fn civil(days: i64) -> (i64, i64, i64) {
+    let since_0000_03_01 = days + 719_468;
+    let (era, of_era) = (since_0000_03_01.div_euclid(146_097), since_0000_03_01.rem_euclid(146_097));
+    let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = (month_from_march + 2) % 12 + 1;
+    (era * 400 + year_of_era + i64::from(month <= 2), month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        assert_eq!(stamp(0.0), "19700101-000000");
+        assert_eq!(stamp(951_782_399.9), "20000228-235959");
+        assert_eq!(stamp(951_782_400.0), "20000229-000000");
+        assert_eq!(stamp(1_582_934_400.0), "20200229-000000");
+        assert_eq!(stamp(4_107_542_399.0), "21000228-235959");
+        assert_eq!(stamp(4_107_542_400.0), "21000301-000000");
+        assert_eq!(stamp(-1.0), "19691231-235959");
+    }
+
+    #[test]
+    fn runs_of_the_same_second_are_numbered() {
+        let logs = tempfile::tempdir().unwrap();
+        let name = |_| {
+            let folder = create(logs.path(), Path::new("m/apartment.xml"), 0.0).unwrap();
+            folder.file_name().unwrap().to_string_lossy().into_owned()
+        };
+        let names: Vec<String> = (0..3).map(name).collect();
+        let first = "apartment-19700101-000000";
+        assert_eq!(names, [first, &format!("{first}-2"), &format!("{first}-3")]);
+    }
+
+    #[test]
+    fn an_unwritable_place_is_named() {
+        let logs = tempfile::tempdir().unwrap();
+        let file = logs.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        let error = create(&file, Path::new("m.xml"), 0.0).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("cannot make the run's folder in {}", file.display())));
+    }
+}

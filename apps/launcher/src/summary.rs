@@ -1,0 +1,186 @@
+//! What a run came to: `summary.json`, and a few lines for people.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+use elk_mission::Mission;
+use elk_spatial::messages::{CoverageMark, FrontiersLeft};
+use serde::Serialize;
+
+use crate::error::LaunchError;
+use crate::observer::Observer;
+use crate::steps::Spread;
+
+/// A run, summed up. What nobody said is `null`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// The mission's name.
+    pub mission: String,
+    /// The mission file.
+    pub mission_file: String,
+    /// The explorer's type.
+    pub explorer: String,
+    /// The motion policy's name.
+    pub policy: Option<String>,
+    /// The seed of everything random.
+    pub seed: Option<i64>,
+    /// Whether every frontier that can be reached and seen is resolved, without a contact with the true world.
+    pub complete: bool,
+    /// Why the run ended.
+    pub reason: String,
+    /// Scans taken.
+    pub scans: u64,
+    /// Length of the way (m).
+    pub path_length_m: f64,
+    /// Frontier voxels left, by cause.
+    pub frontiers_left: Option<FrontiersLeft>,
+    /// Voxels known.
+    pub known_voxels: u64,
+    /// Of these, free.
+    pub free_voxels: u64,
+    /// Of these, occupied.
+    pub occupied_voxels: u64,
+    /// Known voxels whose state is that of the true world, of all known voxels (0 to 1).
+    pub accuracy: Option<f64>,
+    /// Motions on which the robot touched the true world.
+    pub contacts: Option<u64>,
+    /// Time from the first pose command to the last message of a step (s).
+    pub seconds: f64,
+    /// Scans and way to 95, 99, 99.9 and 100 % of the free voxels known at the end.
+    pub coverage: Vec<CoverageMark>,
+    /// Plans made.
+    pub plans: Option<u64>,
+    /// Streamlines that stalled before they reached a frontier.
+    pub stalls: Option<u64>,
+    /// Seconds of CPU by phase.
+    pub cpu_seconds: BTreeMap<String, f64>,
+    /// From one pose command to the next.
+    pub step: Option<Spread>,
+    /// Of it, what lies between an app's input and its output, by app.
+    pub step_by_app: BTreeMap<String, Spread>,
+}
+
+impl Summary {
+    /// Sums up what was observed of a mission; `ended` is why it ended before its time, if it did.
+    pub(crate) fn of(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> Self {
+        let report = observed.exploration.as_ref();
+        let (complete, reason) = outcome(observed, ended);
+        let progress = observed.progress.as_ref();
+        let motion = observed.motion.as_ref();
+        let (scans, path_length_m) = match (motion, progress) {
+            (Some(motion), _) => (motion.scans, motion.path_length_m),
+            (None, Some(progress)) => (progress.scans, progress.path_length_m),
+            (None, None) => (0, 0.0),
+        };
+        let (free, occupied) = observed.map.as_ref().map_or((0, 0), |map| (map.free, map.occupied));
+        Self {
+            mission: mission.name.clone(),
+            mission_file: mission.file.display().to_string(),
+            explorer: explorer(mission),
+            policy: report.map(|report| report.policy.clone()),
+            seed: seed(mission),
+            complete,
+            reason,
+            scans,
+            path_length_m,
+            frontiers_left: report.map(|report| report.left),
+            known_voxels: free + occupied,
+            free_voxels: free,
+            occupied_voxels: occupied,
+            accuracy: observed.accuracy.as_ref().map(|judged| judged.accuracy),
+            contacts: observed.contacts(),
+            seconds: observed.seconds(),
+            coverage: motion.map(|motion| motion.marks.clone()).unwrap_or_default(),
+            plans: report.map(|report| report.plans),
+            stalls: report.map(|report| report.stalls),
+            cpu_seconds: cpu_seconds(observed),
+            step: observed.steps.whole_step(),
+            step_by_app: observed.steps.by_app(),
+        }
+    }
+
+    /// Writes `summary.json` into the run's folder.
+    pub(crate) fn write(&self, folder: &Path) -> Result<(), LaunchError> {
+        let file = folder.join("summary.json");
+        let written = serde_json::to_string_pretty(self)
+            .map_err(std::io::Error::from)
+            .and_then(|json| std::fs::write(&file, json + "\n"));
+        written.map_err(|source| LaunchError::File { file, source })
+    }
+}
+
+/// Whether the mission is complete, and why it ended.
+fn outcome(observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
+    match (ended, &observed.exploration, observed.contacts()) {
+        (Some(error), _, _) => (false, error.to_string()),
+        (None, None, _) => (false, "the explorer did not say why it ended".to_owned()),
+        (None, Some(report), _) if !report.complete => (false, report.reason.clone()),
+        (None, Some(report), None) => {
+            (false, format!("{}, but nobody counted contacts with the true world", report.reason))
+        }
+        (None, Some(report), Some(0)) => (true, report.reason.clone()),
+        (None, Some(report), Some(n)) => {
+            (false, format!("{}, but the robot touched the true world {n} times", report.reason))
+        }
+    }
+}
+
+fn explorer(mission: &Mission) -> String {
+    let explorer = mission.of_element("Explorer").next();
+    explorer.map(|app| app.type_name().to_owned()).unwrap_or_default()
+}
+
+/// The seed of the first app that has one, in the order of the file: the sensor's.
+pub(crate) fn seed(mission: &Mission) -> Option<i64> {
+    let stages = mission.apps.iter().filter(|app| app.element != "Logger");
+    stages.filter_map(|app| app.setting("Seed")?.parse().ok()).next()
+}
+
+fn cpu_seconds(observed: &Observer) -> BTreeMap<String, f64> {
+    let sensor = observed.sensor.iter().map(|report| ("ray casting".to_owned(), report.cpu_secs));
+    let map = observed.map.iter().map(|map| ("map insertion".to_owned(), map.cpu_secs));
+    let plans = observed.exploration.iter().flat_map(|report| report.cpu_secs.clone());
+    sensor.chain(map).chain(plans).collect()
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let word = if self.complete { "complete" } else { "NOT complete" };
+        writeln!(f, "{}: {word}: {}", self.mission, self.reason)?;
+        if self.scans == 0 {
+            return Ok(());
+        }
+        let Self { scans, path_length_m: length, seconds, .. } = self;
+        writeln!(f, "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {}", self.explorer)?;
+        for mark in &self.coverage {
+            let percent = 100.0 * mark.share;
+            writeln!(
+                f,
+                "  {percent:>5.1} % of the free voxels after {} scans, {:.1} m",
+                mark.scans, mark.path_length_m
+            )?;
+        }
+        let Self { known_voxels: known, free_voxels: free, occupied_voxels: occupied, .. } = self;
+        writeln!(f, "  {known} voxels known: {free} free, {occupied} occupied")?;
+        if let Some(left) = &self.frontiers_left {
+            writeln!(
+                f,
+                "  {} frontier voxels left: {} unreachable, {} invisible, {} unresolved, {} too small, {} open",
+                left.total(),
+                left.unreachable,
+                left.invisible,
+                left.unresolved,
+                left.too_small,
+                left.open
+            )?;
+        }
+        let accuracy = self.accuracy.map_or("unknown".to_owned(), |share| format!("{:.2} %", 100.0 * share));
+        let contacts = self.contacts.map_or("unknown".to_owned(), |count| count.to_string());
+        writeln!(f, "  accuracy {accuracy}, contacts {contacts}")?;
+        if let Some(step) = &self.step {
+            writeln!(f, "  a step: median {:.1} ms, 99 % within {:.1} ms", step.median_ms, step.p99_ms)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,306 @@
+//! What is measured, beside what, and what is wanted.
+
+use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use elk_bus::clock::Stopwatch;
+
+use crate::children::Child;
+use crate::load::{Load, setting};
+use crate::os;
+use crate::report::{self, Column, Figures, Row, Wanted, column};
+use crate::star::{Place, Reader, Turn, Way};
+use crate::transport::Outcome;
+
+/// How a run is measured.
+pub struct Bench {
+    /// Set on SIGINT and SIGTERM.
+    pub stop: Arc<AtomicBool>,
+    quick: bool,
+    turns: Cell<u64>,
+}
+
+impl Bench {
+    /// A run; a quick one shows that everything works, and little more.
+    pub fn new(quick: bool) -> Outcome<Self> {
+        Ok(Self { stop: elk_bus::stop_on_signals()?, quick, turns: Cell::new(0) })
+    }
+
+    /// A number that no other turn of this run has.
+    pub fn next_turn(&self) -> u64 {
+        self.turns.set(self.turns.get() + 1);
+        self.turns.get()
+    }
+
+    fn repetitions(&self, full: usize) -> usize {
+        if self.quick { 1 } else { full }
+    }
+
+    /// How much of a full measurement's length this run takes.
+    fn share(&self, full: u64) -> u64 {
+        if self.quick { full.div_ceil(6) } else { full }
+    }
+}
+
+/// A measurement.
+pub struct Case {
+    /// As the command line names it.
+    pub name: &'static str,
+    /// What it measures.
+    pub what: &'static str,
+    /// Measures and prints.
+    pub run: fn(&Bench) -> Outcome,
+}
+
+const fn case(name: &'static str, what: &'static str, run: fn(&Bench) -> Outcome) -> Case {
+    Case { name, what, run }
+}
+
+/// All measurements.
+pub const CASES: &[Case] = &[
+    case("latency-1khz", "one-way A → broker → B, 64 B at 1 kHz", |b| latency(b, 1000)),
+    case("latency-100hz", "one-way A → broker → B, 64 B at 100 Hz", |b| latency(b, 100)),
+    case("fan-out", "one-way 1 → 4, 64 B at 1 kHz", fan_out),
+    case("flat-out", "64 B as fast as it goes, nothing lost", flat_out),
+    case("bursts", "64 B at 200 k/s in bursts each millisecond", bursts),
+    case("bulk", "1 MB at 30 Hz, every byte read", bulk),
+    case("cpu", "CPU of all processes per message at 1 kHz", cpu),
+    case("memory", "shared memory under scans of 2.4 MB, one slow reader", memory),
+    case("keys", "10,000 variables, 20 clients", keys),
+    case("idle", "eight apps with nothing to do", idle),
+];
+
+const SMALL: usize = 64;
+const MILLISECOND: u64 = 1_000_000;
+const LATENCY: [Column; 5] = [
+    column("p50", "p50 µs", 1),
+    column("p99", "p99 µs", 1),
+    column("max", "max µs", 0),
+    column("lost", "lost", 0),
+    column("cpu", "CPU µs/msg", 1),
+];
+
+/// Lets the ways take turns, so that all see the same machine.
+fn compare(bench: &Bench, repetitions: usize, turn: impl Fn(Way) -> Turn, ways: &[(Way, Wanted)]) -> Outcome<Vec<Row>> {
+    let mut rows: Vec<Row> = ways.iter().map(|(way, wanted)| Row::new(way.title(), *wanted)).collect();
+    for _ in 0..bench.repetitions(repetitions) {
+        for (row, (way, _)) in rows.iter_mut().zip(ways) {
+            row.turns.push(turn(*way).play(bench, *way)?);
+        }
+    }
+    Ok(rows)
+}
+
+fn latency(bench: &Bench, hertz: u64) -> Outcome {
+    let load = Load::paced(SMALL, 1_000_000_000 / hertz, bench.share(3 * hertz));
+    let ways = [
+        (Way::Elk, Wanted::Nothing),
+        (Way::BareTwoHops, Wanted::RatioAtMost(0.6)),
+        (Way::UnixStream, Wanted::RatioAtMost(2.2)),
+    ];
+    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &ways)?;
+    report::print(&format!("One-way, 64 B, {hertz} Hz, {} messages a turn", load.messages), &LATENCY, &rows);
+    Ok(())
+}
+
+fn fan_out(bench: &Bench) -> Outcome {
+    let load = Load::paced(SMALL, MILLISECOND, bench.share(3000));
+    let ways =
+        [(Way::Elk, Wanted::Nothing), (Way::BareTwoHops, Wanted::RatioAtMost(1.0)), (Way::UnixStream, Wanted::Nothing)];
+    let rows = compare(bench, 5, |_| Turn::to_readers(load, 4), &ways)?;
+    report::print("One-way 1 → 4, 64 B, 1 kHz: median p50, worst p99", &LATENCY, &rows);
+    Ok(())
+}
+
+fn flat_out(bench: &Bench) -> Outcome {
+    let columns = [
+        column("rate", "messages/s", 0),
+        column("lost", "lost", 0),
+        column("rss_mb", "broker MB", 1),
+        column("p50", "p50 µs", 0),
+        column("p99", "p99 µs", 0),
+        column("cpu", "CPU µs/msg", 3),
+    ];
+    let load = Load::flat_out(SMALL, bench.share(6_000_000));
+    let [single, batched] = [load, Load { batch: 150, ..load }];
+    let (mut elk, mut bare, mut bare_batched) = (
+        Row::new(Way::Elk.title(), Wanted::AtLeast(5e6)),
+        Row::new("bare two hops, one by one", Wanted::Nothing),
+        Row::new("bare two hops, 150 a batch", Wanted::Nothing),
+    );
+    for _ in 0..bench.repetitions(5) {
+        elk.turns.push(Turn::to_readers(load, 1).play(bench, Way::Elk)?);
+        bare.turns.push(Turn::to_readers(single, 1).play(bench, Way::BareTwoHops)?);
+        bare_batched.turns.push(Turn::to_readers(batched, 1).play(bench, Way::BareTwoHops)?);
+    }
+    let title = format!("64 B, 1 → 1, flat out, lossless, {} messages a turn", load.messages);
+    report::print(&title, &columns, &[elk, bare, bare_batched]);
+    Ok(())
+}
+
+fn bursts(bench: &Bench) -> Outcome {
+    let columns = [
+        column("p99", "p99 µs", 0),
+        column("p50", "p50 µs", 0),
+        column("max", "max µs", 0),
+        column("lost", "lost", 0),
+        column("rate", "messages/s", 0),
+    ];
+    let load = Load { burst: 200, warm_up: 4000, ..Load::paced(SMALL, MILLISECOND, bench.share(400_000)) };
+    let ways = [(Way::Elk, Wanted::AtMost(200.0)), (Way::BareTwoHops, Wanted::Nothing)];
+    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &ways)?;
+    report::print("64 B, 200 messages each millisecond", &columns, &rows);
+    Ok(())
+}
+
+fn bulk(bench: &Bench) -> Outcome {
+    let load = Load::paced(1 << 20, 33_333_333, bench.share(90));
+    let ways =
+        [(Way::Elk, Wanted::Nothing), (Way::BareDirect, Wanted::RatioAtMost(1.1)), (Way::BareTwoHops, Wanted::Nothing)];
+    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &ways)?;
+    report::print("1 MB at 30 Hz, copied in once, every byte read", &LATENCY, &rows);
+    Ok(())
+}
+
+fn cpu(bench: &Bench) -> Outcome {
+    let columns = [column("cpu", "CPU µs/msg", 1), column("p50", "p50 µs", 1)];
+    let load = Load::paced(SMALL, MILLISECOND, bench.share(3000));
+    let ways = [
+        // Where the two hops take 90, 75 are wanted.
+        (Way::Elk, Wanted::Nothing),
+        (Way::BareTwoHops, Wanted::RatioAtMost(75.0 / 90.0)),
+    ];
+    let mut rows = compare(bench, 3, |_| Turn::to_readers(load, 1), &ways)?;
+    let mut timer = Row::new("an empty 1 kHz timer", Wanted::Nothing);
+    for _ in 0..bench.repetitions(3) {
+        timer.turns.push(empty_timer(bench, load)?);
+    }
+    rows.push(timer);
+    report::print("CPU of all processes per message, 64 B at 1 kHz", &columns, &rows);
+    Ok(())
+}
+
+fn empty_timer(bench: &Bench, load: Load) -> Outcome<Figures> {
+    let mut words = vec!["timer".to_owned(), "none".to_owned(), "nowhere".to_owned()];
+    words.extend(load.to_words());
+    let mut timer = Child::start(&bench.stop, &words)?;
+    timer.hear("READY", Duration::from_secs(10))?;
+    let before = os::cpu_nanos(timer.id())?;
+    timer.tell("GO")?;
+    timer.hear("DONE", Duration::from_secs(60))?;
+    let nanos = os::cpu_nanos(timer.id())? - before;
+    Ok(Figures::from([("cpu", nanos as f64 * 1e-3 / load.total() as f64)]))
+}
+
+fn memory(bench: &Bench) -> Outcome {
+    let columns = [
+        column("shared_mb", "peak MB", 1),
+        column("rate", "scans/s", 0),
+        column("lost", "lost, worst", 0),
+        column("dropped", "counted", 0),
+        column("rss_mb", "broker MB", 1),
+    ];
+    let load = Load { lossless: false, ..Load::flat_out(2_400_000, bench.share(10_000)) };
+    let [prompt, lossless, slow] =
+        [(false, 0), (true, 0), (false, 5000)].map(|(lossless, pause_micros)| Reader { lossless, pause_micros });
+    let readers = vec![prompt, lossless, slow];
+    let turn = Turn { load, readers, watch_memory: true };
+    let ways = [(Way::Elk, Wanted::AtMost(100.0)), (Way::BareDirect, Wanted::Nothing)];
+    let rows = compare(bench, 1, |_| turn.clone(), &ways)?;
+    let title =
+        format!("Shared memory after {} scans of 2.4 MB; readers: prompt, lossless, 5 ms a scan", load.messages);
+    report::print(&title, &columns, &rows);
+    Ok(())
+}
+
+/// A broker and so many clients in a role of their own.
+struct Community {
+    clients: Vec<Child>,
+    broker: Child,
+    place: Place,
+}
+
+impl Community {
+    fn start(bench: &Bench, role: &str, clients: usize, settings: &[String]) -> Outcome<Self> {
+        let place = Place::new(bench, Way::Elk);
+        let start = |role: &str, more: &[String]| {
+            let words = [role.to_owned(), "elk".into(), place.name.clone()];
+            Child::start(&bench.stop, &[words.as_slice(), more, settings].concat())
+        };
+        let broker = start("broker", &[])?;
+        let clients = (0..clients).map(|n| start(role, &[format!("client={n}")])).collect::<Outcome<Vec<_>>>()?;
+        clients.iter().try_for_each(|c| c.hear("READY", Duration::from_secs(60)).map(|_| ()))?;
+        Ok(Self { clients, broker, place })
+    }
+
+    fn cpu_nanos(&self) -> Outcome<u64> {
+        self.clients.iter().chain([&self.broker]).map(|child| os::cpu_nanos(child.id())).sum()
+    }
+
+    fn end(self) -> Outcome {
+        let Self { clients, broker, place } = self;
+        drop(clients);
+        drop(broker);
+        place.check_left()
+    }
+}
+
+fn keys(bench: &Bench) -> Outcome {
+    const CLIENTS: usize = 20;
+    const KEYS: usize = 10_000;
+    let settings = [format!("share={}", KEYS / CLIENTS), format!("all={KEYS}")];
+    let (mut one, mut all) =
+        (Row::new("s until one has all", Wanted::AtMost(1.0)), Row::new("s until 20 have all", Wanted::Nothing));
+    let mut memory = Row::new("broker, MB", Wanted::AtMost(100.0));
+    let mut descriptors = Row::new("broker, descriptors", Wanted::AtMost(400.0));
+    for _ in 0..bench.repetitions(3) {
+        let mut community = Community::start(bench, "keys", CLIENTS, &settings)?;
+        let (first, others) = community.clients.split_first_mut().ok_or("there are no clients")?;
+        one.turns.push(Figures::from([("figure", registered_after(&mut [first])?)]));
+        all.turns.push(Figures::from([("figure", registered_after(&mut others.iter_mut().collect::<Vec<_>>())?)]));
+        let broker = community.broker.id();
+        memory.turns.push(Figures::from([("figure", os::memory_mb(broker, "VmHWM")?)]));
+        descriptors.turns.push(Figures::from([("figure", os::descriptors(broker)? as f64)]));
+        community.end()?;
+    }
+    report::print(
+        "10,000 variables, 20 clients, registered by wildcard",
+        &[column("figure", "figure", 3)],
+        &[one, all, memory, descriptors],
+    );
+    Ok(())
+}
+
+/// Has clients register for everything at once; how long the slowest took (s).
+fn registered_after(clients: &mut [&mut Child]) -> Outcome<f64> {
+    clients.iter_mut().try_for_each(|client| client.tell("GO"))?;
+    let seconds = clients.iter().map(|c| setting::<f64>(&c.hear("DONE", Duration::from_secs(60))?, "seconds"));
+    Ok(seconds.collect::<Outcome<Vec<_>>>()?.into_iter().fold(0.0, f64::max))
+}
+
+fn idle(bench: &Bench) -> Outcome {
+    const APPS: usize = 8;
+    let community = Community::start(bench, "idle", APPS, &[])?;
+    let nap = |seconds: u64| {
+        let waited = Stopwatch::start();
+        while waited.elapsed() < Duration::from_secs(seconds) && !bench.stop.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(250));
+        }
+    };
+    nap(1);
+    let seconds = bench.share(10);
+    let before = community.cpu_nanos()?;
+    nap(seconds);
+    let percent = (community.cpu_nanos()? - before) as f64 * 1e-9 / seconds as f64 * 100.0;
+    community.end()?;
+    let mut row = Row::new("all processes", Wanted::AtMost(1.0));
+    row.turns.push(Figures::from([("percent", percent)]));
+    report::print(
+        &format!("Eight idle apps and their broker, {seconds} s"),
+        &[column("percent", "% of a core", 3)],
+        &[row],
+    );
+    Ok(())
+}

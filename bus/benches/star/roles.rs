@@ -1,0 +1,161 @@
+//! What a process of a measurement does: `--role ROLE TRANSPORT PLACE setting=value…`.
+//!
+//! It says READY when it stands, starts at a word on its standard input, says DONE with its figures, and keeps what it
+//! holds (segments, registrations) until its standard input closes or SIGTERM comes.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use elk_bus::clock::{Stopwatch, monotonic_nanos};
+use elk_bus::{App, AppError, Comms, Community, Mail, RunOptions, run_app};
+use rustix::process::{Signal, set_parent_process_death_signal};
+
+use crate::baselines::bare_iceoryx2::{self, BareIntake, BareOutlet};
+use crate::baselines::unix_stream::{StreamIntake, StreamOutlet};
+use crate::elk::{self, ElkIntake, ElkOutlet};
+use crate::load::{Load, Pace, setting};
+use crate::tally::Tally;
+use crate::transport::{Intake, Outcome, Outlet};
+
+/// A reader that hears nothing for so long, once it has heard anything, has heard all.
+const SILENCE: Duration = Duration::from_secs(2);
+const RECEIVE_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// Plays the role that the arguments name.
+pub fn play(args: &[String]) -> Outcome {
+    set_parent_process_death_signal(Some(Signal::TERM))?;
+    let [role, transport, place, settings @ ..] = args else {
+        return Err("--role needs a role, a transport and a place".into());
+    };
+    match role.as_str() {
+        "broker" => elk::broker(place),
+        "relay" => bare_iceoryx2::relay(place, &Load::from_words(settings)?, ready),
+        "publish" => publish(transport, place, settings),
+        "read" => read(transport, place, settings),
+        "timer" => timer(settings),
+        "keys" => keys(place, settings),
+        "idle" => idle(place, settings),
+        _ => Err(format!("{role:?} is no role").into()),
+    }
+}
+
+fn ready() -> Outcome {
+    println!("READY");
+    Ok(())
+}
+
+/// Waits for a word; `false` when there will be none.
+fn word() -> Outcome<bool> {
+    Ok(std::io::stdin().read_line(&mut String::new())? > 0)
+}
+
+fn done(figures: &str) -> Outcome {
+    println!("DONE {figures}");
+    word().map(|_| ())
+}
+
+fn publish(transport: &str, place: &str, settings: &[String]) -> Outcome {
+    let load = Load::from_words(settings)?;
+    let mut outlet: Box<dyn Outlet> = match transport {
+        "elk" => Box::new(ElkOutlet::open(place)?),
+        "unix" => Box::new(StreamOutlet::open(place, setting(settings, "readers")?)?),
+        _ => Box::new(BareOutlet::open(place, "up", &load)?),
+    };
+    ready()?;
+    if !word()? {
+        return Ok(());
+    }
+    let (mut message, mut pace, mut sequence) = (load.message(), Pace::start(load.period_nanos), 0);
+    while sequence < load.total() {
+        pace.sleep()?;
+        for _ in 0..load.burst.min(load.total() - sequence) {
+            load.stamp(&mut message, sequence);
+            outlet.send(&message)?;
+            sequence += 1;
+        }
+        outlet.flush()?;
+    }
+    done("")
+}
+
+fn read(transport: &str, place: &str, settings: &[String]) -> Outcome {
+    let load = Load::from_words(settings)?;
+    let reader: usize = setting(settings, "reader")?;
+    let pause = Duration::from_micros(setting(settings, "pause_micros")?);
+    let mut intake: Box<dyn Intake> = match transport {
+        "elk" => Box::new(ElkIntake::open(place, &format!("reader-{reader}"), load.lossless)?),
+        "unix" => Box::new(StreamIntake::open(place, reader, &load)?),
+        "direct" => Box::new(BareIntake::open(place, "up", &load)?),
+        _ => Box::new(BareIntake::open(place, "down", &load)?),
+    };
+    ready()?;
+    let (mut tally, mut heard) = (Tally::new(load), Stopwatch::start());
+    while !tally.is_complete() && !(tally.has_begun() && heard.elapsed() > SILENCE) {
+        let mut any = false;
+        intake.receive(RECEIVE_TIMEOUT, &mut |message| {
+            any = true;
+            tally.take(message);
+            if !pause.is_zero() {
+                std::thread::sleep(pause);
+            }
+        })?;
+        if any {
+            tally.pause();
+            heard = Stopwatch::start();
+        }
+    }
+    done(&tally.to_words(intake.dropped()))
+}
+
+/// Does nothing at the load's pace: what the pacing alone costs.
+fn timer(settings: &[String]) -> Outcome {
+    let load = Load::from_words(settings)?;
+    ready()?;
+    word()?;
+    let mut pace = Pace::start(load.period_nanos);
+    for _ in 0..load.total() {
+        pace.sleep()?;
+    }
+    done("")
+}
+
+/// Publishes its share of many variables; then, at a word, registers for all of them at once.
+fn keys(place: &str, settings: &[String]) -> Outcome {
+    let (client, share, all): (usize, usize, usize) =
+        (setting(settings, "client")?, setting(settings, "share")?, setting(settings, "all")?);
+    let mut bus = elk::join(place, &format!("client-{client}"))?;
+    for key in 0..share {
+        bus.comms.notify(&format!("KEY_{client}_{key}"), key as f64)?;
+    }
+    elk::settle(&mut bus)?;
+    ready()?;
+    word()?;
+    let started = monotonic_nanos();
+    bus.comms.register_wildcard("KEY_*", "*", 0.0)?;
+    let mut heard = BTreeSet::new();
+    while heard.len() < all {
+        bus.receive(RECEIVE_TIMEOUT, |mail| {
+            heard.insert(mail.key().to_owned());
+        })?;
+    }
+    done(&format!("seconds={:.4}", (monotonic_nanos() - started) as f64 * 1e-9))
+}
+
+/// An app that registers and then has nothing to do.
+struct Idle;
+
+impl App for Idle {
+    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        comms.register_variable("NEVER", 0.0)?;
+        Ok(ready().map_err(|e| e.to_string())?)
+    }
+
+    fn on_new_mail(&mut self, _: &mut Comms, _: &Mail<'_>) -> Result<(), AppError> {
+        Ok(())
+    }
+}
+
+fn idle(place: &str, settings: &[String]) -> Outcome {
+    let name = format!("idle-{}", setting::<usize>(settings, "client")?);
+    Ok(run_app(Box::new(Idle), &RunOptions::new(name, Community::new(place)?))?)
+}

@@ -1,0 +1,223 @@
+//! One turn: a publisher, what lies between, its readers, each a process of its own.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::baselines::bare_iceoryx2;
+use crate::cases::Bench;
+use crate::children::Child;
+use crate::load::{Load, setting};
+use crate::os;
+use crate::report::Figures;
+use crate::transport::Outcome;
+
+/// How long a process may take to stand.
+const STANDING: Duration = Duration::from_secs(20);
+
+/// The way that messages take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Through elk's broker.
+    Elk,
+    /// Two hops over iceoryx2, a relay between.
+    BareTwoHops,
+    /// One hop over iceoryx2.
+    BareDirect,
+    /// One hop over an `AF_UNIX` stream.
+    UnixStream,
+}
+
+impl Way {
+    /// As tables name it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Way::Elk => "elk star",
+            Way::BareTwoHops => "bare iceoryx2, two hops",
+            Way::BareDirect => "bare iceoryx2, direct",
+            Way::UnixStream => "AF_UNIX stream, one hop",
+        }
+    }
+
+    fn word(self) -> &'static str {
+        match self {
+            Way::Elk => "elk",
+            Way::BareTwoHops => "relayed",
+            Way::BareDirect => "direct",
+            Way::UnixStream => "unix",
+        }
+    }
+
+    /// What lies between publisher and readers.
+    fn middle(self) -> Option<&'static str> {
+        match self {
+            Way::Elk => Some("broker"),
+            Way::BareTwoHops => Some("relay"),
+            Way::BareDirect | Way::UnixStream => None,
+        }
+    }
+}
+
+/// A reader of a turn.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Reader {
+    /// Whether the publisher waits for it.
+    pub lossless: bool,
+    /// How long it thinks about each message (µs).
+    pub pause_micros: u64,
+}
+
+/// What a turn is made of.
+#[derive(Debug, Clone)]
+pub struct Turn {
+    /// What is published.
+    pub load: Load,
+    /// Who reads.
+    pub readers: Vec<Reader>,
+    /// Whether to watch shared memory, which costs the machine some CPU.
+    pub watch_memory: bool,
+}
+
+impl Turn {
+    /// The load, to so many readers alike.
+    pub fn to_readers(load: Load, readers: usize) -> Self {
+        let reader = Reader { lossless: load.lossless, pause_micros: 0 };
+        Self { load, readers: vec![reader; readers], watch_memory: false }
+    }
+
+    /// Plays the turn over a way; its figures.
+    pub fn play(&self, bench: &Bench, way: Way) -> Outcome<Figures> {
+        let place = Place::new(bench, way);
+        let mut players = self.players(bench, &place)?;
+        let before = players.cpu_nanos()?;
+        players.publisher.tell("GO")?;
+        let mut shared = 0;
+        let mut watch = || {
+            if self.watch_memory {
+                shared = shared.max(os::shared_bytes(&place.prefix()));
+            }
+        };
+        let patience = self.patience();
+        players.publisher.hear_while("DONE", patience, &mut watch)?;
+        let heard = players.readers.iter().map(|r| r.hear_while("DONE", patience, &mut watch));
+        let heard = heard.collect::<Outcome<Vec<_>>>()?;
+        let cpu = (players.cpu_nanos()? - before) as f64 * 1e-3 / self.load.total() as f64;
+        let mut figures = figures(&heard)?;
+        figures.insert("cpu", cpu);
+        figures.insert("shared_mb", shared as f64 * 1e-6);
+        if let Some(middle) = &players.middle {
+            figures.insert("rss_mb", os::memory_mb(middle.id(), "VmHWM")?);
+        }
+        drop(players);
+        place.check_left()?;
+        Ok(figures)
+    }
+
+    /// Everybody in place, the publisher last.
+    fn players(&self, bench: &Bench, place: &Place) -> Outcome<Players> {
+        let start = |role: &str, load: Load, more: Vec<String>| {
+            let mut words = vec![role.to_owned(), place.way.word().to_owned(), place.name.clone()];
+            words.extend(load.to_words());
+            words.extend(more);
+            Child::start(&bench.stop, &words)
+        };
+        let middle = place.way.middle().map(|role| start(role, self.load, vec![])).transpose()?;
+        if let Some(relay) = middle.as_ref().filter(|_| place.way == Way::BareTwoHops) {
+            relay.hear("READY", STANDING)?;
+        }
+        let mut readers = Vec::new();
+        for (number, reader) in self.readers.iter().enumerate() {
+            let load = Load { lossless: reader.lossless, ..self.load };
+            // Only elk lets each reader choose; elsewhere the service is what it was made as.
+            let load = if place.way == Way::Elk { load } else { self.load };
+            let more = vec![format!("reader={number}"), format!("pause_micros={}", reader.pause_micros)];
+            readers.push(start("read", load, more)?);
+        }
+        readers.iter().try_for_each(|r| r.hear("READY", STANDING).map(|_| ()))?;
+        let publisher = start("publish", self.load, vec![format!("readers={}", readers.len())])?;
+        publisher.hear("READY", STANDING)?;
+        Ok(Players { publisher, readers, middle })
+    }
+
+    /// Far longer than any machine needs.
+    fn patience(&self) -> Duration {
+        let bursts = self.load.total() / self.load.burst.max(1);
+        let pauses = self.readers.iter().map(|r| r.pause_micros).max().unwrap_or(0) * self.load.total();
+        Duration::from_secs(60) + 2 * Duration::from_nanos(self.load.period_nanos * bursts + pauses * 1000)
+    }
+}
+
+/// Dropped in this order: who is in the middle leaves last.
+struct Players {
+    publisher: Child,
+    readers: Vec<Child>,
+    middle: Option<Child>,
+}
+
+impl Players {
+    fn cpu_nanos(&self) -> Outcome<u64> {
+        let all = self.readers.iter().chain(&self.middle).chain([&self.publisher]);
+        all.map(|child| os::cpu_nanos(child.id())).sum()
+    }
+}
+
+/// Over several readers: the median of their p50, the worst of everything else.
+fn figures(heard: &[Vec<String>]) -> Outcome<Figures> {
+    let all = |name: &str| -> Outcome<Vec<f64>> {
+        let mut values = heard.iter().map(|words| setting(words, name)).collect::<Outcome<Vec<f64>>>()?;
+        values.sort_by(f64::total_cmp);
+        Ok(values)
+    };
+    if all("damaged")?.iter().any(|damaged| *damaged > 0.0) {
+        return Err("messages arrived damaged or out of order".into());
+    }
+    let mut figures = Figures::new();
+    figures.insert("p50", crate::report::median(&all("p50")?));
+    for name in ["p99", "max", "lost", "dropped"] {
+        figures.insert(name, all(name)?.last().copied().unwrap_or(0.0));
+    }
+    figures.insert("rate", all("rate")?.first().copied().unwrap_or(0.0));
+    Ok(figures)
+}
+
+/// Where a turn takes place: a name of its own, whose files are gone afterwards.
+pub struct Place {
+    /// The name.
+    pub name: String,
+    way: Way,
+}
+
+impl Place {
+    /// A place that no other run uses.
+    pub fn new(bench: &Bench, way: Way) -> Self {
+        Self { name: format!("star-{}-{}", std::process::id(), bench.next_turn()), way }
+    }
+
+    fn prefix(&self) -> String {
+        match self.way {
+            Way::Elk => format!("elk_{}_", self.name),
+            _ => bare_iceoryx2::prefix(&self.name),
+        }
+    }
+
+    fn folder(&self) -> PathBuf {
+        match self.way {
+            Way::Elk => {
+                let user = rustix::process::geteuid().as_raw();
+                std::env::temp_dir().join(format!("elk-{user}")).join(&self.name)
+            }
+            _ => bare_iceoryx2::root(&self.name),
+        }
+    }
+
+    /// The bus clears up behind itself; the baselines, killed as they are, cannot.
+    pub fn check_left(&self) -> Outcome {
+        let left = if self.way == Way::Elk { os::shared_files(&self.prefix()) } else { vec![] };
+        if left.is_empty() { Ok(()) } else { Err(format!("left in shared memory: {left:?}").into()) }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        os::remove(&self.prefix(), &self.folder());
+    }
+}

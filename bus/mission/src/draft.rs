@@ -1,0 +1,290 @@
+//! One app as the mission file says it, before it is held against its type.
+
+use roxmltree::{Attribute, Node};
+
+use crate::mission::{AppSpec, Program, Restart};
+use crate::nearest::instead;
+use crate::problem::{Place, Problems};
+use crate::registry::Registry;
+use crate::resolve::{Given, resolve};
+use crate::scenario::{Context, stray_text};
+use crate::setting::Override;
+use crate::spec::AppType;
+
+/// The type of Logger that is no logger: the mission is not recorded.
+const NONE: &str = "none";
+
+/// One app as it was said.
+pub(crate) struct Draft {
+    pub element: String,
+    /// Where its element stands.
+    pub place: Place,
+    /// Its name, and where that stands.
+    pub named: Option<(String, Place)>,
+    pub given: Vec<Given>,
+    runs: Runs,
+    restart: Restart,
+}
+
+/// What a draft says that is to run.
+enum Runs {
+    Builtin(&'static AppType),
+    Foreign {
+        exec: String,
+        args: Vec<String>,
+    },
+    /// `<Logger type="none"/>`
+    Nothing,
+    /// Nothing that could run; the problem is reported.
+    Unknown,
+}
+
+impl Draft {
+    /// Reads an app's element.
+    pub fn read(context: &Context, node: Node, problems: &mut Problems) -> Self {
+        let mut draft = Self {
+            element: node.tag_name().name().to_owned(),
+            place: context.place(node.range().start),
+            named: None,
+            given: Vec::new(),
+            runs: Runs::Unknown,
+            restart: Restart::Never,
+        };
+        draft.runs = draft.what_runs(context, node, problems);
+        for attribute in node.attributes() {
+            draft.read_attribute(context, attribute, problems);
+        }
+        stray_text(context, node, problems);
+        for child in node.children().filter(Node::is_element) {
+            draft.read_parameter(context, child, problems);
+        }
+        draft
+    }
+
+    fn what_runs(&self, context: &Context, node: Node, problems: &mut Problems) -> Runs {
+        let types = context.registry.of_element(&self.element);
+        let known: Vec<&str> = types.map(|app_type| app_type.name).collect();
+        let args = node.attribute("args").map(split_arguments);
+        let value_place = |name| {
+            let value = node.attribute_node(name).map(|a| context.place(a.range_value().start));
+            value.unwrap_or_else(|| self.place.clone())
+        };
+        match (node.attribute("type").map(str::trim), node.attribute("exec").map(str::trim)) {
+            (Some(_), Some(_)) => {
+                problems.add(&value_place("exec"), "type and exec are both said; one is right");
+                Runs::Unknown
+            }
+            (None, Some("")) => {
+                problems.add(&value_place("exec"), "exec is empty; right is an executable");
+                Runs::Unknown
+            }
+            (None, Some(exec)) => {
+                let exec = executable(context, exec);
+                let args = args.unwrap_or_default();
+                Runs::Foreign { exec, args }
+            }
+            (Some(name), None) => {
+                if args.is_some() {
+                    problems.add(&value_place("args"), "args without exec; right is both or neither");
+                }
+                self.type_called(name, &value_place("type"), context.registry, problems)
+            }
+            (None, None) if known.is_empty() => {
+                let element = &self.element;
+                problems.add(&self.place, format!("<{element}> has no exec; right is exec=\"program\""));
+                Runs::Unknown
+            }
+            (None, None) => {
+                let (element, known) = (&self.element, known.join(", "));
+                problems.add(&self.place, format!("<{element}> has no type; known: {known}"));
+                Runs::Unknown
+            }
+        }
+    }
+
+    fn type_called(&self, name: &str, place: &Place, registry: &Registry, problems: &mut Problems) -> Runs {
+        let mut known: Vec<&str> = registry.of_element(&self.element).map(|t| t.name).collect();
+        if self.element == "Logger" {
+            known.push(NONE);
+            if name == NONE {
+                return Runs::Nothing;
+            }
+        }
+        if let Some(app_type) = registry.find(&self.element, name) {
+            return Runs::Builtin(app_type);
+        }
+        let (element, right) = (&self.element, instead(name, &known));
+        problems.add(place, format!("{element} has no type {name:?}; {right}"));
+        Runs::Unknown
+    }
+
+    /// `name` and `restart`; any other attribute is a parameter, as `PoseEstimator` is in the thesis' Listing 2.
+    fn read_attribute(&mut self, context: &Context, attribute: Attribute, problems: &mut Problems) {
+        let place = context.place(attribute.range().start);
+        let value_place = context.place(attribute.range_value().start);
+        let value = attribute.value().trim();
+        match attribute.name() {
+            "type" | "exec" | "args" => {}
+            "name" if is_name(value) => self.named = Some((value.to_owned(), value_place)),
+            "name" => problems.add(
+                &value_place,
+                format!("{value:?} is no name for an app; right are 1 to 48 letters, digits, '-' or '_'"),
+            ),
+            "restart" => match value {
+                "never" => self.restart = Restart::Never,
+                "on-failure" => self.restart = Restart::OnFailure,
+                _ => {
+                    let right = instead(value, &["never", "on-failure"]);
+                    problems.add(&value_place, format!("restart {value:?} is not offered; {right}"));
+                }
+            },
+            name => self.given.push(Given::new(name, value, place, value_place, context.folder)),
+        }
+    }
+
+    fn read_parameter(&mut self, context: &Context, node: Node, problems: &mut Problems) {
+        let place = context.place(node.range().start);
+        let name = node.tag_name().name();
+        if let Some(attribute) = node.attributes().next() {
+            let said = format!("<{name}> has the attribute {}; a parameter has none", attribute.name());
+            problems.add(&context.place(attribute.range().start), said);
+        }
+        if let Some(inner) = node.children().find(Node::is_element) {
+            let inside = inner.tag_name().name();
+            let said = format!("<{inside}> stands in the parameter <{name}>; right is its value alone");
+            problems.add(&context.place(inner.range().start), said);
+            return;
+        }
+        let said: String = node.children().filter_map(own_text).collect();
+        let value_place = value_place(context, node).unwrap_or_else(|| place.clone());
+        self.given.push(Given::new(name, &said, place, value_place, context.folder));
+    }
+
+    /// The app's name; empty before every app has one.
+    pub fn name(&self) -> &str {
+        self.named.as_ref().map_or("", |(name, _)| name)
+    }
+
+    /// Where its name stands.
+    pub fn name_place(&self) -> &Place {
+        self.named.as_ref().map_or(&self.place, |(_, place)| place)
+    }
+
+    /// Whether it can be told this parameter: its type has it, or it takes anything.
+    pub fn takes(&self, param: &str) -> bool {
+        match &self.runs {
+            Runs::Builtin(app_type) => app_type.param(param).is_some(),
+            Runs::Foreign { .. } => true,
+            Runs::Nothing | Runs::Unknown => false,
+        }
+    }
+
+    /// Whether it is one of the registry's types.
+    pub fn is_builtin(&self) -> bool {
+        matches!(self.runs, Runs::Builtin(_))
+    }
+
+    /// What was said of a parameter.
+    pub fn said(&self, param: &str) -> Option<&str> {
+        let mut given = self.given.iter();
+        given.find(|given| given.name == param).map(|given| given.text.as_str())
+    }
+
+    /// What was said of a parameter, or its type's default.
+    pub fn said_or_default(&self, param: &str) -> Option<&str> {
+        let default = match &self.runs {
+            Runs::Builtin(app_type) => app_type.param(param).and_then(|spec| spec.default),
+            _ => None,
+        };
+        self.said(param).or(default)
+    }
+
+    /// Says a parameter for it, if it can be told and nothing was said of it.
+    pub fn suppose(&mut self, param: &str, text: &str) {
+        if self.takes(param) && self.said(param).is_none() {
+            let place = self.place.clone();
+            self.given.push(Given::new(param, text, place.clone(), place, "".as_ref()));
+        }
+    }
+
+    /// Takes what the command line says in place of what the file says.
+    pub fn override_with(&mut self, said: &Override, place: Place, registry: &Registry, problems: &mut Problems) {
+        if said.param == "type" {
+            self.runs = self.type_called(&said.text, &place, registry, problems);
+            return;
+        }
+        self.given.retain(|given| given.name != said.param || is_command_line(&given.place));
+        self.given.push(Given::new(&said.param, &said.text, place.clone(), place, "".as_ref()));
+    }
+
+    /// Holds it against its type.
+    pub fn resolve(self, problems: &mut Problems) -> Option<AppSpec> {
+        let name = self.name().to_owned();
+        let (program, settings) = match self.runs {
+            Runs::Nothing | Runs::Unknown => return None,
+            Runs::Builtin(app_type) => {
+                let resolved = resolve(app_type, self.given, &self.place, problems);
+                (Program::Builtin(app_type, resolved.params), resolved.settings)
+            }
+            Runs::Foreign { exec, args } => {
+                let settings = self.given.into_iter().map(|given| (given.name, given.text));
+                let exec = exec.into();
+                (Program::Foreign { exec, args }, settings.collect())
+            }
+        };
+        Some(AppSpec { name, element: self.element, program, restart: self.restart, settings })
+    }
+}
+
+/// A mission that does not speak of a logger has the registry's first one.
+pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scenario: &Place) {
+    let logger = registry.of_element("Logger").next();
+    if let Some(app_type) = logger
+        && drafts.iter().all(|draft| draft.element != "Logger")
+    {
+        drafts.push(Draft {
+            element: "Logger".to_owned(),
+            place: scenario.clone(),
+            named: None,
+            given: Vec::new(),
+            runs: Runs::Builtin(app_type),
+            restart: Restart::Never,
+        });
+    }
+}
+
+fn is_command_line(place: &Place) -> bool {
+    matches!(place, Place::CommandLine(_))
+}
+
+/// Names are names of clients, of log files, and stand before a `.` in `--set`.
+fn is_name(text: &str) -> bool {
+    let good = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    (1..=48).contains(&text.len()) && text.chars().all(good)
+}
+
+/// A path with a folder is looked for from the mission's folder, a bare name in `PATH`.
+fn executable(context: &Context, exec: &str) -> String {
+    match exec.contains('/') {
+        true => context.folder.join(exec).to_string_lossy().into_owned(),
+        false => exec.to_owned(),
+    }
+}
+
+/// Arguments are separated by space.
+fn split_arguments(args: &str) -> Vec<String> {
+    args.split_whitespace().map(str::to_owned).collect()
+}
+
+/// Where the first letter of an element's text stands.
+fn value_place(context: &Context, node: Node) -> Option<Place> {
+    let text = node.children().find(|child| own_text(*child).is_some_and(|t| !t.trim().is_empty()))?;
+    let said = text.text()?;
+    let lead = said.len() - said.trim_start().len();
+    Some(context.place(text.range().start + lead))
+}
+
+/// The text of a text node; comments have text, too, and do not count.
+fn own_text<'a>(node: Node<'a, '_>) -> Option<&'a str> {
+    node.text().filter(|_| node.is_text())
+}

@@ -1,0 +1,210 @@
+//! From the XML of a Scenario to a checked mission, collecting everything that is wrong on the way.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use roxmltree::{Document, Node};
+
+use crate::draft::Draft;
+use crate::mission::{AppSpec, Mission, Mode};
+use crate::nearest::instead;
+use crate::problem::{Place, Problems};
+use crate::registry::Registry;
+use crate::setting::Override;
+use crate::wiring;
+
+/// The elements of a Scenario; how many of each a mission has.
+const ELEMENTS: [(&str, Count); 7] = [
+    ("Sensor", Count::One),
+    ("Filter", Count::Any),
+    ("Map", Count::One),
+    ("Explorer", Count::One),
+    ("Controller", Count::One),
+    ("Logger", Count::AtMostOne),
+    ("App", Count::Any),
+];
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Count {
+    One,
+    AtMostOne,
+    Any,
+}
+
+/// Names on the bus that no app can have: the broker's own, and the launcher's.
+const RESERVED: [&str; 2] = ["db", "launcher"];
+
+/// What every part of the check needs.
+pub(crate) struct Context<'a> {
+    pub document: &'a Document<'a>,
+    pub registry: &'a Registry,
+    /// Where relative files are looked for.
+    pub folder: &'a Path,
+}
+
+impl Context<'_> {
+    /// Where a byte of the file stands.
+    pub fn place(&self, byte: usize) -> Place {
+        let position = self.document.text_pos_at(byte);
+        Place::File { line: position.row, column: position.col }
+    }
+}
+
+/// Checks the text of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
+pub(crate) fn check(
+    text: &str,
+    file: &Path,
+    registry: &Registry,
+    overrides: &[Override],
+    problems: &mut Problems,
+) -> Option<Mission> {
+    let document = match Document::parse(text) {
+        Ok(document) => document,
+        Err(error) => {
+            no_xml(&error, problems);
+            return None;
+        }
+    };
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let context = Context { document: &document, registry, folder };
+    let scenario = document.root_element();
+    let place = context.place(scenario.range().start);
+    if scenario.tag_name().name() != "Scenario" {
+        let found = scenario.tag_name().name();
+        problems.add(&place, format!("the mission is a <{found}>; right is <Scenario>"));
+        return None;
+    }
+    let (name, mode) = head(&context, scenario, file, problems);
+    let mut drafts = drafts(&context, scenario, problems);
+    count(&drafts, &place, problems);
+    crate::draft::default_logger(&mut drafts, registry, &place);
+    names(&mut drafts, problems);
+    apply(overrides, &mut drafts, registry, problems);
+    wiring::connect(&mut drafts);
+    let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
+    let file = file.to_owned();
+    Some(Mission { name, file, mode, apps })
+}
+
+fn no_xml(error: &roxmltree::Error, problems: &mut Problems) {
+    let position = error.pos();
+    let place = Place::File { line: position.row, column: position.col };
+    let said = error.to_string();
+    let said = said.strip_suffix(&format!(" at {position}")).unwrap_or(&said);
+    problems.add(&place, format!("this is no well-formed XML: {said}"));
+}
+
+/// The Scenario's own attributes.
+fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems) -> (String, Mode) {
+    let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let mut name = stem.unwrap_or_else(|| "mission".to_owned());
+    let mut mode = Mode::Auto;
+    for attribute in scenario.attributes() {
+        let place = context.place(attribute.range_value().start);
+        match (attribute.name(), attribute.value().trim()) {
+            ("name", "") => problems.add(&place, "the name is empty; right is a name for people"),
+            ("name", value) => name = value.to_owned(),
+            ("type", "auto") => mode = Mode::Auto,
+            ("type", "manual") => mode = Mode::Manual,
+            ("type", value) => {
+                let right = instead(value, &["auto", "manual"]);
+                problems.add(&place, format!("a Scenario of type {value:?} is unknown; {right}"));
+            }
+            ("version", "1") => {}
+            ("version", value) => {
+                problems.add(&place, format!("version {value:?} is unknown; right is \"1\""));
+            }
+            (other, _) => {
+                let place = context.place(attribute.range().start);
+                let right = instead(other, &["name", "type", "version"]);
+                problems.add(&place, format!("Scenario has no attribute {other}; {right}"));
+            }
+        }
+    }
+    (name, mode)
+}
+
+fn drafts(context: &Context, scenario: Node, problems: &mut Problems) -> Vec<Draft> {
+    stray_text(context, scenario, problems);
+    let mut drafts = Vec::new();
+    for node in scenario.children().filter(Node::is_element) {
+        let element = node.tag_name().name();
+        if ELEMENTS.iter().any(|(known, _)| *known == element) {
+            drafts.push(Draft::read(context, node, problems));
+        } else {
+            let known = ELEMENTS.map(|(known, _)| known);
+            let place = context.place(node.range().start);
+            let right = instead(element, &known);
+            problems.add(&place, format!("<{element}> is no element of a Scenario; {right}"));
+        }
+    }
+    drafts
+}
+
+/// Text between elements is a forgotten tag.
+pub(crate) fn stray_text(context: &Context, parent: Node, problems: &mut Problems) {
+    for text in parent.children().filter(Node::is_text) {
+        let said = text.text().unwrap_or_default();
+        if !said.trim().is_empty() {
+            let lead = said.len() - said.trim_start().len();
+            let place = context.place(text.range().start + lead);
+            let word = said.split_whitespace().next().unwrap_or_default();
+            let parent = parent.tag_name().name();
+            problems.add(&place, format!("{word:?} stands loose in <{parent}>; right is an element"));
+        }
+    }
+}
+
+fn count(drafts: &[Draft], scenario: &Place, problems: &mut Problems) {
+    for (element, count) in ELEMENTS {
+        let mut of_element = drafts.iter().filter(|draft| draft.element == element);
+        let first = of_element.next();
+        if first.is_none() && count == Count::One {
+            problems.add(scenario, format!("the Scenario has no <{element}>; right is one"));
+        }
+        if count != Count::Any {
+            for more in of_element {
+                problems.add(&more.place, format!("a second <{element}>; one is right"));
+            }
+        }
+    }
+}
+
+/// Names those that the file does not (`Filter`, `Filter2`, …), and sees that every name is the only one.
+fn names(drafts: &mut [Draft], problems: &mut Problems) {
+    let mut taken: BTreeMap<String, String> = BTreeMap::new();
+    for draft in drafts.iter().filter(|draft| draft.named.is_some()) {
+        let name = draft.name();
+        if RESERVED.iter().any(|reserved| reserved.eq_ignore_ascii_case(name)) {
+            let said = format!("the name {name} is taken by elk itself; choose another one");
+            problems.add(draft.name_place(), said);
+        } else if let Some(element) = taken.insert(name.to_owned(), draft.element.clone()) {
+            let said = format!("the name {name} is already that of a <{element}>; names are unique");
+            problems.add(draft.name_place(), said);
+        }
+    }
+    for draft in drafts.iter_mut().filter(|draft| draft.named.is_none()) {
+        let numbered = (1..).map(|n| match n {
+            1 => draft.element.clone(),
+            n => format!("{}{n}", draft.element),
+        });
+        let free = numbered.into_iter().find(|name| !taken.contains_key(name));
+        let name = free.unwrap_or_default();
+        taken.insert(name.clone(), draft.element.clone());
+        draft.named = Some((name, draft.place.clone()));
+    }
+}
+
+fn apply(overrides: &[Override], drafts: &mut [Draft], registry: &Registry, problems: &mut Problems) {
+    for one in overrides {
+        let place = Place::CommandLine(one.to_string());
+        match drafts.iter_mut().find(|draft| draft.name() == one.app) {
+            Some(draft) => draft.override_with(one, place, registry, problems),
+            None => {
+                let names: Vec<&str> = drafts.iter().map(Draft::name).collect();
+                let right = instead(&one.app, &names);
+                problems.add(&place, format!("the mission has no app {}; {right}", one.app));
+            }
+        }
+    }
+}

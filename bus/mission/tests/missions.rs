@@ -1,0 +1,371 @@
+//! Whole mission files against a small table of types: what parses, what it means, and what every mistake is answered with.
+
+use std::path::Path;
+
+use elk_bus::{App, AppError};
+use elk_mission::{
+    AppType, Kind, Mission, MissionError, Mode, Override, ParamSpec, Params, Program, Registry, Restart, describe,
+};
+use proptest::prelude::*;
+
+fn unbuilt(_: &Params) -> Result<Box<dyn App>, AppError> {
+    Err("the types of these tests are only parsed".into())
+}
+
+const fn param(name: &'static str, kind: Kind, default: Option<&'static str>, doc: &'static str) -> ParamSpec {
+    ParamSpec { name, kind, default, doc }
+}
+
+const RES: ParamSpec = param("Res", Kind::Number { unit: "m", min: 0.001, max: 10.0 }, Some("0.1"), "Edge of a voxel.");
+const HOST: ParamSpec = param("MOOSHost", Kind::Text, Some("localhost"), "Accepted.");
+const PORT: ParamSpec = param("MOOSPort", Kind::Integer { min: 1, max: 65535 }, Some("9000"), "Accepted.");
+const INPUT: ParamSpec = param("Input", Kind::Variable, Some("SCAN"), "Scans to read.");
+const OUTPUT: ParamSpec = param("Output", Kind::Variable, Some("SCAN_1"), "Scans to publish.");
+const MID: ParamSpec = param("Mid", Kind::Point { unit: "m" }, None, "Centre of the volume.");
+const DIM: ParamSpec = param("Dim", Kind::Point { unit: "m" }, None, "Size of the volume.");
+const POLICY: ParamSpec = param("Policy", Kind::Choice(&["elk", "thesis"]), Some("elk"), "How to move.");
+
+const SENSOR: &[AppType] = &[AppType {
+    element: "Sensor",
+    name: "Simulator",
+    summary: "A depth camera in a world of triangles.",
+    params: &[
+        HOST,
+        PORT,
+        param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "Variable of its pose."),
+        param("PoseEstimator", Kind::Choice(&["none"]), Some("none"), "Accepted."),
+        param("World", Kind::File { builtin: &["car-interior"] }, Some("car-interior"), "World."),
+    ],
+    build: unbuilt,
+}];
+
+const THRESHOLD: Kind = Kind::Number { unit: "m", min: 0.0, max: f64::INFINITY };
+
+const STAGES: &[AppType] = &[
+    AppType {
+        element: "Filter",
+        name: "Distance",
+        summary: "Drops points beyond a distance.",
+        params: &[param("Threshold", THRESHOLD, Some("10"), "Distance."), INPUT, OUTPUT],
+        build: unbuilt,
+    },
+    AppType { element: "Map", name: "OctoMap", summary: "Log-odds voxels.", params: &[RES, INPUT], build: unbuilt },
+    AppType {
+        element: "Explorer",
+        name: "Potential",
+        summary: "Follows a harmonic potential.",
+        params: &[MID, DIM, RES, POLICY],
+        build: unbuilt,
+    },
+    AppType {
+        element: "Explorer",
+        name: "ClosestFrontier",
+        summary: "Goes to the closest frontier.",
+        params: &[MID, DIM, RES, POLICY],
+        build: unbuilt,
+    },
+    AppType {
+        element: "Controller",
+        name: "MOOSSim",
+        summary: "Commands poses.",
+        params: &[HOST, PORT],
+        build: unbuilt,
+    },
+    AppType { element: "Logger", name: "Mcap", summary: "Records everything.", params: &[], build: unbuilt },
+];
+
+const LISTING_2: &str = include_str!("../../../mission-files/thesis-listing-2.xml");
+
+fn registry() -> Registry {
+    Registry::new(&[SENSOR, STAGES])
+}
+
+fn parse(text: &str, sets: &[&str]) -> Result<Mission, String> {
+    let overrides: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
+    Mission::parse(text, Path::new("m.xml"), &registry(), &overrides).map_err(|e| e.to_string())
+}
+
+/// A mission whose lines 2 to 6 are right, with `line` as line 7.
+fn with(line: &str) -> String {
+    format!(
+        "<Scenario name=\"t\" type=\"auto\">\n<Sensor type=\"Simulator\"/>\n<Map type=\"OctoMap\"/>\n\
+         <Explorer type=\"Potential\"><Mid>0;0;0</Mid><Dim>1;1;1</Dim></Explorer>\n\
+         <Controller type=\"MOOSSim\"/>\n<!-- here: -->\n{line}\n</Scenario>"
+    )
+}
+
+fn wrong(line: &str) -> String {
+    parse(&with(line), &[]).unwrap_err()
+}
+
+fn settings(mission: &Mission, app: &str) -> String {
+    let app = mission.apps.iter().find(|one| one.name == app).unwrap();
+    let texts = app.settings.iter().map(|(name, text)| format!("{name}={text}"));
+    texts.collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn the_listing_of_the_thesis_parses_as_printed() {
+    let mission = parse(LISTING_2, &[]).unwrap();
+    assert_eq!((mission.name.as_str(), mission.mode), ("Simulator", Mode::Manual));
+    let apps: Vec<String> = mission.apps.iter().map(|app| format!("{} {}", app.name, app.type_name())).collect();
+    assert_eq!(
+        apps,
+        [
+            "Sensor Simulator",
+            "Filter Distance",
+            "Map OctoMap",
+            "Explorer Potential",
+            "Controller MOOSSim",
+            "Logger Mcap"
+        ]
+    );
+    assert_eq!(
+        settings(&mission, "Sensor"),
+        "MOOSHost=localhost MOOSPort=9000 MOOSPoseVarName=SIM_SENSOR PoseEstimator=none World=car-interior"
+    );
+    assert_eq!(settings(&mission, "Explorer"), "Mid=0; 0; 0 Dim=5.7; 4.3; 4.5 Res=0.1 Policy=elk");
+    let Program::Builtin(_, params) = &mission.apps[3].program else { panic!("not built in") };
+    assert_eq!(params.point("Dim"), [5.7, 4.3, 4.5]);
+    assert_eq!(params.number("Res"), 0.1);
+    assert_eq!(params.text("Policy"), "elk");
+}
+
+#[test]
+fn filters_are_wired_in_a_row_unless_the_mission_says_otherwise() {
+    let two = with("<Filter type=\"Distance\"/><Filter type=\"Distance\"/>");
+    let mission = parse(&two, &[]).unwrap();
+    assert_eq!(settings(&mission, "Filter"), "Threshold=10 Input=SCAN Output=SCAN_1");
+    assert_eq!(settings(&mission, "Filter2"), "Threshold=10 Input=SCAN_1 Output=SCAN_2");
+    assert_eq!(settings(&mission, "Map"), "Res=0.1 Input=SCAN_2");
+
+    let mission = parse(&two, &["Filter.Output=NEAR", "Map.Input=SCAN"]).unwrap();
+    assert_eq!(settings(&mission, "Filter2"), "Threshold=10 Input=NEAR Output=SCAN_2");
+    assert_eq!(settings(&mission, "Map"), "Res=0.1 Input=SCAN");
+
+    let mission = parse(&with(""), &[]).unwrap();
+    assert_eq!(settings(&mission, "Map"), "Res=0.1 Input=SCAN");
+}
+
+#[test]
+fn any_executable_can_take_a_stages_place() {
+    let exec = r#"<Filter exec="./mine" args="-v  --fast" name="Mine" restart="on-failure"><K>3</K></Filter>"#;
+    let mission = parse(&with(exec), &[]).unwrap();
+    let mine = mission.apps.iter().find(|app| app.name == "Mine").unwrap();
+    let Program::Foreign { exec, args } = &mine.program else { panic!("not foreign") };
+    assert_eq!((exec.as_path(), args.len()), (Path::new("./mine"), 2));
+    assert_eq!(mine.restart, Restart::OnFailure);
+    assert_eq!(settings(&mission, "Mine"), "K=3 Input=SCAN Output=SCAN_1");
+    assert_eq!(settings(&mission, "Map"), "Res=0.1 Input=SCAN_1");
+}
+
+#[test]
+fn a_mission_without_a_logger_gets_one_unless_it_says_none() {
+    let names = |line| {
+        let mission = parse(&with(line), &[]).unwrap();
+        mission.of_element("Logger").map(|app| app.name.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(names(""), ["Logger"]);
+    assert_eq!(names(r#"<Logger type="none"/>"#), [""; 0]);
+    assert_eq!(names(r#"<Logger type="Mcap" name="L"/>"#), ["L"]);
+}
+
+#[test]
+fn the_command_line_overrides_the_file_with_the_same_checks() {
+    let sets = ["Map.Res=0.05 m", "Explorer.type=ClosestFrontier", "Map.Res=0.2"];
+    let said_twice = parse(LISTING_2, &sets).unwrap_err();
+    assert_eq!(said_twice, "--set Map.Res=0.2: Res is said twice; once is enough");
+
+    let mission = parse(LISTING_2, &sets[..2]).unwrap();
+    assert_eq!(settings(&mission, "Map"), "Res=0.05 Input=SCAN_1");
+    assert_eq!(mission.of_element("Explorer").next().unwrap().type_name(), "ClosestFrontier");
+
+    for (set, said) in [
+        ("Map.Res=1 cm", r#"--set Map.Res=1 cm: Res: "1 cm" is in cm; the unit must be m"#),
+        ("Mop.Res=1", "--set Mop.Res=1: the mission has no app Mop; did you mean Map?"),
+        ("Map.Rse=1", "--set Map.Rse=1: Map OctoMap has no parameter Rse; did you mean Res?"),
+        (
+            "Explorer.type=Potentail",
+            r#"--set Explorer.type=Potentail: Explorer has no type "Potentail"; did you mean Potential?"#,
+        ),
+    ] {
+        assert_eq!(parse(LISTING_2, &[set]).unwrap_err(), said);
+    }
+}
+
+#[test]
+fn setting_a_parameter_of_a_checked_app_checks_it_too() {
+    let mut mission = parse(LISTING_2, &[]).unwrap();
+    let map = mission.apps.iter_mut().find(|app| app.name == "Map").unwrap();
+    map.set("Res", "0.25").unwrap();
+    assert_eq!(map.setting("Res"), Some("0.25"));
+    assert!(map.set("Res", "wide").is_err());
+    assert_eq!(map.setting("Res"), Some("0.25"));
+    assert!(map.takes("Input") && !map.takes("World"));
+}
+
+#[test]
+fn every_mistake_has_its_place_and_says_what_would_be_right() {
+    for (line, said) in [
+        ("<Filtre type=\"Distance\"/>", "m.xml:7:1: <Filtre> is no element of a Scenario; did you mean Filter?"),
+        ("<Filter type=\"Distanze\"/>", "m.xml:7:15: Filter has no type \"Distanze\"; did you mean Distance?"),
+        ("<Filter/>", "m.xml:7:1: <Filter> has no type; known: Distance"),
+        ("<App/>", "m.xml:7:1: <App> has no exec; right is exec=\"program\""),
+        ("<App exec=\"\"/>", "m.xml:7:12: exec is empty; right is an executable"),
+        ("<Filter type=\"Distance\" exec=\"x\"/>", "m.xml:7:31: type and exec are both said; one is right"),
+        ("<Filter type=\"Distance\" args=\"x\"/>", "m.xml:7:31: args without exec; right is both or neither"),
+        (
+            "<Filter type=\"Distance\"><Treshold>1</Treshold></Filter>",
+            "m.xml:7:25: Filter Distance has no parameter Treshold; did you mean Threshold?",
+        ),
+        (
+            "<Filter type=\"Distance\" Foo=\"1\"/>",
+            "m.xml:7:25: Filter Distance has no parameter Foo; known: Threshold, Input, Output",
+        ),
+        (
+            "<Filter type=\"Distance\"><Threshold>  -1 </Threshold></Filter>",
+            "m.xml:7:38: Threshold: \"-1\" is out of range; right is a number of at least 0, in m",
+        ),
+        (
+            "<Filter type=\"Distance\"><Threshold>1</Threshold><Threshold>2</Threshold></Filter>",
+            "m.xml:7:49: Threshold is said twice; once is enough",
+        ),
+        (
+            "<Filter type=\"Distance\"><Threshold/></Filter>",
+            "m.xml:7:25: Threshold: \"\" is no number; right is a number of at least 0, in m",
+        ),
+        (
+            "<Filter type=\"Distance\"><Threshold unit=\"m\">1</Threshold></Filter>",
+            "m.xml:7:36: <Threshold> has the attribute unit; a parameter has none",
+        ),
+        (
+            "<Filter type=\"Distance\"><Threshold><A/></Threshold></Filter>",
+            "m.xml:7:36: <A> stands in the parameter <Threshold>; right is its value alone",
+        ),
+        (
+            "<Filter type=\"Distance\"> 10.0 </Filter>",
+            "m.xml:7:26: \"10.0\" stands loose in <Filter>; right is an element",
+        ),
+        ("hello", "m.xml:7:1: \"hello\" stands loose in <Scenario>; right is an element"),
+        (
+            "<Filter type=\"Distance\" name=\"Map\"/>",
+            "m.xml:7:31: the name Map is already that of a <Map>; names are unique",
+        ),
+        (
+            "<Filter type=\"Distance\" name=\"launcher\"/>",
+            "m.xml:7:31: the name launcher is taken by elk itself; choose another one",
+        ),
+        (
+            "<Filter type=\"Distance\" name=\"a b\"/>",
+            "m.xml:7:31: \"a b\" is no name for an app; right are 1 to 48 letters, digits, '-' or '_'",
+        ),
+        (
+            "<Filter type=\"Distance\" restart=\"allways\"/>",
+            "m.xml:7:34: restart \"allways\" is not offered; known: never, on-failure",
+        ),
+        ("<Map type=\"OctoMap\"/>", "m.xml:7:1: a second <Map>; one is right"),
+        ("<Logger type=\"Mcp\"/>", "m.xml:7:15: Logger has no type \"Mcp\"; did you mean Mcap?"),
+    ] {
+        let found = if line.contains("name=\"Map\"") { named_map(line) } else { wrong(line) };
+        assert_eq!(found, said, "{line}");
+    }
+}
+
+/// As `wrong`, in a mission that says the name of its map.
+fn named_map(line: &str) -> String {
+    let text = with(line).replace("<Map type", "<Map name=\"Map\" type");
+    parse(&text, &[]).unwrap_err()
+}
+
+#[test]
+fn a_missing_world_says_where_it_was_looked_for() {
+    let text = with("")
+        .replace("<Sensor type=\"Simulator\"/>", "<Sensor type=\"Simulator\"><World>worlds/moon.obj</World></Sensor>");
+    assert_eq!(
+        parse(&text, &[]).unwrap_err(),
+        "m.xml:2:33: World: there is no file worlds/moon.obj; known: car-interior"
+    );
+}
+
+#[test]
+fn all_mistakes_are_reported_together_in_the_order_of_the_file() {
+    let text = "<Scenario type=\"atuo\" vers=\"1\" version=\"2\">\n  <Sensor type=\"Simulator\"/>\n  \
+                <Explorer type=\"Potential\"><Mid>0;0</Mid></Explorer>\n</Scenario>";
+    assert_eq!(
+        parse(text, &["Map.Res=1"]).unwrap_err(),
+        "m.xml:1:1: the Scenario has no <Map>; right is one\n\
+         m.xml:1:1: the Scenario has no <Controller>; right is one\n\
+         m.xml:1:17: a Scenario of type \"atuo\" is unknown; did you mean auto?\n\
+         m.xml:1:23: Scenario has no attribute vers; known: name, type, version\n\
+         m.xml:1:41: version \"2\" is unknown; right is \"1\"\n\
+         m.xml:3:3: Explorer Potential needs the parameter Dim; right is three numbers \"x; y; z\", in m\n\
+         m.xml:3:35: Mid: \"0;0\" has 2 numbers; right is three numbers \"x; y; z\", in m\n\
+         --set Map.Res=1: the mission has no app Map; known: Sensor, Explorer, Logger"
+    );
+}
+
+#[test]
+fn what_is_no_mission_is_said_so() {
+    for (text, said) in [
+        ("<Scenari/>", "m.xml:1:1: the mission is a <Scenari>; right is <Scenario>"),
+        ("<Scenario>\n</Scenaro>", "m.xml:2:1: this is no well-formed XML: expected 'Scenario' tag, not 'Scenaro'"),
+        ("", "m.xml:1:1: this is no well-formed XML: the document does not have a root node"),
+        ("<!DOCTYPE a [<!ENTITY b \"c\">]><a>&b;</a>", "m.xml:1:1: this is no well-formed XML: XML with DTD detected"),
+    ] {
+        assert_eq!(parse(text, &[]).unwrap_err(), said);
+    }
+    let missing = Mission::load(Path::new("no-such.xml"), &registry(), &[]).unwrap_err();
+    assert!(matches!(missing, MissionError::Unreadable { .. }));
+    assert_eq!(missing.to_string(), "cannot read the mission file no-such.xml: No such file or directory (os error 2)");
+}
+
+#[test]
+fn one_app_by_itself_is_checked_against_the_same_table() {
+    let filter = registry().find("Filter", "Distance").unwrap();
+    let pair = |name: &str, text: &str| (name.to_owned(), text.to_owned());
+    let params = filter.check(&[pair("Threshold", "3 m")], Path::new("")).unwrap();
+    assert_eq!(params.number("Threshold"), 3.0);
+    let error = filter.check(&[pair("Threshold", "3 km")], Path::new("")).unwrap_err();
+    assert_eq!(error.to_string(), r#"Threshold=3 km: Threshold: "3 km" is in km; the unit must be m"#);
+}
+
+#[test]
+fn the_table_is_shown_to_people() {
+    let text = describe(&Registry::new(&[SENSOR]));
+    assert!(text.starts_with(
+        "<Sensor type=\"Simulator\">  A depth camera in a world of triangles.\n    MOOSHost         Accepted.\n"
+    ));
+    assert!(text.contains("(a whole number from 1 to 65535; default: 9000)"));
+    let text = describe(&registry());
+    assert!(text.contains("(three numbers \"x; y; z\", in m; must be said)"));
+}
+
+proptest! {
+    #[test]
+    fn no_text_makes_the_parser_panic(text in "\\PC{0,200}") {
+        let _ = parse(&text, &[]);
+    }
+
+    #[test]
+    fn no_mutation_of_a_mission_makes_the_parser_panic(
+        cut in 0..LISTING_2.len(), length in 0usize..40, put in "[<>/&=\"'a-zA-Z0-9; éλ\\n-]{0,12}"
+    ) {
+        let end = (cut + length).min(LISTING_2.len());
+        let text = format!("{}{put}{}", &LISTING_2[..cut], &LISTING_2[end..]);
+        match parse(&text, &[]) {
+            Ok(mission) => prop_assert!(mission.apps.len() >= 4),
+            Err(said) => prop_assert!(said.starts_with("m.xml:"), "{}", said),
+        }
+    }
+
+    #[test]
+    fn settings_say_the_same_again(x in -1e6..1e6f64, y in -1e6..1e6f64, res in 0.001..10.0f64) {
+        let sets = [format!("Explorer.Mid={x}; {y}; 0"), format!("Explorer.Res={res}")];
+        let mission = parse(LISTING_2, &[&sets[0], &sets[1]]).unwrap();
+        let explorer = mission.of_element("Explorer").next().unwrap();
+        let Program::Builtin(app_type, params) = &explorer.program else { panic!("not built in") };
+        let again = app_type.check(&explorer.settings, Path::new("")).unwrap();
+        prop_assert_eq!(params, &again);
+        prop_assert_eq!(params.point("Mid"), [x, y, 0.0]);
+    }
+}

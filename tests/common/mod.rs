@@ -1,0 +1,199 @@
+//! The real program in a folder and a community of its own.
+
+use std::io::Read;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use elk_bus::clock::Stopwatch;
+use rustix::process::{Pid, Signal, kill_process};
+
+/// How long anything may take before a test gives up: far longer than it takes on a busy machine.
+const WATCHDOG: Duration = Duration::from_secs(120);
+
+/// A folder and a community for one test.
+pub struct Elk {
+    folder: tempfile::TempDir,
+    community: String,
+}
+
+impl Elk {
+    /// `test` tells it from the others that run at the same time.
+    pub fn new(test: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let community = format!("{test}-{}", std::process::id());
+        Self { folder, community }
+    }
+
+    fn program(&self) -> &'static str {
+        env!("CARGO_BIN_EXE_elk")
+    }
+
+    /// A program and its arguments that joins as `name` and says nothing: a logger of its own.
+    pub fn idle_client(&self, name: &str) -> (&'static str, String) {
+        let log = self.folder().join(format!("{name}.mcap"));
+        let Self { community, .. } = self;
+        let arguments = format!("logger --type Mcap --name {name} --community {community} File={}", log.display());
+        (self.program(), arguments)
+    }
+
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Writes a shell script that a mission can name.
+    pub fn script(&self, name: &str, text: &str) {
+        let file = self.folder().join(name);
+        std::fs::write(&file, format!("#!/bin/sh\n{text}")).unwrap();
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o755)).unwrap();
+    }
+
+    /// `elk` with these arguments, in the folder.
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(self.program());
+        command.args(arguments).current_dir(self.folder()).stdin(Stdio::null());
+        command
+    }
+
+    /// Launches a mission.
+    pub fn launch(&self, mission: &str) -> Launcher {
+        let file = self.folder().join("mission.xml");
+        std::fs::write(&file, mission).unwrap();
+        let file = file.display().to_string();
+        let said = self.folder().join("said.txt");
+        let out = std::fs::File::create(&said).unwrap();
+        let arguments = ["launch", &file, "--headless", "--community", &self.community];
+        let child = self.command(&arguments).stdout(out.try_clone().unwrap()).stderr(out).spawn().unwrap();
+        Launcher { child, said }
+    }
+
+    /// Launches a mission that cannot succeed; what was said.
+    pub fn launch_and_fail(&self, mission: &str) -> String {
+        let (code, said) = self.launch(mission).end();
+        assert_eq!(code, Some(1), "{said}");
+        said
+    }
+}
+
+/// A running `elk launch`. Killed, should the test fail before its end.
+pub struct Launcher {
+    child: Child,
+    said: PathBuf,
+}
+
+impl Launcher {
+    pub fn id(&self) -> i32 {
+        self.child.id() as i32
+    }
+
+    fn said(&self) -> String {
+        std::fs::read_to_string(&self.said).unwrap()
+    }
+
+    /// Waits until it has said something.
+    pub fn wait_for(&mut self, words: &str) {
+        let clock = Stopwatch::start();
+        while !self.said().contains(words) {
+            let ended = self.child.try_wait().unwrap();
+            assert!(ended.is_none() && clock.elapsed() < WATCHDOG, "never said {words:?}:\n{}", self.said());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Waits for its end; its exit code, and all that it said.
+    pub fn end(mut self) -> (Option<i32>, String) {
+        let clock = Stopwatch::start();
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return (status.code(), self.said());
+            }
+            assert!(clock.elapsed() < WATCHDOG, "never ended:\n{}", self.said());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// All processes that it has started, and those that they have.
+    pub fn descendants(&self) -> Vec<i32> {
+        let all = processes();
+        let mut found = vec![self.id()];
+        let mut next = 0;
+        while next < found.len() {
+            let parent = found[next];
+            found.extend(all.iter().filter(|one| one.parent == parent).map(|one| one.id));
+            next += 1;
+        }
+        found.split_off(1)
+    }
+
+    /// The process of the app of this name.
+    pub fn process_of(&self, app: &str) -> i32 {
+        self.process_with(&format!("--name\0{app}\0"))
+    }
+
+    /// Its descendant with this in its arguments.
+    pub fn process_with(&self, arguments: &str) -> i32 {
+        let all = processes();
+        let ours = self.descendants();
+        let found = all.iter().find(|one| ours.contains(&one.id) && one.line.contains(arguments));
+        found.unwrap_or_else(|| panic!("no process with {arguments:?}")).id
+    }
+}
+
+impl Drop for Launcher {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+struct Process {
+    id: i32,
+    parent: i32,
+    /// Its arguments, each followed by a zero.
+    line: String,
+}
+
+fn processes() -> Vec<Process> {
+    let entries = std::fs::read_dir("/proc").unwrap().flatten();
+    let ids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    ids.filter_map(|id: i32| {
+        let (state, parent) = state_and_parent(id)?;
+        let mut line = Vec::new();
+        std::fs::File::open(format!("/proc/{id}/cmdline")).ok()?.read_to_end(&mut line).ok()?;
+        let line = String::from_utf8_lossy(&line).into_owned();
+        (state != 'Z').then_some(Process { id, parent, line })
+    })
+    .collect()
+}
+
+/// From `/proc/ID/stat`: after the name in parentheses.
+fn state_and_parent(id: i32) -> Option<(char, i32)> {
+    let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
+    let mut fields = stat.rsplit_once(") ")?.1.split(' ');
+    Some((fields.next()?.chars().next()?, fields.next()?.parse().ok()?))
+}
+
+/// Whether a process runs; one that has ended and was not waited for does not.
+pub fn alive(id: i32) -> bool {
+    state_and_parent(id).is_some_and(|(state, _)| state != 'Z')
+}
+
+/// Processes that have the test's community among their arguments.
+pub fn processes_of(elk: &Elk) -> Vec<i32> {
+    let argument = format!("{}\0", elk.community);
+    processes().iter().filter(|one| one.line.contains(&argument)).map(|one| one.id).collect()
+}
+
+pub fn kill(id: i32, signal: Signal) {
+    kill_process(Pid::from_raw(id).unwrap(), signal).unwrap();
+}
+
+/// Waits for an event.
+pub fn wait_until(patience: Duration, what: &str, mut happened: impl FnMut() -> bool) {
+    let clock = Stopwatch::start();
+    while !happened() {
+        assert!(clock.elapsed() < patience, "not within {patience:?}: {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}

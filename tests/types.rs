@@ -1,0 +1,61 @@
+//! The table of app types that comes with elk, and the missions that come with it.
+
+use std::path::Path;
+use std::process::Command;
+
+fn elk(arguments: &[&str]) -> (bool, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_elk"))
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    let said = [output.stdout, output.stderr].concat();
+    (output.status.success(), String::from_utf8(said).unwrap())
+}
+
+#[test]
+fn every_mission_that_comes_with_elk_is_right_with_both_explorers() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("mission-files");
+    let files = std::fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path());
+    let missions: Vec<_> = files.filter(|file| file.extension().is_some_and(|end| end == "xml")).collect();
+    assert_eq!(missions.len(), 7);
+    for mission in missions {
+        for explorer in ["Potential", "ClosestFrontier"] {
+            let set = format!("Explorer.type={explorer}");
+            let (right, said) = elk(&["check", mission.to_str().unwrap(), "--set", &set]);
+            assert!(right, "{said}");
+            assert!(said.contains(&format!("Explorer {explorer} Explorer")), "{said}");
+        }
+    }
+}
+
+#[test]
+fn every_default_of_the_table_is_right() {
+    let (right, said) = elk(&["types"]);
+    assert!(right, "{said}");
+    let types = said.lines().filter_map(|line| line.strip_prefix('<')?.split_once("\">"));
+    let mut checked = 0;
+    for (head, _) in types {
+        let (element, name) = head.split_once(" type=\"").unwrap();
+        // Nobody serves this community, so a type whose defaults are right gets as far as that.
+        let (_, said) = elk(&[&element.to_lowercase(), "--type", name, "--community", "nobody-is-here"]);
+        let asked = said.contains("needs the parameter") || said.contains("no broker serves");
+        assert!(asked, "{element} {name}: {said}");
+        checked += 1;
+    }
+    assert!(checked >= 8, "{checked} types in:\n{said}");
+}
+
+#[test]
+fn an_element_that_is_unknown_is_answered_with_the_one_that_was_meant() {
+    let (right, said) = elk(&["types", "Filtr"]);
+    assert!(!right);
+    assert_eq!(said, "elk: Filtr is no element of a mission; did you mean Filter?\n");
+}
+
+#[test]
+fn one_app_by_itself_checks_its_parameters() {
+    let (right, said) = elk(&["filter", "--type", "Distance", "Treshold=1"]);
+    assert!(!right);
+    assert_eq!(said, "elk: Treshold=1: Filter Distance has no parameter Treshold; did you mean Threshold?\n");
+}
