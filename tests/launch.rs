@@ -4,7 +4,7 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Elk, alive, kill, processes_of};
+use common::{Elk, alive, kill, processes_of, shared_memory_of};
 use rustix::process::Signal;
 
 /// What the launcher says once everyone of an idle mission is there.
@@ -21,13 +21,18 @@ fn idle(elk: &Elk, explorer: Option<&str>) -> String {
     )
 }
 
+fn assert_nothing_is_left(elk: &Elk) {
+    assert_eq!(processes_of(elk), []);
+    assert_eq!(shared_memory_of(elk), [""; 0]);
+}
+
 #[test]
 fn an_executable_that_is_not_there_fails_the_launch_by_name() {
     let elk = Elk::new("not-there");
     let said = elk.launch_and_fail(&idle(&elk, Some("<Explorer exec=\"./no-such-explorer\"/>")));
     assert!(said.contains("Explorer cannot be started"), "{said}");
     assert!(said.contains("no-such-explorer: No such file or directory"), "{said}");
-    assert_eq!(processes_of(&elk), []);
+    assert_nothing_is_left(&elk);
 }
 
 #[test]
@@ -37,7 +42,7 @@ fn an_executable_that_dies_at_once_fails_the_launch_with_its_last_words() {
     let said = elk.launch_and_fail(&idle(&elk, Some("<Explorer exec=\"./dies.sh\"/>")));
     assert!(said.contains("Explorer ended before it registered: exit code 3"), "{said}");
     assert!(said.contains("my last words"), "{said}");
-    assert_eq!(processes_of(&elk), []);
+    assert_nothing_is_left(&elk);
 }
 
 #[test]
@@ -49,7 +54,7 @@ fn an_app_that_is_killed_in_the_midst_of_it_fails_the_mission() {
     let (code, said) = launcher.end();
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("Map ended before the mission was over: signal 9 (SIGKILL)"), "{said}");
-    assert_eq!(processes_of(&elk), []);
+    assert_nothing_is_left(&elk);
 }
 
 #[test]
@@ -62,6 +67,12 @@ fn a_broker_that_is_killed_is_named_and_not_those_who_miss_it() {
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("db ended before the mission was over: signal 9 (SIGKILL)"), "{said}");
     assert_eq!(processes_of(&elk), []);
+    // What the dead broker could not put away, the next run does.
+    let mut next = elk.launch(&idle(&elk, None));
+    next.wait_for(ALL_ALIVE);
+    kill(next.id(), Signal::INT);
+    next.end();
+    assert_nothing_is_left(&elk);
 }
 
 #[test]
@@ -74,7 +85,7 @@ fn a_person_stops_a_mission_and_nobody_is_left() {
     assert_eq!(code, Some(1), "{said}");
     assert!(said.ends_with("NOT complete: stopped\n") || said.contains("NOT complete: stopped\n  all of it"), "{said}");
     assert!(!said.contains("killed"), "{said}");
-    assert_eq!(processes_of(&elk), []);
+    assert_nothing_is_left(&elk);
 }
 
 #[test]
@@ -92,6 +103,7 @@ fn nobody_is_left_after_the_launcher_is_killed() {
     launcher.end();
     let gone = || !descendants.iter().any(|id| alive(*id));
     common::wait_until(Duration::from_secs(60), "everyone is gone", gone);
+    assert_nothing_is_left(&elk);
 }
 
 #[test]
@@ -116,7 +128,7 @@ fn a_manual_mission_without_a_person_says_what_to_do() {
     let mission = idle(&elk, None).replace("<Scenario", "<Scenario type=\"manual\"");
     let said = elk.launch_and_fail(&mission);
     assert!(said.contains("a manual mission needs a person who presses Enter"), "{said}");
-    assert_eq!(processes_of(&elk), []);
+    assert_nothing_is_left(&elk);
 }
 
 #[test]

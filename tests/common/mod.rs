@@ -1,4 +1,5 @@
 //! The real program in a folder and a community of its own.
+#![allow(dead_code, reason = "each test program uses its part of it")]
 
 use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
@@ -36,6 +37,11 @@ impl Elk {
         let Self { community, .. } = self;
         let arguments = format!("logger --type Mcap --name {name} --community {community} File={}", log.display());
         (self.program(), arguments)
+    }
+
+    /// The community's name.
+    pub fn community(&self) -> &str {
+        &self.community
     }
 
     pub fn folder(&self) -> &Path {
@@ -183,6 +189,13 @@ pub fn alive(id: i32) -> bool {
 pub fn processes_of(elk: &Elk) -> Vec<i32> {
     let argument = format!("{}\0", elk.community);
     processes().iter().filter(|one| one.line.contains(&argument)).map(|one| one.id).collect()
+}
+
+/// Files of the test's community in shared memory.
+pub fn shared_memory_of(elk: &Elk) -> Vec<String> {
+    let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    names.filter(|name| name.contains(&elk.community)).collect()
 }
 
 pub fn kill(id: i32, signal: Signal) {

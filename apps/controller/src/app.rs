@@ -26,7 +26,12 @@ const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'sta
 }
 
 const PARAMS: &[ParamSpec] = &[
-    param("MOOSPoseVarName", Kind::Variable, CAMERA_POSE, "Variable under which the sensor publishes the camera's pose."),
+    param(
+        "MOOSPoseVarName",
+        Kind::Variable,
+        CAMERA_POSE,
+        "Variable under which the sensor publishes the camera's pose.",
+    ),
     param("Manual", Kind::Flag, "false", "Wait for a message on STEP before each pose command."),
     param(
         "MOOSHost",

@@ -178,11 +178,7 @@ impl Follower {
         self.commands += 1;
         self.pose = pose;
         self.waiting = Waiting::Map;
-        Output::Command(PoseCommand {
-            id: self.commands,
-            via,
-            pose,
-        })
+        Output::Command(PoseCommand { id: self.commands, via, pose })
     }
 
     fn request(&mut self, outcome: Outcome) -> Output {
@@ -221,9 +217,7 @@ impl Leg {
         let way = Polyline::new(path.points.iter().copied())?;
         let clearance = Clearance::new(plan.motion.clearance_m, grid.resolution());
         let refused = way.points().windows(2);
-        let allowed = refused
-            .flat_map(|p| clearance.refused(grid, p[0], p[1]))
-            .collect();
+        let allowed = refused.flat_map(|p| clearance.refused(grid, p[0], p[1])).collect();
         Some(Self {
             plan: plan.clone(),
             path: path.clone(),
@@ -257,10 +251,7 @@ impl Leg {
                 self.done = self.way.length();
                 self.looks = 1;
             }
-            return Next::Travel {
-                from,
-                to: self.done,
-            };
+            return Next::Travel { from, to: self.done };
         }
         self.looks += 1;
         match self.path.looks.get(self.looks - 1) {

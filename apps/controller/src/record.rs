@@ -20,10 +20,7 @@ struct Sample {
 impl Record {
     /// One more scan is in the map.
     pub fn add(&mut self, free: u64, path_length_m: f64) {
-        self.samples.push(Sample {
-            free,
-            path_length_m,
-        });
+        self.samples.push(Sample { free, path_length_m });
     }
 
     /// Scans and way to each share of what is known now. A share counts as known from the first scan on after which as
@@ -36,11 +33,7 @@ impl Record {
             let i = self.samples.iter().position(|s| s.free >= enough)?;
             // The whole run is what it cost, even if nothing was learned in its last scans.
             let i = if share < 1.0 { i } else { self.samples.len() - 1 };
-            Some(CoverageMark {
-                share,
-                scans: i as u64 + 1,
-                path_length_m: self.samples[i].path_length_m,
-            })
+            Some(CoverageMark { share, scans: i as u64 + 1, path_length_m: self.samples[i].path_length_m })
         };
         MotionReport {
             scans: self.samples.len() as u64,

@@ -90,23 +90,9 @@ const TOLERANCE: ParamSpec = param(
     "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, and 1e-4 for thesis.",
 );
 
-const COMMON: &[ParamSpec] =
-    &[MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE];
-const POTENTIAL: &[ParamSpec] = &[
-    MID,
-    DIM,
-    RES,
-    POLICY,
-    RADIUS,
-    SPACING,
-    MIN_FRONTIER,
-    ATTEMPTS,
-    MAX_SCANS,
-    PATIENCE,
-    START,
-    SOLVER,
-    TOLERANCE,
-];
+const COMMON: &[ParamSpec] = &[MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE];
+const POTENTIAL: &[ParamSpec] =
+    &[MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE, START, SOLVER, TOLERANCE];
 
 /// An explorer of any strategy with the parameters that all share.
 pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>, AppError> {

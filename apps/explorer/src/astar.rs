@@ -13,29 +13,13 @@ use crate::volume::Volume;
 const EXPOSED_COST: f64 = 1.5;
 
 /// The shortest way from `from` to `to` over voxels in `passable` (indices, both ends included).
-pub fn shortest(
-    volume: &Volume,
-    passable: &[bool],
-    from: usize,
-    to: usize,
-) -> Option<Vec<usize>> {
+pub fn shortest(volume: &Volume, passable: &[bool], from: usize, to: usize) -> Option<Vec<usize>> {
     let target = volume.voxel(to);
-    search(
-        volume,
-        passable,
-        from,
-        |i| i == to,
-        |i| volume.voxel(i).distance(target),
-    )
+    search(volume, passable, from, |i| i == to, |i| volume.voxel(i).distance(target))
 }
 
 /// The shortest way from `from` to the closest voxel that is a goal.
-pub fn closest(
-    volume: &Volume,
-    passable: &[bool],
-    from: usize,
-    is_goal: impl Fn(usize) -> bool,
-) -> Option<Vec<usize>> {
+pub fn closest(volume: &Volume, passable: &[bool], from: usize, is_goal: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
     search(volume, passable, from, is_goal, |_| 0.0)
 }
 
@@ -112,9 +96,7 @@ mod tests {
     }
 
     fn length(volume: &Volume, way: &[usize]) -> f64 {
-        way.windows(2)
-            .map(|w| volume.voxel(w[0]).distance(volume.voxel(w[1])))
-            .sum()
+        way.windows(2).map(|w| volume.voxel(w[0]).distance(volume.voxel(w[1]))).sum()
     }
 
     #[test]

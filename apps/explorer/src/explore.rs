@@ -3,9 +3,7 @@
 mod memory;
 
 use elk_spatial::clearance::Clearance;
-use elk_spatial::messages::{
-    Decision, ExplorationReport, FrontiersLeft, Path, Plan, PlanRequest,
-};
+use elk_spatial::messages::{Decision, ExplorationReport, FrontiersLeft, Path, Plan, PlanRequest};
 use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
@@ -81,12 +79,7 @@ impl Explorer {
         let strategy = [self.strategy.name().to_string(), self.strategy.describe()];
         let named = strategy.iter().filter(|s| !s.is_empty());
         let named: Vec<&str> = named.map(String::as_str).collect();
-        format!(
-            "{}; {}; clearance {} m",
-            named.join(": "),
-            self.settings.policy.describe(),
-            self.settings.radius_m
-        )
+        format!("{}; {}; clearance {} m", named.join(": "), self.settings.policy.describe(), self.settings.radius_m)
     }
 
     /// An empty frontier of the volume that this explorer explores, to be kept up to date by the caller.
@@ -100,12 +93,7 @@ impl Explorer {
     }
 
     /// Answers a request from a map at the asked revision and its frontier.
-    pub fn plan(
-        &mut self,
-        grid: &OccupancyGrid,
-        frontier: &FrontierSet,
-        request: &PlanRequest,
-    ) -> Plan {
+    pub fn plan(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
         self.plans += 1;
         self.memory.learn(request, grid, frontier);
@@ -118,12 +106,7 @@ impl Explorer {
         }
     }
 
-    fn decide(
-        &mut self,
-        grid: &OccupancyGrid,
-        frontier: &FrontierSet,
-        request: &PlanRequest,
-    ) -> Decision {
+    fn decide(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Decision {
         let mut scene = self.look_around(grid, frontier, request.pose.position());
         if request.revision >= self.settings.max_scans {
             return self.end(End::TooManyScans, &scene);
@@ -142,12 +125,7 @@ impl Explorer {
     }
 
     /// Where the robot can be, what is to be resolved, and what is not, by cause.
-    fn look_around(
-        &mut self,
-        grid: &OccupancyGrid,
-        frontier: &FrontierSet,
-        position: Point3<f64>,
-    ) -> Scene {
+    fn look_around(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, position: Point3<f64>) -> Scene {
         let (memory, settings) = (&self.memory, &self.settings);
         self.journal.time("space", || {
             let clearance = Clearance::new(settings.radius_m, grid.resolution());
@@ -155,12 +133,7 @@ impl Explorer {
             let volume = Volume::of(grid, robot, clearance.reach().max(2));
             let start = volume.index(robot).unwrap_or_default();
             let space = Space::around(&volume, start, &clearance, memory.trail());
-            let mut scene = Scene {
-                volume,
-                space,
-                targets: Vec::new(),
-                left: FrontiersLeft::default(),
-            };
+            let mut scene = Scene { volume, space, targets: Vec::new(), left: FrontiersLeft::default() };
             scene.sort_out(frontier, memory, settings);
             scene
         })
@@ -168,29 +141,32 @@ impl Explorer {
 
     /// The goals near the frontier, or if there are none, all places that see it; `None` if none does.
     fn find_goals(&mut self, scene: &mut Scene) -> Option<Goals> {
-        let Scene {
-            volume,
-            space,
-            targets,
-            left,
-        } = scene;
-        let near = self.journal.time("goals", || {
-            Goals::near(volume, &space.reach, targets)
-        });
+        let Scene { volume, space, targets, .. } = scene;
+        let near = self.journal.time("goals", || Goals::near(volume, &space.reach, targets));
         if !near.is_empty() {
             return Some(near);
         }
-        let (far, invisible) = self.journal.time("sight", || {
-            Goals::far(volume, &space.reach, targets)
-        });
-        left.invisible += invisible.len() as u64;
-        targets.retain(|t| !invisible.contains(&t.voxel));
-        if !far.is_empty() {
-            return Some(far);
+        self.find_far_goals(scene)
+    }
+
+    /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
+    /// on the map as it is then counts.
+    fn find_far_goals(&mut self, scene: &mut Scene) -> Option<Goals> {
+        let Scene { volume, space, targets, left } = scene;
+        let robot = volume.voxel(space.start());
+        targets.sort_by_key(|t| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>());
+        let (fresh, hidden): (Vec<Target>, Vec<Target>) =
+            targets.drain(..).partition(|t| !self.memory.is_hidden(t.voxel));
+        for candidates in [fresh, hidden] {
+            let (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, &candidates));
+            self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied());
+            if !goals.is_empty() {
+                targets.extend(candidates);
+                return Some(goals);
+            }
+            left.invisible += far.invisible.len() as u64;
+            left.unresolved += far.exhausted.len() as u64;
         }
-        // Each place that sees these was tried.
-        left.unresolved += targets.len() as u64;
-        targets.clear();
         None
     }
 
@@ -204,23 +180,13 @@ impl Explorer {
         let (volume, space) = (&scene.volume, &scene.space);
         let start = space.start();
         let backed_off = space.escape.len() > 1;
-        let view = View {
-            volume,
-            space,
-            from: if backed_off { volume.center(start) } else { robot },
-            goals,
-        };
+        let view = View { volume, space, from: if backed_off { volume.center(start) } else { robot }, goals };
         // A robot that stands in a goal looks first: for the field it would be source and sink at once.
-        let here = goals.contains(start).then(|| Route {
-            points: vec![view.from],
-            goal: start,
-        });
-        let route = here
-            .or_else(|| self.strategy.plan(&view, &mut self.journal))
-            .or_else(|| {
-                self.journal.fallbacks += 1;
-                ClosestFrontier.plan(&view, &mut self.journal)
-            })?;
+        let here = goals.contains(start).then(|| Route { points: vec![view.from], goal: start });
+        let route = here.or_else(|| self.strategy.plan(&view, &mut self.journal)).or_else(|| {
+            self.journal.fallbacks += 1;
+            ClosestFrontier.plan(&view, &mut self.journal)
+        })?;
         let goal = goals.at(route.goal)?;
         let escape = space.escape.iter().skip(1).map(|i| volume.center(*i));
         let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
@@ -233,21 +199,14 @@ impl Explorer {
     }
 
     /// The path to follow, and what to do at its end.
-    fn path(
-        &mut self,
-        scene: &Scene,
-        frontier: &FrontierSet,
-        goal: &Goal,
-        way: Vec<Point3<f64>>,
-    ) -> Path {
+    fn path(&mut self, scene: &Scene, frontier: &FrontierSet, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
         let (volume, target) = (&scene.volume, &goal.target);
         let policy = &self.settings.policy;
         let path = self.journal.time("path", || {
             let fixed = Polyline::new(way.iter().copied().take(scene.space.escape.len()));
             let fixed = fixed.map_or(0.0, |f| f.length());
             let whole = Polyline::new(way.iter().copied());
-            let shaped =
-                whole.map(|w| policy.shape(volume, &scene.space.reach, target, w, fixed));
+            let shaped = whole.map(|w| policy.shape(volume, &scene.space.reach, target, w, fixed));
             let points = shaped.map_or(way, |s| s.points().to_vec());
             let end = points.last().copied().unwrap_or(goal.position);
             Path {
@@ -266,13 +225,10 @@ impl Explorer {
         left.open += scene.targets.len() as u64;
         let missed = left.unresolved + left.open;
         let reason = match end {
-            End::Explored if missed == 0 => {
-                "every frontier that can be reached and seen is resolved".into()
+            End::Explored if missed == 0 => "every frontier that can be reached and seen is resolved".into(),
+            End::Explored => {
+                format!("{missed} frontier voxels were looked at from {} places each, in vain", self.settings.attempts)
             }
-            End::Explored => format!(
-                "{missed} frontier voxels were looked at from {} places each, in vain",
-                self.settings.attempts
-            ),
             End::TooManyScans => format!("more than {} scans (MaxScans)", self.settings.max_scans),
             End::NoProgress => {
                 format!("{} scans taught nothing new (Patience)", self.settings.patience)
@@ -311,7 +267,7 @@ impl Scene {
         self.left.too_small = small as u64;
         for voxel in large {
             let tried = memory.tried(voxel);
-            if tried.len() >= settings.attempts {
+            if memory.gave_up(voxel, settings.attempts) {
                 self.left.unresolved += 1;
             } else {
                 let target = Target::new(&self.volume, settings.bounds, voxel, tried.to_vec());

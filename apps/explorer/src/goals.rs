@@ -7,13 +7,15 @@
 use elk_spatial::{Bounds, State, Voxel};
 use nalgebra::Point3;
 
-use crate::visibility::{sees, viewpoints};
+use crate::visibility::{Lookout, sees};
 use crate::volume::Volume;
 
 /// Greatest distance of a standoff from its frontier voxel (m).
 const STANDOFF_M: f64 = 0.5;
 /// Greatest distance from which a look into a voxel is trusted, as a last resort (m).
 const LAST_RESORT_M: f64 = 6.0;
+/// A search for places that see from afar ends with this many targets seen: the next plan is made from a better map.
+const ENOUGH_TARGETS: usize = 16;
 
 /// A frontier voxel to be resolved.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,17 +32,9 @@ impl Target {
     /// The target of frontier voxel `voxel`: what is unknown beside it, inside `bounds`.
     pub fn new(volume: &Volume, bounds: Option<Bounds>, voxel: Voxel, tried: Vec<Voxel>) -> Self {
         let inside = |v: &Voxel| bounds.is_none_or(|b| b.contains(v.center(volume.resolution())));
-        let unknown = voxel
-            .face_neighbours()
-            .into_iter()
-            .filter(|n| volume.state(*n) == State::Unknown)
-            .filter(inside)
-            .collect();
-        Self {
-            voxel,
-            unknown,
-            tried,
-        }
+        let unknown =
+            voxel.face_neighbours().into_iter().filter(|n| volume.state(*n) == State::Unknown).filter(inside).collect();
+        Self { voxel, unknown, tried }
     }
 
     /// Whether a camera at `from` (m, world) sees any of the unknown, from a place not tried yet.
@@ -64,6 +58,15 @@ pub struct Goal {
     pub target: Target,
 }
 
+/// Targets that no goal from afar resolves.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Far {
+    /// No place sees the unknown beside them.
+    pub invisible: Vec<Voxel>,
+    /// Every place that does was tried.
+    pub exhausted: Vec<Voxel>,
+}
+
 /// The goals of one plan, at most one a voxel.
 #[derive(Debug, Clone)]
 pub struct Goals {
@@ -74,10 +77,7 @@ pub struct Goals {
 
 impl Goals {
     fn none(volume: &Volume) -> Self {
-        Self {
-            at: vec![0; volume.len()],
-            list: Vec::new(),
-        }
+        Self { at: vec![0; volume.len()], list: Vec::new() }
     }
 
     fn add(&mut self, index: usize, goal: impl FnOnce() -> Goal) {
@@ -96,46 +96,43 @@ impl Goals {
         };
         for (i, target) in targets.iter().filter_map(|t| Some((enterable(t)?, t))) {
             let position = volume.center(i);
-            goals.add(i, || Goal {
-                position,
-                target: target.clone(),
-            });
+            goals.add(i, || Goal { position, target: target.clone() });
         }
         let ball = ball(STANDOFF_M / volume.resolution());
         for target in targets.iter().filter(|t| enterable(t).is_none()) {
             if let Some(i) = standoff(volume, reach, target, &ball) {
                 let position = volume.center(i);
-                goals.add(i, || Goal {
-                    position,
-                    target: target.clone(),
-                });
+                goals.add(i, || Goal { position, target: target.clone() });
             }
         }
         goals
     }
 
-    /// Every place that looks into the unknown beside a target, from afar if need be; and the targets that none sees.
-    pub fn far(volume: &Volume, reach: &[bool], targets: &[Target]) -> (Self, Vec<Voxel>) {
-        let mut goals = Self::none(volume);
-        let mut invisible = Vec::new();
+    /// Places that look into the unknown beside a target, from afar if need be, for the first targets that any sees; and
+    /// what became of the targets before those ran out.
+    pub fn far(volume: &Volume, reach: &[bool], targets: &[Target]) -> (Self, Far) {
+        let lookout = Lookout::new(LAST_RESORT_M, volume.resolution());
+        let (mut goals, mut far) = (Self::none(volume), Far::default());
+        let mut seen = 0;
         for target in targets {
-            let seen = target
-                .unknown
-                .iter()
-                .flat_map(|u| viewpoints(volume, reach, *u, LAST_RESORT_M));
-            let mut hidden = true;
-            for (i, position) in seen {
-                hidden = false;
-                if target.untried(volume.voxel(i)) {
-                    let target = target.clone();
-                    goals.add(i, || Goal { position, target });
-                }
+            let places = target.unknown.iter().flat_map(|u| lookout.viewpoints(volume, reach, *u));
+            let places: Vec<(usize, Point3<f64>)> = places.collect();
+            let mut untried = places.iter().filter(|(i, _)| target.untried(volume.voxel(*i))).peekable();
+            if places.is_empty() {
+                far.invisible.push(target.voxel);
+            } else if untried.peek().is_none() {
+                far.exhausted.push(target.voxel);
+            } else {
+                seen += 1;
             }
-            if hidden {
-                invisible.push(target.voxel);
+            for (i, position) in untried {
+                goals.add(*i, || Goal { position: *position, target: target.clone() });
+            }
+            if seen >= ENOUGH_TARGETS {
+                break;
             }
         }
-        (goals, invisible)
+        (goals, far)
     }
 
     /// The goal in the voxel at an index.
@@ -204,9 +201,7 @@ mod tests {
 
     fn reach(volume: &Volume, margin: i32) -> Vec<bool> {
         let within = |c: i32| (margin..10 - margin).contains(&c);
-        (0..volume.len())
-            .map(|i| volume.voxel(i).to_array().into_iter().all(within))
-            .collect()
+        (0..volume.len()).map(|i| volume.voxel(i).to_array().into_iter().all(within)).collect()
     }
 
     #[test]
@@ -242,10 +237,7 @@ mod tests {
     #[test]
     fn outside_the_bounds_nothing_is_unknown() {
         let volume = room(&[Voxel::new(5, 5, -1)]);
-        let bounds = Bounds {
-            min: [0.0; 3].into(),
-            max: [1.0; 3].into(),
-        };
+        let bounds = Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() };
         let target = Target::new(&volume, Some(bounds), Voxel::new(5, 5, 0), vec![]);
         assert!(target.unknown.is_empty());
     }
@@ -256,9 +248,9 @@ mod tests {
         let volume = room(&[hole]);
         let target = Target::new(&volume, None, Voxel::new(5, 5, 0), vec![]);
         let nowhere = vec![false; volume.len()];
-        let (goals, invisible) = Goals::far(&volume, &nowhere, std::slice::from_ref(&target));
-        assert!(goals.is_empty() && invisible == vec![target.voxel]);
-        let (goals, invisible) = Goals::far(&volume, &reach(&volume, 3), &[target]);
-        assert!(!goals.is_empty() && invisible.is_empty());
+        let (goals, far) = Goals::far(&volume, &nowhere, std::slice::from_ref(&target));
+        assert!(goals.is_empty() && far.invisible == vec![target.voxel]);
+        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), &[target]);
+        assert!(!goals.is_empty() && far == Far::default());
     }
 }

@@ -16,6 +16,12 @@ use crate::volume::Volume;
 const SIGHT_STEP_M: f64 = 0.05;
 /// Frontier voxels this near the target share its first look (m).
 const LOOK_RADIUS_M: f64 = 0.35;
+/// Frontier this near counts when a look chooses its direction (m).
+const LOOK_RANGE_M: f64 = 3.0;
+/// What a look is sure to have in view: a cone of this half angle (rad), inside the thesis' 75°.
+const VIEW_HALF_ANGLE: f64 = 35.0 * std::f64::consts::PI / 180.0;
+/// How far the optical axis may turn away from the target to have more in view (rad).
+const TILTS: [f64; 2] = [15.0 * std::f64::consts::PI / 180.0, 28.0 * std::f64::consts::PI / 180.0];
 /// Looks straight at single unknown voxels, after the first look.
 const EXACT_LOOKS: usize = 4;
 
@@ -56,7 +62,7 @@ impl Policy {
             scan_spacing_m,
             early_stop: true,
             look_at_target: true,
-            stop_at_sight_m: Some(env("SIGHT", 5.0)),
+            stop_at_sight_m: Some(5.0),
             straighten: true,
         }
     }
@@ -91,14 +97,7 @@ impl Policy {
 
     /// The part of `way` to follow to resolve `target`. `reach` is where the robot can be; the first `fixed` (m) of the
     /// way, on which it backs off from an obstacle, are left as they are.
-    pub fn shape(
-        &self,
-        volume: &Volume,
-        reach: &[bool],
-        target: &Target,
-        way: Polyline,
-        fixed: f64,
-    ) -> Polyline {
+    pub fn shape(&self, volume: &Volume, reach: &[bool], target: &Target, way: Polyline, fixed: f64) -> Polyline {
         let cut = self.cut(volume, target, way);
         if !self.straighten {
             return cut;
@@ -113,9 +112,8 @@ impl Policy {
             return way;
         };
         let center = target.voxel.center(volume.resolution());
-        let in_sight = way
-            .samples(SIGHT_STEP_M)
-            .find(|(_, p)| (p - center).norm() <= range && target.seen_from(volume, *p));
+        let in_sight =
+            way.samples(SIGHT_STEP_M).find(|(_, p)| (p - center).norm() <= range && target.seen_from(volume, *p));
         let end = in_sight.map_or(way.length(), |(s, _)| s);
         Polyline::new(way.part(0.0, end)).unwrap_or(way)
     }
@@ -126,10 +124,8 @@ fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Po
     let points: Vec<Point3<f64>> = way.samples(SIGHT_STEP_M).map(|(_, p)| p).collect();
     let mut at = (fixed / SIGHT_STEP_M).ceil() as usize;
     let mut pulled = way.part(0.0, (at as f64 * SIGHT_STEP_M).min(way.length()));
-    let near_unknown: Vec<bool> = points
-        .iter()
-        .map(|p| volume.index_at(*p).is_some_and(|i| volume.exposed(i)))
-        .collect();
+    let near_unknown: Vec<bool> =
+        points.iter().map(|p| volume.index_at(*p).is_some_and(|i| volume.exposed(i))).collect();
     while at + 1 < points.len() {
         let straight = |to: &usize| {
             let bold = near_unknown[at..=*to].contains(&true);
@@ -149,11 +145,8 @@ fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Po
 
 /// Whether the robot can go straight from `from` to `to`; past unknown voxels only if it is `bold`.
 fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>, bold: bool) -> bool {
-    elk_spatial::ray::Traversal::new(from, to, volume.resolution()).all(|v| {
-        volume
-            .index(v)
-            .is_some_and(|i| reach[i] && (bold || !volume.exposed(i)))
-    })
+    elk_spatial::ray::Traversal::new(from, to, volume.resolution())
+        .all(|v| volume.index(v).is_some_and(|i| reach[i] && (bold || !volume.exposed(i))))
 }
 
 /// The poses to scan from at `position`, in order: first the one that has most of the frontier in view beside the target,
@@ -162,66 +155,61 @@ pub fn looks(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, tar
     let toward = |v: &Voxel| v.center(volume.resolution()) - position;
     let mut exact: Vec<Voxel> = target.unknown.clone();
     exact.sort_by_key(|u| !sees(volume, position, *u));
-    let first = if std::env::var("WIDE").is_ok() {
-        widest(volume, frontier, position, target)
-    } else {
-        outward(volume, frontier, position, target)
-    };
+    let first = widest(volume, frontier, position, target);
     std::iter::once(first)
         .chain(exact.iter().take(EXACT_LOOKS).map(toward))
         .map(|direction| Pose::looking(position, direction))
         .collect()
 }
 
-fn env(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
-
-/// Of directions that keep the target in view, the one that sees most unknown voxels around.
+/// Of directions that keep the target in view, the one that has most of what is unknown around in view.
 fn widest(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, target: &Target) -> Vector3<f64> {
-    let resolution = volume.resolution();
-    let range = env("WIDE", 3.0);
-    let direct = outward(volume, frontier, position, target);
-    let mut unknown: Vec<Voxel> = frontier
-        .iter()
-        .filter(|v| (v.center(resolution) - position).norm() <= range)
-        .flat_map(|v| Target::new(volume, frontier.bounds(), v, vec![]).unknown)
-        .collect();
-    unknown.sort_unstable();
-    unknown.dedup();
-    let directions: Vec<Vector3<f64>> = unknown
-        .into_iter()
-        .filter(|u| sees(volume, position, *u))
-        .filter_map(|u| (u.center(resolution) - position).try_normalize(1e-9))
-        .collect();
-    let u = target.unknown.iter().find(|u| sees(volume, position, **u));
-    let Some(anchor) = u.and_then(|u| (u.center(resolution) - position).try_normalize(1e-9)) else { return direct };
-    let side = anchor.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x);
-    let up = side.cross(&anchor);
-    let mut best = (-1.0, anchor);
-    for ring in 0..3 {
-        for k in 0..(if ring == 0 { 1 } else { 8 }) {
-            let tilt = [0.0f64, 15.0, 28.0][ring].to_radians();
-            let a = k as f64 * std::f64::consts::FRAC_PI_4;
-            let d = anchor * tilt.cos() + (side * a.cos() + up * a.sin()) * tilt.sin();
-            let limit = env("CONE", 35.0).to_radians().cos();
-            let score: f64 = directions.iter().filter(|x| x.dot(&d) >= limit).count() as f64;
-            if score > best.0 + 0.5 {
-                best = (score, d);
-            }
+    let toward = |u: &Voxel| (u.center(volume.resolution()) - position).try_normalize(1e-9);
+    let in_sight = |u: &&Voxel| sees(volume, position, **u);
+    let Some(axis) = target.unknown.iter().find(in_sight).and_then(toward) else {
+        return outward(volume, frontier, position, target);
+    };
+    let around: Vec<Vector3<f64>> =
+        unknown_around(volume, frontier, position).iter().filter(in_sight).filter_map(toward).collect();
+    let in_view = |d: &Vector3<f64>| around.iter().filter(|u| u.dot(d) >= VIEW_HALF_ANGLE.cos()).count();
+    let mut best = (0, axis);
+    for direction in tilted(axis) {
+        let count = in_view(&direction);
+        if count > best.0 {
+            best = (count, direction);
         }
     }
     best.1
 }
 
+/// A direction, and those that are tilted against it in eight ways by each of [`TILTS`].
+fn tilted(axis: Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> {
+    let side = axis.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x);
+    let up = side.cross(&axis);
+    let turn = move |k: i32| {
+        let angle = f64::from(k) * std::f64::consts::FRAC_PI_4;
+        side * angle.cos() + up * angle.sin()
+    };
+    let by = move |tilt: f64| (0..8).map(move |k| axis * tilt.cos() + turn(k) * tilt.sin());
+    std::iter::once(axis).chain(TILTS.into_iter().flat_map(by))
+}
+
+/// The unknown voxels beside the frontier within [`LOOK_RANGE_M`] of `position`.
+fn unknown_around(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>) -> Vec<Voxel> {
+    let resolution = volume.resolution();
+    let mut unknown: Vec<Voxel> = frontier
+        .iter()
+        .filter(|v| (v.center(resolution) - position).norm() <= LOOK_RANGE_M)
+        .flat_map(|v| Target::new(volume, frontier.bounds(), v, vec![]).unknown)
+        .collect();
+    unknown.sort_unstable();
+    unknown.dedup();
+    unknown
+}
+
 /// The mean direction from `position` to what is unknown around the target: seen from afar that is the target, seen from
 /// its own voxel it is the frontier's outward normal.
-fn outward(
-    volume: &Volume,
-    frontier: &FrontierSet,
-    position: Point3<f64>,
-    target: &Target,
-) -> Vector3<f64> {
+fn outward(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, target: &Target) -> Vector3<f64> {
     let resolution = volume.resolution();
     let n = (LOOK_RADIUS_M / resolution).floor() as i32;
     let side = || -n..=n;
@@ -254,8 +242,7 @@ mod tests {
             for y in -1..30 {
                 for z in -1..6 {
                     let inside = (0..5).contains(&z)
-                        && ((0..30).contains(&x) && (0..5).contains(&y)
-                            || (25..30).contains(&x) && y >= 0);
+                        && ((0..30).contains(&x) && (0..5).contains(&y) || (25..30).contains(&x) && y >= 0);
                     let v = Voxel::new(x, y, z);
                     grid.set(v, if inside { State::Free } else { State::Occupied });
                 }

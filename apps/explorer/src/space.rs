@@ -34,11 +34,7 @@ impl Space {
         let escape = escape(volume, robot, &component, &passable);
         let start = escape.last().copied().unwrap_or(robot);
         let reach = flood(volume, start, &passable);
-        Self {
-            component,
-            reach,
-            escape,
-        }
+        Self { component, reach, escape }
     }
 
     /// Where the way through `reach` starts.
@@ -67,11 +63,7 @@ pub fn flood(volume: &Volume, start: usize, mask: &[bool]) -> Vec<bool> {
 
 /// Takes from `free` what is too close to something occupied.
 fn clear_of_obstacles(volume: &Volume, clearance: &Clearance, free: Vec<bool>) -> Vec<bool> {
-    let offsets: Vec<isize> = clearance
-        .offsets()
-        .iter()
-        .map(|d| volume.offset(*d))
-        .collect();
+    let offsets: Vec<isize> = clearance.offsets().iter().map(|d| volume.offset(*d)).collect();
     let mut clear = free;
     for (i, state) in volume.states().iter().enumerate() {
         if *state == State::Occupied {
@@ -143,11 +135,7 @@ mod tests {
                 for z in -1..6 {
                     let shell = [x == -1, x == 20, y == -1, y == 5, z == -1, z == 5];
                     let wall = x == 10 && !(y < hole && z < hole);
-                    let state = if wall || shell.contains(&true) {
-                        State::Occupied
-                    } else {
-                        State::Free
-                    };
+                    let state = if wall || shell.contains(&true) { State::Occupied } else { State::Free };
                     grid.set(Voxel::new(x, y, z), state);
                 }
             }

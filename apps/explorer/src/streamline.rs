@@ -46,11 +46,7 @@ impl Field<'_> {
         let own = self.psi[index];
         let value = |d: isize| {
             let n = index.wrapping_add_signed(d);
-            if self.cell(n) == Cell::Outside {
-                own
-            } else {
-                self.psi[n]
-            }
+            if self.cell(n) == Cell::Outside { own } else { self.psi[n] }
         };
         let faces = self.volume.faces();
         let slope = |axis: usize| {
@@ -123,8 +119,7 @@ impl Field<'_> {
                 return (points, End::Goal(index));
             }
             let next = self.step(at, STEP_M).filter(|p| self.connected(at, *p));
-            let circling = points.len() > STALL_STEPS
-                && (at - points[points.len() - 1 - STALL_STEPS]).norm() < STALL_M;
+            let circling = points.len() > STALL_STEPS && (at - points[points.len() - 1 - STALL_STEPS]).norm() < STALL_M;
             match next {
                 Some(p) if !circling => at = p,
                 _ => return (points, End::Stalled(index)),
@@ -194,10 +189,7 @@ mod tests {
                 _ => Cell::Outside,
             })
             .collect();
-        let problem = Problem {
-            dim: volume.dim(),
-            cells,
-        };
+        let problem = Problem { dim: volume.dim(), cells };
         let psi = solve(&problem, Solver::Multigrid, 1e-6).psi;
         (volume, problem, psi)
     }
@@ -208,16 +200,10 @@ mod tests {
         let wall = |v: Voxel| v.x == 15 && v.y < 25;
         let goal = |v: Voxel| v.x == 29 && v.y < 3;
         let (volume, problem, psi) = field(size, Voxel::new(3, 3, 2), goal, wall);
-        let field = Field {
-            volume: &volume,
-            problem: &problem,
-            psi: &psi,
-        };
+        let field = Field { volume: &volume, problem: &problem, psi: &psi };
         let seed = Voxel::new(4, 3, 2).center(0.1);
         let (points, end) = field.trace(seed, 100.0);
-        let End::Goal(goal_index) = end else {
-            panic!("{end:?}")
-        };
+        let End::Goal(goal_index) = end else { panic!("{end:?}") };
         assert!(goal(volume.voxel(goal_index)));
         for pair in points.windows(2) {
             assert!(field.connected(pair[0], pair[1]));
@@ -235,11 +221,7 @@ mod tests {
     fn without_a_slope_it_stalls() {
         let (volume, problem, psi) = field(Voxel::new(9, 9, 9), Voxel::new(4, 4, 4), |v| v.x == 8, |_| false);
         let flat = vec![0.5; psi.len()];
-        let field = Field {
-            volume: &volume,
-            problem: &problem,
-            psi: &flat,
-        };
+        let field = Field { volume: &volume, problem: &problem, psi: &flat };
         let start = Voxel::new(2, 4, 4);
         let index = volume.index(start).unwrap();
         assert_eq!(field.trace(start.center(0.1), 100.0).1, End::Stalled(index));

@@ -1,6 +1,7 @@
 //! What can be looked into from where, over free voxels.
 
 use elk_spatial::ray::Traversal;
+use elk_spatial::voxel::FACES;
 use elk_spatial::{State, Voxel};
 use nalgebra::{Point3, Vector3};
 
@@ -10,39 +11,80 @@ use crate::volume::Volume;
 /// its centre, is free.
 pub fn sees(volume: &Volume, from: Point3<f64>, target: Voxel) -> bool {
     let to = target.center(volume.resolution());
-    Traversal::new(from, to, volume.resolution())
-        .take_while(|v| *v != target)
-        .all(|v| volume.state(v) == State::Free)
+    Traversal::new(from, to, volume.resolution()).take_while(|v| *v != target).all(|v| volume.state(v) == State::Free)
 }
 
-/// Every place in `reach` that looks into voxel `target` from at most `range` (m), one a ray: the first reachable voxel
-/// on it, with the point there.
+/// Looks for places that see into a voxel, over all directions at the map's resolution.
 ///
-/// The rays run backwards, from points in the target to all voxels of the surface of a cube around it; nearly all of
-/// them die at once, since what hides a voxel is next to it. So the search is exhaustive at the map's resolution, at a
-/// small part of the price of trying every place.
-pub fn viewpoints(
-    volume: &Volume,
-    reach: &[bool],
-    target: Voxel,
-    range: f64,
-) -> Vec<(usize, Point3<f64>)> {
-    let resolution = volume.resolution();
-    let cells = (range / resolution).ceil() as i32;
-    let mut found = std::collections::BTreeMap::new();
-    for aim in aims(target, resolution) {
-        for end in cube_surface(cells) {
-            let direction = Vector3::new(end.x.into(), end.y.into(), end.z.into()).normalize();
-            let first = first_on_ray(volume, reach, target, aim, direction * range);
-            if let Some((i, voxel)) = first {
-                let point = nearest_on_line(aim, direction, voxel.center(resolution));
+/// The rays run backwards, from the centre of the voxel to those of the surface of a cube around it, and only through
+/// faces behind which there is something free; nearly all of them die at once, since what hides a voxel is next to it. So
+/// the search is exhaustive, at a small part of the price of trying every place. The rays are cast in an order that
+/// spreads over all directions from the start, and a search that finds places is cut short.
+#[derive(Debug, Clone)]
+pub struct Lookout {
+    /// For each face, in the order of [`FACES`]: the ways to go from the centre of a voxel through it (m).
+    ways: [Vec<Vector3<f64>>; 6],
+}
+
+/// A search ends that has found this many places.
+const ENOUGH: usize = 64;
+/// Steps of about the golden section of a list, coprime to its length, visit all of it, spread evenly.
+const STRIDE: f64 = 0.618_033_988_749_895;
+
+impl Lookout {
+    /// Looks from at most `range` (m) away, over voxels of `resolution` (m).
+    pub fn new(range: f64, resolution: f64) -> Self {
+        let surface: Vec<Voxel> = cube_surface((range / resolution).ceil() as i32).collect();
+        let through = |face: Voxel| {
+            let leaves = |d: &&Voxel| first_face(**d) == face;
+            let ends: Vec<Voxel> = surface.iter().filter(leaves).copied().collect();
+            spread(&ends).map(|d| Vector3::new(d.x.into(), d.y.into(), d.z.into()).normalize() * range).collect()
+        };
+        Self { ways: FACES.map(through) }
+    }
+
+    /// Places in `reach` that look into voxel `target`, one a ray: the first reachable voxel on it, with the point there.
+    /// None only if there is none.
+    pub fn viewpoints(&self, volume: &Volume, reach: &[bool], target: Voxel) -> Vec<(usize, Point3<f64>)> {
+        let resolution = volume.resolution();
+        let aim = target.center(resolution);
+        let open = |(face, _): &(&Voxel, &Vec<Vector3<f64>>)| volume.state(target + **face) == State::Free;
+        let mut found = std::collections::BTreeMap::new();
+        for way in FACES.iter().zip(&self.ways).filter(open).flat_map(|(_, ways)| ways) {
+            if let Some((i, voxel)) = first_on_ray(volume, reach, target, aim, *way) {
+                let point = nearest_on_line(aim, way.normalize(), voxel.center(resolution));
                 if Voxel::containing(point, resolution) == voxel {
                     found.entry(i).or_insert(point);
                 }
             }
+            if found.len() >= ENOUGH {
+                break;
+            }
         }
+        found.into_iter().collect()
     }
-    found.into_iter().collect()
+}
+
+/// The face through which the way from a voxel's centre in direction `d` leaves it: that of the largest component, of
+/// equals the first.
+fn first_face(d: Voxel) -> Voxel {
+    let components = d.to_array();
+    let largest = (1..3).fold(0, |a, b| if components[b].abs() > components[a].abs() { b } else { a });
+    let mut face = [0; 3];
+    face[largest] = components[largest].signum();
+    face.into()
+}
+
+/// All of `list`, neighbours far apart.
+fn spread(list: &[Voxel]) -> impl Iterator<Item = Voxel> + '_ {
+    let count = list.len();
+    let near = ((count as f64 * STRIDE) as usize).max(1);
+    let stride = (near..).find(|s| gcd(*s, count) == 1).unwrap_or(1);
+    (0..count).map(move |k| list[k * stride % count])
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 /// The first voxel on the ray from `aim` in `target` along `way` that the robot can be in, if all before it are free.
@@ -62,16 +104,6 @@ fn first_on_ray(
         .find(|(i, _)| reach[*i])
 }
 
-/// The centre of a voxel and eight points towards its corners.
-fn aims(voxel: Voxel, resolution: f64) -> impl Iterator<Item = Point3<f64>> {
-    let center = voxel.center(resolution);
-    let corner = move |n: i32| {
-        let side = |bit: i32| if n & bit != 0 { 0.3 } else { -0.3 } * resolution;
-        Vector3::new(side(1), side(2), side(4))
-    };
-    std::iter::once(center).chain((0..8).map(move |n| center + corner(n)))
-}
-
 /// The voxels of the surface of the cube of half edge `n`, relative to its centre.
 fn cube_surface(n: i32) -> impl Iterator<Item = Voxel> {
     let side = move || -n..=n;
@@ -79,9 +111,7 @@ fn cube_surface(n: i32) -> impl Iterator<Item = Voxel> {
         side().flat_map(move |y| {
             let inside = z.abs() < n && y.abs() < n;
             let step = if inside { 2 * n } else { 1 };
-            side()
-                .step_by(step.max(1) as usize)
-                .map(move |x| Voxel::new(x, y, z))
+            side().step_by(step.max(1) as usize).map(move |x| Voxel::new(x, y, z))
         })
     })
 }
@@ -126,22 +156,17 @@ mod tests {
     #[test]
     fn viewpoints_are_all_that_see_and_none_that_does_not() {
         let volume = room();
-        let left: Vec<bool> = (0..volume.len())
-            .map(|i| volume.states()[i] == State::Free && volume.voxel(i).x < 3)
-            .collect();
+        let left: Vec<bool> =
+            (0..volume.len()).map(|i| volume.states()[i] == State::Free && volume.voxel(i).x < 3).collect();
         let target = Voxel::new(9, 1, 0);
-        let found = viewpoints(&volume, &left, target, 2.0);
+        let lookout = Lookout::new(2.0, 0.1);
+        let found = lookout.viewpoints(&volume, &left, target);
         assert!(!found.is_empty());
         for (i, point) in &found {
             assert!(left[*i]);
             assert_eq!(volume.index_at(*point), Some(*i));
-            let looks_in = aims(target, 0.1).any(|aim| {
-                Traversal::new(*point, aim, 0.1)
-                    .take_while(|v| *v != target)
-                    .all(|v| volume.state(v) == State::Free)
-            });
-            assert!(looks_in, "{point:?}");
+            assert!(sees(&volume, *point, target), "{point:?}");
         }
-        assert!(viewpoints(&volume, &left, Voxel::new(9, 7, 0), 2.0).is_empty());
+        assert!(lookout.viewpoints(&volume, &left, Voxel::new(9, 7, 0)).is_empty());
     }
 }

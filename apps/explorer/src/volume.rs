@@ -68,12 +68,7 @@ impl Volume {
     /// The voxel at an index.
     pub fn voxel(&self, index: usize) -> Voxel {
         let [nx, ny, _] = self.dim;
-        self.origin
-            + Voxel::new(
-                (index % nx) as i32,
-                (index / nx % ny) as i32,
-                (index / (nx * ny)) as i32,
-            )
+        self.origin + Voxel::new((index % nx) as i32, (index / nx % ny) as i32, (index / (nx * ny)) as i32)
     }
 
     /// The centre of the voxel at an index (m, world).
@@ -138,9 +133,7 @@ impl Volume {
 
     /// Whether a free voxel has an unknown one among its 26 neighbours.
     pub fn exposed(&self, index: usize) -> bool {
-        self.moves
-            .iter()
-            .any(|m| self.states[index.wrapping_add_signed(m.offset)] == State::Unknown)
+        self.moves.iter().any(|m| self.states[index.wrapping_add_signed(m.offset)] == State::Unknown)
     }
 }
 
@@ -194,19 +187,13 @@ mod tests {
     #[test]
     fn the_copy_is_the_map() {
         let mut grid = OccupancyGrid::new(0.1);
-        let cells = [
-            (Voxel::new(-9, 3, 0), State::Free),
-            (Voxel::new(17, 3, 5), State::Occupied),
-        ];
+        let cells = [(Voxel::new(-9, 3, 0), State::Free), (Voxel::new(17, 3, 5), State::Occupied)];
         for (v, s) in cells {
             grid.set(v, s);
         }
         let volume = Volume::of(&grid, Voxel::new(40, 0, 0), 2);
         let known = (0..volume.len()).filter(|&i| volume.states()[i] != State::Unknown);
-        assert_eq!(
-            known.map(|i| (volume.voxel(i), volume.states()[i])).collect::<Vec<_>>(),
-            cells
-        );
+        assert_eq!(known.map(|i| (volume.voxel(i), volume.states()[i])).collect::<Vec<_>>(), cells);
         assert!(volume.index(Voxel::new(42, 0, 0)).is_some(), "the margin");
         assert_eq!(volume.index(Voxel::new(43, 0, 0)), None);
         for i in 0..volume.len() {

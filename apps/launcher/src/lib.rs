@@ -2,11 +2,11 @@
 //!
 //! | module | one idea |
 //! |---|---|
-//! | [`conduct`] | a mission from its first app to its last word |
-//! | [`crew`] | those who carry it out: [`processes`], or [`threads`] of this process |
-//! | [`process`], [`guard`] | one process that inherits nothing and ends for certain; what ends the rest when the launcher dies |
-//! | [`observer`], [`steps`] | what the mission says of itself on the bus; where the time of a step goes |
-//! | [`progress`], [`summary`], [`run_folder`] | what people see meanwhile, what the run came to, where it is kept |
+//! | `conduct` | a mission from its first app to its last word |
+//! | `crew` | those who carry it out: `processes`, or `threads` of this process |
+//! | `process`, `guard` | one process that inherits nothing and ends for certain; what ends the rest when the launcher dies |
+//! | `observer`, `steps` | what the mission says of itself on the bus; where the time of a step goes |
+//! | `progress`, `summary`, `run_folder` | what people see meanwhile, what the run came to, where it is kept |
 
 mod conduct;
 mod crew;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::keys::{MAP, MAP_REQUEST, MAP_KNOWN, MAP_UPDATE};
+use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_REQUEST, MAP_UPDATE};
 use elk_spatial::messages::MapStatus;
 use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;

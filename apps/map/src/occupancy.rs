@@ -19,7 +19,8 @@ pub enum Grazing {
     /// It always counts: plain log-odds, as the thesis has it.
     None,
     /// Not if the voxel was ever hit and a neighbour (of 26) was hit in the same scan: the ray grazed the surface there.
-    /// Lone voxels, as noise makes them, are still freed.
+    /// Elsewhere a quarter, if the voxel was ever hit; and not at all what passed before it was first hit. Lone voxels, as
+    /// noise makes them, are still freed.
     #[default]
     Guard,
     /// Not if the voxel was ever hit. Never frees what was hit once: only honest without noise and with nothing moving.

@@ -50,6 +50,17 @@ impl Load {
         self.warm_up + self.messages
     }
 
+    /// Whether nothing holds the publisher back but the way itself.
+    pub fn is_flat_out(&self) -> bool {
+        self.period_nanos == 0
+    }
+
+    /// The number of the first message after the burst that `sequence` begins; a flat-out warm-up is a burst of its own.
+    pub fn end_of_burst(&self, sequence: u64) -> u64 {
+        let end = if self.is_flat_out() && sequence < self.warm_up { self.warm_up } else { self.total() };
+        end.min(sequence.saturating_add(self.burst))
+    }
+
     /// Whether receivers read and check every byte.
     pub fn is_read(&self) -> bool {
         self.bytes > READ_BYTES
@@ -62,7 +73,7 @@ impl Load {
 
     /// Stamps a message as number `sequence`.
     pub fn stamp(&self, message: &mut [u8], sequence: u64) {
-        let timed = self.period_nanos > 0 || sequence.is_multiple_of(STAMP_EVERY) || self.is_read();
+        let timed = !self.is_flat_out() || sequence.is_multiple_of(STAMP_EVERY) || self.is_read();
         let nanos = if timed { monotonic_nanos() } else { 0 };
         message[..8].copy_from_slice(&nanos.to_le_bytes());
         message[8..STAMP].copy_from_slice(&sequence.to_le_bytes());

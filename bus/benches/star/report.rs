@@ -36,9 +36,9 @@ pub enum Wanted {
 /// What was measured, and in several turns.
 pub struct Row {
     /// What was measured.
-    pub title: String,
+    title: String,
     /// What is wanted of it.
-    pub wanted: Wanted,
+    wanted: Wanted,
     /// Its turns.
     pub turns: Vec<Figures>,
 }
@@ -55,6 +55,13 @@ impl Row {
         values.sort_by(f64::total_cmp);
         values
     }
+
+    /// The least and the most that a figure was.
+    fn range(&self, column: &Column) -> String {
+        let values = self.values(column.figure);
+        let ends = values.first().zip(values.last());
+        ends.map_or(String::new(), |(low, high)| format!("{low:.d$} … {high:.d$}", d = column.digits))
+    }
 }
 
 /// The middle of sorted values; NaN if there are none.
@@ -64,6 +71,20 @@ pub fn median(sorted: &[f64]) -> f64 {
         (Some(upper), 0) => (sorted[half - 1] + upper) / 2.0,
         (Some(middle), _) => *middle,
         (None, _) => f64::NAN,
+    }
+}
+
+/// Prints figures that have bars of their own and nothing beside them: the turns' median, and their range.
+pub fn list(title: &str, rows: &[(Row, Column)]) {
+    println!("\n## {title}\n\n| {:26} | {:>12} | {:>19} | wanted", "", "median", "range");
+    println!("|{:-<28}|{:->13}:|{:->20}:|---", "", "", "");
+    for (row, column) in rows {
+        let (value, digits) = (median(&row.values(column.figure)), column.digits);
+        let (range, verdict) = (row.range(column), wanted(row.wanted, value, f64::NAN));
+        println!(
+            "| {:26} | {value:>12.digits$} | {range:>19} | {verdict}",
+            format!("{}, {}", row.title, column.heading)
+        );
     }
 }
 
@@ -91,13 +112,9 @@ fn line(columns: &[Column], lead: &Column, row: &Row, ratio: Option<f64>) -> Str
         value => format!(" {value:>12.digits$} |", digits = column.digits),
     };
     let cells: String = columns.iter().map(cell).collect();
-    let values = row.values(lead.figure);
-    let range = match (values.first(), values.last()) {
-        (Some(low), Some(high)) => format!("{low:.d$} … {high:.d$}", d = lead.digits),
-        _ => String::new(),
-    };
+    let range = row.range(lead);
     let shown = ratio.map_or(String::new(), |r| format!("{r:.2}"));
-    let wanted = wanted(row.wanted, median(&values), ratio.unwrap_or(f64::NAN));
+    let wanted = wanted(row.wanted, median(&row.values(lead.figure)), ratio.unwrap_or(f64::NAN));
     format!("| {:26} |{cells} {range:>19} | {shown:>9} | {wanted}", row.title)
 }
 
@@ -106,7 +123,7 @@ fn wanted(wanted: Wanted, value: f64, ratio: f64) -> String {
         Wanted::Nothing => return String::new(),
         Wanted::AtMost(bar) => (format!("≤ {bar}"), value <= bar),
         Wanted::AtLeast(bar) => (format!("≥ {bar}"), value >= bar),
-        Wanted::RatioAtMost(bar) => (format!("ratio ≤ {bar}"), ratio <= bar),
+        Wanted::RatioAtMost(bar) => (format!("ratio ≤ {bar:.2}"), ratio <= bar),
     };
     format!("{text}: {}", if met { "met" } else { "MISSED" })
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos};
-use elk_bus::{App, AppError, Comms, Community, Mail, RunOptions, run_app};
+use elk_bus::{App, AppError, Comms, Mail, run_app_on, stop_on_signals};
 use rustix::process::{Signal, set_parent_process_death_signal};
 
 use crate::baselines::bare_iceoryx2::{self, BareIntake, BareOutlet};
@@ -19,6 +19,9 @@ use crate::transport::{Intake, Outcome, Outlet};
 
 /// A reader that hears nothing for so long, once it has heard anything, has heard all.
 const SILENCE: Duration = Duration::from_secs(2);
+/// What a flat-out publisher leaves between warm-up and load: an iceoryx2 reader connects when it next looks, and until
+/// then a full queue drops, whatever the strategy.
+const SETTLING: Duration = Duration::from_millis(100);
 const RECEIVE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Plays the role that the arguments name.
@@ -68,12 +71,15 @@ fn publish(transport: &str, place: &str, settings: &[String]) -> Outcome {
     let (mut message, mut pace, mut sequence) = (load.message(), Pace::start(load.period_nanos), 0);
     while sequence < load.total() {
         pace.sleep()?;
-        for _ in 0..load.burst.min(load.total() - sequence) {
+        for sequence in sequence..load.end_of_burst(sequence) {
             load.stamp(&mut message, sequence);
             outlet.send(&message)?;
-            sequence += 1;
         }
         outlet.flush()?;
+        sequence = load.end_of_burst(sequence);
+        if load.is_flat_out() && sequence == load.warm_up {
+            std::thread::sleep(SETTLING);
+        }
     }
     done("")
 }
@@ -90,7 +96,7 @@ fn read(transport: &str, place: &str, settings: &[String]) -> Outcome {
     };
     ready()?;
     let (mut tally, mut heard) = (Tally::new(load), Stopwatch::start());
-    while !tally.is_complete() && !(tally.has_begun() && heard.elapsed() > SILENCE) {
+    while !tally.is_complete() && (!tally.has_begun() || heard.elapsed() < SILENCE) {
         let mut any = false;
         intake.receive(RECEIVE_TIMEOUT, &mut |message| {
             any = true;
@@ -104,7 +110,7 @@ fn read(transport: &str, place: &str, settings: &[String]) -> Outcome {
             heard = Stopwatch::start();
         }
     }
-    done(&tally.to_words(intake.dropped()))
+    done(&tally.into_words(intake.dropped()))
 }
 
 /// Does nothing at the load's pace: what the pacing alone costs.
@@ -157,5 +163,6 @@ impl App for Idle {
 
 fn idle(place: &str, settings: &[String]) -> Outcome {
     let name = format!("idle-{}", setting::<usize>(settings, "client")?);
-    Ok(run_app(Box::new(Idle), &RunOptions::new(name, Community::new(place)?))?)
+    let stop = stop_on_signals()?;
+    Ok(run_app_on(&mut Idle, &mut elk::join(place, &name)?, &stop)?)
 }

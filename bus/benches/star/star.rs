@@ -160,7 +160,7 @@ impl Players {
     }
 }
 
-/// Over several readers: the median of their p50, the worst of everything else.
+/// Over several readers: the median of their p50, the rate of the fastest, the worst of everything else.
 fn figures(heard: &[Vec<String>]) -> Outcome<Figures> {
     let all = |name: &str| -> Outcome<Vec<f64>> {
         let mut values = heard.iter().map(|words| setting(words, name)).collect::<Outcome<Vec<f64>>>()?;
@@ -172,10 +172,9 @@ fn figures(heard: &[Vec<String>]) -> Outcome<Figures> {
     }
     let mut figures = Figures::new();
     figures.insert("p50", crate::report::median(&all("p50")?));
-    for name in ["p99", "max", "lost", "dropped"] {
+    for name in ["p99", "max", "lost", "dropped", "rate"] {
         figures.insert(name, all(name)?.last().copied().unwrap_or(0.0));
     }
-    figures.insert("rate", all("rate")?.first().copied().unwrap_or(0.0));
     Ok(figures)
 }
 

@@ -66,7 +66,7 @@ impl Tally {
     }
 
     /// The figures as words; times in µs.
-    pub fn to_words(mut self, dropped: u64) -> String {
+    pub fn into_words(mut self, dropped: u64) -> String {
         self.latencies.sort_unstable();
         let micros = |share: f64| percentile(&self.latencies, share) as f64 * 1e-3;
         let seconds = (self.last.saturating_sub(self.first) as f64 * 1e-9).max(1e-9);

@@ -1,6 +1,6 @@
 //! What an explorer remembers from plan to plan.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use elk_spatial::messages::{Outcome, Path, PlanRequest};
 use elk_spatial::ray::Traversal;
@@ -8,6 +8,10 @@ use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.
 const CUTS: u32 = 3;
+
+/// Plans for a target, for each place that it may be looked at from, after which it is given up: a voxel that flickers
+/// between free and occupied is never looked at in vain, and never done.
+const RETURNS: usize = 3;
 
 /// Where the robot has been, and what it looked at in vain.
 #[derive(Debug, Default)]
@@ -17,6 +21,9 @@ pub struct Memory {
     tried: BTreeMap<Voxel, Vec<Voxel>>,
     cuts: BTreeMap<Voxel, u32>,
     trail: Vec<Voxel>,
+    hidden: BTreeSet<Voxel>,
+    /// How often each target was planned for.
+    planned: BTreeMap<Voxel, usize>,
     /// Known voxels and voxels tried at the last progress, and its revision.
     known: usize,
     attempts: usize,
@@ -72,8 +79,19 @@ impl Memory {
         self.trail.dedup();
     }
 
+    /// No new place sees these targets in the map as it is.
+    pub fn hide(&mut self, targets: impl Iterator<Item = Voxel>) {
+        self.hidden.extend(targets);
+    }
+
+    /// Whether no new place saw `target` when it was looked for.
+    pub fn is_hidden(&self, target: Voxel) -> bool {
+        self.hidden.contains(&target)
+    }
+
     /// Has the explorer's last decision.
     pub fn remember(&mut self, path: &Path) {
+        *self.planned.entry(path.target).or_default() += 1;
         self.path = Some(path.clone());
     }
 
@@ -85,6 +103,12 @@ impl Memory {
     /// The voxels from which `target` was looked at in vain.
     pub fn tried(&self, target: Voxel) -> &[Voxel] {
         self.tried.get(&target).map_or(&[], Vec::as_slice)
+    }
+
+    /// Whether `target` was looked at in vain from `attempts` places, or came back each time that it was resolved.
+    pub fn gave_up(&self, target: Voxel, attempts: usize) -> bool {
+        let planned = self.planned.get(&target).copied().unwrap_or_default();
+        self.tried(target).len() >= attempts || planned >= RETURNS * attempts
     }
 
     /// Scans since anything was learned.

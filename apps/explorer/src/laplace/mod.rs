@@ -104,11 +104,7 @@ pub fn solve(problem: &Problem, solver: Solver, tolerance: f64) -> Solution {
     for (psi, fixed) in psi.iter_mut().zip(problem.cells.iter().map(|c| c.fixed())) {
         *psi = fixed.unwrap_or(*psi);
     }
-    Solution {
-        psi,
-        iterations,
-        residual,
-    }
+    Solution { psi, iterations, residual }
 }
 
 #[cfg(test)]

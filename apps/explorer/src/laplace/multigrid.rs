@@ -29,12 +29,7 @@ struct Level {
 impl Level {
     fn new(operator: Operator) -> Self {
         let zero = vec![0.0; operator.len()];
-        Self {
-            operator,
-            b: zero.clone(),
-            x: zero.clone(),
-            scratch: zero,
-        }
+        Self { operator, b: zero.clone(), x: zero.clone(), scratch: zero }
     }
 
     /// Sweeps from zero: the first is a division.
@@ -47,8 +42,7 @@ impl Level {
 
     fn smooth(&mut self, sweeps: usize) {
         for _ in 0..sweeps {
-            self.operator
-                .relax(&self.x, &self.b, OMEGA, &mut self.scratch);
+            self.operator.relax(&self.x, &self.b, OMEGA, &mut self.scratch);
             std::mem::swap(&mut self.x, &mut self.scratch);
         }
     }

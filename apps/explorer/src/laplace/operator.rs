@@ -42,13 +42,7 @@ impl Operator {
     /// An operator from its weights and its diagonal.
     pub fn new(dim: [usize; 3], weights: [Vec<f32>; 3], diagonal: Vec<f32>) -> Self {
         let inverse = diagonal.iter().map(|d| if *d > 0.0 { 1.0 / d } else { 0.0 });
-        Self {
-            dim,
-            weights,
-            inverse: inverse.collect(),
-            rows: rows(dim, &diagonal),
-            diagonal,
-        }
+        Self { dim, weights, inverse: inverse.collect(), rows: rows(dim, &diagonal), diagonal }
     }
 
     /// Number of cells of the box.
@@ -131,18 +125,13 @@ impl Operator {
     /// `⟨x, y⟩`, summed row by row in double precision.
     pub fn dot(&self, x: &[f32], y: &[f32]) -> f64 {
         let rows = self.rows.iter();
-        rows.map(|&(from, to)| dot_row(&x[from..to], &y[from..to]))
-            .sum()
+        rows.map(|&(from, to)| dot_row(&x[from..to], &y[from..to])).sum()
     }
 
     /// `‖b − Ax‖ / ‖b‖`, or `‖b − Ax‖` if `b` is zero.
     pub fn relative_residual(&self, x: &[f32], b: &[f32]) -> f64 {
         let mut r = vec![0.0; self.len()];
-        let inside: Vec<f32> = x
-            .iter()
-            .zip(&self.diagonal)
-            .map(|(x, d)| if *d > 0.0 { *x } else { 0.0 })
-            .collect();
+        let inside: Vec<f32> = x.iter().zip(&self.diagonal).map(|(x, d)| if *d > 0.0 { *x } else { 0.0 }).collect();
         self.residual(&inside, b, &mut r);
         let scale = self.dot(b, b).sqrt();
         self.dot(&r, &r).sqrt() / if scale > 0.0 { scale } else { 1.0 }

@@ -40,11 +40,7 @@ fn stencils(problem: &Problem) -> Vec<Stencil> {
     (0..problem.cells.len())
         .filter(inside)
         .map(|i| {
-            let mut stencil = Stencil {
-                cell: i as u32,
-                count: 0,
-                neighbours: [0; 6],
-            };
+            let mut stencil = Stencil { cell: i as u32, count: 0, neighbours: [0; 6] };
             for n in strides(problem.dim).into_iter().flat_map(|s| [i - s, i + s]) {
                 if problem.cells[n] != Cell::Outside {
                     stencil.neighbours[stencil.count as usize] = n as u32;

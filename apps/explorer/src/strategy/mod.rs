@@ -43,10 +43,7 @@ impl Route {
     pub fn over_voxels(view: &View<'_>, way: &[usize]) -> Option<Self> {
         let goal = *way.last()?;
         let rest = way.iter().skip(1).map(|i| view.volume.center(*i));
-        Some(Self {
-            points: std::iter::once(view.from).chain(rest).collect(),
-            goal,
-        })
+        Some(Self { points: std::iter::once(view.from).chain(rest).collect(), goal })
     }
 }
 
@@ -80,13 +77,7 @@ pub struct Journal {
 impl Journal {
     /// An empty one; `clock` gives the seconds of CPU that the thread has used.
     pub fn new(clock: fn() -> f64) -> Self {
-        Self {
-            clock,
-            phases: Vec::new(),
-            stalls: 0,
-            fallbacks: 0,
-            iterations: 0,
-        }
+        Self { clock, phases: Vec::new(), stalls: 0, fallbacks: 0, iterations: 0 }
     }
 
     /// Does `work` and books its time on `phase`.

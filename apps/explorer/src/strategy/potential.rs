@@ -55,15 +55,9 @@ impl Strategy for Potential {
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
         let problem = problem(view);
-        let solution = journal.time("field", || {
-            laplace::solve(&problem, self.solver, self.tolerance)
-        });
+        let solution = journal.time("field", || laplace::solve(&problem, self.solver, self.tolerance));
         journal.iterations += solution.iterations as u64;
-        let field = Field {
-            volume: view.volume,
-            problem: &problem,
-            psi: &solution.psi,
-        };
+        let field = Field { volume: view.volume, problem: &problem, psi: &solution.psi };
         let mut stalls = 0;
         let route = journal.time("streamline", || self.follow(view, &field, &mut stalls));
         journal.stalls += stalls;
@@ -101,10 +95,7 @@ fn problem(view: &View<'_>) -> Problem {
         true if view.goals.contains(i) => Cell::Sink,
         true => Cell::Inside,
     };
-    Problem {
-        dim: view.volume.dim(),
-        cells: view.space.reach.iter().enumerate().map(cell).collect(),
-    }
+    Problem { dim: view.volume.dim(), cells: view.space.reach.iter().enumerate().map(cell).collect() }
 }
 
 /// The centre of the face neighbour that most flows into.
@@ -118,15 +109,10 @@ fn largest_flux(view: &View<'_>, field: &Field<'_>) -> Option<Point3<f64>> {
     best.map(|n| view.volume.center(n))
 }
 
-fn face_neighbours<'a>(
-    view: &'a View<'_>,
-    field: &'a Field<'_>,
-) -> impl Iterator<Item = usize> + 'a {
+fn face_neighbours<'a>(view: &'a View<'_>, field: &'a Field<'_>) -> impl Iterator<Item = usize> + 'a {
     let start = view.space.start();
     let faces = view.volume.faces().into_iter();
-    faces
-        .map(move |d| start.wrapping_add_signed(d))
-        .filter(|n| field.problem.cells[*n] != Cell::Outside)
+    faces.map(move |d| start.wrapping_add_signed(d)).filter(|n| field.problem.cells[*n] != Cell::Outside)
 }
 
 /// The centres of the face neighbours, and points evenly around the start (a Fibonacci lattice on the sphere).
@@ -145,13 +131,7 @@ fn seeds(view: &View<'_>, field: &Field<'_>) -> Vec<Point3<f64>> {
 }
 
 /// The streamline through `seed`. Where it stalls, on by steepest descent over voxels, and if that ends too, by A*.
-fn flow(
-    view: &View<'_>,
-    field: &Field<'_>,
-    seed: Point3<f64>,
-    longest: f64,
-    stalls: &mut u64,
-) -> Option<Route> {
+fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, stalls: &mut u64) -> Option<Route> {
     let (line, end) = field.trace(seed, longest);
     let mut points = vec![view.from];
     points.extend(line);
