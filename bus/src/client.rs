@@ -42,9 +42,9 @@ pub struct Comms {
     up: Box<dyn Uplink>,
     batch: Vec<u8>,
     scratch: Vec<u8>,
-    keys: HashMap<String, u32>,
-    sources: HashMap<String, u32>,
-    types: HashMap<(String, u64), u32>,
+    keys: Numbering,
+    sources: Numbering,
+    types: Numbering,
     sequence: u64,
     stopping: bool,
 }
@@ -231,24 +231,12 @@ impl Comms {
         self.sequence += 1;
         Header {
             value_kind: kind,
-            key: number(&mut self.batch, &mut self.keys, Named::Key, key, 0),
-            source: source.map_or(0, |s| number(&mut self.batch, &mut self.sources, Named::Source, s, 1)),
-            type_: type_.map_or(0, |(name, layout)| self.type_number(name, layout)),
+            key: self.keys.number(&mut self.batch, key, 0),
+            source: source.map_or(0, |name| self.sources.number(&mut self.batch, name, 0)),
+            type_: type_.map_or(0, |(name, layout)| self.types.number(&mut self.batch, name, layout)),
             sequence: self.sequence,
             time: self.clock.now(),
             ..Header::new(FrameKind::Notify)
-        }
-    }
-
-    fn type_number(&mut self, name: &str, layout: u64) -> u32 {
-        let next = self.types.len() as u32;
-        match self.types.get(&(name.to_owned(), layout)) {
-            Some(known) => *known,
-            None => {
-                self.types.insert((name.to_owned(), layout), next);
-                wire::put_definition(&mut self.batch, Named::Type, next, name, layout);
-                next
-            }
         }
     }
 
@@ -265,15 +253,44 @@ impl Drop for Comms {
     }
 }
 
-/// The number of a name on this lane, introduced to the broker the first time; numbers start at `first`.
-fn number(batch: &mut Vec<u8>, known: &mut HashMap<String, u32>, what: Named, name: &str, first: u32) -> u32 {
-    if let Some(number) = known.get(name) {
-        return *number;
+/// The numbers that names have on this client's way up.
+struct Numbering {
+    what: Named,
+    first: u32,
+    count: u32,
+    known: HashMap<String, Vec<(u64, u32)>>,
+    /// The name of the message before, its layout and its number: mostly the one that is asked for.
+    last: Option<(String, u64, u32)>,
+}
+
+impl Numbering {
+    fn new(what: Named, first: u32) -> Self {
+        Self { what, first, count: 0, known: HashMap::new(), last: None }
     }
-    let next = known.len() as u32 + first;
-    known.insert(name.to_owned(), next);
-    wire::put_definition(batch, what, next, name, 0);
-    next
+
+    /// The number of a name; a new one is introduced to the broker in `batch`.
+    fn number(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64) -> u32 {
+        if let Some((last, last_layout, number)) = &self.last
+            && (last.as_str(), *last_layout) == (name, layout)
+        {
+            return *number;
+        }
+        let known = self.known.get(name).and_then(|all| all.iter().find(|(l, _)| *l == layout));
+        let number = match known {
+            Some((_, number)) => *number,
+            None => self.introduce(batch, name, layout),
+        };
+        self.last = Some((name.to_owned(), layout, number));
+        number
+    }
+
+    fn introduce(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64) -> u32 {
+        let number = self.first + self.count;
+        self.count += 1;
+        self.known.entry(name.to_owned()).or_default().push((layout, number));
+        wire::put_definition(batch, self.what, number, name, layout);
+        number
+    }
 }
 
 /// A message where it lies: names in the client's tables, the value in the batch or in the publisher's shared memory.
@@ -492,9 +509,10 @@ impl Client {
             up: link.up,
             batch: Vec::new(),
             scratch: Vec::new(),
-            keys: HashMap::new(),
-            sources: HashMap::new(),
-            types: HashMap::new(),
+            keys: Numbering::new(Named::Key, 0),
+            // On the way up, source 0 is the client itself.
+            sources: Numbering::new(Named::Source, 1),
+            types: Numbering::new(Named::Type, 0),
             sequence: 0,
             stopping: false,
         };

@@ -251,14 +251,21 @@ pub fn first_frame(bytes: &[u8]) -> Result<Frame<'_>, &'static str> {
     Ok(Frame { header, aux: &bytes[HEADER..aux_end], value: &bytes[aux_end..value_end], bytes: &bytes[..len] })
 }
 
-/// Rewrites the numbers of the frame that starts at `start`: what the broker does before it forwards.
-pub fn renumber(batch: &mut [u8], start: usize, flags: u16, [key, source, type_, community]: [u32; 4]) {
-    let frame = &mut batch[start..start + HEADER];
-    frame[6..8].copy_from_slice(&flags.to_le_bytes());
-    frame[8..12].copy_from_slice(&key.to_le_bytes());
-    frame[12..16].copy_from_slice(&source.to_le_bytes());
-    frame[16..20].copy_from_slice(&type_.to_le_bytes());
-    frame[20..24].copy_from_slice(&community.to_le_bytes());
+/// The fixed part of a frame with the flags and numbers of `header`: what the broker rewrites before it forwards.
+pub fn renumbered(fixed: &[u8], header: &Header) -> [u8; HEADER] {
+    let mut new = [0; HEADER];
+    new.copy_from_slice(fixed);
+    new[6..8].copy_from_slice(&header.flags.to_le_bytes());
+    new[8..12].copy_from_slice(&header.key.to_le_bytes());
+    new[12..16].copy_from_slice(&header.source.to_le_bytes());
+    new[16..20].copy_from_slice(&header.type_.to_le_bytes());
+    new[20..24].copy_from_slice(&header.community.to_le_bytes());
+    new
+}
+
+/// Whether a well-formed frame's value lies in shared memory.
+pub fn is_bulk(frame: &[u8]) -> bool {
+    frame.get(6).is_some_and(|flags| u16::from(*flags) & BULK != 0)
 }
 
 /// The client whose bulk service the receiver of `frame` is told to attach to.

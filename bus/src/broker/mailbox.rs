@@ -1,6 +1,7 @@
 //! A client's mail in the broker: bounded, oldest dropped first, drops counted.
 
-use crate::wire::{self, BULK, Frame, FrameKind, Header, Named};
+use super::Message;
+use crate::wire::{self, Frame, FrameKind, Header, Named};
 
 /// Frames that wait for a client, back to back in one buffer, and what the client must know before them.
 #[derive(Debug)]
@@ -94,21 +95,21 @@ impl Mailbox {
         self.lossless && self.waiting() >= self.limit && now - self.last_taken < patience
     }
 
-    /// Adds a frame; makes room for it if it must.
-    pub(super) fn push(&mut self, now: f64, frame: &[u8], patience: f64) {
+    /// Adds a message; makes room for it if it must.
+    pub(super) fn push(&mut self, now: f64, message: &Message<'_>, patience: f64) {
         if self.waiting() == 0 {
             // Patience is with a client that does not read although there is mail, not with one that has none.
             self.last_taken = now;
         }
         // A lossless mailbox takes what a batch in flight brings beyond the limit; the next batch waits.
-        while self.waiting() > 0 && self.waiting() + frame.len() > self.limit && !self.holds_back_at(now, patience) {
+        while self.waiting() > 0 && self.waiting() + message.len() > self.limit && !self.holds_back_at(now, patience) {
             self.head += wire::first_len(&self.mail[self.head..]);
             self.dropped += 1;
             self.left += 1;
         }
         self.pushed += 1;
         self.reclaim();
-        self.mail.extend_from_slice(frame);
+        message.append_to(&mut self.mail);
     }
 
     fn holds_back_at(&self, now: f64, patience: f64) -> bool {
@@ -144,19 +145,26 @@ impl Mailbox {
             let header = Header { sequence: self.dropped, ..Header::new(FrameKind::Dropped) };
             wire::put(batch, &header, &[], &[]);
         }
+        // Frames are copied in runs; a bulk one ends its run, since it may leave as something else.
+        let mut run = self.head;
         while self.waiting() > 0 {
             let rest = &self.mail[self.head..];
             let len = wire::first_len(rest);
-            if batch.len() + len > max && !batch.is_empty() {
+            let filled = batch.len() + self.head - run;
+            if filled > 0 && filled + len > max {
                 break;
             }
-            match wire::first_frame(&rest[..len]) {
-                Ok(frame) if frame.header.flags & BULK != 0 => bulk(&frame, batch),
-                _ => batch.extend_from_slice(&rest[..len]),
+            if wire::is_bulk(rest) {
+                batch.extend_from_slice(&self.mail[run..self.head]);
+                if let Ok(frame) = wire::first_frame(rest) {
+                    bulk(&frame, batch);
+                }
+                run = self.head + len;
             }
             self.head += len;
             self.left += 1;
         }
+        batch.extend_from_slice(&self.mail[run..self.head]);
         self.reclaim();
     }
 }

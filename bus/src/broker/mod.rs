@@ -14,7 +14,7 @@ mod variable;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::wire::{self, BULK, BulkRef, Frame, FrameKind, Header, LATEST, Named, ValueKind, WireError};
+use crate::wire::{self, BULK, BulkRef, Frame, FrameKind, Header, Named, ValueKind, WireError};
 use interner::Interner;
 pub use mailbox::Mailbox;
 use registration::Registration;
@@ -73,7 +73,6 @@ pub struct Broker {
     own_source: u32,
     own_sequence: u64,
     next_summary: f64,
-    scratch: Vec<u8>,
 }
 
 /// A time that can be ordered (s; never NaN here).
@@ -102,6 +101,7 @@ struct Client {
     /// Lossless registrants that this client's messages went to.
     feeds: BTreeSet<ClientId>,
     published: BTreeSet<u32>,
+    last_published: Option<u32>,
     latency: summary::Latency,
 }
 
@@ -130,7 +130,6 @@ impl Broker {
             own_source,
             own_sequence: 0,
             next_summary: now,
-            scratch: Vec::new(),
         }
     }
 
@@ -153,6 +152,7 @@ impl Broker {
             mailbox: Mailbox::new(self.config.mailbox_bytes, now),
             feeds: BTreeSet::new(),
             published: BTreeSet::new(),
+            last_published: None,
             latency: summary::Latency::default(),
         };
         self.clients.insert(id, client);
@@ -243,19 +243,17 @@ impl Broker {
             _ => 0,
         };
         client.latency.note(now - header.time);
-        if client.published.insert(key) {
-            self.variables[key as usize].writers.insert(source);
+        if client.last_published != Some(key) {
+            client.last_published = Some(key);
+            if client.published.insert(key) {
+                self.variables[key as usize].writers.insert(source);
+            }
         }
-        let lock = TypeLock { kind: header.value_kind, type_ };
-        if let Some(reason) = self.type_conflict(key, lock) {
+        let header = Header { flags: header.flags & BULK, key, source, type_, community, ..*header };
+        if let Some(reason) = self.type_conflict(key, TypeLock::of(&header)) {
             return self.refuse(from, key, header.sequence, &reason);
         }
-        let mut scratch = std::mem::take(&mut self.scratch);
-        scratch.clear();
-        scratch.extend_from_slice(frame.bytes);
-        wire::renumber(&mut scratch, 0, header.flags & BULK, [key, source, type_, community]);
-        self.store_and_deliver(now, Some(from), lock, [key, source, type_, community], &scratch);
-        self.scratch = scratch;
+        self.store_and_deliver(now, Some(from), &Message::new(header, frame.bytes));
         Ok(())
     }
 
@@ -290,8 +288,7 @@ impl Broker {
         while self.variables.len() < self.keys.len() {
             self.variables.push(Variable::default());
         }
-        let lock = TypeLock { kind, type_: 0 };
-        if self.type_conflict(key, lock).is_some() {
+        if self.type_conflict(key, TypeLock { kind, type_: 0 }).is_some() {
             return; // a client was first with this name, and with another type; it is the client's now
         }
         self.own_sequence += 1;
@@ -306,12 +303,12 @@ impl Broker {
         let mut frame = Vec::new();
         wire::put(&mut frame, &header, &[], value);
         self.variables[key as usize].writers.insert(self.own_source);
-        self.store_and_deliver(now, None, lock, [key, self.own_source, 0, 0], &frame);
+        self.store_and_deliver(now, None, &Message::new(header, &frame));
     }
 
-    fn store_and_deliver(&mut self, now: f64, from: Option<ClientId>, lock: TypeLock, numbers: [u32; 4], frame: &[u8]) {
-        let [key, source, ..] = numbers;
-        self.keep_as_latest(now, key, lock, frame);
+    fn store_and_deliver(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
+        let (key, source) = (message.header.key, message.header.source);
+        self.keep_as_latest(now, message);
         let route = self.route(key, source);
         let deliveries = std::mem::take(&mut self.variables[key as usize].routes[route].deliveries);
         for delivery in &deliveries {
@@ -321,22 +318,22 @@ impl Broker {
                 feeder.feeds.insert(delivery.client);
             }
             match delivery.min_interval > 0.0 {
-                true => self.deliver_throttled(now, delivery.client, delivery.min_interval, numbers, frame),
-                false => self.deliver(now, delivery.client, numbers, frame),
+                true => self.deliver_throttled(now, delivery.client, delivery.min_interval, message),
+                false => self.deliver(now, delivery.client, message),
             }
         }
         self.variables[key as usize].routes[route].deliveries = deliveries;
     }
 
-    fn keep_as_latest(&mut self, now: f64, key: u32, lock: TypeLock, frame: &[u8]) {
-        let variable = &mut self.variables[key as usize];
+    fn keep_as_latest(&mut self, now: f64, message: &Message<'_>) {
+        let variable = &mut self.variables[message.header.key as usize];
         if let Some(old) = bulk_of(&variable.latest) {
             self.latest_bulk.remove(&(old.client, old.sample));
         }
-        if let Some(new) = bulk_of(frame) {
+        variable.keep(now, message);
+        if let Some(new) = bulk_of(&variable.latest) {
             self.latest_bulk.insert((new.client, new.sample));
         }
-        variable.keep(now, lock, frame);
     }
 
     /// The place of (key, source) in the variable's routes; a pair that is new is matched against all registrations.
@@ -355,31 +352,34 @@ impl Broker {
         routes.len() - 1
     }
 
-    fn deliver(&mut self, now: f64, to: ClientId, numbers: [u32; 4], frame: &[u8]) {
-        let Some(client) = self.clients.get_mut(&to) else {
-            return;
-        };
-        let names = [&self.keys, &self.sources, &self.types, &self.communities];
-        let binary = wire::first_frame(frame).is_ok_and(|f| f.header.value_kind == ValueKind::Binary);
-        for (what, names) in [Named::Key, Named::Source, Named::Type, Named::Community].into_iter().zip(names) {
-            let number = numbers[what as usize];
-            if (what != Named::Type || binary) && client.mailbox.learns(what, number) {
+    fn deliver(&mut self, now: f64, to: ClientId, message: &Message<'_>) {
+        let Some(client) = self.clients.get_mut(&to) else { return };
+        let header = &message.header;
+        let named = [
+            (Named::Key, &self.keys, header.key),
+            (Named::Source, &self.sources, header.source),
+            (Named::Type, &self.types, header.type_),
+            (Named::Community, &self.communities, header.community),
+        ];
+        for (what, names, number) in named {
+            let needed = what != Named::Type || header.value_kind == ValueKind::Binary;
+            if needed && client.mailbox.learns(what, number) {
                 let (name, layout) = (names.name(number), names.layout(number));
                 wire::put_definition(client.mailbox.notices(), what, number, name, layout);
             }
         }
-        client.mailbox.push(now, frame, self.config.lossless_patience_secs);
+        client.mailbox.push(now, message, self.config.lossless_patience_secs);
     }
 
-    fn deliver_throttled(&mut self, now: f64, to: ClientId, interval: f64, numbers: [u32; 4], frame: &[u8]) {
-        let key = numbers[0];
+    fn deliver_throttled(&mut self, now: f64, to: ClientId, interval: f64, message: &Message<'_>) {
+        let key = message.header.key;
         let throttle = self.variables[key as usize].throttle(to);
         let due = throttle.last_sent + interval;
         if now >= due && throttle.pending.is_none() {
             throttle.last_sent = now;
-            self.deliver(now, to, numbers, frame);
+            self.deliver(now, to, message);
         } else {
-            throttle.pending = Some(frame.to_vec());
+            throttle.pending = Some(message.to_bytes());
             self.due.insert((Due(due), key, to));
         }
     }
@@ -391,10 +391,9 @@ impl Broker {
             let throttle = self.variables[key as usize].throttle(client);
             throttle.last_sent = now;
             if let Some(frame) = throttle.pending.take()
-                && let Ok(parsed) = wire::first_frame(&frame)
+                && let Some(message) = Message::stored(&frame)
             {
-                let h = parsed.header;
-                self.deliver(now, client, [h.key, h.source, h.type_, h.community], &frame);
+                self.deliver(now, client, &message);
             }
         }
         if now >= self.next_summary {
@@ -470,18 +469,43 @@ impl Broker {
 }
 
 fn bulk_of(frame: &[u8]) -> Option<BulkRef> {
-    let frame = wire::first_frame(frame).ok()?;
-    (frame.header.flags & BULK != 0).then(|| BulkRef::from_bytes(frame.value))?
+    let frame = wire::is_bulk(frame).then(|| wire::first_frame(frame).ok())??;
+    BulkRef::from_bytes(frame.value)
 }
 
-/// A copy of a variable's latest frame, marked as such.
-fn marked_latest(frame: &[u8]) -> Vec<u8> {
-    let mut copy = frame.to_vec();
-    if let Ok(f) = wire::first_frame(frame) {
-        let h = f.header;
-        wire::renumber(&mut copy, 0, h.flags | LATEST, [h.key, h.source, h.type_, h.community]);
+/// A message in the broker's numbers: its own header, and the rest as it came.
+struct Message<'a> {
+    header: Header,
+    fixed: [u8; wire::HEADER],
+    rest: &'a [u8],
+}
+
+impl<'a> Message<'a> {
+    /// The message of a whole `frame`, with another header.
+    fn new(header: Header, frame: &'a [u8]) -> Self {
+        let (fixed, rest) = frame.split_at(wire::HEADER);
+        Self { fixed: wire::renumbered(fixed, &header), header, rest }
     }
-    copy
+
+    /// A message that was kept.
+    fn stored(frame: &'a [u8]) -> Option<Self> {
+        let header = wire::first_frame(frame).ok()?.header;
+        Some(Self::new(header, frame))
+    }
+
+    fn len(&self) -> usize {
+        self.fixed.len() + self.rest.len()
+    }
+
+    fn append_to(&self, buffer: &mut Vec<u8>) {
+        buffer.reserve(self.len());
+        buffer.extend_from_slice(&self.fixed);
+        buffer.extend_from_slice(self.rest);
+    }
+
+    fn to_bytes(&self) -> Vec<u8> {
+        [&self.fixed, self.rest].concat()
+    }
 }
 
 #[cfg(test)]

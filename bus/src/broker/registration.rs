@@ -1,9 +1,9 @@
 //! Who wants what: patterns over variables and sources, and what they add up to for one client.
 
 use super::variable::Delivery;
-use super::{Broker, ClientId, marked_latest};
+use super::{Broker, ClientId, Message};
 use crate::pattern;
-use crate::wire::{self, Frame, LOSSLESS};
+use crate::wire::{Frame, Header, LATEST, LOSSLESS};
 
 /// One registration of a client.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,11 +113,10 @@ impl Broker {
         if had || !pattern::matches(&registration.source_pattern, self.sources.name(source)) {
             return;
         }
-        let frame = marked_latest(&variable.latest);
-        let Ok(header) = wire::first_frame(&frame).map(|f| f.header) else {
-            return;
-        };
-        self.deliver(now, to, [header.key, header.source, header.type_, header.community], &frame);
+        let latest = variable.latest.clone();
+        let Some(message) = Message::stored(&latest) else { return };
+        let header = Header { flags: message.header.flags | LATEST, ..message.header };
+        self.deliver(now, to, &Message::new(header, &latest));
         if registration.min_interval > 0.0 {
             self.variables[key as usize].throttle(to).last_sent = now;
         }

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::wire::{LOSSLESS, frames, put, put_definition};
+use crate::wire::{LATEST, LOSSLESS, frames, put, put_definition};
 
 /// A client of the test: speaks frames, remembers what it was told.
 struct Speaker {

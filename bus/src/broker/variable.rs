@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::ClientId;
-use crate::wire::{self, ValueKind};
+use super::{ClientId, Message};
+use crate::wire::{self, Header, ValueKind};
 
 /// The type that a variable's first write fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,6 +11,13 @@ pub(super) struct TypeLock {
     pub kind: ValueKind,
     /// The payload type's number, for binary values; it stands for name and layout.
     pub type_: u32,
+}
+
+impl TypeLock {
+    /// The type of a message in the broker's numbers.
+    pub fn of(header: &Header) -> Self {
+        Self { kind: header.value_kind, type_: header.type_ }
+    }
 }
 
 /// What one client gets of one (variable, source).
@@ -52,11 +59,11 @@ pub(super) struct Variable {
 }
 
 impl Variable {
-    /// Stores the latest frame.
-    pub fn keep(&mut self, now: f64, lock: TypeLock, frame: &[u8]) {
-        self.lock = Some(lock);
+    /// Stores the latest message.
+    pub fn keep(&mut self, now: f64, message: &Message<'_>) {
+        self.lock = Some(TypeLock::of(&message.header));
         self.latest.clear();
-        self.latest.extend_from_slice(frame);
+        message.append_to(&mut self.latest);
         self.writes += 1;
         self.last_write = now;
     }

@@ -89,7 +89,10 @@ pub fn receive<T: DeserializeOwned>(stream: &UnixStream) -> std::io::Result<(T, 
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(2))];
     let mut ancillary = RecvAncillaryBuffer::new(&mut space);
     let flags = RecvFlags::CMSG_CLOEXEC;
-    let got = rustix::net::recvmsg(stream.as_fd(), &mut [IoSliceMut::new(&mut len)], &mut ancillary, flags)?.bytes;
+    let got = rustix::io::retry_on_intr(|| {
+        rustix::net::recvmsg(stream.as_fd(), &mut [IoSliceMut::new(&mut len)], &mut ancillary, flags)
+    })?
+    .bytes;
     for message in ancillary.drain() {
         if let RecvAncillaryMessage::ScmRights(rights) = message {
             files.extend(rights);

@@ -13,7 +13,6 @@ use rustix::thread::futex;
 /// Wakes one sleeper. The word counts rings, so that a ring between looking and sleeping is not missed; who rings pays
 /// a system call only if somebody sleeps.
 #[repr(C)]
-#[derive(Default)]
 pub struct Bell {
     rings: AtomicU32,
     sleeping: AtomicU32,
@@ -50,7 +49,6 @@ impl Bell {
 
 /// The broker's page: every client rings its bell.
 #[repr(C)]
-#[derive(Default)]
 pub struct BrokerPage {
     /// Wakes the broker.
     pub bell: Bell,
@@ -58,7 +56,6 @@ pub struct BrokerPage {
 
 /// A client's page. Each counter has one writer; the difference of a pair is what is under way.
 #[repr(C, align(64))]
-#[derive(Default)]
 pub struct ClientPage {
     /// Wakes the client.
     pub bell: Bell,
@@ -95,7 +92,7 @@ unsafe impl<T: Sync> Send for Page<T> {}
 unsafe impl<T: Sync> Sync for Page<T> {}
 
 /// Types that may be shared with another process: atomics only, valid for any bit pattern.
-pub trait Shareable: Default + Sync {}
+pub trait Shareable: Sync {}
 impl Shareable for BrokerPage {}
 impl Shareable for ClientPage {}
 

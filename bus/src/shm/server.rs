@@ -401,6 +401,9 @@ impl Server {
         for peer in self.peers.values_mut() {
             peer.note_done();
         }
+        if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(|held| held.unsettled.is_empty())) {
+            return;
+        }
         let done: BTreeMap<ClientId, u64> = self.peers.iter().map(|(id, p)| (*id, p.done)).collect();
         for peer in self.peers.values_mut() {
             let Some(held) = &mut peer.bulk else { continue };
