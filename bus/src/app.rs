@@ -4,8 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::client::{Client, Comms, CommsError, Inbox, Mail};
+use crate::client::Client;
 use crate::clock::{Stopwatch, process_cpu_secs};
+use crate::comms::{Comms, CommsError};
+use crate::inbox::Inbox;
+use crate::mail::Mail;
 
 /// What an app may fail with.
 pub type AppError = Box<dyn std::error::Error + Send + Sync>;

@@ -6,7 +6,8 @@
 //! | [`wire`] | frames: what lies in a batch between client and broker |
 //! | [`link`] | what a transport gives a client |
 //! | [`memory`], [`shm`] | the transports: inside one process, and between processes over iceoryx2 |
-//! | [`client`], [`app`] | what a client says and hears; MOOS' three callbacks |
+//! | [`comms`], [`inbox`], [`mail`] | what a client says, what it hears, and a message as it gets it |
+//! | [`client`], [`app`] | both ends together; MOOS' three callbacks |
 //! | [`key`], [`value`], [`codec`] | typed keys, the three kinds of value, their encoding |
 //! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
 
@@ -15,10 +16,13 @@ pub mod broker;
 pub mod client;
 pub mod clock;
 pub mod codec;
+pub mod comms;
 pub mod community;
+pub mod inbox;
 pub mod key;
 mod limits;
 pub mod link;
+pub mod mail;
 pub mod memory;
 pub mod pattern;
 pub mod shm;
@@ -29,11 +33,14 @@ use std::sync::atomic::AtomicBool;
 
 pub use app::{App, AppError, RunError, run_app_on, stop_on_signals};
 pub use broker::BrokerConfig;
-pub use client::{Client, Comms, CommsError, Inbox, Mail, Refused};
+pub use client::Client;
 pub use clock::Clock;
 pub use codec::DecodeError;
+pub use comms::{Comms, CommsError};
 pub use community::Community;
+pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};
+pub use mail::Mail;
 pub use shm::{ConnectError, ServeError};
 pub use value::{Value, ValueRef};
 

@@ -1,6 +1,6 @@
 //! A client's mail in the broker: bounded, oldest dropped first, drops counted.
 
-use super::Message;
+use super::message::Message;
 use crate::wire::{self, Frame, FrameKind, Header, Named};
 
 /// Frames that wait for a client, back to back in one buffer, and what the client must know before them.

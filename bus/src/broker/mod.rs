@@ -8,15 +8,17 @@
 
 mod interner;
 mod mailbox;
+mod message;
 mod registration;
 mod summary;
 mod variable;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::wire::{self, BULK, BulkRef, Frame, FrameKind, Header, Named, ValueKind, WireError};
+use crate::wire::{self, BULK, Frame, FrameKind, Header, Named, ValueKind, WireError};
 use interner::Interner;
 pub use mailbox::Mailbox;
+use message::{Message, bulk_of};
 use registration::Registration;
 use variable::{TypeLock, Variable};
 
@@ -465,46 +467,6 @@ impl Broker {
     /// Number of connected clients.
     pub fn clients(&self) -> usize {
         self.clients.len()
-    }
-}
-
-fn bulk_of(frame: &[u8]) -> Option<BulkRef> {
-    let frame = wire::is_bulk(frame).then(|| wire::first_frame(frame).ok())??;
-    BulkRef::from_bytes(frame.value)
-}
-
-/// A message in the broker's numbers: its own header, and the rest as it came.
-struct Message<'a> {
-    header: Header,
-    fixed: [u8; wire::HEADER],
-    rest: &'a [u8],
-}
-
-impl<'a> Message<'a> {
-    /// The message of a whole `frame`, with another header.
-    fn new(header: Header, frame: &'a [u8]) -> Self {
-        let (fixed, rest) = frame.split_at(wire::HEADER);
-        Self { fixed: wire::renumbered(fixed, &header), header, rest }
-    }
-
-    /// A message that was kept.
-    fn stored(frame: &'a [u8]) -> Option<Self> {
-        let header = wire::first_frame(frame).ok()?.header;
-        Some(Self::new(header, frame))
-    }
-
-    fn len(&self) -> usize {
-        self.fixed.len() + self.rest.len()
-    }
-
-    fn append_to(&self, buffer: &mut Vec<u8>) {
-        buffer.reserve(self.len());
-        buffer.extend_from_slice(&self.fixed);
-        buffer.extend_from_slice(self.rest);
-    }
-
-    fn to_bytes(&self) -> Vec<u8> {
-        [&self.fixed, self.rest].concat()
     }
 }
 

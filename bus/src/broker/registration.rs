@@ -1,7 +1,8 @@
 //! Who wants what: patterns over variables and sources, and what they add up to for one client.
 
+use super::message::Message;
 use super::variable::Delivery;
-use super::{Broker, ClientId, Message};
+use super::{Broker, ClientId};
 use crate::pattern;
 use crate::wire::{Frame, Header, LATEST, LOSSLESS};
 

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::{ClientId, Message};
+use super::ClientId;
+use super::message::Message;
 use crate::wire::{self, Header, ValueKind};
 
 /// The type that a variable's first write fixed.

@@ -11,7 +11,8 @@ use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
 use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use super::lane::{Service, failed};
+use super::lane::Service;
+use super::place::failed;
 use crate::link::{Fill, LinkError};
 
 /// A received bulk value; its header is the sample's number, from 1.

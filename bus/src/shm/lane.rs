@@ -4,15 +4,14 @@
 //! holds; nothing is ever overwritten, and iceoryx2's own waiting (which a killed reader would turn into hanging for
 //! good) is never needed.
 
-use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, FileName, Path, SemanticString, SignalHandlingMode};
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, SignalHandlingMode};
 use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use super::leftovers;
+use super::place::{self, failed};
 use crate::community::Community;
 use crate::link::LinkError;
 
@@ -28,30 +27,11 @@ const BORROWED: usize = 4;
 /// What a lane is made for at first (bytes a batch); it grows.
 const FIRST_BATCH_BYTES: usize = 4096;
 
-/// Turns whatever iceoryx2 fails with into a link error that says what was being done.
-pub fn failed<E: std::fmt::Debug>(what: impl std::fmt::Display) -> impl FnOnce(E) -> LinkError {
-    move |e| {
-        let hint = leftovers::shared_memory_hint();
-        LinkError::SharedMemory(format!("{what}: {e:?}{hint}"))
-    }
-}
-
-/// iceoryx2's settings for a community: its own prefix and folder, never a file that happens to lie around.
-pub fn config(community: &Community) -> Result<Config, LinkError> {
-    let mut config = Config::default();
-    let prefix = leftovers::prefix(community);
-    config.global.prefix = FileName::new(prefix.as_bytes()).map_err(failed("the community's name in file names"))?;
-    let root = leftovers::root(community);
-    let root = Path::new(root.to_string_lossy().as_bytes()).map_err(failed("the community's folder"))?;
-    config.global.set_root_path(&root);
-    Ok(config)
-}
-
 /// This process' node in a community.
 pub fn node(community: &Community) -> Result<Node<Service>, LinkError> {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
     NodeBuilder::new()
-        .config(&config(community)?)
+        .config(&place::config(community)?)
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Service>()
         .map_err(failed("joining the community's shared memory"))

@@ -1,28 +1,11 @@
 //! What a crashed run leaves behind, and how the next one clears it away unasked.
 
-use std::path::PathBuf;
-
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::CallbackProgression;
 
+use super::place::{self, SHARED_MEMORY, home, prefix, root};
 use super::{handshake, lane};
 use crate::community::Community;
-
-const SHARED_MEMORY: &str = "/dev/shm";
-
-/// What the names of a community's shared-memory files begin with.
-pub fn prefix(community: &Community) -> String {
-    format!("elk_{community}_")
-}
-
-/// The folder of a community's other files.
-pub fn root(community: &Community) -> PathBuf {
-    home().join(community.as_str())
-}
-
-fn home() -> PathBuf {
-    std::env::temp_dir().join(format!("elk-{}", handshake::own_user()))
-}
 
 /// Clears away what dead communities of this user left. A community is dead when nobody listens in its name and none
 /// of its processes lives.
@@ -37,7 +20,7 @@ pub fn sweep() {
 }
 
 fn anyone_lives(community: &Community) -> bool {
-    let Ok(config) = lane::config(community) else {
+    let Ok(config) = place::config(community) else {
         return true;
     };
     let mut alive = false;
@@ -59,19 +42,4 @@ pub fn remove(community: &Community) {
     }
     let _ = std::fs::remove_dir_all(root(community));
     let _ = std::fs::remove_dir(home()); // only if this was the last one
-}
-
-/// What to add to an error of shared memory: whether it is full, and what to do.
-pub fn shared_memory_hint() -> String {
-    let Ok(stat) = rustix::fs::statvfs(SHARED_MEMORY) else {
-        return String::new();
-    };
-    let free_mb = (stat.f_bavail * stat.f_frsize) >> 20;
-    match free_mb < 64 {
-        true => format!(
-            " ({SHARED_MEMORY} has only {free_mb} MB left: remove what fills it, or enlarge it with \
-             `mount -o remount,size=… {SHARED_MEMORY}`; in a container, --shm-size)"
-        ),
-        false => String::new(),
-    }
 }

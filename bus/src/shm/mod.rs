@@ -14,6 +14,7 @@ mod handshake;
 mod lane;
 mod leftovers;
 mod page;
+mod place;
 mod server;
 
 pub use client::{ConnectError, connect};

@@ -1,0 +1,312 @@
+//! What a client says: publishes, registers.
+
+use std::collections::HashMap;
+use std::io::Write;
+
+use crate::clock::Clock;
+use crate::codec::{self, EncodeError};
+use crate::community::Community;
+use crate::key::{Key, Payload};
+use crate::link::{Fill, LinkError, Uplink};
+use crate::value::{Value, ValueRef};
+use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, ValueKind};
+
+/// Values of at least this many bytes are written once into shared memory and read in place.
+pub const BULK_MIN_BYTES: usize = 16 << 10;
+/// A batch that has grown to this many bytes leaves without being asked to.
+pub const BATCH_BYTES: usize = 48 << 10;
+
+/// Why the bus could not do what it was asked to.
+#[derive(Debug, thiserror::Error)]
+pub enum CommsError {
+    /// The transport failed.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The value cannot be encoded.
+    #[error("{key}: {source}")]
+    Encode {
+        /// The variable.
+        key: String,
+        /// Why.
+        source: EncodeError,
+    },
+}
+
+/// What a client says: publishes, registers. Messages gather in a batch that leaves at [`Comms::flush`], when it is
+/// full, or, in an app, at the end of each callback.
+pub struct Comms {
+    name: String,
+    community: Community,
+    clock: Clock,
+    up: Box<dyn Uplink>,
+    batch: Vec<u8>,
+    scratch: Vec<u8>,
+    keys: Numbering,
+    sources: Numbering,
+    types: Numbering,
+    sequence: u64,
+    stopping: bool,
+}
+
+impl Comms {
+    /// The saying end of a client called `name`, over a transport's way up.
+    pub(crate) fn new(name: &str, community: &Community, clock: Clock, up: Box<dyn Uplink>) -> Self {
+        Self {
+            name: name.into(),
+            community: community.clone(),
+            clock,
+            up,
+            batch: Vec::new(),
+            scratch: Vec::new(),
+            keys: Numbering::new(Named::Key, 0),
+            // On the way up, source 0 is the client itself.
+            sources: Numbering::new(Named::Source, 1),
+            types: Numbering::new(Named::Type, 0),
+            sequence: 0,
+            stopping: false,
+        }
+    }
+
+    /// The name that the broker knows this client by.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The community's name.
+    pub fn community(&self) -> &str {
+        self.community.as_str()
+    }
+
+    /// The community's clock.
+    pub fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    /// The community's time (s).
+    pub fn time(&self) -> f64 {
+        self.clock.now()
+    }
+
+    /// Asks the app's run loop to end after this callback.
+    pub fn stop(&mut self) {
+        self.stopping = true;
+    }
+
+    /// Whether [`Comms::stop`] was called.
+    pub fn stopping(&self) -> bool {
+        self.stopping
+    }
+
+    /// Registers for a variable: its latest value comes at once, then every new one.
+    pub fn register<T: Payload>(&mut self, key: &Key<T>) -> Result<(), CommsError> {
+        self.register_wildcard(key.name(), "*", 0.0)
+    }
+
+    /// Registers for a variable by name, at most one message in `min_interval_secs` (0: all); the last one of a burst
+    /// always comes.
+    pub fn register_variable(&mut self, key: &str, min_interval_secs: f64) -> Result<(), CommsError> {
+        self.register_wildcard(key, "*", min_interval_secs)
+    }
+
+    /// Registers for all variables that match `key_pattern` from all sources that match `source_pattern`, those to come
+    /// included. `*` is any run of characters, `?` a single one.
+    pub fn register_wildcard(
+        &mut self,
+        key_pattern: &str,
+        source_pattern: &str,
+        min_interval_secs: f64,
+    ) -> Result<(), CommsError> {
+        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0)
+    }
+
+    /// Registers so that nothing is dropped: publishers wait if this client does not keep up (with limited patience).
+    pub fn register_lossless(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
+        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS)
+    }
+
+    /// Takes back the registration that was made with these patterns.
+    pub fn unregister(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
+        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0)
+    }
+
+    fn registration(
+        &mut self,
+        kind: FrameKind,
+        key_pattern: &str,
+        source_pattern: &str,
+        interval: f64,
+        flags: u16,
+    ) -> Result<(), CommsError> {
+        let header = Header { flags, time: interval, ..Header::new(kind) };
+        wire::put(&mut self.batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
+        self.flush_if_full()
+    }
+
+    /// Publishes a typed value. A bulky one is encoded straight into shared memory, where its readers read it.
+    pub fn publish<T: Payload>(&mut self, key: &Key<T>, value: &T::View<'_>) -> Result<(), CommsError> {
+        let bad = |source| CommsError::Encode { key: key.name().into(), source };
+        let len = codec::encoded_len(value).map_err(bad)?;
+        if len >= BULK_MIN_BYTES {
+            let fill =
+                &mut |writer: &mut dyn Write| codec::encode_to_writer(value, writer).map_err(std::io::Error::other);
+            if self.bulk(key.name(), T::NAME, T::LAYOUT, len, fill)? {
+                return Ok(());
+            }
+        }
+        self.scratch.clear();
+        codec::encode_onto(value, &mut self.scratch).map_err(bad)?;
+        let bytes = std::mem::take(&mut self.scratch);
+        let value = ValueRef::Binary { type_name: T::NAME, layout: T::LAYOUT, bytes: &bytes };
+        let done = self.message(key.name(), value, "", None);
+        self.scratch = bytes;
+        done
+    }
+
+    /// Publishes a number or a text.
+    pub fn notify(&mut self, key: &str, value: impl Into<Value>) -> Result<(), CommsError> {
+        self.publish_value(key, value.into().as_ref(), "", None)
+    }
+
+    /// Publishes a value of any kind, with a word about its source, and, for gateways and replay, in the name of
+    /// another source.
+    pub fn publish_value(
+        &mut self,
+        key: &str,
+        value: ValueRef<'_>,
+        source_aux: &str,
+        source: Option<&str>,
+    ) -> Result<(), CommsError> {
+        if let ValueRef::Binary { type_name, layout, bytes } = value
+            && bytes.len() >= BULK_MIN_BYTES
+            && source.is_none()
+            && source_aux.is_empty()
+            && self.bulk(key, type_name, layout, bytes.len(), &mut |writer| writer.write_all(bytes))?
+        {
+            return Ok(());
+        }
+        self.message(key, value, source_aux, source)
+    }
+
+    /// Sends what has gathered.
+    pub fn flush(&mut self) -> Result<(), CommsError> {
+        if !self.batch.is_empty() {
+            self.up.send(&self.batch)?;
+            self.batch.clear();
+        }
+        Ok(())
+    }
+
+    fn flush_if_full(&mut self) -> Result<(), CommsError> {
+        if self.batch.len() >= BATCH_BYTES { self.flush() } else { Ok(()) }
+    }
+
+    fn bulk(
+        &mut self,
+        key: &str,
+        type_name: &str,
+        layout: u64,
+        len: usize,
+        fill: &mut Fill<'_>,
+    ) -> Result<bool, CommsError> {
+        // What readers have to acknowledge before there is room must have left first.
+        self.flush()?;
+        let Some(reference) = self.up.send_bulk(len, fill)? else {
+            return Ok(false);
+        };
+        let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), None);
+        wire::put(&mut self.batch, &Header { flags: BULK, ..header }, &[], &reference.to_bytes());
+        self.flush()?;
+        Ok(true)
+    }
+
+    fn message(
+        &mut self,
+        key: &str,
+        value: ValueRef<'_>,
+        source_aux: &str,
+        source: Option<&str>,
+    ) -> Result<(), CommsError> {
+        let aux = source_aux.as_bytes();
+        match value {
+            ValueRef::Double(number) => {
+                let header = self.header(key, ValueKind::Double, None, source);
+                wire::put(&mut self.batch, &header, aux, &number.to_le_bytes());
+            }
+            ValueRef::Text(text) => {
+                let header = self.header(key, ValueKind::Text, None, source);
+                wire::put(&mut self.batch, &header, aux, text.as_bytes());
+            }
+            ValueRef::Binary { type_name, layout, bytes } => {
+                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), source);
+                wire::put(&mut self.batch, &header, aux, bytes);
+            }
+        }
+        self.flush_if_full()
+    }
+
+    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<(&str, u64)>, source: Option<&str>) -> Header {
+        self.sequence += 1;
+        Header {
+            value_kind: kind,
+            key: self.keys.number(&mut self.batch, key, 0),
+            source: source.map_or(0, |name| self.sources.number(&mut self.batch, name, 0)),
+            type_: type_.map_or(0, |(name, layout)| self.types.number(&mut self.batch, name, layout)),
+            sequence: self.sequence,
+            time: self.clock.now(),
+            ..Header::new(FrameKind::Notify)
+        }
+    }
+
+    /// Tells the broker that the bulk service of client `publisher` is open here.
+    pub(crate) fn attached(&mut self, publisher: u32) {
+        let header = Header { source: publisher, ..Header::new(FrameKind::Attached) };
+        wire::put(&mut self.batch, &header, &[], &[]);
+    }
+}
+
+impl Drop for Comms {
+    fn drop(&mut self) {
+        // Nobody is left to tell of a failure; who needs to know flushes first.
+        let _ = self.flush();
+    }
+}
+
+/// The numbers that names have on this client's way up.
+struct Numbering {
+    what: Named,
+    first: u32,
+    count: u32,
+    known: HashMap<String, Vec<(u64, u32)>>,
+    /// The name of the message before, its layout and its number: mostly the one that is asked for.
+    last: Option<(String, u64, u32)>,
+}
+
+impl Numbering {
+    fn new(what: Named, first: u32) -> Self {
+        Self { what, first, count: 0, known: HashMap::new(), last: None }
+    }
+
+    /// The number of a name; a new one is introduced to the broker in `batch`.
+    fn number(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64) -> u32 {
+        if let Some((last, last_layout, number)) = &self.last
+            && (last.as_str(), *last_layout) == (name, layout)
+        {
+            return *number;
+        }
+        let known = self.known.get(name).and_then(|all| all.iter().find(|(l, _)| *l == layout));
+        let number = match known {
+            Some((_, number)) => *number,
+            None => self.introduce(batch, name, layout),
+        };
+        self.last = Some((name.to_owned(), layout, number));
+        number
+    }
+
+    fn introduce(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64) -> u32 {
+        let number = self.first + self.count;
+        self.count += 1;
+        self.known.entry(name.to_owned()).or_default().push((layout, number));
+        wire::put_definition(batch, self.what, number, name, layout);
+        number
+    }
+}

@@ -1,0 +1,79 @@
+//! A message as a client gets it.
+
+use crate::codec::DecodeError;
+use crate::key::{Key, Payload};
+use crate::value::ValueRef;
+use crate::wire::{Header, LATEST};
+
+/// A message where it lies: names in the client's tables, the value in the batch or in the publisher's shared memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Mail<'a> {
+    pub(crate) header: Header,
+    pub(crate) key: &'a str,
+    pub(crate) source: &'a str,
+    pub(crate) community: &'a str,
+    pub(crate) source_aux: &'a str,
+    pub(crate) value: ValueRef<'a>,
+}
+
+impl<'a> Mail<'a> {
+    /// The variable's name.
+    pub fn key(&self) -> &'a str {
+        self.key
+    }
+
+    /// The name of the app that published it.
+    pub fn source(&self) -> &'a str {
+        self.source
+    }
+
+    /// What the publisher said about the source; mostly empty.
+    pub fn source_aux(&self) -> &'a str {
+        self.source_aux
+    }
+
+    /// The community that it was first published in.
+    pub fn community(&self) -> &'a str {
+        self.community
+    }
+
+    /// When it was published (s, the community's clock).
+    pub fn time(&self) -> f64 {
+        self.header.time
+    }
+
+    /// The publisher's count of its messages, from 1.
+    pub fn sequence(&self) -> u64 {
+        self.header.sequence
+    }
+
+    /// Whether it was published before this client registered, and given to it as the variable's latest value.
+    pub fn is_latest(&self) -> bool {
+        self.header.flags & LATEST != 0
+    }
+
+    /// The value.
+    pub fn value(&self) -> ValueRef<'a> {
+        self.value
+    }
+
+    /// The value, if it is a number.
+    pub fn as_double(&self) -> Option<f64> {
+        if let ValueRef::Double(number) = self.value { Some(number) } else { None }
+    }
+
+    /// The value, if it is a text.
+    pub fn as_text(&self) -> Option<&'a str> {
+        if let ValueRef::Text(text) = self.value { Some(text) } else { None }
+    }
+
+    /// Whether it is of the variable that `key` names.
+    pub fn is<T: Payload>(&self, key: &Key<T>) -> bool {
+        self.key == key.name()
+    }
+
+    /// Decodes the value as what `key` carries; bulky parts stay where they lie.
+    pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
+        self.value.decode(key)
+    }
+}
