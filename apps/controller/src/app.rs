@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use elk_bus::{App, AppError, Comms, Key, Mail};
-use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{
     CAMERA_POSE, MAP, MAP_REQUEST, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND, PROGRESS, STEP,
     camera_pose,
@@ -33,18 +33,8 @@ const PARAMS: &[ParamSpec] = &[
         "Variable under which the sensor publishes the camera's pose.",
     ),
     param("Manual", Kind::Flag, "false", "Wait for a message on STEP before each pose command."),
-    param(
-        "MOOSHost",
-        Kind::Text,
-        "localhost",
-        "Accepted for MOOS' sake, without effect: the broker is found by the community's name.",
-    ),
-    param(
-        "MOOSPort",
-        Kind::Integer { min: 1, max: 65_535 },
-        "9000",
-        "Accepted for MOOS' sake, without effect: the broker is found by the community's name.",
-    ),
+    MOOS_HOST,
+    MOOS_PORT,
 ];
 
 /// The [`Follower`] on the bus.

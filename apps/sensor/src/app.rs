@@ -2,7 +2,7 @@
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail};
-use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
@@ -91,18 +91,8 @@ const PARAMS: &[ParamSpec] = &[
     param("Output", Kind::Variable, "SCAN", "Variable under which scans are published."),
     param("MOOSPoseVarName", Kind::Variable, "SIM_SENSOR", "Variable under which the camera's pose is published."),
     param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
-    param(
-        "MOOSHost",
-        Kind::Text,
-        "localhost",
-        "Accepted for MOOS' sake, without effect: the broker is found by the community's name.",
-    ),
-    param(
-        "MOOSPort",
-        Kind::Integer { min: 1, max: 65_535 },
-        "9000",
-        "Accepted for MOOS' sake, without effect: the broker is found by the community's name.",
-    ),
+    MOOS_HOST,
+    MOOS_PORT,
 ];
 
 /// The [`Simulator`] on the bus.

@@ -32,5 +32,5 @@ pub use params::{ParamValue, Params};
 pub use problem::{Place, Problem, Problems};
 pub use registry::Registry;
 pub use setting::{Override, OverrideError};
-pub use spec::{AppType, Kind, ParamSpec};
+pub use spec::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec};
 pub use value::ValueError;

@@ -67,3 +67,13 @@ pub enum Kind {
         builtin: &'static [&'static str],
     },
 }
+
+const FOR_MOOS: &str = "Accepted for MOOS' sake, without effect: the broker is found by the community's name.";
+
+/// Where MOOS would look for its database.
+pub const MOOS_HOST: ParamSpec =
+    ParamSpec { name: "MOOSHost", kind: Kind::Text, default: Some("localhost"), doc: FOR_MOOS };
+
+/// The port that MOOS would use.
+pub const MOOS_PORT: ParamSpec =
+    ParamSpec { name: "MOOSPort", kind: Kind::Integer { min: 1, max: 65_535 }, default: Some("9000"), doc: FOR_MOOS };
