@@ -1,16 +1,11 @@
 //! Shortest ways over voxels: A* to one voxel, Dijkstra to the closest of many.
 //!
-//! The 26 neighbours, no corner cut. A voxel with an unknown neighbour costs [`EXPOSED_COST`] times its length: what is
-//! unknown may hold a surface, so a way that keeps off it is taken where there is one. Ties go to the smaller index, so
-//! that equal maps give equal ways.
+//! The 26 neighbours, no corner cut. Ties go to the smaller index, so that equal maps give equal ways.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use crate::volume::Volume;
-
-/// What a voxel of way costs beside the unknown, in voxels.
-const EXPOSED_COST: f64 = 1.5;
 
 /// The shortest way from `from` to `to` over voxels in `passable` (indices, both ends included).
 pub fn shortest(volume: &Volume, passable: &[bool], from: usize, to: usize) -> Option<Vec<usize>> {
@@ -48,8 +43,7 @@ fn search(
             if !passable[n] || m.between.iter().any(cut) {
                 continue;
             }
-            let factor = if volume.exposed(n) { EXPOSED_COST } else { 1.0 };
-            let new = cost[i] + m.length * factor;
+            let new = cost[i] + m.length;
             if new < cost[n] {
                 cost[n] = new;
                 parent[n] = i as u32;
@@ -76,8 +70,7 @@ mod tests {
     use super::*;
     use elk_spatial::{OccupancyGrid, State, Voxel};
 
-    /// Two rooms side by side behind a wall of one voxel at x = 6 with a door at y = 0; a shell around, so that nothing
-    /// is exposed inside.
+    /// Two rooms side by side behind a wall of one voxel at x = 6 with a door at y = 0.
     fn rooms() -> (Volume, Vec<bool>) {
         let mut grid = OccupancyGrid::new(0.1);
         for x in -2..15 {

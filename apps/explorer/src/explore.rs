@@ -107,17 +107,26 @@ impl Explorer {
     }
 
     fn decide(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Decision {
-        let mut scene = self.look_around(grid, frontier, request.pose.position());
+        let from = request.pose.position();
+        let mut scene = self.look_around(grid, frontier, from, false);
         if request.revision >= self.settings.max_scans {
             return self.end(End::TooManyScans, &scene);
         }
         if self.memory.scans_without_progress(request.revision) >= self.settings.patience {
             return self.end(End::NoProgress, &scene);
         }
-        let Some(goals) = self.find_goals(&mut scene) else {
+        let mut goals = self.near_goals(&scene);
+        if goals.is_empty() {
+            // Perhaps the robot stands in a corner that became too tight.
+            scene = self.look_around(grid, frontier, from, true);
+            goals = self.near_goals(&scene);
+        }
+        if goals.is_empty() {
+            goals = self.far_goals(&mut scene);
+        }
+        if goals.is_empty() {
             return self.end(End::Explored, &scene);
-        };
-        let from = request.pose.position();
+        }
         match self.choose(&scene, &goals, from) {
             Some((goal, way)) => Decision::Go(self.path(&scene, frontier, goal, way)),
             None => self.end(End::NoProgress, &scene),
@@ -125,49 +134,52 @@ impl Explorer {
     }
 
     /// Where the robot can be, what is to be resolved, and what is not, by cause.
-    fn look_around(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, position: Point3<f64>) -> Scene {
+    fn look_around(
+        &mut self,
+        grid: &OccupancyGrid,
+        frontier: &FrontierSet,
+        position: Point3<f64>,
+        back_off: bool,
+    ) -> Scene {
         let (memory, settings) = (&self.memory, &self.settings);
         self.journal.time("space", || {
             let clearance = Clearance::new(settings.radius_m, grid.resolution());
             let robot = Voxel::containing(position, grid.resolution());
             let volume = Volume::of(grid, robot, clearance.reach().max(2));
             let start = volume.index(robot).unwrap_or_default();
-            let space = Space::around(&volume, start, &clearance, memory.trail());
+            let space = Space::around(&volume, start, &clearance, memory.trail(), back_off);
             let mut scene = Scene { volume, space, targets: Vec::new(), left: FrontiersLeft::default() };
             scene.sort_out(frontier, memory, settings);
             scene
         })
     }
 
-    /// The goals near the frontier, or if there are none, all places that see it; `None` if none does.
-    fn find_goals(&mut self, scene: &mut Scene) -> Option<Goals> {
+    fn near_goals(&mut self, scene: &Scene) -> Goals {
         let Scene { volume, space, targets, .. } = scene;
-        let near = self.journal.time("goals", || Goals::near(volume, &space.reach, targets));
-        if !near.is_empty() {
-            return Some(near);
-        }
-        self.find_far_goals(scene)
+        self.journal.time("goals", || Goals::near(volume, &space.reach, targets))
     }
 
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
     /// on the map as it is then counts.
-    fn find_far_goals(&mut self, scene: &mut Scene) -> Option<Goals> {
+    fn far_goals(&mut self, scene: &mut Scene) -> Goals {
         let Scene { volume, space, targets, left } = scene;
         let robot = volume.voxel(space.start());
         targets.sort_by_key(|t| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>());
         let (fresh, hidden): (Vec<Target>, Vec<Target>) =
             targets.drain(..).partition(|t| !self.memory.is_hidden(t.voxel));
+        let mut goals = Goals::none(volume);
         for candidates in [fresh, hidden] {
-            let (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, &candidates));
+            let far;
+            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, &candidates));
             self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied());
             if !goals.is_empty() {
                 targets.extend(candidates);
-                return Some(goals);
+                break;
             }
             left.invisible += far.invisible.len() as u64;
             left.unresolved += far.exhausted.len() as u64;
         }
-        None
+        goals
     }
 
     /// The goal to go to and the whole way there.

@@ -76,7 +76,8 @@ pub struct Goals {
 }
 
 impl Goals {
-    fn none(volume: &Volume) -> Self {
+    /// No goal.
+    pub fn none(volume: &Volume) -> Self {
         Self { at: vec![0; volume.len()], list: Vec::new() }
     }
 

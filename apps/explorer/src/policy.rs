@@ -38,7 +38,7 @@ pub struct Policy {
     pub look_at_target: bool,
     /// Cut the path at the first point that sees the target's unknown side from at most so far (m).
     pub stop_at_sight_m: Option<f64>,
-    /// Replace bends by straight lines where these keep the robot's clearance and do not come nearer to the unknown.
+    /// Replace bends by straight lines where these keep the robot's clearance.
     pub straighten: bool,
 }
 
@@ -124,13 +124,8 @@ fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Po
     let points: Vec<Point3<f64>> = way.samples(SIGHT_STEP_M).map(|(_, p)| p).collect();
     let mut at = (fixed / SIGHT_STEP_M).ceil() as usize;
     let mut pulled = way.part(0.0, (at as f64 * SIGHT_STEP_M).min(way.length()));
-    let near_unknown: Vec<bool> =
-        points.iter().map(|p| volume.index_at(*p).is_some_and(|i| volume.exposed(i))).collect();
     while at + 1 < points.len() {
-        let straight = |to: &usize| {
-            let bold = near_unknown[at..=*to].contains(&true);
-            free_line(volume, reach, points[at], points[*to], bold)
-        };
+        let straight = |to: &usize| free_line(volume, reach, points[at], points[*to]);
         let next = (at + 2..points.len()).rev().find(straight).unwrap_or(at + 1);
         // What lies between two neighbouring samples may bend at a corner of the original.
         let (from, to) = (at as f64 * SIGHT_STEP_M, next as f64 * SIGHT_STEP_M);
@@ -143,10 +138,9 @@ fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Po
     Polyline::new(pulled).unwrap_or_else(|| way.clone())
 }
 
-/// Whether the robot can go straight from `from` to `to`; past unknown voxels only if it is `bold`.
-fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>, bold: bool) -> bool {
-    elk_spatial::ray::Traversal::new(from, to, volume.resolution())
-        .all(|v| volume.index(v).is_some_and(|i| reach[i] && (bold || !volume.exposed(i))))
+/// Whether the robot can go straight from `from` to `to`.
+fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>) -> bool {
+    elk_spatial::ray::Traversal::new(from, to, volume.resolution()).all(|v| volume.index(v).is_some_and(|i| reach[i]))
 }
 
 /// The poses to scan from at `position`, in order: first the one that has most of the frontier in view beside the target,
@@ -271,7 +265,7 @@ mod tests {
         assert!(elk.length() < 2.7, "{}", elk.length());
         assert_eq!(elk.points()[0], way().points()[0]);
         for pair in elk.points().windows(2) {
-            assert!(free_line(&volume, &reach, pair[0], pair[1], true));
+            assert!(free_line(&volume, &reach, pair[0], pair[1]));
         }
     }
 
@@ -282,7 +276,7 @@ mod tests {
         assert!(straight.length() < way().length() - 0.1);
         assert_eq!((straight.points()[0], straight.end()), (way().points()[0], way().end()));
         for pair in straight.points().windows(2) {
-            assert!(free_line(&volume, &reach, pair[0], pair[1], true));
+            assert!(free_line(&volume, &reach, pair[0], pair[1]));
         }
     }
 

@@ -15,23 +15,24 @@ const ESCAPE_VOXELS: u32 = 8;
 pub struct Space {
     /// The robot's component of the free voxels (connected over faces), by index of the [`Volume`].
     pub component: Vec<bool>,
-    /// The voxels that the robot can get to with its clearance kept.
+    /// The voxels that the robot can get to with its clearance kept, from what is occupied and from what is unknown.
     pub reach: Vec<bool>,
     /// From the robot's own voxel to the first in `reach`; only that voxel if the robot stands in `reach`.
     pub escape: Vec<usize>,
 }
 
 impl Space {
-    /// The space around a robot in voxel `robot` (an index of `volume`). Voxels of `trail`, where the robot has been,
-    /// stay passable as long as they are free.
-    pub fn around(volume: &Volume, robot: usize, clearance: &Clearance, trail: &[Voxel]) -> Self {
+    /// The space around a robot in voxel `robot` (an index of `volume`). Voxels of `trail`, where the robot has been, stay
+    /// passable as long as they are free. A robot that is to `back_off` from where it is first gets out of tight corners,
+    /// to where most can be reached from.
+    pub fn around(volume: &Volume, robot: usize, clearance: &Clearance, trail: &[Voxel], back_off: bool) -> Self {
         let free: Vec<bool> = volume.states().iter().map(|s| *s == State::Free).collect();
         let component = flood(volume, robot, &free);
         let mut passable = clear_of_obstacles(volume, clearance, free);
         for i in trail.iter().filter_map(|v| volume.index(*v)) {
             passable[i] = volume.states()[i] == State::Free;
         }
-        let escape = escape(volume, robot, &component, &passable);
+        let escape = if back_off { escape(volume, robot, &component, &passable) } else { vec![robot] };
         let start = escape.last().copied().unwrap_or(robot);
         let reach = flood(volume, start, &passable);
         Self { component, reach, escape }
@@ -61,14 +62,15 @@ pub fn flood(volume: &Volume, start: usize, mask: &[bool]) -> Vec<bool> {
     found
 }
 
-/// Takes from `free` what is too close to something occupied.
+/// Takes from `free` what is too close to something that is not free: occupied, or unknown, where an obstacle may be.
 fn clear_of_obstacles(volume: &Volume, clearance: &Clearance, free: Vec<bool>) -> Vec<bool> {
     let offsets: Vec<isize> = clearance.offsets().iter().map(|d| volume.offset(*d)).collect();
     let mut clear = free;
-    for (i, state) in volume.states().iter().enumerate() {
-        if *state == State::Occupied {
-            for d in &offsets {
-                clear[i.wrapping_add_signed(*d)] = false;
+    for (i, _) in volume.states().iter().enumerate().filter(|(_, s)| **s != State::Free) {
+        for d in &offsets {
+            // Past the ends of the box there is only margin.
+            if let Some(near) = i.checked_add_signed(*d).and_then(|n| clear.get_mut(n)) {
+                *near = false;
             }
         }
     }
@@ -78,24 +80,21 @@ fn clear_of_obstacles(volume: &Volume, clearance: &Clearance, free: Vec<bool>) -
 /// The way out for a robot that stands where it should not: over free voxels to the passable voxel near by from which
 /// most can be reached, the nearest of equals.
 fn escape(volume: &Volume, robot: usize, free: &[bool], passable: &[bool]) -> Vec<usize> {
-    if passable[robot] {
-        return vec![robot];
-    }
-    let mut best: Option<(usize, usize)> = None;
     let (found, came_from) = walk(volume, robot, free);
-    let mut seen: Vec<Vec<bool>> = Vec::new();
+    let mut best = (robot, 0);
+    let mut seen = vec![false; passable.len()];
     for &i in found.iter().filter(|i| passable[**i]) {
-        if seen.iter().any(|s| s[i]) {
+        if seen[i] {
             continue;
         }
         let part = flood(volume, i, passable);
         let size = part.iter().filter(|b| **b).count();
-        seen.push(part);
-        if best.is_none_or(|(_, s)| size > s) {
-            best = Some((i, size));
+        seen.iter_mut().zip(&part).for_each(|(s, p)| *s |= p);
+        if size > best.1 {
+            best = (i, size);
         }
     }
-    let mut way = vec![best.map_or(robot, |(i, _)| i)];
+    let mut way = vec![best.0];
     while let Some(&i) = way.last().filter(|i| **i != robot) {
         way.push(came_from(i));
     }
@@ -146,7 +145,7 @@ mod tests {
     fn space(grid: &OccupancyGrid, robot: Voxel, trail: &[Voxel]) -> (Volume, Space) {
         let volume = Volume::of(grid, robot, 2);
         let robot = volume.index(robot).unwrap();
-        let space = Space::around(&volume, robot, &Clearance::new(0.1, 0.1), trail);
+        let space = Space::around(&volume, robot, &Clearance::new(0.1, 0.1), trail, true);
         (volume, space)
     }
 
@@ -165,15 +164,24 @@ mod tests {
 
     #[test]
     fn where_it_has_been_it_can_go_again() {
-        let trail: Vec<Voxel> = (3..18).map(|x| Voxel::new(x, 0, 0)).collect();
-        let (volume, space) = space(&corridor(1), Voxel::new(3, 2, 2), &trail);
-        assert!(!space.reach[volume.index(Voxel::new(15, 2, 2)).unwrap()]);
-        let (volume, space) = space_at_trail(&trail);
-        assert!(space.reach[volume.index(Voxel::new(17, 0, 0)).unwrap()]);
+        let robot = Voxel::new(3, 2, 2);
+        let through: Vec<Voxel> = (3..18).map(|x| Voxel::new(x, 0, 0)).chain([Voxel::new(3, 1, 0)]).collect();
+        let reached = |trail: &[Voxel]| {
+            let (volume, space) = space(&corridor(1), robot, trail);
+            space.reach[volume.index(Voxel::new(17, 0, 0)).unwrap()]
+        };
+        assert!(!reached(&[]));
+        assert!(reached(&through));
     }
 
-    fn space_at_trail(trail: &[Voxel]) -> (Volume, Space) {
-        space(&corridor(1), trail[0], trail)
+    #[test]
+    fn what_is_unknown_is_kept_clear_of_too() {
+        let mut grid = corridor(5);
+        grid.set(Voxel::new(15, 2, 2), State::Unknown);
+        let (volume, space) = space(&grid, Voxel::new(3, 2, 2), &[]);
+        let reached = |x: i32| space.reach[volume.index(Voxel::new(x, 2, 2)).unwrap()];
+        assert!(reached(13) && !reached(14), "the corridor is closed by one unknown voxel");
+        assert!(!reached(18));
     }
 
     #[test]

@@ -40,49 +40,51 @@ impl Field<'_> {
         self.problem.cells[index]
     }
 
-    /// ∇ψ at the centre of a voxel (1/m): central differences, where a missing neighbour has the voxel's own value (no
-    /// flux passes).
-    fn gradient_at(&self, index: usize) -> Vector3<f64> {
-        let own = self.psi[index];
-        let value = |d: isize| {
-            let n = index.wrapping_add_signed(d);
-            if self.cell(n) == Cell::Outside { own } else { self.psi[n] }
-        };
+    /// ∇ψ at a point (m, world; 1/m), interpolated linearly along each axis (6.31 in three dimensions) between the nodes
+    /// where differences of ψ live: the faces between voxels. Through a face to the outside the gradient is zero, as the
+    /// field has it, so that streamlines run along walls and not into them. `None` where the point is not in the domain.
+    pub fn gradient(&self, point: Point3<f64>) -> Option<Vector3<f64>> {
+        let own = self.volume.index_at(point).filter(|i| self.cell(*i) != Cell::Outside)?;
+        let local = point.coords / self.volume.resolution();
+        let within = local - local.map(f64::floor);
         let faces = self.volume.faces();
-        let slope = |axis: usize| {
-            let rise = value(faces[2 * axis + 1]) - value(faces[2 * axis]);
-            f64::from(rise) / (2.0 * self.volume.resolution())
-        };
-        Vector3::new(slope(0), slope(1), slope(2))
+        Some(Vector3::new(
+            self.slope(own, within, &faces, 0),
+            self.slope(own, within, &faces, 1),
+            self.slope(own, within, &faces, 2),
+        ))
     }
 
-    /// ∇ψ at a point (m, world; 1/m), interpolated between the eight nearest voxel centres that are in the domain
-    /// (6.31 in three dimensions); `None` where the point itself is not.
-    pub fn gradient(&self, point: Point3<f64>) -> Option<Vector3<f64>> {
-        let own = self.volume.index_at(point)?;
-        if self.cell(own) == Cell::Outside {
-            return None;
-        }
-        let resolution = self.volume.resolution();
-        let local = point.coords / resolution - Vector3::repeat(0.5);
-        let base = local.map(f64::floor);
-        let t = local - base;
-        let first = base.map(|c| c as i32);
-        let first = self.volume.index(elk_spatial::Voxel::new(first.x, first.y, first.z))?;
-        let mut sum = Vector3::zeros();
-        let mut total = 0.0;
-        for n in 0..8 {
-            let bit = |axis: usize| n >> axis & 1;
-            let d = elk_spatial::Voxel::new(bit(0), bit(1), bit(2));
-            let index = first.wrapping_add_signed(self.volume.offset(d));
-            let share = |axis: usize| if bit(axis) == 1 { t[axis] } else { 1.0 - t[axis] };
-            let weight = share(0) * share(1) * share(2);
-            if self.cell(index) != Cell::Outside {
-                sum += weight * self.gradient_at(index);
+    /// The component of ∇ψ along `axis` at `within` (0 to 1) of voxel `own`: along the axis between the voxel's two
+    /// faces, across it between the columns of voxels nearest to the point that are in the domain.
+    fn slope(&self, own: usize, within: Vector3<f64>, faces: &[isize; 6], axis: usize) -> f64 {
+        let nearest = |a: usize| {
+            let off = within[a] - 0.5;
+            (faces[2 * a + usize::from(off > 0.0)], off.abs())
+        };
+        let ((b, share_b), (c, share_c)) = (nearest((axis + 1) % 3), nearest((axis + 2) % 3));
+        let columns = [
+            (0, (1.0 - share_b) * (1.0 - share_c)),
+            (b, share_b * (1.0 - share_c)),
+            (c, (1.0 - share_b) * share_c),
+            (b + c, share_b * share_c),
+        ];
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (offset, weight) in columns {
+            let column = own.wrapping_add_signed(offset);
+            if self.cell(column) != Cell::Outside {
+                let (low, high) = (-self.rise(column, faces[2 * axis]), self.rise(column, faces[2 * axis + 1]));
+                sum += weight * (low + (high - low) * within[axis]);
                 total += weight;
             }
         }
-        (total > 0.0).then(|| sum / total)
+        sum / total / self.volume.resolution()
+    }
+
+    /// How much higher ψ is in the neighbour at `offset`; 0 if that is outside.
+    fn rise(&self, index: usize, offset: isize) -> f64 {
+        let n = index.wrapping_add_signed(offset);
+        if self.cell(n) == Cell::Outside { 0.0 } else { f64::from(self.psi[n] - self.psi[index]) }
     }
 
     /// The direction of flow at a point: down the gradient, of length one, so that a step is a length of way.
@@ -97,6 +99,12 @@ impl Field<'_> {
         let k3 = h * self.flow(p + 0.5 * k2)?;
         let k4 = h * self.flow(p + k3)?;
         Some(p + (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0)
+    }
+
+    /// The next point of a streamline: a step on, or where a whole one would leave the domain, a shorter one.
+    fn advance(&self, at: Point3<f64>) -> Option<Point3<f64>> {
+        let step = |share: f64| self.step(at, STEP_M * share).filter(|p| self.connected(at, *p));
+        [1.0, 0.5, 0.25, 0.125].into_iter().find_map(step)
     }
 
     /// Whether the straight line between two points of the domain stays in it.
@@ -118,7 +126,7 @@ impl Field<'_> {
             if self.cell(index) == Cell::Sink {
                 return (points, End::Goal(index));
             }
-            let next = self.step(at, STEP_M).filter(|p| self.connected(at, *p));
+            let next = self.advance(at);
             let circling = points.len() > STALL_STEPS && (at - points[points.len() - 1 - STALL_STEPS]).norm() < STALL_M;
             match next {
                 Some(p) if !circling => at = p,

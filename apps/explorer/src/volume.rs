@@ -130,11 +130,6 @@ impl Volume {
     pub fn moves(&self) -> &[Move] {
         &self.moves
     }
-
-    /// Whether a free voxel has an unknown one among its 26 neighbours.
-    pub fn exposed(&self, index: usize) -> bool {
-        self.moves.iter().any(|m| self.states[index.wrapping_add_signed(m.offset)] == State::Unknown)
-    }
 }
 
 /// Smallest corner, and the corner beyond the largest, of what is known and of `include`.

@@ -1,1 +1,164 @@
+use super::*;
+use elk_spatial::messages::MotionPolicy;
+use nalgebra::Vector3;
 
+/// A map, a camera that goes where it is told, and the follower between them.
+struct Bench {
+    map: OccupancyGrid,
+    follower: Follower,
+    commands: Vec<PoseCommand>,
+}
+
+impl Bench {
+    /// A free corridor of 40 × 5 × 5 voxels of 0.1 m, the camera at its beginning.
+    fn new() -> (Self, PlanRequest) {
+        let mut bench = Self { map: OccupancyGrid::new(0.1), follower: Follower::default(), commands: vec![] };
+        let pose = Pose::looking(at(0.2), Vector3::x());
+        let first = bench.follower.on_camera_pose(&CameraPose { command: 0, pose });
+        assert_eq!(first, [Output::Command(PoseCommand { id: 1, via: vec![], pose })]);
+        let cells = (0..40).flat_map(|x| (0..5).flat_map(move |y| (0..5).map(move |z| Voxel::new(x, y, z))));
+        let outputs = bench.scan(1, cells.map(|v| (v, State::Free)).collect());
+        let request = request(&outputs);
+        assert_eq!((request.id, request.revision, request.outcome), (1, 1, Outcome::First));
+        (bench, request)
+    }
+
+    /// Scan `id` came and changed `cells`.
+    fn scan(&mut self, id: u64, cells: Vec<(Voxel, State)>) -> Vec<Output> {
+        let changed: Vec<Voxel> = cells.iter().map(|c| c.0).collect();
+        for (voxel, state) in cells {
+            self.map.set(voxel, state);
+        }
+        let update = self.map.advance(&changed, id);
+        self.follower.on_map(&update).unwrap()
+    }
+
+    /// Answers the request with a path; then each command with a scan that changes nothing, until the next request.
+    fn follow(&mut self, plan: &Plan) -> PlanRequest {
+        let mut outputs = self.follower.on_plan(plan);
+        loop {
+            match outputs.last() {
+                Some(Output::Command(command)) => {
+                    self.commands.push(command.clone());
+                    let id = command.id;
+                    outputs = self.scan(id, vec![]);
+                }
+                _ => return request(&outputs),
+            }
+        }
+    }
+}
+
+fn at(x: f64) -> Point3<f64> {
+    Point3::new(x, 0.25, 0.25)
+}
+
+fn request(outputs: &[Output]) -> PlanRequest {
+    match outputs.last() {
+        Some(Output::Request(request)) => request.clone(),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Straight on to x = 3.2 and to the side there; the frontier is the corridor's end.
+fn plan(request: &PlanRequest, early_stop: bool) -> Plan {
+    let end = Point3::new(3.2, 0.35, 0.25);
+    let look = |direction| Pose::looking(end, direction);
+    Plan {
+        request: request.id,
+        revision: request.revision,
+        decision: Decision::Go(Path {
+            points: vec![at(0.2), at(3.2), end],
+            target: Voxel::new(39, 2, 2),
+            unknown: vec![Voxel::new(40, 2, 2)],
+            looks: vec![look(Vector3::x()), look(Vector3::y())],
+        }),
+        motion: MotionPolicy {
+            name: "test".into(),
+            scan_spacing_m: 0.4,
+            early_stop,
+            look_at_target: true,
+            clearance_m: 0.1,
+        },
+        cpu_secs: 0.0,
+    }
+}
+
+#[test]
+fn it_scans_every_spacing_passes_every_bend_and_takes_every_look() {
+    let (mut bench, first) = Bench::new();
+    let asked = bench.follow(&plan(&first, true));
+    assert_eq!((asked.outcome, asked.id), (Outcome::Unresolved, 2));
+    // 3.1 m in steps of 0.4 m, the last one 0.3 m around the bend, and one more look.
+    let ids: Vec<u64> = bench.commands.iter().map(|c| c.id).collect();
+    assert_eq!(ids, (2..=10).collect::<Vec<_>>());
+    for (k, command) in bench.commands[..7].iter().enumerate() {
+        assert!((command.pose.position() - at(0.6 + 0.4 * k as f64)).norm() < 1e-9);
+        assert!(command.via.is_empty());
+        assert!(command.pose.forward().x > 0.99, "towards the target");
+    }
+    assert_eq!(bench.commands[7].via, [at(3.2)]);
+    assert!(bench.commands[8].pose.forward().y > 0.99, "the second look");
+    assert_eq!(asked.pose, bench.commands[8].pose);
+}
+
+#[test]
+fn a_resolved_target_ends_the_path_if_the_policy_says_so() {
+    for early_stop in [true, false] {
+        let (mut bench, first) = Bench::new();
+        let outputs = bench.follower.on_plan(&plan(&first, early_stop));
+        assert!(matches!(outputs[..], [Output::Command(_)]));
+        let outputs = bench.scan(2, vec![(Voxel::new(40, 2, 2), State::Occupied)]);
+        match early_stop {
+            true => assert_eq!(request(&outputs).outcome, Outcome::Resolved),
+            false => assert!(matches!(outputs[..], [Output::Progress(_), Output::Command(_)])),
+        }
+    }
+}
+
+#[test]
+fn a_new_obstacle_near_the_rest_of_the_path_cuts_it() {
+    let (mut bench, first) = Bench::new();
+    bench.follower.on_plan(&plan(&first, true));
+    let behind = bench.scan(2, vec![(Voxel::new(1, 0, 0), State::Occupied)]);
+    assert!(matches!(behind.last(), Some(Output::Command(_))), "behind the robot it does not matter");
+    let beside = bench.scan(3, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
+    assert_eq!(request(&beside).outcome, Outcome::Cut);
+}
+
+#[test]
+fn a_refused_command_is_a_cut_and_no_way() {
+    let (mut bench, first) = Bench::new();
+    let outputs = bench.follower.on_plan(&plan(&first, true));
+    let Some(Output::Command(command)) = outputs.last() else { panic!() };
+    let stayed = first.pose;
+    bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: stayed });
+    let outputs = bench.scan(2, vec![]);
+    let [Output::Progress(progress), Output::Request(asked)] = &outputs[..] else { panic!("{outputs:?}") };
+    assert_eq!((asked.outcome, asked.pose, progress.path_length_m), (Outcome::Cut, stayed, 0.0));
+}
+
+#[test]
+fn a_lost_update_is_asked_for_and_the_run_goes_on() {
+    let (mut bench, first) = Bench::new();
+    bench.follower.on_plan(&plan(&first, true));
+    bench.map.advance(&[], 1);
+    assert_eq!(bench.scan(2, vec![]), [Output::MapRequest]);
+    let whole = bench.map.whole(2);
+    let outputs = bench.follower.on_map(&whole).unwrap();
+    assert!(matches!(outputs[..], [Output::Progress(_), Output::Command(_)]));
+}
+
+#[test]
+fn when_nothing_is_left_it_reports_and_falls_silent() {
+    let (mut bench, first) = Bench::new();
+    let asked = bench.follow(&plan(&first, true));
+    let done = Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) };
+    assert!(bench.follower.on_plan(&plan(&first, true)).is_empty(), "an answer to an old request");
+    let outputs = bench.follower.on_plan(&done);
+    let [Output::Progress(progress), Output::Finished(report)] = &outputs[..] else { panic!("{outputs:?}") };
+    assert!(progress.finished && bench.follower.finished());
+    assert_eq!((report.scans, report.free), (10, 1000));
+    assert!((report.path_length_m - 3.1).abs() < 1e-9);
+    assert!(bench.scan(11, vec![]).is_empty() && bench.follower.on_plan(&done).is_empty());
+}

@@ -24,10 +24,18 @@ pub struct Memory {
     hidden: BTreeSet<Voxel>,
     /// How often each target was planned for.
     planned: BTreeMap<Voxel, usize>,
-    /// Known voxels and voxels tried at the last progress, and its revision.
-    known: usize,
-    attempts: usize,
+    /// How things stood when they last changed, and the revision then.
+    standing: Standing,
     progress_at: u64,
+}
+
+/// What changes as long as there is progress. A voxel that flickers changes it too, but is given up in time.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Standing {
+    free: usize,
+    occupied: usize,
+    frontier: usize,
+    attempts: usize,
 }
 
 impl Memory {
@@ -35,16 +43,21 @@ impl Memory {
     pub fn learn(&mut self, request: &PlanRequest, grid: &OccupancyGrid, frontier: &FrontierSet) {
         let resolution = grid.resolution();
         let robot = Voxel::containing(request.pose.position(), resolution);
+        self.trail.push(robot);
         if let Some(path) = self.path.take() {
             self.extend_trail(&path, robot, resolution);
             if frontier.contains(path.target) {
                 self.judge(&path, request.outcome, robot, resolution);
             }
         }
-        let known = grid.free() + grid.occupied();
-        let attempts = self.tried.values().map(Vec::len).sum();
-        if known != self.known || attempts != self.attempts {
-            (self.known, self.attempts) = (known, attempts);
+        let now = Standing {
+            free: grid.free(),
+            occupied: grid.occupied(),
+            frontier: frontier.len(),
+            attempts: self.tried.values().map(Vec::len).sum(),
+        };
+        if now != self.standing {
+            self.standing = now;
             self.progress_at = request.revision;
         }
     }

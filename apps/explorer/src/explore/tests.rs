@@ -1,1 +1,183 @@
+use super::*;
+use crate::laplace::Solver;
+use crate::strategy::{Potential, Start};
+use elk_spatial::messages::Outcome;
+use elk_spatial::ray::Traversal;
+use elk_spatial::{Pose, State};
+use nalgebra::Vector3;
+use std::collections::BTreeSet;
 
+const RESOLUTION: f64 = 0.1;
+
+/// Two rooms of 20 × 16 × 8 voxels side by side, with a door, a table in one, and a sealed box in the other.
+fn is_solid(v: Voxel) -> bool {
+    let within = |x: [i32; 2], y: [i32; 2], z: [i32; 2]| {
+        (x[0]..x[1]).contains(&v.x) && (y[0]..y[1]).contains(&v.y) && (z[0]..z[1]).contains(&v.z)
+    };
+    let wall = v.x == 20 && !within([20, 21], [5, 11], [0, 8]);
+    let table = within([5, 9], [4, 10], [3, 4]);
+    let shell = within([30, 35], [2, 7], [0, 5]) && !within([31, 34], [3, 6], [1, 4]);
+    !within([0, 41], [0, 16], [0, 8]) || wall || table || shell
+}
+
+/// A perfect sensor of all directions in a cone: every voxel on a ray up to a solid one becomes known.
+fn scan(grid: &mut OccupancyGrid, pose: &Pose) -> Vec<Voxel> {
+    let mut seen = BTreeSet::new();
+    let from = pose.position();
+    for u in -50..50 {
+        for v in -50..50 {
+            let ray = Vector3::new(f64::from(u) + 0.5, f64::from(v) + 0.5, 65.0).normalize();
+            let way = Traversal::new(from, pose.to_world(Point3::from(ray * 8.0)), RESOLUTION);
+            for voxel in way {
+                seen.insert(voxel);
+                if is_solid(voxel) {
+                    break;
+                }
+            }
+        }
+    }
+    let state = |v: Voxel| if is_solid(v) { State::Occupied } else { State::Free };
+    seen.into_iter().filter(|v| grid.set(*v, state(*v))).collect()
+}
+
+struct Run {
+    report: ExplorationReport,
+    grid: OccupancyGrid,
+    poses: Vec<Pose>,
+    length_m: f64,
+}
+
+fn settings(policy: Policy) -> Settings {
+    Settings {
+        policy,
+        bounds: None,
+        radius_m: 0.1,
+        min_frontier: 1,
+        attempts: 3,
+        max_scans: 500,
+        patience: 50,
+        clock: || 0.0,
+    }
+}
+
+/// Explores with a robot that follows each path to its end and looks from there until the target is resolved.
+fn run(strategy: Box<dyn Strategy>, settings: Settings) -> Run {
+    let mut explorer = Explorer::new(strategy, settings);
+    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let look = |pose: &Pose, frontier: &mut FrontierSet, grid: &mut OccupancyGrid| {
+        let changed = scan(grid, pose);
+        grid.advance(&changed, 0);
+        frontier.update(grid, &changed);
+    };
+    let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    look(&start, &mut frontier, &mut grid);
+    let mut poses = vec![start];
+    let (mut length_m, mut outcome) = (0.0, Outcome::First);
+    for id in 1.. {
+        let pose = poses[poses.len() - 1];
+        let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
+        let Decision::Go(path) = explorer.plan(&grid, &frontier, &request).decision else { break };
+        let clearance = Clearance::new(0.1, RESOLUTION);
+        for pair in path.points.windows(2) {
+            assert_eq!(clearance.refused(&grid, pair[0], pair[1]).next(), None, "{path:?}");
+            length_m += (pair[1] - pair[0]).norm();
+        }
+        assert_eq!(path.points[0], pose.position());
+        assert!(frontier.contains(path.target) && !path.looks.is_empty());
+        for pose in path.looks {
+            if !frontier.contains(path.target) {
+                break;
+            }
+            look(&pose, &mut frontier, &mut grid);
+            poses.push(pose);
+        }
+        outcome = if frontier.contains(path.target) { Outcome::Unresolved } else { Outcome::Resolved };
+    }
+    let report = explorer.report().unwrap().clone();
+    Run { report, grid, poses, length_m }
+}
+
+fn potential(start: Start) -> Box<dyn Strategy> {
+    Box::new(Potential { start, solver: Solver::Multigrid, tolerance: 1e-6 })
+}
+
+fn free_voxels_in_the_rooms() -> usize {
+    let all = (0..41).flat_map(|x| (0..16).flat_map(move |y| (0..8).map(move |z| Voxel::new(x, y, z))));
+    let sealed = |v: &Voxel| (31..34).contains(&v.x) && (3..6).contains(&v.y) && (1..4).contains(&v.z);
+    all.filter(|v| !is_solid(*v) && !sealed(v)).count()
+}
+
+#[test]
+fn every_strategy_and_policy_sees_everything_that_can_be_seen() {
+    let runs = [
+        run(Box::new(ClosestFrontier), settings(Policy::elk(0.4))),
+        run(Box::new(ClosestFrontier), settings(Policy::thesis(0.4))),
+        run(potential(Start::Shortest), settings(Policy::elk(0.4))),
+        run(potential(Start::Flux), settings(Policy::thesis(0.4))),
+    ];
+    for Run { report, grid, .. } in &runs {
+        assert!(report.complete, "{report:?}");
+        assert_eq!((report.left.open, report.left.unresolved), (0, 0), "{report:?}");
+        let missed = free_voxels_in_the_rooms() - grid.free();
+        assert!(missed <= 30, "{missed} free voxels were never seen: {report:?}");
+    }
+    assert!(runs[0].length_m < runs[1].length_m, "line of sight shortens the way");
+}
+
+#[test]
+fn the_same_world_gives_the_same_run() {
+    let once = run(potential(Start::Shortest), settings(Policy::elk(0.4)));
+    let again = run(potential(Start::Shortest), settings(Policy::elk(0.4)));
+    assert_eq!(once.poses, again.poses);
+    assert_eq!(once.report, again.report);
+}
+
+#[test]
+fn a_capped_run_has_failed() {
+    let capped = Settings { max_scans: 3, ..settings(Policy::elk(0.4)) };
+    let report = run(Box::new(ClosestFrontier), capped).report;
+    assert!(!report.complete && report.reason.contains("MaxScans"), "{report:?}");
+    assert!(report.left.open > 0);
+}
+
+#[test]
+fn outside_the_volume_nothing_is_explored() {
+    let one_room = Bounds { min: [0.0; 3].into(), max: [2.0, 1.6, 0.8].into() };
+    let bounded = Settings { bounds: Some(one_room), ..settings(Policy::elk(0.4)) };
+    let bounded = run(Box::new(ClosestFrontier), bounded);
+    let all = run(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    assert!(bounded.report.complete, "{:?}", bounded.report);
+    assert!(bounded.poses.len() < all.poses.len() && bounded.poses.iter().all(|p| p.position().x < 2.0));
+}
+
+#[test]
+fn small_clusters_are_left_alone_and_counted() {
+    let coarse = Settings { min_frontier: 4, ..settings(Policy::elk(0.4)) };
+    let coarse = run(Box::new(ClosestFrontier), coarse).report;
+    assert!(coarse.complete);
+    let all = [[0, 0, 0], [1, 1, 1], [9, 9, 9]].map(Voxel::from).to_vec();
+    assert_eq!(by_cluster_size(all.clone(), 1), (all.clone(), 0));
+    assert_eq!(by_cluster_size(all.clone(), 2), (all[..2].to_vec(), 1));
+    assert_eq!(by_cluster_size(all, 3), (vec![], 3));
+}
+
+/// A robot that goes where it is sent and sees nothing there.
+#[test]
+fn a_blind_robot_gives_up() {
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::x());
+    let changed = scan(&mut grid, &pose);
+    frontier.update(&grid, &changed);
+    for id in 1..1000 {
+        grid.advance(&[], id);
+        let outcome = if id == 1 { Outcome::First } else { Outcome::Unresolved };
+        let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
+        match explorer.plan(&grid, &frontier, &request).decision {
+            Decision::Go(path) => pose = path.looks[0],
+            Decision::Done => break,
+        }
+    }
+    let report = explorer.report().unwrap();
+    assert!(!report.complete && report.left.unresolved + report.left.open > 0, "{report:?}");
+}

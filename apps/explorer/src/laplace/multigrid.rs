@@ -5,6 +5,7 @@
 //! children, residuals are summed, and the smoother is damped Jacobi, the same number of sweeps before and after.
 
 use super::Operator;
+use super::operator::Weights;
 
 /// Damping of the Jacobi sweeps; 6/7 smooths best in three dimensions.
 const OMEGA: f32 = 6.0 / 7.0;
@@ -111,8 +112,8 @@ fn coarsen(fine: &Operator) -> Option<Operator> {
             let c = base + parent(x);
             diagonal[c] += 0.5 * fine.diagonal[i];
             for (axis, at) in [x, y, z].into_iter().enumerate() {
-                let w = 0.5 * fine.weights[axis][i];
-                if at % 2 == 0 {
+                let w = 0.5 * inside_weight(fine, i, axis);
+                if at.is_multiple_of(2) {
                     weights[axis][c] += w;
                 } else {
                     // Both ends have the same parent: the flux between them vanishes.
@@ -121,17 +122,45 @@ fn coarsen(fine: &Operator) -> Option<Operator> {
             }
         }
     }
-    Some(Operator::new(dim, weights, diagonal))
+    Some(Operator::new(dim, Weights::Each(weights), diagonal))
+}
+
+/// The weight from a cell of a row, which may be outside itself, to the next along `axis`.
+fn inside_weight(fine: &Operator, cell: usize, axis: usize) -> f32 {
+    if fine.diagonal[cell] > 0.0 { fine.weight(cell, axis) } else { 0.0 }
+}
+
+/// Where a fine row's pairs of siblings lie: the row's range without a first cell that is the second of its pair, that
+/// pair's first coarse cell, and whether there is such a cell.
+struct Pairs {
+    start: usize,
+    coarse: usize,
+    odd_one_before: bool,
+}
+
+impl Pairs {
+    fn of(fine: &Operator, coarse_dim: [usize; 3], from: usize) -> Self {
+        let x = from % fine.dim[0];
+        let odd_one_before = x.is_multiple_of(2);
+        Self {
+            start: from + usize::from(odd_one_before),
+            coarse: parent_row(fine.dim, coarse_dim, from) + parent(x) + usize::from(odd_one_before),
+            odd_one_before,
+        }
+    }
 }
 
 /// Sums the residuals of each coarse cell's children.
 fn restrict(fine: &Operator, r: &[f32], dim: [usize; 3], b: &mut [f32]) {
     b.fill(0.0);
     for &(from, to) in &fine.rows {
-        let base = parent_row(fine.dim, dim, from);
-        let x = from % fine.dim[0];
-        for (k, r) in r[from..to].iter().enumerate() {
-            b[base + parent(x + k)] += r;
+        let pairs = Pairs::of(fine, dim, from);
+        if pairs.odd_one_before {
+            b[pairs.coarse - 1] += r[from];
+        }
+        let (children, parents) = (&r[pairs.start..to], &mut b[pairs.coarse..]);
+        for (parent, pair) in parents.iter_mut().zip(children.chunks(2)) {
+            *parent += pair.iter().sum::<f32>();
         }
     }
 }
@@ -139,11 +168,14 @@ fn restrict(fine: &Operator, r: &[f32], dim: [usize; 3], b: &mut [f32]) {
 /// Adds to each cell inside the value of its parent.
 fn prolong(fine: &Operator, coarse: &Operator, e: &[f32], x: &mut [f32]) {
     for &(from, to) in &fine.rows {
-        let base = parent_row(fine.dim, coarse.dim, from);
-        let first = from % fine.dim[0];
-        for (k, x) in x[from..to].iter_mut().enumerate() {
-            if fine.diagonal[from + k] > 0.0 {
-                *x += e[base + parent(first + k)];
+        let pairs = Pairs::of(fine, coarse.dim, from);
+        if pairs.odd_one_before && fine.diagonal[from] > 0.0 {
+            x[from] += e[pairs.coarse - 1];
+        }
+        let children = x[pairs.start..to].chunks_mut(2).zip(fine.diagonal[pairs.start..to].chunks(2));
+        for (parent, (pair, inside)) in e[pairs.coarse..].iter().zip(children) {
+            for (x, d) in pair.iter_mut().zip(inside) {
+                *x += if *d > 0.0 { *parent } else { 0.0 };
             }
         }
     }

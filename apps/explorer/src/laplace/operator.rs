@@ -2,6 +2,15 @@
 
 use super::{Cell, Problem};
 
+/// The weights between neighbours inside.
+#[derive(Debug, Clone)]
+pub enum Weights {
+    /// All 1.
+    Unit,
+    /// By axis and cell: to the next cell along x, y and z; 0 where either is outside.
+    Each([Vec<f32>; 3]),
+}
+
 /// `A` with `(Aψ)ᵢ = dᵢψᵢ − Σ wᵢⱼψⱼ` over the six neighbours, for the cells inside; zero for all others.
 ///
 /// Vectors cover the whole box and are zero outside, so a product is the same few instructions for every cell and the
@@ -10,8 +19,8 @@ use super::{Cell, Problem};
 pub struct Operator {
     /// Cells along x, y and z, a halo of one cell outside the domain included.
     pub dim: [usize; 3],
-    /// Weight to the next cell along x, y and z.
-    pub weights: [Vec<f32>; 3],
+    /// What cells are to each other.
+    pub weights: Weights,
     /// Sum of the weights to all neighbours, those with fixed values included; 0 outside.
     pub diagonal: Vec<f32>,
     /// 1 / diagonal; 0 outside.
@@ -23,24 +32,19 @@ pub struct Operator {
 impl Operator {
     /// The operator of a problem: weight 1 between neighbours that are both in the domain.
     pub fn of(problem: &Problem) -> Self {
-        let strides = strides(problem.dim);
         let cells = &problem.cells;
-        let inside = |i: usize| cells[i] == Cell::Inside;
-        let weight = |i: usize, s: usize| f32::from(u8::from(inside(i) && inside(i + s)));
-        let mut weights = strides.map(|_| vec![0.0; cells.len()]);
-        let mut diagonal = vec![0.0; cells.len()];
-        for i in (0..cells.len()).filter(|&i| inside(i)) {
-            for (axis, s) in strides.into_iter().enumerate() {
-                weights[axis][i] = weight(i, s);
-                let exists = |n: &usize| cells[*n] != Cell::Outside;
-                diagonal[i] += [i - s, i + s].iter().filter(|n| exists(n)).count() as f32;
-            }
-        }
-        Self::new(problem.dim, weights, diagonal)
+        let strides = strides(problem.dim);
+        let count = |i: usize| {
+            let exists = |n: &usize| cells[*n] != Cell::Outside;
+            let neighbours = strides.into_iter().flat_map(|s| [i - s, i + s]);
+            neighbours.filter(exists).count() as f32
+        };
+        let diagonal = cells.iter().enumerate().map(|(i, c)| if *c == Cell::Inside { count(i) } else { 0.0 });
+        Self::new(problem.dim, Weights::Unit, diagonal.collect())
     }
 
     /// An operator from its weights and its diagonal.
-    pub fn new(dim: [usize; 3], weights: [Vec<f32>; 3], diagonal: Vec<f32>) -> Self {
+    pub fn new(dim: [usize; 3], weights: Weights, diagonal: Vec<f32>) -> Self {
         let inverse = diagonal.iter().map(|d| if *d > 0.0 { 1.0 / d } else { 0.0 });
         Self { dim, weights, inverse: inverse.collect(), rows: rows(dim, &diagonal), diagonal }
     }
@@ -58,27 +62,55 @@ impl Operator {
     /// Calls `f` with the product `(Ax)ᵢ`, row by row: the row's first cell and the products.
     #[inline]
     pub fn for_rows(&self, x: &[f32], mut f: impl FnMut(usize, &[f32])) {
-        let [_, sy, sz] = strides(self.dim);
-        let [wx, wy, wz] = &self.weights;
         let mut buffer = vec![0.0; self.dim[0]];
         for &(from, to) in &self.rows {
-            let n = to - from;
-            let row = |v, i| slice(v, i, n);
-            let (d, xi) = (row(&self.diagonal, from), row(x, from));
-            let (x0, x1) = (row(x, from - 1), row(x, from + 1));
-            let (y0, y1) = (row(x, from - sy), row(x, from + sy));
-            let (z0, z1) = (row(x, from - sz), row(x, from + sz));
-            let (wx0, wx1) = (row(wx, from - 1), row(wx, from));
-            let (wy0, wy1) = (row(wy, from - sy), row(wy, from));
-            let (wz0, wz1) = (row(wz, from - sz), row(wz, from));
-            let out = &mut buffer[..n];
-            for i in 0..n {
-                out[i] = d[i] * xi[i]
-                    - (wx0[i] * x0[i] + wx1[i] * x1[i])
-                    - (wy0[i] * y0[i] + wy1[i] * y1[i])
-                    - (wz0[i] * z0[i] + wz1[i] * z1[i]);
+            let out = &mut buffer[..to - from];
+            match &self.weights {
+                Weights::Unit => self.unit_row(x, from, out),
+                Weights::Each(weights) => self.weighted_row(weights, x, from, out),
             }
             f(from, out);
+        }
+    }
+
+    /// All weights are 1. Cells outside have ψ = 0, so that only their own rows have to be left out.
+    // A function of its own, so that the compiler knows `out` to overlap with nothing, and makes vector code of it.
+    #[inline(never)]
+    fn unit_row(&self, x: &[f32], from: usize, out: &mut [f32]) {
+        let [_, sy, sz] = strides(self.dim);
+        let n = out.len();
+        let d = slice(&self.diagonal, from, n);
+        let row = |i| slice(x, i, n);
+        let (xi, x0, x1) = (row(from), row(from - 1), row(from + 1));
+        let (y0, y1, z0, z1) = (row(from - sy), row(from + sy), row(from - sz), row(from + sz));
+        for i in 0..n {
+            let ax = d[i] * xi[i] - (x0[i] + x1[i]) - (y0[i] + y1[i]) - (z0[i] + z1[i]);
+            out[i] = if d[i] > 0.0 { ax } else { 0.0 };
+        }
+    }
+
+    #[inline(never)]
+    fn weighted_row(&self, weights: &[Vec<f32>; 3], x: &[f32], from: usize, out: &mut [f32]) {
+        let n = out.len();
+        let d = slice(&self.diagonal, from, n);
+        let xi = slice(x, from, n);
+        for i in 0..n {
+            out[i] = d[i] * xi[i];
+        }
+        for (w, s) in weights.iter().zip(strides(self.dim)) {
+            let (x0, x1) = (slice(x, from - s, n), slice(x, from + s, n));
+            let (w0, w1) = (slice(w, from - s, n), slice(w, from, n));
+            for i in 0..n {
+                out[i] -= w0[i] * x0[i] + w1[i] * x1[i];
+            }
+        }
+    }
+
+    /// Weight between a cell inside and the next one along `axis`.
+    pub fn weight(&self, cell: usize, axis: usize) -> f32 {
+        match &self.weights {
+            Weights::Unit => f32::from(u8::from(self.diagonal[cell + strides(self.dim)[axis]] > 0.0)),
+            Weights::Each(weights) => weights[axis][cell],
         }
     }
 
@@ -95,23 +127,16 @@ impl Operator {
     /// `r = b − Ax`.
     pub fn residual(&self, x: &[f32], b: &[f32], r: &mut [f32]) {
         self.for_rows(x, |from, ax| {
-            let r = &mut r[from..from + ax.len()];
-            for ((r, ax), b) in r.iter_mut().zip(ax).zip(slice(b, from, ax.len())) {
-                *r = b - ax;
-            }
+            let n = ax.len();
+            subtract(slice(b, from, n), ax, &mut r[from..from + n]);
         });
     }
 
     /// `y = x + ω D⁻¹ (b − Ax)`: one damped Jacobi sweep.
     pub fn relax(&self, x: &[f32], b: &[f32], omega: f32, y: &mut [f32]) {
         self.for_rows(x, |from, ax| {
-            let n = ax.len();
-            let (x, b) = (slice(x, from, n), slice(b, from, n));
-            let inverse = slice(&self.inverse, from, n);
-            let y = &mut y[from..from + n];
-            for i in 0..n {
-                y[i] = x[i] + omega * inverse[i] * (b[i] - ax[i]);
-            }
+            let row = |v| slice(v, from, ax.len());
+            relax_row(row(x), row(b), row(&self.inverse), ax, omega, &mut y[from..from + ax.len()]);
         });
     }
 
@@ -159,6 +184,20 @@ pub fn right_hand_side(problem: &Problem) -> Vec<f32> {
 
 fn slice(v: &[f32], from: usize, n: usize) -> &[f32] {
     &v[from..from + n]
+}
+
+#[inline(never)]
+fn subtract(a: &[f32], b: &[f32], out: &mut [f32]) {
+    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+        *out = a - b;
+    }
+}
+
+#[inline(never)]
+fn relax_row(x: &[f32], b: &[f32], inverse: &[f32], ax: &[f32], omega: f32, y: &mut [f32]) {
+    for ((((y, x), b), i), ax) in y.iter_mut().zip(x).zip(b).zip(inverse).zip(ax) {
+        *y = x + omega * i * (b - ax);
+    }
 }
 
 fn dot_row(a: &[f32], b: &[f32]) -> f64 {

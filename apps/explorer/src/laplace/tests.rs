@@ -37,7 +37,7 @@ fn in_a_channel_psi_falls_linearly() {
             let psi = f64::from(s.psi[at(&p, [x, 1, 1])]);
             assert!((psi - expected).abs() < 1e-4, "{solver:?} at {x}: {psi}");
         }
-        assert!(s.residual < 2e-6, "{solver:?}: {}", s.residual);
+        assert!(s.residual < 1e-5, "{solver:?}: {}", s.residual);
     }
 }
 
@@ -155,10 +155,9 @@ fn connected(mut p: Problem) -> Problem {
             *c = Cell::Outside;
         }
     }
-    if !p.cells.contains(&Cell::Sink) {
-        if let Some(c) = p.cells.iter_mut().find(|c| **c == Cell::Inside) {
-            *c = Cell::Sink;
-        }
+    let none = !p.cells.contains(&Cell::Sink);
+    if let Some(c) = p.cells.iter_mut().find(|c| none && **c == Cell::Inside) {
+        *c = Cell::Sink;
     }
     p
 }
