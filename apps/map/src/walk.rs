@@ -1,7 +1,7 @@
 //! A ray's walk over the voxels, in integers (after Amanatides and Woo, *A Fast Voxel Traversal Algorithm for Ray
 //! Tracing*, 1987).
 //!
-//! The place on the ray is a fixed-point number from 0 to [`END`], and the voxel three indices packed into one word: a
+//! The place on the ray is a fixed-point number from 0 to `END`, and the voxel three indices packed into one word: a
 //! step is then a handful of integer selections without a branch that depends on the ray. Rounding cannot lead the walk
 //! astray: each axis' first crossing is moved (by less than 1e-11 of the ray) to where all its crossings fit before the
 //! end and one more would not.

@@ -213,7 +213,7 @@ impl Draft {
             self.runs = self.type_called(&said.text, &place, registry, problems);
             return;
         }
-        self.given.retain(|given| given.name != said.param || is_command_line(&given.place));
+        self.given.retain(|given| !given.name.eq_ignore_ascii_case(&said.param) || is_command_line(&given.place));
         self.given.push(Given::new(&said.param, &said.text, place.clone(), place, "".as_ref()));
     }
 

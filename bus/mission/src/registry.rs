@@ -43,9 +43,9 @@ impl FromIterator<&'static AppType> for Registry {
 }
 
 impl AppType {
-    /// The parameter of this name.
+    /// The parameter of this name. As in MOOS, case does not count.
     pub fn param(&self, name: &str) -> Option<&'static crate::ParamSpec> {
-        self.params.iter().find(|param| param.name == name)
+        self.params.iter().find(|param| param.name.eq_ignore_ascii_case(name))
     }
 
     /// Checks parameters as one app by itself is given them on its command line: `Param=Value`, files relative to `folder`.

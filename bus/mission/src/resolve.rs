@@ -38,10 +38,12 @@ pub(crate) struct Resolved {
 pub(crate) fn resolve(app_type: &AppType, given: Vec<Given>, place: &Place, problems: &mut Problems) -> Resolved {
     let mut said: BTreeMap<&str, &Given> = BTreeMap::new();
     for one in &given {
-        if app_type.param(&one.name).is_none() {
-            problems.add(&one.place, unknown(app_type, &one.name));
-        } else if said.insert(&one.name, one).is_some() {
-            problems.add(&one.place, format!("{} is said twice; once is enough", one.name));
+        match app_type.param(&one.name) {
+            None => problems.add(&one.place, unknown(app_type, &one.name)),
+            Some(param) if said.insert(param.name, one).is_some() => {
+                problems.add(&one.place, format!("{} is said twice; once is enough", one.name));
+            }
+            Some(_) => {}
         }
     }
     let mut resolved = Resolved::default();

@@ -490,11 +490,13 @@ impl Held {
         self.unsettled.back().map_or(0, |(sample, _)| *sample)
     }
 
-    /// Keeps the newest few, which may be in mailboxes still, and those that are a variable's latest value; of these,
-    /// too many to hold in place are copied.
+    /// Keeps the newest, those that a lossless receiver is not done with, and those that are a variable's latest value;
+    /// of these, too many to hold in place are copied. The fewer are held, the sooner the publisher writes again into
+    /// memory that is still in its cache.
     fn let_go_of_unwanted(&mut self, is_latest: impl Fn(u64) -> bool) {
         let newest = self.samples.last_key_value().map_or(0, |(n, _)| *n);
-        self.samples.retain(|sample, _| *sample + bulk::DEPTH > newest || is_latest(*sample));
+        let unsettled = self.unsettled.front().map_or(newest, |(sample, _)| *sample);
+        self.samples.retain(|sample, _| *sample >= unsettled || is_latest(*sample));
         let in_place = self.samples.values().filter(|k| matches!(k, Kept::InPlace(_))).count();
         let old = self.samples.values_mut().filter(|k| matches!(k, Kept::InPlace(_)));
         for kept in old.take(in_place.saturating_sub(bulk::HELD)) {
