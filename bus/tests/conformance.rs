@@ -200,6 +200,33 @@ fn values_of_any_size_arrive_whole_and_in_order<T: Transport>() {
     t.stop();
 }
 
+/// Regression: the broker slept on while a publisher waited for a lossless reader that had long read on, and bulk values
+/// trickled at four a second.
+fn bulk_values_flow_as_fast_as_a_lossless_reader_reads<T: Transport + Sync>() {
+    const COUNT: u64 = 300;
+    let t = T::start("flow");
+    std::thread::scope(|scope| {
+        let mut b = t.connect("b").unwrap();
+        b.comms.register_lossless("BLOB", "*").unwrap();
+        settle(&mut b);
+        scope.spawn(|| {
+            let mut a = t.connect("a").unwrap();
+            (1..=COUNT).for_each(|number| a.comms.publish(&BLOB, &blob(number, 100_000)).unwrap());
+        });
+        let (mut next, waited) = (1, Stopwatch::start());
+        while next <= COUNT {
+            assert!(waited.elapsed() < DEADLINE, "only {next} values came");
+            b.receive(Duration::from_millis(100), |m| {
+                assert_eq!(m.decode(&BLOB).unwrap().number, next);
+                next += 1;
+            })
+            .unwrap();
+        }
+        assert_eq!(b.inbox.dropped(), 0);
+    });
+    t.stop();
+}
+
 fn a_late_registrant_is_given_the_latest_value_however_large<T: Transport>() {
     let t = T::start("late");
     let mut a = t.connect("a").unwrap();
@@ -289,6 +316,7 @@ conformance!(
     order_is_kept_and_nothing_lost_however_fast,
     a_client_that_never_reads_hurts_nobody,
     values_of_any_size_arrive_whole_and_in_order,
+    bulk_values_flow_as_fast_as_a_lossless_reader_reads,
     a_late_registrant_is_given_the_latest_value_however_large,
     a_value_of_another_type_is_refused_to_its_writer_and_never_misread,
     a_name_is_taken_once_and_free_again_at_once,

@@ -2,7 +2,7 @@
 //!
 //! One thread does all of it; a thread a connection only waits for the client's first word and for its end.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::os::fd::AsFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::sync::Arc;
@@ -362,8 +362,7 @@ impl Server {
         for id in ids {
             any |= self.hand_out_to(now, id);
         }
-        self.settle();
-        any
+        self.settle() | any
     }
 
     fn hand_out_to(&mut self, now: f64, id: ClientId) -> bool {
@@ -390,30 +389,31 @@ impl Server {
         }
         if let Some(peer) = self.peers.get_mut(&id) {
             let number = peer.page.down_sent.fetch_add(1, SeqCst) + 1;
+            peer.note_done();
             peer.under_way.push_back((number, position));
             peer.page.bell.ring();
         }
         true
     }
 
-    /// Tells publishers of bulk values how far their lossless receivers are.
-    fn settle(&mut self) {
-        for peer in self.peers.values_mut() {
-            peer.note_done();
-        }
+    /// Tells publishers of bulk values how far their lossless receivers are; answers whether there may be more to tell.
+    fn settle(&mut self) -> bool {
         if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(|held| held.unsettled.is_empty())) {
-            return;
+            return false;
         }
+        self.peers.values_mut().for_each(Peer::note_done);
         let done: BTreeMap<ClientId, u64> = self.peers.iter().map(|(id, p)| (*id, p.done)).collect();
+        let behind = |(id, position): &(ClientId, u64)| done.get(id).is_some_and(|d| d < position);
+        let mut awaited = BTreeSet::new();
         for peer in self.peers.values_mut() {
             let Some(held) = &mut peer.bulk else { continue };
             let mut settled = None;
-            while let Some((sample, waiting)) = held.unsettled.front()
-                && waiting.iter().all(|(id, position)| done.get(id).is_none_or(|d| d >= position))
-            {
-                settled = Some(*sample);
-                held.unsettled.pop_front();
+            while let Some((sample, _)) = held.unsettled.pop_front_if(|(_, waiting)| !waiting.iter().any(behind)) {
+                settled = Some(sample);
             }
+            awaited.extend(
+                held.unsettled.iter().flat_map(|(_, waiting)| waiting).filter(|w| behind(w)).map(|(id, _)| *id),
+            );
             if let Some(sample) = settled {
                 peer.page.bulk_settled.store(sample, SeqCst);
                 if peer.page.client_waits.load(SeqCst) != 0 {
@@ -421,6 +421,10 @@ impl Server {
                 }
             }
         }
+        // Those who are behind ring when they have read on; who did so just before this flag is seen at once.
+        let awaited: Vec<&Peer> = awaited.iter().filter_map(|id| self.peers.get(id)).collect();
+        awaited.iter().for_each(|peer| peer.page.broker_waits.store(1, SeqCst));
+        awaited.iter().any(|peer| peer.has_read_on())
     }
 
     /// Sends everybody away and removes the community's files.
@@ -469,6 +473,10 @@ impl Peer {
 
     fn has_room(&self) -> bool {
         self.page.down_sent.load(Relaxed) - self.page.down_taken.load(SeqCst) < DEPTH
+    }
+
+    fn has_read_on(&self) -> bool {
+        self.under_way.front().is_some_and(|(batch, _)| *batch <= self.page.down_taken.load(SeqCst))
     }
 
     fn note_done(&mut self) {
