@@ -57,7 +57,8 @@ fn cast(origin: Point3<f64>, direction: Vector3<f64>) -> Point3<f64> {
 
 /// A `SCN1` file: per scan the origin and the points, all f32 in the world frame.
 fn recorded(name: &str) -> Option<Vec<RecordedScan>> {
-    let folder = std::env::var_os("ELK_DATA")?;
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
+    let folder = std::env::var_os("ELK_DATA").unwrap_or_else(|| beside.into());
     let bytes = std::fs::read(std::path::Path::new(&folder).join("scans").join(name)).ok()?;
     let mut words = bytes[4..].chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]);
     let scans = u32::from_le_bytes(words.next()?);
@@ -119,7 +120,7 @@ fn main() {
     for (name, resolutions) in [("s100.scn", [0.1, 0.05]), ("real7s.scn", [0.05, 0.02])] {
         match recorded(name) {
             Some(scans) => resolutions.iter().for_each(|r| compare(name, &scans, *r)),
-            None => println!("{name}: skipped, not in $ELK_DATA/scans"),
+            None => println!("{name}: skipped, no such scans (set ELK_DATA)"),
         }
     }
 }
