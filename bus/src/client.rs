@@ -19,7 +19,7 @@ pub struct Client {
 impl Client {
     /// Puts a client on a transport's link.
     pub fn over(link: Link, name: &str, community: &Community) -> Self {
-        let comms = Comms::new(name, community, link.clock, link.up);
+        let comms = Comms::new(name, community, link.clock, link.up, link.epoch);
         Self { comms, inbox: Inbox::new(link.down) }
     }
 

@@ -46,11 +46,12 @@ pub struct Comms {
     types: Numbering,
     sequence: u64,
     stopping: bool,
+    epoch: u64,
 }
 
 impl Comms {
     /// The saying end of a client called `name`, over a transport's way up.
-    pub(crate) fn new(name: &str, community: &Community, clock: Clock, up: Box<dyn Uplink>) -> Self {
+    pub(crate) fn new(name: &str, community: &Community, clock: Clock, up: Box<dyn Uplink>, epoch: u64) -> Self {
         Self {
             name: name.into(),
             community: community.clone(),
@@ -64,6 +65,7 @@ impl Comms {
             types: Numbering::new(Named::Type, 0),
             sequence: 0,
             stopping: false,
+            epoch,
         }
     }
 
@@ -85,6 +87,11 @@ impl Comms {
     /// The community's time (s).
     pub fn time(&self) -> f64 {
         self.clock.now()
+    }
+
+    /// Tells one life of the broker from the next.
+    pub fn epoch(&self) -> u64 {
+        self.epoch
     }
 
     /// Asks the app's run loop to end after this callback.
