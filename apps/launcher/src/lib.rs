@@ -134,6 +134,7 @@ fn prepare(mission: &mut Mission, folder: &Path, manual: bool) -> Result<(), Lau
     let in_folder = |name: &str| folder.join(name).to_string_lossy().into_owned();
     let seed = summary::seed(mission).unwrap_or_default().to_string();
     let mission_copy = copy.to_string_lossy().into_owned();
+    let world = mission.of_element("Sensor").find_map(|sensor| sensor.setting("World")).unwrap_or_default().to_owned();
     for app in &mut mission.apps {
         match app.element.as_str() {
             "Map" => suppose(app, "File", &in_folder("map.bt"))?,
@@ -142,6 +143,7 @@ fn prepare(mission: &mut Mission, folder: &Path, manual: bool) -> Result<(), Lau
                 suppose(app, "File", &in_folder("log.mcap"))?;
                 suppose(app, "MissionFile", &mission_copy)?;
                 suppose(app, "Seed", &seed)?;
+                suppose(app, "World", &world)?;
             }
             _ => {}
         }
