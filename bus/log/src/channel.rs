@@ -52,7 +52,9 @@ impl Channel {
         match &self.kind {
             ChannelKind::Value(Kind::Double) => "double",
             ChannelKind::Value(Kind::Text) => "text",
-            ChannelKind::Value(Kind::Spatial { type_name, .. } | Kind::Binary { type_name, .. }) => type_name,
+            ChannelKind::Value(
+                Kind::Spatial { type_name, .. } | Kind::Known { type_name, .. } | Kind::Binary { type_name, .. },
+            ) => type_name,
             ChannelKind::Dropped | ChannelKind::Foreign => &self.schema,
         }
     }

@@ -5,15 +5,18 @@
 //! | double  | `json`           | `elk.Double`, `jsonschema`          | `{"value":1.5,"time":…,"received":…,"sequence":…,"order":…}`   |
 //! | text    | `json`           | `elk.Text`, `jsonschema`            | `{"value":"…","time":…,"received":…,"sequence":…,"order":…}`   |
 //! | spatial | `protobuf`       | `foxglove.…`, `protobuf`            | what viewers show; envelope and value in an unnamed field       |
+//! | known   | `json`           | the type's name, `jsonschema`       | `{"elk":"2a00…","time":…,…,"value":{"revision":42,…}}`          |
 //! | other   | `elk`            | the type's name, `elk`, layout hash | envelope, then the value in the bus' own encoding               |
 //!
 //! MCAP's own times are whole nanoseconds and its sequence has 32 bits: too coarse to give back what was sent, so each
 //! message carries its time, its time of recording, its publisher's number and its place in the broker's order once
 //! more. The envelope of a binary value, little endian: time (f64), received (f64), sequence (u64), order (u64), length
 //! of the source's auxiliary name (u32), that name (UTF-8). Which values are spatial, and how these are stored, the
-//! module `spatial` says. Epoch, source, community, and a binary value's type and layout stand in the channel's metadata.
+//! module `spatial` says. The other types of the catalogue are known: they are small, so their fields are there to be
+//! plotted, and `elk` holds the value's bytes in hexadecimal digits. Epoch, source, community, and a binary value's type and layout stand in the channel's metadata.
 
 use elk_bus::ValueRef;
+use elk_spatial::catalogue::{self, PayloadType};
 
 use crate::record::RecordRef;
 use crate::spatial::{self, Shape};
@@ -71,6 +74,9 @@ fn json_schema(value: &str, note: &str) -> String {
     )
 }
 
+/// The JSON schema of values that the catalogue knows: their fields are those of their type.
+const KNOWN_SCHEMA: &str = r#"{"type":"object","properties":{"elk":{"type":"string","description":"the value's bytes"},"time":{"type":"number","description":"published, s"},"received":{"type":"number","description":"recorded, s"},"sequence":{"type":"integer"},"order":{"type":"integer"},"aux":{"type":"string"},"value":{"type":"object"}},"required":["elk","time","received","sequence","order","value"]}"#;
+
 /// The JSON schema of [`DROPPED`].
 pub(crate) const DROPPED_SCHEMA: &str = r#"{"type":"object","properties":{"dropped":{"type":"integer","description":"messages that are missing from the log so far"},"received":{"type":"number","description":"noticed, s"}},"required":["dropped","received"]}"#;
 
@@ -107,6 +113,12 @@ impl Announcement {
                     schema: shape.message_type().descriptor_set(),
                     message_encoding: PROTOBUF,
                 },
+                None if known(type_name, layout).is_some() => Self {
+                    schema_name: type_name.into(),
+                    schema_encoding: JSON_SCHEMA,
+                    schema: KNOWN_SCHEMA.into(),
+                    message_encoding: JSON,
+                },
                 None => Self {
                     schema_name: type_name.into(),
                     schema_encoding: ELK,
@@ -129,6 +141,7 @@ pub(crate) enum Kind {
     Double,
     Text,
     Spatial { type_name: String, layout: u64 },
+    Known { type_name: String, layout: u64 },
     Binary { type_name: String, layout: u64 },
 }
 
@@ -138,10 +151,12 @@ impl Kind {
         match (message_encoding, schema) {
             (JSON, DOUBLE) => Some(Kind::Double),
             (JSON, TEXT) => Some(Kind::Text),
-            (PROTOBUF, _) | (ELK, _) if !type_name.is_empty() => {
+            _ if type_name.is_empty() => None,
+            (PROTOBUF | JSON | ELK, _) => {
                 let (type_name, layout) = (type_name.to_owned(), u64::from_str_radix(layout, 16).ok()?);
                 Some(match message_encoding {
                     PROTOBUF => Kind::Spatial { type_name, layout },
+                    JSON => Kind::Known { type_name, layout },
                     _ => Kind::Binary { type_name, layout },
                 })
             }
@@ -155,6 +170,7 @@ impl Kind {
             Kind::Double => decode_double(bytes, scratch),
             Kind::Text => decode_text(bytes, scratch),
             Kind::Spatial { type_name, layout } => decode_spatial(bytes, type_name, *layout, scratch),
+            Kind::Known { type_name, layout } => decode_known(bytes, type_name, *layout, scratch),
             Kind::Binary { type_name, layout } => decode_binary(bytes, type_name, *layout),
         }
     }
@@ -166,6 +182,9 @@ pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(),
         ValueRef::Double(number) => encode_json(buffer, record, |buffer| put_number(buffer, number)),
         ValueRef::Text(text) => encode_json(buffer, record, |buffer| put_text(buffer, text)),
         ValueRef::Binary { type_name, layout, bytes } => {
+            if let (None, Some(known)) = (Shape::of(type_name, layout), known(type_name, layout)) {
+                return encode_known(buffer, record, known, bytes);
+            }
             let mut envelope = [0; ENVELOPE_BYTES + 64];
             let mut long = Vec::new();
             let envelope = put_envelope(record, &mut envelope, &mut long)?;
@@ -181,6 +200,26 @@ pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(),
     }
 }
 
+/// The type of the catalogue that this is, if it is one.
+fn known(type_name: &str, layout: u64) -> Option<&'static PayloadType> {
+    catalogue::named(type_name).filter(|known| known.layout == layout)
+}
+
+fn encode_known(buffer: &mut Vec<u8>, record: &RecordRef<'_>, known: &PayloadType, bytes: &[u8]) -> Result<(), String> {
+    const DIGITS: &[u8; 16] = b"0123456789abcdef";
+    buffer.extend_from_slice(b"{\"elk\":\"");
+    let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 15]).map(|digit| DIGITS[usize::from(digit)]);
+    buffer.extend(digits);
+    buffer.push(b'"');
+    put_envelope_fields(buffer, record)?;
+    buffer.extend_from_slice(b",\"value\":");
+    // What is not what its type says has no fields to show; it is stored all the same.
+    let fields = known.to_json(bytes, usize::MAX).unwrap_or_default();
+    serde_json::to_writer(&mut *buffer, &fields).map_err(|error| error.to_string())?;
+    buffer.push(b'}');
+    Ok(())
+}
+
 fn encode_json(
     buffer: &mut Vec<u8>,
     record: &RecordRef<'_>,
@@ -188,6 +227,12 @@ fn encode_json(
 ) -> Result<(), String> {
     buffer.extend_from_slice(b"{\"value\":");
     put_value(buffer)?;
+    put_envelope_fields(buffer, record)?;
+    buffer.push(b'}');
+    Ok(())
+}
+
+fn put_envelope_fields(buffer: &mut Vec<u8>, record: &RecordRef<'_>) -> Result<(), String> {
     buffer.extend_from_slice(b",\"time\":");
     put_number(buffer, record.time)?;
     buffer.extend_from_slice(b",\"received\":");
@@ -200,7 +245,6 @@ fn encode_json(
         buffer.extend_from_slice(b",\"aux\":");
         put_text(buffer, record.source_aux)?;
     }
-    buffer.push(b'}');
     Ok(())
 }
 
@@ -263,7 +307,9 @@ fn decode_double<'a>(bytes: &'a [u8], scratch: &'a mut Scratch) -> Result<Decode
     let mut json = Json(bytes);
     json.expect(b"{\"value\":")?;
     let value = ValueRef::Double(json.number()?);
-    Ok(Decoded { value, envelope: json.envelope(&mut scratch.source_aux)? })
+    let envelope = json.envelope(&mut scratch.source_aux)?;
+    json.expect(b"}")?;
+    Ok(Decoded { value, envelope })
 }
 
 /// Reads a message of a channel with the schema [`TEXT`].
@@ -271,7 +317,9 @@ fn decode_text<'a>(bytes: &'a [u8], scratch: &'a mut Scratch) -> Result<Decoded<
     let mut json = Json(bytes);
     json.expect(b"{\"value\":")?;
     let value = ValueRef::Text(json.text(&mut scratch.text)?);
-    Ok(Decoded { value, envelope: json.envelope(&mut scratch.source_aux)? })
+    let envelope = json.envelope(&mut scratch.source_aux)?;
+    json.expect(b"}")?;
+    Ok(Decoded { value, envelope })
 }
 
 /// Reads a message of a channel with the encoding [`ELK`].
@@ -299,6 +347,21 @@ fn decode_spatial<'a>(
         }
     };
     Ok(Decoded { value: ValueRef::Binary { type_name, layout, bytes }, envelope })
+}
+
+/// Reads a message of a channel with values that the catalogue knows.
+fn decode_known<'a>(
+    bytes: &'a [u8],
+    type_name: &'a str,
+    layout: u64,
+    scratch: &'a mut Scratch,
+) -> Result<Decoded<'a>, String> {
+    let mut json = Json(bytes);
+    json.expect(b"{\"elk\":")?;
+    json.bytes(&mut scratch.value)?;
+    let envelope = json.envelope(&mut scratch.source_aux)?;
+    json.expect(b",\"value\":")?;
+    Ok(Decoded { value: ValueRef::Binary { type_name, layout, bytes: &scratch.value }, envelope })
 }
 
 fn split_envelope(bytes: &[u8]) -> Result<(Envelope<'_>, &[u8]), String> {
@@ -349,6 +412,19 @@ impl<'a> Json<'a> {
         token.parse().map_err(|_| format!("{token:?} is no whole number"))
     }
 
+    /// Bytes as a text of hexadecimal digits, into `bytes`.
+    fn bytes(&mut self, bytes: &mut Vec<u8>) -> Result<(), String> {
+        let wrong = |_| "a value is not given in hexadecimal digits".to_owned();
+        let token = self.token()?;
+        let digits = token.strip_prefix('"').and_then(|digits| digits.strip_suffix('"')).unwrap_or("?");
+        bytes.clear();
+        for two in digits.as_bytes().chunks(2) {
+            let two = std::str::from_utf8(two).unwrap_or("?");
+            bytes.push(u8::from_str_radix(two, 16).map_err(wrong)?);
+        }
+        Ok(())
+    }
+
     /// A text where it lies, or in `scratch` if anything in it is escaped.
     fn text<'b>(&mut self, scratch: &'b mut String) -> Result<&'b str, String>
     where
@@ -390,7 +466,6 @@ impl<'a> Json<'a> {
             Ok(()) => self.text(scratch)?,
             Err(_) => "",
         };
-        self.expect(b"}")?;
         Ok(Envelope { time, received, sequence, order, source_aux })
     }
 }

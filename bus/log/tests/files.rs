@@ -259,7 +259,7 @@ fn an_independent_reader_decodes_what_viewers_are_to_show() {
         return;
     }
     let script = r#"
-import struct, sys
+import json, struct, sys
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 reader = make_reader(open(sys.argv[1], "rb"), validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -272,6 +272,8 @@ def points(cloud):
 print(m["SIM_SENSOR"][0], xyz(m["SIM_SENSOR"][1].pose.position), m["SIM_SENSOR"][1].frame_id)
 print(m["SCAN"][0], points(m["SCAN"][1]), xyz(m["SCAN"][1].pose.position), m["SCAN"][1].timestamp.nanos)
 print(m["MAP"][0], points(m["MAP"][1]), m["MAP"][1].pose.orientation.w)
+progress = next(reader.iter_messages(topics=["PROGRESS"]))
+print(progress[0].encoding, json.loads(progress[2].data)["value"]["path_length_m"])
 print(m["PLAN"][0], [xyz(p.position) for p in m["PLAN"][1].poses])
 "#;
     let output = Command::new("python3").args(["-c", script]).arg(&path).output().unwrap();
@@ -279,6 +281,7 @@ print(m["PLAN"][0], [xyz(p.position) for p in m["PLAN"][1].poses])
     let expected = "foxglove.PoseInFrame (1.0, 2.0, 0.5) world\n\
                     foxglove.PointCloud [(0.5, -0.25, 3.0), (0.0, 0.0, 1.5)] (1.0, 2.0, 0.5) 100000000\n\
                     foxglove.PointCloud [(0.15, 0.25, 0.35)] 1.0\n\
+                    jsonschema 2.5\n\
                     foxglove.PosesInFrame [(1.0, 2.0, 0.5), (2.0, 2.0, 0.5), (1.0, 2.0, 0.5)]\n";
     assert_eq!(said, expected, "{}", String::from_utf8_lossy(&output.stderr));
 }
