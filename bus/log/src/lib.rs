@@ -14,10 +14,17 @@
 //! | `reader`, `segment`, `container` | a run's records; one file's messages; one file's bytes, whole or not |
 //! | [`segments()`] | which files are one run's log |
 //! | [`index`] | what is in a log, and where, without reading it |
+//! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
+//! | [`alog`], [`csv`] | MOOS' own text logs, out and in; numbers for spreadsheets |
 //! | `encoding`, `channel`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
 
+pub mod alog;
 mod channel;
+pub mod check;
 mod container;
+pub mod copy;
+pub mod csv;
+pub mod diff;
 mod encoding;
 mod error;
 mod foxglove;
@@ -27,6 +34,7 @@ mod reader;
 mod record;
 mod segment;
 mod segments;
+pub mod selection;
 mod spatial;
 mod staging;
 mod writer;
@@ -36,4 +44,5 @@ pub use index::{Index, Topic};
 pub use reader::LogReader;
 pub use record::{Metadata, Record, RecordRef};
 pub use segments::segments;
+pub use selection::Selection;
 pub use writer::{Compression, LogOptions, LogWriter, MAX_STAGED_BYTES};
