@@ -4,6 +4,7 @@
 
 mod cli;
 mod commands;
+mod log;
 mod registry;
 
 use std::process::ExitCode;
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
         Command::Controller(app) => commands::app("Controller", app),
         Command::Logger(app) => commands::app("Logger", app),
         Command::List(arguments) => commands::list(&arguments.community),
+        Command::Log { command } => log::run(command),
         Command::Picture { run } => commands::picture(&run),
         Command::Guard => commands::guard(),
     };

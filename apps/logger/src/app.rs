@@ -85,6 +85,8 @@ const DB_DROPS: &str = "DB_DROPS";
 /// Records all mail. Trouble with the disk is said at once, on the terminal and on the bus, and stops nobody.
 pub struct Logger {
     recorder: Recorder,
+    /// Patterns of the variables to record.
+    keys: Vec<String>,
     flush_secs: f64,
     since_flush: Stopwatch,
     /// Messages so far: the next one's place in the broker's order.
@@ -99,15 +101,27 @@ impl Logger {
     /// The logger that `params` describe; fails if the mission file cannot be read.
     pub fn new(params: &Params) -> Result<Self, AppError> {
         let recorder = Recorder::new(params.text("File").into(), metadata(params)?).with_options(options(params));
-        Ok(Self {
-            recorder: recorder.with_sync(positive(params.number("Sync"))),
+        let recorder = recorder.with_sync(positive(params.number("Sync")));
+        Ok(Self { flush_secs: params.number("Flush"), ..Self::of(recorder, vec!["*".into()]) })
+    }
+
+    /// A logger of the variables that match any of `keys`, into `recorder`.
+    pub fn of(recorder: Recorder, keys: Vec<String>) -> Self {
+        Self {
+            recorder,
+            keys,
             messages: 0,
             dropped: 0,
-            flush_secs: params.number("Flush"),
+            flush_secs: 1.0,
             since_flush: Stopwatch::start(),
             trouble: None,
             refused: false,
-        })
+        }
+    }
+
+    /// Messages that came so far.
+    pub fn messages(&self) -> u64 {
+        self.messages
     }
 
     /// Flushes after half the time allowed: the next chance may come as late as that.
@@ -160,7 +174,7 @@ impl Logger {
 impl App for Logger {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.flush(comms)?;
-        comms.register_lossless("*", "*")?;
+        self.keys.iter().try_for_each(|key| comms.register_lossless(key, "*"))?;
         Ok(())
     }
 
