@@ -51,6 +51,8 @@ pub(super) struct Variable {
     /// The latest frame, in the broker's numbers; empty before the first write.
     pub latest: Vec<u8>,
     pub writes: u64,
+    /// Bytes of all values so far.
+    pub bytes: u64,
     pub last_write: f64,
     pub writers: BTreeSet<u32>,
     /// Writes at the last summary, for the rate.
@@ -66,6 +68,7 @@ impl Variable {
         self.latest.clear();
         message.append_to(&mut self.latest);
         self.writes += 1;
+        self.bytes = self.bytes.saturating_add(wire::value_bytes(&self.latest));
         self.last_write = now;
     }
 
