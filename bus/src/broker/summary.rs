@@ -97,6 +97,7 @@ impl Broker {
         for (key, variable) in (0..).zip(&mut self.variables) {
             let rate = (variable.writes - variable.summarised_writes) as f64 / PERIOD_SECS;
             variable.summarised_writes = variable.writes;
+            variable.rate_hz = rate;
             let Ok(frame) = wire::first_frame(&variable.latest) else {
                 continue;
             };

@@ -97,6 +97,8 @@ pub struct VariableEntry {
     pub messages: u64,
     /// Bytes of their values, those in shared memory included.
     pub bytes: u64,
+    /// Messages per second, over the last two seconds that the broker has summed up.
+    pub rate_hz: f64,
     /// When it was last written (s, the community's clock).
     pub written: f64,
     /// Who wrote last.
@@ -209,6 +211,7 @@ impl Broker {
             kind,
             messages: variable.writes,
             bytes: variable.bytes,
+            rate_hz: variable.rate_hz,
             written: variable.last_write,
             writer: self.sources.name(frame.header.source).to_owned(),
             latest: latest(&frame)?,

@@ -270,6 +270,7 @@ fn the_table_says_who_is_there_and_what_was_said_to_whom() {
     a.say(b, 2.0, "X1", ValueKind::Double, &7.0_f64.to_le_bytes());
     a.text(b, 3.0, "Y", &"y".repeat(3000));
     a.text(b, 3.5, "Y", "last");
+    b.tick(4.0);
     let table = table_for(b, 4.0, &mut c);
     assert_eq!((table.community.as_str(), table.started, table.time), ("test", 1.0, 4.0));
     let names: Vec<&str> = table.clients.iter().map(|client| client.name.as_str()).collect();
@@ -284,7 +285,7 @@ fn the_table_says_who_is_there_and_what_was_said_to_whom() {
     let (x, y) = (find("X1"), find("Y"));
     assert_eq!((&x.kind, &x.latest, x.messages, x.bytes), (&VariableKind::Number, &LatestValue::Number(7.0), 1, 8));
     assert_eq!(x.routes, [RouteEntry { source: "a".into(), readers: vec!["c".into()] }]);
-    assert_eq!((y.messages, y.bytes, y.latest_bytes, y.written), (2, 3004, 4, 3.5));
+    assert_eq!((y.messages, y.bytes, y.latest_bytes, y.written, y.rate_hz), (2, 3004, 4, 3.5, 1.0));
     assert_eq!((y.writer.as_str(), &y.latest), ("a", &LatestValue::Text("last".into())));
     assert!(y.routes[0].readers.is_empty());
     assert!(table.variables.iter().all(|v| !v.name.starts_with("DB_TABLE")), "a question is no variable");

@@ -57,6 +57,8 @@ pub(super) struct Variable {
     pub writers: BTreeSet<u32>,
     /// Writes at the last summary, for the rate.
     pub summarised_writes: u64,
+    /// Writes per second between the last two summaries.
+    pub rate_hz: f64,
     pub routes: Vec<Route>,
     pub throttles: Vec<Throttle>,
 }
