@@ -23,11 +23,12 @@
 mod forms;
 
 use elk_bus::codec::{self, DecodeError};
-use elk_bus::{Payload, ValueRef};
+use elk_bus::{Payload, ValueRef, pattern};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use crate::keys::CAMERA_POSE;
 use crate::map::MapUpdate;
 use crate::messages::{
     AccuracyReport, CameraPose, ExplorationReport, MapStatus, MotionReport, Plan, PlanRequest, PoseCommand, Progress,
@@ -70,6 +71,25 @@ pub const CATALOGUE: &[PayloadType] = &[
     ),
     plain::<SensorReport>(r#"{"scans":9,"contacts":0,"scan":9,"cpu_secs":0.5}"#),
     plain::<AccuracyReport>(r#"{"revision":9,"accuracy":0.99,"voxels":1000}"#),
+];
+
+/// What the variables of an exploration carry (see [`crate::keys`]), by the pattern of their names: who pokes one that
+/// nobody has written yet must not fix it to another type.
+const CARRIED: &[(&str, &str)] = &[
+    ("POSE_COMMAND", PoseCommand::NAME),
+    ("SCAN", Scan::NAME),
+    ("SCAN_*", Scan::NAME),
+    ("MAP_UPDATE", MapUpdate::NAME),
+    ("MAP", MapUpdate::NAME),
+    ("MAP_KNOWN", MapStatus::NAME),
+    ("PLAN_REQUEST", PlanRequest::NAME),
+    ("PLAN", Plan::NAME),
+    ("PROGRESS", Progress::NAME),
+    ("MOTION_REPORT", MotionReport::NAME),
+    (CAMERA_POSE, CameraPose::NAME),
+    ("EXPLORATION_REPORT", ExplorationReport::NAME),
+    ("SENSOR_REPORT", SensorReport::NAME),
+    ("ACCURACY_REPORT", AccuracyReport::NAME),
 ];
 
 /// A payload type, and how its bytes become JSON and JSON its bytes.
@@ -128,6 +148,11 @@ pub struct WriteError {
 /// The type of this name.
 pub fn named(type_name: &str) -> Option<&'static PayloadType> {
     CATALOGUE.iter().find(|one| one.name == type_name)
+}
+
+/// The type that a variable of an exploration carries.
+pub fn carried_by(key: &str) -> Option<&'static PayloadType> {
+    CARRIED.iter().find(|(pattern, _)| pattern::matches(pattern, key)).and_then(|(_, type_name)| named(type_name))
 }
 
 /// A typed value as JSON. A list (of points, of bricks, of anything) with more than `longest` entries becomes a text

@@ -25,6 +25,22 @@ fn every_type_that_a_key_carries_is_in_the_catalogue() {
 }
 
 #[test]
+fn every_key_is_known_with_its_type() {
+    let source = include_str!("../keys.rs");
+    let keys = source.lines().filter_map(|line| line.split_once("Key::new(\""));
+    let mut checked = 0;
+    for (declared, name) in keys {
+        let name = name.trim_end_matches("\");");
+        let carried = carried_by(name).unwrap_or_else(|| panic!("CARRIED does not know {name}"));
+        assert!(types_behind(declared, "Key<").contains(carried.name), "{name} does not carry {}", carried.name);
+        checked += 1;
+    }
+    assert!(checked > 10);
+    assert_eq!(carried_by("SCAN_1").unwrap().name, "Scan");
+    assert!(carried_by("NAV_X").is_none());
+}
+
+#[test]
 fn every_type_has_an_example_that_goes_both_ways() {
     for payload in CATALOGUE {
         let example: Value = serde_json::from_str(payload.example).unwrap();
