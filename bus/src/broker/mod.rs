@@ -11,6 +11,7 @@ mod mailbox;
 mod message;
 mod registration;
 mod summary;
+pub mod table;
 mod variable;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -244,6 +245,10 @@ impl Broker {
             ValueKind::Binary => translate(Named::Type, header.type_)?,
             _ => 0,
         };
+        if self.keys.name(key) == table::REQUEST {
+            self.answer_with_table(now, from);
+            return Ok(());
+        }
         client.latency.note(now - header.time);
         if client.last_published != Some(key) {
             client.last_published = Some(key);

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::Broker;
+use super::table::LatencyEntry;
 use crate::wire::{self, ValueKind};
 
 /// How often they are refreshed (s), as in the MOOSDB.
@@ -26,6 +27,17 @@ impl Latency {
         self.recent = secs;
         self.sum += secs;
         self.count += 1;
+    }
+
+    /// Messages noted.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The latency as the table has it.
+    pub fn entry(&self) -> LatencyEntry {
+        let mean_secs = self.sum / (self.count.max(1) as f64);
+        LatencyEntry { recent_secs: self.recent, min_secs: self.min, max_secs: self.max, mean_secs }
     }
 
     /// `recent:max:min:average` (ms).
@@ -85,6 +97,7 @@ impl Broker {
         for (key, variable) in (0..).zip(&mut self.variables) {
             let rate = (variable.writes - variable.summarised_writes) as f64 / PERIOD_SECS;
             variable.summarised_writes = variable.writes;
+            variable.rate_hz = rate;
             let Ok(frame) = wire::first_frame(&variable.latest) else {
                 continue;
             };

@@ -198,7 +198,7 @@ impl Uplink for ShmUp {
         let generation = self.line.page.attachments.load(Acquire);
         let sample = writer.send(len, fill)?;
         self.bulk = Some(writer);
-        Ok(sample.map(|sample| BulkRef { client: self.line.id, generation, sample }))
+        Ok(sample.map(|sample| BulkRef { client: self.line.id, generation, sample, len: len as u64 }))
     }
 }
 
