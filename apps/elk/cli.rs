@@ -7,6 +7,7 @@ use elk_bus::Community;
 use elk_mission::Override;
 
 use crate::log::LogCommand;
+use crate::replay::ReplayArgs;
 
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
@@ -63,6 +64,9 @@ pub enum Command {
         /// The run's folder
         run: PathBuf,
     },
+    /// Play a log back onto the bus, or into live apps
+    #[command(after_help = crate::replay::HELP)]
+    Replay(Box<ReplayArgs>),
     /// Look into logs: what is in them, are they whole, mend, shorten, compare, hand on
     #[command(after_help = "Example: elk log info logs/apartment-20261123-224512")]
     Log {

@@ -363,7 +363,7 @@ fn for_each_record(
         let start = *start.get_or_insert(record.received);
         match selection.place(record.received - start) {
             Place::After => break,
-            Place::Within if selection.takes(&record) => each(record.time - start, &record)?,
+            Place::Within if selection.takes(record.key, record.source) => each(record.time - start, &record)?,
             Place::Within | Place::Before => {}
         }
     }

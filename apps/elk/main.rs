@@ -6,6 +6,7 @@ mod cli;
 mod commands;
 mod log;
 mod registry;
+mod replay;
 
 use std::process::ExitCode;
 
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         Command::Controller(app) => commands::app("Controller", app),
         Command::Logger(app) => commands::app("Logger", app),
         Command::List(arguments) => commands::list(&arguments.community),
+        Command::Replay(arguments) => replay::run(*arguments),
         Command::Log { command } => log::run(command),
         Command::Picture { run } => commands::picture(&run),
         Command::Guard => commands::guard(),

@@ -53,7 +53,7 @@ pub fn copy(
                     break;
                 }
                 last = record.received;
-                if place == Place::Within && selection.takes(&record) {
+                if place == Place::Within && selection.takes(record.key, record.source) {
                     copy.append(&record)?;
                     copied.records += 1;
                 }

@@ -129,7 +129,10 @@ fn next_of(log: &mut LogReader, start: &mut Option<f64>, options: &DiffOptions) 
         if place == Place::After {
             return Ok(None);
         }
-        if place == Place::Within && options.selection.takes(&record) && (options.exact || !is_volatile(record.key)) {
+        if place == Place::Within
+            && options.selection.takes(record.key, record.source)
+            && (options.exact || !is_volatile(record.key))
+        {
             return Ok(Some(record.to_record()));
         }
     }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-use crate::encoding::{Scratch, nanoseconds};
+use crate::encoding::{Scratch, nanoseconds, seconds};
 use crate::error::LogError;
 use crate::index::Index;
 use crate::record::{Metadata, Record, RecordRef};
@@ -95,18 +95,23 @@ impl LogReader {
     pub fn next_ref(&mut self) -> Option<Result<RecordRef<'_>, LogError>> {
         match self.advance() {
             Ok(false) => None,
-            Ok(true) => self.current.as_ref().map(|segment| segment.record(&mut self.scratch)),
-            Err(error) => {
-                // What cannot be read at all is not tried again; the next segment may be better.
-                self.leave_segment();
-                self.damage.push(error.to_string());
-                Some(Err(error))
-            }
+            Ok(true) => self.record(),
+            Err(error) => Some(Err(error)),
         }
     }
 
-    /// Finds the next message.
-    fn advance(&mut self) -> Result<bool, LogError> {
+    /// Finds the next record; whether there is one. What it says is not decoded before [`LogReader::record`].
+    pub fn advance(&mut self) -> Result<bool, LogError> {
+        let found = self.find();
+        if let Err(error) = &found {
+            // What cannot be read at all is not tried again; the next segment may be better.
+            self.damage.push(error.to_string());
+            self.leave_segment();
+        }
+        found
+    }
+
+    fn find(&mut self) -> Result<bool, LogError> {
         loop {
             let Some(segment) = &mut self.current else {
                 match self.segments.pop_front() {
@@ -122,6 +127,17 @@ impl LogReader {
                 Next::End => self.leave_segment(),
             }
         }
+    }
+
+    /// Variable, source and time of recording (s, to the nanosecond) of the record that was found last.
+    pub fn head(&self) -> Option<(&str, &str, f64)> {
+        let (channel, time) = self.current.as_ref()?.head()?;
+        Some((&channel.key, &channel.source, seconds(time)))
+    }
+
+    /// The record that was found last.
+    pub fn record(&mut self) -> Option<Result<RecordRef<'_>, LogError>> {
+        self.current.as_ref().map(|segment| segment.record(&mut self.scratch))
     }
 
     fn leave_segment(&mut self) {

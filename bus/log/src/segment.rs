@@ -95,6 +95,12 @@ impl Segment {
         head(self.container.body()).unwrap_or_default()
     }
 
+    /// The channel of the message that was found last, and when it was recorded (ns).
+    pub fn head(&self) -> Option<(&Channel, u64)> {
+        let (id, time) = head(self.container.body())?;
+        Some((self.channel(id)?, time))
+    }
+
     /// Finds the next message of the bus.
     pub fn next(&mut self) -> Result<Next, LogError> {
         loop {

@@ -2,8 +2,6 @@
 
 use elk_bus::pattern::matches;
 
-use crate::record::RecordRef;
-
 /// A part of a log: by variable, source, and time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Selection {
@@ -20,12 +18,12 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// Whether the variable and the source of a record are wanted.
-    pub fn takes(&self, record: &RecordRef<'_>) -> bool {
+    /// Whether what `source` says on `key` is wanted.
+    pub fn takes(&self, key: &str, source: &str) -> bool {
         let any = |patterns: &[String], text: &str| patterns.iter().any(|pattern| matches(pattern, text));
-        (self.keys.is_empty() || any(&self.keys, record.key))
-            && (self.sources.is_empty() || any(&self.sources, record.source))
-            && !any(&self.exclude, record.key)
+        (self.keys.is_empty() || any(&self.keys, key))
+            && (self.sources.is_empty() || any(&self.sources, source))
+            && !any(&self.exclude, key)
     }
 
     /// Where a time lies (s after the log's first message).
@@ -54,24 +52,11 @@ pub enum Place {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_bus::ValueRef;
 
     #[test]
     fn patterns_choose_variables_and_sources_and_leave_out_others() {
-        let record = |key, source| RecordRef {
-            key,
-            source,
-            source_aux: "",
-            community: "",
-            time: 0.0,
-            sequence: 0,
-            received: 0.0,
-            order: 0,
-            epoch: 0,
-            value: ValueRef::Double(0.0),
-        };
         let all = Selection::default();
-        assert!(all.takes(&record("SCAN", "Sensor")));
+        assert!(all.takes("SCAN", "Sensor"));
         let some = Selection {
             keys: vec!["SCAN*".into(), "MAP".into()],
             sources: vec!["[Sensor]".into(), "Sen*".into()],
@@ -79,7 +64,7 @@ mod tests {
             from_secs: Some(1.0),
             to_secs: Some(2.0),
         };
-        let taken = |key, source| some.takes(&record(key, source));
+        let taken = |key, source| some.takes(key, source);
         assert_eq!(
             [taken("SCAN_1", "Sensor"), taken("SCAN_2", "Sensor"), taken("MAP", "Map"), taken("MAP_KNOWN", "Sensor")],
             [true, false, false, false]
