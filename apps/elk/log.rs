@@ -104,9 +104,9 @@ pub enum LogCommand {
         /// The file to write; the log's name with another ending if not said
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
-        /// Which part
+        /// Which messages
         #[command(flatten)]
-        selection: SelectionArgs,
+        patterns: PatternArgs,
     },
     /// Record a part of a running community until Ctrl-C
     #[command(after_help = "Example: elk log record 'SCAN*' MAP_UPDATE -o scans.mcap")]
@@ -126,6 +126,20 @@ pub enum LogCommand {
 /// A part of a log.
 #[derive(Debug, Args)]
 pub struct SelectionArgs {
+    /// By variable and source.
+    #[command(flatten)]
+    patterns: PatternArgs,
+    /// Begin so many seconds after the first message
+    #[arg(long, value_name = "S")]
+    from: Option<f64>,
+    /// End so many seconds after the first message
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
+}
+
+/// Some variables, some sources.
+#[derive(Debug, Args)]
+pub struct PatternArgs {
     /// Only variables that match (`*`: any characters, `?`: one); may be repeated
     #[arg(long, value_name = "PATTERN")]
     keys: Vec<String>,
@@ -135,18 +149,18 @@ pub struct SelectionArgs {
     /// No variables that match; may be repeated
     #[arg(long, value_name = "PATTERN")]
     exclude: Vec<String>,
-    /// Begin so many seconds after the first message
-    #[arg(long, value_name = "S")]
-    from: Option<f64>,
-    /// End so many seconds after the first message
-    #[arg(long, value_name = "S")]
-    to: Option<f64>,
 }
 
 impl From<SelectionArgs> for Selection {
     fn from(said: SelectionArgs) -> Self {
-        let SelectionArgs { keys, source, exclude, from, to } = said;
-        Selection { keys, sources: source, exclude, from_secs: from, to_secs: to }
+        Selection { from_secs: said.from, to_secs: said.to, ..said.patterns.into() }
+    }
+}
+
+impl From<PatternArgs> for Selection {
+    fn from(said: PatternArgs) -> Self {
+        let PatternArgs { keys, source, exclude } = said;
+        Selection { keys, sources: source, exclude, ..Selection::default() }
     }
 }
 
@@ -203,7 +217,7 @@ pub fn run(command: LogCommand) -> Result<ExitCode> {
         LogCommand::Diff { first, second, selection, exact } => {
             compare(&first, &second, &DiffOptions { selection: selection.into(), exact })
         }
-        LogCommand::Export { log, to, output, selection } => export(&log, to, output, &selection.into()),
+        LogCommand::Export { log, to, output, patterns } => export(&log, to, output, &patterns.into()),
         LogCommand::Record { patterns, community, output } => record(patterns, &community, &output),
     };
     match done {

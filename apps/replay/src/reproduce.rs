@@ -102,7 +102,7 @@ pub fn reproduce(
     let names: Vec<String> = apps.iter().map(|app| app.name.clone()).collect();
     let wanted = stage.wait_for_registrations(&names)?;
     stage.feed(&mut reader, options, &wanted, &mut live, on_progress, stop)?;
-    stage.settle()?;
+    stage.settle(stop)?;
     // As a launcher does it: who commands ends before who obeys, the logger last.
     names.iter().rev().try_for_each(|name| live.stop(name))?;
     stage.settle_logger(logger.as_ref())?;
@@ -208,7 +208,9 @@ impl Stage {
 
     fn table(&mut self) -> Result<CommunityTable, ReplayError> {
         let heard = &mut self.heard;
-        table_and(&mut self.client, &mut |mail| note(heard, mail))
+        table_and(&mut self.client, &mut |mail| {
+            note(heard, mail);
+        })
     }
 
     /// Waits until all of `names` have registered; answers the patterns for which they have.
@@ -229,10 +231,11 @@ impl Stage {
         }
     }
 
-    /// Hears what the live apps say; whether that was anything.
+    /// Hears what the live apps say; whether there was any output. (That they are alive they say for ever.)
     fn listen(&mut self, timeout: Duration) -> Result<bool, ReplayError> {
-        let heard = &mut self.heard;
-        Ok(self.client.receive(timeout, |mail| note(heard, mail))? > 0)
+        let (heard, mut any) = (&mut self.heard, false);
+        self.client.receive(timeout, |mail| any |= note(heard, mail))?;
+        Ok(any)
     }
 
     /// Plays the recorded inputs, each after the outputs that came before it.
@@ -256,14 +259,16 @@ impl Stage {
             if place == Place::After {
                 break;
             }
-            if place == Place::Before || VOLATILE_KEYS.iter().any(|pattern| matches(pattern, key)) {
+            if place == Place::Before || is_volatile(key) {
                 continue;
             }
             if self.live.iter().any(|name| name == source) {
                 *self.recorded.entry((key.into(), source.into())).or_default() += 1;
             } else if is_input(&options.selection, wanted, key, source) {
-                self.catch_up(live)?;
-                while let Wait::For(left) = schedule.wait(clock.elapsed(), time) {
+                self.catch_up(live, stop)?;
+                while let Wait::For(left) = schedule.wait(clock.elapsed(), time)
+                    && !stop.load(Ordering::Relaxed)
+                {
                     self.listen(left.min(LOOK))?;
                 }
                 self.play(log)?;
@@ -299,10 +304,11 @@ impl Stage {
     }
 
     /// Waits until the live apps have said as much as the recording has by now.
-    fn catch_up(&mut self, live: &mut Live) -> Result<(), ReplayError> {
+    fn catch_up(&mut self, live: &mut Live, stop: &AtomicBool) -> Result<(), ReplayError> {
         let mut silent = Stopwatch::start();
-        while let Some(stream) = self.behind() {
-            let stream = stream.clone();
+        while let Some(stream) = self.behind().cloned()
+            && !stop.load(Ordering::Relaxed)
+        {
             if silent.elapsed() > OUTPUT_PATIENCE {
                 let (key, source) = &stream;
                 let secs = OUTPUT_PATIENCE.as_secs();
@@ -319,10 +325,10 @@ impl Stage {
     }
 
     /// Waits until everything recorded has come, or nothing comes any more.
-    fn settle(&mut self) -> Result<(), ReplayError> {
+    fn settle(&mut self, stop: &AtomicBool) -> Result<(), ReplayError> {
         let quiet = QUIET + 5 * self.longest;
         let mut silent = Stopwatch::start();
-        while self.behind().is_some() && silent.elapsed() < quiet {
+        while self.behind().is_some() && silent.elapsed() < quiet && !stop.load(Ordering::Relaxed) {
             if self.listen(LOOK)? {
                 silent = Stopwatch::start();
             }
@@ -360,10 +366,17 @@ impl Stage {
     }
 }
 
-fn note(heard: &mut BTreeMap<Stream, u64>, mail: &Mail<'_>) {
-    if !VOLATILE_KEYS.iter().any(|pattern| matches(pattern, mail.key())) {
+/// Counts an output; whether it is one.
+fn note(heard: &mut BTreeMap<Stream, u64>, mail: &Mail<'_>) -> bool {
+    let output = !is_volatile(mail.key());
+    if output {
         *heard.entry((mail.key().into(), mail.source().into())).or_default() += 1;
     }
+    output
+}
+
+fn is_volatile(key: &str) -> bool {
+    VOLATILE_KEYS.iter().any(|pattern| matches(pattern, key))
 }
 
 /// Whether what `source` said on `key` is played.

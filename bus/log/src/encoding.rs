@@ -477,5 +477,5 @@ pub(crate) fn nanoseconds(secs: f64) -> u64 {
 
 /// MCAP's nanoseconds in seconds.
 pub(crate) fn seconds(nanoseconds: u64) -> f64 {
-    nanoseconds as f64 * 1e-9
+    nanoseconds as f64 / 1e9
 }

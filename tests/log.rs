@@ -1,0 +1,280 @@
+//! Logs through the real program: what is in them, are they whole, what can be made of them.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::time::Duration;
+
+use common::{Elk, kill, wait_until};
+use elk_bus::{Client, Community, Value};
+use elk_log::{LogReader, LogWriter, Metadata, Record};
+use elk_spatial::messages::Progress;
+use rustix::process::Signal;
+use serde_json::Value as Json;
+
+fn record(number: u64, key: &str, value: Value) -> Record {
+    Record {
+        key: key.into(),
+        source: "pNav".into(),
+        source_aux: String::new(),
+        community: "lab".into(),
+        time: 1_000.0 + number as f64 * 0.5,
+        sequence: number,
+        received: 1_000.0 + number as f64 * 0.5,
+        order: number,
+        epoch: 1,
+        value,
+    }
+}
+
+fn typed(progress: &Progress) -> Value {
+    let mut bytes = Vec::new();
+    elk_bus::codec::encode_onto(progress, &mut bytes).unwrap();
+    let (type_name, layout) = (<Progress as elk_bus::Payload>::NAME, <Progress as elk_bus::Payload>::LAYOUT);
+    Value::Binary { type_name: type_name.into(), layout, bytes }
+}
+
+fn progress(scans: u64) -> Progress {
+    Progress { scan: scans, revision: scans, scans, path_length_m: 2.5, free: 8, finished: false }
+}
+
+/// Three kinds of value, half a second apart, flushed one by one.
+fn write_log(path: &Path, count: u64) {
+    let metadata = Metadata {
+        mission_name: "lab.xml".into(),
+        mission: "<Scenario/>".into(),
+        version: "0.1.0".into(),
+        seed: 7,
+        started: 999.0,
+        ..Metadata::default()
+    };
+    let mut log = LogWriter::create(path, &metadata).unwrap();
+    for number in 0..count {
+        let (key, value) = match number % 3 {
+            0 => ("DEPTH", Value::Double(number as f64)),
+            1 => ("NOTE", Value::Text(format!("line {number}\nand another"))),
+            _ => ("PROGRESS", typed(&progress(number))),
+        };
+        log.append(&record(number, key, value).as_ref()).unwrap();
+        log.flush().unwrap();
+    }
+    log.finish().unwrap();
+}
+
+/// `elk log …`, its exit code and what it said, standard error last.
+fn elk_log(elk: &Elk, arguments: &[&str]) -> (Option<i32>, String) {
+    let output: Output = elk.command(&[&["log"], arguments].concat()).output().unwrap();
+    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    (output.status.code(), said)
+}
+
+fn succeed(elk: &Elk, arguments: &[&str]) -> String {
+    let (code, said) = elk_log(elk, arguments);
+    assert_eq!(code, Some(0), "{arguments:?}: {said}");
+    said
+}
+
+fn records(path: &Path) -> Vec<Record> {
+    LogReader::open(path).unwrap().map(Result::unwrap).collect()
+}
+
+#[test]
+fn info_says_what_is_in_a_log_whole_or_not() {
+    let elk = Elk::new("log-info");
+    let log = elk.folder().join("log.mcap");
+    write_log(&log, 9);
+    let info: Json = serde_json::from_str(&succeed(&elk, &["info", ".", "--json"])).unwrap();
+    assert_eq!((&info["messages"], &info["whole"], &info["seed"]), (&9.into(), &true.into(), &7.into()));
+    assert_eq!((&info["start"], &info["end"]), (&1000.0.into(), &1004.0.into()));
+    assert_eq!(info["mission"], "lab.xml");
+    let topic = &info["topics"][2];
+    assert_eq!((&topic["name"], &topic["type"], &topic["count"]), (&"PROGRESS".into(), &"Progress".into(), &3.into()));
+    assert!(succeed(&elk, &["info", "log.mcap"]).contains("9 messages in 4.000 s"));
+
+    let bytes = std::fs::read(&log).unwrap();
+    std::fs::write(&log, &bytes[..bytes.len() / 2]).unwrap();
+    let info: Json = serde_json::from_str(&succeed(&elk, &["info", ".", "--json"])).unwrap();
+    assert_eq!(info["whole"], false);
+    assert!(info["messages"].as_u64().is_some_and(|count| (1..9).contains(&count)), "{info}");
+}
+
+#[test]
+fn check_finds_every_flipped_byte() {
+    let elk = Elk::new("log-check");
+    let log = elk.folder().join("log.mcap");
+    write_log(&log, 9);
+    assert!(succeed(&elk, &["check", "log.mcap"]).contains("9 messages, whole"));
+    let bytes = std::fs::read(&log).unwrap();
+    // Everywhere, the library says so; here that the program does, and what its exit code is.
+    for at in [40, bytes.len() / 3, bytes.len() / 2, bytes.len() - 60] {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 4;
+        std::fs::write(&log, &damaged).unwrap();
+        let (code, said) = elk_log(&elk, &["check", "log.mcap"]);
+        assert_eq!(code, Some(1), "byte {at}: {said}");
+    }
+}
+
+#[test]
+fn recover_mends_a_log_that_was_cut_and_leaves_the_old_one_alone() {
+    let elk = Elk::new("log-recover");
+    let log = elk.folder().join("log.mcap");
+    write_log(&log, 9);
+    let bytes = std::fs::read(&log).unwrap();
+    let half = &bytes[..bytes.len() * 2 / 3];
+    std::fs::write(&log, half).unwrap();
+    let before = records(&log);
+    let said = succeed(&elk, &["recover", "log.mcap", "-o", "mended.mcap", "--compression", "zstd"]);
+    assert!(said.contains(&format!("{} messages in mended.mcap", before.len())), "{said}");
+    assert_eq!(records(&elk.folder().join("mended.mcap")), before);
+    assert!(succeed(&elk, &["check", "mended.mcap"]).contains("whole"));
+    assert_eq!(std::fs::read(&log).unwrap(), half);
+    let (code, said) = elk_log(&elk, &["recover", "log.mcap", "-o", "mended.mcap"]);
+    assert!(code == Some(1) && said.contains("mended.mcap"), "nothing is overwritten: {said}");
+}
+
+#[test]
+fn cat_shows_values_and_cut_keeps_a_part() {
+    let elk = Elk::new("log-cat");
+    let log = elk.folder().join("log.mcap");
+    write_log(&log, 12);
+    let said = succeed(&elk, &["cat", ".", "--keys", "PRO*", "--keys", "DEPTH", "--from", "1", "--to", "3"]);
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines.len(), 4, "{said}");
+    assert!(lines[0].starts_with("1.000000") && lines[0].contains(r#""path_length_m":2.5"#), "{said}");
+    let said = succeed(&elk, &["cat", ".", "--exclude", "PROGRESS", "--source", "p*", "--json"]);
+    let line: Json = serde_json::from_str(said.lines().nth(1).unwrap()).unwrap();
+    assert_eq!(
+        (&line["key"], &line["value"], &line["order"]),
+        (&"NOTE".into(), &"line 1\nand another".into(), &1.into())
+    );
+    succeed(&elk, &["cut", ".", "--exclude", "NOTE", "--from", "1", "-o", "part.mcap"]);
+    let part = records(&elk.folder().join("part.mcap"));
+    let expected: Vec<Record> = records(&log).into_iter().filter(|r| r.key != "NOTE" && r.received >= 1001.0).collect();
+    assert_eq!(part, expected);
+}
+
+#[test]
+fn diff_names_the_first_difference_and_does_not_compare_what_is_measured_anew() {
+    let elk = Elk::new("log-diff");
+    let (one, other) = (elk.folder().join("one.mcap"), elk.folder().join("other.mcap"));
+    write_log(&one, 9);
+    write_log(&other, 9);
+    assert!(succeed(&elk, &["diff", "one.mcap", "other.mcap"]).contains("the same: 9 messages"));
+    std::fs::remove_file(&other).unwrap();
+    let mut log = LogWriter::create(&other, &Metadata::default()).unwrap();
+    for mut record in records(&one) {
+        record.time += 77.0;
+        if record.sequence == 5 {
+            record.value = typed(&Progress { path_length_m: 2.75, ..progress(5) });
+        }
+        log.append(&record.as_ref()).unwrap();
+    }
+    log.finish().unwrap();
+    let (code, said) = elk_log(&elk, &["diff", "one.mcap", "other.mcap"]);
+    assert_eq!(code, Some(1));
+    assert!(said.contains("PROGRESS by pNav, its message 1, at 1002.5"), "{said}");
+    assert!(said.contains("path_length_m: 2.5 became 2.75"), "{said}");
+    succeed(&elk, &["diff", "one.mcap", "other.mcap", "--exclude", "PROGRESS"]);
+    let (code, said) = elk_log(&elk, &["diff", "one.mcap", "other.mcap", "--keys", "NOTHING"]);
+    assert!(code == Some(1) && said.contains("nothing to compare"), "{said}");
+}
+
+#[test]
+fn an_alog_has_moos_layout_and_comes_back() {
+    let elk = Elk::new("log-export");
+    let log = elk.folder().join("log.mcap");
+    write_log(&log, 3);
+    succeed(&elk, &["export", ".", "--to", "alog", "-o", "run.alog"]);
+    let alog = std::fs::read_to_string(elk.folder().join("run.alog")).unwrap();
+    let lines: Vec<&str> = alog.lines().collect();
+    assert_eq!(lines[3], "%% LOGSTART               999.00");
+    assert_eq!(lines[5], "1.000           DEPTH                pNav            0.00000      ");
+    assert_eq!(lines[6], "1.500           NOTE                 pNav            line 1\\nand another ");
+    assert!(lines[7].contains("<MOOS_BINARY>File=run.blog,Offset=53,Bytes="), "{}", lines[7]);
+    assert_eq!(lines.len(), 8, "a line break in a text breaks no line");
+    let back: Vec<Record> =
+        elk_log::alog::AlogReader::open(&elk.folder().join("run.alog")).unwrap().map(Result::unwrap).collect();
+    assert_eq!(back[2].value, typed(&progress(2)), "a binary value is the same as before");
+    assert_eq!((back[0].value.clone(), back[0].time), (Value::Double(0.0), 1000.0));
+
+    succeed(&elk, &["export", ".", "--to", "csv", "-o", "run.csv"]);
+    let csv = std::fs::read_to_string(elk.folder().join("run.csv")).unwrap();
+    assert_eq!(csv.lines().nth(1), Some("0.000000,DEPTH,pNav,0"));
+    assert!(csv.contains("1.000000,PROGRESS.path_length_m,pNav,2.5\n"), "{csv}");
+}
+
+/// Two of MOOS-IvP's own logs, with the quirks of their time.
+#[test]
+fn logs_that_moos_ivp_wrote_are_read() {
+    let data = std::env::var("ELK_DATA").map_or_else(|_| Path::new("../shared/data").to_owned(), PathBuf::from);
+    for name in ["alogclip_test", "alogscan_test"] {
+        let path = data.join("alog").join(format!("{name}.alog"));
+        if !path.is_file() {
+            println!("skipped: {} is not there", path.display());
+            continue;
+        }
+        let log = elk_log::alog::AlogReader::open(&path).unwrap();
+        assert_eq!(log.start(), 1_212_385_118.5);
+        let all: Vec<Record> = log.map(Result::unwrap).collect();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let lines = text.lines().filter(|line| !line.starts_with('%') && !line.trim().is_empty());
+        assert_eq!(all.len(), lines.count(), "{name}");
+        assert_eq!((all[0].key.as_str(), &all[0].value), ("NAV_Y", &Value::Double(0.0)));
+        assert!(all.iter().any(|r| r.value == Value::Text("YAW_PID_KP             = 0.500".into())), "{name}");
+    }
+}
+
+#[test]
+fn what_is_no_log_is_an_error_of_one_line() {
+    let elk = Elk::new("log-bad");
+    std::fs::write(elk.folder().join("empty.mcap"), "").unwrap();
+    std::fs::write(elk.folder().join("text.mcap"), "not a log at all").unwrap();
+    for (file, words) in [("empty.mcap", "empty"), ("text.mcap", "no log of elk"), ("none.mcap", "cannot read")] {
+        for command in ["info", "check", "cat"] {
+            let (code, said) = elk_log(&elk, &[command, file]);
+            assert!(code == Some(1) && said.contains(words) && said.lines().count() == 1, "{command} {file}: {said}");
+        }
+    }
+}
+
+#[test]
+fn record_takes_a_part_of_a_running_community() {
+    let elk = Elk::new("log-record");
+    let community = elk.community();
+    let mut db = elk.command(&["db", "--community", community]).spawn().unwrap();
+    let name = Community::new(community).unwrap();
+    let mut joined = None;
+    wait_until(Duration::from_secs(30), "a broker", || {
+        joined = Client::connect(&name, "speaker").ok();
+        joined.is_some()
+    });
+    let mut speaker = joined.unwrap();
+    let arguments = ["log", "record", "NAV_*", "SPEED", "--community", community, "-o", "part.mcap"];
+    let mut recorder = elk.command(&arguments).spawn().unwrap();
+    speaker.comms.register_variable("DB_CLIENTS", 0.0).unwrap();
+    let mut there = false;
+    wait_until(Duration::from_secs(30), "the recorder", || {
+        let heard = |mail: &elk_bus::Mail<'_>| there |= mail.as_text().is_some_and(|names| names.contains("record-"));
+        speaker.receive(Duration::from_millis(20), heard).unwrap();
+        there
+    });
+    let part = elk.folder().join("part.mcap");
+    // The recorder may have come without having registered yet: what is said until then is no part of it.
+    wait_until(Duration::from_secs(30), "the first message in the log", || {
+        for (key, value) in [("NAV_X", 1.0), ("OTHER", 2.0), ("SPEED", 3.0)] {
+            speaker.comms.notify(key, value).unwrap();
+        }
+        speaker.comms.flush().unwrap();
+        std::thread::sleep(Duration::from_millis(20));
+        LogReader::open(&part).is_ok_and(|mut log| log.next().is_some())
+    });
+    kill(recorder.id() as i32, Signal::TERM);
+    assert!(recorder.wait().unwrap().success());
+    let all = records(&part);
+    assert!(all.iter().all(|r| r.source == "speaker" && r.key != "OTHER"), "{all:?}");
+    assert!(["NAV_X", "SPEED"].iter().all(|key| all.iter().any(|r| r.key == *key)));
+    kill(db.id() as i32, Signal::TERM);
+    assert!(db.wait().unwrap().success());
+}
