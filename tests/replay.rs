@@ -226,7 +226,7 @@ fn recorded_scans_give_live_apps_the_same_map_and_the_same_paths() {
         elk.command(&[&into[..], &["--set", "Explorer.MaxScans=40", "--log-dir", "new"]].concat()).output().unwrap(),
     );
     let new = only_folder(&elk.folder().join("new")).display().to_string();
-    assert!(told.contains(&format!("elk log diff {old} {new}")), "{told}");
+    assert!(told.contains(&format!("compare: elk log diff {old} new/car-replayed")), "{told}");
     let keys = ["--keys", "MAP_UPDATE", "--keys", "PLAN", "--keys", "MAP_KNOWN", "--keys", "EXPLORATION_REPORT"];
     let diff = |new: &str| elk.command(&[&["log", "diff", &old, new], &keys[..]].concat()).output().unwrap();
     let same = said(diff(&new));

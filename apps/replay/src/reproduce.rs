@@ -33,8 +33,9 @@ const NAME: &str = "replay";
 const OUTPUT_PATIENCE: Duration = Duration::from_secs(30);
 /// How long apps may take to register.
 const REGISTER_PATIENCE: Duration = Duration::from_secs(60);
-/// How long live apps are silent at the end before they are asked to stop: what is missing then comes only with that.
-const QUIET: Duration = Duration::from_secs(2);
+/// How long live apps are silent at the end before they are asked to stop (what is missing then comes only with that),
+/// if they were quick, and if they were slow.
+const QUIET: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(12)];
 /// How often it is seen whether everyone is alive.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -326,7 +327,7 @@ impl Stage {
 
     /// Waits until everything recorded has come, or nothing comes any more.
     fn settle(&mut self, stop: &AtomicBool) -> Result<(), ReplayError> {
-        let quiet = QUIET + 5 * self.longest;
+        let quiet = (QUIET[0] + 5 * self.longest).min(QUIET[1]);
         let mut silent = Stopwatch::start();
         while self.behind().is_some() && silent.elapsed() < quiet && !stop.load(Ordering::Relaxed) {
             if self.listen(LOOK)? {

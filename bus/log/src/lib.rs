@@ -28,6 +28,8 @@ pub mod diff;
 mod encoding;
 mod error;
 mod foxglove;
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod index;
 mod protobuf;
 mod reader;
