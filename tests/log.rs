@@ -278,3 +278,48 @@ fn record_takes_a_part_of_a_running_community() {
     kill(db.id() as i32, Signal::TERM);
     assert!(db.wait().unwrap().success());
 }
+
+/// What was flushed before `kill -9` is there, and a logger that is started again overwrites none of it.
+#[test]
+fn a_logger_that_is_killed_and_started_again_goes_on_in_the_next_file() {
+    let elk = Elk::new("log-killed");
+    let community = elk.community();
+    let mut db = elk.command(&["db", "--community", community]).spawn().unwrap();
+    let name = Community::new(community).unwrap();
+    let mut joined = None;
+    wait_until(Duration::from_secs(30), "a broker", || {
+        joined = Client::connect(&name, "speaker").ok();
+        joined.is_some()
+    });
+    let mut speaker = joined.unwrap();
+    let arguments = ["logger", "--type", "Mcap", "--community", community, "File=log.mcap", "Flush=0"];
+    let said = |log: &Path| {
+        LogReader::open(log).map_or(0, |log| log.filter(|next| next.as_ref().is_ok_and(|r| r.key == "COUNT")).count())
+    };
+    for life in 0..2 {
+        let mut logger = elk.command(&arguments).spawn().unwrap();
+        let file = elk.folder().join(["log.mcap", "log.1.mcap"][life]);
+        let mut count = 0;
+        wait_until(Duration::from_secs(30), "messages in the log", || {
+            count += 1;
+            speaker.comms.notify("COUNT", f64::from(count)).unwrap();
+            speaker.comms.flush().unwrap();
+            std::thread::sleep(Duration::from_millis(10));
+            said(&file) > 5
+        });
+        kill(logger.id() as i32, Signal::KILL);
+        logger.wait().unwrap();
+    }
+    let mut run = LogReader::open(elk.folder()).unwrap();
+    let counts: Vec<f64> = run
+        .by_ref()
+        .map(Result::unwrap)
+        .filter(|record| record.key == "COUNT")
+        .map(|record| if let Value::Double(number) = record.value { number } else { f64::NAN })
+        .collect();
+    assert!(!run.whole() && counts.len() >= 10, "{counts:?}");
+    let again = counts.windows(2).position(|two| two[1] < two[0]).expect("the second life begins anew");
+    assert!(counts[..=again].windows(2).all(|two| two[1] == two[0] + 1.0), "nothing is missing: {counts:?}");
+    kill(db.id() as i32, Signal::TERM);
+    assert!(db.wait().unwrap().success());
+}

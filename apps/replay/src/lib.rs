@@ -6,7 +6,7 @@
 //! | [`tape`] | what is played: elk's logs, and MOOS' |
 //! | [`player`] | a tape onto a community, with pauses and jumps |
 //! | [`keyboard`], [`lateness`] | what a person presses; how late messages were |
-//! | [`reproduce`], `live` | recorded input through live apps; these apps as threads |
+//! | [`mod@reproduce`], `live` | recorded input through live apps; these apps as threads |
 
 pub mod error;
 pub mod keyboard;
