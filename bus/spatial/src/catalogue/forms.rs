@@ -14,6 +14,7 @@ use crate::scan::Scan;
 
 /// A scan with its points written out.
 #[derive(Serialize, Deserialize)]
+#[serde(rename = "Scan")]
 pub(super) struct ScanForm {
     id: u64,
     command: u64,
@@ -48,6 +49,7 @@ fn shortest(single: f32) -> f64 {
 
 /// A map's update with its cells written out.
 #[derive(Serialize, Deserialize)]
+#[serde(rename = "MapUpdate")]
 pub(super) struct MapUpdateForm {
     revision: u64,
     since: u64,
@@ -58,6 +60,7 @@ pub(super) struct MapUpdateForm {
 
 /// A brick's cells, a character each.
 #[derive(Serialize, Deserialize)]
+#[serde(rename = "brick")]
 struct BrickForm {
     brick: [i16; 3],
     cells: String,
