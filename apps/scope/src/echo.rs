@@ -166,7 +166,8 @@ impl Writer<'_, '_> {
     fn say_what_was_missed(&mut self, dropped: u64) -> Result<(), ScopeError> {
         self.since_told = Stopwatch::start();
         let missed = dropped + self.skipped;
-        let since = missed - std::mem::replace(&mut self.told, missed);
+        // A broker that was started anew counts from zero.
+        let since = missed.saturating_sub(std::mem::replace(&mut self.told, missed));
         match self.echo.json {
             _ if since == 0 => Ok(()),
             true => self.output.line(&json!({"missed": since}).to_string()),

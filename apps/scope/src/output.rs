@@ -55,6 +55,12 @@ impl<'a> Output<'a> {
         Ok(self.to.flush()?)
     }
 
+    /// Writes a line, and lets it arrive.
+    pub fn whole_line(&mut self, line: &str) -> Result<(), ScopeError> {
+        self.line(line)?;
+        self.flush()
+    }
+
     /// Writes a page: over the page before on a terminal, cut to its size; below it, behind an empty line, elsewhere.
     pub fn page(&mut self, lines: &[String]) -> Result<(), ScopeError> {
         match self.screen {

@@ -61,7 +61,10 @@ impl Rates {
             })?;
             if clock.elapsed() >= next {
                 meter.tick();
-                output.page(&self.page(&meter, scope.client.comms.time(), scope.missed()))?;
+                match self.json {
+                    true => output.whole_line(&self.as_json(&meter, scope.client.comms.time(), scope.missed()))?,
+                    false => output.page(&self.as_text(&meter, scope.missed()))?,
+                }
                 pages += 1;
                 // A page that comes late is not made up for.
                 next = (next + PERIOD).max(clock.elapsed());
@@ -70,12 +73,14 @@ impl Rates {
         Ok(())
     }
 
-    fn page(&self, meter: &Meter, time: f64, missed: u64) -> Vec<String> {
+    fn as_json(&self, meter: &Meter, time: f64, missed: u64) -> String {
         let secs = meter.ticks() as f64 * PERIOD.as_secs_f64();
-        if self.json {
-            let rates: Vec<Value> = meter.counts().map(|one| self.pair_as_json(secs, one)).collect();
-            return vec![json!({"time": time, "window_secs": secs, "missed": missed, "sources": rates}).to_string()];
-        }
+        let sources: Vec<Value> = meter.counts().map(|one| self.pair_as_json(secs, one)).collect();
+        json!({"time": time, "window_secs": secs, "missed": missed, "sources": sources}).to_string()
+    }
+
+    fn as_text(&self, meter: &Meter, missed: u64) -> Vec<String> {
+        let secs = meter.ticks() as f64 * PERIOD.as_secs_f64();
         let head: &[&str] = match self.quantity {
             Quantity::Rate => &["VARIABLE", "SOURCE", "MESSAGES", "RATE", "MIN", "MEAN", "MAX", "STD"],
             Quantity::Bandwidth => &["VARIABLE", "SOURCE", "MESSAGES", "BANDWIDTH", "MIN", "MEAN", "MAX"],
@@ -148,7 +153,7 @@ fn rate(secs: f64, count: &Count) -> f64 {
 mod tests {
     use super::*;
 
-    fn measured(quantity: Quantity, json: bool) -> Vec<String> {
+    fn measured(quantity: Quantity) -> (Vec<String>, Value) {
         let mut meter = Meter::new(10);
         for i in 0..5 {
             meter.count("SCAN", "Sensor", 0.25 * f64::from(i), 1000);
@@ -156,12 +161,13 @@ mod tests {
         meter.count("ONCE", "Map", 1.0, 8);
         meter.tick();
         let patterns = vec![Pattern::any()];
-        Rates { quantity, patterns, window_secs: 10, count: None, json }.page(&meter, 2.0, 7)
+        let rates = Rates { quantity, patterns, window_secs: 10, count: None, json: false };
+        (rates.as_text(&meter, 7), serde_json::from_str(&rates.as_json(&meter, 2.0, 7)).unwrap())
     }
 
     #[test]
     fn rates_are_shown_by_source_with_the_spread_of_the_times_between() {
-        let page = measured(Quantity::Rate, false);
+        let (page, json) = measured(Quantity::Rate);
         assert_eq!(
             page,
             [
@@ -171,16 +177,14 @@ mod tests {
                 "… 7 messages missed: more is said than this command can read",
             ]
         );
-        let json: Value = serde_json::from_str(&measured(Quantity::Rate, true)[0]).unwrap();
         assert_eq!((&json["sources"][1]["rate_hz"], &json["missed"]), (&json!(4.0), &json!(7)));
         assert_eq!(json["sources"][0]["mean_secs"], Value::Null);
     }
 
     #[test]
     fn bandwidth_is_bytes_of_values_over_the_window() {
-        let page = measured(Quantity::Bandwidth, false);
+        let (page, json) = measured(Quantity::Bandwidth);
         assert_eq!(page[2], "SCAN      Sensor         5  5.00 kB/s  1.00 kB  1.00 kB  1.00 kB");
-        let json: Value = serde_json::from_str(&measured(Quantity::Bandwidth, true)[0]).unwrap();
         assert_eq!(json["sources"][1]["bytes_per_sec"], 5000.0);
     }
 }

@@ -37,7 +37,7 @@ impl Top {
             let now = scope.table()?;
             let change = Change::between(&before, &now);
             match self.json {
-                true => output.page(&[change.as_json().to_string()])?,
+                true => output.whole_line(&change.as_json().to_string())?,
                 false => output.page(&change.as_text())?,
             }
             before = now;
