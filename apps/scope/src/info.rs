@@ -8,7 +8,6 @@ use elk_bus::broker::table::{
     ClientEntry, CommunityTable, LONGEST_VALUE, RegistrationEntry, VariableEntry, VariableKind,
 };
 use elk_bus::clock::Stopwatch;
-use elk_mission::instead;
 use elk_spatial::catalogue;
 use serde_json::{Value, json};
 
@@ -16,7 +15,7 @@ use crate::error::ScopeError;
 use crate::list::variable_as_json;
 use crate::output::Output;
 use crate::pattern::Pattern;
-use crate::session::{LOOK_EVERY, Scope};
+use crate::session::{LOOK_EVERY, Scope, unknown};
 use crate::show;
 
 /// How long the latest value is waited for.
@@ -70,8 +69,7 @@ impl Info {
     fn unknown(&self, table: &CommunityTable) -> ScopeError {
         let clients = table.clients.iter().map(|client| client.name.as_str());
         let names: Vec<&str> = clients.chain(table.variables.iter().map(|variable| variable.name.as_str())).collect();
-        let what = "there is no client and no variable";
-        ScopeError::Unknown { what, name: self.name.clone(), instead: instead(&self.name, &names) }
+        unknown("there is no client and no variable", &self.name, &names)
     }
 }
 

@@ -7,7 +7,7 @@
 //! | module | one idea |
 //! |---|---|
 //! | [`session`] | a client that asks for the table |
-//! | [`list`], [`info`], [`graph`], [`communities`] | what the tables say, once |
+//! | [`list`], [`info`], [`mod@graph`], [`mod@communities`] | what the tables say, once |
 //! | [`top`] | what changes from one table to the next |
 //! | [`echo`] | every message |
 //! | [`rates`], [`meter`], [`spread`] | messages counted, not decoded: how often, how much |

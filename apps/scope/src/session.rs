@@ -5,7 +5,7 @@ use std::time::Duration;
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableEntry};
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, CommsError, Community, ConnectError, Mail, Refused, Running, running};
-use elk_mission::instead;
+use elk_mission::{instead, nearest};
 
 use crate::error::ScopeError;
 use crate::pattern::Pattern;
@@ -122,12 +122,30 @@ pub(crate) fn matching<'a>(table: &'a CommunityTable, pattern: &Pattern) -> Resu
 
 pub(crate) fn unknown_variable(table: &CommunityTable, name: &str) -> ScopeError {
     let names: Vec<&str> = table.variables.iter().map(|variable| variable.name.as_str()).collect();
-    ScopeError::Unknown { what: "nobody has written a variable", name: name.into(), instead: instead(name, &names) }
+    unknown("nobody has written a variable", name, &names)
+}
+
+/// Nobody has the name; those who are there are only named if they are few.
+pub(crate) fn unknown(what: &'static str, name: &str, names: &[&str]) -> ScopeError {
+    const FEW: usize = 10;
+    let instead = match names.len() > FEW && nearest(name, names.iter().copied()).is_none() {
+        true => "`elk list` shows what there is".to_owned(),
+        false => instead(name, names),
+    };
+    ScopeError::Unknown { what, name: name.into(), instead }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_few_names_are_listed_and_many_are_not() {
+        let said = |names: &[&str]| unknown("there is no", "PATH", names).to_string();
+        assert_eq!(said(&["SCAN", "PLAN"]), "there is no PATH; known: SCAN, PLAN");
+        assert_eq!(said(&["PAHT"; 20]), "there is no PATH; did you mean PAHT?");
+        assert_eq!(said(&["SCAN"; 20]), "there is no PATH; `elk list` shows what there is");
+    }
 
     #[test]
     fn the_communities_that_run_are_named_instead() {

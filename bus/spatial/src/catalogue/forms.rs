@@ -71,7 +71,9 @@ impl MapUpdateForm {
         let MapUpdate { revision, since, scan, resolution, bricks } = codec::decode(bytes, MapUpdate::NAME)?;
         let bricks = match bricks.len() {
             many if many > longest => counted(many, "bricks"),
-            _ => as_json(&bricks.iter().map(BrickForm::of).collect::<Vec<_>>(), MapUpdate::NAME)?,
+            _ => {
+                as_json(&bricks.iter().map(|brick| BrickForm::of(brick, longest)).collect::<Vec<_>>(), MapUpdate::NAME)?
+            }
         };
         as_json(&Self { revision, since, scan, resolution, bricks }, MapUpdate::NAME)
     }
@@ -90,7 +92,10 @@ impl MapUpdateForm {
 const CELLS: [(State, char); 3] = [(State::Unknown, '?'), (State::Free, '.'), (State::Occupied, '#')];
 
 impl BrickForm {
-    fn of(brick: &BrickStates) -> Self {
+    fn of(brick: &BrickStates, longest: usize) -> Self {
+        if BRICK_CELLS > longest {
+            return Self { brick: brick.brick, cells: format!("{BRICK_CELLS} cells") };
+        }
         let character = |cell| CELLS.iter().find(|(state, _)| *state == brick.state(cell)).map_or('?', |(_, c)| *c);
         Self { brick: brick.brick, cells: (0..BRICK_CELLS).map(character).collect() }
     }
