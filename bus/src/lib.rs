@@ -43,7 +43,7 @@ pub use community::Community;
 pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};
 pub use mail::Mail;
-pub use shm::{ConnectError, ServeError};
+pub use shm::{ConnectError, Running, ServeError, running};
 pub use value::{Value, ValueRef};
 
 /// How an app is to be run.

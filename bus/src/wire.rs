@@ -105,24 +105,28 @@ pub struct BulkRef {
     pub generation: u32,
     /// The number of the sample in the publisher's bulk service.
     pub sample: u64,
+    /// Its length (bytes): who only counts need not look at it.
+    pub len: u64,
 }
 
 impl BulkRef {
-    /// Its sixteen bytes.
-    pub fn to_bytes(self) -> [u8; 16] {
-        let mut bytes = [0; 16];
+    /// Its 24 bytes.
+    pub fn to_bytes(self) -> [u8; 24] {
+        let mut bytes = [0; 24];
         bytes[..4].copy_from_slice(&self.client.to_le_bytes());
         bytes[4..8].copy_from_slice(&self.generation.to_le_bytes());
-        bytes[8..].copy_from_slice(&self.sample.to_le_bytes());
+        bytes[8..16].copy_from_slice(&self.sample.to_le_bytes());
+        bytes[16..].copy_from_slice(&self.len.to_le_bytes());
         bytes
     }
 
-    /// From its sixteen bytes.
+    /// From its 24 bytes.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        (bytes.len() == 16).then(|| Self {
+        (bytes.len() == 24).then(|| Self {
             client: u32_at(bytes, 0),
             generation: u32_at(bytes, 4),
             sample: u64_at(bytes, 8),
+            len: u64_at(bytes, 16),
         })
     }
 }
@@ -290,6 +294,15 @@ pub fn renumbered(fixed: &[u8], header: &Header) -> [u8; HEADER] {
 /// Whether a well-formed frame's value lies in shared memory.
 pub fn is_bulk(frame: &[u8]) -> bool {
     frame.get(6).is_some_and(|flags| u16::from(*flags) & BULK != 0)
+}
+
+/// Bytes of a well-formed frame's value, wherever it lies.
+pub fn value_bytes(frame: &[u8]) -> u64 {
+    let (start, len) = (HEADER + u32_at(frame, 40) as usize, u32_at(frame, 44) as usize);
+    match is_bulk(frame) {
+        true => frame.get(start..start + len).and_then(BulkRef::from_bytes).map_or(0, |reference| reference.len),
+        false => len as u64,
+    }
 }
 
 /// The client whose bulk service the receiver of `frame` is told to attach to.

@@ -12,6 +12,7 @@ mod membership;
 mod message;
 mod registration;
 mod summary;
+pub mod table;
 mod variable;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -328,6 +329,10 @@ impl Broker {
         };
         if client.is_joining() {
             Self::hold(client, frame);
+            return Ok(());
+        }
+        if self.keys.name(key) == table::REQUEST {
+            self.answer_with_table(now, from);
             return Ok(());
         }
         client.latency.note(now - header.time);

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use super::membership::Standing;
+use super::table::LatencyEntry;
 use super::{Broker, Client, ClientId};
 use crate::wire::{self, ValueKind};
 
@@ -28,6 +29,17 @@ impl Latency {
         self.recent = secs;
         self.sum += secs;
         self.count += 1;
+    }
+
+    /// Messages noted.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The latency as the table has it.
+    pub fn entry(&self) -> LatencyEntry {
+        let mean_secs = self.sum / (self.count.max(1) as f64);
+        LatencyEntry { recent_secs: self.recent, min_secs: self.min, max_secs: self.max, mean_secs }
     }
 
     /// `recent:max:min:average` (ms).
@@ -63,7 +75,8 @@ impl Broker {
         self.present().map(|(_, c)| text(c) + ",").collect()
     }
 
-    fn present(&self) -> impl Iterator<Item = (&ClientId, &Client)> {
+    /// The clients that are there.
+    pub(super) fn present(&self) -> impl Iterator<Item = (&ClientId, &Client)> {
         self.clients.iter().filter(|(_, c)| c.standing == Standing::Present)
     }
 
@@ -90,6 +103,7 @@ impl Broker {
         for (key, variable) in (0..).zip(&mut self.variables) {
             let rate = (variable.writes - variable.summarised_writes) as f64 / PERIOD_SECS;
             variable.summarised_writes = variable.writes;
+            variable.rate_hz = rate;
             let Ok(frame) = wire::first_frame(&variable.latest) else {
                 continue;
             };

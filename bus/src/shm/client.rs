@@ -261,7 +261,7 @@ impl Uplink for ShmUp {
         // Read before sending: whoever attached by now is reached by this very sample.
         let generation = self.line.page.attachments.load(Acquire);
         let sample = writer.send(len, fill)?;
-        Ok(sample.map(|sample| BulkRef { client: self.line.id, generation, sample }))
+        Ok(sample.map(|sample| BulkRef { client: self.line.id, generation, sample, len: len as u64 }))
     }
 
     fn handled(&self) -> u64 {

@@ -16,7 +16,9 @@ mod leftovers;
 mod page;
 mod place;
 mod places;
+mod running;
 mod server;
 
 pub use client::{ConnectError, connect};
+pub use running::{Running, running};
 pub use server::{ServeError, Server};
