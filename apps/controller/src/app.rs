@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 use elk_bus::{App, AppError, Comms, Key, Mail};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{
-    CAMERA_POSE, MAP, MAP_REQUEST, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND, PROGRESS, STEP,
-    camera_pose,
+    CAMERA_POSE, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN, PLAN_REQUEST,
+    POSE_COMMAND, PROGRESS, STEP, camera_pose,
 };
-use elk_spatial::messages::CameraPose;
+use elk_spatial::messages::{Awaited, CameraPose, MotionMemory};
 
 use crate::follower::{Follower, Output};
 
@@ -32,7 +32,7 @@ const PARAMS: &[ParamSpec] = &[
         CAMERA_POSE,
         "Variable under which the sensor publishes the camera's pose.",
     ),
-    param("Manual", Kind::Flag, "false", "Wait for a message on STEP before each pose command."),
+    param("Manual", Kind::Flag, "false", "Pause before the first pose command: as if MOTION had said pause."),
     MOOS_HOST,
     MOOS_PORT,
 ];
@@ -41,11 +41,15 @@ const PARAMS: &[ParamSpec] = &[
 pub struct ControllerApp {
     follower: Follower,
     camera_pose: Key<CameraPose>,
-    manual: bool,
+    paused: bool,
     /// Steps that a person allowed and that were not taken yet.
     steps: u64,
+    /// The last pose command that was not held back.
+    allowed: u64,
     /// What the follower wants said, held back from the first command on that waits for a step.
     held: VecDeque<Output>,
+    /// The memory as it was last published.
+    remembered: Option<MotionMemory>,
 }
 
 impl ControllerApp {
@@ -54,25 +58,64 @@ impl ControllerApp {
         Self {
             follower: Follower::default(),
             camera_pose: camera_pose(params.text("MOOSPoseVarName")),
-            manual: params.flag("Manual"),
+            paused: params.flag("Manual"),
             steps: 0,
+            allowed: 0,
             held: VecDeque::new(),
+            remembered: None,
         }
     }
 
-    fn say(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        while let Some(output) = self.held.pop_front() {
-            if self.manual && matches!(output, Output::Command(_)) {
-                if self.steps == 0 {
-                    self.held.push_front(output);
-                    return Ok(());
-                }
-                self.steps -= 1;
-            }
-            publish(comms, &output)?;
-        }
-        Ok(())
+    fn succeed(&mut self, memory: MotionMemory) {
+        self.follower = Follower::successor(&memory);
+        (self.allowed, self.steps) = (memory.allowed, memory.steps);
+        self.remembered = Some(memory);
     }
+
+    fn on_motion(&mut self, name: &str, mail: &Mail<'_>) {
+        match mail.as_text() {
+            Some("pause") => self.paused = true,
+            Some("run") => (self.paused, self.steps) = (false, 0),
+            _ => eprintln!("{name}: {MOTION} is {:?}; it has to be the text pause or run", mail.value()),
+        }
+    }
+
+    /// A step is for who waits for one now: one that lies there from before was meant for a predecessor, who took it.
+    fn on_step(&mut self, mail: &Mail<'_>) {
+        if self.paused && !mail.is_latest() {
+            self.steps += 1;
+        }
+    }
+
+    /// Says what is not held back; before that it is remembered that it was going to be said.
+    fn say(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let mut outputs = Vec::new();
+        while let Some(output) =
+            self.held.pop_front_if(|output| allows(output, self.paused, &mut self.steps, &mut self.allowed))
+        {
+            outputs.push(output);
+        }
+        let memory = self.follower.memory(self.allowed, self.steps);
+        if memory.awaited != Awaited::Start && self.remembered.as_ref() != Some(&memory) {
+            comms.publish(&MOTION_MEMORY, &memory)?;
+            self.remembered = Some(memory);
+        }
+        outputs.iter().try_for_each(|output| publish(comms, output))
+    }
+}
+
+/// Whether `output` may be said now; a pose command that has to wait for a step takes one.
+fn allows(output: &Output, paused: bool, steps: &mut u64, allowed: &mut u64) -> bool {
+    let Output::Command(command) = output else {
+        return true;
+    };
+    let waits = paused && command.id > *allowed;
+    if waits && *steps == 0 {
+        return false;
+    }
+    *steps -= u64::from(waits);
+    *allowed = command.id;
+    true
 }
 
 fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
@@ -88,18 +131,21 @@ fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
 
 impl App for ControllerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        comms.recall(&MOTION_MEMORY)?;
+        comms.register_variable(MOTION, 0.0)?;
+        comms.register_variable(STEP, 0.0)?;
         comms.register(&self.camera_pose)?;
-        comms.register(&MAP_UPDATE)?;
         comms.register(&MAP)?;
+        comms.register(&MAP_UPDATE)?;
+        comms.register_variable(MAP_RECALL, 0.0)?;
         comms.register(&PLAN)?;
-        if self.manual {
-            comms.register_variable(STEP, 0.0)?;
-        }
-        Ok(())
+        Ok(comms.end_recall()?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-        if mail.is(&self.camera_pose) {
+        if mail.is(&MOTION_MEMORY) {
+            self.succeed(mail.decode(&MOTION_MEMORY)?);
+        } else if mail.is(&self.camera_pose) {
             self.held.extend(self.follower.on_camera_pose(&mail.decode(&self.camera_pose)?));
         } else if mail.is(&MAP_UPDATE) {
             self.held.extend(self.follower.on_map(&mail.decode(&MAP_UPDATE)?)?);
@@ -107,8 +153,15 @@ impl App for ControllerApp {
             self.held.extend(self.follower.on_map(&mail.decode(&MAP)?)?);
         } else if mail.is(&PLAN) {
             self.held.extend(self.follower.on_plan(&mail.decode(&PLAN)?));
+        } else if mail.key() == MAP_RECALL {
+            let copy = mail.as_double().and_then(|revision| self.follower.replica().copy_of(revision));
+            copy.map_or(Ok(()), |copy| comms.publish(&MAP, &copy))?;
+        } else if mail.key() == MOTION {
+            self.on_motion(comms.name(), mail);
         } else if mail.key() == STEP {
-            self.steps += 1;
+            self.on_step(mail);
+        } else if mail.is_end_of_recall() {
+            self.held.extend(self.follower.resume());
         }
         self.say(comms)
     }
