@@ -120,6 +120,8 @@ struct MapApp {
     waiting: Vec<Scan<'static>>,
     /// Whether somebody asked for the whole map before it was there.
     requested: bool,
+    /// Whether readers may have a map that this one does not go on from.
+    next_is_whole: bool,
 }
 
 /// How far a map has come to be there.
@@ -144,6 +146,7 @@ impl MapApp {
             stage: Stage::Recalling { revision: 0 },
             waiting: Vec::new(),
             requested: false,
+            next_is_whole: false,
         })
     }
 
@@ -206,9 +209,8 @@ impl MapApp {
             "{name}: the map was lost: nobody has a copy of its revision {revision}; it goes on from revision {own} (0: from \
              nothing), and what is missing has to be explored again"
         );
-        let whole = self.map.skip_to(revision, self.last_scan)?;
-        comms.publish(&MAP_UPDATE, &whole)?;
-        comms.publish(&MAP_KNOWN, &self.status())?;
+        self.map.skip_to(revision)?;
+        self.next_is_whole = true;
         self.begin(comms)
     }
 
@@ -217,11 +219,10 @@ impl MapApp {
             comms.unregister(MAP.name(), "*")?;
         }
         self.stage = Stage::Here;
-        let waiting = std::mem::take(&mut self.waiting);
+        let mut waiting = std::mem::take(&mut self.waiting);
         // The latest scan comes to every map that starts, whether its predecessor had taken it or not.
-        for scan in waiting.iter().filter(|scan| scan.id > self.last_scan) {
-            self.insert(comms, scan)?;
-        }
+        waiting.retain(|scan| scan.id > self.last_scan);
+        waiting.iter().try_for_each(|scan| self.insert(comms, scan))?;
         if std::mem::take(&mut self.requested) {
             self.publish_whole(comms)?;
         }
@@ -266,7 +267,11 @@ impl MapApp {
                 scan.id
             );
         }
-        comms.publish(&MAP_UPDATE, &self.map.advance(&seen.changed, scan.id))?;
+        let update = self.map.advance(&seen.changed, scan.id);
+        match std::mem::take(&mut self.next_is_whole) {
+            true => comms.publish(&MAP_UPDATE, &self.map.grid().whole(scan.id))?,
+            false => comms.publish(&MAP_UPDATE, &update)?,
+        }
         comms.publish(&MAP_KNOWN, &self.status())?;
         Ok(())
     }

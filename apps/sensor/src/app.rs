@@ -170,7 +170,7 @@ impl App for SimulatorApp {
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         if mail.is(&POSE_COMMAND) {
-            self.on_command(comms, &mail.decode(&POSE_COMMAND)?, mail.is_latest())?;
+            self.on_command(comms, &mail.decode(&POSE_COMMAND)?)?;
         } else if mail.is(&MAP) {
             self.on_map(comms, &mail.decode(&MAP)?)?;
         } else if mail.is(&self.camera_pose) {
@@ -207,14 +207,13 @@ impl SimulatorApp {
         }
     }
 
-    fn on_command(&mut self, comms: &mut Comms, command: &PoseCommand, latest: bool) -> Result<(), AppError> {
+    fn on_command(&mut self, comms: &mut Comms, command: &PoseCommand) -> Result<(), AppError> {
         if command.id <= self.simulator.command() {
             let last = self.simulator.command();
-            // A successor is given the last command in any case.
-            if latest {
-                return Ok(());
+            // The last one comes again when the controller or the sensor was exchanged; an older one is a mistake.
+            if command.id < last {
+                eprintln!("pose command {} ignored: {last} is already carried out", command.id);
             }
-            eprintln!("pose command {} ignored: {last} is already carried out", command.id);
             return Ok(());
         }
         let before = thread_cpu_secs();
