@@ -166,3 +166,134 @@ impl App for ControllerApp {
         self.say(comms)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use elk_bus::memory::MemoryBroker;
+    use elk_bus::{BrokerConfig, Client, Clock, Community};
+    use elk_spatial::{OccupancyGrid, Pose};
+
+    use super::*;
+
+    /// A controller, and a person, a sensor and a map in one who answer each command when they are told to.
+    struct Bench {
+        broker: MemoryBroker,
+        app: ControllerApp,
+        client: Client,
+        others: Client,
+        map: OccupancyGrid,
+        pose: Pose,
+    }
+
+    fn app(paused: bool) -> ControllerApp {
+        ControllerApp {
+            follower: Follower::default(),
+            camera_pose: camera_pose(CAMERA_POSE),
+            paused,
+            steps: 0,
+            allowed: 0,
+            held: VecDeque::new(),
+            remembered: None,
+        }
+    }
+
+    fn join(broker: &MemoryBroker, name: &str) -> Client {
+        Client::over(broker.connect(name).unwrap(), name, &Community::new("controller-test").unwrap())
+    }
+
+    impl Bench {
+        fn new(paused: bool) -> Self {
+            let broker = MemoryBroker::new(BrokerConfig::new("controller-test"), Clock::new(1.0));
+            let (client, mut others) = (join(&broker, "Controller"), join(&broker, "others"));
+            let pose = Pose::from_yaw_pitch(nalgebra::Point3::origin(), 0.0, 0.0);
+            others.comms.register(&POSE_COMMAND).unwrap();
+            others.comms.register(&PLAN_REQUEST).unwrap();
+            others.comms.publish(&camera_pose(CAMERA_POSE), &CameraPose { command: 0, pose }).unwrap();
+            let mut bench = Self { broker, app: app(paused), client, others, map: OccupancyGrid::new(0.1), pose };
+            bench.start();
+            bench
+        }
+
+        fn start(&mut self) {
+            self.others.comms.flush().unwrap();
+            self.app.on_start_up(&mut self.client.comms).unwrap();
+        }
+
+        /// Puts a successor in the controller's place, whose parameters know nothing of a pause.
+        fn exchange(&mut self) {
+            // Its name is free when its client is gone.
+            self.client = join(&self.broker, "nobody");
+            self.app = app(false);
+            self.client = join(&self.broker, "Controller");
+            self.start();
+        }
+
+        fn say(&mut self, key: &str, value: impl Into<elk_bus::Value>) {
+            self.others.comms.notify(key, value).unwrap();
+        }
+
+        /// Lets the controller do what it can; the numbers of its commands and, negative, of its requests.
+        fn heard(&mut self) -> Vec<i64> {
+            self.others.comms.flush().unwrap();
+            let (app, Client { comms, inbox }) = (&mut self.app, &mut self.client);
+            while inbox.receive(comms, Duration::ZERO, |comms, mail| app.on_new_mail(comms, mail)).unwrap() > 0 {}
+            let mut heard = Vec::new();
+            let note = |mail: &Mail<'_>| match mail.is(&POSE_COMMAND) {
+                true => heard.push(mail.decode(&POSE_COMMAND).unwrap().id as i64),
+                false => heard.push(-(mail.decode(&PLAN_REQUEST).unwrap().id as i64)),
+            };
+            self.others.receive(Duration::ZERO, note).unwrap();
+            heard
+        }
+
+        /// The sensor has carried out command `id`, and its scan is in the map.
+        fn scanned(&mut self, id: u64) {
+            let at = CameraPose { command: id, pose: self.pose };
+            self.others.comms.publish(&camera_pose(CAMERA_POSE), &at).unwrap();
+            let update = self.map.advance(&[], id);
+            self.others.comms.publish(&MAP_UPDATE, &update).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_step_is_one_command_and_a_run_all_of_them() {
+        let mut bench = Bench::new(true);
+        assert!(bench.heard().is_empty(), "Manual is a pause from the beginning");
+        bench.say(STEP, 1.0);
+        assert_eq!(bench.heard(), [1]);
+        bench.scanned(1);
+        assert_eq!(bench.heard(), [-1], "a pause is before a command, not before a question");
+        let mut bench = Bench::new(true);
+        bench.say(MOTION, "walk");
+        assert!(bench.heard().is_empty(), "a word that it does not know changes nothing");
+        bench.say(MOTION, "run");
+        assert_eq!(bench.heard(), [1]);
+        bench.say(STEP, 1.0);
+        bench.say(MOTION, "pause");
+        assert!(bench.heard().is_empty());
+        assert_eq!((bench.app.paused, bench.app.steps), (true, 0), "a step without a pause is none");
+    }
+
+    #[test]
+    fn a_successor_pauses_where_the_other_one_paused_and_takes_no_step_twice() {
+        let mut bench = Bench::new(false);
+        bench.say(MOTION, "pause");
+        bench.others.comms.flush().unwrap();
+        bench.exchange();
+        assert!(bench.heard().is_empty(), "the latest MOTION is a pause");
+        bench.exchange();
+        assert!(bench.heard().is_empty());
+        bench.say(STEP, 1.0);
+        bench.say(STEP, 1.0);
+        assert_eq!(bench.heard(), [1]);
+        bench.exchange();
+        assert_eq!(bench.heard(), [1], "the sensor has not carried it out: perhaps it was not said");
+        assert_eq!(bench.app.steps, 1, "the second step is still to be taken, the latest STEP is no third");
+        bench.scanned(1);
+        assert_eq!(bench.heard(), [-1]);
+        bench.exchange();
+        assert_eq!(bench.heard(), [-1], "not answered: perhaps it was not said");
+    }
+}
