@@ -47,6 +47,8 @@ pub struct Comms {
     outbox: Outbox,
     /// By the patterns of key and source: interval (s) and flags.
     registrations: BTreeMap<(String, String), (f64, u16)>,
+    /// What was asked for its latest value only, as long as not all answers are there.
+    recalls: Vec<String>,
     /// Between the start of an app and its first mail.
     starting: bool,
     /// The broker was told that mail may flow.
@@ -72,6 +74,7 @@ impl Comms {
             batch: Vec::new(),
             outbox: Outbox::default(),
             registrations: BTreeMap::new(),
+            recalls: Vec::new(),
             starting: false,
             ready: false,
             scratch: Vec::new(),
@@ -177,6 +180,16 @@ impl Comms {
         }
     }
 
+    /// The latest value of `key` is asked for; should the broker die before it has answered, the next one is asked.
+    pub(crate) fn note_recall(&mut self, key: &str) {
+        self.recalls.push(key.to_owned());
+    }
+
+    /// All answers are there.
+    pub(crate) fn note_end_of_recall(&mut self) {
+        self.recalls.clear();
+    }
+
     /// Says goodbye: whoever leaves without a word is thought to have died, and its place may be kept.
     pub(crate) fn say_goodbye(&mut self) -> Result<(), CommsError> {
         self.flush()?;
@@ -218,6 +231,11 @@ impl Comms {
         let mut batch = Vec::new();
         for names in [&self.keys, &self.sources, &self.types] {
             names.introduce_all(&mut batch);
+        }
+        for key in &self.recalls {
+            let header = Header { flags: RESENT, ..Header::new(FrameKind::Register) };
+            wire::put(&mut batch, &header, key.as_bytes(), b"*");
+            wire::put(&mut batch, &Header::new(FrameKind::Unregister), key.as_bytes(), b"*");
         }
         for ((key_pattern, source_pattern), (interval, flags)) in &self.registrations {
             let header = Header { flags: flags | RESENT, time: *interval, ..Header::new(FrameKind::Register) };
