@@ -319,7 +319,10 @@ impl Processes {
     }
 
     fn note_explorer(&mut self, app: &AppSpec) {
-        let what = app.type_name().to_owned();
+        let what = match &app.program {
+            Program::Builtin(app_type, _) => app_type.name.to_owned(),
+            Program::Foreign { exec, .. } => exec.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        };
         if app.element == "Explorer" && !self.explorers.contains(&what) {
             self.explorers.push(what);
         }

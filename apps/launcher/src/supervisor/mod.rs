@@ -167,7 +167,10 @@ impl Supervisor {
                 let exit = Exit { how: error.to_string(), ..Exit::default() };
                 self.holder_ended(place, exit, now);
             }
-            Role::Holder => self.actions.push(Action::Fail(error)),
+            Role::Holder => {
+                self.enter(place, State::Over, now);
+                self.actions.push(Action::Fail(error));
+            }
         }
     }
 
