@@ -54,17 +54,17 @@ impl Conduct<'_> {
     /// Starts broker and apps.
     pub fn begin(&mut self) -> Result<(), LaunchError> {
         self.crew.start_broker()?;
-        self.join()?;
+        self.join("at once")?;
         // The logger is there before anybody has anything to say.
         self.start(&|element| element == "Logger")?;
         self.start(&|element| element != "Logger")
     }
 
     /// Waits until the launcher itself is on the bus.
-    pub fn join(&mut self) -> Result<(), LaunchError> {
+    pub fn join(&mut self, when: &'static str) -> Result<(), LaunchError> {
         let clock = Stopwatch::start();
         while self.listener.observer().clients.is_empty() {
-            self.look("at once")?;
+            self.look(when)?;
             if let Some(error) = self.listener.take_failure() {
                 return Err(error.into());
             }
@@ -93,8 +93,10 @@ impl Conduct<'_> {
 
     /// Waits until exploration is over, and has the final map judged.
     pub fn run(&mut self) -> Result<(), LaunchError> {
+        if self.state.paused {
+            self.listener.say(MOTION, motion(true));
+        }
         if self.state.manual {
-            self.listener.say(MOTION, motion(self.state.paused));
             put("Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.\n");
         }
         while !self.listener.observer().finished() {

@@ -161,7 +161,7 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     observer.first_command = state.first_command;
     let community = &options.community;
     let stage = Stage { mission: &mission, program, community, folder: &folder, headless: *headless, stop };
-    stage.perform(crew, Some(server), state, observer, |conduct| conduct.join())
+    stage.perform(crew, Some(server), state, observer, |conduct| conduct.join("before the mission was over"))
 }
 
 /// Takes the launcher's place for orders. A mission inside one process has a community of its own, whatever its name: it

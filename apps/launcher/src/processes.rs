@@ -255,7 +255,7 @@ impl Processes {
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)
         {
             // A log without the line is no reason not to start.
-            let _ = writeln!(file, "--- {name} is started again, {} UTC ---", stamp(Clock::new(1.0).now()));
+            let _ = writeln!(file, "--- a new process of {name}, {} UTC ---", stamp(Clock::new(1.0).now()));
         }
         let bond = if self.yard.detached { Bond::None } else { Bond::Launcher };
         let process = Process::spawn(name, command, &log, bond)?;

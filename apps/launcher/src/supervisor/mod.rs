@@ -29,6 +29,9 @@ const GAP_PATIENCE: Duration = Duration::from_secs(1);
 /// How long nobody at all may be heard before silence says nothing about anybody: the broker itself speaks every 2 s.
 const DEAF_AFTER: Duration = Duration::from_secs(5);
 
+/// How long an app that found no broker waits before it tries again.
+const OUTAGE_PAUSE: Duration = Duration::from_millis(100);
+
 /// Whom to tell how an order went.
 pub(crate) type Ticket = u64;
 
@@ -48,7 +51,7 @@ pub(crate) struct Exit {
     pub how: String,
     /// With exit code 0.
     pub fine: bool,
-    /// By the signal that asks to end.
+    /// By the signal that asks to end, as far as anybody could see.
     pub asked: bool,
     /// Its text log.
     pub log: PathBuf,
@@ -253,6 +256,9 @@ impl Supervisor {
 
     /// Starts a unit again, later, or ends the mission.
     fn again_or_fail(&mut self, place: usize, exit: Exit, now: Duration) {
+        if self.found_no_broker(place, &exit, now) {
+            return;
+        }
         let unit = &mut self.units[place];
         let name = unit.spec.name.clone();
         let Some(delay) = unit.next_restart(&exit, now) else {
@@ -277,6 +283,19 @@ impl Supervisor {
             self.forgive(now);
         }
         self.tick(now);
+    }
+
+    /// An app that was to join while there was no broker is not to blame: whatever its policy, it tries again.
+    fn found_no_broker(&mut self, place: usize, exit: &Exit, now: Duration) -> bool {
+        let outage = self.units[BROKER].registered && self.units[BROKER].state != State::Running;
+        let innocent = place != BROKER && outage && self.units[place].state == State::Starting;
+        if innocent {
+            let name = &self.units[place].spec.name;
+            let said = format!("{name} came while there was no broker ({}); it is started again", exit.how);
+            self.say(said);
+            self.enter(place, State::Waiting { until: now + OUTAGE_PAUSE }, now);
+        }
+        innocent
     }
 
     /// A broker's outage is nobody's fault but the broker's.

@@ -128,6 +128,25 @@ fn a_broker_is_started_again_at_once_unless_it_was_ended_on_purpose() {
 }
 
 #[test]
+fn whoever_comes_while_there_is_no_broker_is_not_to_blame() {
+    let mut all = running(Never);
+    all.order_stop(7, MAP, at(1.0));
+    all.ended(MAP, Role::Holder, well(), at(1.1));
+    all.start(MAP, at(2.0));
+    all.ended(BROKER, Role::Holder, crash(), at(2.1));
+    all.take_actions();
+    all.ended(MAP, Role::Holder, crash(), at(2.2));
+    assert_eq!(todo(&mut all), ["say Map came while there was no broker (exit code 1); it is started again"]);
+    all.tick(at(2.3));
+    assert_eq!(todo(&mut all), ["Start(1, Holder)"]);
+    // With a broker, it is.
+    all.broker_answers(at(2.4));
+    all.take_actions();
+    all.ended(MAP, Role::Holder, crash(), at(2.5));
+    assert!(todo(&mut all)[0].starts_with("fail Map ended"));
+}
+
+#[test]
 fn a_broker_that_never_answered_is_not_started_again() {
     let broker = UnitSpec { urgent: true, ..spec("db", OnFailure) };
     let mut all = Supervisor::new(broker, []);
