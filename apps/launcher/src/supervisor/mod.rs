@@ -218,14 +218,15 @@ impl Supervisor {
     fn succeed(&mut self, place: usize, exit: &Exit, now: Duration) {
         let unit = &self.units[place];
         let ready = unit.swap.as_ref().is_some_and(|swap| swap.phase != Phase::Coming);
-        if !ready || !exit.fine {
+        // One that left in good order may have been asked to by the broker: that word can be slower than its end.
+        if !exit.fine {
             let said = format!("{} ended before it was relieved: {}", unit.spec.name, exit.in_short());
             self.say(said);
         }
         match ready {
             true => self.take_over(place, now),
             false => {
-                // Nobody has the name now: the new one simply joins.
+                // Nobody has the name now: the new one simply joins, if it has not taken over already.
                 self.actions.push(Action::TakeOver(place));
                 self.enter(place, State::Starting, now);
             }
@@ -335,8 +336,8 @@ impl Supervisor {
         let again = std::mem::replace(&mut unit.registered, true);
         let name = unit.spec.name.clone();
         let ticket = unit.order.take().map(|(ticket, _)| ticket);
-        if unit.swap.is_some() {
-            self.finish_swap(place, None, now);
+        if let Some(swap) = &mut unit.swap {
+            swap.phase = Phase::Taken { until: now + GAP_PATIENCE };
         } else if ticket.is_some() {
             self.tell(ticket, Word::Done(format!("{name} runs")));
         } else if again {
@@ -363,14 +364,14 @@ impl Supervisor {
     /// A successor has handled its first message, so many milliseconds after its predecessor's last one.
     pub fn handed_over(&mut self, name: &str, gap_ms: f64, now: Duration) {
         let Some(place) = self.place(name) else { return };
-        match self.units[place].swap.as_ref().map(|swap| swap.phase) {
-            Some(Phase::Taken { .. }) => self.finish_swap(place, Some(gap_ms), now),
-            Some(Phase::Coming | Phase::Ready { .. }) if self.units[place].state != State::Starting => {
-                self.take_over(place, now);
-                self.finish_swap(place, Some(gap_ms), now);
-            }
-            _ => {}
+        match (self.units[place].swap.as_ref().map(|swap| swap.phase), self.units[place].state) {
+            (None, _) => return,
+            (Some(Phase::Taken { .. }), _) => {}
+            // The holder's end was seen, and what came before it on the bus was not.
+            (Some(_), State::Starting) => self.registered(place, now),
+            (Some(_), _) => self.take_over(place, now),
         }
+        self.finish_swap(place, Some(gap_ms), now);
     }
 
     fn take_over(&mut self, place: usize, now: Duration) {

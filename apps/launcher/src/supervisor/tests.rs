@@ -223,6 +223,19 @@ fn a_swap_without_mail_succeeds_once_the_old_one_has_left() {
 }
 
 #[test]
+fn an_end_that_is_seen_before_the_word_of_it_is_heard_is_no_surprise() {
+    let mut all = running(Never);
+    all.order_swap(7, EXPLORER, at(20.0), at(1.0));
+    all.take_actions();
+    all.ended(EXPLORER, Role::Holder, well(), at(1.1));
+    assert_eq!(todo(&mut all), ["TakeOver(2)"]);
+    all.ready("Explorer", at(1.2));
+    assert_eq!(todo(&mut all), ["7… the new Explorer is ready"]);
+    all.handed_over("Explorer", 2.0, at(1.3));
+    assert_eq!(todo(&mut all)[1], "7: Explorer is swapped, in 300 ms: gap 2.0 ms");
+}
+
+#[test]
 fn a_successor_that_dies_or_dawdles_changes_nothing() {
     let mut all = running(Never);
     all.order_swap(7, EXPLORER, at(20.0), at(1.0));
@@ -271,7 +284,8 @@ fn a_holder_that_dies_before_its_successor_is_ready_is_followed_all_the_same() {
         ["say Explorer ended before it was relieved: exit code 1; last line: alas", "TakeOver(2)"]
     );
     all.arrived("Explorer", at(1.5));
-    assert!(todo(&mut all)[1].starts_with("7: Explorer is swapped, in 500 ms"));
+    all.handed_over("Explorer", 400.0, at(1.5));
+    assert_eq!(todo(&mut all)[1], "7: Explorer is swapped, in 500 ms: gap 400.0 ms");
     // If that one dies as well, the policy says what happens.
     all.order_swap(8, EXPLORER, at(20.0), at(2.0));
     all.ended(EXPLORER, Role::Holder, crash(), at(2.1));
