@@ -167,9 +167,6 @@ impl Inbox {
         match mail(&mut *self.down, &self.names, frame) {
             Some(mail) => {
                 self.seen.note(&frame.header);
-                if mail.is_end_of_recall() {
-                    comms.note_end_of_recall();
-                }
                 on_mail(comms, &mail)
             }
             None => {
