@@ -262,8 +262,8 @@ impl Table {
             change.seat == at && matches!(change.fate, Fate::Stopped { after } if after <= seat.handled)
         };
         if to_come.iter().any(is_stopped) {
-            app.on_stop(&mut client.comms).unwrap();
-            client.comms.flush().unwrap();
+            let end = app.on_stop(&mut client.comms).and_then(|()| Ok(client.comms.flush()?));
+            end.unwrap_or_else(|error| assert!(life.is_over(), "{error}"));
             seat.sent += life.sent.get();
             seat.sitter = None;
         }

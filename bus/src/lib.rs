@@ -45,6 +45,7 @@ pub use community::Community;
 pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};
 pub use mail::Mail;
+pub use recall::Recall;
 pub use shm::{ConnectError, Running, ServeError, running};
 pub use value::{Value, ValueRef};
 

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use elk_bus::{App, AppError, Comms, Key, Mail};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{
     CAMERA_POSE, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN, PLAN_REQUEST,
@@ -48,6 +48,7 @@ pub struct ControllerApp {
     allowed: u64,
     /// What the follower wants said, held back from the first command on that waits for a step.
     held: VecDeque<Output>,
+    recall: Recall,
     /// The memory as it was last published.
     remembered: Option<MotionMemory>,
 }
@@ -62,6 +63,7 @@ impl ControllerApp {
             steps: 0,
             allowed: 0,
             held: VecDeque::new(),
+            recall: Recall::default(),
             remembered: None,
         }
     }
@@ -131,7 +133,7 @@ fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
 
 impl App for ControllerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.recall(&MOTION_MEMORY)?;
+        self.recall.ask(comms, &MOTION_MEMORY)?;
         comms.register_variable(MOTION, 0.0)?;
         comms.register_variable(STEP, 0.0)?;
         comms.register(&self.camera_pose)?;
@@ -139,10 +141,12 @@ impl App for ControllerApp {
         comms.register(&MAP_UPDATE)?;
         comms.register_variable(MAP_RECALL, 0.0)?;
         comms.register(&PLAN)?;
-        Ok(comms.end_recall()?)
+        // Behind all that there is to tell.
+        Ok(Recall::ask_for_mark(comms)?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        self.recall.ends_with(comms, mail)?;
         if mail.is(&MOTION_MEMORY) {
             self.succeed(mail.decode(&MOTION_MEMORY)?);
         } else if mail.is(&self.camera_pose) {
@@ -160,7 +164,7 @@ impl App for ControllerApp {
             self.on_motion(comms.name(), mail);
         } else if mail.key() == STEP {
             self.on_step(mail);
-        } else if mail.is_end_of_recall() {
+        } else if Recall::is_mark(mail) {
             self.held.extend(self.follower.resume());
         }
         self.say(comms)
@@ -195,6 +199,7 @@ mod tests {
             steps: 0,
             allowed: 0,
             held: VecDeque::new(),
+            recall: Recall::default(),
             remembered: None,
         }
     }

@@ -1,7 +1,7 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Mail};
+use elk_bus::{App, AppError, Comms, Mail, Recall};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
@@ -104,6 +104,7 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         explorer,
         replica: Replica::new(Some(params.number("Res"))),
         request: None,
+        recall: Recall::default(),
         plan: None,
     }))
 }
@@ -163,6 +164,7 @@ pub struct ExplorerApp {
     frontier: FrontierSet,
     /// A request whose revision of the map is not here yet.
     request: Option<PlanRequest>,
+    recall: Recall,
     /// The last plan, to be given again if it is asked for again.
     plan: Option<Plan>,
 }
@@ -216,7 +218,7 @@ impl ExplorerApp {
 impl App for ExplorerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         eprintln!("{}: {}", comms.name(), self.explorer.describe());
-        comms.recall(&EXPLORER_MEMORY)?;
+        self.recall.ask(comms, &EXPLORER_MEMORY)?;
         comms.register(&MAP)?;
         comms.register(&MAP_UPDATE)?;
         comms.register_variable(MAP_RECALL, 0.0)?;
@@ -225,6 +227,7 @@ impl App for ExplorerApp {
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        self.recall.ends_with(comms, mail)?;
         if mail.is(&MAP_UPDATE) {
             self.on_map(comms, &mail.decode(&MAP_UPDATE)?)
         } else if mail.is(&MAP) {

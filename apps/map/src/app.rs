@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE};
 use elk_spatial::map::MapUpdate;
@@ -115,6 +115,7 @@ struct MapApp {
     file: Option<PathBuf>,
     last_scan: u64,
     cpu_secs: f64,
+    recall: Recall,
     stage: Stage,
     /// Scans that came before the map was there to take them, oldest first.
     waiting: Vec<Scan<'static>>,
@@ -143,6 +144,7 @@ impl MapApp {
             file: (!file.is_empty()).then(|| file.into()),
             last_scan: 0,
             cpu_secs: 0.0,
+            recall: Recall::default(),
             stage: Stage::Recalling { revision: 0 },
             waiting: Vec::new(),
             requested: false,
@@ -151,7 +153,7 @@ impl MapApp {
     }
 
     /// Takes note of what the predecessor published last.
-    fn recall(&mut self, mail: &Mail<'_>) -> Result<(), AppError> {
+    fn remember(&mut self, mail: &Mail<'_>) -> Result<(), AppError> {
         if mail.is(&MAP_MEMORY) {
             let memory = mail.decode(&MAP_MEMORY)?;
             self.map = OccupancyMap::from_memory(*self.map.config(), &memory)?;
@@ -319,26 +321,27 @@ impl MapApp {
 
 impl App for MapApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.recall(&MAP_MEMORY)?;
-        comms.recall(&MAP_KNOWN)?;
-        comms.recall(&MAP_UPDATE)?;
-        comms.end_recall()?;
+        self.recall.ask(comms, &MAP_MEMORY)?;
+        self.recall.ask(comms, &MAP_KNOWN)?;
+        self.recall.ask(comms, &MAP_UPDATE)?;
+        Recall::ask_for_mark(comms)?;
         comms.register(&self.input)?;
         comms.register_variable(MAP_REQUEST, 0.0)?;
         Ok(())
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        if self.recall.ends_with(comms, mail)? {
+            self.recalled(comms)?;
+        }
         if mail.is(&self.input) {
             self.on_scan(comms, mail.decode(&self.input)?)
         } else if mail.key() == MAP_REQUEST {
             self.on_request(comms)
         } else if mail.is(&MAP) {
             self.on_copy(comms, &mail.decode(&MAP)?)
-        } else if mail.is_end_of_recall() {
-            self.recalled(comms)
         } else {
-            self.recall(mail)
+            self.remember(mail)
         }
     }
 

@@ -1,7 +1,7 @@
 //! The simulator as an app: pose commands in, poses and scans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
 use elk_spatial::map::MapUpdate;
@@ -102,6 +102,7 @@ pub struct SimulatorApp {
     camera_pose: Key<CameraPose>,
     /// CPU spent on scans so far (s).
     cpu_secs: f64,
+    recall: Recall,
     past: Past,
     /// The last judgement of a map.
     judged: Option<AccuracyReport>,
@@ -126,6 +127,7 @@ fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
         scan: Key::named(params.text("Output")),
         camera_pose: camera_pose(params.text("MOOSPoseVarName")),
         cpu_secs: 0.0,
+        recall: Recall::default(),
         past: Past::default(),
         judged: None,
     }))
@@ -158,17 +160,19 @@ fn seed(params: &Params) -> u64 {
 
 impl App for SimulatorApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.recall(&self.camera_pose)?;
-        comms.recall(&SENSOR_REPORT)?;
-        comms.recall(&self.scan)?;
-        comms.recall(&ACCURACY_REPORT)?;
-        // What is to be done comes after what was done.
-        comms.end_recall()?;
+        self.recall.ask(comms, &self.camera_pose)?;
+        self.recall.ask(comms, &SENSOR_REPORT)?;
+        self.recall.ask(comms, &self.scan)?;
+        self.recall.ask(comms, &ACCURACY_REPORT)?;
+        Recall::ask_for_mark(comms)?;
         comms.register(&POSE_COMMAND)?;
         Ok(comms.register(&MAP)?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        if self.recall.ends_with(comms, mail)? {
+            self.begin(comms)?;
+        }
         if mail.is(&POSE_COMMAND) {
             self.on_command(comms, &mail.decode(&POSE_COMMAND)?)?;
         } else if mail.is(&MAP) {
@@ -181,8 +185,6 @@ impl App for SimulatorApp {
             self.past.scan = mail.decode(&self.scan)?.id;
         } else if mail.is(&ACCURACY_REPORT) {
             self.judged = Some(mail.decode(&ACCURACY_REPORT)?);
-        } else if mail.is_end_of_recall() {
-            self.begin(comms)?;
         }
         Ok(())
     }
@@ -281,6 +283,7 @@ mod tests {
             scan: SCAN,
             camera_pose: camera_pose("SIM_SENSOR"),
             cpu_secs: 0.0,
+            recall: Recall::default(),
             past: Past::default(),
             judged: None,
         }
