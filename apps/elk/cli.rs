@@ -6,6 +6,8 @@ use clap::{Args, Parser, Subcommand};
 use elk_bus::Community;
 use elk_mission::Override;
 
+use crate::scope::ScopeCommand;
+
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
 #[command(name = "elk", version, arg_required_else_help = true)]
@@ -52,9 +54,9 @@ pub enum Command {
     /// Run a logger by itself
     #[command(after_help = "Example: elk logger --type Mcap File=everything.mcap")]
     Logger(AppArgs),
-    /// List the clients and variables of a running community
-    #[command(after_help = "Example: elk list --community lab")]
-    List(CommunityArgs),
+    /// Looks into a running community, and pokes.
+    #[command(flatten)]
+    Scope(ScopeCommand),
     /// Draw plan and section of a run into its folder
     #[command(after_help = "Example: elk picture logs/apartment-20261123-224512")]
     Picture {

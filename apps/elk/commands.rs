@@ -3,19 +3,14 @@
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
-use elk_bus::clock::Stopwatch;
-use elk_bus::{BrokerConfig, Client, Clock, Community, RunOptions, run_app, serve_broker};
+use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker};
 use elk_launcher::{LaunchOptions, Outcome};
 use elk_mission::{AppType, Mission, Registry, describe, instead};
 
 use crate::cli::{AppArgs, LaunchArgs, MissionArgs};
 use crate::registry::registry;
-
-/// How long `elk list` waits for the broker's tables.
-const LIST_PATIENCE: Duration = Duration::from_secs(5);
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
@@ -102,31 +97,6 @@ fn app_type(element: &str, name: &str) -> Result<&'static AppType> {
         let known: Vec<&str> = registry.of_element(element).map(|one| one.name).collect();
         anyhow!("{element} has no type {name:?}; {}", instead(name, &known))
     })
-}
-
-/// `elk list`
-pub fn list(community: &Community) -> Result<ExitCode> {
-    const TABLES: [&str; 2] = ["DB_CLIENTS", "DB_VARSUMMARY"];
-    let name = format!("list-{}", std::process::id());
-    let mut client = Client::connect(community, &name)?;
-    for table in TABLES {
-        client.comms.register_variable(table, 0.0)?;
-    }
-    let mut tables = [const { None }; TABLES.len()];
-    let clock = Stopwatch::start();
-    while tables.iter().any(Option::is_none) && clock.elapsed() < LIST_PATIENCE {
-        client.receive(Duration::from_millis(100), |mail| {
-            if let Some(place) = TABLES.iter().position(|table| *table == mail.key()) {
-                tables[place] = mail.as_text().map(str::to_owned);
-            }
-        })?;
-    }
-    let [Some(clients), Some(variables)] = tables else {
-        bail!("the broker of community {community} did not say who and what is there");
-    };
-    let others = clients.split(',').filter(|client| !client.is_empty() && *client != name);
-    say(&format!("clients: {}\n{}\n", others.collect::<Vec<_>>().join(" "), variables.trim_end()))?;
-    Ok(ExitCode::SUCCESS)
 }
 
 /// `elk picture`

@@ -5,6 +5,7 @@
 mod cli;
 mod commands;
 mod registry;
+mod scope;
 
 use std::process::ExitCode;
 
@@ -24,7 +25,7 @@ fn main() -> ExitCode {
         Command::Explorer(app) => commands::app("Explorer", app),
         Command::Controller(app) => commands::app("Controller", app),
         Command::Logger(app) => commands::app("Logger", app),
-        Command::List(arguments) => commands::list(&arguments.community),
+        Command::Scope(command) => scope::run(command),
         Command::Picture { run } => commands::picture(&run),
         Command::Guard => commands::guard(),
     };

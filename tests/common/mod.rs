@@ -11,7 +11,7 @@ use elk_bus::clock::Stopwatch;
 use rustix::process::{Pid, Signal, kill_process};
 
 /// How long anything may take before a test gives up: far longer than it takes on a busy machine.
-const WATCHDOG: Duration = Duration::from_secs(120);
+pub const WATCHDOG: Duration = Duration::from_secs(120);
 
 /// A folder and a community for one test.
 pub struct Elk {

@@ -1,9 +1,11 @@
 //! Space as elk's apps speak of it: poses, scans, voxels, paths, and the keys they travel under.
 //!
 //! Metres, radians; right-handed, z up; camera frame x right, y down, z forward. Everything here is plain data with no
-//! bus in sight, except [`keys`], which names the variables that apps exchange it under.
+//! bus in sight, except [`keys`], which names the variables that apps exchange it under, and [`catalogue`],
+//! which shows all of it as JSON to whoever only has the bytes.
 
 pub mod bricks;
+pub mod catalogue;
 pub mod clearance;
 pub mod frontier;
 pub mod keys;

@@ -51,10 +51,14 @@ pub(super) struct Variable {
     /// The latest frame, in the broker's numbers; empty before the first write.
     pub latest: Vec<u8>,
     pub writes: u64,
+    /// Bytes of all values so far.
+    pub bytes: u64,
     pub last_write: f64,
     pub writers: BTreeSet<u32>,
     /// Writes at the last summary, for the rate.
     pub summarised_writes: u64,
+    /// Writes per second between the last two summaries.
+    pub rate_hz: f64,
     pub routes: Vec<Route>,
     pub throttles: Vec<Throttle>,
 }
@@ -66,6 +70,7 @@ impl Variable {
         self.latest.clear();
         message.append_to(&mut self.latest);
         self.writes += 1;
+        self.bytes = self.bytes.saturating_add(wire::value_bytes(&self.latest));
         self.last_write = now;
     }
 

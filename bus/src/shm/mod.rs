@@ -15,7 +15,10 @@ mod lane;
 mod leftovers;
 mod page;
 mod place;
+mod places;
+mod running;
 mod server;
 
 pub use client::{ConnectError, connect};
+pub use running::{Running, running};
 pub use server::{ServeError, Server};
