@@ -243,6 +243,17 @@ fn a_reader_that_has_enough_is_no_failure() {
 }
 
 #[test]
+fn ctrl_c_ends_an_echo_whose_output_nobody_reads() {
+    let lab = Lab::new("blocked");
+    let echo = lab.start(&["echo", "LONG"]);
+    lab.wait_for_reader("echo-");
+    // More than a pipe holds.
+    let long = "long ".repeat(20_000);
+    (0..3).for_each(|_| assert!(lab.said(&["poke", "LONG", &long]).contains("heard by echo-")));
+    assert_eq!(echo.interrupt(), Some(0));
+}
+
+#[test]
 fn communities_of_the_machine_are_listed() {
     let lab = Lab::new("communities");
     let mut echo = lab.start(&["echo", "DB_TIME"]);
