@@ -25,7 +25,7 @@ struct Heard {
 
 impl Speaker {
     fn new(broker: &mut Broker, now: f64, name: &str) -> Self {
-        let id = broker.connect(now, name).unwrap();
+        let id = broker.connect(now, &Introduction::new(name)).unwrap();
         Self { id, keys: Vec::new(), sequence: 0, names: BTreeMap::new() }
     }
 
@@ -171,12 +171,12 @@ fn a_write_of_the_wrong_type_is_answered_to_the_writer() {
 fn a_name_is_unique_and_free_when_its_holder_is_gone() {
     let b = &mut broker();
     let a = Speaker::new(b, 0.0, "a");
-    assert_eq!(b.connect(0.0, "a"), Err(Refusal::NameTaken("a".into())));
+    assert_eq!(b.connect(0.0, &Introduction::new("a")), Err(Refusal::NameTaken("a".into())));
     for bad in ["", "a,b", "a*", "a\n"] {
-        assert_eq!(b.connect(0.0, bad), Err(Refusal::BadName(bad.into())));
+        assert_eq!(b.connect(0.0, &Introduction::new(bad)), Err(Refusal::BadName(bad.into())));
     }
-    b.disconnect(0.0, a.id);
-    assert!(b.connect(0.0, "a").is_ok());
+    b.disconnect(0.0, a.id, 0, true);
+    assert!(b.connect(0.0, &Introduction::new("a")).is_ok());
 }
 
 #[test]
@@ -184,7 +184,7 @@ fn what_an_app_published_outlives_it() {
     let b = &mut broker();
     let mut a = Speaker::new(b, 0.0, "a");
     a.text(b, 0.0, "X", "1");
-    b.disconnect(0.0, a.id);
+    b.disconnect(0.0, a.id, 0, true);
     let mut c = Speaker::new(b, 0.0, "c");
     c.register(b, 0.0, "X", "*", 0.0);
     assert_eq!(c.texts(b, 0.0), ["1"]);
