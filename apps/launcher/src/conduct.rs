@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Community, ConnectError};
-use elk_spatial::keys::{MAP_REQUEST, STEP};
+use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
 
@@ -28,9 +28,6 @@ const REGISTER_PATIENCE: Duration = Duration::from_secs(60);
 const JUDGE_PATIENCE: Duration = Duration::from_secs(60);
 /// How long nobody is looked at if nothing happens.
 const LOOK: Duration = Duration::from_millis(100);
-
-/// `pause` or `run`: whether the controller holds the robot before its next pose.
-const MOTION: &str = "MOTION";
 
 /// One run of a mission, seen from the launcher's place.
 pub(crate) struct Conduct<'a> {

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Clock, Community, ConnectError};
+use elk_bus::{Client, Clock, Community, ConnectError, LEASE, SUCCEED};
 use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, instead};
 use rustix::event::{PollFd, PollFlags};
 
@@ -238,7 +238,7 @@ impl Processes {
             Some(app) => (app.name.clone(), self.app_command(app)),
         };
         if role == Role::Successor {
-            command.env("ELK_SUCCEED", "1");
+            command.env(SUCCEED, "1");
         }
         let process = self.spawn(&name, command)?;
         let post = &mut self.posts[place];
@@ -288,9 +288,9 @@ impl Processes {
                 command
             }
         };
-        command.args(settings).env_remove("ELK_SUCCEED").env_remove("ELK_LEASE_SECS");
+        command.args(settings).env_remove(SUCCEED).env_remove(LEASE);
         if app.policy.restart != Restart::Never {
-            command.env("ELK_LEASE_SECS", LEASE_SECS.to_string());
+            command.env(LEASE, LEASE_SECS.to_string());
         }
         command
     }
