@@ -243,6 +243,37 @@ fn a_reader_that_has_enough_is_no_failure() {
 }
 
 #[test]
+fn looks_go_on_when_the_broker_was_killed_and_another_took_its_place() {
+    let mut lab = Lab::new("killed");
+    let (mut echo, mut top) = (lab.start(&["echo", "SPEED", "--json"]), lab.start(&["top", "--json"]));
+    lab.wait_for_reader("echo-");
+    lab.said(&["poke", "SPEED", "1"]);
+    assert_eq!(echo.json()["value"], 1.0);
+    top.json();
+    lab.broker.kill().unwrap();
+    lab.broker.wait().unwrap();
+    lab.broker = lab.elk.command(&["db", "--community", lab.elk.community()]).spawn().unwrap();
+    common::wait_until(common::WATCHDOG, "the new broker is there", || lab.run(&["list"]).status.success());
+    lab.wait_for_reader("echo-");
+    assert!(lab.said(&["poke", "SPEED", "2"]).contains("heard by echo-"));
+    assert_eq!(echo.json()["value"], 2.0);
+    let shows_speed = |page: Value| page["variables"].as_array().unwrap().iter().any(|one| one["name"] == "SPEED");
+    while !shows_speed(top.json()) {}
+    assert_eq!((echo.interrupt(), top.interrupt()), (Some(0), Some(0)));
+}
+
+#[test]
+fn ctrl_c_ends_an_echo_whose_output_nobody_reads() {
+    let lab = Lab::new("blocked");
+    let echo = lab.start(&["echo", "LONG"]);
+    lab.wait_for_reader("echo-");
+    // More than a pipe holds.
+    let long = "long ".repeat(20_000);
+    (0..3).for_each(|_| assert!(lab.said(&["poke", "LONG", &long]).contains("heard by echo-")));
+    assert_eq!(echo.interrupt(), Some(0));
+}
+
+#[test]
 fn communities_of_the_machine_are_listed() {
     let lab = Lab::new("communities");
     let mut echo = lab.start(&["echo", "DB_TIME"]);

@@ -4,14 +4,17 @@
 use std::io::BufWriter;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::{Args, Subcommand};
 use elk_scope::{
     Drawing, Echo, Info, List, Output, Pattern, Poke, Quantity, Rates, Said, Scope, ScopeError, Screen, Top,
     communities, graph, yield_to_others,
 };
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 
 use crate::cli::CommunityArgs;
 
@@ -143,20 +146,22 @@ pub struct RatesArgs {
     pub look: LookArgs,
 }
 
-/// Runs one of the commands. Ctrl-C ends it in good order, and so does a reader that has gone (`elk top | head`).
+/// How long a command that was told to end may take, when nobody reads what it writes.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Runs one of the commands. A reader that has gone (`elk top | head`) is no failure.
 pub fn run(command: ScopeCommand) -> Result<ExitCode> {
     yield_to_others();
-    let stop = stop_on_signals().context("signals cannot be caught")?;
     let mut out = BufWriter::new(std::io::stdout().lock());
     let mut output = Output::new(&mut out, Screen::of_standard_output());
-    match look(command, &mut output, &stop) {
+    match look(command, &mut output) {
         Err(ScopeError::ReaderGone) => {}
         done => done?,
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn look(command: ScopeCommand, output: &mut Output<'_>, stop: &AtomicBool) -> Result<(), ScopeError> {
+fn look(command: ScopeCommand, output: &mut Output<'_>) -> Result<(), ScopeError> {
     match command {
         ScopeCommand::List { pattern, look } => {
             List { pattern, json: look.json }.run(&mut join("list", &look)?, output)
@@ -165,13 +170,11 @@ fn look(command: ScopeCommand, output: &mut Output<'_>, stop: &AtomicBool) -> Re
             let echo = Echo { patterns, source, latest, count, json: look.json };
             let mut scope = join("echo", &look)?;
             echo.unwritten(&mut scope)?.iter().for_each(wait_for);
-            echo.run(&mut scope, output, stop)
+            echo.run(&mut scope, output, &*stop_on_signals()?)
         }
-        ScopeCommand::Hz(arguments) => measure("hz", Quantity::Rate, arguments, output, stop),
-        ScopeCommand::Bw(arguments) => measure("bw", Quantity::Bandwidth, arguments, output, stop),
-        ScopeCommand::Info { name, look } => {
-            Info { name, json: look.json }.run(&mut join("info", &look)?, output, stop)
-        }
+        ScopeCommand::Hz(arguments) => measure("hz", Quantity::Rate, arguments, output),
+        ScopeCommand::Bw(arguments) => measure("bw", Quantity::Bandwidth, arguments, output),
+        ScopeCommand::Info { name, look } => Info { name, json: look.json }.run(&mut join("info", &look)?, output),
         ScopeCommand::Graph { dot, look } => {
             let drawing = if look.json { Drawing::Json } else { Drawing::Text };
             graph(&mut join("graph", &look)?, output, if dot { Drawing::Dot } else { drawing })
@@ -185,23 +188,19 @@ fn look(command: ScopeCommand, output: &mut Output<'_>, stop: &AtomicBool) -> Re
             };
             Poke { name, value, said, json: look.json }.run(&mut join("poke", &look)?, output)
         }
-        ScopeCommand::Top { count, look } => Top { count, json: look.json }.run(&mut join("top", &look)?, output, stop),
+        ScopeCommand::Top { count, look } => {
+            Top { count, json: look.json }.run(&mut join("top", &look)?, output, &*stop_on_signals()?)
+        }
         ScopeCommand::Communities { json } => communities(output, json),
     }
 }
 
-fn measure(
-    command: &str,
-    quantity: Quantity,
-    arguments: RatesArgs,
-    output: &mut Output<'_>,
-    stop: &AtomicBool,
-) -> Result<(), ScopeError> {
+fn measure(command: &str, quantity: Quantity, arguments: RatesArgs, output: &mut Output<'_>) -> Result<(), ScopeError> {
     let RatesArgs { patterns, window, count, look } = arguments;
     let rates = Rates { quantity, patterns, window_secs: window.into(), count, json: look.json };
     let mut scope = join(command, &look)?;
     rates.unwritten(&mut scope)?.iter().for_each(wait_for);
-    rates.run(&mut scope, output, stop)
+    rates.run(&mut scope, output, &*stop_on_signals()?)
 }
 
 fn join(command: &str, look: &LookArgs) -> Result<Scope, ScopeError> {
@@ -213,12 +212,16 @@ fn wait_for(unwritten: &ScopeError) {
     eprintln!("elk: {unwritten} (waiting for it)");
 }
 
-/// Ctrl-C sets the flag; a second one ends the process even while it cannot write.
-fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
+/// For a command that goes on until Ctrl-C: that is its good end, even while it cannot write because nobody reads.
+fn stop_on_signals() -> Result<Arc<AtomicBool>, ScopeError> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
-        signal_hook::flag::register_conditional_shutdown(signal, 0, stop.clone())?;
-        signal_hook::flag::register(signal, stop.clone())?;
-    }
+    let mut signals = Signals::new([SIGTERM, SIGINT]).map_err(ScopeError::Signals)?;
+    let told = stop.clone();
+    std::thread::spawn(move || {
+        signals.forever().next();
+        told.store(true, Ordering::Relaxed);
+        std::thread::sleep(FAREWELL);
+        std::process::exit(0);
+    });
     Ok(stop)
 }

@@ -153,6 +153,11 @@ impl Launcher {
         std::fs::read_to_string(&self.said).unwrap()
     }
 
+    /// Whether it has ended.
+    pub fn is_over(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_some()
+    }
+
     /// Waits until it has said something.
     pub fn wait_for(&mut self, words: &str) {
         let clock = Stopwatch::start();

@@ -1,5 +1,7 @@
 //! `elk communities`: what runs on this machine.
 
+use std::time::Duration;
+
 use elk_bus::broker::table::CommunityTable;
 use elk_bus::{Running, running};
 use serde_json::{Value, json};
@@ -9,13 +11,16 @@ use crate::output::{Output, in_columns};
 use crate::session::Scope;
 use crate::show;
 
+/// How long a community gets to say who is there.
+const PATIENCE: Duration = Duration::from_secs(2);
+
 /// A community, and its table if this user may join it and it answers.
 type Seen = (Running, Option<CommunityTable>);
 
 /// Lists all communities of this machine; those of other users with what the kernel knows of them.
 pub fn communities(output: &mut Output<'_>, json: bool) -> Result<(), ScopeError> {
     let found = running().map_err(ScopeError::Sockets)?;
-    let seen: Vec<Seen> = found.into_iter().map(|one| (one.clone(), look_into(&one))).collect();
+    let seen = look_into_all(found);
     let lines = match json {
         true => vec![json!({"communities": seen.iter().map(as_json).collect::<Vec<_>>()}).to_string()],
         false => as_text(&seen),
@@ -24,10 +29,19 @@ pub fn communities(output: &mut Output<'_>, json: bool) -> Result<(), ScopeError
     output.flush()
 }
 
+/// All at the same time: one that does not answer is waited for, and the others not behind it.
+fn look_into_all(found: Vec<Running>) -> Vec<Seen> {
+    std::thread::scope(|threads| {
+        let looks: Vec<_> = found.iter().map(|one| threads.spawn(move || look_into(one))).collect();
+        let tables: Vec<_> = looks.into_iter().map(|look| look.join().unwrap_or(None)).collect();
+        found.iter().cloned().zip(tables).collect()
+    })
+}
+
 /// `None`: not this user's, or it ended just now, or does not answer; it is listed all the same.
 fn look_into(one: &Running) -> Option<CommunityTable> {
     let mut scope = one.own.then(|| Scope::join(&one.community, "communities").ok())??;
-    scope.table().ok()
+    scope.table_within(PATIENCE).ok()
 }
 
 fn as_text(seen: &[Seen]) -> Vec<String> {

@@ -43,6 +43,9 @@ pub enum ScopeError {
     /// The kernel does not list its sockets.
     #[error("the communities of this machine cannot be listed: {0}")]
     Sockets(std::io::Error),
+    /// Ctrl-C cannot be caught.
+    #[error("signals cannot be caught: {0}")]
+    Signals(std::io::Error),
     /// The output cannot be written.
     #[error("the output cannot be written: {0}")]
     Output(std::io::Error),

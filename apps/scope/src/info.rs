@@ -1,6 +1,5 @@
 //! `elk info`: a client or a variable, whichever has the name.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use elk_bus::Value as BusValue;
@@ -35,7 +34,7 @@ impl Info {
     ///
     /// # Errors
     /// Nobody has the name.
-    pub fn run(&self, scope: &mut Scope, output: &mut Output<'_>, stop: &AtomicBool) -> Result<(), ScopeError> {
+    pub fn run(&self, scope: &mut Scope, output: &mut Output<'_>) -> Result<(), ScopeError> {
         let table = scope.table()?;
         let client = table.clients.iter().find(|client| client.name == self.name);
         let variable = table.variables.iter().find(|variable| variable.name == self.name);
@@ -48,7 +47,7 @@ impl Info {
             None => None,
         };
         let value = match variable {
-            Some(variable) => latest_value(scope, variable, stop)?,
+            Some(variable) => latest_value(scope, variable)?,
             None => None,
         };
         if self.json {
@@ -86,11 +85,7 @@ fn latest_text(table: &CommunityTable, name: &str) -> Option<String> {
 }
 
 /// The latest value, whole: the broker gives it to whoever registers.
-fn latest_value(
-    scope: &mut Scope,
-    variable: &VariableEntry,
-    stop: &AtomicBool,
-) -> Result<Option<BusValue>, ScopeError> {
+fn latest_value(scope: &mut Scope, variable: &VariableEntry) -> Result<Option<BusValue>, ScopeError> {
     if variable.latest_bytes <= LONGEST_VALUE as u64 {
         return Ok(show::latest(variable));
     }
@@ -98,7 +93,7 @@ fn latest_value(
     scope.register(&[name], &Pattern::any())?;
     let (mut value, waited) = (None, Stopwatch::start());
     // A value in shared memory may be overwritten before it is read; the next command may have more luck.
-    while value.is_none() && scope.missed() == 0 && waited.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed) {
+    while value.is_none() && scope.missed() == 0 && waited.elapsed() < PATIENCE {
         scope.receive(LOOK_EVERY, |mail| {
             if mail.key() == variable.name {
                 value = Some(mail.value().to_value());

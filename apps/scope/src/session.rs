@@ -50,13 +50,18 @@ impl Scope {
     /// Everything that this client sent before has been taken in or refused when the answer comes; mail that comes
     /// meanwhile is not kept.
     pub fn table(&mut self) -> Result<CommunityTable, ScopeError> {
+        self.table_within(PATIENCE)
+    }
+
+    /// As [`Scope::table`], with another patience.
+    pub(crate) fn table_within(&mut self, patience: Duration) -> Result<CommunityTable, ScopeError> {
         self.client.comms.notify(REQUEST, "")?;
         let (waited, mut answer) = (Stopwatch::start(), None);
         let mut table = loop {
             if let Some(answer) = answer {
                 break answer?;
             }
-            if waited.elapsed() > PATIENCE {
+            if waited.elapsed() > patience {
                 return Err(ScopeError::Silent(self.client.comms.community().into()));
             }
             self.client.receive(LOOK_EVERY, |mail| {
@@ -78,8 +83,17 @@ impl Scope {
     }
 
     /// Waits for mail.
-    pub(crate) fn receive(&mut self, timeout: Duration, on_mail: impl FnMut(&Mail<'_>)) -> Result<usize, CommsError> {
-        self.client.receive(timeout, on_mail)
+    pub(crate) fn receive(
+        &mut self,
+        timeout: Duration,
+        mut on_mail: impl FnMut(&Mail<'_>),
+    ) -> Result<usize, CommsError> {
+        self.client.receive(timeout, |mail| {
+            // A question that a dead broker has answered may be answered by the next one, too.
+            if !mail.is(&TABLE) {
+                on_mail(mail);
+            }
+        })
     }
 
     /// Messages that were dropped because this scope did not read.

@@ -165,7 +165,7 @@ fn info_tells_of_a_client_and_of_a_variable() {
     let _apps = lab.with_two_apps();
     let info = |name: &str, json| {
         let info = Info { name: name.into(), json };
-        said(|output| info.run(&mut lab.scope("info"), output, &never()))
+        said(|output| info.run(&mut lab.scope("info"), output))
     };
     let map = info("Map", false).unwrap();
     for line in [
@@ -195,7 +195,7 @@ fn info_tells_of_both_if_both_have_the_name_and_shows_long_values_whole() {
     both.comms.notify("BOTH", "long ".repeat(1000)).unwrap();
     both.comms.flush().unwrap();
     let info = Info { name: "BOTH".into(), json: true };
-    let json = parsed(said(|output| info.run(&mut lab.scope("info"), output, &never())));
+    let json = parsed(said(|output| info.run(&mut lab.scope("info"), output)));
     assert_eq!(json["client"]["name"], "BOTH");
     assert_eq!(json["variable"]["value"].as_str().unwrap().len(), 5000);
 }

@@ -125,7 +125,7 @@ impl<'a> Change<'a> {
         let up = show::duration(self.table.time - self.table.started);
         let (community, clients) = (&self.table.community, self.clients.len());
         let mut lines = vec![format!(
-            "community {community}, up {up}, {clients} clients, {}, {}/s",
+            "community {community}, up {up}, clients: {clients}, {}, {}/s",
             show::hertz(all),
             show::bytes(bytes)
         )];
