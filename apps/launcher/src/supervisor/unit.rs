@@ -7,8 +7,10 @@ use elk_mission::{Policy, Restart};
 
 use super::{Exit, Ticket};
 
-/// The first pause before a restart; each further one of the same window is twice as long.
+/// The first pause before a restart; each further one is twice as long, if it follows at once.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
+/// Whoever was on the bus for so long does not fail at once: pauses begin anew.
+const WELL_AFTER: Duration = Duration::from_secs(1);
 /// The longest.
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
@@ -125,6 +127,8 @@ pub(crate) struct Unit {
     pub failing: Option<String>,
     /// When it was started again, within the window.
     recent: VecDeque<Duration>,
+    /// Restarts that followed each other at once.
+    streak: u32,
 }
 
 impl Unit {
@@ -143,6 +147,7 @@ impl Unit {
             doom: None,
             failing: None,
             recent: VecDeque::new(),
+            streak: 0,
         }
     }
 
@@ -163,15 +168,19 @@ impl Unit {
         while self.recent.front().is_some_and(|then| then.saturating_add(self.spec.window) <= now) {
             self.recent.pop_front();
         }
-        let count = self.recent.len() as u32;
-        if !self.may_restart_after(exit.fine) || count >= self.spec.restarts {
+        if !self.may_restart_after(exit.fine) || self.recent.len() as u32 >= self.spec.restarts {
             return None;
         }
         self.recent.push_back(now);
-        Some(match (self.spec.urgent, count) {
+        if self.state == State::Running && self.since + WELL_AFTER <= now {
+            self.streak = 0;
+        }
+        let streak = self.streak;
+        self.streak += 1;
+        Some(match (self.spec.urgent, streak) {
             (true, 0) => Duration::ZERO,
-            (true, _) => pause(count - 1),
-            (false, _) => pause(count),
+            (true, _) => pause(streak - 1),
+            (false, _) => pause(streak),
         })
     }
 
