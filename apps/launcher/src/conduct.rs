@@ -117,16 +117,24 @@ impl Conduct<'_> {
         self.display.clear();
         self.crew.end_apps();
         while !self.crew.ended() {
-            if let Err(error) = self.round("while the mission ended") {
-                self.display.say(&error.to_string());
-            }
+            self.round_to_the_end();
         }
         // Nobody is on the bus any more when the broker goes.
         self.listener.leave();
+        while !self.listener.has_left() {
+            self.round_to_the_end();
+        }
         self.crew.stop_broker();
         self.pass_words_on();
         if let Some(server) = &mut self.server {
             server.finish();
+        }
+    }
+
+    /// What fails now is only said.
+    fn round_to_the_end(&mut self) {
+        if let Err(error) = self.round("while the mission ended") {
+            self.display.say(&error.to_string());
         }
     }
 

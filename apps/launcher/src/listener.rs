@@ -92,19 +92,24 @@ impl Listener {
         let _ = rustix::io::read(&self.shared.bell, &mut [0u8; 8]);
     }
 
-    /// Leaves the bus, once all that was to be said is said.
+    /// Begins to leave the bus, once all that was to be said is said.
     pub fn leave(&mut self) {
         self.say = None;
         self.shared.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+    }
+
+    /// Whether it has left. It may have to wait for a broker until then.
+    pub fn has_left(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 }
 
 impl Drop for Listener {
     fn drop(&mut self) {
         self.leave();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 }
 

@@ -31,6 +31,11 @@ const DB: &str = "db";
 /// itself.
 const LEASE_SECS: u32 = 15;
 
+/// How long a broker that is only to put things away may take to answer.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
+/// How often it is asked.
+const ASK_EVERY: Duration = Duration::from_millis(5);
+
 /// How processes are started.
 pub(crate) struct Yard {
     /// The program whose commands are run: elk itself.
@@ -354,6 +359,39 @@ impl Processes {
         }
     }
 
+    /// Whether it ended in good order, as far as anybody can see.
+    fn stop_this_broker(&mut self) -> bool {
+        let Some(mut broker) = self.posts[BROKER].holder.take() else { return false };
+        let (adopted, log) = (broker.is_adopted(), broker.log.display().to_string());
+        let (exit, killed) = broker.stop(STOP_PATIENCE);
+        let fine = adopted || exit.is_some_and(|exit| exit.fine);
+        if killed {
+            let secs = STOP_PATIENCE.as_secs();
+            self.sayings.push(format!("{DB} did not stop within {secs} s and was killed; see {log}"));
+        } else if let Some(exit) = exit.filter(|_| !fine) {
+            self.sayings.push(format!("{DB} ended: {}; see {log}", exit.how));
+        }
+        if let Some(guard) = &mut self.guard {
+            guard.forget(broker.pid());
+        }
+        fine && !killed
+    }
+
+    /// Waits until the broker that was just started answers; whether it does.
+    fn broker_answers(&mut self) -> bool {
+        let clock = Stopwatch::start();
+        while clock.elapsed() < ANSWER_PATIENCE {
+            if Client::connect(&self.yard.community, crate::NAME).is_ok() {
+                return true;
+            }
+            if self.posts[BROKER].holder.as_mut().is_none_or(|broker| broker.ended().is_some()) {
+                return false;
+            }
+            std::thread::sleep(ASK_EVERY);
+        }
+        false
+    }
+
     fn row(&self, place: usize, dropped: &BTreeMap<String, u64>) -> AppRow {
         let (post, unit, now) = (&self.posts[place], &self.supervisor.units[place], self.now());
         let pid = post.holder.as_ref().map(Process::pid);
@@ -520,21 +558,9 @@ impl Crew for Processes {
     }
 
     fn stop_broker(&mut self) {
-        let Some(mut broker) = self.posts[BROKER].holder.take() else { return };
-        let (adopted, log) = (broker.is_adopted(), broker.log.display().to_string());
-        let (exit, killed) = broker.stop(STOP_PATIENCE);
-        self.sayings.extend(match exit {
-            _ if killed => {
-                let secs = STOP_PATIENCE.as_secs();
-                Some(format!("{DB} did not stop within {secs} s and was killed; see {log}"))
-            }
-            Some(exit) if !exit.fine && !exit.asked && !adopted => {
-                Some(format!("{DB} stopped with {}; see {log}", exit.how))
-            }
-            _ => None,
-        });
-        if let Some(guard) = &mut self.guard {
-            guard.forget(broker.pid());
+        // What a broker that died could not put away, the next one does.
+        if !self.stop_this_broker() && self.start(BROKER, Role::Holder).is_ok() && self.broker_answers() {
+            self.stop_this_broker();
         }
     }
 }
