@@ -59,10 +59,10 @@ pub enum ScopeCommand {
     #[command(after_help = "Example: elk bw 'SCAN*'")]
     Bw(RatesArgs),
     /// Say what is known of a client or a variable, whichever has the name
-    #[command(after_help = "Examples: elk info Explorer    elk info PATH --json")]
+    #[command(after_help = "Examples: elk info Explorer    elk info 'MAP*' --json")]
     Info {
-        /// The client's or the variable's name
-        name: String,
+        /// The client's or the variable's name: '*' is any run of characters, '?' a single one
+        pattern: Pattern,
         /// How to look.
         #[command(flatten)]
         look: LookArgs,
@@ -174,7 +174,9 @@ fn look(command: ScopeCommand, output: &mut Output<'_>) -> Result<(), ScopeError
         }
         ScopeCommand::Hz(arguments) => measure("hz", Quantity::Rate, arguments, output),
         ScopeCommand::Bw(arguments) => measure("bw", Quantity::Bandwidth, arguments, output),
-        ScopeCommand::Info { name, look } => Info { name, json: look.json }.run(&mut join("info", &look)?, output),
+        ScopeCommand::Info { pattern, look } => {
+            Info { pattern, json: look.json }.run(&mut join("info", &look)?, output)
+        }
         ScopeCommand::Graph { dot, look } => {
             let drawing = if look.json { Drawing::Json } else { Drawing::Text };
             graph(&mut join("graph", &look)?, output, if dot { Drawing::Dot } else { drawing })
