@@ -133,7 +133,7 @@ pub struct LookArgs {
 #[derive(Debug, Args)]
 pub struct RatesArgs {
     /// The variables: '*' is any run of characters, '?' a single one
-    #[arg(required = true)]
+    #[arg(default_value = "*")]
     pub patterns: Vec<Pattern>,
     /// The figures are over the last so many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=3600))]
