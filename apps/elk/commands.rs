@@ -1,30 +1,50 @@
 //! What each command does, once its arguments are checked.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker};
-use elk_launcher::{LaunchOptions, Outcome};
+use elk_launcher::{AttachOptions, LaunchOptions, Outcome};
 use elk_mission::{AppType, Mission, Registry, describe, instead};
 
-use crate::cli::{AppArgs, LaunchArgs, MissionArgs};
+use crate::cli::{AppArgs, AttachArgs, LaunchArgs, MissionArgs};
 use crate::registry::registry;
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
     let mission = load(&arguments.mission)?;
     let options = LaunchOptions {
-        program: std::env::current_exe().context("elk does not know where it is itself")?,
+        program: itself()?,
         community: arguments.community.community,
         log_dir: arguments.log_dir,
         headless: arguments.headless,
         auto: arguments.auto,
         in_process: arguments.in_process,
+        detached: arguments.detach,
+        registry: registry(),
     };
-    let outcome = elk_launcher::launch(mission, &options)?;
-    report(&outcome)?;
+    conclude(&elk_launcher::launch(mission, &options)?)
+}
+
+/// `elk attach`
+pub fn attach(arguments: AttachArgs) -> Result<ExitCode> {
+    let options = AttachOptions {
+        program: itself()?,
+        community: arguments.community.community,
+        headless: arguments.headless,
+        registry: registry(),
+    };
+    conclude(&elk_launcher::attach(&options)?)
+}
+
+fn itself() -> Result<PathBuf> {
+    std::env::current_exe().context("elk does not know where it is itself")
+}
+
+fn conclude(outcome: &Outcome) -> Result<ExitCode> {
+    report(outcome)?;
     Ok(if outcome.summary.complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -113,7 +133,7 @@ pub fn guard() -> Result<ExitCode> {
 }
 
 /// Writes to standard output; a reader that has gone (`elk types | head`) is no failure.
-fn say(text: &str) -> Result<()> {
+pub fn say(text: &str) -> Result<()> {
     match std::io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),

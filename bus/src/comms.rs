@@ -45,8 +45,9 @@ pub struct Comms {
     new_down: Option<Box<dyn Downlink>>,
     batch: Vec<u8>,
     outbox: Outbox,
-    /// By the patterns of key and source: interval (s) and flags.
-    registrations: BTreeMap<(String, String), (f64, u16)>,
+    /// By the patterns of key and source: number in the order in which they were made, interval (s) and flags.
+    registrations: BTreeMap<(String, String), (u64, f64, u16)>,
+    registered: u64,
     /// Between the start of an app and its first mail.
     starting: bool,
     /// The broker was told that mail may flow.
@@ -72,6 +73,7 @@ impl Comms {
             batch: Vec::new(),
             outbox: Outbox::default(),
             registrations: BTreeMap::new(),
+            registered: 0,
             starting: false,
             ready: false,
             scratch: Vec::new(),
@@ -156,8 +158,9 @@ impl Comms {
         flags: u16,
     ) -> Result<(), CommsError> {
         let patterns = (key_pattern.to_owned(), source_pattern.to_owned());
+        self.registered += 1;
         match kind {
-            FrameKind::Register => self.registrations.insert(patterns, (interval, flags)),
+            FrameKind::Register => self.registrations.insert(patterns, (self.registered, interval, flags)),
             _ => self.registrations.remove(&patterns),
         };
         let header = Header { flags, time: interval, ..Header::new(kind) };
@@ -219,7 +222,9 @@ impl Comms {
         for names in [&self.keys, &self.sources, &self.types] {
             names.introduce_all(&mut batch);
         }
-        for ((key_pattern, source_pattern), (interval, flags)) in &self.registrations {
+        let mut registrations: Vec<_> = self.registrations.iter().collect();
+        registrations.sort_by_key(|(_, (number, ..))| *number);
+        for ((key_pattern, source_pattern), (_, interval, flags)) in registrations {
             let header = Header { flags: flags | RESENT, time: *interval, ..Header::new(FrameKind::Register) };
             wire::put(&mut batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
         }

@@ -7,12 +7,10 @@
 //! After the death of a broker, the next one begins with nothing but orphans. So one mechanism serves a swap, a restart
 //! and a recovery.
 
-use std::collections::BTreeSet;
-
 use serde::{Deserialize, Serialize};
 
 use super::message::Message;
-use super::registration::{self, Registration};
+use super::registration::{self, Change, Messages, Registration};
 use super::{Broker, BrokerConfig, Client, ClientId, Succession};
 use crate::wire::{self, ATTACH, Frame, FrameKind, Header};
 
@@ -172,9 +170,16 @@ impl Broker {
     }
 
     /// Whether the client's next batch has to wait until it has the place that it came for.
-    pub(super) fn waits_for_its_place(&self, client: &Client) -> bool {
-        let full = client.held.len() >= self.config.mailbox_bytes;
-        matches!(client.standing, Standing::Joining { ready, .. } if ready || full)
+    pub(super) fn waits_for_its_place(client: &Client) -> bool {
+        matches!(client.standing, Standing::Joining { ready: true, .. })
+    }
+
+    /// Whoever has said more than a mailbox holds has said enough to be ready.
+    pub(super) fn on_much_said(&mut self, now: f64, id: ClientId) {
+        let said = self.clients.get(&id).map_or(0, |client| client.held.len() + client.asked.len());
+        if said >= self.config.mailbox_bytes {
+            self.on_ready(now, id);
+        }
     }
 
     /// The client has said all that has to be said before its mail may flow.
@@ -285,14 +290,18 @@ impl Broker {
         self.names.insert(name.clone(), id);
         self.set_standing(id, Standing::Present);
         self.places_changed = true;
-        let waiting = wire::frames(&mail).map_while(Result::ok);
-        let waiting: BTreeSet<_> = waiting.map(|f| (f.header.key, f.header.source, f.header.sequence)).collect();
-        let registrations = self.clients.get(&id).map(|c| c.registrations.clone()).unwrap_or_default();
-        for registration in &registrations {
-            self.carry_out(now, id, registration, &waiting);
+        let asked = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
+        let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(|f| Change::read(&f).ok()).collect();
+        let mut registrations = Vec::new();
+        changes.iter().for_each(|change| change.apply(&mut registrations));
+        let wanted = self.wanted(id, &registrations, &mail);
+        let waiting: Messages = wanted.iter().map(|f| (f.header.key, f.header.source, f.header.sequence)).collect();
+        for change in changes {
+            self.change(now, id, change, &waiting);
         }
-        self.mark_lossless(id);
-        self.pass_on(now, id, &registrations, &mail);
+        for message in wanted.iter().filter_map(|frame| Message::stored(frame.bytes)) {
+            self.deliver(now, id, &message);
+        }
         self.note_succession(predecessor, id);
         self.announce(now, &format!("connected={name}"));
         self.publish_held(now, id);
@@ -309,15 +318,13 @@ impl Broker {
         self.successions.push(succession);
     }
 
-    fn pass_on(&mut self, now: f64, id: ClientId, registrations: &[Registration], mail: &[u8]) {
-        for frame in wire::frames(mail).map_while(Result::ok) {
+    /// The messages of `mail` that `registrations` ask for.
+    fn wanted<'a>(&self, id: ClientId, registrations: &[Registration], mail: &'a [u8]) -> Vec<Frame<'a>> {
+        let wants = |frame: &Frame<'_>| {
             let (key, source) = (self.keys.name(frame.header.key), self.sources.name(frame.header.source));
-            if registration::combine(id, registrations, key, source).is_some()
-                && let Some(message) = Message::stored(frame.bytes)
-            {
-                self.deliver(now, id, &message);
-            }
-        }
+            registration::combine(id, registrations, key, source).is_some()
+        };
+        wire::frames(mail).map_while(Result::ok).filter(wants).collect()
     }
 
     /// What the client published before it had its place.

@@ -104,7 +104,8 @@ struct Client {
     numbers: [Vec<u32>; 4],
     registrations: Vec<Registration>,
     mailbox: Mailbox,
-    /// What it published before it had its place.
+    /// What it registered and took back, and what it published, before it had its place.
+    asked: Vec<u8>,
     held: Vec<u8>,
     /// Batches taken from it.
     taken: u64,
@@ -161,6 +162,7 @@ impl Client {
             numbers: [vec![], vec![source], vec![], vec![0]],
             registrations: Vec::new(),
             mailbox: Mailbox::new(mailbox_bytes, now),
+            asked: Vec::new(),
             held: Vec::new(),
             taken: 0,
             unhandled: VecDeque::new(),
@@ -223,6 +225,7 @@ impl Broker {
     pub fn receive(&mut self, now: f64, from: ClientId, batch: &[u8]) -> Result<(), WireError> {
         self.reached.clear();
         let taken = self.take_in(now, from, batch);
+        self.on_much_said(now, from);
         self.note_unhandled(from);
         taken
     }
@@ -241,8 +244,7 @@ impl Broker {
         match frame.header.kind {
             FrameKind::Notify => self.notify(now, from, frame),
             FrameKind::Define => self.define(from, frame),
-            FrameKind::Register => self.register(now, from, frame),
-            FrameKind::Unregister => self.unregister(from, frame),
+            FrameKind::Register | FrameKind::Unregister => self.change_registration(now, from, frame),
             FrameKind::Attached => {
                 self.attached.push((from, frame.header.source));
                 Ok(())
@@ -518,7 +520,7 @@ impl Broker {
         let patience = self.config.lossless_patience_secs;
         let full = |id: &ClientId| self.clients.get(id).is_some_and(|c| c.mailbox.holds_back(now, patience));
         let client = self.clients.get(&from);
-        client.is_some_and(|client| self.waits_for_its_place(client) || client.feeds.iter().any(full))
+        client.is_some_and(|client| Self::waits_for_its_place(client) || client.feeds.iter().any(full))
     }
 
     /// The clients that have mail waiting, or notices, and are there to take it.

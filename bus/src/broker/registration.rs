@@ -8,7 +8,7 @@ use super::message::Message;
 use super::variable::Delivery;
 use super::{Broker, ClientId};
 use crate::pattern;
-use crate::wire::{self, Frame, Header, LATEST, LOSSLESS, RESENT};
+use crate::wire::{self, Frame, FrameKind, Header, LATEST, LOSSLESS, RESENT};
 
 /// Messages by variable, source and sequence.
 pub(super) type Messages = BTreeSet<(u32, u32, u64)>;
@@ -50,6 +50,35 @@ impl Registration {
     }
 }
 
+/// A change of a client's registrations.
+#[derive(Debug, Clone)]
+pub(super) enum Change {
+    /// Added, or put in the place of one with the same patterns.
+    Add(Registration),
+    /// Taken back: the one with the same patterns.
+    Remove(Registration),
+}
+
+impl Change {
+    /// What a frame asks for.
+    pub fn read(frame: &Frame<'_>) -> Result<Self, &'static str> {
+        let registration = Registration::read(frame)?;
+        Ok(match frame.header.kind {
+            FrameKind::Unregister => Change::Remove(registration),
+            _ => Change::Add(registration),
+        })
+    }
+
+    /// What `registrations` are after it.
+    pub fn apply(&self, registrations: &mut Vec<Registration>) {
+        let (Change::Add(changed) | Change::Remove(changed)) = self;
+        registrations.retain(|r| !r.same_patterns(changed));
+        if let Change::Add(added) = self {
+            registrations.push(added.clone());
+        }
+    }
+}
+
 /// What a client's registrations add up to for (key, source): one delivery at the shortest of the intervals.
 pub(super) fn combine(client: ClientId, registrations: &[Registration], key: &str, source: &str) -> Option<Delivery> {
     let matching = || registrations.iter().filter(|r| r.matches(key, source));
@@ -58,18 +87,36 @@ pub(super) fn combine(client: ClientId, registrations: &[Registration], key: &st
 }
 
 impl Broker {
-    /// Adds or replaces a registration, and gives the client the latest values that it did not get before.
-    pub(super) fn register(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let registration = Registration::read(frame)?;
+    /// Adds, replaces or takes back a registration. A client that is joining has to wait for it.
+    pub(super) fn change_registration(
+        &mut self,
+        now: f64,
+        from: ClientId,
+        frame: &Frame<'_>,
+    ) -> Result<(), &'static str> {
+        let change = Change::read(frame)?;
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
-        client.registrations.retain(|r| !r.same_patterns(&registration));
-        client.registrations.push(registration.clone());
-        if !client.is_joining() {
-            self.places_changed = true;
-            self.carry_out(now, from, &registration, &Messages::new());
-            self.mark_lossless(from);
+        match client.is_joining() {
+            true => client.asked.extend_from_slice(frame.bytes),
+            false => self.change(now, from, change, &Messages::new()),
         }
         Ok(())
+    }
+
+    /// Carries a change out; a latest value that is among the `waiting` messages is not given, it is about to come.
+    pub(super) fn change(&mut self, now: f64, id: ClientId, change: Change, waiting: &Messages) {
+        let Some(client) = self.clients.get_mut(&id) else { return };
+        change.apply(&mut client.registrations);
+        self.places_changed = true;
+        match &change {
+            Change::Add(registration) => self.carry_out(now, id, registration, waiting),
+            Change::Remove(registration) => {
+                for key in self.keys_matching(&registration.key_pattern) {
+                    self.match_routes(key, id);
+                }
+            }
+        }
+        self.mark_lossless(id);
     }
 
     /// Routes what a registration asks for to its client, and gives it the latest values that it did not get before and
@@ -83,21 +130,6 @@ impl Broker {
             self.match_routes(key, client);
             self.give_latest(now, key, client, registration, had);
         }
-    }
-
-    /// Takes a registration back.
-    pub(super) fn unregister(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let registration = Registration::read(frame)?;
-        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
-        client.registrations.retain(|r| !r.same_patterns(&registration));
-        if !client.is_joining() {
-            self.places_changed = true;
-            for key in self.keys_matching(&registration.key_pattern) {
-                self.match_routes(key, from);
-            }
-            self.mark_lossless(from);
-        }
-        Ok(())
     }
 
     pub(super) fn mark_lossless(&mut self, id: ClientId) {
