@@ -155,7 +155,7 @@ fn a_failing_app_is_started_again_where_the_mission_says_so() {
 
 #[test]
 fn an_app_that_fails_too_often_fails_the_mission() {
-    let elk = Elk::new("too-often");
+    let elk = Elk::new("app-too-often");
     elk.script("dies.sh", "echo alas\nexit 3\n");
     let explorer = "<Explorer exec=\"./dies.sh\" restart=\"always\" restarts=\"2\" restart-window=\"100\"/>";
     let said = elk.launch_and_fail(&idle(&elk, Some(explorer)));

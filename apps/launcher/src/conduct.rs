@@ -15,6 +15,7 @@ use crate::crew::Crew;
 use crate::error::LaunchError;
 use crate::launch_state::{self, LaunchState};
 use crate::listener::Listener;
+use crate::observer::News;
 use crate::person::{self, Person};
 use crate::progress::{Display, put};
 use crate::supervisor::{Ticket, Word};
@@ -90,9 +91,6 @@ impl Conduct<'_> {
 
     /// Waits until exploration is over, and has the final map judged.
     pub fn run(&mut self) -> Result<(), LaunchError> {
-        if self.state.paused {
-            self.listener.say(MOTION, motion(true));
-        }
         if self.state.manual {
             put("Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.\n");
         }
@@ -149,13 +147,27 @@ impl Conduct<'_> {
             let mut observer = self.listener.observer();
             (std::mem::take(&mut observer.news), std::mem::take(&mut observer.signs))
         };
+        if news.contains(&News::Joined) {
+            self.introduce();
+        }
         self.crew.hear(&news, &signs);
         let checked = self.crew.check(when);
         self.serve();
-        self.pass_words_on();
         self.leave_word();
+        // Whoever hears that an order is carried out may end the launcher: the word of it has to be left by then.
+        if self.listener.has_said_all() {
+            self.pass_words_on();
+        }
         self.display.show(&self.listener.observer(), self.state.paused);
         checked
+    }
+
+    /// Says how things are to a broker that may not know.
+    fn introduce(&mut self) {
+        self.said_state.clear();
+        if self.state.paused {
+            self.listener.say(MOTION, motion(true));
+        }
     }
 
     fn wait(&self) {

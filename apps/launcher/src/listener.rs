@@ -2,8 +2,8 @@
 //! broker must not be the one who waits.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -32,7 +32,9 @@ pub(crate) struct Listener {
 struct Shared {
     observer: Mutex<Observer>,
     failed: Mutex<Option<ConnectError>>,
-    /// Rings when there is news.
+    /// What is to be said and was not yet.
+    unsaid: AtomicUsize,
+    /// Rings when there is news, and when all is said.
     bell: OwnedFd,
     stop: AtomicBool,
 }
@@ -43,8 +45,9 @@ impl Listener {
         let system = |what, source| LaunchError::System { what, source };
         let bell = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)
             .map_err(|error| system("no bell for the launcher's thread", error.into()))?;
-        let (observer, failed, stop) = (Mutex::new(observer), Mutex::new(None), AtomicBool::new(false));
-        let shared = Arc::new(Shared { observer, failed, bell, stop });
+        let (observer, failed) = (Mutex::new(observer), Mutex::new(None));
+        let (unsaid, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let shared = Arc::new(Shared { observer, failed, unsaid, bell, stop });
         let (say, said) = channel();
         let of_thread = shared.clone();
         let thread = std::thread::Builder::new()
@@ -67,9 +70,15 @@ impl Listener {
     /// Publishes a number or a text, as soon as there is a broker.
     pub fn say(&self, key: &str, value: impl Into<Value>) {
         if let Some(say) = &self.say {
+            self.shared.unsaid.fetch_add(1, Ordering::Relaxed);
             // A thread that has failed has said so.
             let _ = say.send((key.to_owned(), value.into()));
         }
+    }
+
+    /// Whether all that was to be said is with the broker.
+    pub fn has_said_all(&self) -> bool {
+        self.shared.unsaid.load(Ordering::Relaxed) == 0
     }
 
     /// Becomes readable when there is news.
@@ -130,14 +139,17 @@ impl Shared {
             if !lock(&self.observer).news.is_empty() {
                 self.ring();
             }
-            loop {
-                match said.try_recv() {
-                    Ok((key, value)) => client.comms.notify(&key, value)?,
-                    Err(TryRecvError::Empty) if !self.stop.load(Ordering::Relaxed) => break,
-                    Err(_) => return client.comms.flush(),
-                }
+            let leaving = self.stop.load(Ordering::Relaxed);
+            let (count, done) = say_all(&mut client, said);
+            if count > 0 {
+                // What the broker went away with is not said again: whoever joins anew says how things are then.
+                self.unsaid.fetch_sub(count, Ordering::Relaxed);
+                self.ring();
             }
-            client.comms.flush()?;
+            done?;
+            if leaving {
+                return Ok(());
+            }
         }
     }
 
@@ -145,6 +157,17 @@ impl Shared {
         // A bell that has rung too often already rings.
         let _ = rustix::io::write(&self.bell, &1u64.to_ne_bytes());
     }
+}
+
+/// Says what is to be said; how much that was, and whether it went out.
+fn say_all(client: &mut Client, said: &Receiver<(String, Value)>) -> (usize, Result<(), CommsError>) {
+    let mut count = 0;
+    let mut done = Ok(());
+    while let Ok((key, value)) = said.try_recv() {
+        count += 1;
+        done = done.and_then(|()| client.comms.notify(&key, value));
+    }
+    (count, done.and_then(|()| client.comms.flush()))
 }
 
 /// A thread that panicked with the lock leaves what it had heard until then.
