@@ -59,10 +59,10 @@ pub enum ScopeCommand {
     #[command(after_help = "Example: elk bw 'SCAN*'")]
     Bw(RatesArgs),
     /// Say what is known of a client or a variable, whichever has the name
-    #[command(after_help = "Examples: elk info Explorer    elk info PATH --json")]
+    #[command(after_help = "Examples: elk info Explorer    elk info 'MAP*' --json")]
     Info {
-        /// The client's or the variable's name
-        name: String,
+        /// The client's or the variable's name: '*' is any run of characters, '?' a single one
+        pattern: Pattern,
         /// How to look.
         #[command(flatten)]
         look: LookArgs,
@@ -133,7 +133,7 @@ pub struct LookArgs {
 #[derive(Debug, Args)]
 pub struct RatesArgs {
     /// The variables: '*' is any run of characters, '?' a single one
-    #[arg(required = true)]
+    #[arg(default_value = "*")]
     pub patterns: Vec<Pattern>,
     /// The figures are over the last so many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=3600))]
@@ -174,7 +174,9 @@ fn look(command: ScopeCommand, output: &mut Output<'_>) -> Result<(), ScopeError
         }
         ScopeCommand::Hz(arguments) => measure("hz", Quantity::Rate, arguments, output),
         ScopeCommand::Bw(arguments) => measure("bw", Quantity::Bandwidth, arguments, output),
-        ScopeCommand::Info { name, look } => Info { name, json: look.json }.run(&mut join("info", &look)?, output),
+        ScopeCommand::Info { pattern, look } => {
+            Info { pattern, json: look.json }.run(&mut join("info", &look)?, output)
+        }
         ScopeCommand::Graph { dot, look } => {
             let drawing = if look.json { Drawing::Json } else { Drawing::Text };
             graph(&mut join("graph", &look)?, output, if dot { Drawing::Dot } else { drawing })

@@ -13,7 +13,7 @@ use crate::wire::{self, BULK, BulkRef, Frame, FrameKind, Header, RESENT};
 /// loses mail in the broker, too.
 const RETAINED_BYTES: usize = 4 << 20;
 /// The same for batches with a bulk value: these hold shared memory.
-const RETAINED_BULK: usize = 16;
+const RETAINED_BULK: usize = 8;
 /// Buffers that are kept for the next batches.
 const SPARE_BUFFERS: usize = 32;
 

@@ -1,5 +1,6 @@
-//! `elk info`: a client or a variable, whichever has the name.
+//! `elk info`: clients and variables, whichever have the name.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use elk_bus::Value as BusValue;
@@ -23,52 +24,92 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Whom to ask about.
 #[derive(Debug, Clone)]
 pub struct Info {
-    /// The client's or the variable's name.
-    pub name: String,
-    /// Write one JSON object.
+    /// The clients' and the variables' names.
+    pub pattern: Pattern,
+    /// Write JSON, an object a name.
     pub json: bool,
 }
 
+/// What is known of a name.
+struct Known<'a> {
+    name: &'a str,
+    client: Option<&'a ClientEntry>,
+    /// What the client last said of itself.
+    status: Option<String>,
+    variable: Option<&'a VariableEntry>,
+    value: Option<BusValue>,
+    /// Who has registered for the variable, and not only for everything.
+    waiting: Vec<&'a str>,
+}
+
 impl Info {
-    /// Says what is known of the client, the variable, or both.
+    /// Says what is known of each client and variable that matches.
     ///
     /// # Errors
     /// Nobody has the name.
     pub fn run(&self, scope: &mut Scope, output: &mut Output<'_>) -> Result<(), ScopeError> {
         let table = scope.table()?;
-        let client = table.clients.iter().find(|client| client.name == self.name);
-        let variable = table.variables.iter().find(|variable| variable.name == self.name);
-        let waiting = waiting_for(&table, &self.name);
-        if client.is_none() && variable.is_none() && waiting.is_empty() {
-            return Err(self.unknown(&table));
+        let mut first = true;
+        for name in self.names(&table)? {
+            let known = Known::of(&table, name, scope)?;
+            if self.json {
+                output.line(&known.as_json(&table).to_string())?;
+                continue;
+            }
+            if !std::mem::take(&mut first) {
+                output.line("")?;
+            }
+            known.as_text(&table).iter().try_for_each(|line| output.line(line))?;
         }
-        let status = match client {
-            Some(client) => latest_text(&table, &format!("{}_STATUS", client.name.to_uppercase())),
-            None => None,
-        };
-        let value = match variable {
-            Some(variable) => latest_value(scope, variable)?,
-            None => None,
-        };
-        if self.json {
-            let client = client.map(|client| client_as_json(&table, client, status.as_deref()));
-            let variable = variable.map(|variable| whole_variable_as_json(&table, variable, value.as_ref()));
-            output.line(&json!({"client": client, "variable": variable, "waited_for_by": waiting}).to_string())?;
-            return output.flush();
-        }
-        let mut lines = client.map_or_else(Vec::new, |client| client_as_text(&table, client, status.as_deref()));
-        lines.extend(variable.map_or_else(Vec::new, |variable| variable_as_text(&table, variable, value.as_ref())));
-        if lines.is_empty() {
-            lines.push(format!("{}: nobody has written it yet; waiting for it: {}", self.name, waiting.join(", ")));
-        }
-        lines.iter().try_for_each(|line| output.line(line))?;
         output.flush()
     }
 
-    fn unknown(&self, table: &CommunityTable) -> ScopeError {
+    /// The names that match: those who are there, or one that is waited for.
+    fn names<'a>(&'a self, table: &'a CommunityTable) -> Result<Vec<&'a str>, ScopeError> {
         let clients = table.clients.iter().map(|client| client.name.as_str());
-        let names: Vec<&str> = clients.chain(table.variables.iter().map(|variable| variable.name.as_str())).collect();
-        unknown("there is no client and no variable", &self.name, &names)
+        let all: BTreeSet<&str> = clients.chain(table.variables.iter().map(|v| v.name.as_str())).collect();
+        let matching: Vec<&str> = all.iter().copied().filter(|name| self.pattern.matches(name)).collect();
+        match self.pattern.literal() {
+            Some(name) if matching.is_empty() && waiting_for(table, name).is_empty() => {
+                let all: Vec<&str> = all.into_iter().collect();
+                Err(unknown("there is no client and no variable", name, &all))
+            }
+            Some(name) => Ok(vec![name]),
+            None => Ok(matching),
+        }
+    }
+}
+
+impl<'a> Known<'a> {
+    fn of(table: &'a CommunityTable, name: &'a str, scope: &mut Scope) -> Result<Self, ScopeError> {
+        let client = table.clients.iter().find(|client| client.name == name);
+        let variable = table.variables.iter().find(|variable| variable.name == name);
+        let value = variable.map(|variable| latest_value(scope, variable)).transpose()?.flatten();
+        let status = client.and_then(|client| latest_text(table, &format!("{}_STATUS", client.name.to_uppercase())));
+        Ok(Self { name, client, status, variable, value, waiting: waiting_for(table, name) })
+    }
+
+    fn as_text(&self, table: &CommunityTable) -> Vec<String> {
+        let mut lines = Vec::new();
+        lines.extend(self.client.iter().flat_map(|c| client_as_text(table, c, self.status.as_deref())));
+        lines.extend(self.variable.iter().flat_map(|v| variable_as_text(table, v, self.value.as_ref())));
+        if lines.is_empty() {
+            lines.push(format!(
+                "{}: nobody has written it yet; waiting for it: {}",
+                self.name,
+                self.waiting.join(", ")
+            ));
+        }
+        lines
+    }
+
+    fn as_json(&self, table: &CommunityTable) -> Value {
+        json!({
+            "name": self.name,
+            "client": self.client.map(|client| client_as_json(table, client, self.status.as_deref())),
+            "variable": self.variable.map(|v| whole_variable_as_json(table, v, self.value.as_ref())),
+            "waited_for_by": self.waiting,
+        })
     }
 }
 

@@ -33,9 +33,10 @@ pub fn value_for_people(value: ValueRef<'_>) -> String {
 pub fn value_for_programs(value: ValueRef<'_>) -> Value {
     let shown = catalogue::value_to_json(value, LONGEST_FOR_PROGRAMS);
     shown.unwrap_or_else(|error| match value {
-        ValueRef::Binary { bytes, .. } => {
+        ValueRef::Binary { layout, bytes, .. } => {
+            let layout = format!("{layout:016x}");
             let first: String = bytes.iter().take(BYTES_FOR_PROGRAMS).map(|byte| format!("{byte:02x}")).collect();
-            json!({"unreadable": error.to_string(), "bytes": bytes.len(), "hex": first})
+            json!({"unreadable": error.to_string(), "layout": layout, "bytes": bytes.len(), "hex": first})
         }
         _ => Value::Null,
     })

@@ -164,7 +164,7 @@ fn info_tells_of_a_client_and_of_a_variable() {
     let lab = Lab::new();
     let _apps = lab.with_two_apps();
     let info = |name: &str, json| {
-        let info = Info { name: name.into(), json };
+        let info = Info { pattern: name.parse().unwrap(), json };
         said(|output| info.run(&mut lab.scope("info"), output))
     };
     let map = info("Map", false).unwrap();
@@ -184,6 +184,10 @@ fn info_tells_of_a_client_and_of_a_variable() {
     assert_eq!((&json["client"], &json["variable"]["value"]), (&Value::Null, &json!(12.0)));
     assert_eq!(json["variable"]["routes"], json!([{"source": "Map", "readers": ["Sensor"]}]));
     assert_eq!(info("SCX", false).unwrap(), "SCX: nobody has written it yet; waiting for it: Map\n");
+    let some = info("MAP_S*", false).unwrap();
+    assert!(some.starts_with("MAP_SIZE: a variable") && some.contains("\n\nMAP_STATUS: a variable"), "{some}");
+    assert_eq!(info("M*", true).unwrap().lines().count(), 3, "the client Map, too");
+    assert_eq!(info("X*", false).unwrap(), "");
     let error = info("Mop", false).unwrap_err();
     assert_eq!(error, "there is no client and no variable Mop; did you mean Map?");
 }
@@ -194,7 +198,7 @@ fn info_tells_of_both_if_both_have_the_name_and_shows_long_values_whole() {
     let mut both = lab.client("BOTH");
     both.comms.notify("BOTH", "long ".repeat(1000)).unwrap();
     both.comms.flush().unwrap();
-    let info = Info { name: "BOTH".into(), json: true };
+    let info = Info { pattern: "BOTH".parse().unwrap(), json: true };
     let json = parsed(said(|output| info.run(&mut lab.scope("info"), output)));
     assert_eq!(json["client"]["name"], "BOTH");
     assert_eq!(json["variable"]["value"].as_str().unwrap().len(), 5000);

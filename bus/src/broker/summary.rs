@@ -24,6 +24,8 @@ pub(super) struct Latency {
 impl Latency {
     /// Takes note of one message.
     pub fn note(&mut self, secs: f64) {
+        // The broker's time is that of the beginning of its round, and the message may have come during it.
+        let secs = secs.max(0.0);
         self.min = if self.count == 0 { secs } else { self.min.min(secs) };
         self.max = if self.count == 0 { secs } else { self.max.max(secs) };
         self.recent = secs;

@@ -35,7 +35,7 @@ const LONGEST_SLEEP: Duration = Duration::from_secs(1);
 const SPARE_BUFFERS: usize = 64;
 /// Bulk values of a publisher that are kept for those who have not handled them; more are kept for lossless receivers
 /// only, who are never so far behind.
-const UNDER_WAY: usize = 16;
+const UNDER_WAY: usize = 8;
 /// How long clients get to leave when the broker stops.
 const FAREWELL: Duration = Duration::from_secs(2);
 
