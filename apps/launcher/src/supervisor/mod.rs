@@ -32,6 +32,9 @@ const DEAF_AFTER: Duration = Duration::from_secs(5);
 /// How long an app that found no broker waits before it tries again.
 const OUTAGE_PAUSE: Duration = Duration::from_millis(100);
 
+/// As much of a log's last line as stands in an exit's reason.
+const LINE_CHARS: usize = 120;
+
 /// Whom to tell how an order went.
 pub(crate) type Ticket = u64;
 
@@ -63,8 +66,12 @@ impl Exit {
     /// `exit code 1; last line: no room`
     pub fn in_short(&self) -> String {
         match self.tail.last() {
-            Some(line) => format!("{}; last line: {line}", self.how),
-            None => self.how.clone(),
+            // Whoever ended well has nothing to explain.
+            Some(line) if !self.fine => {
+                let line: String = line.chars().take(LINE_CHARS).collect();
+                format!("{}; last line: {line}", self.how)
+            }
+            _ => self.how.clone(),
         }
     }
 }
