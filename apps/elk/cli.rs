@@ -7,6 +7,8 @@ use elk_bus::Community;
 use elk_mission::Override;
 
 use crate::control;
+use crate::log::LogCommand;
+use crate::replay::ReplayArgs;
 use crate::scope::ScopeCommand;
 
 /// Explores worlds as mission files say, each app a process of its own.
@@ -88,6 +90,16 @@ pub enum Command {
     Picture {
         /// The run's folder
         run: PathBuf,
+    },
+    /// Play a log back onto the bus, or into live apps
+    #[command(after_help = crate::replay::HELP)]
+    Replay(Box<ReplayArgs>),
+    /// Look into logs: what is in them, are they whole, mend, shorten, compare, hand on
+    #[command(after_help = "Example: elk log info logs/apartment-20261123-224512")]
+    Log {
+        /// What to do
+        #[command(subcommand)]
+        command: LogCommand,
     },
     /// End the processes of a launcher that is gone; the launcher starts this itself
     #[command(hide = true)]
@@ -182,6 +194,11 @@ mod tests {
     fn the_command_line_is_consistent_and_every_command_has_an_example() {
         let command = Cli::command();
         command.clone().debug_assert();
+        let log = command.find_subcommand("log").unwrap();
+        for one in log.get_subcommands() {
+            let help = one.get_after_help().map(|help| help.to_string()).unwrap_or_default();
+            assert!(help.contains(&format!("elk log {}", one.get_name())), "log {}", one.get_name());
+        }
         for one in command.get_subcommands().filter(|one| !one.is_hide_set()) {
             let help = one.get_after_help().map(|help| help.to_string()).unwrap_or_default();
             assert!(help.contains(&format!("elk {}", one.get_name())), "{}", one.get_name());

@@ -5,7 +5,9 @@
 mod cli;
 mod commands;
 mod control;
+mod log;
 mod registry;
+mod replay;
 mod scope;
 
 use std::process::ExitCode;
@@ -36,6 +38,8 @@ fn main() -> ExitCode {
         Command::Controller(app) => commands::app("Controller", app),
         Command::Logger(app) => commands::app("Logger", app),
         Command::Scope(command) => scope::run(command),
+        Command::Replay(arguments) => replay::run(*arguments),
+        Command::Log { command } => log::run(command),
         Command::Picture { run } => commands::picture(&run),
         Command::Guard => commands::guard(),
     };

@@ -58,6 +58,7 @@ pub struct Comms {
     types: Numbering,
     sequence: u64,
     stopping: bool,
+    epoch: u64,
 }
 
 impl Comms {
@@ -83,6 +84,7 @@ impl Comms {
             types: Numbering::new(Named::Type, 0),
             sequence: wire::first_sequence(monotonic_nanos() / 1_000_000),
             stopping: false,
+            epoch: link.epoch,
         };
         (comms, link.down)
     }
@@ -105,6 +107,11 @@ impl Comms {
     /// The community's time (s).
     pub fn time(&self) -> f64 {
         self.clock.now()
+    }
+
+    /// Tells one life of the broker from the next.
+    pub fn epoch(&self) -> u64 {
+        self.epoch
     }
 
     /// Asks the app's run loop to end after this callback.
@@ -201,6 +208,7 @@ impl Comms {
             self.outbox.recall(&*dead);
             self.back = link.back;
             self.clock = link.clock;
+            self.epoch = link.epoch;
             self.new_down = Some(link.down);
             self.ready = true;
             let introduction = self.introduction();

@@ -15,6 +15,8 @@ pub(crate) struct RunPlace {
     /// The mission file as it was.
     mission_copy: PathBuf,
     seed: String,
+    /// The world, as the sensor's setting names it.
+    world: String,
     manual: bool,
 }
 
@@ -23,7 +25,9 @@ impl RunPlace {
     pub fn new(mission: &Mission, folder: &Path, manual: bool) -> Self {
         let file_name = mission.file.file_name().unwrap_or_default();
         let seed = summary::seed(mission).unwrap_or_default().to_string();
-        Self { folder: folder.to_owned(), mission_copy: folder.join(file_name), seed, manual }
+        let world = mission.of_element("Sensor").find_map(|sensor| sensor.setting("World")).unwrap_or_default();
+        let (folder, mission_copy) = (folder.to_owned(), folder.join(file_name));
+        Self { folder, mission_copy, seed, world: world.to_owned(), manual }
     }
 
     /// Keeps the mission file.
@@ -41,7 +45,8 @@ impl RunPlace {
             "Logger" => {
                 suppose(app, "File", &in_folder("log.mcap"))?;
                 suppose(app, "MissionFile", &self.mission_copy.to_string_lossy())?;
-                suppose(app, "Seed", &self.seed)
+                suppose(app, "Seed", &self.seed)?;
+                suppose(app, "World", &self.world)
             }
             _ => Ok(()),
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use elk_bus::clock::{Clock, Stopwatch};
 use elk_bus::{App, AppError, Comms, Mail};
-use elk_log::{LogError, Metadata, RecordRef};
+use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 
 use crate::recorder::Recorder;
@@ -46,13 +46,53 @@ const PARAMS: &[ParamSpec] = &[
         default: Some("1.0"),
         doc: "The longest time for which a message may be in memory only.",
     },
+    ParamSpec {
+        name: "Sync",
+        kind: Kind::Number { unit: "s", min: 0.0, max: 3600.0 },
+        default: Some("0"),
+        doc: "How often a flush waits for the disk itself (fdatasync), so that the log survives the machine; 0: only at \
+              the end.",
+    },
+    ParamSpec {
+        name: "Compression",
+        kind: Kind::Choice(&["none", "lz4", "zstd"]),
+        default: Some("none"),
+        doc: "How the log is compressed: not at all (none), a little for little work (lz4), more for more (zstd).",
+    },
+    ParamSpec {
+        name: "RotateSize",
+        kind: Kind::Number { unit: "MB", min: 0.0, max: 1e9 },
+        default: Some("0"),
+        doc: "Size at which the log goes on in the next file (log.1.mcap, …); 0: never.",
+    },
+    ParamSpec {
+        name: "RotateTime",
+        kind: Kind::Number { unit: "s", min: 0.0, max: 1e9 },
+        default: Some("0"),
+        doc: "Time after which the log goes on in the next file; 0: never.",
+    },
+    ParamSpec {
+        name: "World",
+        kind: Kind::Text,
+        default: Some(""),
+        doc: "The world of a simulated run, noted in the log with its checksum; the launcher gives the sensor's.",
+    },
 ];
+
+/// The broker's count of dropped mail, by client.
+const DB_DROPS: &str = "DB_DROPS";
 
 /// Records all mail. Trouble with the disk is said at once, on the terminal and on the bus, and stops nobody.
 pub struct Logger {
     recorder: Recorder,
+    /// Patterns of the variables to record.
+    keys: Vec<String>,
     flush_secs: f64,
     since_flush: Stopwatch,
+    /// Messages so far: the next one's place in the broker's order.
+    messages: u64,
+    /// Mail that the broker has dropped because this app did not read.
+    dropped: u64,
     trouble: Option<String>,
     refused: bool,
 }
@@ -60,14 +100,28 @@ pub struct Logger {
 impl Logger {
     /// The logger that `params` describe; fails if the mission file cannot be read.
     pub fn new(params: &Params) -> Result<Self, AppError> {
-        let metadata = metadata(params.text("MissionFile"), params.integer("Seed"))?;
-        Ok(Self {
-            recorder: Recorder::new(params.text("File").into(), metadata),
-            flush_secs: params.number("Flush"),
+        let recorder = Recorder::new(params.text("File").into(), metadata(params)?).with_options(options(params));
+        let recorder = recorder.with_sync(positive(params.number("Sync")));
+        Ok(Self { flush_secs: params.number("Flush"), ..Self::of(recorder, vec!["*".into()]) })
+    }
+
+    /// A logger of the variables that match any of `keys`, into `recorder`.
+    pub fn of(recorder: Recorder, keys: Vec<String>) -> Self {
+        Self {
+            recorder,
+            keys,
+            messages: 0,
+            dropped: 0,
+            flush_secs: 1.0,
             since_flush: Stopwatch::start(),
             trouble: None,
             refused: false,
-        })
+        }
+    }
+
+    /// Messages that came so far.
+    pub fn messages(&self) -> u64 {
+        self.messages
     }
 
     /// Flushes after half the time allowed: the next chance may come as late as that.
@@ -94,6 +148,19 @@ impl Logger {
         Ok(())
     }
 
+    /// Notes in the log what the broker has dropped of this app's mail, as its table `drops` says.
+    fn note_drops(&mut self, drops: &str, comms: &mut Comms) -> Result<(), AppError> {
+        let dropped = drops_of(comms.name(), drops).unwrap_or(self.dropped);
+        let newly = dropped.saturating_sub(self.dropped);
+        self.dropped = dropped;
+        if newly > 0
+            && let Err(error) = self.recorder.note_dropped(newly, comms.time())
+        {
+            self.complain(&error, comms)?;
+        }
+        Ok(())
+    }
+
     /// Says that messages are refused, once: how many there were is said at the end.
     fn complain(&mut self, error: &LogError, comms: &mut Comms) -> Result<(), AppError> {
         if !std::mem::replace(&mut self.refused, true) {
@@ -107,7 +174,7 @@ impl Logger {
 impl App for Logger {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.flush(comms)?;
-        comms.register_lossless("*", "*")?;
+        self.keys.iter().try_for_each(|key| comms.register_lossless(key, "*"))?;
         Ok(())
     }
 
@@ -120,10 +187,16 @@ impl App for Logger {
             time: mail.time(),
             sequence: mail.sequence(),
             received: comms.time(),
+            order: self.messages,
+            epoch: comms.epoch(),
             value: mail.value(),
         };
+        self.messages += 1;
         if let Err(error) = self.recorder.record(&record) {
             self.complain(&error, comms)?;
+        }
+        if mail.key() == DB_DROPS {
+            self.note_drops(mail.as_text().unwrap_or_default(), comms)?;
         }
         self.flush_if_due(comms)
     }
@@ -148,17 +221,73 @@ impl App for Logger {
     }
 }
 
-fn metadata(mission_file: &str, seed: i64) -> Result<Metadata, AppError> {
+/// The number of a client in the broker's table: `name=number,…`.
+fn drops_of(name: &str, drops: &str) -> Option<u64> {
+    drops.split(',').filter_map(|entry| entry.rsplit_once('=')).find(|(client, _)| *client == name)?.1.parse().ok()
+}
+
+/// What is zero stands for: never.
+fn positive(number: f64) -> Option<f64> {
+    (number > 0.0).then_some(number)
+}
+
+fn options(params: &Params) -> LogOptions {
+    LogOptions {
+        compression: match params.text("Compression") {
+            "lz4" => Compression::Lz4,
+            "zstd" => Compression::Zstd,
+            _ => Compression::None,
+        },
+        rotate_bytes: positive(params.number("RotateSize")).map(|megabytes| (megabytes * 1e6) as u64),
+        rotate_secs: positive(params.number("RotateTime")),
+    }
+}
+
+fn metadata(params: &Params) -> Result<Metadata, AppError> {
+    let mission_file = params.text("MissionFile");
     let unreadable = |error| format!("cannot read the mission file {mission_file}: {error}");
     let mission = match mission_file {
         "" => String::new(),
         file => std::fs::read_to_string(file).map_err(unreadable)?,
     };
+    let world = params.text("World");
+    // A world that is no file is built into the program, whose version is noted.
+    let world_checksum = std::fs::read(world).map(|bytes| format!("{:016x}", checksum(&bytes))).unwrap_or_default();
     Ok(Metadata {
-        mission_name: Path::new(mission_file).file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        mission_name: file_name(mission_file),
         mission,
         version: env!("CARGO_PKG_VERSION").into(),
-        seed: seed.unsigned_abs(),
+        seed: params.integer("Seed").unsigned_abs(),
         started: Clock::new(1.0).now(),
+        world: file_name(world),
+        world_checksum,
     })
+}
+
+fn file_name(path: &str) -> String {
+    Path::new(path).file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// FNV-1a.
+fn checksum(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_broker_s_table_of_drops_is_read_by_name() {
+        let drops = "Map=3,Logger=12,odd=name=4,";
+        assert_eq!(
+            [drops_of("Logger", drops), drops_of("odd=name", drops), drops_of("Log", drops)],
+            [Some(12), Some(4), None]
+        );
+    }
+
+    #[test]
+    fn the_checksum_is_fnv_1a() {
+        assert_eq!(checksum(b"foobar"), elk_bus::fnv1a("foobar"));
+    }
 }

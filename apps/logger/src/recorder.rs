@@ -2,12 +2,16 @@
 
 use std::path::PathBuf;
 
-use elk_log::{LogError, LogWriter, Metadata, RecordRef};
+use elk_bus::clock::Stopwatch;
+use elk_log::{LogError, LogOptions, LogWriter, Metadata, RecordRef};
 
 /// Writes a log and, where it cannot, counts what is missing and tries again.
 pub struct Recorder {
     path: PathBuf,
     metadata: Metadata,
+    options: LogOptions,
+    sync_secs: Option<f64>,
+    since_sync: Stopwatch,
     log: Option<LogWriter>,
     lost: u64,
 }
@@ -15,7 +19,19 @@ pub struct Recorder {
 impl Recorder {
     /// A recorder for a log at `path`; nothing is touched before [`Recorder::flush`].
     pub fn new(path: PathBuf, metadata: Metadata) -> Self {
-        Self { path, metadata, log: None, lost: 0 }
+        let (options, since_sync) = (LogOptions::default(), Stopwatch::start());
+        Self { path, metadata, options, sync_secs: None, since_sync, log: None, lost: 0 }
+    }
+
+    /// The same recorder with another way of writing.
+    pub fn with_options(self, options: LogOptions) -> Self {
+        Self { options, ..self }
+    }
+
+    /// The same recorder, which with a flush waits for the disk itself, at most every `sync_secs`; `None`: only at the
+    /// end.
+    pub fn with_sync(self, sync_secs: Option<f64>) -> Self {
+        Self { sync_secs, ..self }
     }
 
     /// Records a message. An error means that it is missing from the log, and is counted as such.
@@ -34,12 +50,20 @@ impl Recorder {
     /// Brings what was recorded onto the disk; creates the file where that has not succeeded yet.
     pub fn flush(&mut self) -> Result<(), LogError> {
         match &mut self.log {
-            Some(log) => log.flush(),
-            None => {
-                self.log = Some(LogWriter::create(&self.path, &self.metadata)?);
-                Ok(())
+            None => self.log = Some(LogWriter::create_with(&self.path, &self.metadata, self.options)?),
+            Some(log) if self.sync_secs.is_some_and(|secs| self.since_sync.elapsed().as_secs_f64() >= secs) => {
+                log.sync()?;
+                self.since_sync = Stopwatch::start();
             }
+            Some(log) => log.flush()?,
         }
+        Ok(())
+    }
+
+    /// Notes in the log that `newly` messages never reached it, at time `now` (s).
+    pub fn note_dropped(&mut self, newly: u64, now: f64) -> Result<(), LogError> {
+        self.lost += newly;
+        self.log.as_mut().map_or(Ok(()), |log| log.note_dropped(newly, now))
     }
 
     /// Ends the file. What was flushed before stays readable even if this fails.
@@ -71,6 +95,8 @@ mod tests {
             time: number,
             sequence: number as u64,
             received: number,
+            order: number as u64,
+            epoch: 1,
             value: ValueRef::Double(number),
         }
     }

@@ -54,8 +54,8 @@ pub fn draw_run(run: &Path) -> Result<PathBuf, PictureError> {
     if !run.is_dir() {
         return Err(PictureError::NoRun(run.into()));
     }
-    let log = run.join("log.mcap");
-    let scene = Scene::from_log(LogReader::open(&log)?).map_err(|source| PictureError::Scene { path: log, source })?;
+    let scene =
+        Scene::from_log(LogReader::open(run)?).map_err(|source| PictureError::Scene { path: run.into(), source })?;
     let png = draw(&scene)?;
     let path = run.join("picture.png");
     std::fs::write(&path, png).map_err(|source| PictureError::Write { path: path.clone(), source })?;

@@ -62,6 +62,8 @@ fn record<T: Payload>(key: &Key<T>, value: &T::View<'_>, at: u64) -> Record {
         time: at as f64,
         sequence: at,
         received: at as f64,
+        order: at,
+        epoch: 1,
         value: Value::Binary { type_name: T::NAME.into(), layout: T::LAYOUT, bytes },
     }
 }

@@ -1,164 +1,481 @@
 //! How a message lies in the log.
 //!
-//! | value  | message encoding | schema                                | bytes of a message                                 |
-//! |--------|------------------|---------------------------------------|----------------------------------------------------|
-//! | double | `json`           | `elk.Double`, `jsonschema`            | `{"value":1.5,"time":…,"received":…,"sequence":…}` |
-//! | text   | `json`           | `elk.Text`, `jsonschema`              | `{"value":"…","time":…,"received":…,"sequence":…}` |
-//! | binary | `elk`            | the type's name, `elk`, layout hash   | envelope, then the value in the bus' own encoding  |
+//! | value   | message encoding | schema                              | bytes of a message                                              |
+//! |---------|------------------|-------------------------------------|-----------------------------------------------------------------|
+//! | double  | `json`           | `elk.Double`, `jsonschema`          | `{"value":1.5,"time":…,"received":…,"sequence":…,"order":…}`   |
+//! | text    | `json`           | `elk.Text`, `jsonschema`            | `{"value":"…","time":…,"received":…,"sequence":…,"order":…}`   |
+//! | spatial | `protobuf`       | `foxglove.…`, `protobuf`            | what viewers show; envelope and value in an unnamed field       |
+//! | known   | `json`           | the type's name, `jsonschema`       | `{"elk":"2a00…","time":…,…,"value":{"revision":42,…}}`          |
+//! | other   | `elk`            | the type's name, `elk`, layout hash | envelope, then the value in the bus' own encoding               |
 //!
 //! MCAP's own times are whole nanoseconds and its sequence has 32 bits: too coarse to give back what was sent, so each
-//! message carries its time, its time of recording and its number once more. The envelope of a binary value, little
-//! endian: time (f64), received (f64), sequence (u64), length of the source's auxiliary name (u32), that name (UTF-8).
+//! message carries its time, its time of recording, its publisher's number and its place in the broker's order once
+//! more. The envelope of a binary value, little endian: time (f64), received (f64), sequence (u64), order (u64), length
+//! of the source's auxiliary name (u32), that name (UTF-8). Which values are spatial, and how these are stored, the
+//! module `spatial` says. The other types of the catalogue are known: they are small, so their fields are there to be
+//! plotted, and `elk` holds the value's bytes in hexadecimal digits. Epoch, source, community, and a binary value's type and layout stand in the channel's metadata.
 
-use std::borrow::Cow;
-
-use elk_bus::{Value, ValueRef};
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use elk_bus::ValueRef;
+use elk_spatial::catalogue::{self, PayloadType};
 
 use crate::record::RecordRef;
+use crate::spatial::{self, Shape};
+
+/// The version of what this page says; a log of a later one is not read.
+pub(crate) const FORMAT: u32 = 1;
 
 /// Message encoding of numbers and texts.
 pub(crate) const JSON: &str = "json";
-/// Message encoding, and schema encoding, of binary values.
+/// Message encoding, and schema encoding, of binary values that viewers do not know.
 pub(crate) const ELK: &str = "elk";
+/// Message encoding, and schema encoding, of binary values that viewers show.
+pub(crate) const PROTOBUF: &str = "protobuf";
 /// Schema encoding of numbers and texts.
 pub(crate) const JSON_SCHEMA: &str = "jsonschema";
 /// Schema name of numbers.
 pub(crate) const DOUBLE: &str = "elk.Double";
 /// Schema name of texts.
 pub(crate) const TEXT: &str = "elk.Text";
+/// Schema name, and topic, of the logger's own losses.
+pub(crate) const DROPPED: &str = "elk.Dropped";
+
+/// Length of an envelope without the auxiliary name.
+const ENVELOPE_BYTES: usize = 36;
+
+/// A message as it was sent, where it lies or in [`Scratch`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Decoded<'a> {
+    pub value: ValueRef<'a>,
+    pub envelope: Envelope<'a>,
+}
 
 /// What a message carries beside its value and what its channel says.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Envelope {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Envelope<'a> {
     pub time: f64,
     pub received: f64,
     pub sequence: u64,
-    pub source_aux: String,
+    pub order: u64,
+    pub source_aux: &'a str,
+}
+
+/// Room for what does not lie in one piece in the log; kept from message to message.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    value: Vec<u8>,
+    text: String,
+    source_aux: String,
 }
 
 /// The JSON schema of messages whose value is of the JSON type `value`.
-pub(crate) fn json_schema(value: &str, note: &str) -> String {
+fn json_schema(value: &str, note: &str) -> String {
     format!(
-        r#"{{"type":"object","properties":{{"value":{{"type":"{value}","description":"{note}"}},"time":{{"type":"number","description":"published, s"}},"received":{{"type":"number","description":"recorded, s"}},"sequence":{{"type":"integer"}},"aux":{{"type":"string","description":"auxiliary source"}}}},"required":["value","time","received","sequence"]}}"#
+        r#"{{"type":"object","properties":{{"value":{{"type":"{value}","description":"{note}"}},"time":{{"type":"number","description":"published, s"}},"received":{{"type":"number","description":"recorded, s"}},"sequence":{{"type":"integer","description":"the publisher's count"}},"order":{{"type":"integer","description":"place in the broker's order"}},"aux":{{"type":"string","description":"auxiliary source"}}}},"required":["value","time","received","sequence","order"]}}"#
     )
 }
 
-/// A number that comes back bit for bit: JSON has none that are not finite, so these travel as 16 hexadecimal digits.
-struct Exact(f64);
+/// The JSON schema of values that the catalogue knows: their fields are those of their type.
+const KNOWN_SCHEMA: &str = r#"{"type":"object","properties":{"elk":{"type":"string","description":"the value's bytes"},"time":{"type":"number","description":"published, s"},"received":{"type":"number","description":"recorded, s"},"sequence":{"type":"integer"},"order":{"type":"integer"},"aux":{"type":"string"},"value":{"type":"object"}},"required":["elk","time","received","sequence","order","value"]}"#;
 
-impl Serialize for Exact {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.0.is_finite() {
-            true => serializer.serialize_f64(self.0),
-            false => serializer.collect_str(&format_args!("{:016x}", self.0.to_bits())),
+/// The JSON schema of [`DROPPED`].
+pub(crate) const DROPPED_SCHEMA: &str = r#"{"type":"object","properties":{"dropped":{"type":"integer","description":"messages that are missing from the log so far"},"received":{"type":"number","description":"noticed, s"}},"required":["dropped","received"]}"#;
+
+/// The message that tells of losses.
+pub(crate) fn dropped(total: u64, received: f64) -> String {
+    format!(r#"{{"dropped":{total},"received":{received}}}"#)
+}
+
+/// The number of messages that a message of [`dropped`] tells of.
+pub(crate) fn decode_dropped(bytes: &[u8]) -> Result<u64, String> {
+    let mut json = Json(bytes);
+    json.expect(b"{\"dropped\":")?;
+    json.integer()
+}
+
+/// What a channel for a value is announced with.
+pub(crate) struct Announcement {
+    pub schema_name: String,
+    pub schema_encoding: &'static str,
+    pub schema: Vec<u8>,
+    pub message_encoding: &'static str,
+}
+
+impl Announcement {
+    /// The announcement of a channel for `value` and its like.
+    pub fn of(value: &ValueRef<'_>) -> Self {
+        match *value {
+            ValueRef::Double(_) => Self::json(DOUBLE, "number", "not finite: its bits as 16 hexadecimal digits"),
+            ValueRef::Text(_) => Self::json(TEXT, "string", ""),
+            ValueRef::Binary { type_name, layout, .. } => match Shape::of(type_name, layout) {
+                Some(shape) => Self {
+                    schema_name: shape.message_type().full_name(),
+                    schema_encoding: PROTOBUF,
+                    schema: shape.message_type().descriptor_set(),
+                    message_encoding: PROTOBUF,
+                },
+                None if known(type_name, layout).is_some() => Self {
+                    schema_name: type_name.into(),
+                    schema_encoding: JSON_SCHEMA,
+                    schema: KNOWN_SCHEMA.into(),
+                    message_encoding: JSON,
+                },
+                None => Self {
+                    schema_name: type_name.into(),
+                    schema_encoding: ELK,
+                    schema: format!("{layout:016x}").into_bytes(),
+                    message_encoding: ELK,
+                },
+            },
         }
+    }
+
+    fn json(name: &str, value: &str, note: &str) -> Self {
+        let schema = json_schema(value, note).into_bytes();
+        Self { schema_name: name.into(), schema_encoding: JSON_SCHEMA, schema, message_encoding: JSON }
     }
 }
 
-impl<'de> Deserialize<'de> for Exact {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(untagged)]
-        enum Either<'a> {
-            Finite(f64),
-            Bits(#[serde(borrow)] Cow<'a, str>),
-        }
-        match Either::deserialize(deserializer)? {
-            Either::Finite(number) => Ok(Exact(number)),
-            Either::Bits(digits) => {
-                u64::from_str_radix(&digits, 16).map(|bits| Exact(f64::from_bits(bits))).map_err(D::Error::custom)
+/// How the messages of a channel are stored.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Kind {
+    Double,
+    Text,
+    Spatial { type_name: String, layout: u64 },
+    Known { type_name: String, layout: u64 },
+    Binary { type_name: String, layout: u64 },
+}
+
+impl Kind {
+    /// How a channel's messages are stored, by what the channel and its schema say; none: it is not of elk.
+    pub fn announced(message_encoding: &str, schema: &str, type_name: &str, layout: &str) -> Option<Self> {
+        match (message_encoding, schema) {
+            (JSON, DOUBLE) => Some(Kind::Double),
+            (JSON, TEXT) => Some(Kind::Text),
+            _ if type_name.is_empty() => None,
+            (PROTOBUF | JSON | ELK, _) => {
+                let (type_name, layout) = (type_name.to_owned(), u64::from_str_radix(layout, 16).ok()?);
+                Some(match message_encoding {
+                    PROTOBUF => Kind::Spatial { type_name, layout },
+                    JSON => Kind::Known { type_name, layout },
+                    _ => Kind::Binary { type_name, layout },
+                })
             }
+            _ => None,
         }
     }
-}
 
-#[derive(Serialize, Deserialize)]
-struct Body<'a, V> {
-    value: V,
-    time: Exact,
-    received: Exact,
-    sequence: u64,
-    #[serde(borrow, default, skip_serializing_if = "str::is_empty")]
-    aux: Cow<'a, str>,
-}
-
-impl<V> Body<'_, V> {
-    fn split(self) -> (V, Envelope) {
-        let envelope = Envelope {
-            time: self.time.0,
-            received: self.received.0,
-            sequence: self.sequence,
-            source_aux: self.aux.into_owned(),
-        };
-        (self.value, envelope)
+    /// The value and the envelope of a message of the channel.
+    pub fn decode<'a>(&'a self, bytes: &'a [u8], scratch: &'a mut Scratch) -> Result<Decoded<'a>, String> {
+        match self {
+            Kind::Double => decode_double(bytes, scratch),
+            Kind::Text => decode_text(bytes, scratch),
+            Kind::Spatial { type_name, layout } => decode_spatial(bytes, type_name, *layout, scratch),
+            Kind::Known { type_name, layout } => decode_known(bytes, type_name, *layout, scratch),
+            Kind::Binary { type_name, layout } => decode_binary(bytes, type_name, *layout),
+        }
     }
 }
 
 /// Appends the message's bytes to `buffer`.
 pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(), String> {
     match record.value {
-        ValueRef::Double(number) => encode_json(Exact(number), record, buffer),
-        ValueRef::Text(text) => encode_json(text, record, buffer),
-        ValueRef::Binary { bytes, .. } => encode_binary(bytes, record, buffer),
+        ValueRef::Double(number) => encode_json(buffer, record, |buffer| put_number(buffer, number)),
+        ValueRef::Text(text) => encode_json(buffer, record, |buffer| put_text(buffer, text)),
+        ValueRef::Binary { type_name, layout, bytes } => {
+            if let (None, Some(known)) = (Shape::of(type_name, layout), known(type_name, layout)) {
+                return encode_known(buffer, record, known, bytes);
+            }
+            let mut envelope = [0; ENVELOPE_BYTES + 64];
+            let mut long = Vec::new();
+            let envelope = put_envelope(record, &mut envelope, &mut long)?;
+            match Shape::of(type_name, layout) {
+                Some(shape) => spatial::put(shape, nanoseconds(record.time), envelope, bytes, buffer),
+                None => {
+                    buffer.extend_from_slice(envelope);
+                    buffer.extend_from_slice(bytes);
+                }
+            }
+            Ok(())
+        }
     }
 }
 
-fn encode_json(value: impl Serialize, record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(), String> {
-    let body = Body {
-        value,
-        time: Exact(record.time),
-        received: Exact(record.received),
-        sequence: record.sequence,
-        aux: Cow::Borrowed(record.source_aux),
-    };
-    serde_json::to_writer(buffer, &body).map_err(|error| error.to_string())
+/// The type of the catalogue that this is, if it is one.
+fn known(type_name: &str, layout: u64) -> Option<&'static PayloadType> {
+    catalogue::named(type_name).filter(|known| known.layout == layout)
 }
 
-fn encode_binary(bytes: &[u8], record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(), String> {
-    let aux = record.source_aux.as_bytes();
-    let aux_len = u32::try_from(aux.len()).map_err(|_| format!("an auxiliary source of {} bytes", aux.len()))?;
-    buffer.extend_from_slice(&record.time.to_le_bytes());
-    buffer.extend_from_slice(&record.received.to_le_bytes());
-    buffer.extend_from_slice(&record.sequence.to_le_bytes());
-    buffer.extend_from_slice(&aux_len.to_le_bytes());
-    buffer.extend_from_slice(aux);
-    buffer.extend_from_slice(bytes);
+fn encode_known(buffer: &mut Vec<u8>, record: &RecordRef<'_>, known: &PayloadType, bytes: &[u8]) -> Result<(), String> {
+    const DIGITS: &[u8; 16] = b"0123456789abcdef";
+    buffer.extend_from_slice(b"{\"elk\":\"");
+    let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 15]).map(|digit| DIGITS[usize::from(digit)]);
+    buffer.extend(digits);
+    buffer.push(b'"');
+    put_envelope_fields(buffer, record)?;
+    buffer.extend_from_slice(b",\"value\":");
+    // What is not what its type says has no fields to show; it is stored all the same.
+    let fields = known.to_json(bytes, usize::MAX).unwrap_or_default();
+    serde_json::to_writer(&mut *buffer, &fields).map_err(|error| error.to_string())?;
+    buffer.push(b'}');
     Ok(())
 }
 
+fn encode_json(
+    buffer: &mut Vec<u8>,
+    record: &RecordRef<'_>,
+    put_value: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,
+) -> Result<(), String> {
+    buffer.extend_from_slice(b"{\"value\":");
+    put_value(buffer)?;
+    put_envelope_fields(buffer, record)?;
+    buffer.push(b'}');
+    Ok(())
+}
+
+fn put_envelope_fields(buffer: &mut Vec<u8>, record: &RecordRef<'_>) -> Result<(), String> {
+    buffer.extend_from_slice(b",\"time\":");
+    put_number(buffer, record.time)?;
+    buffer.extend_from_slice(b",\"received\":");
+    put_number(buffer, record.received)?;
+    buffer.extend_from_slice(b",\"sequence\":");
+    put_integer(buffer, record.sequence);
+    buffer.extend_from_slice(b",\"order\":");
+    put_integer(buffer, record.order);
+    if !record.source_aux.is_empty() {
+        buffer.extend_from_slice(b",\"aux\":");
+        put_text(buffer, record.source_aux)?;
+    }
+    Ok(())
+}
+
+/// A number that comes back bit for bit: JSON has none that are not finite, so these travel as 16 hexadecimal digits.
+fn put_number(buffer: &mut Vec<u8>, number: f64) -> Result<(), String> {
+    match number.is_finite() {
+        true => serde_json::to_writer(buffer, &number).map_err(|error| error.to_string()),
+        false => {
+            buffer.extend_from_slice(format!("\"{:016x}\"", number.to_bits()).as_bytes());
+            Ok(())
+        }
+    }
+}
+
+fn put_text(buffer: &mut Vec<u8>, text: &str) -> Result<(), String> {
+    serde_json::to_writer(buffer, text).map_err(|error| error.to_string())
+}
+
+fn put_integer(buffer: &mut Vec<u8>, mut number: u64) {
+    let mut digits = [0; 20];
+    let mut at = digits.len();
+    loop {
+        at -= 1;
+        digits[at] = b'0' + (number % 10) as u8;
+        number /= 10;
+        if number == 0 {
+            return buffer.extend_from_slice(&digits[at..]);
+        }
+    }
+}
+
+/// The envelope, in `short` if it fits, else in `long`.
+fn put_envelope<'a>(
+    record: &RecordRef<'_>,
+    short: &'a mut [u8; ENVELOPE_BYTES + 64],
+    long: &'a mut Vec<u8>,
+) -> Result<&'a [u8], String> {
+    let aux = record.source_aux.as_bytes();
+    let aux_len = u32::try_from(aux.len()).map_err(|_| format!("an auxiliary source of {} bytes", aux.len()))?;
+    let words = [record.time.to_bits(), record.received.to_bits(), record.sequence, record.order];
+    for (place, word) in short.chunks_exact_mut(8).zip(words) {
+        place.copy_from_slice(&word.to_le_bytes());
+    }
+    short[32..ENVELOPE_BYTES].copy_from_slice(&aux_len.to_le_bytes());
+    match short[ENVELOPE_BYTES..].get_mut(..aux.len()) {
+        Some(place) => {
+            place.copy_from_slice(aux);
+            Ok(&short[..ENVELOPE_BYTES + aux.len()])
+        }
+        None => {
+            long.extend_from_slice(&short[..ENVELOPE_BYTES]);
+            long.extend_from_slice(aux);
+            Ok(long)
+        }
+    }
+}
+
 /// Reads a message of a channel with the schema [`DOUBLE`].
-pub(crate) fn decode_double(bytes: &[u8]) -> Result<(Value, Envelope), String> {
-    let body: Body<'_, Exact> = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
-    let (value, envelope) = body.split();
-    Ok((Value::Double(value.0), envelope))
+fn decode_double<'a>(bytes: &'a [u8], scratch: &'a mut Scratch) -> Result<Decoded<'a>, String> {
+    let mut json = Json(bytes);
+    json.expect(b"{\"value\":")?;
+    let value = ValueRef::Double(json.number()?);
+    let envelope = json.envelope(&mut scratch.source_aux)?;
+    json.expect(b"}")?;
+    Ok(Decoded { value, envelope })
 }
 
 /// Reads a message of a channel with the schema [`TEXT`].
-pub(crate) fn decode_text(bytes: &[u8]) -> Result<(Value, Envelope), String> {
-    let body: Body<'_, String> = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
-    let (value, envelope) = body.split();
-    Ok((Value::Text(value), envelope))
+fn decode_text<'a>(bytes: &'a [u8], scratch: &'a mut Scratch) -> Result<Decoded<'a>, String> {
+    let mut json = Json(bytes);
+    json.expect(b"{\"value\":")?;
+    let value = ValueRef::Text(json.text(&mut scratch.text)?);
+    let envelope = json.envelope(&mut scratch.source_aux)?;
+    json.expect(b"}")?;
+    Ok(Decoded { value, envelope })
 }
 
 /// Reads a message of a channel with the encoding [`ELK`].
-pub(crate) fn decode_binary(bytes: &[u8], type_name: &str, layout: u64) -> Result<(Value, Envelope), String> {
+fn decode_binary<'a>(bytes: &'a [u8], type_name: &'a str, layout: u64) -> Result<Decoded<'a>, String> {
+    let (envelope, bytes) = split_envelope(bytes)?;
+    Ok(Decoded { value: ValueRef::Binary { type_name, layout, bytes }, envelope })
+}
+
+/// Reads a message of a channel with the encoding [`PROTOBUF`].
+fn decode_spatial<'a>(
+    bytes: &'a [u8],
+    type_name: &'a str,
+    layout: u64,
+    scratch: &'a mut Scratch,
+) -> Result<Decoded<'a>, String> {
+    let (head, tail) = spatial::original(bytes).ok_or("it does not carry the value that was sent")?;
+    let (envelope, head) = split_envelope(head)?;
+    let bytes = match tail {
+        [] => head,
+        _ => {
+            scratch.value.clear();
+            scratch.value.extend_from_slice(head);
+            scratch.value.extend_from_slice(tail);
+            &scratch.value
+        }
+    };
+    Ok(Decoded { value: ValueRef::Binary { type_name, layout, bytes }, envelope })
+}
+
+/// Reads a message of a channel with values that the catalogue knows.
+fn decode_known<'a>(
+    bytes: &'a [u8],
+    type_name: &'a str,
+    layout: u64,
+    scratch: &'a mut Scratch,
+) -> Result<Decoded<'a>, String> {
+    let mut json = Json(bytes);
+    json.expect(b"{\"elk\":")?;
+    json.bytes(&mut scratch.value)?;
+    let envelope = json.envelope(&mut scratch.source_aux)?;
+    json.expect(b",\"value\":")?;
+    Ok(Decoded { value: ValueRef::Binary { type_name, layout, bytes: &scratch.value }, envelope })
+}
+
+fn split_envelope(bytes: &[u8]) -> Result<(Envelope<'_>, &[u8]), String> {
     let short = || format!("{} bytes are too few for the envelope", bytes.len());
-    let (fixed, rest) = bytes.split_first_chunk::<28>().ok_or_else(short)?;
+    let (fixed, rest) = bytes.split_first_chunk::<ENVELOPE_BYTES>().ok_or_else(short)?;
     let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| fixed[at + i]));
-    let aux_len = u32::from_le_bytes(std::array::from_fn(|i| fixed[24 + i])) as usize;
+    let aux_len = u32::from_le_bytes(std::array::from_fn(|i| fixed[32 + i])) as usize;
     let (aux, value) = rest.split_at_checked(aux_len).ok_or_else(short)?;
     let envelope = Envelope {
         time: f64::from_bits(word(0)),
         received: f64::from_bits(word(8)),
         sequence: word(16),
-        source_aux: String::from_utf8(aux.to_vec()).map_err(|error| error.to_string())?,
+        order: word(24),
+        source_aux: std::str::from_utf8(aux).map_err(|error| error.to_string())?,
     };
-    Ok((Value::Binary { type_name: type_name.into(), layout, bytes: value.to_vec() }, envelope))
+    Ok((envelope, value))
+}
+
+/// The rest of a message in JSON, in the only form in which it is written.
+struct Json<'a>(&'a [u8]);
+
+impl<'a> Json<'a> {
+    fn expect(&mut self, words: &[u8]) -> Result<(), String> {
+        let wanted = || format!("{:?} is missing", String::from_utf8_lossy(words));
+        self.0 = self.0.strip_prefix(words).ok_or_else(wanted)?;
+        Ok(())
+    }
+
+    /// Everything up to the next comma or brace.
+    fn token(&mut self) -> Result<&'a str, String> {
+        let end = self.0.iter().position(|byte| matches!(byte, b',' | b'}')).ok_or("it ends too early")?;
+        let (token, rest) = self.0.split_at(end);
+        self.0 = rest;
+        std::str::from_utf8(token).map_err(|error| error.to_string())
+    }
+
+    fn number(&mut self) -> Result<f64, String> {
+        let token = self.token()?;
+        let number = match token.strip_prefix('"').and_then(|digits| digits.strip_suffix('"')) {
+            None => token.parse().ok(),
+            Some(digits) => u64::from_str_radix(digits, 16).ok().map(f64::from_bits),
+        };
+        number.ok_or_else(|| format!("{token:?} is no number"))
+    }
+
+    fn integer(&mut self) -> Result<u64, String> {
+        let token = self.token()?;
+        token.parse().map_err(|_| format!("{token:?} is no whole number"))
+    }
+
+    /// Bytes as a text of hexadecimal digits, into `bytes`.
+    fn bytes(&mut self, bytes: &mut Vec<u8>) -> Result<(), String> {
+        let wrong = |_| "a value is not given in hexadecimal digits".to_owned();
+        let token = self.token()?;
+        let digits = token.strip_prefix('"').and_then(|digits| digits.strip_suffix('"')).unwrap_or("?");
+        bytes.clear();
+        for two in digits.as_bytes().chunks(2) {
+            let two = std::str::from_utf8(two).unwrap_or("?");
+            bytes.push(u8::from_str_radix(two, 16).map_err(wrong)?);
+        }
+        Ok(())
+    }
+
+    /// A text where it lies, or in `scratch` if anything in it is escaped.
+    fn text<'b>(&mut self, scratch: &'b mut String) -> Result<&'b str, String>
+    where
+        'a: 'b,
+    {
+        let inner = self.0.strip_prefix(b"\"").ok_or("a text does not begin with a quote")?;
+        let mut end = 0;
+        let mut escaped = false;
+        loop {
+            match inner.get(end) {
+                Some(b'"') => break,
+                Some(b'\\') => (end, escaped) = (end + 2, true),
+                Some(_) => end += 1,
+                None => return Err("a text does not end".into()),
+            }
+        }
+        let quoted = &self.0[..end + 2];
+        self.0 = &inner[end + 1..];
+        if escaped {
+            *scratch = serde_json::from_slice(quoted).map_err(|error| error.to_string())?;
+            return Ok(scratch);
+        }
+        std::str::from_utf8(&inner[..end]).map_err(|error| error.to_string())
+    }
+
+    fn envelope<'b>(&mut self, scratch: &'b mut String) -> Result<Envelope<'b>, String>
+    where
+        'a: 'b,
+    {
+        self.expect(b",\"time\":")?;
+        let time = self.number()?;
+        self.expect(b",\"received\":")?;
+        let received = self.number()?;
+        self.expect(b",\"sequence\":")?;
+        let sequence = self.integer()?;
+        self.expect(b",\"order\":")?;
+        let order = self.integer()?;
+        let source_aux = match self.expect(b",\"aux\":") {
+            Ok(()) => self.text(scratch)?,
+            Err(_) => "",
+        };
+        Ok(Envelope { time, received, sequence, order, source_aux })
+    }
 }
 
 /// Seconds as MCAP counts them: whole nanoseconds, none before the epoch.
 pub(crate) fn nanoseconds(secs: f64) -> u64 {
     (secs * 1e9).round() as u64
+}
+
+/// MCAP's nanoseconds in seconds.
+pub(crate) fn seconds(nanoseconds: u64) -> f64 {
+    nanoseconds as f64 * 1e-9
 }

@@ -57,6 +57,16 @@ pub enum LogError {
         /// What it is instead.
         reason: String,
     },
+    /// A later elk wrote it.
+    #[error("the log {} has format {found}, and this elk reads format {known}: read it with a newer one", path.display())]
+    Newer {
+        /// The log.
+        path: PathBuf,
+        /// Its format.
+        found: String,
+        /// The format that is read here.
+        known: u32,
+    },
     /// A message in a valid chunk is not what its channel announces.
     #[error("message {number} of the log {} is not what its channel says: {reason}; was it written by another version?", path.display())]
     Message {

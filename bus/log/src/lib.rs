@@ -1,21 +1,48 @@
 //! A recorded run: what crossed the bus, as MCAP, written and read.
 //!
 //! [MCAP](https://mcap.dev/spec) is the container that robotics tools open as it is. A log holds one channel for each
-//! key, source, community and type of value; numbers and texts are JSON with a schema, so that viewers plot and show
-//! them, and binary values stay in the bus' own encoding (the module `encoding` gives the layouts). Every message
-//! decodes to exactly what was sent.
+//! key, source, community, epoch and type of value; numbers and texts are JSON with a schema, so that viewers plot and
+//! show them, spatial values are Foxglove's protobuf messages, which viewers draw, and the rest stays in the bus' own
+//! encoding (the modules `encoding` and `spatial` give the layouts). Every message decodes to exactly what was sent.
 //!
 //! The file grows chunk by chunk: what a [`LogWriter`] has flushed stays readable whatever happens to the writer, and a
 //! [`LogReader`] gives all of it, then says whether the file has an end.
+//!
+//! | module | one idea |
+//! |---|---|
+//! | `writer`, `staging` | a log that grows, over a disk that may be full |
+//! | `reader`, `segment`, `container` | a run's records; one file's messages; one file's bytes, whole or not |
+//! | [`segments()`] | which files are one run's log |
+//! | [`index`] | what is in a log, and where, without reading it |
+//! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
+//! | [`alog`], [`csv`] | MOOS' own text logs, out and in; numbers for spreadsheets |
+//! | `encoding`, `channel`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
 
+pub mod alog;
+mod channel;
+pub mod check;
+mod container;
+pub mod copy;
+pub mod csv;
+pub mod diff;
 mod encoding;
 mod error;
+mod foxglove;
+pub mod index;
+mod protobuf;
 mod reader;
 mod record;
+mod segment;
+mod segments;
+pub mod selection;
+mod spatial;
 mod staging;
 mod writer;
 
 pub use error::LogError;
+pub use index::{Index, Topic};
 pub use reader::LogReader;
 pub use record::{Metadata, Record, RecordRef};
-pub use writer::{LogWriter, MAX_STAGED_BYTES};
+pub use segments::segments;
+pub use selection::Selection;
+pub use writer::{Compression, LogOptions, LogWriter, MAX_STAGED_BYTES};

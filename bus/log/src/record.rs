@@ -17,8 +17,13 @@ pub struct Record {
     pub time: f64,
     /// Its number among the messages of its source.
     pub sequence: u64,
-    /// When it was recorded (s, the community's clock); a log is in this order.
+    /// When it was recorded (s, the community's clock).
     pub received: f64,
+    /// Its place in the broker's order: the logger's count of its mail, from 0. A logger that was started again counts
+    /// anew, in the run's next segment.
+    pub order: u64,
+    /// Tells one life of the broker from the next.
+    pub epoch: u64,
     /// What was said.
     pub value: Value,
 }
@@ -40,6 +45,10 @@ pub struct RecordRef<'a> {
     pub sequence: u64,
     /// See [`Record::received`].
     pub received: f64,
+    /// See [`Record::order`].
+    pub order: u64,
+    /// See [`Record::epoch`].
+    pub epoch: u64,
     /// See [`Record::value`].
     pub value: ValueRef<'a>,
 }
@@ -55,7 +64,27 @@ impl Record {
             time: self.time,
             sequence: self.sequence,
             received: self.received,
+            order: self.order,
+            epoch: self.epoch,
             value: self.value.as_ref(),
+        }
+    }
+}
+
+impl RecordRef<'_> {
+    /// The same record, owned.
+    pub fn to_record(&self) -> Record {
+        Record {
+            key: self.key.into(),
+            source: self.source.into(),
+            source_aux: self.source_aux.into(),
+            community: self.community.into(),
+            time: self.time,
+            sequence: self.sequence,
+            received: self.received,
+            order: self.order,
+            epoch: self.epoch,
+            value: self.value.to_value(),
         }
     }
 }
@@ -71,6 +100,10 @@ pub struct Metadata {
     pub version: String,
     /// The run's seed.
     pub seed: u64,
+    /// The world of a simulated run, as the mission names it; empty: there is none.
+    pub world: String,
+    /// FNV-1a (64 bits, hexadecimal) of the world's file; empty: there is none, or it is built into the program.
+    pub world_checksum: String,
     /// When the run was started (s since 1970, UTC).
     pub started: f64,
 }

@@ -10,9 +10,10 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Attachment, WriteOptions, Writer};
 
-use crate::encoding::{self, nanoseconds};
+use crate::encoding::{self, Announcement, nanoseconds};
 use crate::error::LogError;
 use crate::record::{Metadata, RecordRef};
+use crate::segments;
 use crate::staging::Staging;
 
 /// What may wait in memory for a disk that takes nothing before records are refused (bytes).
@@ -21,14 +22,65 @@ pub const MAX_STAGED_BYTES: usize = 64 << 20;
 /// A chunk is closed when it is this large (bytes), or when the log is flushed.
 const CHUNK_BYTES: u64 = 1 << 20;
 
+/// How chunks are compressed. A chunk that is flushed is compressed by itself, so nothing waits longer for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Compression {
+    /// Not at all: the least work.
+    #[default]
+    None,
+    /// LZ4: little work, little gain.
+    Lz4,
+    /// Zstandard: more of both.
+    Zstd,
+}
+
+impl Compression {
+    fn of_format(self) -> Option<mcap::Compression> {
+        match self {
+            Compression::None => None,
+            Compression::Lz4 => Some(mcap::Compression::Lz4),
+            Compression::Zstd => Some(mcap::Compression::Zstd),
+        }
+    }
+}
+
+/// How a log is written.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LogOptions {
+    /// How chunks are compressed.
+    pub compression: Compression,
+    /// A new segment begins when the file has this many bytes; `None`: never.
+    pub rotate_bytes: Option<u64>,
+    /// A new segment begins when so much time has been recorded (s, the community's clock); `None`: never.
+    pub rotate_secs: Option<f64>,
+}
+
 /// Writes a log: every record once, in the order of [`LogWriter::append`].
 pub struct LogWriter {
+    /// The log's first segment.
     path: PathBuf,
+    options: LogOptions,
+    metadata: Metadata,
+    segment: Segment,
+    buffer: Vec<u8>,
+}
+
+/// The file that is being written.
+struct Segment {
+    path: PathBuf,
+    number: u64,
     file: File,
     staging: Staging,
     format: Writer<NoSeek<Staging>>,
     channels: HashMap<String, Vec<Channel>>,
-    buffer: Vec<u8>,
+    /// The channel of the logger's losses.
+    losses: Option<u16>,
+    /// Messages that are missing from this segment.
+    dropped: u64,
+    /// When its first record was recorded.
+    started: Option<f64>,
+    /// Bytes that the file has.
+    bytes: u64,
 }
 
 /// A channel that is announced in the file.
@@ -36,6 +88,7 @@ struct Channel {
     id: u16,
     source: String,
     community: String,
+    epoch: u64,
     kind: ChannelKind,
 }
 
@@ -55,38 +108,139 @@ impl Channel {
             }
             _ => false,
         };
-        same_kind && self.source == record.source && self.community == record.community
+        same_kind && self.source == record.source && self.community == record.community && self.epoch == record.epoch
     }
 }
 
 impl LogWriter {
-    /// Creates the log at `path`, replacing a file that is there, with `metadata` on the disk when this returns.
+    /// As [`LogWriter::create_with`], without compression or rotation.
     pub fn create(path: &Path, metadata: &Metadata) -> Result<Self, LogError> {
-        let create = |source: std::io::Error| LogError::Create { path: path.into(), source };
-        let file = File::create(path).map_err(create)?;
+        Self::create_with(path, metadata, LogOptions::default())
+    }
+
+    /// Creates the log at `path`, with `metadata` on the disk when this returns. A log that is there stays: this one goes
+    /// on in the next segment (see [`segments`](crate::segments())).
+    pub fn create_with(path: &Path, metadata: &Metadata, options: LogOptions) -> Result<Self, LogError> {
+        let segment = Segment::create(path, 0, metadata, options.compression)?;
+        Ok(Self { path: path.into(), options, metadata: metadata.clone(), segment, buffer: Vec::new() })
+    }
+
+    /// The file that is being written.
+    pub fn segment(&self) -> &Path {
+        &self.segment.path
+    }
+
+    /// Records a message. It is on the disk after the next [`LogWriter::flush`] that succeeds. An error means that this
+    /// message is not recorded; the log goes on.
+    pub fn append(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
+        if self.rotation_is_due(record.received) {
+            self.rotate();
+        }
+        let segment = &mut self.segment;
+        let waiting = segment.staging.len();
+        if waiting > MAX_STAGED_BYTES {
+            return Err(LogError::Full { path: segment.path.clone(), waiting });
+        }
+        let refused =
+            |reason: String| LogError::Record { key: record.key.into(), source_name: record.source.into(), reason };
+        self.buffer.clear();
+        encoding::encode(record, &mut self.buffer).map_err(refused)?;
+        let header = MessageHeader {
+            channel_id: segment.channel(record).map_err(|error| refused(error.to_string()))?,
+            sequence: record.sequence as u32, // MCAP has 32 bits; the whole number is in the message
+            log_time: nanoseconds(record.received),
+            publish_time: nanoseconds(record.time),
+        };
+        segment.format.write_to_known_channel(&header, &self.buffer).map_err(|error| refused(error.to_string()))?;
+        segment.started.get_or_insert(record.received);
+        segment.drain_closed_chunk(waiting);
+        Ok(())
+    }
+
+    /// Notes in the log itself that `newly` more messages are missing from it.
+    pub fn note_dropped(&mut self, newly: u64, received: f64) -> Result<(), LogError> {
+        let noted = self.segment.note_dropped(newly, received);
+        noted.map_err(|error| self.segment.write_error(std::io::Error::other(error)))
+    }
+
+    fn rotation_is_due(&self, now: f64) -> bool {
+        let large = self.options.rotate_bytes.is_some_and(|most| self.segment.bytes >= most);
+        let old = self.options.rotate_secs.zip(self.segment.started).is_some_and(|(most, start)| now - start >= most);
+        large || old
+    }
+
+    /// Begins the next segment, then ends this one. Where there is no room for another one, this one is written on.
+    fn rotate(&mut self) {
+        let next = Segment::create(&self.path, self.segment.number + 1, &self.metadata, self.options.compression);
+        let Ok(next) = next else {
+            // The next flush says what is wrong with the disk. Until then the next rotation is a segment away.
+            self.segment.started = None;
+            self.segment.bytes = 0;
+            return;
+        };
+        // A segment whose end the disk does not take is readable up to its last flush.
+        let _ = std::mem::replace(&mut self.segment, next).finish();
+    }
+
+    /// Closes the chunk and writes all that waits: the file is readable up to here, whatever happens to this process.
+    /// If the disk refuses, nothing is lost: the rest waits for the next flush.
+    pub fn flush(&mut self) -> Result<(), LogError> {
+        self.segment.flush()
+    }
+
+    /// Flushes, and waits until the disk itself has all of it: it survives the machine.
+    pub fn sync(&mut self) -> Result<(), LogError> {
+        self.segment.flush()?;
+        self.segment.file.sync_data().map_err(|source| self.segment.write_error(source))
+    }
+
+    /// Ends the file with its index and brings it onto the disk itself.
+    pub fn finish(self) -> Result<(), LogError> {
+        self.segment.finish()
+    }
+
+    /// Bytes that wait in memory for the disk.
+    pub fn waiting(&self) -> usize {
+        self.segment.staging.len()
+    }
+}
+
+impl Segment {
+    fn create(path: &Path, from: u64, metadata: &Metadata, compression: Compression) -> Result<Self, LogError> {
+        let (file, path, number) = segments::create(path, from)?;
+        let created =
+            |error: mcap::McapError| LogError::Create { path: path.clone(), source: std::io::Error::other(error) };
         let staging = Staging::default();
         let format = WriteOptions::new()
-            .compression(None)
+            .compression(compression.of_format())
             .profile("elk")
             .library(concat!("elk-log ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
             .create(NoSeek::new(staging.clone()))
-            .map_err(|error| create(std::io::Error::other(error)))?;
-        let mut log = Self { path: path.into(), file, staging, format, channels: HashMap::new(), buffer: Vec::new() };
-        log.write_metadata(metadata).map_err(|error| create(std::io::Error::other(error)))?;
-        log.flush()?;
-        Ok(log)
+            .map_err(created)?;
+        let channels = HashMap::new();
+        let mut segment =
+            Self { path, number, file, staging, format, channels, losses: None, dropped: 0, started: None, bytes: 0 };
+        let written = segment.write_metadata(metadata);
+        written
+            .map_err(|error| LogError::Create { path: segment.path.clone(), source: std::io::Error::other(error) })?;
+        segment.flush()?;
+        Ok(segment)
     }
 
     fn write_metadata(&mut self, metadata: &Metadata) -> mcap::McapResult<()> {
         self.format.write_metadata(&mcap::records::Metadata {
             name: encoding::ELK.into(),
             metadata: BTreeMap::from([
+                ("format".into(), encoding::FORMAT.to_string()),
+                ("segment".into(), self.number.to_string()),
                 ("mission_name".into(), metadata.mission_name.clone()),
                 ("version".into(), metadata.version.clone()),
                 ("seed".into(), metadata.seed.to_string()),
                 ("started".into(), metadata.started.to_string()),
+                ("world".into(), metadata.world.clone()),
+                ("world_checksum".into(), metadata.world_checksum.clone()),
             ]),
         })?;
         if metadata.mission_name.is_empty() {
@@ -101,34 +255,19 @@ impl LogWriter {
         })
     }
 
-    /// Records a message. It is on the disk after the next [`LogWriter::flush`] that succeeds. An error means that this
-    /// message is not recorded; the log goes on.
-    pub fn append(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
-        let waiting = self.waiting();
-        if waiting > MAX_STAGED_BYTES {
-            return Err(LogError::Full { path: self.path.clone(), waiting });
-        }
-        let refused =
-            |reason: String| LogError::Record { key: record.key.into(), source_name: record.source.into(), reason };
-        self.buffer.clear();
-        encoding::encode(record, &mut self.buffer).map_err(refused)?;
-        let header = MessageHeader {
-            channel_id: self.channel(record).map_err(|error| refused(error.to_string()))?,
-            sequence: record.sequence as u32, // MCAP has 32 bits; the whole number is in the message
-            log_time: nanoseconds(record.received),
-            publish_time: nanoseconds(record.time),
-        };
-        self.format.write_to_known_channel(&header, &self.buffer).map_err(|error| refused(error.to_string()))?;
-        self.drain_closed_chunk(waiting);
-        Ok(())
-    }
-
     /// A chunk that has just been closed goes to the disk at once. If the disk refuses it waits for the next flush,
     /// which reports the failure.
     fn drain_closed_chunk(&mut self, waited: usize) {
-        if self.waiting() > waited {
-            let _ = self.staging.drain_into(&mut self.file);
+        if self.staging.len() > waited {
+            let _ = self.drain();
         }
+    }
+
+    fn drain(&mut self) -> std::io::Result<()> {
+        let waited = self.staging.len();
+        let drained = self.staging.drain_into(&mut self.file);
+        self.bytes += (waited - self.staging.len()) as u64;
+        drained
     }
 
     fn channel(&mut self, record: &RecordRef<'_>) -> mcap::McapResult<u16> {
@@ -140,54 +279,59 @@ impl LogWriter {
     }
 
     fn announce(&mut self, record: &RecordRef<'_>) -> mcap::McapResult<u16> {
-        let mut metadata =
-            BTreeMap::from([("source".into(), record.source.into()), ("community".into(), record.community.into())]);
-        let (kind, schema, message_encoding) = match record.value {
-            ValueRef::Double(_) => {
-                let schema = encoding::json_schema("number", "not finite: its bits as 16 hexadecimal digits");
-                let id = self.format.add_schema(encoding::DOUBLE, encoding::JSON_SCHEMA, schema.as_bytes())?;
-                (ChannelKind::Double, id, encoding::JSON)
-            }
-            ValueRef::Text(_) => {
-                let schema = encoding::json_schema("string", "");
-                let id = self.format.add_schema(encoding::TEXT, encoding::JSON_SCHEMA, schema.as_bytes())?;
-                (ChannelKind::Text, id, encoding::JSON)
-            }
+        let said = Announcement::of(&record.value);
+        let schema = self.format.add_schema(&said.schema_name, said.schema_encoding, &said.schema)?;
+        let mut metadata = BTreeMap::from([
+            ("source".into(), record.source.into()),
+            ("community".into(), record.community.into()),
+            ("epoch".into(), record.epoch.to_string()),
+        ]);
+        let carried = match record.value {
+            ValueRef::Double(_) => ChannelKind::Double,
+            ValueRef::Text(_) => ChannelKind::Text,
             ValueRef::Binary { type_name, layout, .. } => {
-                let hash = format!("{layout:016x}");
-                let id = self.format.add_schema(type_name, encoding::ELK, hash.as_bytes())?;
-                metadata.insert("layout".into(), hash);
-                (ChannelKind::Binary { type_name: type_name.into(), layout }, id, encoding::ELK)
+                metadata.insert("type".into(), type_name.into());
+                metadata.insert("layout".into(), format!("{layout:016x}"));
+                ChannelKind::Binary { type_name: type_name.into(), layout }
             }
         };
-        let id = self.format.add_channel(schema, record.key, message_encoding, &metadata)?;
-        let channel = Channel { id, source: record.source.into(), community: record.community.into(), kind };
+        let id = self.format.add_channel(schema, record.key, said.message_encoding, &metadata)?;
+        let RecordRef { source, community, epoch, .. } = *record;
+        let channel = Channel { id, source: source.into(), community: community.into(), epoch, kind: carried };
         self.channels.entry(record.key.into()).or_default().push(channel);
         Ok(id)
     }
 
-    /// Closes the chunk and writes all that waits: the file is readable up to here, whatever happens to this process.
-    /// If the disk refuses, nothing is lost: the rest waits for the next flush.
-    pub fn flush(&mut self) -> Result<(), LogError> {
-        let closed = self.format.flush().map_err(std::io::Error::other);
-        closed.and_then(|()| self.staging.drain_into(&mut self.file)).map_err(|source| self.write_error(source))
+    fn note_dropped(&mut self, newly: u64, received: f64) -> mcap::McapResult<()> {
+        let channel_id = match self.losses {
+            Some(id) => id,
+            None => {
+                let schema = encoding::DROPPED_SCHEMA.as_bytes();
+                let schema = self.format.add_schema(encoding::DROPPED, encoding::JSON_SCHEMA, schema)?;
+                self.format.add_channel(schema, encoding::DROPPED, encoding::JSON, &BTreeMap::new())?
+            }
+        };
+        self.losses = Some(channel_id);
+        self.dropped += newly;
+        let time = nanoseconds(received);
+        let header = MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time };
+        self.format.write_to_known_channel(&header, encoding::dropped(self.dropped, received).as_bytes())
     }
 
-    /// Ends the file with its index and brings it onto the disk itself.
-    pub fn finish(mut self) -> Result<(), LogError> {
+    fn flush(&mut self) -> Result<(), LogError> {
+        let closed = self.format.flush().map_err(std::io::Error::other);
+        closed.and_then(|()| self.drain()).map_err(|source| self.write_error(source))
+    }
+
+    fn finish(mut self) -> Result<(), LogError> {
         let ended = self.format.finish().map(|_| ()).map_err(std::io::Error::other);
         ended
-            .and_then(|()| self.staging.drain_into(&mut self.file))
+            .and_then(|()| self.drain())
             .and_then(|()| self.file.sync_data())
             .map_err(|source| self.write_error(source))
     }
 
     fn write_error(&self, source: std::io::Error) -> LogError {
-        LogError::Write { path: self.path.clone(), source, waiting: self.waiting() }
-    }
-
-    /// Bytes that wait in memory for the disk.
-    pub fn waiting(&self) -> usize {
-        self.staging.len()
+        LogError::Write { path: self.path.clone(), source, waiting: self.staging.len() }
     }
 }

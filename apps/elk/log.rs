@@ -1,0 +1,512 @@
+//! `elk log`: what is in logs, and what can be made of them.
+
+use std::fmt::Write as _;
+use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use clap::{Args, Subcommand, ValueEnum};
+use elk_bus::clock::Clock;
+use elk_bus::{App, Client, RunError, ValueRef, run_app_on, stop_on_signals};
+use elk_log::alog::AlogWriter;
+use elk_log::check::check;
+use elk_log::copy::{Copied, copy};
+use elk_log::csv::{self, put_csv};
+use elk_log::diff::{Diff, DiffOptions, Difference, diff};
+use elk_log::selection::Place;
+use elk_log::{Compression, Index, LogOptions, LogReader, Metadata, Record, RecordRef, Selection};
+use elk_logger::{Logger, Recorder};
+use elk_spatial::catalogue;
+use serde_json::{Value as Json, json};
+
+use crate::cli::CommunityArgs;
+
+/// A list in a value that is shown has at most so many entries; longer ones are counted.
+const LONGEST_LIST: usize = 16;
+
+/// What can be done with logs.
+#[derive(Debug, Subcommand)]
+pub enum LogCommand {
+    /// Say what is in a log
+    #[command(after_help = "Example: elk log info logs/apartment-20261123-224512 --json")]
+    Info {
+        /// The log: a run's folder, or a file
+        log: PathBuf,
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Read a log from end to end and say whether it is whole
+    #[command(after_help = "Example: elk log check logs/apartment-20261123-224512")]
+    Check {
+        /// The log: a run's folder, or a file
+        log: PathBuf,
+    },
+    /// Mend a log that was cut short or damaged: all that can be read, in a new one
+    #[command(after_help = "Example: elk log recover logs/apartment-20261123-224512/log.mcap -o mended.mcap")]
+    Recover {
+        /// The log: a run's folder, or a file
+        log: PathBuf,
+        /// How the new log is written
+        #[command(flatten)]
+        output: OutputArgs,
+    },
+    /// Print the messages of a log
+    #[command(after_help = "Example: elk log cat logs/apartment-20261123-224512 --keys PROGRESS --from 2 --to 3")]
+    Cat {
+        /// The log: a run's folder, or a file
+        log: PathBuf,
+        /// Which of them
+        #[command(flatten)]
+        selection: SelectionArgs,
+        /// One JSON object a line, values in full
+        #[arg(long)]
+        json: bool,
+    },
+    /// Make a shorter log of a part of one
+    #[command(after_help = "Example: elk log cut logs/apartment-20261123-224512 --keys 'SCAN*' --to 10 -o scans.mcap")]
+    Cut {
+        /// The log: a run's folder, or a file
+        log: PathBuf,
+        /// Which part
+        #[command(flatten)]
+        selection: SelectionArgs,
+        /// How the new log is written
+        #[command(flatten)]
+        output: OutputArgs,
+    },
+    /// Compare two logs message by message; ends with 1 if they differ
+    #[command(after_help = "Example: elk log diff logs/apartment-1 logs/apartment-2 --keys MAP_UPDATE --keys PLAN\n\n\
+        Messages are compared by variable and source, in order. Times are not compared, nor fields named cpu_secs \
+        (measured anew in each run), nor the variables DB_* and *_STATUS, which tell of processes; --exact compares all \
+        of these but the times.")]
+    Diff {
+        /// A log: a run's folder, or a file
+        first: PathBuf,
+        /// Another
+        second: PathBuf,
+        /// Which messages
+        #[command(flatten)]
+        selection: SelectionArgs,
+        /// Compare measured times and the broker's own tables, too
+        #[arg(long)]
+        exact: bool,
+    },
+    /// Hand a log on: to MOOS' tools as .alog (with .blog), to spreadsheets as CSV
+    #[command(after_help = "Example: elk log export logs/apartment-20261123-224512 --to alog -o apartment.alog")]
+    Export {
+        /// The log: a run's folder, or a file
+        log: PathBuf,
+        /// The format
+        #[arg(long)]
+        to: Format,
+        /// The file to write; the log's name with another ending if not said
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+        /// Which part
+        #[command(flatten)]
+        selection: SelectionArgs,
+    },
+    /// Record a part of a running community until Ctrl-C
+    #[command(after_help = "Example: elk log record 'SCAN*' MAP_UPDATE -o scans.mcap")]
+    Record {
+        /// Patterns of the variables to record
+        #[arg(required = true)]
+        patterns: Vec<String>,
+        /// Which community
+        #[command(flatten)]
+        community: CommunityArgs,
+        /// The log to write
+        #[command(flatten)]
+        output: OutputArgs,
+    },
+}
+
+/// A part of a log.
+#[derive(Debug, Args)]
+pub struct SelectionArgs {
+    /// Only variables that match (`*`: any characters, `?`: one); may be repeated
+    #[arg(long, value_name = "PATTERN")]
+    keys: Vec<String>,
+    /// Only sources that match; may be repeated
+    #[arg(long, value_name = "PATTERN")]
+    source: Vec<String>,
+    /// No variables that match; may be repeated
+    #[arg(long, value_name = "PATTERN")]
+    exclude: Vec<String>,
+    /// Begin so many seconds after the first message
+    #[arg(long, value_name = "S")]
+    from: Option<f64>,
+    /// End so many seconds after the first message
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
+}
+
+impl From<SelectionArgs> for Selection {
+    fn from(said: SelectionArgs) -> Self {
+        let SelectionArgs { keys, source, exclude, from, to } = said;
+        Selection { keys, sources: source, exclude, from_secs: from, to_secs: to }
+    }
+}
+
+/// A log to write.
+#[derive(Debug, Args)]
+pub struct OutputArgs {
+    /// The log to write; must not be there
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// How it is compressed
+    #[arg(long, default_value = "none")]
+    compression: Packing,
+}
+
+impl OutputArgs {
+    fn options(&self) -> LogOptions {
+        let compression = match self.compression {
+            Packing::None => Compression::None,
+            Packing::Lz4 => Compression::Lz4,
+            Packing::Zstd => Compression::Zstd,
+        };
+        LogOptions { compression, ..LogOptions::default() }
+    }
+}
+
+/// How a log is compressed.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum Packing {
+    /// Not at all
+    None,
+    /// A little, for little work
+    Lz4,
+    /// More, for more work
+    Zstd,
+}
+
+/// What a log is exported to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// MOOS' text log
+    Alog,
+    /// Numbers: time, variable, source, value
+    Csv,
+}
+
+/// `elk log …`
+pub fn run(command: LogCommand) -> Result<ExitCode> {
+    let done = match command {
+        LogCommand::Info { log, json } => info(&log, json),
+        LogCommand::Check { log } => check_log(&log),
+        LogCommand::Recover { log, output } => recover(&log, &output),
+        LogCommand::Cat { log, selection, json } => cat(&log, &selection.into(), json),
+        LogCommand::Cut { log, selection, output } => cut(&log, &selection.into(), &output),
+        LogCommand::Diff { first, second, selection, exact } => {
+            compare(&first, &second, &DiffOptions { selection: selection.into(), exact })
+        }
+        LogCommand::Export { log, to, output, selection } => export(&log, to, output, &selection.into()),
+        LogCommand::Record { patterns, community, output } => record(patterns, &community, &output),
+    };
+    match done {
+        Err(error) if is_broken_pipe(&error) => Ok(ExitCode::SUCCESS), // the reader has seen enough
+        done => done,
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+}
+
+fn say(text: &str) -> Result<()> {
+    Ok(std::io::stdout().write_all(text.as_bytes())?)
+}
+
+/// Says on a terminal how far reading has come; is silent in a pipe.
+pub fn progress(what: &'static str) -> impl FnMut(u64, u64) {
+    let terminal = std::io::stderr().is_terminal();
+    let mut shown = None;
+    move |done, all| {
+        let percent = (100 * done).checked_div(all).unwrap_or(100);
+        if terminal && shown != Some(percent) {
+            shown = Some(percent);
+            eprint!("\r{what} {percent} %\r");
+        }
+    }
+}
+
+/// `elk log info`
+fn info(log: &Path, as_json: bool) -> Result<ExitCode> {
+    let index = Index::read(log, &mut progress("reading a log without an index:"))?;
+    let text = if as_json { info_json(&index)? } else { info_text(&index) };
+    say(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn info_json(index: &Index) -> Result<String> {
+    let topic = |topic: &elk_log::Topic| {
+        json!({
+            "name": topic.name, "source": topic.source, "type": topic.type_name, "schema": topic.schema,
+            "count": topic.count,
+        })
+    };
+    let Metadata { mission_name, version, seed, started, world, world_checksum, .. } = &index.metadata;
+    let span = index.span();
+    let info = json!({
+        "files": index.files().collect::<Vec<_>>(),
+        "bytes": index.bytes(),
+        "messages": index.messages(),
+        "topics": index.topics().iter().map(topic).collect::<Vec<_>>(),
+        "start": span.map(|(start, _)| start),
+        "end": span.map(|(_, end)| end),
+        "whole": index.whole(),
+        "damage": index.damage().collect::<Vec<_>>(),
+        "dropped": index.dropped(),
+        "mission": mission_name,
+        "seed": seed,
+        "version": version,
+        "started": started,
+        "world": world,
+        "world_checksum": world_checksum,
+    });
+    Ok(serde_json::to_string_pretty(&info)? + "\n")
+}
+
+fn info_text(index: &Index) -> String {
+    let mut text = String::new();
+    let Metadata { mission_name, version, seed, world, world_checksum, .. } = &index.metadata;
+    for file in index.files() {
+        let _ = writeln!(text, "{}", file.display());
+    }
+    if !mission_name.is_empty() {
+        let _ = writeln!(text, "  mission {mission_name}, seed {seed}, world {world} {world_checksum}, elk {version}");
+    }
+    let secs = index.span().map_or(0.0, |(start, end)| end - start);
+    let bytes = index.bytes() as f64 / 1e6;
+    let _ = writeln!(text, "  {} messages in {secs:.3} s, {bytes:.1} MB", index.messages());
+    match index.dropped() {
+        0 => {}
+        dropped => text += &format!("  {dropped} messages are missing: the logger did not keep up\n"),
+    }
+    match index.whole() {
+        true => text += "  whole\n",
+        false => index.damage().for_each(|reason| text += &format!("  NOT whole: {reason}\n")),
+    }
+    let _ = writeln!(text, "  {:<24} {:<16} {:<20} {:>10}", "variable", "source", "type", "messages");
+    for topic in index.topics() {
+        let elk_log::Topic { name, source, type_name, count, .. } = topic;
+        let _ = writeln!(text, "  {name:<24} {source:<16} {type_name:<20} {count:>10}");
+    }
+    text
+}
+
+/// `elk log check`
+fn check_log(log: &Path) -> Result<ExitCode> {
+    let checked = check(log, &mut progress("checking"))?;
+    let mut text = format!("{}: {} messages", log.display(), checked.messages);
+    if checked.dropped > 0 {
+        let _ = write!(text, ", {} more that the logger missed", checked.dropped);
+    }
+    text += if checked.damage.is_empty() { ", whole\n" } else { ", NOT whole:\n" };
+    checked.damage.iter().for_each(|reason| text += &format!("  {reason}\n"));
+    say(&text)?;
+    Ok(if checked.damage.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// `elk log recover`
+fn recover(log: &Path, output: &OutputArgs) -> Result<ExitCode> {
+    let copied = copy(log, &output.output, &Selection::default(), output.options(), &mut progress("recovering"))?;
+    for reason in &copied.damage {
+        say(&format!("  {reason}\n"))?;
+    }
+    say_copied(&copied, &output.output)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `elk log cut`
+fn cut(log: &Path, selection: &Selection, output: &OutputArgs) -> Result<ExitCode> {
+    let copied = copy(log, &output.output, selection, output.options(), &mut progress("cutting"))?;
+    warn_of(&copied.damage);
+    say_copied(&copied, &output.output)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn say_copied(copied: &Copied, to: &Path) -> Result<()> {
+    let Copied { records, unreadable, .. } = copied;
+    say(&format!("{records} messages in {}\n", to.display()))?;
+    if *unreadable > 0 {
+        say(&format!("{unreadable} messages could not be read\n"))?;
+    }
+    Ok(())
+}
+
+fn warn_of(damage: &[String]) {
+    for reason in damage {
+        eprintln!("elk: the log is not whole: {reason}");
+    }
+}
+
+/// Hands the records of a part of a log to `each`, with their seconds after the log's first message.
+fn for_each_record(
+    log: &Path,
+    selection: &Selection,
+    mut each: impl FnMut(f64, &RecordRef<'_>) -> Result<()>,
+) -> Result<()> {
+    let mut log = LogReader::open(log)?;
+    let mut start = None;
+    while let Some(next) = log.next_ref() {
+        let record = match next {
+            Ok(record) => record,
+            Err(error) => {
+                eprintln!("elk: {error}");
+                continue;
+            }
+        };
+        let start = *start.get_or_insert(record.received);
+        match selection.place(record.received - start) {
+            Place::After => break,
+            Place::Within if selection.takes(record.key, record.source) => each(record.time - start, &record)?,
+            Place::Within | Place::Before => {}
+        }
+    }
+    warn_of(log.damage());
+    Ok(())
+}
+
+/// `elk log cat`
+fn cat(log: &Path, selection: &Selection, as_json: bool) -> Result<ExitCode> {
+    let mut out = BufWriter::new(std::io::stdout().lock());
+    for_each_record(log, selection, |secs, record| {
+        let line = match as_json {
+            true => record_json(record).to_string(),
+            false => {
+                let value = shown(record.value, LONGEST_LIST);
+                format!("{secs:<11.6} {:<24} {:<16} {value}", record.key, record.source)
+            }
+        };
+        Ok(writeln!(out, "{line}")?)
+    })?;
+    out.flush()?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn record_json(record: &RecordRef<'_>) -> Json {
+    json!({
+        "time": record.time, "received": record.received, "order": record.order, "key": record.key,
+        "source": record.source, "source_aux": record.source_aux, "community": record.community,
+        "sequence": record.sequence, "epoch": record.epoch, "type": type_name(record.value),
+        "value": shown(record.value, usize::MAX),
+    })
+}
+
+fn type_name(value: ValueRef<'_>) -> &str {
+    match value {
+        ValueRef::Double(_) => "double",
+        ValueRef::Text(_) => "text",
+        ValueRef::Binary { type_name, .. } => type_name,
+    }
+}
+
+/// A value for people: of a type that is not known, how large it is and why it is not shown.
+fn shown(value: ValueRef<'_>, longest: usize) -> Json {
+    catalogue::value_to_json(value, longest).unwrap_or_else(|error| match value {
+        ValueRef::Binary { type_name, bytes, .. } => format!("{} bytes of {type_name}: {error}", bytes.len()).into(),
+        ValueRef::Double(_) | ValueRef::Text(_) => error.to_string().into(),
+    })
+}
+
+/// `elk log diff`
+fn compare(first: &Path, second: &Path, options: &DiffOptions) -> Result<ExitCode> {
+    let Diff { same, differences, damage } = diff(first, second, options)?;
+    warn_of(&damage);
+    let Some((earliest, others)) = differences.split_first() else {
+        say(&format!("the same: {same} messages\n"))?;
+        if same == 0 {
+            bail!("neither log has any such message: there was nothing to compare");
+        }
+        return Ok(ExitCode::SUCCESS);
+    };
+    let mut text = format!("different, after {same} messages that are the same\n");
+    let Difference { key, source, number, first: one, second: other, place } = earliest;
+    let _ = writeln!(text, "first: {key} by {source}, its message {number}, at {:.6} s", earliest.time());
+    if let Some(place) = place {
+        let at = if place.path.is_empty() { "value" } else { &place.path };
+        let _ = writeln!(text, "  {at}: {} became {}", brief(&place.first), brief(&place.second));
+    }
+    let _ = writeln!(text, "  {}: {}", first.display(), side(one.as_ref()));
+    let _ = writeln!(text, "  {}: {}", second.display(), side(other.as_ref()));
+    for Difference { key, source, number, .. } in others {
+        let _ = writeln!(text, "later: {key} by {source}, its message {number}");
+    }
+    say(&text)?;
+    Ok(ExitCode::FAILURE)
+}
+
+fn side(record: Option<&Record>) -> String {
+    record.map_or("no such message".into(), |record| {
+        format!("at {:.6} s: {}", record.time, shown(record.value.as_ref(), LONGEST_LIST))
+    })
+}
+
+/// A value in few words.
+fn brief(value: &Json) -> String {
+    let text = value.to_string();
+    match text.char_indices().nth(160) {
+        None => text,
+        Some((end, _)) => format!("{}…", &text[..end]),
+    }
+}
+
+/// `elk log export`
+fn export(log: &Path, to: Format, output: Option<PathBuf>, selection: &Selection) -> Result<ExitCode> {
+    let output = output.unwrap_or_else(|| beside(log, to));
+    match to {
+        Format::Alog => export_alog(log, &output, selection)?,
+        Format::Csv => export_csv(log, &output, selection)?,
+    }
+    say(&format!("{}\n", output.display()))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The exported file of a log: in its folder, or beside it.
+fn beside(log: &Path, to: Format) -> PathBuf {
+    let extension = if to == Format::Alog { "alog" } else { "csv" };
+    if log.is_dir() { log.join("log").with_extension(extension) } else { log.with_extension(extension) }
+}
+
+fn export_alog(log: &Path, output: &Path, selection: &Selection) -> Result<()> {
+    // MOOS counts from the start of the run; a log that does not say when that was begins with its first message.
+    let mut started = LogReader::open(log)?.metadata().started;
+    if let (true, Some(first)) = (started <= 0.0, LogReader::open(log)?.next()) {
+        started = first?.time;
+    }
+    let mut alog = AlogWriter::create(output, started)?;
+    for_each_record(log, selection, |_, record| Ok(alog.append(record)?))?;
+    Ok(alog.finish()?)
+}
+
+fn export_csv(log: &Path, output: &Path, selection: &Selection) -> Result<()> {
+    let named = || format!("cannot write {}", output.display());
+    let mut out = BufWriter::new(std::fs::File::create_new(output).with_context(named)?);
+    out.write_all(csv::HEADER.as_bytes()).with_context(named)?;
+    for_each_record(log, selection, |secs, record| put_csv(&mut out, secs, record).with_context(named))?;
+    out.flush().with_context(named)
+}
+
+/// `elk log record`
+fn record(patterns: Vec<String>, community: &CommunityArgs, output: &OutputArgs) -> Result<ExitCode> {
+    if output.output.exists() {
+        bail!("{} is there already; say another file", output.output.display());
+    }
+    let metadata =
+        Metadata { version: env!("CARGO_PKG_VERSION").into(), started: Clock::new(1.0).now(), ..Metadata::default() };
+    let recorder = Recorder::new(output.output.clone(), metadata).with_options(output.options());
+    let stop = stop_on_signals().context("signals cannot be caught")?;
+    let mut client = Client::connect(&community.community, &format!("record-{}", std::process::id()))?;
+    let mut logger = Logger::of(recorder, patterns);
+    match run_app_on(&mut logger, &mut client, &stop) {
+        // The community's end is the recording's, too.
+        Err(RunError::Comms(_)) => logger.on_stop(&mut client.comms).map_err(|error| anyhow::anyhow!("{error}"))?,
+        ended => ended?,
+    }
+    say(&format!("{} messages in {}\n", logger.messages(), output.output.display()))?;
+    Ok(ExitCode::SUCCESS)
+}

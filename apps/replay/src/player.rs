@@ -1,0 +1,377 @@
+//! Plays a log onto the bus.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use elk_bus::clock::Stopwatch;
+use elk_bus::pattern::matches;
+use elk_bus::{Client, ValueRef};
+use elk_log::selection::Place;
+use elk_log::{RecordRef, Selection};
+
+use crate::error::ReplayError;
+use crate::lateness::Lateness;
+use crate::schedule::{Rate, Schedule, Wait};
+use crate::table::{dropped, table};
+use crate::tape::Tape;
+
+/// What the broker publishes itself; another one's would only contradict it.
+pub const OF_THE_BROKER: &str = "DB_*";
+/// How often the keyboard is looked at, and progress shown.
+const LOOK: Duration = Duration::from_millis(50);
+/// Shorter waits are slept through; longer ones listen to the bus for all but this.
+const SLEEP: Duration = Duration::from_millis(2);
+/// Looking at the clock costs more than publishing a message: at rate `max` it is done after so many.
+const MESSAGES_PER_LOOK: u32 = 256;
+/// After so many bytes a lossless replay waits for its readers.
+const LOSSLESS_BYTES: usize = 256 << 10;
+/// Mail of a reader that is still waiting when a lossless replay goes on (bytes).
+const LOSSLESS_BACKLOG: u64 = 64 << 10;
+
+/// How a log is to be played.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlayOptions {
+    /// How fast.
+    pub rate: Rate,
+    /// Which part of it.
+    pub selection: Selection,
+    /// Variables that are published under another name: from, to.
+    pub remap: Vec<(String, String)>,
+    /// From its end, begin again.
+    pub repeat: bool,
+    /// Wait for readers that do not keep up.
+    pub lossless: bool,
+}
+
+/// What a person asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Press {
+    /// Stand still, or go on.
+    Pause,
+    /// While standing still: say the next message.
+    Step,
+    /// Go so many seconds of recorded time on, or back.
+    Skip(f64),
+    /// Double the rate, or halve it.
+    Rate {
+        /// Whether it is doubled.
+        faster: bool,
+    },
+    /// Begin again.
+    Restart,
+    /// End.
+    Quit,
+}
+
+/// How far a replay is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Recorded time since the log's first message (s).
+    pub secs: f64,
+    /// Recorded time from the first message to the last (s).
+    pub of_secs: f64,
+    /// Messages said.
+    pub messages: u64,
+    /// The rate.
+    pub rate: Rate,
+    /// Whether it stands still.
+    pub paused: bool,
+}
+
+/// What a replay came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Played {
+    /// Messages said.
+    pub messages: u64,
+    /// Bytes of their values.
+    pub bytes: u64,
+    /// How long it took (real time).
+    pub took: Duration,
+    /// Messages that the broker dropped meanwhile, because some client did not keep up.
+    pub dropped: u64,
+    /// Messages that the broker refused, with the first reason.
+    pub refused: u64,
+    /// The first reason.
+    pub refusal: Option<String>,
+    /// How late messages were said.
+    pub lateness: Lateness,
+    /// Messages of the log that could not be read.
+    pub unreadable: u64,
+}
+
+/// The person, and the screen.
+pub trait Console {
+    /// What was asked for since the last call.
+    fn presses(&mut self) -> Vec<Press>;
+    /// Shows how far it is.
+    fn show(&mut self, progress: &Progress);
+}
+
+/// Plays a log once, or for ever.
+pub struct Player<'a> {
+    tape: Tape,
+    options: &'a PlayOptions,
+    client: &'a mut Client,
+    schedule: Schedule,
+    clock: Stopwatch,
+    origin: f64,
+    end: f64,
+    /// Steps to take while standing still.
+    steps: u32,
+    /// Bytes said since readers were waited for.
+    unchecked: usize,
+    looked: Duration,
+    since_look: u32,
+    played: Played,
+}
+
+/// What to do with the message that was found.
+enum Turn {
+    Say,
+    /// The place in the log has changed.
+    Moved,
+    Quit,
+}
+
+impl<'a> Player<'a> {
+    /// A player of `tape` onto `client`'s community.
+    pub fn new(tape: Tape, options: &'a PlayOptions, client: &'a mut Client) -> Self {
+        let (origin, end) = tape.span();
+        Self {
+            tape,
+            options,
+            client,
+            schedule: Schedule::new(options.rate),
+            clock: Stopwatch::start(),
+            origin,
+            end,
+            steps: 0,
+            unchecked: 0,
+            looked: Duration::ZERO,
+            since_look: 0,
+            played: Played {
+                messages: 0,
+                bytes: 0,
+                took: Duration::ZERO,
+                dropped: 0,
+                refused: 0,
+                refusal: None,
+                lateness: Lateness::default(),
+                unreadable: 0,
+            },
+        }
+    }
+
+    /// Plays until the log ends, somebody quits, or `stop` is set.
+    pub fn play(mut self, console: &mut dyn Console, stop: &AtomicBool) -> Result<Played, ReplayError> {
+        let dropped_before = dropped(&table(self.client)?);
+        // The kernel bundles wake-ups within 50 µs unless it is asked not to; where it refuses, messages are that late.
+        let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
+        self.clock = Stopwatch::start();
+        self.rewind()?;
+        while !stop.load(Ordering::Relaxed) {
+            if !self.find()? {
+                if !self.options.repeat || self.played.messages == 0 {
+                    break;
+                }
+                self.rewind()?;
+                continue;
+            }
+            match self.turn(console, stop)? {
+                Turn::Say => self.say()?,
+                Turn::Moved => {}
+                Turn::Quit => break,
+            }
+        }
+        self.client.comms.flush()?;
+        self.played.took = self.clock.elapsed();
+        self.played.dropped = dropped(&table(self.client)?).saturating_sub(dropped_before);
+        self.note_refusals();
+        console.show(&self.progress());
+        self.tape.damage().iter().for_each(|reason| eprintln!("the log is not whole: {reason}"));
+        Ok(self.played)
+    }
+
+    /// Goes to where the part that is played begins.
+    fn rewind(&mut self) -> Result<(), ReplayError> {
+        self.go_to(self.origin + self.options.selection.from_secs.unwrap_or(0.0))
+    }
+
+    fn go_to(&mut self, time: f64) -> Result<(), ReplayError> {
+        self.tape.seek(time)?;
+        self.schedule.jump(self.clock.elapsed(), time);
+        Ok(())
+    }
+
+    /// Finds the next message that is to be played.
+    fn find(&mut self) -> Result<bool, ReplayError> {
+        while self.tape.advance()? {
+            let Some((key, source, time)) = self.tape.head() else {
+                return Ok(false);
+            };
+            match self.options.selection.place(time - self.origin) {
+                Place::After => return Ok(false),
+                Place::Within if self.options.selection.takes(key, source) && !matches(OF_THE_BROKER, key) => {
+                    return Ok(true);
+                }
+                Place::Within | Place::Before => {}
+            }
+        }
+        Ok(false)
+    }
+
+    /// Waits until the message that was found is due.
+    fn turn(&mut self, console: &mut dyn Console, stop: &AtomicBool) -> Result<Turn, ReplayError> {
+        let Some((.., time)) = self.tape.head() else {
+            return Ok(Turn::Moved);
+        };
+        self.since_look += 1;
+        if self.schedule.rate() == Rate::Max && !self.schedule.paused() && self.since_look < MESSAGES_PER_LOOK {
+            self.schedule.wait(self.looked, time);
+            return Ok(Turn::Say);
+        }
+        self.since_look = 0;
+        loop {
+            let now = self.clock.elapsed();
+            let wait = self.schedule.wait(now, time);
+            if now - self.looked >= LOOK {
+                self.looked = now;
+                if let Some(turn) = self.look(console)? {
+                    return Ok(turn);
+                }
+                continue;
+            }
+            match wait {
+                Wait::Now => {
+                    if let Some(due) = self.schedule.due(time) {
+                        self.played.lateness.note(now - due);
+                    }
+                    return Ok(Turn::Say);
+                }
+                Wait::Paused if self.steps > 0 => {
+                    self.steps -= 1;
+                    self.schedule.jump(now, time);
+                    return Ok(Turn::Say);
+                }
+                Wait::Paused => self.rest(LOOK)?,
+                Wait::For(left) => self.rest(left.min(LOOK))?,
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Ok(Turn::Quit);
+            }
+        }
+    }
+
+    /// Lets `time` pass; what was said leaves first.
+    fn rest(&mut self, time: Duration) -> Result<(), ReplayError> {
+        self.client.comms.flush()?;
+        match time.checked_sub(SLEEP) {
+            Some(long) => drop(self.client.receive(long, |_| {})?),
+            None => std::thread::sleep(time),
+        }
+        Ok(())
+    }
+
+    /// Looks at the keyboard, and shows progress. Answers what that means for the message that was found.
+    fn look(&mut self, console: &mut dyn Console) -> Result<Option<Turn>, ReplayError> {
+        let mut turn = None;
+        for press in console.presses() {
+            let now = self.clock.elapsed();
+            match press {
+                Press::Pause => self.schedule.pause(now, !self.schedule.paused()),
+                Press::Step => self.steps += 1,
+                Press::Rate { faster } => self.schedule.set_rate(now, self.schedule.rate().changed(faster)),
+                Press::Quit => return Ok(Some(Turn::Quit)),
+                Press::Restart => {
+                    self.rewind()?;
+                    turn = Some(Turn::Moved);
+                }
+                Press::Skip(secs) => {
+                    let begin = self.origin + self.options.selection.from_secs.unwrap_or(0.0);
+                    let here = self.schedule.position(now).unwrap_or(begin);
+                    self.go_to((here + secs).clamp(begin, self.end))?;
+                    turn = Some(Turn::Moved);
+                }
+            }
+        }
+        if !self.schedule.paused() {
+            self.steps = 0;
+        }
+        self.note_refusals();
+        console.show(&self.progress());
+        Ok(turn)
+    }
+
+    fn note_refusals(&mut self) {
+        for refused in self.client.inbox.take_refusals() {
+            self.played.refused += 1;
+            self.played.refusal.get_or_insert_with(|| format!("{}: {}", refused.key, refused.reason));
+        }
+    }
+
+    fn progress(&self) -> Progress {
+        let here = self.schedule.position(self.clock.elapsed()).unwrap_or(self.origin);
+        Progress {
+            secs: (here - self.origin).clamp(0.0, self.end - self.origin),
+            of_secs: self.end - self.origin,
+            messages: self.played.messages,
+            rate: self.schedule.rate(),
+            paused: self.schedule.paused(),
+        }
+    }
+
+    /// Says the message that was found.
+    fn say(&mut self) -> Result<(), ReplayError> {
+        let record = match self.tape.record() {
+            Some(Ok(record)) => record,
+            Some(Err(error)) => {
+                if self.played.unreadable == 0 {
+                    eprintln!("{error}");
+                }
+                self.played.unreadable += 1;
+                return Ok(());
+            }
+            None => return Ok(()),
+        };
+        let RecordRef { key, source, source_aux, value, .. } = record;
+        let key = renamed(&self.options.remap, key);
+        // A source without a name (an .alog can have one) is this program itself.
+        let source = Some(source).filter(|source| !source.is_empty());
+        self.client.comms.publish_value(key, value, source_aux, source)?;
+        let bytes = size(value);
+        self.played.messages += 1;
+        self.played.bytes += bytes as u64;
+        self.unchecked += bytes + key.len();
+        if self.options.lossless && self.unchecked >= LOSSLESS_BYTES {
+            self.unchecked = 0;
+            self.wait_for_readers()?;
+        }
+        Ok(())
+    }
+
+    /// Waits until no reader has much mail waiting.
+    fn wait_for_readers(&mut self) -> Result<(), ReplayError> {
+        loop {
+            let table = table(self.client)?;
+            let own = self.client.comms.name();
+            let others = table.clients.iter().filter(|client| client.name != own);
+            if others.map(|client| client.waiting_bytes).max().unwrap_or(0) <= LOSSLESS_BACKLOG {
+                return Ok(());
+            }
+            self.client.receive(Duration::from_millis(1), |_| {})?;
+        }
+    }
+}
+
+fn renamed<'a>(remap: &'a [(String, String)], key: &'a str) -> &'a str {
+    remap.iter().find(|(from, _)| from == key).map_or(key, |(_, to)| to)
+}
+
+/// Bytes of a value.
+pub(crate) fn size(value: ValueRef<'_>) -> usize {
+    match value {
+        ValueRef::Double(_) => 8,
+        ValueRef::Text(text) => text.len(),
+        ValueRef::Binary { bytes, .. } => bytes.len(),
+    }
+}

@@ -1,0 +1,348 @@
+//! MOOS' own text logs: `.alog`, with binary values in a `.blog` beside it.
+//!
+//! One line a message: time since LOGSTART in 15 columns, name in 20, source in 15, then the value, each followed by a
+//! space. Columns that are too narrow are overrun, so a line is read by its white space. What MOOS leaves undone is put
+//! right on the way out: a line break in a text is written as `\n` and breaks no line, and the date is the run's. On the
+//! way in, a line that does not begin with a number goes on with the text of the line before it, as MOOS breaks them.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use elk_bus::{Value, ValueRef};
+
+use crate::error::LogError;
+use crate::record::{Record, RecordRef};
+
+/// The line above and below the banner.
+const RULE: &str = "%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%";
+/// The longest line that is read (bytes); the rest of a longer one is passed over.
+const MAX_LINE_BYTES: u64 = 16 << 20;
+/// What stands for a binary value.
+const BINARY: (&str, &str) = ("<MOOS_BINARY>", "</MOOS_BINARY>");
+/// The type of a binary value that MOOS wrote: it has none.
+pub const MOOS_BINARY: &str = "MOOS_BINARY";
+
+/// Writes an `.alog`.
+pub struct AlogWriter {
+    path: PathBuf,
+    out: BufWriter<File>,
+    /// The binary values' file, once there is one, and its length.
+    blog: Option<(BufWriter<File>, u64)>,
+    start: f64,
+}
+
+impl AlogWriter {
+    /// Creates the file at `path`, for a run that started at `start` (s since 1970).
+    pub fn create(path: &Path, start: f64) -> Result<Self, LogError> {
+        // LOGSTART has two decimals; times count from what is written there.
+        let start = (start * 100.0).round() / 100.0;
+        let create = |source| LogError::Create { path: path.into(), source };
+        let mut out = BufWriter::new(File::create_new(path).map_err(create)?);
+        let banner = format!(
+            "{RULE}\n%% LOG FILE:       {}\n%% FILE OPENED ON  {}\n%% LOGSTART               {start:.2}\n{RULE}\n",
+            path.display(),
+            date(start)
+        );
+        out.write_all(banner.as_bytes()).map_err(create)?;
+        Ok(Self { path: path.into(), out, blog: None, start })
+    }
+
+    /// Writes a message.
+    pub fn append(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
+        let value = match record.value {
+            ValueRef::Double(number) => format!("{number:<12.5}"),
+            ValueRef::Text(text) => text.replace("\r\n", "\\n").replace(['\n', '\r'], "\\n"),
+            ValueRef::Binary { type_name, layout, bytes } => self.put_binary(record, type_name, layout, bytes)?,
+        };
+        let line = format!("{}{value} \n", columns(self.start, record));
+        self.out.write_all(line.as_bytes()).map_err(|source| self.failed(source))
+    }
+
+    fn put_binary(
+        &mut self,
+        record: &RecordRef<'_>,
+        type_name: &str,
+        layout: u64,
+        bytes: &[u8],
+    ) -> Result<String, LogError> {
+        let path = blog_of(&self.path);
+        let create = |source| LogError::Create { path: path.clone(), source };
+        let (mut blog, mut length) = match self.blog.take() {
+            Some(blog) => blog,
+            None => (BufWriter::new(File::create_new(&path).map_err(create)?), 0),
+        };
+        let head = columns(self.start, record);
+        let written = [head.as_bytes(), bytes, b"\n"].iter().try_for_each(|part| blog.write_all(part));
+        let offset = length + head.len() as u64;
+        length = offset + bytes.len() as u64 + 1;
+        self.blog = Some((blog, length));
+        written.map_err(|source| self.failed(source))?;
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let (open, close) = BINARY;
+        let bytes = bytes.len();
+        // MOOS reads the first three; type and layout bring the value back to elk as it was.
+        Ok(format!("{open}File={file},Offset={offset},Bytes={bytes},Type={type_name},Layout={layout:016x}{close}"))
+    }
+
+    /// Brings everything into the files.
+    pub fn finish(mut self) -> Result<(), LogError> {
+        let flushed = self.out.flush().and_then(|()| self.blog.as_mut().map_or(Ok(()), |(blog, _)| blog.flush()));
+        flushed.map_err(|source| self.failed(source))
+    }
+
+    fn failed(&self, source: std::io::Error) -> LogError {
+        LogError::Write { path: self.path.clone(), source, waiting: self.out.buffer().len() }
+    }
+}
+
+/// Time, name and source, each in its column.
+fn columns(start: f64, record: &RecordRef<'_>) -> String {
+    let aux = if record.source_aux.is_empty() { String::new() } else { format!(":{}", record.source_aux) };
+    let word = |text: &str| text.split_whitespace().collect::<Vec<_>>().join("_");
+    let (key, source) = (word(record.key), word(&format!("{}{aux}", record.source)));
+    let time = format!("{:.3}", record.time - start);
+    format!("{time:<15} {key:<20} {source:<15} ")
+}
+
+/// The binary file beside an `.alog`.
+fn blog_of(path: &Path) -> PathBuf {
+    path.with_extension("blog")
+}
+
+/// A date as C's `ctime` writes it: `Mon Jun  2 01:38:39 2008`, UTC.
+fn date(secs: f64) -> String {
+    const DAYS: [&str; 7] = ["Thu", "Fri", "Sat", "Sun", "Mon", "Tue", "Wed"];
+    const MONTHS: [(&str, i64); 12] = [
+        ("Jan", 31),
+        ("Feb", 28),
+        ("Mar", 31),
+        ("Apr", 30),
+        ("May", 31),
+        ("Jun", 30),
+        ("Jul", 31),
+        ("Aug", 31),
+        ("Sep", 30),
+        ("Oct", 31),
+        ("Nov", 30),
+        ("Dec", 31),
+    ];
+    // Before 1970 and after 9999 there is no run; times of a warped clock may lie there.
+    let secs = secs.clamp(0.0, 253_402_300_799.0) as i64;
+    let (days, of_day) = (secs / 86_400, secs % 86_400);
+    let leap = |year: i64| year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    let (mut year, mut day) = (1970, days);
+    while day >= 365 + i64::from(leap(year)) {
+        day -= 365 + i64::from(leap(year));
+        year += 1;
+    }
+    let mut month = "Dec";
+    for (name, length) in MONTHS {
+        let length = length + i64::from(name == "Feb" && leap(year));
+        if day < length {
+            month = name;
+            break;
+        }
+        day -= length;
+    }
+    let weekday = DAYS[(days % 7) as usize];
+    let (hour, minute, second) = (of_day / 3600, of_day / 60 % 60, of_day % 60);
+    format!("{weekday} {month} {:>2} {hour:02}:{minute:02}:{second:02} {year}", day + 1)
+}
+
+/// Reads an `.alog`, message by message.
+pub struct AlogReader {
+    path: PathBuf,
+    lines: BufReader<File>,
+    start: f64,
+    /// Whether values carry their type: `D:` or `S:`.
+    marked: bool,
+    blog: Option<File>,
+    /// The message before the line that is read next: more of its text may come.
+    ahead: Option<Record>,
+    messages: u64,
+    read: u64,
+    length: u64,
+}
+
+impl AlogReader {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// It cannot be read, or has no line of an `.alog` among its first.
+    pub fn open(path: &Path) -> Result<Self, LogError> {
+        let read = |source| LogError::Read { path: path.into(), source };
+        let file = File::open(path).map_err(read)?;
+        let length = file.metadata().map_err(read)?.len();
+        let mut log = Self {
+            path: path.into(),
+            lines: BufReader::new(file),
+            start: 0.0,
+            marked: false,
+            blog: None,
+            ahead: None,
+            messages: 0,
+            read: 0,
+            length,
+        };
+        log.ahead = log.next_message()?;
+        match log.ahead {
+            Some(_) => Ok(log),
+            None => Err(LogError::NoLog { path: path.into(), reason: "no line of it is one of an .alog".into() }),
+        }
+    }
+
+    /// When the run started (s since 1970), as the banner says.
+    pub fn start(&self) -> f64 {
+        self.start
+    }
+
+    /// Bytes read, and bytes in all.
+    pub fn progress(&self) -> (u64, u64) {
+        (self.read, self.length)
+    }
+
+    /// A line without its end; nothing at the end of the file.
+    fn line(&mut self) -> Result<Option<String>, LogError> {
+        let mut line = Vec::new();
+        let failed = |source| LogError::Read { path: self.path.clone(), source };
+        let count = (&mut self.lines).take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(failed)?;
+        self.read += count as u64;
+        if count as u64 == MAX_LINE_BYTES && !line.ends_with(b"\n") {
+            self.lines.skip_until(b'\n').map_err(|source| LogError::Read { path: self.path.clone(), source })?;
+        }
+        let text = String::from_utf8_lossy(&line);
+        Ok((count > 0).then(|| text.trim_end_matches(['\n', '\r']).to_owned()))
+    }
+
+    /// The next line that begins a message; what comes before goes on with the message ahead.
+    fn next_message(&mut self) -> Result<Option<Record>, LogError> {
+        while let Some(line) = self.line()? {
+            if line.starts_with("%%") {
+                self.banner(&line);
+            } else if let Some(record) = self.message(&line) {
+                return Ok(Some(record));
+            } else if !line.trim().is_empty()
+                && let Some(Record { value: Value::Text(text), .. }) = &mut self.ahead
+            {
+                text.push('\n');
+                text.push_str(line.trim_end());
+            }
+        }
+        Ok(None)
+    }
+
+    fn banner(&mut self, line: &str) {
+        let mut words = line.trim_start_matches('%').split_whitespace();
+        match words.next() {
+            Some("LOGSTART") => self.start = words.next().and_then(|word| word.parse().ok()).unwrap_or(0.0),
+            Some("DATATYPE") => self.marked = line.contains(" ON"),
+            _ => {}
+        }
+    }
+
+    fn message(&mut self, line: &str) -> Option<Record> {
+        let (time, rest) = word(line)?;
+        let (key, rest) = word(rest)?;
+        let (source, rest) = word(rest)?;
+        let time: f64 = number(time)?;
+        let value = rest.trim();
+        let (source, community) = source.split_once('@').unwrap_or((source, ""));
+        let (source, source_aux) = source.split_once(':').unwrap_or((source, ""));
+        let record = Record {
+            key: key.into(),
+            source: source.into(),
+            source_aux: source_aux.into(),
+            community: community.into(),
+            time: self.start + time,
+            sequence: self.messages + 1,
+            received: self.start + time,
+            order: self.messages,
+            epoch: 0,
+            value: self.value(value),
+        };
+        self.messages += 1;
+        Some(record)
+    }
+
+    fn value(&mut self, text: &str) -> Value {
+        if let Some(binary) = self.binary(text) {
+            return binary;
+        }
+        let marked = if self.marked { text.split_at_checked(2) } else { None };
+        match marked {
+            Some(("S:", text)) => Value::Text(text.into()),
+            Some(("D:", text)) => number(text).map_or_else(|| Value::Text(text.into()), Value::Double),
+            _ => number(text).map_or_else(|| Value::Text(text.into()), Value::Double),
+        }
+    }
+
+    /// A binary value, from the file beside this one; what cannot be read there stays the text that stands for it.
+    fn binary(&mut self, text: &str) -> Option<Value> {
+        let said = text.trim_start_matches("B:").strip_prefix(BINARY.0)?.strip_suffix(BINARY.1)?;
+        let field = |name: &str| said.split(',').find_map(|field| field.strip_prefix(name)?.strip_prefix('='));
+        let (offset, length): (u64, u64) = (field("Offset")?.parse().ok()?, field("Bytes")?.parse().ok()?);
+        // The name is only a name: no log leads to another folder.
+        let file = self.path.with_file_name(Path::new(field("File")?).file_name()?);
+        let blog = match self.blog.take() {
+            Some(blog) => blog,
+            None => File::open(file).ok()?,
+        };
+        let blog = self.blog.insert(blog);
+        if offset.checked_add(length)? > blog.metadata().ok()?.len() {
+            return None;
+        }
+        let mut bytes = vec![0; usize::try_from(length).ok()?];
+        blog.seek(SeekFrom::Start(offset)).ok()?;
+        blog.read_exact(&mut bytes).ok()?;
+        let layout = field("Layout").and_then(|layout| u64::from_str_radix(layout, 16).ok()).unwrap_or_default();
+        Some(Value::Binary { type_name: field("Type").unwrap_or(MOOS_BINARY).into(), layout, bytes })
+    }
+}
+
+impl Iterator for AlogReader {
+    type Item = Result<Record, LogError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.ahead.as_ref()?;
+        match self.next_message() {
+            Ok(next) => std::mem::replace(&mut self.ahead, next).map(Ok),
+            Err(error) => {
+                self.ahead = None;
+                Some(Err(error))
+            }
+        }
+    }
+}
+
+/// The first word of `text`, and what follows it.
+fn word(text: &str) -> Option<(&str, &str)> {
+    let text = text.trim_start();
+    let end = text.find(char::is_whitespace).unwrap_or(text.len());
+    (end > 0).then(|| text.split_at(end))
+}
+
+/// A number as MOOS writes it. Words that happen to be numbers elsewhere (`nan`, `infinity`) are words.
+fn number(text: &str) -> Option<f64> {
+    let text = text.trim();
+    text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)).then(|| text.parse().ok())?
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_written_as_c_does() {
+        assert_eq!(date(1_212_370_719.0), "Mon Jun  2 01:38:39 2008");
+        assert_eq!(date(951_782_400.0), "Tue Feb 29 00:00:00 2000");
+        assert_eq!(date(0.0), "Thu Jan  1 00:00:00 1970");
+        assert_eq!(date(1_735_689_599.0), "Tue Dec 31 23:59:59 2024");
+    }
+
+    #[test]
+    fn words_are_no_numbers() {
+        assert_eq!(["1.5", "-2", ".5", "1e3"].map(number), [Some(1.5), Some(-2.0), Some(0.5), Some(1000.0)]);
+        assert_eq!(["nan", "inf", "-", "1.5m", ""].map(number), [None; 5]);
+    }
+}

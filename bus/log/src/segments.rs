@@ -1,0 +1,110 @@
+//! The files of a run's log: `log.mcap`, then `log.1.mcap`, `log.2.mcap`, …
+//!
+//! A new segment begins when the one before it is large or old enough, and when a logger finds a log that it has not
+//! written itself: nothing that is there is ever overwritten.
+
+use std::fs::{File, OpenOptions};
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use crate::error::LogError;
+
+/// What logs are called.
+const EXTENSION: &str = "mcap";
+/// The run's log in its folder, unless the folder holds one of another name only.
+const USUAL: &str = "log";
+
+/// The files of the log at `path`, in their order: `path` itself, or, if it is a run's folder, all segments in it.
+///
+/// # Errors
+/// The folder cannot be read, or holds no log, or several and none called `log.mcap`.
+pub fn segments(path: &Path) -> Result<Vec<PathBuf>, LogError> {
+    if !path.is_dir() {
+        return Ok(vec![path.into()]);
+    }
+    let read = |source| LogError::Read { path: path.into(), source };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(read)? {
+        let file = entry.map_err(read)?.path();
+        found.extend(split(&file).map(|(stem, number)| (stem, number, file)));
+    }
+    found.sort();
+    let mut stems: Vec<&str> = found.iter().map(|(stem, ..)| stem.as_str()).collect();
+    stems.dedup();
+    let stem = match stems[..] {
+        [] => return Err(LogError::NoLog { path: path.into(), reason: "the folder holds no .mcap file".into() }),
+        [only] => only.to_owned(),
+        _ if stems.contains(&USUAL) => USUAL.to_owned(),
+        _ => {
+            let reason = format!("the folder holds several logs; name one of {}", stems.join(".mcap, ") + ".mcap");
+            return Err(LogError::NoLog { path: path.into(), reason });
+        }
+    };
+    Ok(found.into_iter().filter(|(other, ..)| *other == stem).map(|(.., file)| file).collect())
+}
+
+/// Stem and number of a segment: `log.2.mcap` is number 2 of `log`, `log.mcap` number 0.
+fn split(file: &Path) -> Option<(String, u64)> {
+    let name = file.file_name()?.to_str()?.strip_suffix(EXTENSION)?.strip_suffix('.')?;
+    let numbered = name.rsplit_once('.').and_then(|(stem, number)| Some((stem.to_owned(), number.parse().ok()?)));
+    Some(numbered.unwrap_or_else(|| (name.to_owned(), 0)))
+}
+
+/// Segment `number` of the log at `path`.
+fn segment(path: &Path, number: u64) -> PathBuf {
+    match number {
+        0 => path.into(),
+        _ => path.with_extension(match path.extension() {
+            Some(extension) => format!("{number}.{}", extension.to_string_lossy()),
+            None => number.to_string(),
+        }),
+    }
+}
+
+/// Creates the first segment of the log at `path`, from number `from` on, that is not there yet; answers its number too.
+/// What is no ordinary file (a device) is opened as it is.
+pub(crate) fn create(path: &Path, from: u64) -> Result<(File, PathBuf, u64), LogError> {
+    if path.metadata().is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+        let opened = OpenOptions::new().write(true).open(path);
+        let file = opened.map_err(|source| LogError::Create { path: path.into(), source })?;
+        return Ok((file, path.into(), from));
+    }
+    for number in from.. {
+        let path = segment(path, number);
+        match OpenOptions::new().write(true).create_new(true).open(&path) {
+            Ok(file) => return Ok((file, path, number)),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && !path.is_dir() => {}
+            Err(source) => return Err(LogError::Create { path, source }),
+        }
+    }
+    Err(LogError::Create { path: path.into(), source: ErrorKind::AlreadyExists.into() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_are_numbered_and_never_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.mcap");
+        let made: Vec<PathBuf> = (0..12).map(|_| create(&path, 0).unwrap().1).collect();
+        assert_eq!(made[0], path);
+        assert_eq!(made[11], folder.path().join("log.11.mcap"));
+        assert_eq!(segments(folder.path()).unwrap(), made, "in the order of their numbers");
+        assert_eq!(segments(&made[3]).unwrap(), [made[3].clone()]);
+    }
+
+    #[test]
+    fn a_folder_with_another_log_besides_gives_the_run_s() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(matches!(segments(folder.path()), Err(LogError::NoLog { .. })));
+        create(&folder.path().join("probe.mcap"), 0).unwrap();
+        assert_eq!(segments(folder.path()).unwrap().len(), 1);
+        create(&folder.path().join("other.mcap"), 0).unwrap();
+        let error = segments(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("other.mcap, probe.mcap"), "{error}");
+        create(&folder.path().join("log.mcap"), 0).unwrap();
+        assert_eq!(segments(folder.path()).unwrap(), [folder.path().join("log.mcap")]);
+    }
+}
