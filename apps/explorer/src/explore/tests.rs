@@ -202,7 +202,7 @@ fn a_successor_at_every_plan_makes_the_same_run() {
 #[test]
 fn strategies_hand_over_to_each_other_what_they_tried() {
     let new = |strategy| Explorer::new(strategy, settings(Policy::elk(0.4)));
-    let by_turns = |id: u64| if id % 2 == 0 { potential(Start::Shortest) } else { Box::new(ClosestFrontier) };
+    let by_turns = |id: u64| if id.is_multiple_of(2) { potential(Start::Shortest) } else { Box::new(ClosestFrontier) };
     let run = relay(new(potential(Start::Shortest)), |id| Some(new(by_turns(id))));
     assert!(run.report.complete, "{:?}", run.report);
     let phases: Vec<&str> = run.report.cpu_secs.iter().map(|(phase, _)| phase.as_str()).collect();
