@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Place, Refusal};
+use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Legacy, Place, Refusal};
 use crate::clock::{Clock, Stopwatch};
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::wire::BulkRef;
@@ -34,6 +34,7 @@ struct State {
     broker: Option<Broker>,
     /// What the next broker finds, should this one die.
     places: Vec<Place>,
+    legacies: Vec<Legacy>,
     /// 0: the broker has stopped in good order.
     epoch: u64,
     handled: BTreeMap<ClientId, u64>,
@@ -48,6 +49,7 @@ impl MemoryBroker {
         let state = State {
             broker: Some(Broker::new(config.clone(), clock.now())),
             places: Vec::new(),
+            legacies: Vec::new(),
             epoch: 1,
             handled: BTreeMap::new(),
             retiring: BTreeSet::new(),
@@ -101,7 +103,9 @@ impl MemoryBroker {
         let mut state = self.0.lock();
         let places = std::mem::take(&mut state.places).into_iter().map(|place| (place, true));
         let (config, now) = (self.0.config.clone(), self.0.clock.now());
-        state.broker = Some(Broker::recover(config, now, places, PLACES_KEPT_SECS));
+        let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
+        broker.inherit(now, &state.legacies);
+        state.broker = Some(broker);
         state.epoch += 1;
         self.0.changed.notify_all();
     }
@@ -125,6 +129,9 @@ impl State {
             self.retiring.extend(broker.take_retiring());
             if let Some(places) = broker.take_places() {
                 self.places = places;
+            }
+            if let Some(legacies) = broker.take_legacies(|_| None) {
+                self.legacies = legacies;
             }
         }
     }

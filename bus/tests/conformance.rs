@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{BrokerConfig, Client, Clock, Community, Introduction, Key, RunOptions, Value, serve_broker};
+use elk_bus::{
+    BrokerConfig, Client, Clock, Community, ConnectError, Introduction, Key, RunOptions, Value, serve_broker,
+};
 use rustix::process::{Pid, Signal};
 
 /// Long enough for any machine; nothing waits for it unless something is broken.
@@ -97,7 +99,10 @@ impl Transport for Shm {
         let waited = Stopwatch::start();
         loop {
             match Client::join(&options) {
-                Err(elk_bus::ConnectError::NoBroker(_)) if waited.elapsed() < DEADLINE => std::thread::yield_now(),
+                // None yet, or one that is dying.
+                Err(ConnectError::NoBroker(_) | ConnectError::Handshake { .. }) if waited.elapsed() < DEADLINE => {
+                    std::thread::yield_now();
+                }
                 other => return other.map_err(|e| e.to_string()),
             }
         }
@@ -561,6 +566,36 @@ fn a_broker_may_die_and_nothing_is_lost_or_heard_twice<T: Transport + Sync>() {
     t.stop();
 }
 
+fn what_was_left_by_those_who_are_gone_outlives_brokers<T: Transport>() {
+    let t = T::start("legacy");
+    let mut a = t.connect("a").unwrap();
+    a.comms.notify("NUMBER", 1.0).unwrap();
+    a.comms.notify("TEXT", "last will").unwrap();
+    a.comms.publish(&BLOB, &blob(3, 200_000)).unwrap();
+    settle(&mut a);
+    let mut b = t.connect("b").unwrap();
+    b.comms.notify("NUMBER", 2.0).unwrap();
+    settle(&mut b);
+    drop(a);
+    for name in ["late", "later"] {
+        // The broker has written down what a has left before it lets anybody in.
+        let mut late = t.connect(name).unwrap();
+        late.comms.register_wildcard("NUMBER", "*", 0.0).unwrap();
+        late.comms.register_wildcard("TEXT", "a", 0.0).unwrap();
+        late.comms.register(&BLOB).unwrap();
+        let heard = hear(&mut late, |h| h.len() == 3);
+        let value = |wanted: &str| heard.iter().find(|(key, ..)| key == wanted).unwrap().2.clone();
+        assert_eq!((value("NUMBER"), value("TEXT")), (2.0.into(), "last will".into()));
+        assert!(value("BLOB").as_ref().decode(&BLOB).unwrap() == blob(3, 200_000));
+        drop(late);
+        settle(&mut b);
+        t.replace_broker();
+        settle(&mut b);
+    }
+    drop(b);
+    t.stop();
+}
+
 fn bulk_values_survive_the_broker<T: Transport + Sync>() {
     const COUNT: u64 = 200;
     let t = T::start("bulk-death");
@@ -628,5 +663,6 @@ conformance!(
     mail_goes_on_with_a_successor_at_a_message_boundary,
     a_successor_that_dies_before_it_is_ready_changes_nothing,
     a_broker_may_die_and_nothing_is_lost_or_heard_twice,
+    what_was_left_by_those_who_are_gone_outlives_brokers,
     bulk_values_survive_the_broker,
 );

@@ -156,6 +156,11 @@ impl Broker {
         self.clients.get(&id).is_some_and(Client::is_joining)
     }
 
+    /// Whether a client is gone and its place is kept.
+    pub(super) fn is_orphan(&self, id: ClientId) -> bool {
+        matches!(self.standing(id), Some(Standing::Orphan { .. }))
+    }
+
     /// Whether somebody is on the way to the place of a name, or may still come for it.
     pub fn is_expected(&self, name: &str) -> bool {
         self.names.contains_key(name)
@@ -218,6 +223,7 @@ impl Broker {
 
     fn leave(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
         let successor = self.successor_of(id);
+        self.note_departure(id);
         let Some(client) = self.clients.get_mut(&id) else { return };
         let name = client.name.clone();
         if successor.is_some() || (!goodbye && client.lease_secs > 0.0) {

@@ -7,6 +7,7 @@
 //! answered to the writer; a mailbox that nobody reads drops its oldest mail and counts.
 
 mod interner;
+mod legacy;
 mod mailbox;
 mod membership;
 mod message;
@@ -19,6 +20,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::wire::{self, BULK, Frame, FrameKind, Header, Named, RESENT, ValueKind, WireError};
 use interner::Interner;
+pub use legacy::Legacy;
 pub use mailbox::Mailbox;
 use membership::Standing;
 pub use membership::{Introduction, Place, Refusal};
@@ -71,6 +73,8 @@ pub struct Broker {
     retiring: Vec<ClientId>,
     /// Who has taken whose place, and up to where its mail is the one that it took over.
     successions: Vec<Succession>,
+    /// Somebody who left something has gone since that was last asked for.
+    legacies_changed: bool,
     /// The places of clients are others than when they were last asked for.
     places_changed: bool,
     own_source: u32,
@@ -202,6 +206,7 @@ impl Broker {
             reached: Vec::new(),
             retiring: Vec::new(),
             successions: Vec::new(),
+            legacies_changed: false,
             places_changed: false,
             own_source,
             // A broker that takes another's place is not to be taken for it.
@@ -291,18 +296,24 @@ impl Broker {
         client.unhandled.front().map_or(client.taken, |(batch, _)| batch - 1)
     }
 
-    fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
-        let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
+    /// The broker's number of a name; a new one is given the next. `layout` counts for types only.
+    fn number(&mut self, what: Named, name: &str, layout: u64) -> u32 {
         let number = match what {
             Named::Key => self.keys.number(name, 0),
             Named::Source => self.sources.number(name, 0),
-            Named::Type => self.types.number(name, frame.header.sequence),
+            Named::Type => self.types.number(name, layout),
             Named::Community => self.communities.number(name, 0),
         };
         while self.variables.len() < self.keys.len() {
             self.variables.push(Variable::default());
         }
+        number
+    }
+
+    fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
+        let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
+        let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
+        let number = self.number(what, name, frame.header.sequence);
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         let numbers = &mut client.numbers[what as usize];
         match numbers.get(frame.header.key as usize) {
@@ -379,10 +390,7 @@ impl Broker {
     }
 
     fn publish_own(&mut self, now: f64, key: &str, kind: ValueKind, value: &[u8]) {
-        let key = self.keys.number(key, 0);
-        while self.variables.len() < self.keys.len() {
-            self.variables.push(Variable::default());
-        }
+        let key = self.number(Named::Key, key, 0);
         if self.type_conflict(key, TypeLock { kind, type_: 0 }).is_some() {
             return; // a client was first with this name, and with another type; it is the client's now
         }
@@ -403,7 +411,7 @@ impl Broker {
 
     fn store_and_deliver(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
         let (key, source) = (message.header.key, message.header.source);
-        self.keep_as_latest(now, message);
+        self.keep_as_latest(now, from, message);
         let route = self.route(key, source);
         let deliveries = std::mem::take(&mut self.variables[key as usize].routes[route].deliveries);
         for delivery in &deliveries {
@@ -420,7 +428,7 @@ impl Broker {
         self.variables[key as usize].routes[route].deliveries = deliveries;
     }
 
-    fn keep_as_latest(&mut self, now: f64, message: &Message<'_>) {
+    fn keep_as_latest(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
         let variable = &mut self.variables[message.header.key as usize];
         // What is sent again after a broker's death is not newer for that.
         let resent = message.header.flags & RESENT != 0;
@@ -430,7 +438,7 @@ impl Broker {
         if let Some(old) = bulk_of(&variable.latest) {
             self.latest_bulk.remove(&(old.client, old.sample));
         }
-        variable.keep(now, message);
+        variable.keep(now, from, message);
         if let Some(new) = bulk_of(&variable.latest) {
             self.latest_bulk.insert((new.client, new.sample));
         }

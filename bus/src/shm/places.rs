@@ -1,16 +1,15 @@
-//! What outlives a broker's death: who was there, and what for.
+//! What outlives a broker's death: who was there, and what for; and what those have left who are gone.
 //!
-//! A file in the community's folder, written anew whenever a client comes, goes or registers. It need not reach the disk:
-//! it outlives processes, not machines. A broker that finds one with a living process in it takes the place of a broker
-//! that died; any other is a leftover.
-
-use std::path::PathBuf;
+//! Two files in the community's folder, the one written anew whenever a client comes, goes or registers, the other when
+//! one goes. They need not reach the disk: they outlive processes, not machines. A broker that finds a living process in
+//! them takes the place of a broker that died; any other is a leftover.
 
 use rustix::process::Pid;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::place;
-use crate::broker::Place;
+use crate::broker::{Legacy, Place};
 use crate::codec;
 use crate::community::Community;
 
@@ -21,27 +20,44 @@ pub struct Occupied {
     pub process: u32,
 }
 
-fn file(community: &Community) -> PathBuf {
-    place::root(community).join("places")
-}
+const PLACES: &str = "places";
+const LEGACIES: &str = "legacies";
 
 /// Writes who is there.
 pub fn write(community: &Community, all: &[Occupied]) -> std::io::Result<()> {
-    let file = file(community);
-    let mut bytes = Vec::new();
-    codec::encode_onto(&all, &mut bytes).map_err(std::io::Error::other)?;
-    let fresh = file.with_extension("new");
-    std::fs::create_dir_all(place::root(community))?;
-    std::fs::write(&fresh, bytes)?;
-    std::fs::rename(fresh, file)
+    write_file(community, PLACES, &all)
+}
+
+/// Writes what those have left who are gone.
+pub fn write_legacies(community: &Community, all: &[Legacy]) -> std::io::Result<()> {
+    write_file(community, LEGACIES, &all)
 }
 
 /// Who was there when the last broker of the community died; nobody, if none of them lives.
 pub fn read(community: &Community) -> Vec<Occupied> {
-    let Ok(bytes) = std::fs::read(file(community)) else { return Vec::new() };
-    // A file that cannot be read is of another version of elk; its clients could not be served anyway.
-    let all: Vec<Occupied> = codec::decode_owned(&bytes, "places").unwrap_or_default();
+    let all: Vec<Occupied> = read_file(community, PLACES);
     if all.iter().any(|one| lives(one.process)) { all } else { Vec::new() }
+}
+
+/// What those had left who were gone by then.
+pub fn read_legacies(community: &Community) -> Vec<Legacy> {
+    read_file(community, LEGACIES)
+}
+
+fn write_file<T: Serialize>(community: &Community, name: &str, all: &T) -> std::io::Result<()> {
+    let folder = place::root(community);
+    let fresh = folder.join(format!("{name}.new"));
+    let mut bytes = Vec::new();
+    codec::encode_onto(all, &mut bytes).map_err(std::io::Error::other)?;
+    std::fs::create_dir_all(&folder)?;
+    std::fs::write(&fresh, bytes)?;
+    std::fs::rename(fresh, folder.join(name))
+}
+
+/// A file that cannot be read is of another version of elk, whose clients could not be served anyway.
+fn read_file<T: DeserializeOwned + Default>(community: &Community, name: &'static str) -> T {
+    let bytes = std::fs::read(place::root(community).join(name));
+    bytes.ok().and_then(|bytes| codec::decode_owned(&bytes, name).ok()).unwrap_or_default()
 }
 
 /// Whether a process is there and has not ended.

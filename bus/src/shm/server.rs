@@ -144,7 +144,7 @@ impl Server {
         let awaited: BTreeMap<String, u32> = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
             true => Broker::new(config, clock.now()),
-            false => admission::recover(config, clock.now(), found),
+            false => admission::recover(&community, config, clock.now(), found),
         };
         let epoch = monotonic_nanos();
         Ok(Self {

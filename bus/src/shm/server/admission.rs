@@ -11,6 +11,8 @@ use super::{
     LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, monotonic_nanos, places,
 };
 use crate::broker::Introduction;
+use crate::community::Community;
+use crate::wire::BulkRef;
 use places::Occupied;
 
 /// How long the places of the clients of a broker that died are kept (s).
@@ -28,11 +30,13 @@ pub(super) struct Handover {
 }
 
 /// A broker in the place of one that died.
-pub(super) fn recover(config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
+pub(super) fn recover(community: &Community, config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
     let clients = found.len();
     eprintln!("elk db: the broker before this one died; the places of its {clients} clients are kept");
     let places = found.into_iter().map(|one| (one.place, places::lives(one.process)));
-    Broker::recover(config, now, places, PLACES_KEPT_SECS)
+    let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
+    broker.inherit(now, &places::read_legacies(community));
+    broker
 }
 
 impl Server {
@@ -162,6 +166,12 @@ impl Server {
         });
         if let Some(places) = self.broker.take_places() {
             self.write_places(places);
+        }
+        let bulk = |reference: BulkRef| self.departed.get(&reference.client)?.get(reference.sample).map(<[u8]>::to_vec);
+        if let Some(legacies) = self.broker.take_legacies(bulk)
+            && let Err(error) = places::write_legacies(&self.community, &legacies)
+        {
+            eprintln!("elk db: should this broker die, what was left by clients that are gone is lost: {error}");
         }
     }
 
