@@ -417,7 +417,7 @@ fn a_batch_is_handled_when_everybody_it_reached_has_handled_it() {
     let (mut c, mut d) = (join_ready(b, 0.0, &leased("c", 0.0)), join_ready(b, 0.0, &leased("d", 5.0)));
     a.text(b, 0.0, "X", "1");
     assert_eq!(b.handled_batches(a.id), 0);
-    let mut handle = |b: &mut Broker, who: &mut Speaker, count: u64| {
+    let handle = |b: &mut Broker, who: &mut Speaker, count: u64| {
         let mut batch = Vec::new();
         b.take_mail(0.0, who.id, usize::MAX, &mut batch, |_, _| {});
         b.keep_given(who.id, batch);
