@@ -22,7 +22,7 @@ fn idle(elk: &Elk, explorer: Option<&str>) -> String {
 }
 
 fn assert_nothing_is_left(elk: &Elk) {
-    assert_eq!(processes_of(elk), []);
+    assert_eq!(processes_of(elk), [0; 0]);
     assert_eq!(shared_memory_of(elk), [""; 0]);
 }
 
@@ -58,15 +58,43 @@ fn an_app_that_is_killed_in_the_midst_of_it_fails_the_mission() {
 }
 
 #[test]
-fn a_broker_that_is_killed_is_named_and_not_those_who_miss_it() {
+fn a_broker_that_is_killed_is_started_again_and_everybody_comes_back() {
     let elk = Elk::new("killed-broker");
     let mut launcher = elk.launch(&idle(&elk, None));
     launcher.wait_for(ALL_ALIVE);
-    kill(launcher.process_with("\0db\0"), Signal::KILL);
+    let apps = ["Sensor", "Map", "Explorer", "Controller"].map(|app| elk.process(app));
+    let broker = elk.process("db");
+    kill(broker, Signal::KILL);
+    launcher.wait_for("db ended: signal 9 (SIGKILL); it is started again");
+    launcher.wait_for("db is back, restarted (1 of 5 in 60 s)");
+    assert_ne!(elk.process("db"), broker);
+    assert_eq!(elk.row("db")["restarts"], 1);
+    assert_eq!(["Sensor", "Map", "Explorer", "Controller"].map(|app| elk.process(app)), apps);
+    // They are on the bus, and not only alive.
+    common::wait_until(Duration::from_secs(60), "everyone is back", || {
+        let clients = elk.obeyed(&["list"]);
+        ["Sensor", "Map", "Explorer", "Controller", "launcher"].iter().all(|name| clients.contains(name))
+    });
+    kill(launcher.id(), Signal::INT);
+    let (_, said) = launcher.end();
+    assert!(said.contains("NOT complete: stopped"), "{said}");
+    assert_nothing_is_left(&elk);
+}
+
+#[test]
+fn a_broker_that_dies_too_often_ends_the_mission() {
+    let elk = Elk::new("broker-too-often");
+    let mission = idle(&elk, None).replace("<Scenario", "<Scenario broker-restarts=\"1\"");
+    let mut launcher = elk.launch(&mission);
+    launcher.wait_for(ALL_ALIVE);
+    kill(elk.process("db"), Signal::KILL);
+    launcher.wait_for("db is back");
+    kill(elk.process("db"), Signal::KILL);
     let (code, said) = launcher.end();
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("db ended before the mission was over: signal 9 (SIGKILL)"), "{said}");
-    assert_eq!(processes_of(&elk), []);
+    assert!(said.contains("it had been started again 1 times in 60 s, which is its limit"), "{said}");
+    assert_eq!(processes_of(&elk), [0; 0]);
     // What the dead broker could not put away, the next run does.
     let mut next = elk.launch(&idle(&elk, None));
     next.wait_for(ALL_ALIVE);
@@ -113,21 +141,92 @@ fn a_failing_app_is_started_again_where_the_mission_says_so() {
     let tried = elk.folder().join("tried");
     let tried = tried.display();
     // Fails the first time, stays the second.
-    elk.script("second.sh", &format!("[ -e {tried} ] || {{ touch {tried}; exit 1; }}\nexec {program} {client}\n"));
+    let script = format!("[ -e {tried} ] || {{ touch {tried}; echo alas; exit 1; }}\nexec {program} {client}\n");
+    elk.script("second.sh", &script);
     let mission = idle(&elk, Some("<Explorer exec=\"./second.sh\" restart=\"on-failure\"/>"));
     let mut launcher = elk.launch(&mission);
     launcher.wait_for(ALL_ALIVE);
+    let row = elk.row("Explorer");
+    assert_eq!((&row["restarts"], &row["last_exit"]), (&1.into(), &"exit code 1; last line: alas".into()), "{row}");
     kill(launcher.id(), Signal::TERM);
     let (_, said) = launcher.end();
-    assert!(said.contains("Explorer failed and was started again (1 of 3)"), "{said}");
+    assert!(said.contains("Explorer ended: exit code 1; last line: alas; it is started again in 0.1 s"), "{said}");
+}
+
+#[test]
+fn an_app_that_fails_too_often_fails_the_mission() {
+    let elk = Elk::new("app-too-often");
+    elk.script("dies.sh", "echo alas\nexit 3\n");
+    let explorer = "<Explorer exec=\"./dies.sh\" restart=\"always\" restarts=\"2\" restart-window=\"100\"/>";
+    let said = elk.launch_and_fail(&idle(&elk, Some(explorer)));
+    assert_eq!(said.matches("Explorer ended: exit code 3; last line: alas; it is started again").count(), 2, "{said}");
+    assert!(said.contains("it had been started again 2 times in 100 s, which is its limit"), "{said}");
+    assert!(!said.contains("Explorer is back"), "{said}");
+    assert_nothing_is_left(&elk);
+}
+
+#[test]
+fn an_app_that_hangs_is_killed_and_started_again() {
+    let elk = Elk::new("hangs");
+    let (program, controller) = elk.idle_client("Explorer");
+    let explorer = format!("<Explorer exec=\"{program}\" args=\"{controller}\" restart=\"always\" health=\"3\"/>");
+    let mut launcher = elk.launch(&idle(&elk, Some(&explorer)));
+    launcher.wait_for(ALL_ALIVE);
+    let hung = elk.process("Explorer");
+    kill(hung, Signal::STOP);
+    launcher.wait_for("Explorer ended: killed, no sign of life for");
+    launcher.wait_for("Explorer is back, restarted (1 of 5 in 60 s)");
+    assert!(!alive(hung));
+    kill(launcher.id(), Signal::INT);
+    launcher.end();
+    assert_nothing_is_left(&elk);
+}
+
+#[test]
+fn a_second_launch_of_a_community_is_refused_and_the_first_goes_on() {
+    let elk = Elk::new("second-launch");
+    let mut launcher = elk.launch(&idle(&elk, None));
+    launcher.wait_for(ALL_ALIVE);
+    let before = launcher.descendants();
+    let file = elk.folder().join("mission.xml").display().to_string();
+    let said = elk.refused(&["launch", &file, "--headless"]);
+    let expected = format!("elk: community {} is launched already, by process {}: ", elk.community(), launcher.id());
+    assert!(said.starts_with(&expected) && said.lines().count() == 1, "{said}");
+    let said = elk.refused(&["attach"]);
+    assert!(said.starts_with(&expected) && said.lines().count() == 1, "{said}");
+    assert_eq!(launcher.descendants(), before);
+    assert_eq!(std::fs::read_dir(elk.folder().join("logs")).unwrap().count(), 1);
+    kill(launcher.id(), Signal::INT);
+    launcher.end();
+    assert_nothing_is_left(&elk);
+}
+
+#[test]
+fn a_broker_of_somebody_else_keeps_a_mission_from_starting() {
+    let elk = Elk::new("served");
+    let mut broker = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
+    common::wait_until(Duration::from_secs(60), "the broker serves", || elk.order(&["list"]).0 == Some(0));
+    let said = elk.launch_and_fail(&idle(&elk, None));
+    assert!(said.contains("is served already, by a broker that is not this mission's"), "{said}");
+    assert!(broker.try_wait().unwrap().is_none());
+    kill(broker.id() as i32, Signal::TERM);
+    broker.wait().unwrap();
+    assert_nothing_is_left(&elk);
 }
 
 #[test]
 fn a_manual_mission_without_a_person_says_what_to_do() {
     let elk = Elk::new("nobody");
     let mission = idle(&elk, None).replace("<Scenario", "<Scenario type=\"manual\"");
-    let said = elk.launch_and_fail(&mission);
-    assert!(said.contains("a manual mission needs a person who presses Enter"), "{said}");
+    let mut launcher = elk.launch(&mission);
+    launcher.wait_for("nobody can press Enter here: `elk step` takes a step, `elk resume` runs on");
+    launcher.wait_for("paused | ");
+    assert_eq!(elk.obeyed(&["step"]), "one step\n");
+    assert_eq!(elk.refused(&["pause"]), "elk: the mission is paused already\n");
+    assert_eq!(elk.obeyed(&["resume"]), "resumed\n");
+    assert_eq!(elk.refused(&["step"]), "elk: the mission is not paused: `elk pause` does that first\n");
+    kill(launcher.id(), Signal::INT);
+    launcher.end();
     assert_nothing_is_left(&elk);
 }
 

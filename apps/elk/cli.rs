@@ -6,8 +6,10 @@ use clap::{Args, Parser, Subcommand};
 use elk_bus::Community;
 use elk_mission::Override;
 
+use crate::control;
 use crate::log::LogCommand;
 use crate::replay::ReplayArgs;
+use crate::scope::ScopeCommand;
 
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
@@ -25,6 +27,31 @@ pub enum Command {
     /// Run a mission: start its broker and apps, watch over them, sum up
     #[command(after_help = "Example: elk launch mission-files/apartment.xml --set Explorer.type=ClosestFrontier")]
     Launch(LaunchArgs),
+    /// Pick up a mission that was launched with --detach and whose launcher is gone
+    #[command(after_help = "Example: elk attach --community lab")]
+    Attach(AttachArgs),
+    /// Show who runs in a mission: process, state, CPU, memory, mail dropped, restarts
+    #[command(after_help = "Example: elk apps --community lab --json")]
+    Apps(control::AppsArgs),
+    /// Stop an app of a running mission
+    #[command(after_help = "Example: elk stop Filter")]
+    Stop(control::StopArgs),
+    /// Start a stopped app of a running mission, and wait until it has registered
+    #[command(after_help = "Example: elk start Filter")]
+    Start(control::StartArgs),
+    /// Exchange an app of a running mission: its mail goes on to the new one
+    #[command(after_help = "Example: elk swap Explorer type=ClosestFrontier\n         \
+                            elk swap Map exec=./target/release/my_map Res=0.05")]
+    Swap(control::SwapArgs),
+    /// Hold the robot of a running mission before its next pose
+    #[command(after_help = "Example: elk pause")]
+    Pause(CommunityArgs),
+    /// Let the robot of a paused or manual mission run on
+    #[command(after_help = "Example: elk resume")]
+    Resume(CommunityArgs),
+    /// Let the robot of a paused or manual mission take one pose
+    #[command(after_help = "Example: elk step")]
+    Step(CommunityArgs),
     /// Check a mission file and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(MissionArgs),
@@ -55,9 +82,9 @@ pub enum Command {
     /// Run a logger by itself
     #[command(after_help = "Example: elk logger --type Mcap File=everything.mcap")]
     Logger(AppArgs),
-    /// List the clients and variables of a running community
-    #[command(after_help = "Example: elk list --community lab")]
-    List(CommunityArgs),
+    /// Looks into a running community, and pokes.
+    #[command(flatten)]
+    Scope(ScopeCommand),
     /// Draw plan and section of a run into its folder
     #[command(after_help = "Example: elk picture logs/apartment-20261123-224512")]
     Picture {
@@ -112,9 +139,23 @@ pub struct LaunchArgs {
     /// Plain lines instead of one that changes
     #[arg(long)]
     pub headless: bool,
+    /// Broker and apps go on when the launcher dies; `elk attach` picks the mission up again
+    #[arg(long, conflicts_with = "in_process")]
+    pub detach: bool,
     /// Run everything in this one process, over a bus in memory
     #[arg(long)]
     pub in_process: bool,
+    /// Which community.
+    #[command(flatten)]
+    pub community: CommunityArgs,
+}
+
+/// Which mission is to be picked up.
+#[derive(Debug, Args)]
+pub struct AttachArgs {
+    /// Plain lines instead of one that changes
+    #[arg(long)]
+    pub headless: bool,
     /// Which community.
     #[command(flatten)]
     pub community: CommunityArgs,
@@ -137,7 +178,8 @@ pub struct AppArgs {
     pub settings: Vec<(String, String)>,
 }
 
-fn setting(said: &str) -> Result<(String, String), String> {
+/// `Param=Value`
+pub fn setting(said: &str) -> Result<(String, String), String> {
     let (name, text) = said.split_once('=').ok_or("right is Param=Value, for example Res=0.05")?;
     Ok((name.trim().to_owned(), text.to_owned()))
 }

@@ -1,35 +1,50 @@
 //! What each command does, once its arguments are checked.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
-use elk_bus::clock::Stopwatch;
-use elk_bus::{BrokerConfig, Client, Clock, Community, RunOptions, run_app, serve_broker};
-use elk_launcher::{LaunchOptions, Outcome};
+use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker};
+use elk_launcher::{AttachOptions, LaunchOptions, Outcome};
 use elk_mission::{AppType, Mission, Registry, describe, instead};
 
-use crate::cli::{AppArgs, LaunchArgs, MissionArgs};
+use crate::cli::{AppArgs, AttachArgs, LaunchArgs, MissionArgs};
 use crate::registry::registry;
-
-/// How long `elk list` waits for the broker's tables.
-const LIST_PATIENCE: Duration = Duration::from_secs(5);
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
     let mission = load(&arguments.mission)?;
     let options = LaunchOptions {
-        program: std::env::current_exe().context("elk does not know where it is itself")?,
+        program: itself()?,
         community: arguments.community.community,
         log_dir: arguments.log_dir,
         headless: arguments.headless,
         auto: arguments.auto,
         in_process: arguments.in_process,
+        detached: arguments.detach,
+        registry: registry(),
     };
-    let outcome = elk_launcher::launch(mission, &options)?;
-    report(&outcome)?;
+    conclude(&elk_launcher::launch(mission, &options)?)
+}
+
+/// `elk attach`
+pub fn attach(arguments: AttachArgs) -> Result<ExitCode> {
+    let options = AttachOptions {
+        program: itself()?,
+        community: arguments.community.community,
+        headless: arguments.headless,
+        registry: registry(),
+    };
+    conclude(&elk_launcher::attach(&options)?)
+}
+
+fn itself() -> Result<PathBuf> {
+    std::env::current_exe().context("elk does not know where it is itself")
+}
+
+fn conclude(outcome: &Outcome) -> Result<ExitCode> {
+    report(outcome)?;
     Ok(if outcome.summary.complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -104,31 +119,6 @@ fn app_type(element: &str, name: &str) -> Result<&'static AppType> {
     })
 }
 
-/// `elk list`
-pub fn list(community: &Community) -> Result<ExitCode> {
-    const TABLES: [&str; 2] = ["DB_CLIENTS", "DB_VARSUMMARY"];
-    let name = format!("list-{}", std::process::id());
-    let mut client = Client::connect(community, &name)?;
-    for table in TABLES {
-        client.comms.register_variable(table, 0.0)?;
-    }
-    let mut tables = [const { None }; TABLES.len()];
-    let clock = Stopwatch::start();
-    while tables.iter().any(Option::is_none) && clock.elapsed() < LIST_PATIENCE {
-        client.receive(Duration::from_millis(100), |mail| {
-            if let Some(place) = TABLES.iter().position(|table| *table == mail.key()) {
-                tables[place] = mail.as_text().map(str::to_owned);
-            }
-        })?;
-    }
-    let [Some(clients), Some(variables)] = tables else {
-        bail!("the broker of community {community} did not say who and what is there");
-    };
-    let others = clients.split(',').filter(|client| !client.is_empty() && *client != name);
-    say(&format!("clients: {}\n{}\n", others.collect::<Vec<_>>().join(" "), variables.trim_end()))?;
-    Ok(ExitCode::SUCCESS)
-}
-
 /// `elk picture`
 pub fn picture(run: &Path) -> Result<ExitCode> {
     let picture = elk_picture::draw_run(run)?;
@@ -143,7 +133,7 @@ pub fn guard() -> Result<ExitCode> {
 }
 
 /// Writes to standard output; a reader that has gone (`elk types | head`) is no failure.
-fn say(text: &str) -> Result<()> {
+pub fn say(text: &str) -> Result<()> {
     match std::io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),

@@ -4,19 +4,30 @@
 
 mod cli;
 mod commands;
+mod control;
 mod log;
 mod registry;
 mod replay;
+mod scope;
 
 use std::process::ExitCode;
 
 use clap::Parser;
+use elk_launcher::Request;
 
 use cli::{Cli, Command};
 
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
         Command::Launch(arguments) => commands::launch(arguments),
+        Command::Attach(arguments) => commands::attach(arguments),
+        Command::Apps(arguments) => control::apps(&arguments),
+        Command::Stop(arguments) => control::stop(arguments),
+        Command::Start(arguments) => control::start(arguments),
+        Command::Swap(arguments) => control::swap(arguments),
+        Command::Pause(arguments) => control::motion(&arguments.community, &Request::Pause),
+        Command::Resume(arguments) => control::motion(&arguments.community, &Request::Resume),
+        Command::Step(arguments) => control::motion(&arguments.community, &Request::Step),
         Command::Check(arguments) => commands::check(&arguments),
         Command::Types { element } => commands::types(element.as_deref()),
         Command::Db(arguments) => commands::db(arguments.community),
@@ -26,7 +37,7 @@ fn main() -> ExitCode {
         Command::Explorer(app) => commands::app("Explorer", app),
         Command::Controller(app) => commands::app("Controller", app),
         Command::Logger(app) => commands::app("Logger", app),
-        Command::List(arguments) => commands::list(&arguments.community),
+        Command::Scope(command) => scope::run(command),
         Command::Replay(arguments) => replay::run(*arguments),
         Command::Log { command } => log::run(command),
         Command::Picture { run } => commands::picture(&run),

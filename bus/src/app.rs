@@ -85,16 +85,18 @@ const STATUS_PERIOD_SECS: f64 = 2.0;
 /// The longest that an app sleeps without looking whether it is to stop.
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 
-/// Runs an app on a connected client until it stops itself, fails, or `stop` is set.
+/// Runs an app on a connected client until it stops itself, fails, its successor is ready, or `stop` is set.
 pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), RunError> {
     let name = client.comms.name().to_owned();
     let failed = |source: AppError| match source.downcast::<CommsError>() {
         Ok(comms) => RunError::Comms(*comms),
         Err(source) => RunError::App { app: name.clone(), source },
     };
+    client.comms.set_starting(true);
     app.on_start_up(&mut client.comms).map_err(failed)?;
+    client.comms.set_starting(false);
     let mut beat = Beat::new(&*app, &client.comms);
-    while !stop.load(Ordering::Relaxed) && !client.comms.stopping() {
+    while !stop.load(Ordering::Relaxed) && !client.comms.stopping() && !client.inbox.retiring() {
         let pause = beat.pause(&client.comms);
         let comms = &mut client.comms;
         client.inbox.receive(comms, pause, |comms, mail| app.on_new_mail(comms, mail)).map_err(failed)?;
@@ -105,7 +107,7 @@ pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> 
         beat.status(&mut client.comms, &client.inbox)?;
     }
     app.on_stop(&mut client.comms).map_err(failed)?;
-    Ok(client.comms.flush()?)
+    Ok(client.comms.say_goodbye()?)
 }
 
 fn report_refusals(name: &str, inbox: &mut Inbox) {

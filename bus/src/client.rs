@@ -19,8 +19,8 @@ pub struct Client {
 impl Client {
     /// Puts a client on a transport's link.
     pub fn over(link: Link, name: &str, community: &Community) -> Self {
-        let comms = Comms::new(name, community, link.clock, link.up, link.epoch);
-        Self { comms, inbox: Inbox::new(link.down) }
+        let (comms, down) = Comms::new(name, community, link);
+        Self { comms, inbox: Inbox::new(down) }
     }
 
     /// See [`Inbox::receive`].

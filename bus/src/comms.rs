@@ -1,15 +1,16 @@
 //! What a client says: publishes, registers.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 
-use crate::clock::Clock;
+use crate::clock::{Clock, monotonic_nanos};
 use crate::codec::{self, EncodeError};
 use crate::community::Community;
 use crate::key::{Key, Payload};
-use crate::link::{Fill, LinkError, Uplink};
+use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
+use crate::outbox::Outbox;
 use crate::value::{Value, ValueRef};
-use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, ValueKind};
+use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, RESENT, ValueKind};
 
 /// Values of at least this many bytes are written once into shared memory and read in place.
 pub const BULK_MIN_BYTES: usize = 16 << 10;
@@ -39,7 +40,18 @@ pub struct Comms {
     community: Community,
     clock: Clock,
     up: Box<dyn Uplink>,
+    back: Box<dyn Rejoin>,
+    /// The way down of a link that was joined after the broker had died, until the inbox takes it.
+    new_down: Option<Box<dyn Downlink>>,
     batch: Vec<u8>,
+    outbox: Outbox,
+    /// By the patterns of key and source: number in the order in which they were made, interval (s) and flags.
+    registrations: BTreeMap<(String, String), (u64, f64, u16)>,
+    registered: u64,
+    /// Between the start of an app and its first mail.
+    starting: bool,
+    /// The broker was told that mail may flow.
+    ready: bool,
     scratch: Vec<u8>,
     keys: Numbering,
     sources: Numbering,
@@ -50,23 +62,31 @@ pub struct Comms {
 }
 
 impl Comms {
-    /// The saying end of a client called `name`, over a transport's way up.
-    pub(crate) fn new(name: &str, community: &Community, clock: Clock, up: Box<dyn Uplink>, epoch: u64) -> Self {
-        Self {
+    /// The saying end of a client called `name`, over a transport's link, and the link's way down.
+    pub(crate) fn new(name: &str, community: &Community, link: Link) -> (Self, Box<dyn Downlink>) {
+        let comms = Self {
             name: name.into(),
             community: community.clone(),
-            clock,
-            up,
+            clock: link.clock,
+            up: link.up,
+            back: link.back,
+            new_down: None,
             batch: Vec::new(),
+            outbox: Outbox::default(),
+            registrations: BTreeMap::new(),
+            registered: 0,
+            starting: false,
+            ready: false,
             scratch: Vec::new(),
             keys: Numbering::new(Named::Key, 0),
             // On the way up, source 0 is the client itself.
             sources: Numbering::new(Named::Source, 1),
             types: Numbering::new(Named::Type, 0),
-            sequence: 0,
+            sequence: wire::first_sequence(monotonic_nanos() / 1_000_000),
             stopping: false,
-            epoch,
-        }
+            epoch: link.epoch,
+        };
+        (comms, link.down)
     }
 
     /// The name that the broker knows this client by.
@@ -144,9 +164,90 @@ impl Comms {
         interval: f64,
         flags: u16,
     ) -> Result<(), CommsError> {
+        let patterns = (key_pattern.to_owned(), source_pattern.to_owned());
+        self.registered += 1;
+        match kind {
+            FrameKind::Register => self.registrations.insert(patterns, (self.registered, interval, flags)),
+            _ => self.registrations.remove(&patterns),
+        };
         let header = Header { flags, time: interval, ..Header::new(kind) };
         wire::put(&mut self.batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
         self.flush_if_full()
+    }
+
+    /// Whether the client is about to say what has to be said before its mail may flow: until it has, a client that
+    /// takes another's place does not have that place.
+    pub(crate) fn set_starting(&mut self, starting: bool) {
+        self.starting = starting;
+    }
+
+    fn say_ready(&mut self) {
+        if !self.starting && !std::mem::replace(&mut self.ready, true) {
+            wire::put(&mut self.batch, &Header::new(FrameKind::Ready), &[], &[]);
+        }
+    }
+
+    /// Says goodbye: whoever leaves without a word is thought to have died, and its place may be kept.
+    pub(crate) fn say_goodbye(&mut self) -> Result<(), CommsError> {
+        self.flush()?;
+        self.up.say_goodbye();
+        Ok(())
+    }
+
+    /// The way down of a new link, if there is one.
+    pub(crate) fn take_new_down(&mut self) -> Option<Box<dyn Downlink>> {
+        self.new_down.take()
+    }
+
+    /// Joins the community again after its broker died: waits for the next one, with limited patience, registers, and
+    /// says again what not everybody had heard.
+    pub(crate) fn rejoin(&mut self) -> Result<(), CommsError> {
+        loop {
+            let link = self.back.rejoin()?;
+            let dead = std::mem::replace(&mut self.up, link.up);
+            self.outbox.recall(&*dead);
+            self.back = link.back;
+            self.clock = link.clock;
+            self.epoch = link.epoch;
+            self.new_down = Some(link.down);
+            self.ready = true;
+            let introduction = self.introduction();
+            let said = self.up.send(&introduction).and_then(|()| {
+                // The introduction is a batch like any other in the broker's count.
+                self.outbox.retain(introduction, false);
+                self.outbox.say_again(&mut *self.up)
+            });
+            match said {
+                Err(LinkError::BrokerDied(_)) => {}
+                other => return Ok(other?),
+            }
+        }
+    }
+
+    /// All names and registrations, for a broker that knows none of them.
+    fn introduction(&self) -> Vec<u8> {
+        let mut batch = Vec::new();
+        for names in [&self.keys, &self.sources, &self.types] {
+            names.introduce_all(&mut batch);
+        }
+        let mut registrations: Vec<_> = self.registrations.iter().collect();
+        registrations.sort_by_key(|(_, (number, ..))| *number);
+        for ((key_pattern, source_pattern), (_, interval, flags)) in registrations {
+            let header = Header { flags: flags | RESENT, time: *interval, ..Header::new(FrameKind::Register) };
+            wire::put(&mut batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
+        }
+        wire::put(&mut batch, &Header::new(FrameKind::Ready), &[], &[]);
+        batch
+    }
+
+    /// Does something on the way up; should the broker have died, joins the next one and does it there.
+    fn on_link<T>(&mut self, mut act: impl FnMut(&mut Self) -> Result<T, LinkError>) -> Result<T, CommsError> {
+        loop {
+            match act(self) {
+                Err(LinkError::BrokerDied(_)) => self.rejoin()?,
+                other => return Ok(other?),
+            }
+        }
     }
 
     /// Publishes a typed value. A bulky one is encoded straight into shared memory, where its readers read it.
@@ -156,7 +257,7 @@ impl Comms {
         if len >= BULK_MIN_BYTES {
             let fill =
                 &mut |writer: &mut dyn Write| codec::encode_to_writer(value, writer).map_err(std::io::Error::other);
-            if self.bulk(key.name(), T::NAME, T::LAYOUT, len, fill)? {
+            if self.bulk(key.name(), (T::NAME, T::LAYOUT), ("", None), len, fill)? {
                 return Ok(());
             }
         }
@@ -185,9 +286,7 @@ impl Comms {
     ) -> Result<(), CommsError> {
         if let ValueRef::Binary { type_name, layout, bytes } = value
             && bytes.len() >= BULK_MIN_BYTES
-            && source.is_none()
-            && source_aux.is_empty()
-            && self.bulk(key, type_name, layout, bytes.len(), &mut |writer| writer.write_all(bytes))?
+            && self.bulk(key, (type_name, layout), (source_aux, source), bytes.len(), &mut |w| w.write_all(bytes))?
         {
             return Ok(());
         }
@@ -196,11 +295,22 @@ impl Comms {
 
     /// Sends what has gathered.
     pub fn flush(&mut self) -> Result<(), CommsError> {
+        self.say_ready();
+        self.send_gathered()
+    }
+
+    fn send_gathered(&mut self) -> Result<(), CommsError> {
         if !self.batch.is_empty() {
-            self.up.send(&self.batch)?;
-            self.batch.clear();
+            self.on_link(|comms| comms.up.send(&comms.batch))?;
+            self.batch_is_sent(false);
         }
         Ok(())
+    }
+
+    fn batch_is_sent(&mut self, bulk: bool) {
+        let sent = std::mem::take(&mut self.batch);
+        self.batch = self.outbox.retain(sent, bulk);
+        self.outbox.trim(&mut *self.up);
     }
 
     fn flush_if_full(&mut self) -> Result<(), CommsError> {
@@ -210,20 +320,31 @@ impl Comms {
     fn bulk(
         &mut self,
         key: &str,
-        type_name: &str,
-        layout: u64,
+        (type_name, layout): (&str, u64),
+        (source_aux, source): (&str, Option<&str>),
         len: usize,
         fill: &mut Fill<'_>,
     ) -> Result<bool, CommsError> {
         // What readers have to acknowledge before there is room must have left first.
         self.flush()?;
-        let Some(reference) = self.up.send_bulk(len, fill)? else {
-            return Ok(false);
-        };
-        let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), None);
-        wire::put(&mut self.batch, &Header { flags: BULK, ..header }, &[], &reference.to_bytes());
-        self.flush()?;
-        Ok(true)
+        loop {
+            let Some(reference) = self.on_link(|comms| comms.up.send_bulk(len, fill))? else {
+                return Ok(false);
+            };
+            let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), source);
+            let header = Header { flags: BULK, ..header };
+            wire::put(&mut self.batch, &header, source_aux.as_bytes(), &reference.to_bytes());
+            match self.up.send(&self.batch) {
+                // The value died with the broker before anybody knew of it: it is written anew.
+                Err(LinkError::BrokerDied(_)) => self.batch.clear(),
+                sent => {
+                    sent?;
+                    self.batch_is_sent(true);
+                    return Ok(true);
+                }
+            }
+            self.rejoin()?;
+        }
     }
 
     fn message(
@@ -253,9 +374,11 @@ impl Comms {
 
     fn header(&mut self, key: &str, kind: ValueKind, type_: Option<(&str, u64)>, source: Option<&str>) -> Header {
         self.sequence += 1;
+        let key = self.keys.number(&mut self.batch, key, 0);
+        self.outbox.note(key, self.sequence);
         Header {
             value_kind: kind,
-            key: self.keys.number(&mut self.batch, key, 0),
+            key,
             source: source.map_or(0, |name| self.sources.number(&mut self.batch, name, 0)),
             type_: type_.map_or(0, |(name, layout)| self.types.number(&mut self.batch, name, layout)),
             sequence: self.sequence,
@@ -273,8 +396,8 @@ impl Comms {
 
 impl Drop for Comms {
     fn drop(&mut self) {
-        // Nobody is left to tell of a failure; who needs to know flushes first.
-        let _ = self.flush();
+        // Nobody is left to tell of a failure; who needs to know flushes first. And who leaves is not ready for more.
+        let _ = self.send_gathered();
     }
 }
 
@@ -282,7 +405,8 @@ impl Drop for Comms {
 struct Numbering {
     what: Named,
     first: u32,
-    count: u32,
+    /// In the order of their numbers, each with its layout.
+    names: Vec<(String, u64)>,
     known: HashMap<String, Vec<(u64, u32)>>,
     /// The name of the message before, its layout and its number: mostly the one that is asked for.
     last: Option<(String, u64, u32)>,
@@ -290,7 +414,7 @@ struct Numbering {
 
 impl Numbering {
     fn new(what: Named, first: u32) -> Self {
-        Self { what, first, count: 0, known: HashMap::new(), last: None }
+        Self { what, first, names: Vec::new(), known: HashMap::new(), last: None }
     }
 
     /// The number of a name; a new one is introduced to the broker in `batch`.
@@ -310,10 +434,17 @@ impl Numbering {
     }
 
     fn introduce(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64) -> u32 {
-        let number = self.first + self.count;
-        self.count += 1;
+        let number = self.first + self.names.len() as u32;
+        self.names.push((name.to_owned(), layout));
         self.known.entry(name.to_owned()).or_default().push((layout, number));
         wire::put_definition(batch, self.what, number, name, layout);
         number
+    }
+
+    /// Introduces all names, to a broker that knows none of them.
+    fn introduce_all(&self, batch: &mut Vec<u8>) {
+        for (number, (name, layout)) in (self.first..).zip(&self.names) {
+            wire::put_definition(batch, self.what, number, name, *layout);
+        }
     }
 }

@@ -2,18 +2,24 @@
 
 use std::time::Duration;
 
+use crate::clock::Stopwatch;
 use crate::comms::{Comms, CommsError};
-use crate::link::Downlink;
+use crate::link::{Downlink, LinkError};
 use crate::mail::Mail;
+use crate::seen::Seen;
 use crate::value::ValueRef;
-use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, FrameKind, Named, ValueKind};
+use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, FrameKind, Named, RESENT, ValueKind};
 
 /// What a client hears.
 pub struct Inbox {
     down: Box<dyn Downlink>,
     names: Names,
-    /// Messages dropped in the broker because this client did not read.
+    seen: Seen,
+    /// Messages of the present broker that this client has done with.
+    handled: u64,
+    /// Messages dropped in the broker because this client did not read; and in the brokers before it.
     dropped: u64,
+    dropped_before: u64,
     /// Bulk values that were overwritten before this client came to read them.
     missed_bulk: u64,
     refusals: Vec<Refused>,
@@ -57,11 +63,23 @@ impl Names {
 impl Inbox {
     /// The hearing end of a client, over a transport's way down.
     pub(crate) fn new(down: Box<dyn Downlink>) -> Self {
-        Self { down, names: Names::default(), dropped: 0, missed_bulk: 0, refusals: Vec::new() }
+        Self {
+            down,
+            names: Names::default(),
+            seen: Seen::default(),
+            handled: 0,
+            dropped: 0,
+            dropped_before: 0,
+            missed_bulk: 0,
+            refusals: Vec::new(),
+        }
     }
 
     /// Waits at most `timeout` for mail and hands all that has come to `on_mail`, in order; answers how many messages
-    /// that were. What `on_mail` fails with ends the batch.
+    /// that were. What `on_mail` fails with ends the batch, and so does a successor that is ready (see
+    /// [`Inbox::retiring`]).
+    ///
+    /// Should the broker have died, what it had still delivered is handed out first; then the next broker is joined.
     pub fn receive<E: From<CommsError>>(
         &mut self,
         comms: &mut Comms,
@@ -69,32 +87,99 @@ impl Inbox {
         mut on_mail: impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
     ) -> Result<usize, E> {
         comms.flush()?;
-        let Some(batch) = self.down.receive(timeout).map_err(CommsError::from)? else {
-            return Ok(0);
+        let waited = Stopwatch::start();
+        loop {
+            match self.down.receive(timeout.saturating_sub(waited.elapsed())) {
+                Ok(None) => return Ok(0),
+                Ok(Some(batch)) => return self.hand_out(comms, &batch, &mut on_mail),
+                Err(LinkError::BrokerDied(_)) => self.change_over(comms)?,
+                Err(error) => return Err(CommsError::from(error).into()),
+            }
+        }
+    }
+
+    /// Goes on with the next broker.
+    fn change_over(&mut self, comms: &mut Comms) -> Result<(), CommsError> {
+        let down = match comms.take_new_down() {
+            Some(down) => down,
+            None => {
+                comms.rejoin()?;
+                comms.take_new_down().ok_or_else(|| LinkError::BrokerGone(comms.community().to_owned()))?
+            }
         };
+        self.down = down;
+        let names = std::mem::take(&mut self.names);
+        self.seen.renumber(|key, source| (names.get(Named::Key, key).0, names.get(Named::Source, source).0));
+        self.handled = 0;
+        self.dropped_before += std::mem::take(&mut self.dropped);
+        Ok(())
+    }
+
+    fn hand_out<E: From<CommsError>>(
+        &mut self,
+        comms: &mut Comms,
+        batch: &[u8],
+        on_mail: &mut impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
+    ) -> Result<usize, E> {
         let mut messages = 0;
+        let mut outcome = Ok(());
         // The broker and the transport are trusted to frame rightly; a damaged rest is left unread.
-        for frame in wire::frames(&batch).map_while(Result::ok) {
+        for frame in wire::frames(batch).map_while(Result::ok) {
             match frame.header.kind {
                 FrameKind::Define => self.names.define(&frame),
                 FrameKind::Dropped => self.dropped = frame.header.sequence,
                 FrameKind::Refused => self.refusals.push(Refused {
                     key: String::from_utf8_lossy(frame.aux).into_owned(),
-                    sequence: frame.header.sequence,
+                    sequence: wire::count(frame.header.sequence),
                     reason: String::from_utf8_lossy(frame.value).into_owned(),
                 }),
                 FrameKind::Notify => {
-                    self.attach_if_told(comms, &frame);
-                    match mail(&mut *self.down, &self.names, &frame) {
-                        Some(mail) => on_mail(comms, &mail)?,
-                        None => self.missed_bulk += 1,
+                    if self.down.retiring() {
+                        break;
                     }
+                    // After a failure the rest is passed over, but it counts: nobody is to wait for it.
+                    if outcome.is_ok() {
+                        outcome = self.hand_over(comms, &frame, on_mail);
+                    }
+                    self.handled += 1;
+                    self.down.note_handled(self.handled);
                     messages += 1;
                 }
-                FrameKind::Register | FrameKind::Unregister | FrameKind::Attached => {}
+                FrameKind::Register | FrameKind::Unregister | FrameKind::Attached | FrameKind::Ready => {}
             }
         }
-        Ok(messages)
+        outcome.map(|()| messages)
+    }
+
+    fn hand_over<E: From<CommsError>>(
+        &mut self,
+        comms: &mut Comms,
+        frame: &Frame<'_>,
+        on_mail: &mut impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.attach_if_told(comms, frame);
+        if frame.header.flags & RESENT != 0 && self.was_heard(frame) {
+            return Ok(());
+        }
+        // A publisher that has found the next broker already may have taken its shared memory along; it will say again
+        // what was in there.
+        let will_be_said_again = !self.down.open();
+        match mail(&mut *self.down, &self.names, frame) {
+            Some(mail) => {
+                self.seen.note(&frame.header);
+                on_mail(comms, &mail)
+            }
+            None => {
+                self.missed_bulk += u64::from(!will_be_said_again);
+                Ok(())
+            }
+        }
+    }
+
+    fn was_heard(&self, frame: &Frame<'_>) -> bool {
+        let (key, source) = (frame.header.key, frame.header.source);
+        let (key, source) = (self.names.get(Named::Key, key).0, self.names.get(Named::Source, source).0);
+        self.seen.knows(&frame.header, key, source)
     }
 
     fn attach_if_told(&mut self, comms: &mut Comms, frame: &Frame<'_>) {
@@ -107,7 +192,12 @@ impl Inbox {
 
     /// Messages that this client will never see, because it did not read in time.
     pub fn dropped(&self) -> u64 {
-        self.dropped + self.missed_bulk
+        self.dropped_before + self.dropped + self.missed_bulk
+    }
+
+    /// Whether this client is to leave, because its successor is ready: it gets no more mail, its successor does.
+    pub fn retiring(&self) -> bool {
+        self.down.retiring()
     }
 
     /// What the broker refused of this client's messages since the last call.

@@ -8,6 +8,7 @@
 //! | [`memory`], [`shm`] | the transports: inside one process, and between processes over iceoryx2 |
 //! | [`comms`], [`inbox`], [`mail`] | what a client says, what it hears, and a message as it gets it |
 //! | [`client`], [`app`] | both ends together; MOOS' three callbacks |
+//! | [`recall`] | what a successor asks for: the memory of an app is a variable |
 //! | [`key`], [`value`], [`codec`] | typed keys, the three kinds of value, their encoding |
 //! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
 
@@ -24,7 +25,10 @@ mod limits;
 pub mod link;
 pub mod mail;
 pub mod memory;
+mod outbox;
 pub mod pattern;
+pub mod recall;
+mod seen;
 pub mod shm;
 pub mod value;
 pub mod wire;
@@ -32,7 +36,7 @@ pub mod wire;
 use std::sync::atomic::AtomicBool;
 
 pub use app::{App, AppError, RunError, run_app_on, stop_on_signals};
-pub use broker::BrokerConfig;
+pub use broker::{BrokerConfig, Introduction};
 pub use client::Client;
 pub use clock::Clock;
 pub use codec::DecodeError;
@@ -41,6 +45,7 @@ pub use community::Community;
 pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};
 pub use mail::Mail;
+pub use recall::Recall;
 pub use shm::{ConnectError, Running, ServeError, running};
 pub use value::{Value, ValueRef};
 
@@ -51,26 +56,52 @@ pub struct RunOptions {
     pub name: String,
     /// The community to join.
     pub community: Community,
+    /// How long its registrations and its mail are kept after its death, for the next of its name (s); 0: not at all.
+    pub lease_secs: f64,
+    /// It comes to take the place of the client that has its name.
+    pub succeeds: bool,
 }
 
 impl RunOptions {
     /// An app of this name in this community.
     pub fn new(name: impl Into<String>, community: Community) -> Self {
-        Self { name: name.into(), community }
+        Self { name: name.into(), community, lease_secs: 0.0, succeeds: false }
+    }
+
+    /// What a launcher has told this process about leases and succession, in its environment:
+    /// [`LEASE`] and [`SUCCEED`].
+    pub fn as_launched(mut self) -> Self {
+        let said = |name: &str| std::env::var(name).ok();
+        self.lease_secs = said(LEASE).and_then(|secs| secs.parse().ok()).unwrap_or(self.lease_secs);
+        self.succeeds |= said(SUCCEED).is_some_and(|word| word == "1");
+        self
     }
 }
+
+/// Environment variable of an app's process: [`RunOptions::lease_secs`].
+pub const LEASE: &str = "ELK_LEASE_SECS";
+/// Environment variable of an app's process: `1` for [`RunOptions::succeeds`].
+pub const SUCCEED: &str = "ELK_SUCCEED";
 
 impl Client {
     /// Joins a community of this machine over shared memory.
     pub fn connect(community: &Community, name: &str) -> Result<Self, ConnectError> {
-        Ok(Self::over(shm::connect(community, name)?, name, community))
+        Self::join(&RunOptions::new(name, community.clone()))
+    }
+
+    /// Joins a community of this machine over shared memory, with all that an app can ask for.
+    pub fn join(options: &RunOptions) -> Result<Self, ConnectError> {
+        let RunOptions { name, community, lease_secs, succeeds } = options;
+        let who = Introduction { name, lease_secs: *lease_secs, succeeds: *succeeds, returns: false };
+        Ok(Self::over(shm::connect(community, &who)?, name, community))
     }
 }
 
-/// Runs an app as this process, over shared memory, until it stops itself, fails, or SIGTERM or SIGINT comes.
+/// Runs an app as this process, over shared memory, until it stops itself, fails, its successor is ready, or SIGTERM or
+/// SIGINT comes. A launcher may have told more in the environment (see [`RunOptions::as_launched`]).
 pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunError> {
     let stop = stop_on_signals().map_err(RunError::Signals)?;
-    let mut client = Client::connect(&options.community, &options.name)?;
+    let mut client = Client::join(&options.clone().as_launched())?;
     run_app_on(&mut *app, &mut client, &stop)
 }
 

@@ -1,4 +1,4 @@
-//! What a transport gives a client: a way up to the broker, and a way down from it.
+//! What a transport gives a client: a way up to the broker, a way down from it, and a way back should the broker die.
 
 use std::io::Write;
 use std::ops::Deref;
@@ -10,9 +10,12 @@ use crate::wire::BulkRef;
 /// Why a transport could not do what it was asked to.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
-    /// The broker is gone.
+    /// The broker stopped in good order, let go of this client, or died and did not come back in time.
     #[error("the broker of community {0} is gone (its process ended, or it let go of this client)")]
     BrokerGone(String),
+    /// The broker's process died; the next one may be on its way (see [`Rejoin`]).
+    #[error("the broker of community {0} died")]
+    BrokerDied(String),
     /// Shared memory failed.
     #[error("shared memory: {0}")]
     SharedMemory(String),
@@ -20,12 +23,26 @@ pub enum LinkError {
 
 /// The way up: batches of frames from a client to the broker.
 pub trait Uplink {
-    /// Hands a batch to the broker, in order, losing nothing; waits for room if the broker is behind.
+    /// Hands a batch to the broker, in order, losing nothing; waits for room if the broker is behind. An error means
+    /// that the broker has not got it.
     fn send(&mut self, batch: &[u8]) -> Result<(), LinkError>;
+
+    /// The number of the last batch sent such that all mail from it and from those before has been handled, or dropped:
+    /// none of it has to be sent again. Batches are counted from 1.
+    fn handled(&self) -> u64;
 
     /// Writes a bulk value of `len` bytes where its readers will find it; `fill` writes the bytes. `None`: this
     /// transport has no such place, the value has to travel in a batch. Waits if lossless readers are behind.
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError>;
+
+    /// A bulk value that was sent, as long as it is kept.
+    fn kept_bulk(&self, sample: u64) -> Option<&[u8]>;
+
+    /// Says that the client leaves in good order.
+    fn say_goodbye(&mut self);
+
+    /// Lets go of the bulk values that nobody will ask for again; the newest few may stay.
+    fn keep_bulk(&mut self, wanted: &dyn Fn(u64) -> bool);
 }
 
 /// Writes a value's bytes, straight into the memory where they will be read.
@@ -35,6 +52,15 @@ pub type Fill<'a> = dyn FnMut(&mut dyn Write) -> std::io::Result<()> + 'a;
 pub trait Downlink {
     /// The next batch; waits at most `timeout` for it.
     fn receive(&mut self, timeout: Duration) -> Result<Option<Batch>, LinkError>;
+
+    /// Whether the broker is still at the other end; if not, what it had delivered can be received all the same.
+    fn open(&self) -> bool;
+
+    /// Says how many of the messages that this client was ever given it has handled.
+    fn note_handled(&mut self, messages: u64);
+
+    /// Whether the client is to leave at the next message boundary, because its successor is ready.
+    fn retiring(&self) -> bool;
 
     /// The bytes of a bulk value in place; they stay until the next call or the end of the batch. `None`: it was
     /// overwritten before this client came to read it.
@@ -54,12 +80,20 @@ impl Deref for Batch {
     }
 }
 
+/// The way back into the community after its broker died.
+pub trait Rejoin {
+    /// Waits for the next broker, with limited patience, and joins it under the old name.
+    fn rejoin(&mut self) -> Result<Link, LinkError>;
+}
+
 /// Both ways, and what the broker said when it let the client in.
 pub struct Link {
     /// The way up.
     pub up: Box<dyn Uplink>,
     /// The way down.
     pub down: Box<dyn Downlink>,
+    /// The way back.
+    pub back: Box<dyn Rejoin>,
     /// The community's clock.
     pub clock: Clock,
     /// Tells one life of the broker from the next.

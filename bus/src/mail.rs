@@ -3,7 +3,7 @@
 use crate::codec::DecodeError;
 use crate::key::{Key, Payload};
 use crate::value::ValueRef;
-use crate::wire::{Header, LATEST};
+use crate::wire::{self, Header, LATEST};
 
 /// A message where it lies: names in the client's tables, the value in the batch or in the publisher's shared memory.
 #[derive(Clone, Copy, Debug)]
@@ -42,9 +42,9 @@ impl<'a> Mail<'a> {
         self.header.time
     }
 
-    /// The publisher's count of its messages, from 1.
+    /// The publisher's count of its messages, from 1; a publisher that was started again counts anew.
     pub fn sequence(&self) -> u64 {
-        self.header.sequence
+        wire::count(self.header.sequence)
     }
 
     /// Whether it was published before this client registered, and given to it as the variable's latest value.

@@ -34,6 +34,8 @@ pub enum FrameKind {
     Dropped = 6,
     /// Up: the client has opened the bulk service of the client whose number is `source`.
     Attached = 7,
+    /// Up: the client has said all that has to be said before its mail may flow.
+    Ready = 8,
 }
 
 /// What a definition names.
@@ -71,6 +73,28 @@ pub const ATTACH: u16 = 2;
 pub const LATEST: u16 = 4;
 /// Flag of a registration: publishers wait rather than mail be dropped.
 pub const LOSSLESS: u16 = 8;
+/// Flag of a message or a registration that a broker before this one was sent already.
+pub const RESENT: u16 = 16;
+
+/// A sequence holds the publisher's count of its messages in this many low bits, and above them its life: what tells a
+/// publisher from the one that had its name before.
+const COUNT_BITS: u32 = 40;
+
+/// The sequence before the first message of a publisher that came to life at `millis` (of whatever clock: two lives of
+/// the same name only have to differ).
+pub fn first_sequence(millis: u64) -> u64 {
+    millis << COUNT_BITS
+}
+
+/// The publisher's count in a sequence.
+pub fn count(sequence: u64) -> u64 {
+    sequence & ((1 << COUNT_BITS) - 1)
+}
+
+/// Whether two sequences are of the same life of a publisher.
+pub fn same_life(one: u64, other: u64) -> bool {
+    one >> COUNT_BITS == other >> COUNT_BITS
+}
 
 /// Where a bulk value lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -124,7 +148,7 @@ pub struct Header {
     pub type_: u32,
     /// Number of the community; from a client, 0 is the broker's own.
     pub community: u32,
-    /// The publisher's count of its messages, from 1.
+    /// The publisher's life and its count of its messages, from 1 (see [`count`]).
     pub sequence: u64,
     /// The publisher's time (s).
     pub time: f64,
@@ -293,7 +317,7 @@ pub fn named(flags: u16) -> Option<Named> {
 
 fn frame_kind(byte: u8) -> Option<FrameKind> {
     use FrameKind::*;
-    [Notify, Register, Unregister, Define, Refused, Dropped, Attached].into_iter().find(|k| *k as u8 == byte)
+    [Notify, Register, Unregister, Define, Refused, Dropped, Attached, Ready].into_iter().find(|k| *k as u8 == byte)
 }
 
 fn value_kind(byte: u8) -> Option<ValueKind> {

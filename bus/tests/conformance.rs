@@ -1,13 +1,16 @@
 //! What every transport has to do, run on each of them.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Barrier, Mutex, PoisonError};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{BrokerConfig, Client, Clock, Community, Key, ServeError, Value, serve_broker_until};
+use elk_bus::{
+    BrokerConfig, Client, Clock, Community, ConnectError, Introduction, Key, RunOptions, Value, serve_broker,
+};
+use rustix::process::{Pid, Signal};
 
 /// Long enough for any machine; nothing waits for it unless something is broken.
 const DEADLINE: Duration = Duration::from_secs(20);
@@ -32,8 +35,14 @@ fn blob(number: u64, len: usize) -> Blob {
 /// A community on some transport.
 trait Transport {
     fn start(name: &str) -> Self;
-    fn connect(&self, name: &str) -> Result<Client, String>;
+    fn join(&self, who: &Introduction<'_>) -> Result<Client, String>;
+    /// The broker dies, and another takes its place.
+    fn replace_broker(&self);
     fn stop(self);
+
+    fn connect(&self, name: &str) -> Result<Client, String> {
+        self.join(&Introduction::new(name))
+    }
 }
 
 struct Memory(MemoryBroker, Community);
@@ -42,44 +51,84 @@ impl Transport for Memory {
     fn start(name: &str) -> Self {
         Memory(MemoryBroker::new(BrokerConfig::new(name), Clock::new(1.0)), Community::new(name).unwrap())
     }
-    fn connect(&self, name: &str) -> Result<Client, String> {
-        Ok(Client::over(self.0.connect(name).map_err(|e| e.to_string())?, name, &self.1))
+    fn join(&self, who: &Introduction<'_>) -> Result<Client, String> {
+        Ok(Client::over(self.0.join(who).map_err(|e| e.to_string())?, who.name, &self.1))
+    }
+    fn replace_broker(&self) {
+        self.0.crash();
+        self.0.recover();
     }
     fn stop(self) {
         self.0.stop();
     }
 }
 
+/// A broker in a process of its own, which is this very program again.
 struct Shm {
     community: Community,
-    stop: Arc<AtomicBool>,
-    server: JoinHandle<Result<(), ServeError>>,
+    broker: Mutex<Child>,
+}
+
+const SERVE: &str = "ELK_CONFORMANCE_SERVES";
+
+/// Not a test by itself: the broker's process.
+#[test]
+fn broker_process() {
+    if let Ok(name) = std::env::var(SERVE) {
+        serve_broker(Community::new(&*name).unwrap(), BrokerConfig::new(name), Clock::new(1.0)).unwrap();
+    }
+}
+
+fn broker_of(community: &Community) -> Child {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", "broker_process"]).env(SERVE, community.as_str()).stdout(Stdio::null());
+    command.spawn().unwrap()
 }
 
 impl Transport for Shm {
     fn start(name: &str) -> Self {
         let community = Community::new(format!("{name}-{}", std::process::id())).unwrap();
-        let stop = Arc::new(AtomicBool::new(false));
-        let (c, s) = (community.clone(), stop.clone());
-        let config = BrokerConfig::new(name);
-        let server = std::thread::spawn(move || serve_broker_until(c, config, Clock::new(1.0), &s));
-        Shm { community, stop, server }
+        Shm { broker: Mutex::new(broker_of(&community)), community }
     }
-    fn connect(&self, name: &str) -> Result<Client, String> {
+    fn join(&self, who: &Introduction<'_>) -> Result<Client, String> {
+        let options = RunOptions {
+            lease_secs: who.lease_secs,
+            succeeds: who.succeeds,
+            ..RunOptions::new(who.name, self.community.clone())
+        };
         let waited = Stopwatch::start();
         loop {
-            match Client::connect(&self.community, name) {
-                Err(elk_bus::ConnectError::NoBroker(_)) if waited.elapsed() < DEADLINE => std::thread::yield_now(),
+            match Client::join(&options) {
+                // None yet, or one that is dying.
+                Err(ConnectError::NoBroker(_) | ConnectError::Handshake { .. }) if waited.elapsed() < DEADLINE => {
+                    std::thread::yield_now();
+                }
                 other => return other.map_err(|e| e.to_string()),
             }
         }
     }
+    fn replace_broker(&self) {
+        let mut broker = self.broker.lock().unwrap();
+        broker.kill().unwrap();
+        broker.wait().unwrap();
+        *broker = broker_of(&self.community);
+    }
     fn stop(self) {
-        self.stop.store(true, Ordering::Relaxed);
-        self.server.join().unwrap().unwrap();
+        let mut broker = self.broker.lock().unwrap();
+        rustix::process::kill_process(Pid::from_child(&broker), Signal::TERM).unwrap();
+        assert!(broker.wait().unwrap().success());
         let prefix = format!("elk_{}_", self.community);
         let left: Vec<_> = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|f| f.file_name()).collect();
         assert!(!left.iter().any(|f| f.to_string_lossy().starts_with(&prefix)), "left in /dev/shm: {left:?}");
+    }
+}
+
+impl Drop for Shm {
+    fn drop(&mut self) {
+        // Has ended already unless the test failed.
+        let broker = self.broker.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let _ = broker.kill();
+        let _ = broker.wait();
     }
 }
 
@@ -304,6 +353,294 @@ fn clients_are_told_that_the_broker_is_gone<T: Transport + Send>() {
     });
 }
 
+/// Whose place is kept for a while after its death.
+fn leased(name: &str) -> Introduction<'_> {
+    Introduction { lease_secs: 60.0, ..Introduction::new(name) }
+}
+
+fn the_next_of_a_name_gets_what_the_dead_one_left<T: Transport>() {
+    let t = T::start("lease");
+    let (mut a, mut b) = (t.connect("a").unwrap(), t.join(&leased("b")).unwrap());
+    b.comms.register_variable("N", 0.0).unwrap();
+    b.comms.register_variable("ONCE", 0.0).unwrap();
+    settle(&mut b);
+    a.comms.notify("ONCE", "upon a time").unwrap();
+    a.comms.notify("N", 1.0).unwrap();
+    a.comms.flush().unwrap();
+    hear(&mut b, |h| h.len() == 2);
+    for n in 2..5 {
+        a.comms.notify("N", f64::from(n)).unwrap();
+        settle(&mut a);
+    }
+    drop(b); // without a goodbye
+    a.comms.notify("N", 5.0).unwrap();
+    settle(&mut a);
+    let mut b = t.join(&leased("b")).unwrap();
+    b.comms.register_variable("N", 0.0).unwrap();
+    b.comms.register_variable("ONCE", 0.0).unwrap();
+    let heard = hear(&mut b, |h| h.last().is_some_and(|(_, _, value, _)| *value == Value::Double(5.0)));
+    let heard: Vec<_> = heard.into_iter().map(|(_, _, value, latest)| (value, latest)).collect();
+    let mail = (2..=5).map(|n| (Value::Double(f64::from(n)), false));
+    let expected: Vec<_> = std::iter::once(("upon a time".into(), true)).chain(mail).collect();
+    assert_eq!(heard, expected, "latest values first, then the mail, nothing twice");
+    drop((a, b));
+    t.stop();
+}
+
+fn a_client_that_leaves_in_good_order_leaves_nothing<T: Transport>() {
+    let t = T::start("goodbye");
+    let (mut a, mut b) = (t.connect("a").unwrap(), t.join(&leased("b")).unwrap());
+    b.comms.register_variable("N", 0.0).unwrap();
+    settle(&mut b);
+    struct Leaves;
+    impl elk_bus::App for Leaves {
+        fn on_start_up(&mut self, comms: &mut elk_bus::Comms) -> Result<(), elk_bus::AppError> {
+            comms.stop();
+            Ok(())
+        }
+        fn on_new_mail(&mut self, _: &mut elk_bus::Comms, _: &elk_bus::Mail<'_>) -> Result<(), elk_bus::AppError> {
+            Ok(())
+        }
+    }
+    elk_bus::run_app_on(&mut Leaves, &mut b, &AtomicBool::new(false)).unwrap();
+    drop(b);
+    a.comms.notify("N", 1.0).unwrap();
+    a.comms.notify("N", 2.0).unwrap();
+    settle(&mut a);
+    let mut b = t.join(&leased("b")).unwrap();
+    b.comms.register_variable("N", 0.0).unwrap();
+    let heard = hear(&mut b, |h| !h.is_empty());
+    assert_eq!(heard, [("N".into(), "a".into(), Value::Double(2.0), true)]);
+    drop((a, b));
+    t.stop();
+}
+
+/// Hears numbers until it is to retire, or has heard the last one.
+fn count_until_retired(client: &mut Client, counted: &AtomicU64, last: u64) {
+    let waited = Stopwatch::start();
+    while !client.inbox.retiring() && counted.load(Ordering::SeqCst) < last {
+        assert!(waited.elapsed() < DEADLINE, "only {} came", counted.load(Ordering::SeqCst));
+        client
+            .receive(Duration::from_millis(100), |m| {
+                if m.is_latest() {
+                    return; // the holder before this one has heard it
+                }
+                let expected = counted.fetch_add(1, Ordering::SeqCst) + 1;
+                assert_eq!(m.as_double(), Some(expected as f64), "in order, nothing lost, nothing twice");
+            })
+            .unwrap();
+    }
+}
+
+fn mail_goes_on_with_a_successor_at_a_message_boundary<T: Transport + Sync>() {
+    const COUNT: u64 = 20_000;
+    const HOLDERS: u64 = 5;
+    let t = T::start("handover");
+    let mut watcher = t.connect("watcher").unwrap();
+    watcher.comms.register_variable("DB_EVENT", 0.0).unwrap();
+    settle(&mut watcher);
+    let (counted, first_is_there) = (AtomicU64::new(0), Barrier::new(2));
+    std::thread::scope(|scope| {
+        let (t, counted, first_is_there) = (&t, &counted, &first_is_there);
+        // Each holder of the name comes when a share of the messages was heard by those before it.
+        for holder in 0..HOLDERS {
+            scope.spawn(move || {
+                let waited = Stopwatch::start();
+                while counted.load(Ordering::SeqCst) < holder * COUNT / HOLDERS {
+                    assert!(waited.elapsed() < DEADLINE, "stuck at {}", counted.load(Ordering::SeqCst));
+                    std::thread::yield_now();
+                }
+                let who = Introduction { succeeds: true, ..Introduction::new("b") };
+                let mut client = loop {
+                    match t.join(&who) {
+                        Err(reason) if reason.contains("on its way") => std::thread::yield_now(),
+                        joined => break joined.unwrap(),
+                    }
+                };
+                client.comms.register_lossless("N", "*").unwrap();
+                if holder == 0 {
+                    settle(&mut client);
+                    first_is_there.wait();
+                }
+                count_until_retired(&mut client, counted, COUNT);
+                assert_eq!(client.inbox.dropped(), 0);
+            });
+        }
+        first_is_there.wait();
+        let taken = t.connect("b").err().unwrap();
+        assert!(taken.contains("already connected") || taken.contains("on its way"), "{taken}");
+        let mut a = t.connect("a").unwrap();
+        let mut handovers = 0;
+        for n in 1..=COUNT {
+            a.comms.notify("N", n as f64).unwrap();
+            // In a hurry, but for the time in which the next holder is to come.
+            let awaited = n * HOLDERS / COUNT;
+            if n % 50 == 0 || handovers < awaited {
+                a.comms.flush().unwrap();
+            }
+            while handovers < awaited && n % 50 == 0 {
+                let note = |m: &elk_bus::Mail<'_>| {
+                    handovers += u64::from(m.as_text().is_some_and(|t| t.starts_with("handover=b gap_ms=")));
+                };
+                if watcher.receive(Duration::from_millis(20), note).unwrap() == 0 {
+                    break; // the successor may wait for its first message
+                }
+            }
+        }
+        assert_eq!(handovers, HOLDERS - 1);
+    });
+    drop(watcher);
+    t.stop();
+}
+
+fn a_successor_that_dies_before_it_is_ready_changes_nothing<T: Transport>() {
+    let t = T::start("stillborn");
+    let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
+    b.comms.register_variable("N", 0.0).unwrap();
+    settle(&mut b);
+    let mut successor = t.join(&Introduction { succeeds: true, ..Introduction::new("b") }).unwrap();
+    successor.comms.register_variable("N", 0.0).unwrap();
+    successor.comms.notify("N", 13.0).unwrap();
+    drop(successor);
+    a.comms.notify("N", 1.0).unwrap();
+    settle(&mut a);
+    let heard = hear(&mut b, |h| !h.is_empty());
+    assert_eq!(heard, [("N".into(), "a".into(), Value::Double(1.0), false)]);
+    assert!(!b.inbox.retiring());
+    drop((a, b));
+    t.stop();
+}
+
+fn a_broker_may_die_and_nothing_is_lost_or_heard_twice<T: Transport + Sync>() {
+    const COUNT: u64 = 60_000;
+    let t = T::start("broker-death");
+    let counted = [AtomicU64::new(0), AtomicU64::new(0)];
+    let there = Barrier::new(3);
+    std::thread::scope(|scope| {
+        let (t, counted, there) = (&t, &counted, &there);
+        for (name, counted) in ["b", "c"].into_iter().zip(counted) {
+            scope.spawn(move || {
+                let mut listener = t.connect(name).unwrap();
+                listener.comms.register_lossless("N", "*").unwrap();
+                settle(&mut listener);
+                there.wait();
+                count_until_retired(&mut listener, counted, COUNT);
+            });
+        }
+        scope.spawn(move || {
+            let mut a = t.connect("a").unwrap();
+            a.comms.notify("SETTING", "still there").unwrap();
+            a.comms.publish(&BLOB, &blob(7, 300_000)).unwrap();
+            there.wait();
+            for n in 1..=COUNT {
+                a.comms.notify("N", n as f64).unwrap();
+                if n % 100 == 0 {
+                    a.comms.flush().unwrap();
+                }
+            }
+            // Whoever has said the last word stays until it was heard.
+            let waited = Stopwatch::start();
+            while counted.iter().any(|c| c.load(Ordering::SeqCst) < COUNT) && waited.elapsed() < DEADLINE {
+                a.receive(Duration::from_millis(10), |_| {}).unwrap();
+            }
+            let mut late = t.connect("late").unwrap();
+            late.comms.register_variable("SETTING", 0.0).unwrap();
+            late.comms.register(&BLOB).unwrap();
+            let heard = hear(&mut late, |h| h.len() == 2);
+            let value = |wanted: &str| heard.iter().find(|(key, ..)| key == wanted).unwrap().2.clone();
+            assert_eq!(value("SETTING"), Value::from("still there"));
+            assert!(
+                value("BLOB").as_ref().decode(&BLOB).unwrap() == blob(7, 300_000),
+                "a bulk value comes back as well"
+            );
+        });
+        for share in 1..=4 {
+            let waited = Stopwatch::start();
+            while counted[0].load(Ordering::SeqCst) < share * COUNT / 5 {
+                assert!(waited.elapsed() < DEADLINE, "stuck at {}", counted[0].load(Ordering::SeqCst));
+                std::thread::yield_now();
+            }
+            t.replace_broker();
+        }
+    });
+    t.stop();
+}
+
+fn what_was_left_by_those_who_are_gone_outlives_brokers<T: Transport>() {
+    let t = T::start("legacy");
+    let mut a = t.connect("a").unwrap();
+    a.comms.notify("NUMBER", 1.0).unwrap();
+    a.comms.notify("TEXT", "last will").unwrap();
+    a.comms.publish(&BLOB, &blob(3, 200_000)).unwrap();
+    settle(&mut a);
+    let mut b = t.connect("b").unwrap();
+    b.comms.notify("NUMBER", 2.0).unwrap();
+    settle(&mut b);
+    drop(a);
+    for name in ["late", "later"] {
+        // The broker has written down what a has left before it lets anybody in.
+        let mut late = t.connect(name).unwrap();
+        late.comms.register_wildcard("NUMBER", "*", 0.0).unwrap();
+        late.comms.register_wildcard("TEXT", "a", 0.0).unwrap();
+        late.comms.register(&BLOB).unwrap();
+        let heard = hear(&mut late, |h| h.len() == 3);
+        let value = |wanted: &str| heard.iter().find(|(key, ..)| key == wanted).unwrap().2.clone();
+        assert_eq!((value("NUMBER"), value("TEXT")), (2.0.into(), "last will".into()));
+        assert!(value("BLOB").as_ref().decode(&BLOB).unwrap() == blob(3, 200_000));
+        drop(late);
+        settle(&mut b);
+        t.replace_broker();
+        settle(&mut b);
+    }
+    drop(b);
+    t.stop();
+}
+
+fn bulk_values_survive_the_broker<T: Transport + Sync>() {
+    const COUNT: u64 = 200;
+    let t = T::start("bulk-death");
+    let (heard, there) = (AtomicU64::new(0), Barrier::new(2));
+    std::thread::scope(|scope| {
+        let (t, heard, there) = (&t, &heard, &there);
+        scope.spawn(move || {
+            let mut a = t.connect("a").unwrap();
+            there.wait();
+            (1..=COUNT).for_each(|number| a.comms.publish(&BLOB, &blob(number, 100_000)).unwrap());
+            let waited = Stopwatch::start();
+            while heard.load(Ordering::SeqCst) < COUNT && waited.elapsed() < DEADLINE {
+                a.receive(Duration::from_millis(10), |_| {}).unwrap();
+            }
+        });
+        scope.spawn(move || {
+            let mut b = t.connect("b").unwrap();
+            b.comms.register_lossless("BLOB", "*").unwrap();
+            settle(&mut b);
+            there.wait();
+            let waited = Stopwatch::start();
+            while heard.load(Ordering::SeqCst) < COUNT {
+                assert!(waited.elapsed() < DEADLINE, "only {} values came", heard.load(Ordering::SeqCst));
+                b.receive(Duration::from_millis(100), |m| {
+                    let number = heard.load(Ordering::SeqCst) + 1;
+                    let got = m.decode(&BLOB).unwrap();
+                    assert!(got == blob(number, 100_000), "value {} in place of {number}", got.number);
+                    heard.store(number, Ordering::SeqCst);
+                })
+                .unwrap();
+            }
+            assert_eq!(b.inbox.dropped(), 0);
+        });
+        for share in 1..=3 {
+            let waited = Stopwatch::start();
+            while heard.load(Ordering::SeqCst) < share * COUNT / 4 {
+                assert!(waited.elapsed() < DEADLINE, "stuck at {}", heard.load(Ordering::SeqCst));
+                std::thread::yield_now();
+            }
+            t.replace_broker();
+        }
+    });
+    t.stop();
+}
+
 macro_rules! conformance {
     ($($test:ident),* $(,)?) => {
         mod memory { $(#[test] fn $test() { super::$test::<super::Memory>() })* }
@@ -321,4 +658,11 @@ conformance!(
     a_value_of_another_type_is_refused_to_its_writer_and_never_misread,
     a_name_is_taken_once_and_free_again_at_once,
     clients_are_told_that_the_broker_is_gone,
+    the_next_of_a_name_gets_what_the_dead_one_left,
+    a_client_that_leaves_in_good_order_leaves_nothing,
+    mail_goes_on_with_a_successor_at_a_message_boundary,
+    a_successor_that_dies_before_it_is_ready_changes_nothing,
+    a_broker_may_die_and_nothing_is_lost_or_heard_twice,
+    what_was_left_by_those_who_are_gone_outlives_brokers,
+    bulk_values_survive_the_broker,
 );

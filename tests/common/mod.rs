@@ -11,7 +11,7 @@ use elk_bus::clock::Stopwatch;
 use rustix::process::{Pid, Signal, kill_process};
 
 /// How long anything may take before a test gives up: far longer than it takes on a busy machine.
-const WATCHDOG: Duration = Duration::from_secs(120);
+pub const WATCHDOG: Duration = Duration::from_secs(120);
 
 /// A folder and a community for one test.
 pub struct Elk {
@@ -64,14 +64,69 @@ impl Elk {
 
     /// Launches a mission.
     pub fn launch(&self, mission: &str) -> Launcher {
+        self.launch_with(mission, &[])
+    }
+
+    /// Launches a mission with more arguments.
+    pub fn launch_with(&self, mission: &str, more: &[&str]) -> Launcher {
         let file = self.folder().join("mission.xml");
         std::fs::write(&file, mission).unwrap();
         let file = file.display().to_string();
-        let said = self.folder().join("said.txt");
+        self.start("said.txt", &[&["launch", &file, "--headless", "--community", &self.community], more].concat())
+    }
+
+    /// Starts `elk attach`.
+    pub fn attach(&self) -> Launcher {
+        self.start("said-attached.txt", &["attach", "--headless", "--community", &self.community])
+    }
+
+    fn start(&self, said: &str, arguments: &[&str]) -> Launcher {
+        let said = self.folder().join(said);
         let out = std::fs::File::create(&said).unwrap();
-        let arguments = ["launch", &file, "--headless", "--community", &self.community];
-        let child = self.command(&arguments).stdout(out.try_clone().unwrap()).stderr(out).spawn().unwrap();
+        let child = self.command(arguments).stdout(out.try_clone().unwrap()).stderr(out).spawn().unwrap();
         Launcher { child, said }
+    }
+
+    /// Gives an order to the running mission; its exit code, and all that it said.
+    pub fn order(&self, arguments: &[&str]) -> (Option<i32>, String) {
+        let all = [arguments, &["--community", &self.community]].concat();
+        let out = self.command(&all).output().unwrap();
+        let said = [out.stdout, out.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
+        (out.status.code(), said)
+    }
+
+    /// Gives an order that has to succeed; what it said.
+    pub fn obeyed(&self, arguments: &[&str]) -> String {
+        let (code, said) = self.order(arguments);
+        assert_eq!(code, Some(0), "{arguments:?}: {said}");
+        said
+    }
+
+    /// Gives an order that cannot be carried out; what it said.
+    pub fn refused(&self, arguments: &[&str]) -> String {
+        let (code, said) = self.order(arguments);
+        assert_eq!(code, Some(1), "{arguments:?}: {said}");
+        said
+    }
+
+    /// What `elk apps --json` says of an app.
+    pub fn row(&self, app: &str) -> serde_json::Value {
+        let rows: Vec<serde_json::Value> = serde_json::from_str(&self.obeyed(&["apps", "--json"])).unwrap();
+        let found = rows.iter().find(|row| row["name"] == app);
+        found.unwrap_or_else(|| panic!("no row of {app} in {rows:#?}")).clone()
+    }
+
+    /// The process of an app, a broker (`db`) or a launcher, as `elk apps` says.
+    pub fn process(&self, app: &str) -> i32 {
+        self.row(app)["pid"].as_i64().unwrap() as i32
+    }
+
+    /// The summary of the only run.
+    pub fn summary(&self) -> serde_json::Value {
+        let mut runs = std::fs::read_dir(self.folder().join("logs")).unwrap();
+        let run = runs.next().unwrap().unwrap().path();
+        assert!(runs.next().is_none(), "more than one run");
+        serde_json::from_str(&std::fs::read_to_string(run.join("summary.json")).unwrap()).unwrap()
     }
 
     /// Launches a mission that cannot succeed; what was said.
@@ -93,8 +148,14 @@ impl Launcher {
         self.child.id() as i32
     }
 
-    fn said(&self) -> String {
+    /// All that it has said.
+    pub fn said(&self) -> String {
         std::fs::read_to_string(&self.said).unwrap()
+    }
+
+    /// Whether it has ended.
+    pub fn is_over(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_some()
     }
 
     /// Waits until it has said something.

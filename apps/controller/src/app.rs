@@ -2,13 +2,13 @@
 
 use std::collections::VecDeque;
 
-use elk_bus::{App, AppError, Comms, Key, Mail};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{
-    CAMERA_POSE, MAP, MAP_REQUEST, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND, PROGRESS, STEP,
-    camera_pose,
+    CAMERA_POSE, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN, PLAN_REQUEST,
+    POSE_COMMAND, PROGRESS, STEP, camera_pose,
 };
-use elk_spatial::messages::CameraPose;
+use elk_spatial::messages::{Awaited, CameraPose, MotionMemory};
 
 use crate::follower::{Follower, Output};
 
@@ -32,7 +32,7 @@ const PARAMS: &[ParamSpec] = &[
         CAMERA_POSE,
         "Variable under which the sensor publishes the camera's pose.",
     ),
-    param("Manual", Kind::Flag, "false", "Wait for a message on STEP before each pose command."),
+    param("Manual", Kind::Flag, "false", "Pause before the first pose command: as if MOTION had said pause."),
     MOOS_HOST,
     MOOS_PORT,
 ];
@@ -41,11 +41,16 @@ const PARAMS: &[ParamSpec] = &[
 pub struct ControllerApp {
     follower: Follower,
     camera_pose: Key<CameraPose>,
-    manual: bool,
+    paused: bool,
     /// Steps that a person allowed and that were not taken yet.
     steps: u64,
+    /// The last pose command that was not held back.
+    allowed: u64,
     /// What the follower wants said, held back from the first command on that waits for a step.
     held: VecDeque<Output>,
+    recall: Recall,
+    /// The memory as it was last published.
+    remembered: Option<MotionMemory>,
 }
 
 impl ControllerApp {
@@ -54,25 +59,65 @@ impl ControllerApp {
         Self {
             follower: Follower::default(),
             camera_pose: camera_pose(params.text("MOOSPoseVarName")),
-            manual: params.flag("Manual"),
+            paused: params.flag("Manual"),
             steps: 0,
+            allowed: 0,
             held: VecDeque::new(),
+            recall: Recall::default(),
+            remembered: None,
         }
     }
 
-    fn say(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        while let Some(output) = self.held.pop_front() {
-            if self.manual && matches!(output, Output::Command(_)) {
-                if self.steps == 0 {
-                    self.held.push_front(output);
-                    return Ok(());
-                }
-                self.steps -= 1;
-            }
-            publish(comms, &output)?;
-        }
-        Ok(())
+    fn succeed(&mut self, memory: MotionMemory) {
+        self.follower = Follower::successor(&memory);
+        (self.allowed, self.steps) = (memory.allowed, memory.steps);
+        self.remembered = Some(memory);
     }
+
+    fn on_motion(&mut self, name: &str, mail: &Mail<'_>) {
+        match mail.as_text() {
+            Some("pause") => self.paused = true,
+            Some("run") => (self.paused, self.steps) = (false, 0),
+            _ => eprintln!("{name}: {MOTION} is {:?}; it has to be the text pause or run", mail.value()),
+        }
+    }
+
+    /// A step is for who waits for one now: one that lies there from before was meant for a predecessor, who took it.
+    fn on_step(&mut self, mail: &Mail<'_>) {
+        if self.paused && !mail.is_latest() {
+            self.steps += 1;
+        }
+    }
+
+    /// Says what is not held back; before that it is remembered that it was going to be said.
+    fn say(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let mut outputs = Vec::new();
+        while let Some(output) =
+            self.held.pop_front_if(|output| allows(output, self.paused, &mut self.steps, &mut self.allowed))
+        {
+            outputs.push(output);
+        }
+        let memory = self.follower.memory(self.allowed, self.steps);
+        if memory.awaited != Awaited::Start && self.remembered.as_ref() != Some(&memory) {
+            comms.publish(&MOTION_MEMORY, &memory)?;
+            self.remembered = Some(memory);
+        }
+        outputs.iter().try_for_each(|output| publish(comms, output))
+    }
+}
+
+/// Whether `output` may be said now; a pose command that has to wait for a step takes one.
+fn allows(output: &Output, paused: bool, steps: &mut u64, allowed: &mut u64) -> bool {
+    let Output::Command(command) = output else {
+        return true;
+    };
+    let waits = paused && command.id > *allowed;
+    if waits && *steps == 0 {
+        return false;
+    }
+    *steps -= u64::from(waits);
+    *allowed = command.id;
+    true
 }
 
 fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
@@ -88,18 +133,23 @@ fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
 
 impl App for ControllerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.recall.ask(comms, &MOTION_MEMORY)?;
+        comms.register_variable(MOTION, 0.0)?;
+        comms.register_variable(STEP, 0.0)?;
         comms.register(&self.camera_pose)?;
-        comms.register(&MAP_UPDATE)?;
         comms.register(&MAP)?;
+        comms.register(&MAP_UPDATE)?;
+        comms.register_variable(MAP_RECALL, 0.0)?;
         comms.register(&PLAN)?;
-        if self.manual {
-            comms.register_variable(STEP, 0.0)?;
-        }
-        Ok(())
+        // Behind all that there is to tell.
+        Ok(Recall::ask_for_mark(comms)?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-        if mail.is(&self.camera_pose) {
+        self.recall.ends_with(comms, mail)?;
+        if mail.is(&MOTION_MEMORY) {
+            self.succeed(mail.decode(&MOTION_MEMORY)?);
+        } else if mail.is(&self.camera_pose) {
             self.held.extend(self.follower.on_camera_pose(&mail.decode(&self.camera_pose)?));
         } else if mail.is(&MAP_UPDATE) {
             self.held.extend(self.follower.on_map(&mail.decode(&MAP_UPDATE)?)?);
@@ -107,9 +157,148 @@ impl App for ControllerApp {
             self.held.extend(self.follower.on_map(&mail.decode(&MAP)?)?);
         } else if mail.is(&PLAN) {
             self.held.extend(self.follower.on_plan(&mail.decode(&PLAN)?));
+        } else if mail.key() == MAP_RECALL {
+            let copy = mail.as_double().and_then(|revision| self.follower.replica().copy_of(revision));
+            copy.map_or(Ok(()), |copy| comms.publish(&MAP, &copy))?;
+        } else if mail.key() == MOTION {
+            self.on_motion(comms.name(), mail);
         } else if mail.key() == STEP {
-            self.steps += 1;
+            self.on_step(mail);
+        } else if Recall::is_mark(mail) {
+            self.held.extend(self.follower.resume());
         }
         self.say(comms)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use elk_bus::memory::MemoryBroker;
+    use elk_bus::{BrokerConfig, Client, Clock, Community};
+    use elk_spatial::{OccupancyGrid, Pose};
+
+    use super::*;
+
+    /// A controller, and a person, a sensor and a map in one who answer each command when they are told to.
+    struct Bench {
+        broker: MemoryBroker,
+        app: ControllerApp,
+        client: Client,
+        others: Client,
+        map: OccupancyGrid,
+        pose: Pose,
+    }
+
+    fn app(paused: bool) -> ControllerApp {
+        ControllerApp {
+            follower: Follower::default(),
+            camera_pose: camera_pose(CAMERA_POSE),
+            paused,
+            steps: 0,
+            allowed: 0,
+            held: VecDeque::new(),
+            recall: Recall::default(),
+            remembered: None,
+        }
+    }
+
+    fn join(broker: &MemoryBroker, name: &str) -> Client {
+        Client::over(broker.connect(name).unwrap(), name, &Community::new("controller-test").unwrap())
+    }
+
+    impl Bench {
+        fn new(paused: bool) -> Self {
+            let broker = MemoryBroker::new(BrokerConfig::new("controller-test"), Clock::new(1.0));
+            let (client, mut others) = (join(&broker, "Controller"), join(&broker, "others"));
+            let pose = Pose::from_yaw_pitch(nalgebra::Point3::origin(), 0.0, 0.0);
+            others.comms.register(&POSE_COMMAND).unwrap();
+            others.comms.register(&PLAN_REQUEST).unwrap();
+            others.comms.publish(&camera_pose(CAMERA_POSE), &CameraPose { command: 0, pose }).unwrap();
+            let mut bench = Self { broker, app: app(paused), client, others, map: OccupancyGrid::new(0.1), pose };
+            bench.start();
+            bench
+        }
+
+        fn start(&mut self) {
+            self.others.comms.flush().unwrap();
+            self.app.on_start_up(&mut self.client.comms).unwrap();
+        }
+
+        /// Puts a successor in the controller's place, whose parameters know nothing of a pause.
+        fn exchange(&mut self) {
+            // Its name is free when its client is gone.
+            self.client = join(&self.broker, "nobody");
+            self.app = app(false);
+            self.client = join(&self.broker, "Controller");
+            self.start();
+        }
+
+        fn say(&mut self, key: &str, value: impl Into<elk_bus::Value>) {
+            self.others.comms.notify(key, value).unwrap();
+        }
+
+        /// Lets the controller do what it can; the numbers of its commands and, negative, of its requests.
+        fn heard(&mut self) -> Vec<i64> {
+            self.others.comms.flush().unwrap();
+            let (app, Client { comms, inbox }) = (&mut self.app, &mut self.client);
+            while inbox.receive(comms, Duration::ZERO, |comms, mail| app.on_new_mail(comms, mail)).unwrap() > 0 {}
+            let mut heard = Vec::new();
+            let note = |mail: &Mail<'_>| match mail.is(&POSE_COMMAND) {
+                true => heard.push(mail.decode(&POSE_COMMAND).unwrap().id as i64),
+                false => heard.push(-(mail.decode(&PLAN_REQUEST).unwrap().id as i64)),
+            };
+            self.others.receive(Duration::ZERO, note).unwrap();
+            heard
+        }
+
+        /// The sensor has carried out command `id`, and its scan is in the map.
+        fn scanned(&mut self, id: u64) {
+            let at = CameraPose { command: id, pose: self.pose };
+            self.others.comms.publish(&camera_pose(CAMERA_POSE), &at).unwrap();
+            let update = self.map.advance(&[], id);
+            self.others.comms.publish(&MAP_UPDATE, &update).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_step_is_one_command_and_a_run_all_of_them() {
+        let mut bench = Bench::new(true);
+        assert!(bench.heard().is_empty(), "Manual is a pause from the beginning");
+        bench.say(STEP, 1.0);
+        assert_eq!(bench.heard(), [1]);
+        bench.scanned(1);
+        assert_eq!(bench.heard(), [-1], "a pause is before a command, not before a question");
+        let mut bench = Bench::new(true);
+        bench.say(MOTION, "walk");
+        assert!(bench.heard().is_empty(), "a word that it does not know changes nothing");
+        bench.say(MOTION, "run");
+        assert_eq!(bench.heard(), [1]);
+        bench.say(STEP, 1.0);
+        bench.say(MOTION, "pause");
+        assert!(bench.heard().is_empty());
+        assert_eq!((bench.app.paused, bench.app.steps), (true, 0), "a step without a pause is none");
+    }
+
+    #[test]
+    fn a_successor_pauses_where_the_other_one_paused_and_takes_no_step_twice() {
+        let mut bench = Bench::new(false);
+        bench.say(MOTION, "pause");
+        bench.others.comms.flush().unwrap();
+        bench.exchange();
+        assert!(bench.heard().is_empty(), "the latest MOTION is a pause");
+        bench.exchange();
+        assert!(bench.heard().is_empty());
+        bench.say(STEP, 1.0);
+        bench.say(STEP, 1.0);
+        assert_eq!(bench.heard(), [1]);
+        bench.exchange();
+        assert_eq!(bench.heard(), [1], "the sensor has not carried it out: perhaps it was not said");
+        assert_eq!(bench.app.steps, 1, "the second step is still to be taken, the latest STEP is no third");
+        bench.scanned(1);
+        assert_eq!(bench.heard(), [-1]);
+        bench.exchange();
+        assert_eq!(bench.heard(), [-1], "not answered: perhaps it was not said");
     }
 }

@@ -2,11 +2,16 @@
 //!
 //! The robot moves in straight lines from point to point of the path; every point is passed, and every segment of a
 //! command was free, with the robot's clearance, in the map that the command was made from.
+//!
+//! A follower can be exchanged for another one at any time: [`Follower::memory`] is all of it but the map, which its
+//! successor gets from the map. The memory is published before what follows from it is said, so whatever was said is
+//! remembered, and what was perhaps not said can be said again ([`Follower::resume`]).
 
 use elk_spatial::clearance::Clearance;
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{
-    CameraPose, Decision, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand, Progress,
+    Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
+    Progress,
 };
 use elk_spatial::replica::Arrival;
 use elk_spatial::{OccupancyGrid, Polyline, Pose, Replica, State, Voxel};
@@ -29,37 +34,13 @@ pub enum Output {
     Finished(MotionReport),
 }
 
-/// What it is waiting for.
+/// A path on the way, with what follows from it.
 #[derive(Debug, Clone)]
-enum Waiting {
-    /// The camera's first pose.
-    Start,
-    /// The map with the scan of the last command in it.
-    Map,
-    /// The answer to the last request.
-    Plan,
-    /// Nothing: the run is over.
-    Over,
-}
-
-/// A path on the way.
-#[derive(Debug, Clone)]
-struct Leg {
-    plan: Plan,
+struct Underway {
+    leg: Leg,
     path: Path,
     way: Polyline,
     clearance: Clearance,
-    resolution: f64,
-    /// Where the robot is too close to something from the start, as the explorer knows.
-    allowed: Vec<Voxel>,
-    /// Length of way done (m).
-    done: f64,
-    /// Length of the last step (m).
-    step: f64,
-    /// The sensor refused to go on.
-    blocked: bool,
-    /// Looks taken at its end.
-    looks: usize,
 }
 
 /// The state machine. Give it what arrives, in order, and do what it answers, in order.
@@ -67,13 +48,18 @@ struct Leg {
 pub struct Follower {
     replica: Replica,
     pose: Pose,
-    waiting: Waiting,
-    leg: Option<Leg>,
+    awaited: Awaited,
+    underway: Option<Underway>,
     commands: u64,
+    /// The last command that the sensor has carried out.
+    carried_out: u64,
     requests: u64,
-    scans: u64,
     path_length_m: f64,
     record: Record,
+    /// A plan from a later revision of the map than the one that is here.
+    early: Option<Plan>,
+    /// What it waits for is a predecessor's word, which perhaps never came to be said.
+    inherited: bool,
 }
 
 impl Default for Follower {
@@ -82,29 +68,77 @@ impl Default for Follower {
         Self {
             replica: Replica::new(None),
             pose: Pose(nalgebra::Isometry3::identity()),
-            waiting: Waiting::Start,
-            leg: None,
+            awaited: Awaited::Start,
+            underway: None,
             commands: 0,
+            carried_out: 0,
             requests: 0,
-            scans: 0,
             path_length_m: 0.0,
             record: Record::default(),
+            early: None,
+            inherited: false,
         }
     }
 }
 
 impl Follower {
+    /// The successor of one that left this memory.
+    pub fn successor(memory: &MotionMemory) -> Self {
+        Self {
+            pose: memory.pose,
+            awaited: memory.awaited.clone(),
+            underway: memory.leg.clone().and_then(Underway::on),
+            commands: memory.commands,
+            requests: memory.requests,
+            path_length_m: memory.path_length_m,
+            record: Record::from(memory.samples.clone()),
+            inherited: true,
+            ..Self::default()
+        }
+    }
+
+    /// What a successor has to know; `allowed` and `steps` as [`MotionMemory`] has them.
+    pub fn memory(&self, allowed: u64, steps: u64) -> MotionMemory {
+        MotionMemory {
+            pose: self.pose,
+            awaited: self.awaited.clone(),
+            commands: self.commands,
+            allowed,
+            steps,
+            requests: self.requests,
+            path_length_m: self.path_length_m,
+            leg: self.underway.as_ref().map(|u| u.leg.clone()),
+            samples: self.record.samples().to_vec(),
+        }
+    }
+
+    /// A successor that has been told all there is to tell says again what was perhaps not said before the other one
+    /// died: its last words, unless the sensor has carried them out or they were answered. Saying them twice does no harm:
+    /// the sensor carries out a command once, the explorer gives a request the same answer again.
+    pub fn resume(&mut self) -> Vec<Output> {
+        if !std::mem::take(&mut self.inherited) {
+            return vec![];
+        }
+        match &self.awaited {
+            Awaited::Map(command) if command.id > self.carried_out => vec![Output::Command(command.clone())],
+            Awaited::Start | Awaited::Map(_) => vec![],
+            Awaited::Plan(request) => vec![Output::Request(request.clone())],
+            Awaited::Over(progress) => self.last_words(progress.clone()),
+        }
+    }
+
     /// The sensor says where the camera is. The first time the run begins, with a scan from there; later this only
     /// matters if the sensor could not do as it was told.
     pub fn on_camera_pose(&mut self, camera: &CameraPose) -> Vec<Output> {
-        if matches!(self.waiting, Waiting::Start) {
+        self.carried_out = self.carried_out.max(camera.command);
+        if self.awaited == Awaited::Start {
             self.commands = camera.command;
             return vec![self.command(camera.pose, vec![])];
         }
         if camera.command == self.commands && camera.pose != self.pose {
             self.pose = camera.pose;
-            if let Some(leg) = &mut self.leg {
-                self.path_length_m -= leg.step;
+            if let Some(Underway { leg, .. }) = &mut self.underway {
+                self.path_length_m -= leg.step_m;
                 leg.blocked = true;
             }
         }
@@ -121,86 +155,107 @@ impl Follower {
             Arrival::Old => return Ok(vec![]),
             Arrival::Gap => return Ok(vec![Output::MapRequest]),
         }
-        if !matches!(self.waiting, Waiting::Map) || update.scan < self.commands {
+        if let Some(plan) = self.early.take_if(|plan| plan.revision <= self.replica.grid().revision()) {
+            return Ok(self.on_plan(&plan));
+        }
+        if !matches!(self.awaited, Awaited::Map(_)) || update.scan < self.commands {
             return Ok(vec![]);
         }
-        self.scans += 1;
         self.record.add(self.replica.grid().free() as u64, self.path_length_m);
-        Ok(vec![self.progress(update.scan, false), self.go_on()])
+        Ok(vec![Output::Progress(self.progress(update.scan, false)), self.go_on()])
     }
 
     /// The explorer's answer.
     pub fn on_plan(&mut self, plan: &Plan) -> Vec<Output> {
-        if !matches!(self.waiting, Waiting::Plan) || plan.request != self.requests {
+        if !matches!(self.awaited, Awaited::Plan(_)) || plan.request != self.requests {
+            return vec![];
+        }
+        if plan.revision > self.replica.grid().revision() {
+            self.early = Some(plan.clone());
             return vec![];
         }
         match &plan.decision {
             Decision::Done => {
-                self.waiting = Waiting::Over;
                 let progress = self.progress(self.commands, true);
-                vec![progress, Output::Finished(self.record.report())]
+                self.awaited = Awaited::Over(progress.clone());
+                self.inherited = false;
+                self.last_words(progress)
             }
             Decision::Go(path) => {
-                self.leg = Leg::new(plan, path, self.replica.grid());
+                self.underway = Underway::new(plan, path, self.replica.grid());
                 vec![self.go_on()]
             }
         }
     }
 
+    fn last_words(&self, progress: Progress) -> Vec<Output> {
+        vec![Output::Progress(progress), Output::Finished(self.record.report())]
+    }
+
+    /// The last command made.
+    pub fn commands(&self) -> u64 {
+        self.commands
+    }
+
+    /// This copy of the map (see [`Replica::copy_of`]).
+    pub fn replica(&self) -> &Replica {
+        &self.replica
+    }
+
     /// Whether the run is over.
     pub fn finished(&self) -> bool {
-        matches!(self.waiting, Waiting::Over)
+        matches!(self.awaited, Awaited::Over(_))
     }
 
     /// The next command on the way, or the request for a new plan.
     fn go_on(&mut self) -> Output {
-        let Some(mut leg) = self.leg.take() else {
+        let Some(mut underway) = self.underway.take() else {
             return self.request(Outcome::First);
         };
-        leg.step = 0.0;
-        let (from, to) = match leg.next(self.replica.grid()) {
+        underway.leg.step_m = 0.0;
+        let (from, to) = match underway.next(self.replica.grid()) {
             Next::Ask(outcome) => return self.request(outcome),
             Next::Look(pose) => {
-                self.leg = Some(leg);
+                self.underway = Some(underway);
                 return self.command(pose, vec![]);
             }
             Next::Travel { from, to } => (from, to),
         };
-        let via = leg.way.bends(from, to);
-        let pose = leg.pose_at(to);
-        leg.step = to - from;
-        self.path_length_m += leg.step;
-        self.leg = Some(leg);
+        let via = underway.way.bends(from, to);
+        let pose = underway.pose_at(to);
+        underway.leg.step_m = to - from;
+        self.path_length_m += underway.leg.step_m;
+        self.underway = Some(underway);
         self.command(pose, via)
     }
 
     fn command(&mut self, pose: Pose, via: Vec<Point3<f64>>) -> Output {
         self.commands += 1;
         self.pose = pose;
-        self.waiting = Waiting::Map;
-        Output::Command(PoseCommand { id: self.commands, via, pose })
+        let command = PoseCommand { id: self.commands, via, pose };
+        self.awaited = Awaited::Map(command.clone());
+        self.inherited = false;
+        Output::Command(command)
     }
 
     fn request(&mut self, outcome: Outcome) -> Output {
         self.requests += 1;
-        self.waiting = Waiting::Plan;
-        Output::Request(PlanRequest {
-            id: self.requests,
-            pose: self.pose,
-            revision: self.replica.grid().revision(),
-            outcome,
-        })
+        let revision = self.replica.grid().revision();
+        let request = PlanRequest { id: self.requests, pose: self.pose, revision, outcome };
+        self.awaited = Awaited::Plan(request.clone());
+        self.inherited = false;
+        Output::Request(request)
     }
 
-    fn progress(&self, scan: u64, finished: bool) -> Output {
-        Output::Progress(Progress {
+    fn progress(&self, scan: u64, finished: bool) -> Progress {
+        Progress {
             scan,
             revision: self.replica.grid().revision(),
-            scans: self.scans,
+            scans: self.record.samples().len() as u64,
             path_length_m: self.path_length_m,
             free: self.replica.grid().free() as u64,
             finished,
-        })
+        }
     }
 }
 
@@ -211,50 +266,58 @@ enum Next {
     Ask(Outcome),
 }
 
-impl Leg {
-    /// `None` if the path has no point at all.
+impl Underway {
+    /// At the beginning of a plan's path; `None` if it has no point at all.
     fn new(plan: &Plan, path: &Path, grid: &OccupancyGrid) -> Option<Self> {
         let way = Polyline::new(path.points.iter().copied())?;
         let clearance = Clearance::new(plan.motion.clearance_m, grid.resolution());
         let refused = way.points().windows(2);
         let allowed = refused.flat_map(|p| clearance.refused(grid, p[0], p[1])).collect();
-        Some(Self {
+        let leg = Leg {
             plan: plan.clone(),
-            path: path.clone(),
-            way,
-            clearance,
             resolution: grid.resolution(),
             allowed,
-            done: 0.0,
-            step: 0.0,
+            done_m: 0.0,
+            step_m: 0.0,
             blocked: false,
             looks: 0,
-        })
+        };
+        Some(Self { leg, path: path.clone(), way, clearance })
+    }
+
+    /// On a leg that was begun already.
+    fn on(leg: Leg) -> Option<Self> {
+        let Decision::Go(path) = leg.plan.decision.clone() else {
+            return None;
+        };
+        let way = Polyline::new(path.points.iter().copied())?;
+        let clearance = Clearance::new(leg.plan.motion.clearance_m, leg.resolution);
+        Some(Self { leg, path, way, clearance })
     }
 
     fn next(&mut self, grid: &OccupancyGrid) -> Next {
-        if self.blocked {
+        if self.leg.blocked {
             return Next::Ask(Outcome::Cut);
         }
         let resolved = self.resolved(grid);
-        if resolved && (self.plan.motion.early_stop || self.looks > 0) {
+        if resolved && (self.leg.plan.motion.early_stop || self.leg.looks > 0) {
             return Next::Ask(Outcome::Resolved);
         }
-        let left = self.way.length() - self.done;
+        let left = self.way.length() - self.leg.done_m;
         if left > 1e-9 {
             if self.cut(grid) {
                 return Next::Ask(Outcome::Cut);
             }
-            let from = self.done;
-            self.done += self.plan.motion.scan_spacing_m.min(left);
-            if self.way.length() - self.done <= 1e-9 {
-                self.done = self.way.length();
-                self.looks = 1;
+            let from = self.leg.done_m;
+            self.leg.done_m += self.leg.plan.motion.scan_spacing_m.min(left);
+            if self.way.length() - self.leg.done_m <= 1e-9 {
+                self.leg.done_m = self.way.length();
+                self.leg.looks = 1;
             }
-            return Next::Travel { from, to: self.done };
+            return Next::Travel { from, to: self.leg.done_m };
         }
-        self.looks += 1;
-        match self.path.looks.get(self.looks - 1) {
+        self.leg.looks += 1;
+        match self.path.looks.get(self.leg.looks as usize - 1) {
             Some(pose) => Next::Look(*pose),
             None => Next::Ask(Outcome::Unresolved),
         }
@@ -269,9 +332,9 @@ impl Leg {
             let look = self.path.looks.first();
             return look.map_or_else(|| Pose::looking(position, ahead), |p| *p);
         }
-        let target = self.path.target.center(self.resolution);
+        let target = self.path.target.center(self.leg.resolution);
         let toward = (target - position).try_normalize(1e-6);
-        match toward.filter(|_| self.plan.motion.look_at_target) {
+        match toward.filter(|_| self.leg.plan.motion.look_at_target) {
             Some(direction) => Pose::looking(position, direction),
             None => Pose::looking(position, ahead),
         }
@@ -285,10 +348,10 @@ impl Leg {
 
     /// Whether what was learned since the plan was made is in the way.
     fn cut(&self, grid: &OccupancyGrid) -> bool {
-        let rest = self.way.part(self.done, self.way.length());
+        let rest = self.way.part(self.leg.done_m, self.way.length());
         rest.windows(2).any(|p| {
             let mut refused = self.clearance.refused(grid, p[0], p[1]);
-            refused.any(|v| grid.state(v) == State::Occupied || !self.allowed.contains(&v))
+            refused.any(|v| grid.state(v) == State::Occupied || !self.leg.allowed.contains(&v))
         })
     }
 }

@@ -1,6 +1,6 @@
 //! What a run cost to get how far.
 
-use elk_spatial::messages::{CoverageMark, MotionReport};
+use elk_spatial::messages::{CoverageMark, CoverageSample, MotionReport};
 
 /// The shares of the final free voxels that are reported.
 const SHARES: [f64; 4] = [0.95, 0.99, 0.999, 1.0];
@@ -8,19 +8,24 @@ const SHARES: [f64; 4] = [0.95, 0.99, 0.999, 1.0];
 /// How much was known after each scan, and how long the way was.
 #[derive(Debug, Clone, Default)]
 pub struct Record {
-    samples: Vec<Sample>,
+    samples: Vec<CoverageSample>,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Sample {
-    free: u64,
-    path_length_m: f64,
+impl From<Vec<CoverageSample>> for Record {
+    fn from(samples: Vec<CoverageSample>) -> Self {
+        Self { samples }
+    }
 }
 
 impl Record {
     /// One more scan is in the map.
     pub fn add(&mut self, free: u64, path_length_m: f64) {
-        self.samples.push(Sample { free, path_length_m });
+        self.samples.push(CoverageSample { free, path_length_m });
+    }
+
+    /// What was known after each scan.
+    pub fn samples(&self) -> &[CoverageSample] {
+        &self.samples
     }
 
     /// Scans and way to each share of what is known now. A share counts as known from the first scan on after which as

@@ -1,11 +1,13 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Mail};
+use elk_bus::{App, AppError, Comms, Mail, Recall};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST};
+use elk_spatial::keys::{
+    EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
+};
 use elk_spatial::map::MapUpdate;
-use elk_spatial::messages::PlanRequest;
+use elk_spatial::messages::{ExplorerMemory, Plan, PlanRequest};
 use elk_spatial::replica::Arrival;
 use elk_spatial::{Bounds, FrontierSet, Replica};
 use nalgebra::Vector3;
@@ -102,6 +104,8 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         explorer,
         replica: Replica::new(Some(params.number("Res"))),
         request: None,
+        recall: Recall::default(),
+        plan: None,
     }))
 }
 
@@ -160,9 +164,28 @@ pub struct ExplorerApp {
     frontier: FrontierSet,
     /// A request whose revision of the map is not here yet.
     request: Option<PlanRequest>,
+    recall: Recall,
+    /// The last plan, to be given again if it is asked for again.
+    plan: Option<Plan>,
 }
 
 impl ExplorerApp {
+    fn succeed(&mut self, left: ExplorerMemory) {
+        self.explorer.succeed(&left);
+        self.plan = Some(left.plan);
+    }
+
+    /// A request that was answered already comes again if one of the two, who asks and who answers, was exchanged or
+    /// died, and the answer was perhaps lost.
+    fn on_request(&mut self, comms: &mut Comms, request: PlanRequest) -> Result<(), AppError> {
+        let answers = |plan: &Plan| plan.request == request.id && plan.revision >= request.revision;
+        if self.plan.as_ref().is_some_and(answers) {
+            return self.say(comms);
+        }
+        self.request = Some(request);
+        self.answer(comms)
+    }
+
     fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
         match self.replica.take(update)? {
             Arrival::Applied(changed) => self.frontier.update(self.replica.grid(), &changed),
@@ -178,30 +201,45 @@ impl ExplorerApp {
             return Ok(());
         };
         let plan = self.explorer.plan(self.replica.grid(), &self.frontier, &request);
+        // Before it is said: who has heard a plan can rely on every explorer to come to know it.
+        comms.publish(&EXPLORER_MEMORY, &self.explorer.memory(&plan))?;
+        self.plan = Some(plan);
+        self.say(comms)
+    }
+
+    fn say(&self, comms: &mut Comms) -> Result<(), AppError> {
         if let Some(report) = self.explorer.report() {
             comms.publish(&EXPLORATION_REPORT, report)?;
         }
-        Ok(comms.publish(&PLAN, &plan)?)
+        self.plan.iter().try_for_each(|plan| Ok(comms.publish(&PLAN, plan)?))
     }
 }
 
 impl App for ExplorerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         eprintln!("{}: {}", comms.name(), self.explorer.describe());
-        comms.register(&MAP_UPDATE)?;
+        self.recall.ask(comms, &EXPLORER_MEMORY)?;
         comms.register(&MAP)?;
+        comms.register(&MAP_UPDATE)?;
+        comms.register_variable(MAP_RECALL, 0.0)?;
         comms.register(&PLAN_REQUEST)?;
         Ok(())
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        self.recall.ends_with(comms, mail)?;
         if mail.is(&MAP_UPDATE) {
             self.on_map(comms, &mail.decode(&MAP_UPDATE)?)
         } else if mail.is(&MAP) {
             self.on_map(comms, &mail.decode(&MAP)?)
         } else if mail.is(&PLAN_REQUEST) {
-            self.request = Some(mail.decode(&PLAN_REQUEST)?);
-            self.answer(comms)
+            self.on_request(comms, mail.decode(&PLAN_REQUEST)?)
+        } else if mail.key() == MAP_RECALL {
+            let copy = mail.as_double().and_then(|revision| self.replica.copy_of(revision));
+            Ok(copy.map_or(Ok(()), |copy| comms.publish(&MAP, &copy))?)
+        } else if mail.is(&EXPLORER_MEMORY) {
+            self.succeed(mail.decode(&EXPLORER_MEMORY)?);
+            Ok(())
         } else {
             Ok(())
         }

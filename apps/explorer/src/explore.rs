@@ -3,7 +3,9 @@
 mod memory;
 
 use elk_spatial::clearance::Clearance;
-use elk_spatial::messages::{Decision, ExplorationReport, FrontiersLeft, Path, Plan, PlanRequest};
+use elk_spatial::messages::{
+    Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
+};
 use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
@@ -90,6 +92,34 @@ impl Explorer {
     /// Why it ended and what is left; there once a plan was [`Decision::Done`].
     pub fn report(&self) -> Option<&ExplorationReport> {
         self.report.as_ref()
+    }
+
+    /// Goes on where another explorer, of whatever strategy, stopped.
+    pub fn succeed(&mut self, left: &ExplorerMemory) {
+        self.memory = Memory::recall(left);
+        self.journal.recall(left);
+        self.plans = left.plans;
+        self.report = left.report.clone();
+    }
+
+    /// What a successor has to know, `plan` being the last one.
+    pub fn memory(&self, plan: &Plan) -> ExplorerMemory {
+        let mut memory = ExplorerMemory {
+            plan: plan.clone(),
+            report: self.report.clone(),
+            plans: self.plans,
+            stalls: self.journal.stalls,
+            fallbacks: self.journal.fallbacks,
+            iterations: self.journal.iterations,
+            cpu_secs: self.journal.phases().to_vec(),
+            trail: Vec::new(),
+            targets: Vec::new(),
+            hidden: Vec::new(),
+            standing: Standing::default(),
+            progress_at: 0,
+        };
+        self.memory.leave(&mut memory);
+        memory
     }
 
     /// Answers a request from a map at the asked revision and its frontier.
@@ -246,7 +276,6 @@ impl Explorer {
                 format!("{} scans taught nothing new (Patience)", self.settings.patience)
             }
         };
-        let phases = self.journal.phases().iter();
         self.report = Some(ExplorationReport {
             explorer: self.strategy.name().into(),
             policy: self.settings.policy.name.into(),
@@ -255,7 +284,7 @@ impl Explorer {
             left,
             plans: self.plans,
             stalls: self.journal.stalls,
-            cpu_secs: phases.map(|(n, s)| ((*n).into(), *s)).collect(),
+            cpu_secs: self.journal.phases().to_vec(),
         });
         Decision::Done
     }

@@ -1,104 +1,316 @@
 //! A mission from its first app to its last word.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, CommsError};
-use elk_spatial::keys::{MAP_REQUEST, STEP};
+use elk_bus::{Community, ConnectError};
+use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
+use rustix::event::{PollFd, Timespec, poll};
+use rustix::process::getpid;
 
+use crate::control::{Answer, AppRow, Request, Server};
 use crate::crew::Crew;
 use crate::error::LaunchError;
-use crate::observer::Observer;
-use crate::person;
+use crate::launch_state::{self, LaunchState};
+use crate::listener::Listener;
+use crate::observer::News;
+use crate::person::{self, Person};
 use crate::progress::{Display, put};
+use crate::supervisor::{Ticket, Word};
+use crate::usage::Usage;
 
+/// How long the broker may take to answer.
+const BROKER_PATIENCE: Duration = Duration::from_secs(20);
 /// How long apps may take to register: they load worlds first.
 const REGISTER_PATIENCE: Duration = Duration::from_secs(60);
 /// How long the sensor may take to hold the final map against the true world.
 const JUDGE_PATIENCE: Duration = Duration::from_secs(60);
-/// How long one look at the bus takes at most; then it is seen who is still alive.
-const LOOK: Duration = Duration::from_millis(50);
+/// How long nobody is looked at if nothing happens.
+const LOOK: Duration = Duration::from_millis(100);
 
-/// One run of a mission, seen from the launcher's place on the bus.
+/// One run of a mission, seen from the launcher's place.
 pub(crate) struct Conduct<'a> {
     pub crew: &'a mut dyn Crew,
-    pub client: Client,
-    pub observer: &'a mut Observer,
-    pub display: &'a mut Display,
+    pub listener: &'a mut Listener,
+    pub server: Option<Server>,
+    pub display: Display,
+    pub person: Person,
     pub stop: &'a AtomicBool,
+    pub community: &'a Community,
     /// Where the apps' text logs are.
     pub folder: &'a Path,
-    /// Whether a person has to ask for each step.
-    pub manual: bool,
+    /// What another launcher would have to know.
+    pub state: LaunchState,
+    /// That, as it was last said.
+    pub said_state: String,
+    pub running: Stopwatch,
 }
 
 impl Conduct<'_> {
-    /// Starts the apps, waits until exploration is over, and has the final map judged.
-    pub fn run(&mut self) -> Result<(), LaunchError> {
-        self.observer.register(&mut self.client.comms)?;
+    /// Starts broker and apps.
+    pub fn begin(&mut self) -> Result<(), LaunchError> {
+        self.crew.start_broker()?;
+        self.join("at once")?;
         // The logger is there before anybody has anything to say.
         self.start(&|element| element == "Logger")?;
-        self.start(&|element| element != "Logger")?;
-        if self.manual {
-            put("Enter takes a step, Ctrl-C ends the mission.\n");
+        self.start(&|element| element != "Logger")
+    }
+
+    /// Waits until the launcher itself is on the bus.
+    pub fn join(&mut self, when: &'static str) -> Result<(), LaunchError> {
+        let clock = Stopwatch::start();
+        while self.listener.observer().clients.is_empty() {
+            self.look(when)?;
+            if let Some(error) = self.listener.take_failure() {
+                return Err(error.into());
+            }
+            if clock.elapsed() > BROKER_PATIENCE {
+                return Err(ConnectError::NoBroker(self.community.clone()).into());
+            }
         }
-        while !self.observer.finished() {
-            self.look("before the mission was over")?;
-            self.step_by_hand()?;
-            self.display.show(self.observer);
-        }
-        self.judge()
+        Ok(())
     }
 
     fn start(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
-        let names: BTreeSet<String> = self.crew.start_apps(which)?.into_iter().collect();
+        self.crew.start_apps(which)?;
         let clock = Stopwatch::start();
-        while !names.is_subset(&self.observer.clients) {
+        loop {
             self.look("before it registered")?;
+            let missing = self.crew.missing(&self.listener.observer().clients);
+            if missing.is_empty() {
+                return Ok(());
+            }
             if clock.elapsed() > REGISTER_PATIENCE {
-                let missing = names.difference(&self.observer.clients).cloned().collect();
-                let secs = REGISTER_PATIENCE.as_secs();
-                let folder = self.folder.to_owned();
+                let (secs, folder) = (REGISTER_PATIENCE.as_secs(), self.folder.to_owned());
                 return Err(LaunchError::NotRegistered { apps: missing, secs, folder });
             }
         }
-        Ok(())
     }
 
-    /// Hears what there is to hear, and sees that everyone is alive and nobody wants to stop.
-    fn look(&mut self, when: &'static str) -> Result<(), LaunchError> {
-        let observer = &mut *self.observer;
-        let heard: Result<usize, CommsError> = self.client.receive(LOOK, |mail| observer.note(mail));
-        if person::stopped(self.stop) {
-            return Err(LaunchError::Stopped);
+    /// Waits until exploration is over, and has the final map judged.
+    pub fn run(&mut self) -> Result<(), LaunchError> {
+        if self.state.manual {
+            put("Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.\n");
         }
-        // Who died says more than that the bus broke.
-        self.crew.check(when)?;
-        heard?;
-        Ok(())
-    }
-
-    fn step_by_hand(&mut self) -> Result<(), LaunchError> {
-        if self.manual {
-            for _ in 0..person::enters()? {
-                self.client.comms.notify(STEP, 1.0)?;
-            }
+        while !self.listener.observer().finished() {
+            self.look("before the mission was over")?;
+            self.step_by_hand();
         }
-        Ok(())
+        self.judge()
     }
 
     /// Asks for the whole map, and waits until the sensor has held it against the true world. A sensor that does not
     /// know the true world says nothing, and that is no failure.
     fn judge(&mut self) -> Result<(), LaunchError> {
-        self.client.comms.notify(MAP_REQUEST, 1.0)?;
+        self.listener.say(MAP_REQUEST, 1.0);
         let clock = Stopwatch::start();
-        while !self.observer.judged() && clock.elapsed() < JUDGE_PATIENCE {
+        while !self.listener.observer().judged() && clock.elapsed() < JUDGE_PATIENCE {
             self.look("before the map was judged")?;
-            self.display.show(self.observer);
         }
         Ok(())
+    }
+
+    /// Ends the apps, then leaves the bus, then ends the broker.
+    pub fn end(&mut self) {
+        self.display.clear();
+        self.crew.end_apps();
+        while !self.crew.ended() {
+            self.round_to_the_end();
+        }
+        // Nobody is on the bus any more when the broker goes.
+        self.listener.leave();
+        while !self.listener.has_left() {
+            self.round_to_the_end();
+        }
+        self.crew.stop_broker();
+        self.pass_words_on();
+        if let Some(server) = &mut self.server {
+            server.finish();
+        }
+    }
+
+    /// What fails now is only said.
+    fn round_to_the_end(&mut self) {
+        if let Err(error) = self.round("while the mission ended") {
+            self.display.say(&error.to_string());
+        }
+    }
+
+    /// Hears what there is to hear, sees that everyone is alive, and that nobody wants to stop.
+    fn look(&mut self, when: &'static str) -> Result<(), LaunchError> {
+        let checked = self.round(when);
+        if person::stopped(self.stop) {
+            return Err(LaunchError::Stopped);
+        }
+        checked
+    }
+
+    /// Waits until something happens, and deals with it.
+    fn round(&mut self, when: &'static str) -> Result<(), LaunchError> {
+        self.wait();
+        self.listener.hush();
+        let (news, signs) = {
+            let mut observer = self.listener.observer();
+            (std::mem::take(&mut observer.news), std::mem::take(&mut observer.signs))
+        };
+        if news.contains(&News::Joined) {
+            self.introduce();
+        }
+        self.crew.hear(&news, &signs);
+        let checked = self.crew.check(when);
+        self.serve();
+        self.leave_word();
+        // Whoever hears that an order is carried out may end the launcher: the word of it has to be left by then.
+        if self.listener.has_said_all() {
+            self.pass_words_on();
+        }
+        self.display.show(&self.listener.observer(), self.state.paused);
+        checked
+    }
+
+    /// Says how things are to a broker that may not know.
+    fn introduce(&mut self) {
+        self.said_state.clear();
+        if self.state.paused {
+            self.listener.say(MOTION, motion(true));
+        }
+    }
+
+    fn wait(&self) {
+        let mut watched = vec![PollFd::from_borrowed_fd(self.listener.bell(), rustix::event::PollFlags::IN)];
+        self.crew.watch(&mut watched);
+        if let Some(server) = &self.server {
+            server.watch(&mut watched);
+        }
+        if self.state.manual {
+            self.person.watch(&mut watched);
+        }
+        let patience = self.crew.patience().map_or(LOOK, |patience| patience.min(LOOK));
+        // A timeout, a signal or an event: all of them are reasons to look.
+        let _ = poll(&mut watched, Timespec::try_from(patience).ok().as_ref());
+    }
+
+    fn step_by_hand(&mut self) {
+        if !self.state.manual {
+            return;
+        }
+        for _ in 0..self.person.enters() {
+            if self.state.paused {
+                self.listener.say(STEP, 1.0);
+            }
+        }
+        if self.person.left() {
+            self.display.say("nobody can press Enter here: `elk step` takes a step, `elk resume` runs on");
+        }
+    }
+
+    /// Takes questions, and answers those that need no app.
+    fn serve(&mut self) {
+        let questions = self.server.as_mut().map(Server::questions).unwrap_or_default();
+        for (ticket, question) in questions {
+            let word = match question {
+                Request::Apps => {
+                    let rows = self.rows();
+                    self.answer(ticket, &Answer::Apps { rows });
+                    continue;
+                }
+                Request::Pause => self.pause(true),
+                Request::Resume => self.pause(false),
+                Request::Step => self.step(),
+                order => {
+                    self.crew.order(ticket, order);
+                    continue;
+                }
+            };
+            self.tell(ticket, word);
+        }
+    }
+
+    fn pause(&mut self, pause: bool) -> Word {
+        if self.state.paused == pause {
+            let word = if pause { "paused" } else { "running" };
+            return Word::Failed(format!("the mission is {word} already"));
+        }
+        self.state.paused = pause;
+        self.listener.say(MOTION, motion(pause));
+        Word::Done(if pause { "paused: the robot stands before its next pose" } else { "resumed" }.to_owned())
+    }
+
+    fn step(&mut self) -> Word {
+        if !self.state.paused {
+            return Word::Failed("the mission is not paused: `elk pause` does that first".to_owned());
+        }
+        self.listener.say(STEP, 1.0);
+        Word::Done("one step".to_owned())
+    }
+
+    fn rows(&mut self) -> Vec<AppRow> {
+        let dropped = self.listener.observer().dropped.clone();
+        let mut rows = vec![launcher_row(self.running, dropped.get(crate::NAME).copied())];
+        rows.extend(self.crew.rows(&dropped));
+        rows
+    }
+
+    /// Tells everybody what they are to be told.
+    fn pass_words_on(&mut self) {
+        for saying in self.crew.sayings() {
+            self.display.say(&saying);
+        }
+        for (ticket, word) in self.crew.words() {
+            self.tell(ticket, word);
+        }
+    }
+
+    fn tell(&mut self, ticket: Ticket, word: Word) {
+        let answer = match word {
+            Word::Progress(text) => Answer::Progress { text },
+            Word::Done(text) => Answer::Done { text },
+            Word::Failed(text) => Answer::Failed { text },
+        };
+        self.answer(ticket, &answer);
+    }
+
+    fn answer(&mut self, ticket: Ticket, answer: &Answer) {
+        if let Some(server) = &mut self.server {
+            server.answer(ticket, answer);
+        }
+    }
+
+    /// Leaves word of the mission on the bus, for a launcher that may have to pick it up, whenever it has changed.
+    fn leave_word(&mut self) {
+        self.state.first_command = self.listener.observer().first_command;
+        if !self.crew.note_state(&mut self.state) {
+            return;
+        }
+        let text = serde_json::to_string(&self.state).unwrap_or_default();
+        if text != self.said_state {
+            self.listener.say(launch_state::KEY, text.as_str());
+            self.said_state = text;
+        }
+    }
+}
+
+fn motion(paused: bool) -> &'static str {
+    if paused { "pause" } else { "run" }
+}
+
+fn launcher_row(running: Stopwatch, dropped: Option<u64>) -> AppRow {
+    let usage = Usage::of(getpid());
+    AppRow {
+        name: crate::NAME.to_owned(),
+        element: String::new(),
+        type_name: "launcher".to_owned(),
+        pid: Some(getpid().as_raw_nonzero().get()),
+        state: "running".to_owned(),
+        state_secs: running.elapsed().as_secs_f64(),
+        cpu_percent: usage.and_then(|usage| usage.cpu_percent()),
+        cpu_percent_now: None,
+        resident_bytes: usage.map(|usage| usage.resident),
+        dropped,
+        restarts: 0,
+        swaps: 0,
+        last_exit: None,
     }
 }

@@ -49,6 +49,38 @@ pub enum LaunchError {
         /// The log's last lines.
         tail: Vec<String>,
     },
+    /// An app, or the broker, died once too often.
+    #[error("{died}\n    it had been started again {limit}, which is its limit")]
+    GaveUp {
+        /// How often, in words.
+        limit: String,
+        /// Its last death.
+        died: Box<LaunchError>,
+    },
+    /// Somebody launches this community already.
+    #[error(
+        "community {community} is launched already, by process {process}: choose another --community, or end that mission first"
+    )]
+    Launched {
+        /// The community.
+        community: elk_bus::Community,
+        /// The other launcher.
+        process: u32,
+    },
+    /// A broker that is not the launcher's serves this community.
+    #[error(
+        "community {0} is served already, by a broker that is not this mission's: choose another --community, end that \
+         broker, or, if its mission was launched with --detach, pick it up with `elk attach --community {0}`"
+    )]
+    Served(elk_bus::Community),
+    /// There is no mission to pick up.
+    #[error("community {community}: {why}")]
+    Attach {
+        /// The community.
+        community: elk_bus::Community,
+        /// Why not.
+        why: String,
+    },
     /// As [`LaunchError::Died`], of an app that is a thread.
     #[error("{app} ended {when}: {how}")]
     ThreadEnded {
@@ -81,9 +113,6 @@ pub enum LaunchError {
     /// The run was stopped by a person or by the system.
     #[error("stopped")]
     Stopped,
-    /// A manual mission without a person.
-    #[error("a manual mission needs a person who presses Enter, and the input has ended; --auto runs it through")]
-    NoPerson,
     /// The system refused something that every launch needs.
     #[error("{what}: {source}")]
     System {

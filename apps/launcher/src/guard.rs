@@ -16,8 +16,8 @@ use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 
 use crate::error::LaunchError;
 
-/// How long groups may take to end before they are killed.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long groups may take to end before they are killed: two seconds after the launcher, nobody is left.
+const PATIENCE: Duration = Duration::from_millis(1500);
 /// How often it is looked whether they have.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 

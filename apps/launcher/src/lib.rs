@@ -4,40 +4,59 @@
 //! |---|---|
 //! | `conduct` | a mission from its first app to its last word |
 //! | `crew` | those who carry it out: `processes`, or `threads` of this process |
-//! | `process`, `guard` | one process that inherits nothing and ends for certain; what ends the rest when the launcher dies |
-//! | `observer`, `steps` | what the mission says of itself on the bus; where the time of a step goes |
-//! | `progress`, `summary`, `run_folder` | what people see meanwhile, what the run came to, where it is kept |
+//! | `supervisor` | who is to run, who does, and what to do about it: a state machine without processes, bus or clock |
+//! | `process`, `guard`, `usage` | one process that inherits nothing and ends for certain; what ends the rest when the launcher dies; what they use |
+//! | `listener` | the launcher's place on the bus, a thread of its own |
+//! | `observer`, `steps` | what the mission says of itself there; where the time of a step goes |
+//! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
+//! | `launch_state` | what another launcher has to know to pick the mission up |
+//! | `progress`, `summary`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, where it is kept |
 
 mod conduct;
+mod control;
 mod crew;
 mod error;
 mod guard;
+mod launch_state;
+mod listener;
 mod observer;
 mod person;
 mod process;
 mod processes;
 mod progress;
 mod run_folder;
+mod run_place;
 mod steps;
 mod summary;
+mod supervisor;
 mod threads;
+mod usage;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use elk_bus::clock::Stopwatch;
 use elk_bus::{Clock, Community};
-use elk_mission::{AppSpec, Mission, Mode, Program};
+use elk_mission::{Mission, Mode, Registry};
 
+pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
 pub use guard::guard;
 pub use steps::{Spread, StepTimes};
 pub use summary::Summary;
 
 use conduct::Conduct;
+use control::Server;
 use crew::Crew;
+use launch_state::LaunchState;
+use listener::Listener;
 use observer::Observer;
+use person::Person;
+use processes::{Processes, Yard};
 use progress::{Display, put};
+use run_place::RunPlace;
 
 /// The launcher's own name on the bus.
 pub(crate) const NAME: &str = "launcher";
@@ -57,6 +76,23 @@ pub struct LaunchOptions {
     pub auto: bool,
     /// Everything in this process, over a bus in memory.
     pub in_process: bool,
+    /// Broker and apps go on when the launcher dies, and [`attach`] picks them up.
+    pub detached: bool,
+    /// The app types that a swap can name.
+    pub registry: Registry,
+}
+
+/// How a mission is to be picked up that a launcher which is gone has left behind.
+#[derive(Debug, Clone)]
+pub struct AttachOptions {
+    /// The program whose commands are run: elk itself.
+    pub program: PathBuf,
+    /// The mission's community.
+    pub community: Community,
+    /// Plain lines in place of a line that changes.
+    pub headless: bool,
+    /// The app types that a mission can name.
+    pub registry: Registry,
 }
 
 /// What a launch came to.
@@ -78,87 +114,107 @@ pub struct Outcome {
 /// # Errors
 /// The run could not even begin. What goes wrong later is in the [`Outcome`].
 pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, LaunchError> {
-    let stop = person::stop_signals()?;
+    let server = listen(options)?;
+    let stop = person::stop_signals(options.detached)?;
     let now = Clock::new(1.0).now();
     let folder = run_folder::create(&options.log_dir, &mission.file, now)?;
     let manual = mission.mode == Mode::Manual && !options.auto;
-    prepare(&mut mission, &folder, manual)?;
+    let place = RunPlace::new(&mission, &folder, manual);
+    place.keep(&mission)?;
+    mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
     put(&format!("{}: run {}\n", mission.name, folder.display()));
 
-    let mut observer = Observer::new(&mission);
-    let error = carry_out(&mission, options, &folder, manual, &stop, &mut observer).err();
-    let summary = Summary::of(&mission, &observer, error.as_ref());
-    summary.write(&folder)?;
-    let picture = (summary.scans > 0).then(|| draw(&options.program, &folder));
-    Ok(Outcome { folder, summary, error, picture })
-}
-
-fn carry_out(
-    mission: &Mission,
-    options: &LaunchOptions,
-    folder: &Path,
-    manual: bool,
-    stop: &AtomicBool,
-    observer: &mut Observer,
-) -> Result<(), LaunchError> {
-    let mut crew = hire(mission, options, folder)?;
-    let mut display = Display::new(options.headless);
-    let client = crew.start_broker(NAME)?;
-    let mut conduct = Conduct { crew: &mut *crew, client, observer, display: &mut display, stop, folder, manual };
-    let ran = conduct.run();
-    conduct.display.clear();
-    let mut complaints = conduct.crew.stop_apps();
-    // Nobody is on the bus any more when the broker goes.
-    drop(conduct);
-    complaints.extend(crew.stop_broker());
-    for complaint in complaints {
-        eprintln!("{complaint}");
-    }
-    ran
-}
-
-fn hire(mission: &Mission, options: &LaunchOptions, folder: &Path) -> Result<Box<dyn Crew>, LaunchError> {
-    let LaunchOptions { program, community, .. } = options;
-    match options.in_process {
-        true => Ok(Box::new(threads::Threads::new(community, &mission.apps))),
-        false => Ok(Box::new(processes::Processes::new(program, community, folder, &mission.apps)?)),
-    }
-}
-
-/// Tells the apps where this run is kept, and keeps the mission file there.
-fn prepare(mission: &mut Mission, folder: &Path, manual: bool) -> Result<(), LaunchError> {
-    let file_name = mission.file.file_name().unwrap_or_default().to_owned();
-    let copy = folder.join(&file_name);
-    let failed = |source| LaunchError::File { file: copy.clone(), source };
-    std::fs::copy(&mission.file, &copy).map_err(failed)?;
-    let in_folder = |name: &str| folder.join(name).to_string_lossy().into_owned();
-    let seed = summary::seed(mission).unwrap_or_default().to_string();
-    let mission_copy = copy.to_string_lossy().into_owned();
-    let world = mission.of_element("Sensor").find_map(|sensor| sensor.setting("World")).unwrap_or_default().to_owned();
-    for app in &mut mission.apps {
-        match app.element.as_str() {
-            "Map" => suppose(app, "File", &in_folder("map.bt"))?,
-            "Controller" if manual => suppose(app, "Manual", "true")?,
-            "Logger" => {
-                suppose(app, "File", &in_folder("log.mcap"))?;
-                suppose(app, "MissionFile", &mission_copy)?;
-                suppose(app, "Seed", &seed)?;
-                suppose(app, "World", &world)?;
-            }
-            _ => {}
+    let LaunchOptions { program, community, headless, registry, detached, .. } = options;
+    let state = LaunchState::of(&mission, &folder, manual);
+    let crew: Box<dyn Crew> = match options.in_process {
+        true => Box::new(threads::Threads::new(community, &mission.apps)),
+        false => {
+            let (program, community, registry) = (program.clone(), community.clone(), registry.clone());
+            Box::new(Processes::new(&mission, Yard { program, community, place, registry, detached: *detached })?)
         }
-    }
-    Ok(())
+    };
+    let stage = Stage { mission: &mission, program, community, folder: &folder, headless: *headless, stop };
+    stage.perform(crew, server, state, Observer::new(&mission), |conduct| conduct.begin())
 }
 
-/// Sets a parameter that the mission left at its default.
-fn suppose(app: &mut AppSpec, param: &str, text: &str) -> Result<(), LaunchError> {
-    let Program::Builtin(app_type, _) = app.program else {
-        return Ok(());
-    };
-    match app_type.param(param) {
-        Some(spec) if app.setting(param) == spec.default => Ok(app.set(param, text)?),
-        _ => Ok(()),
+/// Picks a mission up that was launched detached, and whose launcher is gone; from there on as [`launch`].
+///
+/// What the old launcher had counted of the mission comes back as far as it stands on the bus: all reports do, and the time
+/// of the first pose command. The times of steps are those from now on.
+///
+/// # Errors
+/// There is no such mission, or somebody launches it already.
+pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
+    let AttachOptions { program, community, headless, registry } = options;
+    let server = Server::listen(community)?;
+    let stop = person::stop_signals(true)?;
+    let state = LaunchState::read(community)?;
+    let mission = state.mission(registry)?;
+    let folder = state.folder.clone();
+    put(&format!("{}: attached to run {}\n", mission.name, folder.display()));
+
+    let place = RunPlace::new(&mission, &folder, state.manual);
+    let (yard_program, community, registry) = (program.clone(), community.clone(), registry.clone());
+    let yard = Yard { program: yard_program, community, place, registry, detached: true };
+    let crew = Box::new(Processes::adopt(&mission, yard, &state)?);
+    let mut observer = Observer::new(&mission);
+    observer.first_command = state.first_command;
+    let community = &options.community;
+    let stage = Stage { mission: &mission, program, community, folder: &folder, headless: *headless, stop };
+    stage.perform(crew, Some(server), state, observer, |conduct| conduct.join("before the mission was over"))
+}
+
+/// Takes the launcher's place for orders. A mission inside one process has a community of its own, whatever its name: it
+/// goes without if the place is taken.
+fn listen(options: &LaunchOptions) -> Result<Option<Server>, LaunchError> {
+    match Server::listen(&options.community) {
+        Err(LaunchError::Launched { .. }) if options.in_process => Ok(None),
+        server => server.map(Some),
+    }
+}
+
+/// What stays the same while a mission runs.
+struct Stage<'a> {
+    mission: &'a Mission,
+    program: &'a Path,
+    community: &'a Community,
+    folder: &'a Path,
+    headless: bool,
+    stop: Arc<AtomicBool>,
+}
+
+impl Stage<'_> {
+    /// Has a crew carry out the mission, from `begin` to its end, and sums up.
+    fn perform(
+        &self,
+        mut crew: Box<dyn Crew>,
+        server: Option<Server>,
+        state: LaunchState,
+        observer: Observer,
+        begin: fn(&mut Conduct) -> Result<(), LaunchError>,
+    ) -> Result<Outcome, LaunchError> {
+        let Self { mission, folder, .. } = self;
+        let mut listener = Listener::start(crew.join(NAME), observer)?;
+        let mut conduct = Conduct {
+            crew: &mut *crew,
+            listener: &mut listener,
+            server,
+            display: Display::new(self.headless),
+            person: Person::default(),
+            stop: &self.stop,
+            community: self.community,
+            folder,
+            state,
+            said_state: String::new(),
+            running: Stopwatch::start(),
+        };
+        let error = begin(&mut conduct).and_then(|()| conduct.run()).err();
+        conduct.end();
+        let explorers = conduct.crew.explorers().join(", ");
+        let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
+        summary.write(folder)?;
+        let picture = (summary.scans > 0).then(|| draw(self.program, folder));
+        Ok(Outcome { folder: (*folder).to_owned(), summary, error, picture })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom};
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -12,34 +12,46 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, getppid, kill_process_group, pidfd_open};
 
 use crate::error::LaunchError;
+use crate::supervisor::Exit;
+use crate::usage::Usage;
 
 /// Lines of a dead app's log that its obituary quotes.
 const TAIL_LINES: usize = 5;
 /// How long the kernel may take to end a killed process.
 const KILL_PATIENCE: Duration = Duration::from_secs(5);
 /// Bytes of a log that are searched for them.
-const TAIL_BYTES: i64 = 4096;
+const TAIL_BYTES: u64 = 4096;
 
-/// A started process, leader of a process group of its own.
+/// A process, leader of a process group of its own: a child, or one that a launcher which is gone has left behind.
 pub(crate) struct Process {
-    pub name: String,
     pub log: PathBuf,
-    child: Child,
+    /// `None`: it is no child of ours, so nobody tells how it ends.
+    child: Option<Child>,
     pid: Pid,
     pidfd: OwnedFd,
-    status: Option<ExitStatus>,
+    /// Where in the log its own words begin.
+    log_from: u64,
+    exit: Option<Exit>,
+}
+
+/// Whether a process ends with the launcher.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Bond {
+    /// The kernel sends it SIGTERM when the thread that started it dies: that has to be the launcher's main thread.
+    Launcher,
+    /// It goes on.
+    None,
 }
 
 impl Process {
-    /// Starts `command` with its output in `log`.
-    ///
-    /// It is sent SIGTERM when the thread that started it dies, so this has to be the launcher's main thread.
-    pub fn spawn(name: &str, mut command: Command, log: &Path) -> Result<Self, LaunchError> {
+    /// Starts `command` with its output in `log`, behind what is there already.
+    pub fn spawn(name: &str, mut command: Command, log: &Path, bond: Bond) -> Result<Self, LaunchError> {
         let unwritable = |source| LaunchError::File { file: log.to_owned(), source };
         let out = OpenOptions::new().create(true).append(true).open(log).map_err(unwritable)?;
+        let log_from = out.metadata().map_err(unwritable)?.len();
         let err = out.try_clone().map_err(unwritable)?;
         command.stdin(Stdio::null()).stdout(out).stderr(err).process_group(0);
-        keep_to_itself(&mut command);
+        keep_to_itself(&mut command, bond);
         let program = PathBuf::from(command.get_program());
         let failed = |source| LaunchError::CannotStart { app: name.to_owned(), program, source };
         let mut child = command.spawn().map_err(failed)?;
@@ -49,8 +61,21 @@ impl Process {
             let _ = child.kill().and_then(|()| child.wait());
             LaunchError::System { what: "no handle of a new process", source: error.into() }
         })?;
-        let (name, log) = (name.to_owned(), log.to_owned());
-        Ok(Self { name, log, child, pid, pidfd, status: None })
+        let log = log.to_owned();
+        Ok(Self { log, child: Some(child), pid, pidfd, log_from, exit: None })
+    }
+
+    /// Takes over a process that was started `started` ticks after the machine; `None`: it is gone, and its number may be
+    /// another's.
+    pub fn adopt(pid: Pid, started: u64, log: &Path) -> Option<Self> {
+        let pidfd = pidfd_open(pid, PidfdFlags::empty()).ok()?;
+        // Looked at behind the handle: a number that changes hands from here on is not mistaken.
+        if Usage::of(pid)?.started != started {
+            return None;
+        }
+        let log = log.to_owned();
+        let process = Self { log, child: None, pid, pidfd, log_from: 0, exit: None };
+        (!process.has_ended()).then_some(process)
     }
 
     /// The process, which is also its group.
@@ -58,29 +83,73 @@ impl Process {
         self.pid
     }
 
+    /// Becomes readable when it ends.
+    pub fn handle(&self) -> BorrowedFd<'_> {
+        self.pidfd.as_fd()
+    }
+
     /// How it ended, if it has. What it had started then goes with it.
-    pub fn ended(&mut self) -> Option<ExitStatus> {
-        if self.status.is_none() {
-            self.status = self.child.try_wait().ok().flatten();
-            // Once only: later on, the number may be another group's.
-            self.status.inspect(|_| self.signal(Signal::KILL));
+    pub fn ended(&mut self) -> Option<&Exit> {
+        if self.exit.is_none() && self.has_ended() {
+            // Until a child is waited for, its number is nobody else's; a stranger's may be.
+            if self.child.is_some() {
+                self.signal(Signal::KILL);
+            }
+            let status = self.child.as_mut().map(Child::wait);
+            self.exit = Some(self.exit_of(status.and_then(Result::ok)));
         }
-        self.status
+        self.exit.as_ref()
+    }
+
+    fn exit_of(&self, status: Option<ExitStatus>) -> Exit {
+        Exit {
+            how: status.map_or_else(unseen, how),
+            fine: status.is_some_and(|status| status.success()),
+            asked: status.is_none_or(|status| status.signal() == Some(libc::SIGTERM)),
+            log: self.log.clone(),
+            tail: tail(&self.log, self.log_from).unwrap_or_default(),
+        }
+    }
+
+    /// Whether nobody can tell how it will have ended.
+    pub fn is_adopted(&self) -> bool {
+        self.child.is_none()
     }
 
     /// Asks it to end (SIGTERM), and waits; after `patience` it is killed. Answers how it ended, and whether it had to be
     /// killed.
-    pub fn stop(&mut self, patience: Duration) -> (Option<ExitStatus>, bool) {
+    pub fn stop(&mut self, patience: Duration) -> (Option<&Exit>, bool) {
         if self.ended().is_some() {
-            return (self.status, false);
+            return (self.exit.as_ref(), false);
         }
-        self.signal(Signal::TERM);
+        self.ask();
         let in_time = self.wait(patience);
         if !in_time {
-            self.signal(Signal::KILL);
+            self.kill();
             self.wait(KILL_PATIENCE);
         }
         (self.ended(), !in_time)
+    }
+
+    /// Asks it to end.
+    pub fn ask(&self) {
+        self.signal(Signal::TERM);
+    }
+
+    /// Ends it.
+    pub fn kill(&self) {
+        self.signal(Signal::KILL);
+    }
+
+    /// Ends it, and waits until it has.
+    pub fn kill_and_wait(&mut self) {
+        self.kill();
+        self.wait(KILL_PATIENCE);
+        self.ended();
+    }
+
+    fn has_ended(&self) -> bool {
+        self.wait(Duration::ZERO)
     }
 
     /// Waits until it has ended, at most `patience`.
@@ -99,21 +168,17 @@ impl Process {
         }
     }
 
-    /// Sends a signal to its group; that the group is gone already is no failure.
+    /// Sends a signal to its group, unless it has been waited for; that the group is gone already is no failure.
     fn signal(&self, signal: Signal) {
-        let _ = kill_process_group(self.pid, signal);
-    }
-
-    /// The obituary of a process that ended too early.
-    pub fn died(&self, status: ExitStatus, when: &'static str) -> LaunchError {
-        LaunchError::Died {
-            app: self.name.clone(),
-            when,
-            how: how(status),
-            log: self.log.clone(),
-            tail: tail(&self.log).unwrap_or_default(),
+        if self.exit.is_none() {
+            let _ = kill_process_group(self.pid, signal);
         }
     }
+}
+
+/// The end of a process that is no child of ours.
+fn unseen() -> String {
+    "unseen: it was the child of a launcher that is gone".to_owned()
 }
 
 /// In words: `exit code 1`, `signal 9 (SIGKILL)`.
@@ -128,17 +193,19 @@ pub(crate) fn how(status: ExitStatus) -> String {
     }
 }
 
-/// The child gets no descriptor of ours, and SIGTERM when we are gone.
+/// The child gets no descriptor of ours, and, if it is bound to us, SIGTERM when we are gone.
 ///
 /// The launcher is a client of the bus, and iceoryx2's descriptors are not close-on-exec: a child would keep them open for
 /// its whole life, and a dead launcher would look alive.
-fn keep_to_itself(command: &mut Command) {
+fn keep_to_itself(command: &mut Command, bond: Bond) {
     let launcher = rustix::process::getpid();
     let before_exec = move || {
-        rustix::process::set_parent_process_death_signal(Some(Signal::TERM))?;
-        if getppid() != Some(launcher) {
-            // The launcher died before the line above: nobody will tell us any more.
-            return Err(io::Error::from_raw_os_error(libc::ESRCH));
+        if bond == Bond::Launcher {
+            rustix::process::set_parent_process_death_signal(Some(Signal::TERM))?;
+            if getppid() != Some(launcher) {
+                // The launcher died before the line above: nobody will tell us any more.
+                return Err(io::Error::from_raw_os_error(libc::ESRCH));
+            }
         }
         // SAFETY: no pointer is involved; marking descriptors close-on-exec closes none before exec.
         match unsafe { libc::close_range(3, libc::c_uint::MAX, libc::CLOSE_RANGE_CLOEXEC as i32) } {
@@ -151,11 +218,11 @@ fn keep_to_itself(command: &mut Command) {
     unsafe { command.pre_exec(before_exec) };
 }
 
-/// The last lines of a log.
-pub(crate) fn tail(log: &Path) -> io::Result<Vec<String>> {
+/// The last lines of a log, of those that begin at `from` or later.
+pub(crate) fn tail(log: &Path, from: u64) -> io::Result<Vec<String>> {
     let mut file = File::open(log)?;
-    let length = file.metadata()?.len() as i64;
-    file.seek(SeekFrom::End(-length.min(TAIL_BYTES)))?;
+    let length = file.metadata()?.len();
+    file.seek(SeekFrom::Start(from.max(length.saturating_sub(TAIL_BYTES))))?;
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes)?;
     let text = String::from_utf8_lossy(&bytes);
@@ -171,7 +238,7 @@ mod tests {
     fn shell(script: &str, log: &Path) -> Process {
         let mut command = Command::new("sh");
         command.args(["-c", script]);
-        Process::spawn("Shell", command, log).unwrap()
+        Process::spawn("Shell", command, log, Bond::Launcher).unwrap()
     }
 
     fn logged(script: &str) -> (tempfile::TempDir, Process) {
@@ -186,34 +253,33 @@ mod tests {
     fn an_obituary_says_how_and_quotes_the_log() {
         let (_folder, mut shell) = logged("seq 7; echo alas >&2; exit 3");
         assert!(shell.wait(PATIENCE));
-        let status = shell.ended().unwrap();
-        let said = shell.died(status, "at once").to_string();
-        let lines: Vec<&str> = said.lines().collect();
-        assert!(lines[0].starts_with("Shell ended at once: exit code 3; the end of /"), "{said}");
-        assert_eq!(lines[1..], ["    4", "    5", "    6", "    7", "    alas"]);
+        let exit = shell.ended().unwrap();
+        assert_eq!((exit.how.as_str(), exit.fine), ("exit code 3", false));
+        assert_eq!(exit.tail, ["4", "5", "6", "7", "alas"]);
+        assert_eq!(exit.in_short(), "exit code 3; last line: alas");
     }
 
     #[test]
     fn a_process_that_ends_when_asked_is_not_killed() {
         let (_folder, mut shell) = logged("trap 'exit 4' TERM; echo up; while :; do sleep 0.01; done");
-        while tail(&shell.log).unwrap() != ["up"] {
+        while tail(&shell.log, 0).unwrap() != ["up"] {
             std::thread::yield_now();
         }
-        let (status, killed) = shell.stop(PATIENCE);
-        assert_eq!((status.unwrap().code(), killed), (Some(4), false));
+        let (exit, killed) = shell.stop(PATIENCE);
+        assert_eq!((exit.unwrap().how.as_str(), killed), ("exit code 4", false));
     }
 
     #[test]
     fn a_process_that_does_not_listen_is_killed_with_its_children() {
         let (_folder, mut shell) = logged("trap '' TERM; sleep 1000 & echo $!; wait");
         let child = loop {
-            if let Some(line) = tail(&shell.log).unwrap().first() {
+            if let Some(line) = tail(&shell.log, 0).unwrap().first() {
                 break line.parse::<i32>().unwrap();
             }
             std::thread::yield_now();
         };
-        let (status, killed) = shell.stop(Duration::ZERO);
-        assert_eq!((how(status.unwrap()).as_str(), killed), ("signal 9 (SIGKILL)", true));
+        let (exit, killed) = shell.stop(Duration::ZERO);
+        assert_eq!((exit.unwrap().how.as_str(), killed), ("signal 9 (SIGKILL)", true));
         // Killed, it is gone, or a zombie until whoever adopted it looks.
         let state = || std::fs::read_to_string(format!("/proc/{child}/stat")).unwrap_or_default();
         while !state().is_empty() && !state().contains(") Z ") {
@@ -223,13 +289,15 @@ mod tests {
 
     #[test]
     fn a_child_inherits_no_descriptor() {
-        let leak = File::open("/proc/self/stat").unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let leak = File::create(folder.path().join("leak")).unwrap();
         rustix::io::fcntl_setfd(&leak, rustix::io::FdFlags::empty()).unwrap();
-        let (_folder, shell) = logged("ls -l /proc/$$/fd | grep -c self/stat || true; ls /proc/$$/fd");
+        // What the shell has, `ls` has from it.
+        let mut shell = shell("ls -l /proc/self/fd", &folder.path().join("shell.log"));
         assert!(shell.wait(PATIENCE));
-        let said = tail(&shell.log).unwrap();
-        assert_eq!(said[0], "0");
-        assert!(said.contains(&"2".to_owned()), "{said:?}");
+        assert!(shell.ended().unwrap().fine);
+        let said = std::fs::read_to_string(&shell.log).unwrap();
+        assert!(said.contains("shell.log") && !said.contains("leak"), "{said}");
     }
 
     #[test]
@@ -237,7 +305,36 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let command = Command::new("./no-such-program");
         let log = folder.path().join("x.log");
-        let error = Process::spawn("X", command, &log).err().unwrap().to_string();
+        let error = Process::spawn("X", command, &log, Bond::Launcher).err().unwrap().to_string();
         assert!(error.starts_with("X cannot be started: ./no-such-program: No such file"), "{error}");
+    }
+
+    #[test]
+    fn a_log_that_goes_on_is_quoted_from_the_last_start_on() {
+        let (folder, mut first) = logged("echo old words");
+        assert!(first.wait(PATIENCE));
+        assert_eq!(first.ended().unwrap().tail, ["old words"]);
+        let mut second = shell("echo new words", &folder.path().join("shell.log"));
+        assert!(second.wait(PATIENCE));
+        assert_eq!(second.ended().unwrap().tail, ["new words"]);
+    }
+
+    #[test]
+    fn a_process_that_is_no_child_is_adopted_by_its_number_and_its_start() {
+        let (_folder, mut parent) = logged("sleep 1000 & echo $!; wait");
+        let pid = loop {
+            if let Some(line) = tail(&parent.log, 0).unwrap().first() {
+                break Pid::from_raw(line.parse().unwrap()).unwrap();
+            }
+            std::thread::yield_now();
+        };
+        let started = Usage::of(pid).unwrap().started;
+        assert!(Process::adopt(pid, started + 1, &parent.log).is_none());
+        let mut sleep = Process::adopt(pid, started, &parent.log).unwrap();
+        assert!(sleep.is_adopted() && sleep.ended().is_none());
+        parent.kill();
+        assert!(sleep.wait(PATIENCE));
+        assert!(sleep.ended().unwrap().how.starts_with("unseen"));
+        parent.kill_and_wait();
     }
 }

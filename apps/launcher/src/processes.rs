@@ -1,221 +1,593 @@
-//! The crew as operating-system processes: `elk db`, `elk sensor`, …, or any other executable.
+//! The crew as operating-system processes: `elk db`, `elk sensor`, …, or any other executable. The thin shell around
+//! [`Supervisor`], which says what is to be done with them.
 
-use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Community, ConnectError};
-use elk_mission::{AppSpec, Program, Restart};
+use elk_bus::{Client, Clock, Community, ConnectError, LEASE, SUCCEED};
+use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, instead};
+use rustix::event::{PollFd, PollFlags};
 
-use crate::crew::{Crew, stop_order};
+use crate::control::{AppRow, Request};
+use crate::crew::Crew;
 use crate::error::LaunchError;
 use crate::guard::Guard;
-use crate::process::{Process, how};
+use crate::launch_state::{AppState, LaunchState, ProcessState};
+use crate::listener::Join;
+use crate::observer::News;
+use crate::process::{Bond, Process};
+use crate::run_folder::stamp;
+use crate::run_place::RunPlace;
+use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Supervisor, Ticket, UnitSpec, Word};
+use crate::usage::{Samples, Usage};
 
-/// How long the broker may take to answer.
-const BROKER_PATIENCE: Duration = Duration::from_secs(20);
+/// The broker's name among the processes.
+const DB: &str = "db";
+/// How long the broker keeps what a restarted app missed: longer than the longest pause before a restart and the start
+/// itself.
+const LEASE_SECS: u32 = 15;
+
+/// How long a broker that is only to put things away may take to answer.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
 /// How often it is asked.
 const ASK_EVERY: Duration = Duration::from_millis(5);
-/// How long an app may take to end after SIGTERM: the map and the log are written then.
-const STOP_PATIENCE: Duration = Duration::from_secs(20);
-/// An app that did not come to catch SIGTERM ends of it, as it was asked to.
-const ASKED_TO: Option<i32> = Some(signal_hook::consts::SIGTERM);
-/// How often an app with `restart="on-failure"` is started again.
-const RESTARTS: u32 = 3;
+
+/// How processes are started.
+pub(crate) struct Yard {
+    /// The program whose commands are run: elk itself.
+    pub program: PathBuf,
+    pub community: Community,
+    pub place: RunPlace,
+    pub registry: Registry,
+    /// Whether they go on when the launcher is gone.
+    pub detached: bool,
+}
 
 /// Processes of one community.
 pub(crate) struct Processes {
-    program: PathBuf,
-    community: Community,
-    folder: PathBuf,
-    apps: Vec<AppSpec>,
-    /// Those that were started, in the order of their start.
-    started: Vec<Started>,
-    broker: Option<Process>,
-    guard: Guard,
+    yard: Yard,
+    supervisor: Supervisor,
+    /// The broker's, then those of the apps, in the supervisor's order.
+    posts: Vec<Post>,
+    /// Holders that were relieved and have until then to end.
+    retiring: Vec<(Process, Duration)>,
+    guard: Option<Guard>,
+    /// What ended the mission, until somebody asks.
+    failed: Option<LaunchError>,
+    sayings: Vec<String>,
+    words: Vec<(Ticket, Word)>,
+    explorers: Vec<String>,
+    samples: Samples,
+    clock: Stopwatch,
 }
 
-struct Started {
-    app: AppSpec,
-    process: Process,
-    restarts: u32,
-    /// It has ended, and that is all right.
-    over: bool,
+/// A place that a process holds.
+#[derive(Default)]
+struct Post {
+    /// `None`: the broker's.
+    app: Option<AppSpec>,
+    holder: Option<Process>,
+    /// What the app is to be once its successor has taken over.
+    wanted: Option<AppSpec>,
+    successor: Option<Process>,
 }
 
 impl Processes {
-    /// The crew of `apps`; text logs go to `folder`. Nothing but the guard is started yet.
-    pub fn new(program: &Path, community: &Community, folder: &Path, apps: &[AppSpec]) -> Result<Self, LaunchError> {
-        Ok(Self {
-            program: program.to_owned(),
-            community: community.clone(),
-            folder: folder.to_owned(),
-            apps: apps.to_owned(),
-            started: Vec::new(),
-            broker: None,
-            guard: Guard::start(program)?,
-        })
+    /// The crew of a mission. Nothing but the guard is started yet.
+    pub fn new(mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
+        let guard = match yard.detached {
+            true => None,
+            false => Some(Guard::start(&yard.program)?),
+        };
+        let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
+        let units = mission.apps.iter().map(|app| UnitSpec::new(&app.name, &app.element, &app.policy));
+        let apps = mission.apps.iter().map(|app| Post { app: Some(app.clone()), ..Post::default() });
+        let mut all = Self {
+            yard,
+            supervisor: Supervisor::new(broker, units),
+            posts: std::iter::once(Post::default()).chain(apps).collect(),
+            retiring: Vec::new(),
+            guard,
+            failed: None,
+            sayings: Vec::new(),
+            words: Vec::new(),
+            explorers: Vec::new(),
+            samples: Samples::default(),
+            clock: Stopwatch::start(),
+        };
+        for app in mission.of_element("Explorer") {
+            all.note_explorer(app);
+        }
+        Ok(all)
+    }
+
+    /// Takes over the processes that a launcher which is gone has left behind. Who has ended meanwhile is found by the
+    /// next [`Crew::check`].
+    pub fn adopt(mission: &Mission, yard: Yard, state: &LaunchState) -> Result<Self, LaunchError> {
+        let folder = yard.place.folder.clone();
+        let mut all = Self::new(mission, yard)?;
+        all.explorers.clone_from(&state.explorers);
+        all.posts[BROKER].holder = state.broker.and_then(|broker| broker.adopt(DB, &folder));
+        all.supervisor.adopt(BROKER, State::Running, Duration::ZERO);
+        for (place, app) in (BROKER + 1..).zip(&state.apps) {
+            all.adopt_app(place, app);
+        }
+        Ok(all)
+    }
+
+    fn adopt_app(&mut self, place: usize, app: &AppState) {
+        let adopt = |process: Option<ProcessState>| process?.adopt(&app.name, &self.yard.place.folder);
+        // In the midst of a swap there may be two; who has the name goes on.
+        let (holder, successor) = (adopt(app.process), adopt(app.successor));
+        let holder = match (holder, successor) {
+            (Some(holder), Some(mut successor)) => {
+                successor.kill_and_wait();
+                Some(holder)
+            }
+            (holder, successor) => holder.or(successor),
+        };
+        let unit = &mut self.supervisor.units[place];
+        unit.restarts = app.restarts;
+        unit.swaps = app.swaps;
+        unit.last_exit.clone_from(&app.last_exit);
+        let state = if app.idle && holder.is_none() { State::Stopped } else { State::Running };
+        self.posts[place].holder = holder;
+        self.supervisor.adopt(place, state, Duration::ZERO);
+    }
+
+    fn now(&self) -> Duration {
+        self.clock.elapsed()
+    }
+
+    /// Sees who has ended, lets time pass, and does what is to be done, until nothing is.
+    fn work(&mut self) {
+        self.reap();
+        let now = self.now();
+        self.supervisor.tick(now);
+        loop {
+            let actions = self.supervisor.take_actions();
+            if actions.is_empty() {
+                break;
+            }
+            for action in actions {
+                self.act(action);
+            }
+        }
+    }
+
+    fn reap(&mut self) {
+        let now = self.now();
+        for place in 0..self.posts.len() {
+            for role in [Role::Holder, Role::Successor] {
+                let exit = self.reap_one(place, role);
+                if let Some(exit) = exit {
+                    self.supervisor.ended(place, role, exit, now);
+                    // What follows from one's end is done before the next one's is looked at.
+                    self.act_all();
+                }
+            }
+        }
+        let guard = &mut self.guard;
+        self.retiring.retain_mut(|(process, until)| {
+            if *until <= now {
+                process.kill();
+            }
+            let ended = process.ended().is_some();
+            if let Some(guard) = guard.as_mut().filter(|_| ended) {
+                guard.forget(process.pid());
+            }
+            !ended
+        });
+        let processes = self.posts.iter().flat_map(Post::processes).map(Process::pid);
+        self.samples.take(now, processes);
+    }
+
+    fn act_all(&mut self) {
+        for action in self.supervisor.take_actions() {
+            self.act(action);
+        }
+    }
+
+    fn reap_one(&mut self, place: usize, role: Role) -> Option<Exit> {
+        let post = &mut self.posts[place];
+        let process = match role {
+            Role::Holder => &mut post.holder,
+            Role::Successor => &mut post.successor,
+        };
+        // Of whom there was word, and who was gone when it was read.
+        if process.is_none() && role == Role::Holder && self.supervisor.units[place].state == State::Running {
+            let fine = self.supervisor.units[place].spec.may_finish;
+            return Some(Exit { how: "while there was no launcher".to_owned(), fine, ..Exit::default() });
+        }
+        let exit = process.as_mut()?.ended()?.clone();
+        let process = process.take()?;
+        if let Some(guard) = &mut self.guard {
+            guard.forget(process.pid());
+        }
+        // Nobody knows how a stranger ended: that it did may be all right.
+        let fine = exit.fine || (process.is_adopted() && self.supervisor.units[place].spec.may_finish);
+        Some(Exit { fine, ..exit })
+    }
+
+    fn act(&mut self, action: Action) {
+        match action {
+            Action::Start(place, role) => {
+                if let Err(error) = self.start(place, role) {
+                    let now = self.now();
+                    self.supervisor.not_started(place, role, error, now);
+                }
+            }
+            Action::Ask(place) => self.posts[place].holder.iter().for_each(Process::ask),
+            Action::Kill(place) => self.posts[place].holder.iter().for_each(Process::kill),
+            Action::Discard(place) => self.discard(place),
+            Action::TakeOver(place) => self.take_over(place),
+            Action::Say(words) => self.sayings.push(words),
+            Action::Tell(ticket, word) => self.words.push((ticket, word)),
+            // The first failure is the one that explains the others.
+            Action::Fail(error) => self.failed = self.failed.take().or(Some(error)),
+        }
+    }
+
+    fn start(&mut self, place: usize, role: Role) -> Result<(), LaunchError> {
+        let post = &self.posts[place];
+        let app = match role {
+            Role::Holder => &post.app,
+            Role::Successor => &post.wanted,
+        };
+        let (name, mut command) = match app {
+            None => (DB.to_owned(), self.broker_command()),
+            Some(app) => (app.name.clone(), self.app_command(app)),
+        };
+        if role == Role::Successor {
+            command.env(SUCCEED, "1");
+        }
+        let process = self.spawn(&name, command)?;
+        let post = &mut self.posts[place];
+        match role {
+            Role::Holder => post.holder = Some(process),
+            Role::Successor => post.successor = Some(process),
+        }
+        Ok(())
     }
 
     fn spawn(&mut self, name: &str, command: Command) -> Result<Process, LaunchError> {
-        let log = self.folder.join(format!("{name}.log"));
-        let process = Process::spawn(name, command, &log)?;
-        self.guard.watch(process.pid());
+        let log = self.yard.place.folder.join(format!("{name}.log"));
+        if log.metadata().is_ok_and(|found| found.len() > 0)
+            && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)
+        {
+            // A log without the line is no reason not to start.
+            let _ = writeln!(file, "--- a new process of {name}, {} UTC ---", stamp(Clock::new(1.0).now()));
+        }
+        let bond = if self.yard.detached { Bond::None } else { Bond::Launcher };
+        let process = Process::spawn(name, command, &log, bond)?;
+        if let Some(guard) = &mut self.guard {
+            guard.watch(process.pid());
+        }
         Ok(process)
     }
 
     fn broker_command(&self) -> Command {
-        let mut command = Command::new(&self.program);
-        command.arg("db").args(["--community", self.community.as_str()]);
+        let mut command = Command::new(&self.yard.program);
+        command.arg("db").args(["--community", self.yard.community.as_str()]);
         command
     }
 
     /// What starts an app: the same line that a person would type.
     fn app_command(&self, app: &AppSpec) -> Command {
+        let community = self.yard.community.as_str();
         let settings = app.settings.iter().map(|(name, text)| format!("{name}={text}"));
-        match &app.program {
+        let mut command = match &app.program {
             Program::Builtin(app_type, _) => {
-                let mut command = Command::new(&self.program);
+                let mut command = Command::new(&self.yard.program);
                 command.arg(app_type.element.to_lowercase()).args(["--type", app_type.name]);
-                command.args(["--name", &app.name, "--community", self.community.as_str()]);
-                command.args(settings);
+                command.args(["--name", &app.name, "--community", community]);
                 command
             }
             Program::Foreign { exec, args } => {
                 let mut command = Command::new(exec);
-                command.args(args).args(settings);
-                command.env("ELK_COMMUNITY", self.community.as_str()).env("ELK_NAME", &app.name);
+                command.args(args).env("ELK_COMMUNITY", community).env("ELK_NAME", &app.name);
                 command
             }
-        }
-    }
-
-    fn check_app(&mut self, number: usize, when: &'static str) -> Result<(), LaunchError> {
-        let started = &mut self.started[number];
-        if started.over {
-            return Ok(());
-        }
-        let Some(status) = started.process.ended() else {
-            return Ok(());
         };
-        self.guard.forget(started.process.pid());
-        let again = started.app.restart == Restart::OnFailure && started.restarts < RESTARTS;
-        match status.success() {
-            // A program of somebody else's may have done all that it was there for.
-            true if started.app.element == "App" => {
-                started.over = true;
-                Ok(())
-            }
-            false if again => self.restart(number),
-            _ => {
-                started.over = true;
-                Err(started.process.died(status, when))
+        command.args(settings).env_remove(SUCCEED).env_remove(LEASE);
+        if app.policy.restart != Restart::Never {
+            command.env(LEASE, LEASE_SECS.to_string());
+        }
+        command
+    }
+
+    fn discard(&mut self, place: usize) {
+        let post = &mut self.posts[place];
+        post.wanted = None;
+        if let Some(mut successor) = post.successor.take() {
+            successor.kill_and_wait();
+            if let Some(guard) = &mut self.guard {
+                guard.forget(successor.pid());
             }
         }
     }
 
-    fn restart(&mut self, number: usize) -> Result<(), LaunchError> {
-        let app = self.started[number].app.clone();
-        let process = self.spawn(&app.name, self.app_command(&app))?;
-        let started = &mut self.started[number];
-        started.process = process;
-        started.restarts += 1;
-        eprintln!("{} failed and was started again ({} of {RESTARTS})", app.name, started.restarts);
-        Ok(())
+    fn take_over(&mut self, place: usize) {
+        let until = self.now() + STOP_PATIENCE;
+        let post = &mut self.posts[place];
+        let successor = post.successor.take();
+        let relieved = std::mem::replace(&mut post.holder, successor);
+        self.retiring.extend(relieved.map(|process| (process, until)));
+        if let Some(app) = post.wanted.take() {
+            self.note_explorer(&app);
+            self.posts[place].app = Some(app);
+        }
+    }
+
+    fn note_explorer(&mut self, app: &AppSpec) {
+        let what = match &app.program {
+            Program::Builtin(app_type, _) => app_type.name.to_owned(),
+            Program::Foreign { exec, .. } => exec.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        };
+        if app.element == "Explorer" && !self.explorers.contains(&what) {
+            self.explorers.push(what);
+        }
+    }
+
+    /// What an app is to be exchanged for, checked; and what is dropped of it.
+    fn exchange(&self, place: usize, wanted: &Exchange) -> Result<(AppSpec, Vec<String>), LaunchError> {
+        let Some(app) = &self.posts[place].app else { return Err(LaunchError::Stopped) };
+        let mut exchanged = app.exchange(wanted, &self.yard.registry)?;
+        self.yard.place.settle(&mut exchanged.app)?;
+        Ok((exchanged.app, exchanged.dropped))
+    }
+
+    fn swap(&mut self, ticket: Ticket, place: usize, wanted: &Exchange, limit: Duration) {
+        if let Some(refusal) = self.supervisor.refusal(place) {
+            return self.words.push((ticket, Word::Failed(refusal)));
+        }
+        match self.exchange(place, wanted) {
+            Err(error) => self.words.push((ticket, Word::Failed(error.to_string()))),
+            Ok((app, dropped)) => {
+                if !dropped.is_empty() {
+                    let said = format!("{} has no word for {}: dropped", app.type_name(), dropped.join(", "));
+                    self.words.push((ticket, Word::Progress(said)));
+                }
+                self.posts[place].wanted = Some(app);
+                let now = self.now();
+                self.supervisor.order_swap(ticket, place, limit, now);
+            }
+        }
+    }
+
+    /// Whether it ended in good order, as far as anybody can see.
+    fn stop_this_broker(&mut self) -> bool {
+        let Some(mut broker) = self.posts[BROKER].holder.take() else { return false };
+        let (adopted, log) = (broker.is_adopted(), broker.log.display().to_string());
+        let (exit, killed) = broker.stop(STOP_PATIENCE);
+        let fine = adopted || exit.is_some_and(|exit| exit.fine);
+        if killed {
+            let secs = STOP_PATIENCE.as_secs();
+            self.sayings.push(format!("{DB} did not stop within {secs} s and was killed; see {log}"));
+        } else if let Some(exit) = exit.filter(|_| !fine) {
+            self.sayings.push(format!("{DB} ended: {}; see {log}", exit.how));
+        }
+        if let Some(guard) = &mut self.guard {
+            guard.forget(broker.pid());
+        }
+        fine && !killed
+    }
+
+    /// Waits until the broker that was just started answers; whether it does.
+    fn broker_answers(&mut self) -> bool {
+        let clock = Stopwatch::start();
+        while clock.elapsed() < ANSWER_PATIENCE {
+            if Client::connect(&self.yard.community, crate::NAME).is_ok() {
+                return true;
+            }
+            if self.posts[BROKER].holder.as_mut().is_none_or(|broker| broker.ended().is_some()) {
+                return false;
+            }
+            std::thread::sleep(ASK_EVERY);
+        }
+        false
+    }
+
+    fn row(&self, place: usize, dropped: &BTreeMap<String, u64>) -> AppRow {
+        let (post, unit, now) = (&self.posts[place], &self.supervisor.units[place], self.now());
+        let pid = post.holder.as_ref().map(Process::pid);
+        let usage = pid.and_then(Usage::of);
+        let type_name = post.app.as_ref().map_or("broker", AppSpec::type_name);
+        AppRow {
+            name: unit.spec.name.clone(),
+            element: unit.spec.element.clone(),
+            type_name: type_name.to_owned(),
+            pid: pid.map(|pid| pid.as_raw_nonzero().get()),
+            state: unit.state.word().to_owned(),
+            state_secs: now.saturating_sub(unit.since).as_secs_f64(),
+            cpu_percent: usage.and_then(|usage| usage.cpu_percent()),
+            cpu_percent_now: pid.zip(usage).and_then(|(pid, usage)| self.samples.cpu_percent(pid, &usage, now)),
+            resident_bytes: usage.map(|usage| usage.resident),
+            dropped: dropped.get(&unit.spec.name).copied(),
+            restarts: unit.restarts,
+            swaps: unit.swaps,
+            last_exit: unit.last_exit.clone(),
+        }
+    }
+
+    fn note_app(&self, place: usize, state: &mut AppState) {
+        let (post, unit) = (&self.posts[place], &self.supervisor.units[place]);
+        if let Some(app) = &post.app {
+            *state = AppState::of(app);
+        }
+        state.idle = matches!(unit.state, State::Idle | State::Stopping { .. } | State::Stopped | State::Over);
+        state.process = post.holder.as_ref().and_then(ProcessState::of);
+        state.successor = post.successor.as_ref().and_then(ProcessState::of);
+        state.restarts = unit.restarts;
+        state.swaps = unit.swaps;
+        state.last_exit.clone_from(&unit.last_exit);
+    }
+}
+
+impl Post {
+    fn processes(&self) -> impl Iterator<Item = &Process> {
+        self.holder.iter().chain(&self.successor)
     }
 }
 
 impl Crew for Processes {
-    fn start_broker(&mut self, name: &str) -> Result<Client, LaunchError> {
-        let broker = self.spawn("db", self.broker_command())?;
-        let broker = self.broker.insert(broker);
-        let clock = Stopwatch::start();
-        loop {
-            match Client::connect(&self.community, name) {
-                Ok(client) => return still_ours(broker).map(|()| client),
-                Err(ConnectError::NoBroker(_)) if clock.elapsed() < BROKER_PATIENCE => {}
-                Err(error) => return still_ours(broker).and(Err(error.into())),
-            }
-            still_ours(broker)?;
-            std::thread::sleep(ASK_EVERY);
-        }
+    fn join(&self, name: &str) -> Join {
+        let (community, name) = (self.yard.community.clone(), name.to_owned());
+        Box::new(move || Client::connect(&community, &name))
     }
 
-    fn start_apps(&mut self, which: &dyn Fn(&str) -> bool) -> Result<Vec<String>, LaunchError> {
-        let chosen: Vec<AppSpec> = self.apps.iter().filter(|app| which(&app.element)).cloned().collect();
-        for app in &chosen {
-            let process = self.spawn(&app.name, self.app_command(app))?;
-            let app = app.clone();
-            self.started.push(Started { app, process, restarts: 0, over: false });
+    fn start_broker(&mut self) -> Result<(), LaunchError> {
+        free_of_brokers(&self.yard.community)?;
+        let now = self.now();
+        self.supervisor.start(BROKER, now);
+        self.check("at once")
+    }
+
+    fn start_apps(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
+        let now = self.now();
+        for place in BROKER + 1..self.posts.len() {
+            if which(&self.supervisor.units[place].spec.element) {
+                self.supervisor.start(place, now);
+            }
         }
-        Ok(chosen.into_iter().map(|app| app.name).collect())
+        self.check("before it registered")
+    }
+
+    fn missing(&self, _: &BTreeSet<String>) -> Vec<String> {
+        let apps = self.supervisor.units.iter().skip(BROKER + 1);
+        let coming = apps.filter(|unit| matches!(unit.state, State::Starting | State::Waiting { .. }));
+        coming.map(|unit| unit.spec.name.clone()).collect()
+    }
+
+    fn hear(&mut self, news: &[News], signs: &BTreeSet<String>) {
+        // Who has ended did so before whatever is heard now of that name.
+        self.reap();
+        let now = self.now();
+        for name in signs {
+            self.supervisor.sign(name, now);
+        }
+        for one in news {
+            match one {
+                News::Joined => self.supervisor.broker_answers(now),
+                News::Arrived(name) => self.supervisor.arrived(name, now),
+                News::Ready(name) => self.supervisor.ready(name, now),
+                News::HandedOver(name, gap_ms) => self.supervisor.handed_over(name, *gap_ms, now),
+                News::Report => {}
+            }
+            self.act_all();
+        }
     }
 
     fn check(&mut self, when: &'static str) -> Result<(), LaunchError> {
-        // Without a broker every app ends: it is looked at first, so that it is the one that is named.
-        if let Some(broker) = &mut self.broker
-            && let Some(status) = broker.ended()
-        {
-            return Err(broker.died(status, when));
-        }
-        (0..self.started.len()).try_for_each(|number| self.check_app(number, when))
+        self.supervisor.when = when;
+        self.work();
+        self.failed.take().map_or(Ok(()), Err)
     }
 
-    fn stop_apps(&mut self) -> Vec<String> {
-        let order = stop_order(self.started.iter().map(|started| started.app.element.as_str()));
-        let mut complaints = Vec::new();
-        for number in order {
-            let Started { process, over, .. } = &mut self.started[number];
-            if !*over {
-                complaints.extend(stop(process));
-                self.guard.forget(process.pid());
+    fn watch<'a>(&'a self, watched: &mut Vec<PollFd<'a>>) {
+        let retiring = self.retiring.iter().map(|(process, _)| process);
+        let all = self.posts.iter().flat_map(Post::processes).chain(retiring);
+        watched.extend(all.map(|process| PollFd::from_borrowed_fd(process.handle(), PollFlags::IN)));
+    }
+
+    fn patience(&self) -> Option<Duration> {
+        Some(self.supervisor.deadline()?.saturating_sub(self.now()))
+    }
+
+    fn sayings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.sayings)
+    }
+
+    fn order(&mut self, ticket: Ticket, order: Request) {
+        let (Request::Stop { app } | Request::Start { app, .. } | Request::Swap { app, .. }) = &order else {
+            return;
+        };
+        let Some(place) = self.supervisor.place(app) else {
+            let known: Vec<&str> = self.supervisor.units[1..].iter().map(|unit| unit.spec.name.as_str()).collect();
+            let right = instead(app, &known);
+            return self.words.push((ticket, Word::Failed(format!("the mission has no app {app}; {right}"))));
+        };
+        let now = self.now();
+        match order {
+            Request::Stop { .. } => self.supervisor.order_stop(ticket, place, now),
+            Request::Start { limit_secs, .. } => {
+                self.supervisor.order_start(ticket, place, limit(limit_secs), now);
             }
+            Request::Swap { type_name, exec, params, folder, limit_secs, .. } => {
+                let wanted = Exchange { type_name, exec, params, folder };
+                self.swap(ticket, place, &wanted, limit(limit_secs));
+            }
+            Request::Apps | Request::Pause | Request::Resume | Request::Step => {}
         }
-        self.started.clear();
-        complaints
+        self.act_all();
     }
 
-    fn stop_broker(&mut self) -> Vec<String> {
-        let broker = self.broker.take();
-        broker
-            .into_iter()
-            .filter_map(|mut broker| {
-                let complaint = stop(&mut broker);
-                self.guard.forget(broker.pid());
-                complaint
-            })
-            .collect()
+    fn words(&mut self) -> Vec<(Ticket, Word)> {
+        std::mem::take(&mut self.words)
+    }
+
+    fn rows(&mut self, dropped: &BTreeMap<String, u64>) -> Vec<AppRow> {
+        (0..self.posts.len()).map(|place| self.row(place, dropped)).collect()
+    }
+
+    fn note_state(&self, state: &mut LaunchState) -> bool {
+        state.broker = self.posts[BROKER].holder.as_ref().and_then(ProcessState::of);
+        state.explorers.clone_from(&self.explorers);
+        for (place, app) in (BROKER + 1..).zip(&mut state.apps) {
+            self.note_app(place, app);
+        }
+        self.yard.detached
+    }
+
+    fn explorers(&self) -> Vec<String> {
+        self.explorers.clone()
+    }
+
+    fn end_apps(&mut self) {
+        let now = self.now();
+        self.supervisor.end(now);
+        self.work();
+    }
+
+    fn ended(&self) -> bool {
+        self.supervisor.all_ended() && self.retiring.is_empty()
+    }
+
+    fn stop_broker(&mut self) {
+        // What a broker that died could not put away, the next one does.
+        if !self.stop_this_broker() && self.start(BROKER, Role::Holder).is_ok() && self.broker_answers() {
+            self.stop_this_broker();
+        }
     }
 }
 
 /// Whoever leaves early, by an error or a panic, leaves nobody behind.
 impl Drop for Processes {
     fn drop(&mut self) {
-        self.stop_apps();
-        self.stop_broker();
+        let posts = self.posts.iter_mut().rev();
+        for process in posts.flat_map(|post| post.successor.take().into_iter().chain(post.holder.take())) {
+            let mut process = process;
+            process.stop(STOP_PATIENCE);
+        }
+        for (process, _) in &mut self.retiring {
+            process.stop(STOP_PATIENCE);
+        }
     }
 }
 
-/// The broker that answers has to be the one that was started: another one of the same community makes it end.
-fn still_ours(broker: &mut Process) -> Result<(), LaunchError> {
-    match broker.ended() {
-        Some(status) => Err(broker.died(status, "at once")),
-        None => Ok(()),
+/// Another broker of the same community would make ours end, or be taken for it.
+fn free_of_brokers(community: &Community) -> Result<(), LaunchError> {
+    match Client::connect(community, crate::NAME) {
+        Err(ConnectError::NoBroker(_)) => Ok(()),
+        Err(error @ ConnectError::ForeignUser { .. }) => Err(error.into()),
+        Ok(_) | Err(_) => Err(LaunchError::Served(community.clone())),
     }
 }
 
-fn stop(process: &mut Process) -> Option<String> {
-    let log = process.log.display().to_string();
-    match process.stop(STOP_PATIENCE) {
-        (_, true) => {
-            let secs = STOP_PATIENCE.as_secs();
-            Some(format!("{} did not stop within {secs} s and was killed; see {log}", process.name))
-        }
-        (Some(status), false) if !status.success() && status.signal() != ASKED_TO => {
-            Some(format!("{} stopped with {}; see {log}", process.name, how(status)))
-        }
-        (_, false) => None,
-    }
+fn limit(secs: f64) -> Duration {
+    Duration::try_from_secs_f64(secs).unwrap_or(Duration::MAX)
 }

@@ -36,17 +36,23 @@ impl Display {
         }
     }
 
+    /// Says something that is to stay.
+    pub fn say(&self, words: &str) {
+        self.clear();
+        eprintln!("{words}");
+    }
+
     /// Shows what there is to be seen, if it is time.
-    pub fn show(&mut self, observed: &Observer) {
+    pub fn show(&mut self, observed: &Observer, paused: bool) {
         for complaint in &observed.complaints[self.complaints_shown..] {
-            self.clear();
-            eprintln!("{complaint}");
+            self.say(complaint);
         }
         self.complaints_shown = observed.complaints.len();
         let period = if self.terminal { TERMINAL_PERIOD } else { PIPE_PERIOD };
         if self.since_last.is_none_or(|since| since.elapsed() >= period) {
             self.since_last = Some(Stopwatch::start());
-            self.write(&line(observed));
+            let paused = if paused { "paused | " } else { "" };
+            self.write(&format!("{paused}{}", line(observed)));
         }
     }
 

@@ -29,7 +29,7 @@ pub(crate) fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, L
 }
 
 /// `20261123-224512`, UTC.
-fn stamp(now: f64) -> String {
+pub(crate) fn stamp(now: f64) -> String {
     let secs = now as i64;
     let (days, of_day) = (secs.div_euclid(86_400), secs.rem_euclid(86_400));
     let (year, month, day) = civil(days);

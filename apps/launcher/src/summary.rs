@@ -19,7 +19,7 @@ pub struct Summary {
     pub mission: String,
     /// The mission file.
     pub mission_file: String,
-    /// The explorer's type.
+    /// The explorer's type; of several that took turns, each once, in their order.
     pub explorer: String,
     /// The motion policy's name.
     pub policy: Option<String>,
@@ -62,8 +62,9 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Sums up what was observed of a mission; `ended` is why it ended before its time, if it did.
-    pub(crate) fn of(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> Self {
+    /// Sums up what was observed of a mission in which `explorer` explored; `ended` is why it ended before its time, if it
+    /// did.
+    pub(crate) fn of(mission: &Mission, observed: &Observer, explorer: String, ended: Option<&LaunchError>) -> Self {
         let report = observed.exploration.as_ref();
         let (complete, reason) = outcome(observed, ended);
         let progress = observed.progress.as_ref();
@@ -77,7 +78,7 @@ impl Summary {
         Self {
             mission: mission.name.clone(),
             mission_file: mission.file.display().to_string(),
-            explorer: explorer(mission),
+            explorer,
             policy: report.map(|report| report.policy.clone()),
             seed: seed(mission),
             complete,
@@ -124,11 +125,6 @@ fn outcome(observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
             (false, format!("{}, but the robot touched the true world {n} times", report.reason))
         }
     }
-}
-
-fn explorer(mission: &Mission) -> String {
-    let explorer = mission.of_element("Explorer").next();
-    explorer.map(|app| app.type_name().to_owned()).unwrap_or_default()
 }
 
 /// The seed of the first app that has one, in the order of the file: the sensor's.

@@ -1,15 +1,24 @@
 //! The crew as threads of this process, around a broker in memory: for tests, and where a mission is to be one process.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
+use elk_bus::clock::Stopwatch;
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{App, BrokerConfig, Client, Clock, Community, run_app_on};
+use elk_bus::{App, BrokerConfig, Client, Clock, Community, ConnectError, run_app_on};
 use elk_mission::{AppSpec, Program};
+use rustix::event::PollFd;
 
+use crate::control::{AppRow, Request};
 use crate::crew::{Crew, stop_order};
 use crate::error::LaunchError;
+use crate::launch_state::LaunchState;
+use crate::listener::Join;
+use crate::observer::News;
+use crate::supervisor::{Ticket, Word};
 
 /// Threads of one community.
 pub(crate) struct Threads {
@@ -17,6 +26,9 @@ pub(crate) struct Threads {
     community: Community,
     apps: Vec<AppSpec>,
     started: Vec<Started>,
+    running: Stopwatch,
+    complaints: Vec<String>,
+    words: Vec<(Ticket, Word)>,
 }
 
 struct Started {
@@ -31,11 +43,8 @@ impl Threads {
     pub fn new(community: &Community, apps: &[AppSpec]) -> Self {
         let broker = MemoryBroker::new(BrokerConfig::new(community.as_str()), Clock::new(1.0));
         let (community, apps) = (community.clone(), apps.to_owned());
-        Self { broker, community, apps, started: Vec::new() }
-    }
-
-    fn connect(&self, name: &str) -> Result<Client, LaunchError> {
-        connect(&self.broker, name, &self.community)
+        let (started, complaints, words) = (Vec::new(), Vec::new(), Vec::new());
+        Self { broker, community, apps, started, running: Stopwatch::start(), complaints, words }
     }
 
     fn start(&self, app: AppSpec) -> Result<Started, LaunchError> {
@@ -63,8 +72,8 @@ fn run_app(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<
     run_app_on(app, client, stop).map_err(|error| error.to_string())
 }
 
-fn connect(broker: &MemoryBroker, name: &str, community: &Community) -> Result<Client, LaunchError> {
-    let refused = |reason: elk_bus::broker::Refusal| elk_bus::ConnectError::Refused {
+fn connect(broker: &MemoryBroker, name: &str, community: &Community) -> Result<Client, ConnectError> {
+    let refused = |reason: elk_bus::broker::Refusal| ConnectError::Refused {
         community: community.clone(),
         reason: reason.to_string(),
     };
@@ -95,46 +104,110 @@ impl Started {
 }
 
 impl Crew for Threads {
-    fn start_broker(&mut self, name: &str) -> Result<Client, LaunchError> {
-        self.connect(name)
+    fn join(&self, name: &str) -> Join {
+        let (broker, community, name) = (self.broker.clone(), self.community.clone(), name.to_owned());
+        Box::new(move || connect(&broker, &name, &community))
     }
 
-    fn start_apps(&mut self, which: &dyn Fn(&str) -> bool) -> Result<Vec<String>, LaunchError> {
+    fn start_broker(&mut self) -> Result<(), LaunchError> {
+        Ok(())
+    }
+
+    fn start_apps(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
         let chosen: Vec<AppSpec> = self.apps.iter().filter(|app| which(&app.element)).cloned().collect();
-        for app in &chosen {
-            let started = self.start(app.clone())?;
+        for app in chosen {
+            let started = self.start(app)?;
             self.started.push(started);
         }
-        Ok(chosen.into_iter().map(|app| app.name).collect())
+        Ok(())
     }
+
+    fn missing(&self, clients: &BTreeSet<String>) -> Vec<String> {
+        let names = self.started.iter().map(|started| started.app.name.clone());
+        names.filter(|name| !clients.contains(name)).collect()
+    }
+
+    fn hear(&mut self, _: &[News], _: &BTreeSet<String>) {}
 
     fn check(&mut self, when: &'static str) -> Result<(), LaunchError> {
         self.started.iter_mut().try_for_each(|started| started.check(when))
     }
 
-    fn stop_apps(&mut self) -> Vec<String> {
+    /// A thread's end makes nothing readable.
+    fn watch<'a>(&'a self, _: &mut Vec<PollFd<'a>>) {}
+
+    fn patience(&self) -> Option<Duration> {
+        None
+    }
+
+    fn sayings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.complaints)
+    }
+
+    fn order(&mut self, ticket: Ticket, _: Request) {
+        let said = "this mission runs inside one process, where no app can be stopped, started or swapped: \
+                    launch it without --in-process";
+        self.words.push((ticket, Word::Failed(said.to_owned())));
+    }
+
+    fn words(&mut self) -> Vec<(Ticket, Word)> {
+        std::mem::take(&mut self.words)
+    }
+
+    fn rows(&mut self, dropped: &BTreeMap<String, u64>) -> Vec<AppRow> {
+        let secs = self.running.elapsed().as_secs_f64();
+        let row = |started: &Started| AppRow {
+            name: started.app.name.clone(),
+            element: started.app.element.clone(),
+            type_name: started.app.type_name().to_owned(),
+            // They are threads of the launcher's process, whose row says what they use together.
+            pid: None,
+            state: "running".to_owned(),
+            state_secs: secs,
+            cpu_percent: None,
+            cpu_percent_now: None,
+            resident_bytes: None,
+            dropped: dropped.get(&started.app.name).copied(),
+            restarts: 0,
+            swaps: 0,
+            last_exit: None,
+        };
+        self.started.iter().map(row).collect()
+    }
+
+    fn note_state(&self, _: &mut LaunchState) -> bool {
+        false
+    }
+
+    fn explorers(&self) -> Vec<String> {
+        let explorers = self.apps.iter().filter(|app| app.element == "Explorer");
+        explorers.map(|app| app.type_name().to_owned()).collect()
+    }
+
+    fn end_apps(&mut self) {
         let order = stop_order(self.started.iter().map(|started| started.app.element.as_str()));
-        let mut complaints = Vec::new();
         for number in order {
             let started = &mut self.started[number];
             started.stop.store(true, Ordering::Relaxed);
             if let Err(error) = started.join() {
-                complaints.push(format!("{}: {error}", started.app.name));
+                self.complaints.push(format!("{}: {error}", started.app.name));
             }
         }
         self.started.clear();
-        complaints
     }
 
-    fn stop_broker(&mut self) -> Vec<String> {
+    fn ended(&self) -> bool {
+        self.started.is_empty()
+    }
+
+    fn stop_broker(&mut self) {
         self.broker.stop();
-        Vec::new()
     }
 }
 
 impl Drop for Threads {
     fn drop(&mut self) {
-        self.stop_apps();
+        self.end_apps();
         self.stop_broker();
     }
 }

@@ -158,6 +158,8 @@ fn run(folder: &Path, sets: &[&str]) -> Outcome {
         headless: true,
         auto: true,
         in_process: true,
+        detached: false,
+        registry: Registry::new(&[TYPES]),
     };
     launch(mission, &options).unwrap()
 }

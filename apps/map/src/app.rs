@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_REQUEST, MAP_UPDATE};
+use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE};
+use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::MapStatus;
 use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;
@@ -98,12 +99,40 @@ fn config(params: &Params) -> Result<MapConfig, AppError> {
     })
 }
 
+/// How long a map that was killed waits for a reader's copy before it begins anew (s): longer than any reader plans.
+const COPY_PATIENCE_SECS: f64 = 10.0;
+/// How often a map looks whether it has waited long enough (Hz).
+const TICK_HZ: f64 = 1.0;
+
+/// The map on the bus.
+///
+/// A map that stops leaves its memory, log-odds and all, under MAP_MEMORY. One that is killed leaves what its readers have:
+/// a whole map of three values each. Publishing the memory with every scan instead would write the whole map where
+/// little has changed, and cost the more, the larger the world is.
 struct MapApp {
     map: OccupancyMap,
     input: Key<Scan<'static>>,
     file: Option<PathBuf>,
     last_scan: u64,
     cpu_secs: f64,
+    recall: Recall,
+    stage: Stage,
+    /// Scans that came before the map was there to take them, oldest first.
+    waiting: Vec<Scan<'static>>,
+    /// Whether somebody asked for the whole map before it was there.
+    requested: bool,
+    /// Whether readers may have a map that this one does not go on from.
+    next_is_whole: bool,
+}
+
+/// How far a map has come to be there.
+enum Stage {
+    /// It learns what its predecessor published last; `revision`: what readers may have.
+    Recalling { revision: u64 },
+    /// It waits for a copy of `revision`, since a time (s).
+    Asking { revision: u64, since: f64 },
+    /// It takes scans.
+    Here,
 }
 
 impl MapApp {
@@ -115,12 +144,112 @@ impl MapApp {
             file: (!file.is_empty()).then(|| file.into()),
             last_scan: 0,
             cpu_secs: 0.0,
+            recall: Recall::default(),
+            stage: Stage::Recalling { revision: 0 },
+            waiting: Vec::new(),
+            requested: false,
+            next_is_whole: false,
         })
     }
 
+    /// Takes note of what the predecessor published last.
+    fn remember(&mut self, mail: &Mail<'_>) -> Result<(), AppError> {
+        if mail.is(&MAP_MEMORY) {
+            let memory = mail.decode(&MAP_MEMORY)?;
+            self.map = OccupancyMap::from_memory(*self.map.config(), &memory)?;
+            self.last_scan = memory.scan;
+        } else if mail.is(&MAP_KNOWN) {
+            self.cpu_secs = mail.decode(&MAP_KNOWN)?.cpu_secs;
+        } else if mail.is(&MAP_UPDATE)
+            && let Stage::Recalling { revision } = &mut self.stage
+        {
+            *revision = mail.decode(&MAP_UPDATE)?.revision;
+        }
+        Ok(())
+    }
+
+    /// All that the predecessor published is known: it left its memory, was killed, or there was none.
+    fn recalled(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        match self.stage {
+            Stage::Recalling { revision } if self.map.grid().revision() < revision => {
+                comms.register(&MAP)?;
+                comms.notify(MAP_RECALL, revision as f64)?;
+                self.stage = Stage::Asking { revision, since: comms.time() };
+                Ok(())
+            }
+            Stage::Recalling { .. } => self.begin(comms),
+            _ => Ok(()),
+        }
+    }
+
+    /// A whole map came; a copy of the map that was, if it is asked for and not too old.
+    fn on_copy(&mut self, comms: &mut Comms, copy: &MapUpdate) -> Result<(), AppError> {
+        let Stage::Asking { revision, .. } = self.stage else {
+            return Ok(());
+        };
+        if copy.revision > self.map.grid().revision() {
+            self.map = OccupancyMap::from_copy(*self.map.config(), copy)?;
+            self.last_scan = copy.scan;
+        }
+        if copy.revision < revision {
+            return Ok(());
+        }
+        comms.publish(&MAP_KNOWN, &self.status())?;
+        self.begin(comms)
+    }
+
+    /// Goes on with what there is, if a copy was waited for in vain.
+    fn give_up_on_copies(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let Stage::Asking { revision, since } = self.stage else {
+            return Ok(());
+        };
+        if comms.time() - since < COPY_PATIENCE_SECS {
+            return Ok(());
+        }
+        let (name, own) = (comms.name(), self.map.grid().revision());
+        eprintln!(
+            "{name}: the map was lost: nobody has a copy of its revision {revision}; it goes on from revision {own} (0: from \
+             nothing), and what is missing has to be explored again"
+        );
+        self.map.skip_to(revision)?;
+        self.next_is_whole = true;
+        self.begin(comms)
+    }
+
+    fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        if matches!(self.stage, Stage::Asking { .. }) {
+            comms.unregister(MAP.name(), "*")?;
+        }
+        self.stage = Stage::Here;
+        let mut waiting = std::mem::take(&mut self.waiting);
+        // The latest scan comes to every map that starts, whether its predecessor had taken it or not.
+        waiting.retain(|scan| scan.id > self.last_scan);
+        waiting.iter().try_for_each(|scan| self.insert(comms, scan))?;
+        if std::mem::take(&mut self.requested) {
+            self.publish_whole(comms)?;
+        }
+        Ok(())
+    }
+
+    fn on_scan(&mut self, comms: &mut Comms, scan: Scan<'_>) -> Result<(), AppError> {
+        match self.stage {
+            Stage::Here => self.insert(comms, &scan),
+            _ if self.waiting.iter().any(|other| other.id == scan.id) => Ok(()),
+            _ => {
+                self.waiting.push(Scan {
+                    id: scan.id,
+                    command: scan.command,
+                    pose: scan.pose,
+                    points: scan.points.into_owned(),
+                });
+                Ok(())
+            }
+        }
+    }
+
     fn insert(&mut self, comms: &mut Comms, scan: &Scan<'_>) -> Result<(), AppError> {
+        // A successor of the sensor or of a filter that does not know whether it was published publishes it again.
         if scan.id == self.last_scan {
-            eprintln!("{}: scan {} came twice; the second one is left out", comms.name(), scan.id);
             return Ok(());
         }
         if scan.id != self.last_scan + 1 {
@@ -140,7 +269,11 @@ impl MapApp {
                 scan.id
             );
         }
-        comms.publish(&MAP_UPDATE, &self.map.advance(&seen.changed, scan.id))?;
+        let update = self.map.advance(&seen.changed, scan.id);
+        match std::mem::take(&mut self.next_is_whole) {
+            true => comms.publish(&MAP_UPDATE, &self.map.grid().whole(scan.id))?,
+            false => comms.publish(&MAP_UPDATE, &update)?,
+        }
         comms.publish(&MAP_KNOWN, &self.status())?;
         Ok(())
     }
@@ -154,6 +287,16 @@ impl MapApp {
             frontier: self.map.frontier_len() as u64,
             resolution: grid.resolution(),
             cpu_secs: self.cpu_secs,
+        }
+    }
+
+    fn on_request(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        match self.stage {
+            Stage::Here => self.publish_whole(comms),
+            _ => {
+                self.requested = true;
+                Ok(())
+            }
         }
     }
 
@@ -178,25 +321,45 @@ impl MapApp {
 
 impl App for MapApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.recall.ask(comms, &MAP_MEMORY)?;
+        self.recall.ask(comms, &MAP_KNOWN)?;
+        self.recall.ask(comms, &MAP_UPDATE)?;
+        Recall::ask_for_mark(comms)?;
         comms.register(&self.input)?;
         comms.register_variable(MAP_REQUEST, 0.0)?;
         Ok(())
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-        if mail.key() == MAP_REQUEST {
-            return self.publish_whole(comms);
+        if self.recall.ends_with(comms, mail)? {
+            self.recalled(comms)?;
         }
         if mail.is(&self.input) {
-            self.insert(comms, &mail.decode(&self.input)?)?;
+            self.on_scan(comms, mail.decode(&self.input)?)
+        } else if mail.key() == MAP_REQUEST {
+            self.on_request(comms)
+        } else if mail.is(&MAP) {
+            self.on_copy(comms, &mail.decode(&MAP)?)
+        } else {
+            self.remember(mail)
         }
-        Ok(())
+    }
+
+    fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.give_up_on_copies(comms)
+    }
+
+    fn tick_hz(&self) -> Option<f64> {
+        Some(TICK_HZ)
     }
 
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        if let Some(path) = &self.file {
-            self.save(path)?;
+        if !matches!(self.stage, Stage::Here) {
+            // What it does not have it cannot leave; its successor asks again.
+            return Ok(());
         }
-        self.publish_whole(comms)
+        comms.publish(&MAP_MEMORY, &self.map.memory(self.last_scan))?;
+        self.publish_whole(comms)?;
+        self.file.as_ref().map_or(Ok(()), |path| self.save(path))
     }
 }

@@ -77,7 +77,7 @@ pub(crate) struct Brick {
 }
 
 impl Brick {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self {
             log_odds: Box::new([0.0; BRICK_CELLS]),
             known: mask::NONE,

@@ -1,7 +1,7 @@
 //! The simulator as an app: pose commands in, poses and scans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
 use elk_spatial::map::MapUpdate;
@@ -102,6 +102,19 @@ pub struct SimulatorApp {
     camera_pose: Key<CameraPose>,
     /// CPU spent on scans so far (s).
     cpu_secs: f64,
+    recall: Recall,
+    past: Past,
+    /// The last judgement of a map.
+    judged: Option<AccuracyReport>,
+}
+
+/// What is known of a predecessor.
+#[derive(Debug, Default)]
+struct Past {
+    pose: Option<CameraPose>,
+    report: Option<SensorReport>,
+    /// The last scan that was published.
+    scan: u64,
 }
 
 fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
@@ -114,6 +127,9 @@ fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
         scan: Key::named(params.text("Output")),
         camera_pose: camera_pose(params.text("MOOSPoseVarName")),
         cpu_secs: 0.0,
+        recall: Recall::default(),
+        past: Past::default(),
+        judged: None,
     }))
 }
 
@@ -144,26 +160,62 @@ fn seed(params: &Params) -> u64 {
 
 impl App for SimulatorApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.recall.ask(comms, &self.camera_pose)?;
+        self.recall.ask(comms, &SENSOR_REPORT)?;
+        self.recall.ask(comms, &self.scan)?;
+        self.recall.ask(comms, &ACCURACY_REPORT)?;
+        Recall::ask_for_mark(comms)?;
         comms.register(&POSE_COMMAND)?;
-        comms.register(&MAP)?;
-        self.publish_pose(comms)
+        Ok(comms.register(&MAP)?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        if self.recall.ends_with(comms, mail)? {
+            self.begin(comms)?;
+        }
         if mail.is(&POSE_COMMAND) {
             self.on_command(comms, &mail.decode(&POSE_COMMAND)?)?;
         } else if mail.is(&MAP) {
             self.on_map(comms, &mail.decode(&MAP)?)?;
+        } else if mail.is(&self.camera_pose) {
+            self.past.pose = Some(mail.decode(&self.camera_pose)?);
+        } else if mail.is(&SENSOR_REPORT) {
+            self.past.report = Some(mail.decode(&SENSOR_REPORT)?);
+        } else if mail.is(&self.scan) {
+            self.past.scan = mail.decode(&self.scan)?.id;
+        } else if mail.is(&ACCURACY_REPORT) {
+            self.judged = Some(mail.decode(&ACCURACY_REPORT)?);
         }
         Ok(())
     }
 }
 
 impl SimulatorApp {
+    /// Says where the camera is, or goes on where a predecessor stopped: takes the scan again that it did not come to
+    /// publish.
+    fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let Past { pose, report, scan } = std::mem::take(&mut self.past);
+        let Some(pose) = pose else {
+            return self.publish_pose(comms);
+        };
+        let (scans, contacts, cpu_secs) = report.map_or((scan, 0, 0.0), |r| (r.scans, r.contacts, r.cpu_secs));
+        self.simulator.succeed(&pose, scans, contacts).map_err(|refusal| {
+            format!("where the sensor before this one was: {refusal}; give this one the same World")
+        })?;
+        self.cpu_secs = cpu_secs;
+        match scan < scans {
+            true => Ok(comms.publish(&self.scan, &self.simulator.last_scan())?),
+            false => Ok(()),
+        }
+    }
+
     fn on_command(&mut self, comms: &mut Comms, command: &PoseCommand) -> Result<(), AppError> {
         if command.id <= self.simulator.command() {
             let last = self.simulator.command();
-            eprintln!("pose command {} ignored: {last} is already carried out", command.id);
+            // The last one comes again when the controller or the sensor was exchanged; an older one is a mistake.
+            if command.id < last {
+                eprintln!("pose command {} ignored: {last} is already carried out", command.id);
+            }
             return Ok(());
         }
         let before = thread_cpu_secs();
@@ -172,9 +224,10 @@ impl SimulatorApp {
         if let Some(refusal) = outcome.refused {
             eprintln!("pose command {} refused, the robot stays: {refusal}", command.id);
         }
+        // A successor finds the two together, and then knows by the last scan whether this one came to be published.
         self.publish_pose(comms)?;
-        comms.publish(&self.scan, &outcome.scan)?;
         comms.publish(&SENSOR_REPORT, &self.report())?;
+        comms.publish(&self.scan, &outcome.scan)?;
         Ok(())
     }
 
@@ -192,13 +245,22 @@ impl SimulatorApp {
         }
     }
 
-    /// Judges a whole map; only the simulator knows the truth.
+    /// Judges a whole map, or says again what it was judged to be; only the simulator knows the truth.
     fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
+        let report = match self.judged.take_if(|judged| judged.revision == update.revision) {
+            Some(judged) => judged,
+            None => self.judge(update)?,
+        };
+        comms.publish(&ACCURACY_REPORT, &report)?;
+        self.judged = Some(report);
+        Ok(())
+    }
+
+    fn judge(&self, update: &MapUpdate) -> Result<AccuracyReport, AppError> {
         let mut map = OccupancyGrid::new(update.resolution);
         map.apply(update)?;
         let accuracy = accuracy(self.simulator.world(), &map);
-        let report = AccuracyReport { revision: update.revision, accuracy: accuracy.share(), voxels: accuracy.known };
-        Ok(comms.publish(&ACCURACY_REPORT, &report)?)
+        Ok(AccuracyReport { revision: update.revision, accuracy: accuracy.share(), voxels: accuracy.known })
     }
 }
 
@@ -221,6 +283,9 @@ mod tests {
             scan: SCAN,
             camera_pose: camera_pose("SIM_SENSOR"),
             cpu_secs: 0.0,
+            recall: Recall::default(),
+            past: Past::default(),
+            judged: None,
         }
     }
 
@@ -260,7 +325,7 @@ mod tests {
         probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
         probe.comms.flush().unwrap();
         app.on_start_up(&mut sensor.comms).unwrap();
-        sensor.comms.flush().unwrap();
+        serve(&mut app, &mut sensor);
         assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 0)]);
 
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
@@ -270,7 +335,7 @@ mod tests {
         }
         probe.comms.flush().unwrap();
         serve(&mut app, &mut sensor);
-        let expected = [("SIM_SENSOR", 1), ("SCAN", 1), ("SENSOR_REPORT", 0)];
+        let expected = [("SIM_SENSOR", 1), ("SENSOR_REPORT", 0), ("SCAN", 1)];
         assert_eq!(heard(&mut probe), expected.map(|(key, n)| (key.to_owned(), n)));
         assert_eq!(app.simulator.pose(), pose);
 
@@ -280,5 +345,36 @@ mod tests {
         probe.comms.flush().unwrap();
         serve(&mut app, &mut sensor);
         assert_eq!(heard(&mut probe), [("ACCURACY_REPORT".to_owned(), 1)]);
+    }
+    #[test]
+    fn a_successor_goes_on_from_where_the_other_one_stood_and_takes_the_scan_that_is_missing() {
+        let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
+        let mut probe = join(&broker, "probe");
+        let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
+        let mut other = app();
+        let scan = other.simulator.execute(&PoseCommand { id: 1, via: Vec::new(), pose }).scan;
+        let report = SensorReport { contacts: 2, ..other.report() };
+        probe.comms.publish(&other.camera_pose, &CameraPose { command: 1, pose }).unwrap();
+        probe.comms.publish(&SENSOR_REPORT, &report).unwrap();
+        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.flush().unwrap();
+        for published in [vec![("SCAN".to_owned(), 1)], vec![]] {
+            let (mut successor, mut sensor) = (app(), join(&broker, "Simulator"));
+            successor.on_start_up(&mut sensor.comms).unwrap();
+            serve(&mut successor, &mut sensor);
+            assert_eq!(heard(&mut probe), published);
+            assert_eq!(successor.simulator.last_scan(), scan);
+            assert_eq!((successor.simulator.pose(), successor.report()), (pose, report.clone()));
+        }
+    }
+
+    #[test]
+    fn a_successor_in_another_world_says_what_is_wrong() {
+        let mut app = app();
+        let pose = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 99.0), 0.0, 0.0);
+        app.past.pose = Some(CameraPose { command: 3, pose });
+        let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
+        let error = app.begin(&mut join(&broker, "Simulator").comms).unwrap_err().to_string();
+        assert!(error.contains("(0.000; 0.000; 99.000) is inside an obstacle") && error.contains("World"), "{error}");
     }
 }

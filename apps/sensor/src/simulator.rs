@@ -1,6 +1,6 @@
 //! A robot with a depth camera in a world that only the simulator knows (thesis 3.3).
 
-use elk_spatial::messages::PoseCommand;
+use elk_spatial::messages::{CameraPose, PoseCommand};
 use elk_spatial::{Points, Pose, Scan};
 use nalgebra::{Point3, Vector3};
 
@@ -106,6 +106,21 @@ impl Simulator {
     /// The world.
     pub fn world(&self) -> &World {
         &self.world
+    }
+
+    /// Goes on where another robot in the same world stopped: at `pose`, after so many scans and contacts.
+    ///
+    /// # Errors
+    /// It cannot be there: the world is another one.
+    pub fn succeed(&mut self, at: &CameraPose, scans: u64, contacts: u64) -> Result<(), Refusal> {
+        self.free(&at.pose)?;
+        (self.pose, self.command, self.scans, self.contacts) = (at.pose, at.command, scans, contacts);
+        Ok(())
+    }
+
+    /// The last scan, as it was taken.
+    pub fn last_scan(&self) -> Scan<'static> {
+        self.scan()
     }
 
     /// Goes to the commanded pose, by way of the positions before it, and takes a scan; stays where it is, and scans

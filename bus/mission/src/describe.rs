@@ -2,13 +2,32 @@
 
 use std::fmt::Write;
 
+use crate::policy::{Attribute, OF_APP, OF_BROKER};
 use crate::registry::Registry;
 use crate::spec::{AppType, ParamSpec};
 
 /// Every app type with its parameters, units, defaults and meaning.
 pub fn describe(registry: &Registry) -> String {
     let types: Vec<String> = registry.types().map(describe_type).collect();
-    types.join("\n")
+    format!("{}\n{}", types.join("\n"), describe_attributes())
+}
+
+/// What every app's element and the Scenario can say besides parameters.
+fn describe_attributes() -> String {
+    let mut text = "Attributes of every app's element: what happens when it dies or hangs.\n".to_owned();
+    describe_policy(&mut text, &OF_APP);
+    text += "\nAttributes of the Scenario: what happens when its broker dies.\n";
+    describe_policy(&mut text, &OF_BROKER);
+    text
+}
+
+fn describe_policy(text: &mut String, attributes: &[Attribute]) {
+    let width = attributes.iter().map(|attribute| attribute.name.len()).max().unwrap_or(0);
+    for Attribute { name, kind, default, doc } in attributes {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "    {name:width$}  {doc}");
+        let _ = writeln!(text, "    {:width$}  ({}; default: {default})", "", kind.expected());
+    }
 }
 
 fn describe_type(app_type: &AppType) -> String {

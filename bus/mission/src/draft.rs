@@ -2,8 +2,9 @@
 
 use roxmltree::{Attribute, Node};
 
-use crate::mission::{AppSpec, Program, Restart};
+use crate::mission::{AppSpec, Program};
 use crate::nearest::instead;
+use crate::policy::{self, Said};
 use crate::problem::{Place, Problems};
 use crate::registry::Registry;
 use crate::resolve::{Given, resolve};
@@ -23,7 +24,7 @@ pub(crate) struct Draft {
     pub named: Option<(String, Place)>,
     pub given: Vec<Given>,
     runs: Runs,
-    restart: Restart,
+    policy: Said,
 }
 
 /// What a draft says that is to run.
@@ -48,12 +49,13 @@ impl Draft {
             named: None,
             given: Vec::new(),
             runs: Runs::Unknown,
-            restart: Restart::Never,
+            policy: Said::default(),
         };
         draft.runs = draft.what_runs(context, node, problems);
         for attribute in node.attributes() {
             draft.read_attribute(context, attribute, problems);
         }
+        draft.check_policy(context, node, problems);
         stray_text(context, node, problems);
         for child in node.children().filter(Node::is_element) {
             draft.read_parameter(context, child, problems);
@@ -118,7 +120,7 @@ impl Draft {
         Runs::Unknown
     }
 
-    /// `name` and `restart`; any other attribute is a parameter, as `PoseEstimator` is in the thesis' Listing 2.
+    /// `name` and what makes up the policy; any other attribute is a parameter, as `PoseEstimator` is in the thesis' Listing 2.
     fn read_attribute(&mut self, context: &Context, attribute: Attribute, problems: &mut Problems) {
         let place = context.place(attribute.range().start);
         let value_place = context.place(attribute.range_value().start);
@@ -130,15 +132,27 @@ impl Draft {
                 &value_place,
                 format!("{value:?} is no name for an app; right are 1 to 48 letters, digits, '-' or '_'"),
             ),
-            "restart" => match value {
-                "never" => self.restart = Restart::Never,
-                "on-failure" => self.restart = Restart::OnFailure,
-                _ => {
-                    let right = instead(value, &["never", "on-failure"]);
-                    problems.add(&value_place, format!("restart {value:?} is not offered; {right}"));
+            name => match (self.policy.take(name, value), policy::meant(name)) {
+                (Some(taken), _) => {
+                    if let Err(error) = taken {
+                        problems.add(&value_place, format!("{name} {error}"));
+                    }
                 }
+                (None, Some(meant)) if self.is_builtin() && !self.takes(name) => {
+                    problems.add(&place, format!("<{}> has no attribute {name}; did you mean {meant}?", self.element));
+                }
+                _ => self.given.push(Given::new(name, value, place, value_place, context.folder)),
             },
-            name => self.given.push(Given::new(name, value, place, value_place, context.folder)),
+        }
+    }
+
+    /// A limit on what never happens is a mistake.
+    fn check_policy(&self, context: &Context, node: Node, problems: &mut Problems) {
+        if let Some(name) = self.policy.in_vain()
+            && let Some(attribute) = node.attribute_node(name)
+        {
+            let said = format!("{name} without restart; right is restart=\"on-failure\" or \"always\" with it");
+            problems.add(&context.place(attribute.range().start), said);
         }
     }
 
@@ -220,19 +234,21 @@ impl Draft {
     /// Holds it against its type.
     pub fn resolve(self, problems: &mut Problems) -> Option<AppSpec> {
         let name = self.name().to_owned();
-        let (program, settings) = match self.runs {
+        let policy = self.policy.policy(matches!(self.runs, Runs::Builtin(_)));
+        let (program, settings, said) = match self.runs {
             Runs::Nothing | Runs::Unknown => return None,
             Runs::Builtin(app_type) => {
                 let resolved = resolve(app_type, self.given, &self.place, problems);
-                (Program::Builtin(app_type, resolved.params), resolved.settings)
+                (Program::Builtin(app_type, resolved.params), resolved.settings, resolved.said)
             }
             Runs::Foreign { exec, args } => {
+                let said = self.given.iter().map(|given| given.name.clone()).collect();
                 let settings = self.given.into_iter().map(|given| (given.name, given.text));
                 let exec = exec.into();
-                (Program::Foreign { exec, args }, settings.collect())
+                (Program::Foreign { exec, args }, settings.collect(), said)
             }
         };
-        Some(AppSpec { name, element: self.element, program, restart: self.restart, settings })
+        Some(AppSpec { name, element: self.element, program, policy, said, settings })
     }
 }
 
@@ -248,7 +264,7 @@ pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scena
             named: None,
             given: Vec::new(),
             runs: Runs::Builtin(app_type),
-            restart: Restart::Never,
+            policy: Said::default(),
         });
     }
 }

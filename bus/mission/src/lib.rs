@@ -8,14 +8,24 @@
 //! | `type` | one of the element's types |
 //! | `exec`, `args` | any other executable instead, with its arguments |
 //! | `name` | its name in the mission and on the bus; the element's, numbered, if not said |
-//! | `restart` | `never` (default): its death fails the mission; `on-failure`: it is started again |
+//! | `restart` | `never` (default): its death fails the mission; `on-failure`, `always`: it is started again |
+//! | `restarts`, `restart-window` | how often within how many seconds (5 in 60); once more, and the mission fails |
+//! | `health` | without a sign of life for so many seconds it is killed; `off`: it may be silent |
 //! | any other | a parameter, as if it were a child element |
+//!
+//! A Scenario has `name`, `type` (`auto` or `manual`), `version`, and, for its broker, which is always started again,
+//! `broker-restarts` and `broker-window`.
+//!
+//! While a mission runs, an app can be exchanged for one of another type, or another executable: [`AppSpec::exchange`]
+//! holds that against the same registry.
 
 mod describe;
 mod draft;
+mod exchange;
 mod mission;
 mod nearest;
 mod params;
+mod policy;
 mod problem;
 mod registry;
 mod resolve;
@@ -26,9 +36,11 @@ mod value;
 mod wiring;
 
 pub use describe::describe;
-pub use mission::{AppSpec, Mission, MissionError, Mode, Program, Restart};
+pub use exchange::{Exchange, Exchanged};
+pub use mission::{AppSpec, Mission, MissionError, Mode, Program};
 pub use nearest::{instead, nearest};
 pub use params::{ParamValue, Params};
+pub use policy::{Policy, Restart};
 pub use problem::{Place, Problem, Problems};
 pub use registry::Registry;
 pub use setting::{Override, OverrideError};

@@ -1,8 +1,10 @@
 //! A mission, checked: what a launcher starts.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::params::Params;
+use crate::policy::Policy;
 use crate::problem::Problems;
 use crate::registry::Registry;
 use crate::scenario;
@@ -18,6 +20,8 @@ pub struct Mission {
     pub file: PathBuf,
     /// Whether it waits for a person before each step.
     pub mode: Mode,
+    /// What happens when its broker dies.
+    pub broker: Policy,
     /// Its apps, in the order of the file; a logger that the file does not name comes last.
     pub apps: Vec<AppSpec>,
 }
@@ -40,8 +44,10 @@ pub struct AppSpec {
     pub element: String,
     /// What runs.
     pub program: Program,
-    /// What happens when it dies.
-    pub restart: Restart,
+    /// What happens when it dies or hangs.
+    pub policy: Policy,
+    /// Names of the parameters that somebody set; the others have their type's defaults.
+    pub said: BTreeSet<String>,
     /// Its parameters as text that says the same wherever it is read, defaults included: `elk <element> Param=Value…`.
     pub settings: Vec<(String, String)>,
 }
@@ -58,16 +64,6 @@ pub enum Program {
         /// Arguments before its parameters.
         args: Vec<String>,
     },
-}
-
-/// What happens when an app dies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Restart {
-    /// The mission fails.
-    #[default]
-    Never,
-    /// It is started again, a few times.
-    OnFailure,
 }
 
 /// Why there is no mission.
@@ -146,6 +142,7 @@ impl AppSpec {
             *params = app_type.check(&settings, Path::new(""))?;
         }
         self.settings = settings;
+        self.said.insert(name.to_owned());
         Ok(())
     }
 

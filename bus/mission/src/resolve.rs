@@ -1,6 +1,6 @@
 //! What a mission says of an app, held against the table of its type.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use crate::nearest::instead;
@@ -32,6 +32,8 @@ impl Given {
 pub(crate) struct Resolved {
     pub params: Params,
     pub settings: Vec<(String, String)>,
+    /// Names of the parameters that were given.
+    pub said: BTreeSet<String>,
 }
 
 /// Checks what was given, fills in the defaults, and reports what is unknown, doubled, wrong or missing.
@@ -46,7 +48,8 @@ pub(crate) fn resolve(app_type: &AppType, given: Vec<Given>, place: &Place, prob
             Some(_) => {}
         }
     }
-    let mut resolved = Resolved::default();
+    let names = said.keys().map(|name| (*name).to_owned()).collect();
+    let mut resolved = Resolved { said: names, ..Resolved::default() };
     for param in app_type.params {
         if let Some(value) = value_of(app_type, param, said.get(param.name).copied(), place, problems) {
             let text = as_text(&param.kind, &value);

@@ -8,6 +8,7 @@ use roxmltree::{Document, Node};
 use crate::draft::Draft;
 use crate::mission::{AppSpec, Mission, Mode};
 use crate::nearest::instead;
+use crate::policy::{self, Policy, Said};
 use crate::problem::{Place, Problems};
 use crate::registry::Registry;
 use crate::setting::Override;
@@ -74,7 +75,7 @@ pub(crate) fn check(
         problems.add(&place, format!("the mission is a <{found}>; right is <Scenario>"));
         return None;
     }
-    let (name, mode) = head(&context, scenario, file, problems);
+    let (name, mode, broker) = head(&context, scenario, file, problems);
     let mut drafts = drafts(&context, scenario, problems);
     count(&drafts, &place, problems);
     crate::draft::default_logger(&mut drafts, registry, &place);
@@ -83,7 +84,7 @@ pub(crate) fn check(
     wiring::connect(&mut drafts);
     let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
     let file = file.to_owned();
-    Some(Mission { name, file, mode, apps })
+    Some(Mission { name, file, mode, broker, apps })
 }
 
 fn no_xml(error: &roxmltree::Error, problems: &mut Problems) {
@@ -95,10 +96,11 @@ fn no_xml(error: &roxmltree::Error, problems: &mut Problems) {
 }
 
 /// The Scenario's own attributes.
-fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems) -> (String, Mode) {
+fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems) -> (String, Mode, Policy) {
     let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let mut name = stem.unwrap_or_else(|| "mission".to_owned());
     let mut mode = Mode::Auto;
+    let mut broker = Said::default();
     for attribute in scenario.attributes() {
         let place = context.place(attribute.range_value().start);
         match (attribute.name(), attribute.value().trim()) {
@@ -114,14 +116,21 @@ fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems)
             ("version", value) => {
                 problems.add(&place, format!("version {value:?} is unknown; right is \"1\""));
             }
+            (other, value) if policy::OF_BROKER.iter().any(|attribute| attribute.name == other) => {
+                if let Some(Err(error)) = broker.take(other, value) {
+                    problems.add(&place, format!("{other} {error}"));
+                }
+            }
             (other, _) => {
                 let place = context.place(attribute.range().start);
-                let right = instead(other, &["name", "type", "version"]);
+                let mut known = vec!["name", "type", "version"];
+                known.extend(policy::OF_BROKER.iter().map(|attribute| attribute.name));
+                let right = instead(other, &known);
                 problems.add(&place, format!("Scenario has no attribute {other}; {right}"));
             }
         }
     }
-    (name, mode)
+    (name, mode, broker.broker())
 }
 
 fn drafts(context: &Context, scenario: Node, problems: &mut Problems) -> Vec<Draft> {

@@ -14,6 +14,17 @@ pub struct ValueError {
     right: String,
 }
 
+impl ValueError {
+    pub(crate) fn new(found: String, right: String) -> Self {
+        Self { found, right }
+    }
+
+    /// A word would be right, too.
+    pub(crate) fn or(self, word: &str) -> Self {
+        Self { right: format!("{}, or {word}", self.right), ..self }
+    }
+}
+
 impl Kind {
     /// Checks a text. A relative file is looked for in `folder`.
     ///

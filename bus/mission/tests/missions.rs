@@ -4,7 +4,8 @@ use std::path::Path;
 
 use elk_bus::{App, AppError};
 use elk_mission::{
-    AppType, Kind, Mission, MissionError, Mode, Override, ParamSpec, Params, Program, Registry, Restart, describe,
+    AppSpec, AppType, Exchange, Kind, Mission, MissionError, Mode, Override, ParamSpec, Params, Policy, Program,
+    Registry, Restart, describe,
 };
 use proptest::prelude::*;
 
@@ -62,6 +63,13 @@ const STAGES: &[AppType] = &[
         name: "ClosestFrontier",
         summary: "Goes to the closest frontier.",
         params: &[MID, DIM, RES, POLICY],
+        build: unbuilt,
+    },
+    AppType {
+        element: "Explorer",
+        name: "Simple",
+        summary: "Goes somewhere.",
+        params: &[MID, DIM, RES],
         build: unbuilt,
     },
     AppType {
@@ -154,9 +162,103 @@ fn any_executable_can_take_a_stages_place() {
     let mine = mission.apps.iter().find(|app| app.name == "Mine").unwrap();
     let Program::Foreign { exec, args } = &mine.program else { panic!("not foreign") };
     assert_eq!((exec.as_path(), args.len()), (Path::new("./mine"), 2));
-    assert_eq!(mine.restart, Restart::OnFailure);
+    assert_eq!(mine.policy, Policy { restart: Restart::OnFailure, ..Policy::default() });
     assert_eq!(settings(&mission, "Mine"), "K=3 Input=SCAN Output=SCAN_1");
     assert_eq!(settings(&mission, "Map"), "Res=0.1 Input=SCAN_1");
+}
+
+#[test]
+fn what_happens_to_those_who_die_or_hang_is_said_in_attributes() {
+    let policy = |line: &str| {
+        let mission = parse(&with(line), &[]).unwrap();
+        mission.of_element("Filter").next().unwrap().policy
+    };
+    assert_eq!(policy(r#"<Filter type="Distance"/>"#), Policy::default());
+    let (restart, health_secs) = (Restart::Always, Some(30.0));
+    let always = Policy { restart, health_secs, ..Policy::default() };
+    assert_eq!(policy(r#"<Filter type="Distance" restart="always"/>"#), always);
+    let said = r#"<Filter type="Distance" restart="always" restarts="9" restart-window="2 s" health="off"/>"#;
+    assert_eq!(policy(said), Policy { restart, restarts: 9, window_secs: 2.0, health_secs: None });
+    // Somebody else's program need not speak.
+    assert_eq!(policy(r#"<Filter exec="x" restart="always"/>"#), Policy { restart, ..Policy::default() });
+    assert_eq!(policy(r#"<Filter exec="x" health="7"/>"#), Policy { health_secs: Some(7.0), ..Policy::default() });
+
+    let text = with("").replace("type=\"auto\"", "broker-restarts=\"1000\" broker-window=\"3600\"");
+    let broker = parse(&text, &[]).unwrap().broker;
+    assert_eq!(broker, Policy { restarts: 1000, window_secs: 3600.0, ..Policy::BROKER });
+    let text = with("").replace("type=\"auto\"", "broker-restarts=\"some\"");
+    let said = "m.xml:1:37: broker-restarts \"some\" is no whole number; right is a whole number from 1 to 1000000";
+    assert_eq!(parse(&text, &[]).unwrap_err(), said);
+}
+
+fn app(mission: &Mission, name: &str) -> AppSpec {
+    mission.apps.iter().find(|app| app.name == name).unwrap().clone()
+}
+
+fn exchange(said: &[&str]) -> Exchange {
+    let mut wanted = Exchange { folder: "/".into(), ..Exchange::default() };
+    for (name, text) in said.iter().map(|one| one.split_once('=').unwrap()) {
+        match name {
+            "type" => wanted.type_name = Some(text.to_owned()),
+            "exec" => wanted.exec = Some((text.to_owned(), vec!["-v".to_owned()])),
+            _ => wanted.params.push((name.to_owned(), text.to_owned())),
+        }
+    }
+    wanted
+}
+
+#[test]
+fn an_exchanged_app_keeps_what_was_set_and_what_the_new_one_has() {
+    let mission = parse(LISTING_2, &["Explorer.Policy=thesis"]).unwrap();
+    let explorer = app(&mission, "Explorer");
+    let swap = |said: &[&str]| explorer.exchange(&exchange(said), &registry()).unwrap();
+
+    let closest = swap(&["type=ClosestFrontier", "res=0.2"]);
+    assert_eq!((closest.app.type_name(), closest.app.name.as_str()), ("ClosestFrontier", "Explorer"));
+    assert_eq!(closest.app.setting("Res"), Some("0.2"));
+    assert_eq!(closest.app.setting("Dim"), Some("5.7; 4.3; 4.5"));
+    assert_eq!(closest.app.setting("Policy"), Some("thesis"));
+    assert_eq!(closest.dropped, [""; 0]);
+    // Of the thesis' policy, the simple one knows nothing.
+    let simple = swap(&["type=Simple"]);
+    assert_eq!(simple.dropped, ["Policy=thesis"]);
+    assert_eq!(simple.app.setting("Res"), Some("0.1"));
+
+    let mine = swap(&["exec=/bin/sh", "K=1"]).app;
+    let Program::Foreign { exec, args } = &mine.program else { panic!("not foreign") };
+    assert_eq!((exec.as_path(), args.as_slice()), (Path::new("/bin/sh"), ["-v".to_owned()].as_slice()));
+    assert_eq!(mine.setting("Dim"), Some("5.7; 4.3; 4.5"));
+    // Back again, what only a stranger understands is left behind.
+    let back = mine.exchange(&exchange(&["type=Potential"]), &registry()).unwrap();
+    assert_eq!(back.dropped, ["K=1"]);
+    assert_eq!(back.app.setting("Policy"), Some("thesis"));
+}
+
+#[test]
+fn an_exchange_that_is_wrong_says_what_would_be_right() {
+    let explorer = app(&parse(LISTING_2, &[]).unwrap(), "Explorer");
+    for (said, right) in [
+        (vec!["type=Potentail"], r#"type=Potentail: Explorer has no type "Potentail"; did you mean Potential?"#),
+        (
+            vec!["type=ClosestFrontier", "Res=11"],
+            r#"Res=11: Res: "11" is out of range; right is a number from 0.001 to 10, in m"#,
+        ),
+        (
+            vec!["type=ClosestFrontier", "Polcy=elk"],
+            "Polcy=elk: Explorer ClosestFrontier has no parameter Polcy; did you mean Policy?",
+        ),
+        (vec!["exec=/bin/sh", "type=Potential"], "exec=/bin/sh: type and exec are both said; one is right"),
+        (vec!["exec=/"], "exec=/: / is no file; right is an executable"),
+        (vec!["exec=./no/such"], "exec=./no/such: /./no/such cannot be run: No such file or directory (os error 2)"),
+        (vec!["exec=/etc/passwd"], "exec=/etc/passwd: /etc/passwd is not executable; `chmod +x` makes a program of it"),
+        (
+            vec!["exec=no-such-program"],
+            "exec=no-such-program: there is no no-such-program in PATH; right is an executable's name, or a path with a /",
+        ),
+    ] {
+        let error = explorer.exchange(&exchange(&said), &registry()).unwrap_err().to_string();
+        assert_eq!(error, right);
+    }
 }
 
 #[test]
@@ -261,7 +363,27 @@ fn every_mistake_has_its_place_and_says_what_would_be_right() {
         ),
         (
             "<Filter type=\"Distance\" restart=\"allways\"/>",
-            "m.xml:7:34: restart \"allways\" is not offered; known: never, on-failure",
+            "m.xml:7:34: restart \"allways\" is not offered; did you mean always?",
+        ),
+        (
+            "<Filter type=\"Distance\" restart=\"always\" restarts=\"0\"/>",
+            "m.xml:7:52: restarts \"0\" is out of range; right is a whole number from 1 to 1000000",
+        ),
+        (
+            "<Filter type=\"Distance\" restart=\"always\" restart-window=\"1 min\"/>",
+            "m.xml:7:58: restart-window \"1 min\" is in min; the unit must be s",
+        ),
+        (
+            "<Filter type=\"Distance\" health=\"never\"/>",
+            "m.xml:7:33: health \"never\" is no number; right is a number from 1 to 86400, in s, or off",
+        ),
+        (
+            "<Filter type=\"Distance\" helth=\"5\"/>",
+            "m.xml:7:25: <Filter> has no attribute helth; did you mean health?",
+        ),
+        (
+            "<Filter type=\"Distance\" restarts=\"3\"/>",
+            "m.xml:7:25: restarts without restart; right is restart=\"on-failure\" or \"always\" with it",
         ),
         ("<Map type=\"OctoMap\"/>", "m.xml:7:1: a second <Map>; one is right"),
         ("<Logger type=\"Mcp\"/>", "m.xml:7:15: Logger has no type \"Mcp\"; did you mean Mcap?"),
@@ -296,7 +418,7 @@ fn all_mistakes_are_reported_together_in_the_order_of_the_file() {
         "m.xml:1:1: the Scenario has no <Map>; right is one\n\
          m.xml:1:1: the Scenario has no <Controller>; right is one\n\
          m.xml:1:17: a Scenario of type \"atuo\" is unknown; did you mean auto?\n\
-         m.xml:1:23: Scenario has no attribute vers; known: name, type, version\n\
+         m.xml:1:23: Scenario has no attribute vers; known: name, type, version, broker-restarts, broker-window\n\
          m.xml:1:41: version \"2\" is unknown; right is \"1\"\n\
          m.xml:3:3: Explorer Potential needs the parameter Dim; right is three numbers \"x; y; z\", in m\n\
          m.xml:3:35: Mid: \"0;0\" has 2 numbers; right is three numbers \"x; y; z\", in m\n\
@@ -336,6 +458,8 @@ fn the_table_is_shown_to_people() {
         "<Sensor type=\"Simulator\">  A depth camera in a world of triangles.\n    MOOSHost         Accepted.\n"
     ));
     assert!(text.contains("(a whole number from 1 to 65535; default: 9000)"));
+    assert!(text.contains("    restart         What happens when the app dies"));
+    assert!(text.contains("(a number from 1 to 86400, in s; default: 60)"));
     let text = describe(&registry());
     assert!(text.contains("(three numbers \"x; y; z\", in m; must be said)"));
 }

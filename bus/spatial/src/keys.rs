@@ -4,8 +4,8 @@ use elk_bus::Key;
 
 use crate::map::MapUpdate;
 use crate::messages::{
-    AccuracyReport, CameraPose, ExplorationReport, MapStatus, MotionReport, Plan, PlanRequest, PoseCommand, Progress,
-    SensorReport,
+    AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, MapMemory, MapStatus, MotionMemory, MotionReport,
+    Plan, PlanRequest, PoseCommand, Progress, SensorReport,
 };
 use crate::scan::Scan;
 
@@ -15,10 +15,16 @@ pub const POSE_COMMAND: Key<PoseCommand> = Key::new("POSE_COMMAND");
 pub const SCAN: Key<Scan<'static>> = Key::new("SCAN");
 /// Map to its readers: what the last scan changed.
 pub const MAP_UPDATE: Key<MapUpdate> = Key::new("MAP_UPDATE");
-/// Map to its readers: the whole map, on request and at the end.
+/// Map to its readers: the whole map, on request and at the end. Readers to a map that has lost its memory: their copy.
 pub const MAP: Key<MapUpdate> = Key::new("MAP");
-/// Person to controller: take the next step (any double). Only a controller whose parameter `Manual` is true waits for it,
-/// before each pose command.
+/// Map to its successor: all that it knows, when it stops.
+pub const MAP_MEMORY: Key<MapMemory> = Key::new("MAP_MEMORY");
+/// A map that was killed, to its readers: whoever has a copy of this revision (a double) or a later one says it under
+/// [`MAP`].
+pub const MAP_RECALL: &str = "MAP_RECALL";
+/// Person to controller: `pause` before the next pose command, or `run` (again). Without it the parameter `Manual` decides.
+pub const MOTION: &str = "MOTION";
+/// Person to a controller that pauses: one more pose command (any double).
 pub const STEP: &str = "STEP";
 /// Anyone to the map: publish the whole map (any double).
 pub const MAP_REQUEST: &str = "MAP_REQUEST";
@@ -28,6 +34,10 @@ pub const MAP_KNOWN: Key<MapStatus> = Key::new("MAP_KNOWN");
 pub const PLAN_REQUEST: Key<PlanRequest> = Key::new("PLAN_REQUEST");
 /// Explorer to controller: there.
 pub const PLAN: Key<Plan> = Key::new("PLAN");
+/// Controller to its successor: how it stands, before it says anything that follows from it.
+pub const MOTION_MEMORY: Key<MotionMemory> = Key::new("MOTION_MEMORY");
+/// Explorer to its successor, of whatever type: what it knows, before each plan.
+pub const EXPLORER_MEMORY: Key<ExplorerMemory> = Key::new("EXPLORER_MEMORY");
 /// Controller to anyone: how far the run is.
 pub const PROGRESS: Key<Progress> = Key::new("PROGRESS");
 /// Controller to anyone, at the end: scans and way, to 95, 99, 99.9 and 100 % of the free voxels.

@@ -1,4 +1,5 @@
-//! What the apps of an exploration say to each other, in the order in which a step says it.
+//! What the apps of an exploration say to each other, in the order in which a step says it; and at the end their memories:
+//! what each says to its own successor.
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
@@ -28,7 +29,8 @@ elk_bus::payload! {
         pub pose: Pose,
     }
 
-    /// Sensor to anyone: what a simulated sensor knows of its true world so far.
+    /// Sensor to anyone, with each pose, and before the scan that is taken there: what a simulated sensor knows of its true
+    /// world so far. A successor knows by it, the pose and the last scan where to go on.
     #[derive(Debug, Clone, PartialEq)]
     pub struct SensorReport {
         /// Scans taken.
@@ -147,6 +149,71 @@ elk_bus::payload! {
         /// Scans and way to 95, 99, 99.9 and 100 % of these free voxels.
         pub marks: Vec<CoverageMark>,
     }
+
+    /// Map to its successor: all that it knows.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct MapMemory {
+        /// The map's revision.
+        pub revision: u64,
+        /// The last scan in it (see [`crate::Scan::id`]).
+        pub scan: u64,
+        /// Edge of a voxel (m).
+        pub resolution: f64,
+        /// The bricks, in the order in which they were first entered.
+        pub bricks: Vec<BrickMemory>,
+    }
+
+    /// Controller to its successor: how it stands.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct MotionMemory {
+        /// The camera's pose (world), once the last command is carried out.
+        pub pose: Pose,
+        /// What it waits for.
+        pub awaited: Awaited,
+        /// The last pose command made.
+        pub commands: u64,
+        /// The last pose command that was not held back by a pause.
+        pub allowed: u64,
+        /// Steps that a person allowed and that were not taken yet.
+        pub steps: u64,
+        /// The last plan request made.
+        pub requests: u64,
+        /// Length of the way so far (m).
+        pub path_length_m: f64,
+        /// The path that it is on.
+        pub leg: Option<Leg>,
+        /// What was known after each scan so far.
+        pub samples: Vec<CoverageSample>,
+    }
+
+    /// Explorer to its successor, of whatever type: what it knows.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct ExplorerMemory {
+        /// The last plan.
+        pub plan: Plan,
+        /// Why it ended, if that was the last plan.
+        pub report: Option<ExplorationReport>,
+        /// Plans made.
+        pub plans: u64,
+        /// Streamlines that stalled before they reached a frontier.
+        pub stalls: u64,
+        /// Plans for which the strategy had no answer.
+        pub fallbacks: u64,
+        /// Iterations of the field's solver.
+        pub iterations: u64,
+        /// Seconds of CPU by phase of planning, by name.
+        pub cpu_secs: Vec<(String, f64)>,
+        /// The voxels that the robot went through.
+        pub trail: Vec<Voxel>,
+        /// What came of the targets so far, in lexicographic order.
+        pub targets: Vec<TargetRecord>,
+        /// Targets that no new place saw when they were last looked for, in lexicographic order.
+        pub hidden: Vec<Voxel>,
+        /// How things stood when they last changed.
+        pub standing: Standing,
+        /// The map's revision then.
+        pub progress_at: u64,
+    }
 }
 
 /// When a share of what was known in the end was first known.
@@ -158,6 +225,87 @@ pub struct CoverageMark {
     pub scans: u64,
     /// Length of the way by then (m).
     pub path_length_m: f64,
+}
+
+/// What was known after a scan.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CoverageSample {
+    /// Free voxels known.
+    pub free: u64,
+    /// Length of the way by then (m).
+    pub path_length_m: f64,
+}
+
+/// What a controller waits for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Awaited {
+    /// The camera's first pose.
+    Start,
+    /// The map with the scan of this command, its last, in it.
+    Map(PoseCommand),
+    /// The answer to this request, its last.
+    Plan(PlanRequest),
+    /// Nothing: the run is over, and this is how far it came.
+    Over(Progress),
+}
+
+/// A path on the way.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Leg {
+    /// The plan that it is of.
+    pub plan: Plan,
+    /// Edge of a voxel of the map (m).
+    pub resolution: f64,
+    /// Where the robot is too close to something from the start, as the explorer knows.
+    pub allowed: Vec<Voxel>,
+    /// Length of way done (m).
+    pub done_m: f64,
+    /// Length of the last step (m).
+    pub step_m: f64,
+    /// The sensor refused to go on.
+    pub blocked: bool,
+    /// Looks taken at its end.
+    pub looks: u64,
+}
+
+/// A brick of the map as the map knows it (cells as in [`crate::bricks::cell_of`], cell `i` in bit `i mod 64` of word
+/// `i / 64`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BrickMemory {
+    /// The brick's position, in bricks.
+    pub brick: [i16; 3],
+    /// The cells that were ever updated.
+    pub known: [u64; 8],
+    /// The cells that were ever hit.
+    pub ever_hit: [u64; 8],
+    /// Log-odds of being occupied of the known cells, ascending by cell.
+    pub log_odds: Vec<f32>,
+}
+
+/// What came of an explorer's target.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TargetRecord {
+    /// The frontier voxel.
+    pub target: Voxel,
+    /// The voxels from which it was looked at in vain.
+    pub tried: Vec<Voxel>,
+    /// Paths to it that were cut in a row.
+    pub cuts: u32,
+    /// Plans made for it.
+    pub planned: u32,
+}
+
+/// What changes as long as there is progress. A voxel that flickers changes it too, but is given up in time.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Standing {
+    /// Free voxels.
+    pub free: u64,
+    /// Occupied voxels.
+    pub occupied: u64,
+    /// Frontier voxels.
+    pub frontier: u64,
+    /// Looks in vain.
+    pub attempts: u64,
 }
 
 /// What became of a plan.

@@ -21,6 +21,8 @@ pub struct Replica {
     /// Whether the resolution is that of the map, and not still to be learned from it.
     resolution_known: bool,
     asked: bool,
+    /// The last scan in it.
+    scan: u64,
 }
 
 impl Replica {
@@ -30,12 +32,19 @@ impl Replica {
             grid: OccupancyGrid::new(resolution.unwrap_or(1.0)),
             resolution_known: resolution.is_some(),
             asked: false,
+            scan: 0,
         }
     }
 
     /// The map as far as it is known.
     pub fn grid(&self) -> &OccupancyGrid {
         &self.grid
+    }
+
+    /// The whole map, for a map that was killed and asks who has a copy of `revision` or a later one
+    /// ([`crate::keys::MAP_RECALL`]); `None`: this one is older.
+    pub fn copy_of(&self, revision: f64) -> Option<MapUpdate> {
+        (self.grid.revision() as f64 >= revision).then(|| self.grid.whole(self.scan))
     }
 
     /// Takes an update, or the whole map.
@@ -53,6 +62,7 @@ impl Replica {
         match self.grid.apply(update) {
             Ok(changed) => {
                 self.asked = false;
+                self.scan = update.scan;
                 Ok(Arrival::Applied(changed))
             }
             Err(UpdateError::Gap { .. }) if self.asked => Ok(Arrival::Old),
@@ -88,6 +98,18 @@ mod tests {
         assert!(matches!(replica.take(&whole), Ok(Arrival::Applied(changed)) if changed.len() == 3));
         assert!(matches!(replica.take(&publish(4).0), Ok(Arrival::Applied(_))));
         assert_eq!((replica.grid().free(), replica.grid().resolution()), (5, 0.2));
+    }
+
+    #[test]
+    fn a_copy_is_the_map_itself_for_who_does_not_ask_for_a_later_one() {
+        let mut map = OccupancyGrid::new(0.2);
+        let mut replica = Replica::new(None);
+        for x in 0..2 {
+            map.set(Voxel::new(9 * x, 0, 0), State::Free);
+            replica.take(&map.advance(&[Voxel::new(9 * x, 0, 0)], 7)).unwrap();
+        }
+        assert_eq!((replica.copy_of(1.0), replica.copy_of(2.0)), (Some(map.whole(7)), Some(map.whole(7))));
+        assert_eq!(replica.copy_of(3.0), None);
     }
 
     #[test]

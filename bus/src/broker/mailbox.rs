@@ -1,9 +1,12 @@
-//! A client's mail in the broker: bounded, oldest dropped first, drops counted.
+//! A client's mail in the broker: bounded, oldest dropped first, drops counted; kept until the client has handled it.
+
+use std::collections::VecDeque;
 
 use super::message::Message;
-use crate::wire::{self, Frame, FrameKind, Header, Named};
+use crate::wire::{self, ATTACH, Frame, FrameKind, Header, Named};
 
-/// Frames that wait for a client, back to back in one buffer, and what the client must know before them.
+/// Frames that wait for a client, back to back in one buffer, what the client must know before them, and the batches
+/// that it was given and has not handled yet.
 #[derive(Debug)]
 pub struct Mailbox {
     /// Definitions and refusals: never dropped, always delivered ahead of the mail.
@@ -12,15 +15,32 @@ pub struct Mailbox {
     /// Where the oldest frame starts in `mail`.
     head: usize,
     limit: usize,
-    /// Messages ever pushed, and those that have left again, taken or dropped.
+    /// Messages ever pushed, and those that have left again, given or dropped.
     pushed: u64,
     left: u64,
     dropped: u64,
     told_dropped: u64,
+    /// Batches under way: should the client die, its successor gets what is in them.
+    given: VecDeque<Given>,
+    /// Messages ever given.
+    given_messages: u64,
+    /// `given_messages` and `left` before the last [`Mailbox::take`].
+    before_take: (u64, u64),
     lossless: bool,
     last_taken: f64,
     /// By [`Named`]: the numbers that the client has been told the names of.
     known: [Vec<bool>; 4],
+}
+
+/// A batch on its way.
+#[derive(Debug)]
+struct Given {
+    batch: Vec<u8>,
+    /// Messages given before it, and with it.
+    from: u64,
+    until: u64,
+    /// Position in the mail up to which all was settled before it.
+    before: u64,
 }
 
 impl Mailbox {
@@ -35,6 +55,9 @@ impl Mailbox {
             left: 0,
             dropped: 0,
             told_dropped: 0,
+            given: VecDeque::new(),
+            given_messages: 0,
+            before_take: (0, 0),
             lossless: false,
             last_taken: now,
             known: Default::default(),
@@ -80,9 +103,9 @@ impl Mailbox {
         self.pushed
     }
 
-    /// Messages that have left, taken or dropped: the position up to which the mail is done with.
-    pub fn left(&self) -> u64 {
-        self.left
+    /// The position up to which the mail is done with: handled by the client, or dropped.
+    pub fn done(&self) -> u64 {
+        self.given.front().map_or(self.left, |given| given.before)
     }
 
     /// Whether neither mail nor notices wait.
@@ -139,6 +162,7 @@ impl Mailbox {
         mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>),
     ) {
         self.last_taken = now;
+        self.before_take = (self.given_messages, self.left);
         batch.append(&mut self.notices);
         if self.dropped != self.told_dropped {
             self.told_dropped = self.dropped;
@@ -163,8 +187,62 @@ impl Mailbox {
             }
             self.head += len;
             self.left += 1;
+            self.given_messages += 1;
         }
         batch.extend_from_slice(&self.mail[run..self.head]);
         self.reclaim();
     }
+
+    /// Keeps the batch that [`Mailbox::take`] has filled, until the client has handled it.
+    pub(super) fn keep_given(&mut self, batch: Vec<u8>) {
+        let (from, before) = self.before_take;
+        self.given.push_back(Given { batch, from, until: self.given_messages, before });
+    }
+
+    /// The client has handled so many of the messages that it was ever given; answers the buffers of batches that are
+    /// done with.
+    pub(super) fn handled(&mut self, count: u64) -> impl Iterator<Item = Vec<u8>> + '_ {
+        std::iter::from_fn(move || self.given.pop_front_if(|given| given.until <= count)).map(|given| given.batch)
+    }
+
+    /// Whether [`Mailbox::handled`] would answer anything.
+    pub(super) fn would_settle(&self, count: u64) -> bool {
+        self.given.front().is_some_and(|given| given.until <= count)
+    }
+
+    /// Whether nothing waits, and nothing is under way.
+    pub(super) fn is_idle(&self) -> bool {
+        self.is_empty() && self.given.is_empty()
+    }
+
+    /// Puts the mail that the client was given and has not handled back in front of what waits: it is for another
+    /// client now. `count`: the messages that it has handled of those that it was ever given.
+    pub(super) fn take_back(&mut self, count: u64) {
+        self.handled(count).for_each(drop);
+        self.left = self.done();
+        let mut mail = Vec::new();
+        for given in std::mem::take(&mut self.given) {
+            let unhandled = frames_of_messages(&given.batch).skip(count.saturating_sub(given.from) as usize);
+            for frame in unhandled {
+                // An attachment that the client was told of is nobody else's.
+                let attach = frame.header.flags & ATTACH != 0;
+                let header = Header { flags: frame.header.flags & !ATTACH, ..frame.header };
+                wire::put(&mut mail, &header, if attach { &[] } else { frame.aux }, frame.value);
+            }
+        }
+        mail.extend_from_slice(&self.mail[self.head..]);
+        self.mail = mail;
+        self.head = 0;
+        self.notices.clear();
+    }
+
+    /// What waits.
+    pub(super) fn into_mail(mut self) -> Vec<u8> {
+        self.mail.drain(..self.head);
+        self.mail
+    }
+}
+
+fn frames_of_messages(batch: &[u8]) -> impl Iterator<Item = Frame<'_>> {
+    wire::frames(batch).map_while(Result::ok).filter(|frame| frame.header.kind == FrameKind::Notify)
 }

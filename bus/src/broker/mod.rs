@@ -7,20 +7,25 @@
 //! answered to the writer; a mailbox that nobody reads drops its oldest mail and counts.
 
 mod interner;
+mod legacy;
 mod mailbox;
+mod membership;
 mod message;
 mod registration;
 mod summary;
 pub mod table;
 mod variable;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use crate::wire::{self, BULK, Frame, FrameKind, Header, Named, ValueKind, WireError};
+use crate::wire::{self, BULK, Frame, FrameKind, Header, Named, RESENT, ValueKind, WireError};
 use interner::Interner;
+pub use legacy::Legacy;
 pub use mailbox::Mailbox;
+use membership::Standing;
+pub use membership::{Introduction, Place, Refusal};
 use message::{Message, bulk_of};
-use registration::Registration;
+pub use registration::Registration;
 use variable::{TypeLock, Variable};
 
 /// The number of a connected client; never given twice.
@@ -44,17 +49,6 @@ impl BrokerConfig {
     }
 }
 
-/// Why a client was not let in.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
-    /// Another client has the name.
-    #[error("a client named {0:?} is already connected: give this one another name, or stop the other first")]
-    NameTaken(String),
-    /// The name cannot be one.
-    #[error("{0:?} is no name for a client: 1 to 64 printable characters without comma, '*' or '?'")]
-    BadName(String),
-}
-
 /// The broker's whole state.
 pub struct Broker {
     config: BrokerConfig,
@@ -73,6 +67,16 @@ pub struct Broker {
     /// The bulk samples that are some variable's latest value.
     latest_bulk: BTreeSet<(ClientId, u64)>,
     attached: Vec<(ClientId, ClientId)>,
+    /// Who got mail from the batch that is being taken in.
+    reached: Vec<ClientId>,
+    /// Holders of a name that are to make room for their successor.
+    retiring: Vec<ClientId>,
+    /// Who has taken whose place, and up to where its mail is the one that it took over.
+    successions: Vec<Succession>,
+    /// Somebody who left something has gone since that was last asked for.
+    legacies_changed: bool,
+    /// The places of clients are others than when they were last asked for.
+    places_changed: bool,
     own_source: u32,
     own_sequence: u64,
     next_summary: f64,
@@ -94,13 +98,23 @@ impl Ord for Due {
     }
 }
 
-/// A connected client.
+/// A client.
 struct Client {
     name: String,
+    standing: Standing,
+    /// How long its place is kept after its death (s).
+    lease_secs: f64,
     /// The client's numbers, by [`Named`], to the broker's.
     numbers: [Vec<u32>; 4],
     registrations: Vec<Registration>,
     mailbox: Mailbox,
+    /// What it registered and took back, and what it published, before it had its place.
+    asked: Vec<u8>,
+    held: Vec<u8>,
+    /// Batches taken from it.
+    taken: u64,
+    /// Those whose mail not everybody has handled: (batch, who got mail from it).
+    unhandled: VecDeque<(u64, Vec<Reached>)>,
     /// Lossless registrants that this client's messages went to.
     feeds: BTreeSet<ClientId>,
     published: BTreeSet<u32>,
@@ -108,7 +122,65 @@ struct Client {
     latency: summary::Latency,
 }
 
-const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
+/// A client that got mail, and where the newest of it stands in its mailbox.
+#[derive(Debug, Clone, Copy)]
+pub struct Reached {
+    /// The client.
+    pub client: ClientId,
+    /// The position (see [`Broker::mail_done`]).
+    pub position: u64,
+    /// Whether publishers wait for it.
+    pub lossless: bool,
+}
+
+/// A client that has taken another's place, with its mail.
+#[derive(Debug, Clone, Copy)]
+pub struct Succession {
+    /// Whose place it was.
+    pub predecessor: ClientId,
+    /// Whose it is.
+    pub successor: ClientId,
+    /// Where the newest message that it took over stands in its own mailbox.
+    pub position: u64,
+}
+
+impl Reached {
+    /// Whoever has the mail now.
+    pub fn follow(&mut self, succession: &Succession) {
+        if self.client == succession.predecessor {
+            (self.client, self.position) = (succession.successor, succession.position);
+        }
+    }
+}
+
+/// Batches that a broker remembers as not handled by everybody. Older ones count as handled: their publisher has let go
+/// of them long before.
+const UNHANDLED_BATCHES: usize = 4096;
+
+impl Client {
+    fn new(name: &str, source: u32, lease_secs: f64, mailbox_bytes: usize, now: f64) -> Self {
+        Self {
+            name: name.into(),
+            standing: Standing::Present,
+            lease_secs,
+            numbers: [vec![], vec![source], vec![], vec![0]],
+            registrations: Vec::new(),
+            mailbox: Mailbox::new(mailbox_bytes, now),
+            asked: Vec::new(),
+            held: Vec::new(),
+            taken: 0,
+            unhandled: VecDeque::new(),
+            feeds: BTreeSet::new(),
+            published: BTreeSet::new(),
+            last_published: None,
+            latency: summary::Latency::default(),
+        }
+    }
+
+    fn is_joining(&self) -> bool {
+        matches!(self.standing, Standing::Joining { .. })
+    }
+}
 
 impl Broker {
     /// A broker without clients or variables, started at `now` (s).
@@ -121,7 +193,8 @@ impl Broker {
             started: now,
             clients: BTreeMap::new(),
             names: BTreeMap::new(),
-            next_client: 1,
+            // Numbers of clients of a broker that died are not to be taken for those of this one.
+            next_client: ((now.max(0.0) * 1e3) as u64 & 0x0fff_ffff) as ClientId + 1,
             keys: Interner::default(),
             sources,
             types: Interner::default(),
@@ -130,64 +203,39 @@ impl Broker {
             due: BTreeSet::new(),
             latest_bulk: BTreeSet::new(),
             attached: Vec::new(),
+            reached: Vec::new(),
+            retiring: Vec::new(),
+            successions: Vec::new(),
+            legacies_changed: false,
+            places_changed: false,
             own_source,
-            own_sequence: 0,
+            // A broker that takes another's place is not to be taken for it.
+            own_sequence: wire::first_sequence((now.max(0.0) * 1e3) as u64),
             next_summary: now,
         }
     }
 
-    /// Lets a client in under its name, or says why not.
-    pub fn connect(&mut self, now: f64, name: &str) -> Result<ClientId, Refusal> {
-        let printable = |c: char| !c.is_control() && !NAME_SEPARATORS.contains(&c);
-        if name.is_empty() || name.chars().count() > 64 || !name.chars().all(printable) {
-            return Err(Refusal::BadName(name.into()));
-        }
-        if self.names.contains_key(name) {
-            return Err(Refusal::NameTaken(name.into()));
-        }
-        let id = self.next_client;
-        self.next_client += 1;
-        let source = self.sources.number(name, 0);
-        let client = Client {
-            name: name.into(),
-            numbers: [vec![], vec![source], vec![], vec![0]],
-            registrations: Vec::new(),
-            mailbox: Mailbox::new(self.config.mailbox_bytes, now),
-            feeds: BTreeSet::new(),
-            published: BTreeSet::new(),
-            last_published: None,
-            latency: summary::Latency::default(),
-        };
-        self.clients.insert(id, client);
-        self.names.insert(name.into(), id);
-        self.announce(now, &format!("connected={name}"));
-        Ok(id)
-    }
-
-    /// Forgets a client: its registrations and its mail go, its name is free, what it published stays.
-    pub fn disconnect(&mut self, now: f64, id: ClientId) {
-        let Some(client) = self.clients.remove(&id) else {
-            return;
-        };
-        self.names.remove(&client.name);
-        for variable in &mut self.variables {
-            variable.forget(id);
-        }
-        self.due.retain(|(_, _, client)| *client != id);
-        for other in self.clients.values_mut() {
-            other.feeds.remove(&id);
-        }
-        self.announce(now, &format!("disconnected={}", client.name));
-    }
-
     fn announce(&mut self, now: f64, event: &str) {
-        self.publish_own(now, "DB_EVENT", ValueKind::Text, event.as_bytes());
+        self.publish_event(now, event);
         self.publish_clients(now);
+    }
+
+    /// Says on `DB_EVENT` what happened.
+    pub fn publish_event(&mut self, now: f64, event: &str) {
+        self.publish_own(now, "DB_EVENT", ValueKind::Text, event.as_bytes());
     }
 
     /// Takes in a batch of frames from a client. A damaged batch is taken up to the damage; the transport then has to
     /// let go of the client, whose lane can no longer be trusted.
     pub fn receive(&mut self, now: f64, from: ClientId, batch: &[u8]) -> Result<(), WireError> {
+        self.reached.clear();
+        let taken = self.take_in(now, from, batch);
+        self.on_much_said(now, from);
+        self.note_unhandled(from);
+        taken
+    }
+
+    fn take_in(&mut self, now: f64, from: ClientId, batch: &[u8]) -> Result<(), WireError> {
         let mut at = 0;
         for frame in wire::frames(batch) {
             let frame = frame?;
@@ -201,35 +249,82 @@ impl Broker {
         match frame.header.kind {
             FrameKind::Notify => self.notify(now, from, frame),
             FrameKind::Define => self.define(from, frame),
-            FrameKind::Register => self.register(now, from, frame),
-            FrameKind::Unregister => self.unregister(from, frame),
+            FrameKind::Register | FrameKind::Unregister => self.change_registration(now, from, frame),
             FrameKind::Attached => {
                 self.attached.push((from, frame.header.source));
+                Ok(())
+            }
+            FrameKind::Ready => {
+                self.on_ready(now, from);
                 Ok(())
             }
             FrameKind::Refused | FrameKind::Dropped => Err("only the broker sends such a frame"),
         }
     }
 
-    fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
-        let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
+    /// Remembers whose mail has to be handled before the batch that was just taken counts as handled.
+    fn note_unhandled(&mut self, from: ClientId) {
+        let reached = self.reached();
+        let Some(client) = self.clients.get_mut(&from) else { return };
+        client.taken += 1;
+        if !reached.is_empty() {
+            client.unhandled.push_back((client.taken, reached));
+        }
+        if client.unhandled.len() > UNHANDLED_BATCHES {
+            client.unhandled.pop_front();
+        }
+    }
+
+    /// Who got mail from the batch that was taken in last.
+    pub fn reached(&self) -> Vec<Reached> {
+        let reached = |id: &ClientId| {
+            let mailbox = &self.clients.get(id)?.mailbox;
+            Some(Reached { client: *id, position: mailbox.pushed(), lossless: mailbox.is_lossless() })
+        };
+        self.reached.iter().filter_map(reached).collect()
+    }
+
+    /// The batch of a client up to which everybody has handled what they were to get of it; what it published until
+    /// then will not be asked for again, should the broker die.
+    pub fn handled_batches(&mut self, id: ClientId) -> u64 {
+        let Some(client) = self.clients.get(&id) else { return 0 };
+        let behind = |r: &Reached| self.mail_done(r.client).is_some_and(|done| done < r.position);
+        let handled = |(_, reached): &&(u64, Vec<Reached>)| !reached.iter().any(behind);
+        let count = client.unhandled.iter().take_while(handled).count();
+        let Some(client) = self.clients.get_mut(&id) else { return 0 };
+        client.unhandled.drain(..count);
+        client.unhandled.front().map_or(client.taken, |(batch, _)| batch - 1)
+    }
+
+    /// The broker's number of a name; a new one is given the next. `layout` counts for types only.
+    fn number(&mut self, what: Named, name: &str, layout: u64) -> u32 {
         let number = match what {
             Named::Key => self.keys.number(name, 0),
             Named::Source => self.sources.number(name, 0),
-            Named::Type => self.types.number(name, frame.header.sequence),
+            Named::Type => self.types.number(name, layout),
             Named::Community => self.communities.number(name, 0),
         };
         while self.variables.len() < self.keys.len() {
             self.variables.push(Variable::default());
         }
+        number
+    }
+
+    fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
+        let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
+        let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
+        let number = self.number(what, name, frame.header.sequence);
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         let numbers = &mut client.numbers[what as usize];
-        if numbers.len() != frame.header.key as usize {
-            return Err("the definitions are not numbered in order");
+        match numbers.get(frame.header.key as usize) {
+            // A client that returns introduces all names again; some may stand in its next batch once more.
+            Some(known) if *known == number => Ok(()),
+            None if numbers.len() == frame.header.key as usize => {
+                numbers.push(number);
+                Ok(())
+            }
+            _ => Err("the definitions are not numbered in order"),
         }
-        numbers.push(number);
-        Ok(())
     }
 
     fn notify(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
@@ -245,6 +340,10 @@ impl Broker {
             ValueKind::Binary => translate(Named::Type, header.type_)?,
             _ => 0,
         };
+        if client.is_joining() {
+            Self::hold(client, frame);
+            return Ok(());
+        }
         if self.keys.name(key) == table::REQUEST {
             self.answer_with_table(now, from);
             return Ok(());
@@ -256,7 +355,7 @@ impl Broker {
                 self.variables[key as usize].writers.insert(source);
             }
         }
-        let header = Header { flags: header.flags & BULK, key, source, type_, community, ..*header };
+        let header = Header { flags: header.flags & (BULK | RESENT), key, source, type_, community, ..*header };
         if let Some(reason) = self.type_conflict(key, TypeLock::of(&header)) {
             return self.refuse(from, key, header.sequence, &reason);
         }
@@ -291,10 +390,7 @@ impl Broker {
     }
 
     fn publish_own(&mut self, now: f64, key: &str, kind: ValueKind, value: &[u8]) {
-        let key = self.keys.number(key, 0);
-        while self.variables.len() < self.keys.len() {
-            self.variables.push(Variable::default());
-        }
+        let key = self.number(Named::Key, key, 0);
         if self.type_conflict(key, TypeLock { kind, type_: 0 }).is_some() {
             return; // a client was first with this name, and with another type; it is the client's now
         }
@@ -315,7 +411,7 @@ impl Broker {
 
     fn store_and_deliver(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
         let (key, source) = (message.header.key, message.header.source);
-        self.keep_as_latest(now, message);
+        self.keep_as_latest(now, from, message);
         let route = self.route(key, source);
         let deliveries = std::mem::take(&mut self.variables[key as usize].routes[route].deliveries);
         for delivery in &deliveries {
@@ -332,12 +428,17 @@ impl Broker {
         self.variables[key as usize].routes[route].deliveries = deliveries;
     }
 
-    fn keep_as_latest(&mut self, now: f64, message: &Message<'_>) {
+    fn keep_as_latest(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
         let variable = &mut self.variables[message.header.key as usize];
+        // What is sent again after a broker's death is not newer for that.
+        let resent = message.header.flags & RESENT != 0;
+        if resent && wire::first_frame(&variable.latest).is_ok_and(|f| f.header.time > message.header.time) {
+            return;
+        }
         if let Some(old) = bulk_of(&variable.latest) {
             self.latest_bulk.remove(&(old.client, old.sample));
         }
-        variable.keep(now, message);
+        variable.keep(now, from, message);
         if let Some(new) = bulk_of(&variable.latest) {
             self.latest_bulk.insert((new.client, new.sample));
         }
@@ -352,6 +453,7 @@ impl Broker {
         let deliveries = self
             .clients
             .iter()
+            .filter(|(_, c)| !c.is_joining())
             .filter_map(|(id, c)| registration::combine(*id, &c.registrations, key_name, source_name))
             .collect();
         let routes = &mut self.variables[key as usize].routes;
@@ -361,6 +463,9 @@ impl Broker {
 
     fn deliver(&mut self, now: f64, to: ClientId, message: &Message<'_>) {
         let Some(client) = self.clients.get_mut(&to) else { return };
+        if !self.reached.contains(&to) {
+            self.reached.push(to);
+        }
         let header = &message.header;
         let named = [
             (Named::Key, &self.keys, header.key),
@@ -391,8 +496,10 @@ impl Broker {
         }
     }
 
-    /// Delivers what throttled registrations held back and whose time has come, and refreshes the `DB_*` variables.
+    /// Delivers what throttled registrations held back and whose time has come, lets go of places that nobody came for,
+    /// and refreshes the `DB_*` variables.
     pub fn tick(&mut self, now: f64) {
+        self.expire_orphans(now);
         while let Some(&(due, key, client)) = self.due.first().filter(|(due, ..)| due.0 <= now) {
             self.due.remove(&(due, key, client));
             let throttle = self.variables[key as usize].throttle(client);
@@ -411,21 +518,23 @@ impl Broker {
 
     /// When [`Broker::tick`] next has something to do (s).
     pub fn next_deadline(&self) -> f64 {
-        self.due.first().map_or(self.next_summary, |(due, ..)| due.0.min(self.next_summary))
+        let due = self.due.first().map_or(f64::INFINITY, |(due, ..)| due.0);
+        due.min(self.next_summary).min(self.next_expiry())
     }
 
-    /// Whether the client's next batch has to wait for a lossless registrant whose mailbox is full.
+    /// Whether the client's next batch has to wait: for a lossless registrant whose mailbox is full, or until the client
+    /// has the place that it came for.
     pub fn holds_back(&self, now: f64, from: ClientId) -> bool {
         let patience = self.config.lossless_patience_secs;
-        let feeds = self.clients.get(&from).map(|c| &c.feeds);
-        feeds.is_some_and(|feeds| {
-            feeds.iter().any(|id| self.clients.get(id).is_some_and(|c| c.mailbox.holds_back(now, patience)))
-        })
+        let full = |id: &ClientId| self.clients.get(id).is_some_and(|c| c.mailbox.holds_back(now, patience));
+        let client = self.clients.get(&from);
+        client.is_some_and(|client| Self::waits_for_its_place(client) || client.feeds.iter().any(full))
     }
 
-    /// The clients that have mail waiting, or notices.
+    /// The clients that have mail waiting, or notices, and are there to take it.
     pub fn with_mail(&self) -> impl Iterator<Item = ClientId> + '_ {
-        self.clients.iter().filter(|(_, c)| !c.mailbox.is_empty()).map(|(id, _)| *id)
+        let present = |c: &Client| !matches!(c.standing, Standing::Orphan { .. });
+        self.clients.iter().filter(move |(_, c)| !c.mailbox.is_empty() && present(c)).map(|(id, _)| *id)
     }
 
     /// Moves a client's mail into `batch` until it holds `max` bytes (a single message may be longer). Messages whose
@@ -443,6 +552,37 @@ impl Broker {
         }
     }
 
+    /// Keeps the batch that [`Broker::take_mail`] has filled until the client has handled it: should it die before that,
+    /// its successor is given what is left.
+    pub fn keep_given(&mut self, id: ClientId, batch: Vec<u8>) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            client.mailbox.keep_given(batch);
+        }
+    }
+
+    /// A client has handled so many of the messages that it was ever given; the buffers of batches that are done with
+    /// go to `spare`.
+    pub fn note_handled(&mut self, id: ClientId, messages: u64, spare: &mut Vec<Vec<u8>>) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            spare.extend(client.mailbox.handled(messages));
+        }
+    }
+
+    /// Who has taken whose place since the last call.
+    pub fn take_successions(&mut self) -> Vec<Succession> {
+        std::mem::take(&mut self.successions)
+    }
+
+    /// Whether [`Broker::note_handled`] with so many messages would bring any news.
+    pub fn would_settle(&self, id: ClientId, messages: u64) -> bool {
+        self.clients.get(&id).is_some_and(|c| c.mailbox.would_settle(messages))
+    }
+
+    /// Whether nothing waits for a client, and nothing is under way to it.
+    pub fn is_idle(&self, id: ClientId) -> bool {
+        self.clients.get(&id).is_some_and(|c| c.mailbox.is_idle())
+    }
+
     /// Whether a bulk sample is some variable's latest value, so that late registrants will want it.
     pub fn is_latest_bulk(&self, client: ClientId, sample: u64) -> bool {
         self.latest_bulk.contains(&(client, sample))
@@ -453,15 +593,9 @@ impl Broker {
         std::mem::take(&mut self.attached)
     }
 
-    /// The lossless registrants that a client's messages went to, each with the position of its newest mail.
-    pub fn lossless_positions(&self, publisher: ClientId) -> Vec<(ClientId, u64)> {
-        let feeds = self.clients.get(&publisher).into_iter().flat_map(|c| &c.feeds);
-        feeds.filter_map(|id| Some((*id, self.clients.get(id)?.mailbox.pushed()))).collect()
-    }
-
-    /// The position up to which a client's mail has left its mailbox.
-    pub fn mail_taken(&self, id: ClientId) -> u64 {
-        self.clients.get(&id).map_or(0, |c| c.mailbox.left())
+    /// The position up to which a client is done with its mail; `None`: there is no such client.
+    pub fn mail_done(&self, id: ClientId) -> Option<u64> {
+        self.clients.get(&id).map(|c| c.mailbox.done())
     }
 
     /// A connected client's name.
@@ -469,9 +603,14 @@ impl Broker {
         self.clients.get(&id).map(|c| c.name.as_str())
     }
 
+    /// The client that is there under a name.
+    pub fn client_named(&self, name: &str) -> Option<ClientId> {
+        self.names.get(name).copied().filter(|id| self.standing(*id) == Some(Standing::Present))
+    }
+
     /// Number of connected clients.
     pub fn clients(&self) -> usize {
-        self.clients.len()
+        self.clients.values().filter(|c| c.standing == Standing::Present).count()
     }
 }
 

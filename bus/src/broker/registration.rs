@@ -1,18 +1,31 @@
 //! Who wants what: patterns over variables and sources, and what they add up to for one client.
 
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
 use super::message::Message;
 use super::variable::Delivery;
 use super::{Broker, ClientId};
 use crate::pattern;
-use crate::wire::{Frame, Header, LATEST, LOSSLESS};
+use crate::wire::{self, Frame, FrameKind, Header, LATEST, LOSSLESS, RESENT};
+
+/// Messages by variable, source and sequence.
+pub(super) type Messages = BTreeSet<(u32, u32, u64)>;
 
 /// One registration of a client.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Registration {
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Registration {
+    /// The variables.
     pub key_pattern: String,
+    /// Whose messages.
     pub source_pattern: String,
+    /// At most one message in this time (s); 0: all.
     pub min_interval: f64,
+    /// Publishers wait rather than that mail is dropped.
     pub lossless: bool,
+    /// The client had it before, under the broker before this one.
+    pub again: bool,
 }
 
 impl Registration {
@@ -32,7 +45,37 @@ impl Registration {
             source_pattern: text(frame.value)?,
             min_interval: if interval.is_finite() { interval.max(0.0) } else { 0.0 },
             lossless: frame.header.flags & LOSSLESS != 0,
+            again: frame.header.flags & RESENT != 0,
         })
+    }
+}
+
+/// A change of a client's registrations.
+#[derive(Debug, Clone)]
+pub(super) enum Change {
+    /// Added, or put in the place of one with the same patterns.
+    Add(Registration),
+    /// Taken back: the one with the same patterns.
+    Remove(Registration),
+}
+
+impl Change {
+    /// What a frame asks for.
+    pub fn read(frame: &Frame<'_>) -> Result<Self, &'static str> {
+        let registration = Registration::read(frame)?;
+        Ok(match frame.header.kind {
+            FrameKind::Unregister => Change::Remove(registration),
+            _ => Change::Add(registration),
+        })
+    }
+
+    /// What `registrations` are after it.
+    pub fn apply(&self, registrations: &mut Vec<Registration>) {
+        let (Change::Add(changed) | Change::Remove(changed)) = self;
+        registrations.retain(|r| !r.same_patterns(changed));
+        if let Change::Add(added) = self {
+            registrations.push(added.clone());
+        }
     }
 }
 
@@ -44,34 +87,52 @@ pub(super) fn combine(client: ClientId, registrations: &[Registration], key: &st
 }
 
 impl Broker {
-    /// Adds or replaces a registration, and gives the client the latest values that it did not get before.
-    pub(super) fn register(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let registration = Registration::read(frame)?;
+    /// Adds, replaces or takes back a registration. A client that is joining has to wait for it.
+    pub(super) fn change_registration(
+        &mut self,
+        now: f64,
+        from: ClientId,
+        frame: &Frame<'_>,
+    ) -> Result<(), &'static str> {
+        let change = Change::read(frame)?;
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
-        client.registrations.retain(|r| !r.same_patterns(&registration));
-        client.registrations.push(registration.clone());
-        for key in self.keys_matching(&registration.key_pattern) {
-            let before = self.variables[key as usize].latest_source().is_some_and(|s| self.is_delivered(key, s, from));
-            self.match_routes(key, from);
-            self.give_latest(now, key, from, &registration, before);
+        match client.is_joining() {
+            true => client.asked.extend_from_slice(frame.bytes),
+            false => self.change(now, from, change, &Messages::new()),
         }
-        self.mark_lossless(from);
         Ok(())
     }
 
-    /// Takes a registration back.
-    pub(super) fn unregister(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let registration = Registration::read(frame)?;
-        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
-        client.registrations.retain(|r| !r.same_patterns(&registration));
-        for key in self.keys_matching(&registration.key_pattern) {
-            self.match_routes(key, from);
+    /// Carries a change out; a latest value that is among the `waiting` messages is not given, it is about to come.
+    pub(super) fn change(&mut self, now: f64, id: ClientId, change: Change, waiting: &Messages) {
+        let Some(client) = self.clients.get_mut(&id) else { return };
+        change.apply(&mut client.registrations);
+        self.places_changed = true;
+        match &change {
+            Change::Add(registration) => self.carry_out(now, id, registration, waiting),
+            Change::Remove(registration) => {
+                for key in self.keys_matching(&registration.key_pattern) {
+                    self.match_routes(key, id);
+                }
+            }
         }
-        self.mark_lossless(from);
-        Ok(())
+        self.mark_lossless(id);
     }
 
-    fn mark_lossless(&mut self, id: ClientId) {
+    /// Routes what a registration asks for to its client, and gives it the latest values that it did not get before and
+    /// that are not among the `waiting` ones, which it is about to get.
+    pub(super) fn carry_out(&mut self, now: f64, client: ClientId, registration: &Registration, waiting: &Messages) {
+        for key in self.keys_matching(&registration.key_pattern) {
+            let latest = wire::first_frame(&self.variables[key as usize].latest).map(|f| f.header);
+            let had = latest.is_ok_and(|h| {
+                self.is_delivered(key, h.source, client) || waiting.contains(&(key, h.source, h.sequence))
+            });
+            self.match_routes(key, client);
+            self.give_latest(now, key, client, registration, had);
+        }
+    }
+
+    pub(super) fn mark_lossless(&mut self, id: ClientId) {
         if let Some(client) = self.clients.get_mut(&id) {
             let lossless = client.registrations.iter().any(|r| r.lossless);
             client.mailbox.set_lossless(lossless);
@@ -116,7 +177,8 @@ impl Broker {
         }
         let latest = variable.latest.clone();
         let Some(message) = Message::stored(&latest) else { return };
-        let header = Header { flags: message.header.flags | LATEST, ..message.header };
+        let again = if registration.again { RESENT } else { 0 };
+        let header = Header { flags: message.header.flags & !RESENT | LATEST | again, ..message.header };
         self.deliver(now, to, &Message::new(header, &latest));
         if registration.min_interval > 0.0 {
             self.variables[key as usize].throttle(to).last_sent = now;

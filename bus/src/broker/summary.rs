@@ -1,9 +1,11 @@
 //! The `DB_*` variables that MOOS' tools know, and `DB_DROPS`, which MOOS has no word for.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use super::Broker;
+use super::membership::Standing;
 use super::table::LatencyEntry;
+use super::{Broker, Client, ClientId};
 use crate::wire::{self, ValueKind};
 
 /// How often they are refreshed (s), as in the MOOSDB.
@@ -22,6 +24,8 @@ pub(super) struct Latency {
 impl Latency {
     /// Takes note of one message.
     pub fn note(&mut self, secs: f64) {
+        // The broker's time is that of the beginning of its round, and the message may have come during it.
+        let secs = secs.max(0.0);
         self.min = if self.count == 0 { secs } else { self.min.min(secs) };
         self.max = if self.count == 0 { secs } else { self.max.max(secs) };
         self.recent = secs;
@@ -69,26 +73,30 @@ impl Broker {
         self.publish_own(now, "DB_CLIENTS", ValueKind::Text, names.as_bytes());
     }
 
-    fn per_client(&self, text: impl Fn(&super::Client) -> String) -> String {
-        self.clients.values().map(|c| text(c) + ",").collect()
+    fn per_client(&self, text: impl Fn(&Client) -> String) -> String {
+        self.present().map(|(_, c)| text(c) + ",").collect()
+    }
+
+    /// The clients that are there.
+    pub(super) fn present(&self) -> impl Iterator<Item = (&ClientId, &Client)> {
+        self.clients.iter().filter(|(_, c)| c.standing == Standing::Present)
     }
 
     /// `client=read:read&written:written,…`
     fn reads_and_writes(&self) -> String {
-        let mut read = vec![Vec::new(); self.clients.len()];
-        let places: std::collections::BTreeMap<_, _> = self.clients.keys().zip(0..).collect();
+        let places: BTreeMap<_, _> = self.present().map(|(id, _)| id).zip(0..).collect();
+        let mut read = vec![Vec::new(); places.len()];
         for (key, variable) in (0..).zip(&self.variables) {
-            let readers: std::collections::BTreeSet<_> =
-                variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
+            let readers: BTreeSet<_> = variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
             for place in readers.iter().filter_map(|reader| places.get(reader)) {
                 read[*place as usize].push(self.keys.name(key));
             }
         }
-        let line = |(client, read): (&super::Client, &Vec<&str>)| {
+        let line = |((_, client), read): ((_, &Client), &Vec<&str>)| {
             let written: Vec<&str> = client.published.iter().map(|k| self.keys.name(*k)).collect();
             format!("{}={}&{}", client.name, read.join(":"), written.join(":"))
         };
-        self.clients.values().zip(&read).map(line).collect::<Vec<_>>().join(",")
+        self.present().zip(&read).map(line).collect::<Vec<_>>().join(",")
     }
 
     /// A table for people: name, time, writer, rate, type, value.

@@ -180,7 +180,7 @@ impl Broker {
             community: self.config.community.clone(),
             time: now,
             started: self.started,
-            clients: self.clients.values().map(|client| self.client_entry(client)).collect(),
+            clients: self.present().map(|(_, client)| self.client_entry(client)).collect(),
             variables: (0..).zip(&self.variables).filter_map(|(key, v)| self.variable_entry(key, v)).collect(),
         }
     }

@@ -25,7 +25,7 @@ struct Heard {
 
 impl Speaker {
     fn new(broker: &mut Broker, now: f64, name: &str) -> Self {
-        let id = broker.connect(now, name).unwrap();
+        let id = broker.connect(now, &Introduction::new(name)).unwrap();
         Self { id, keys: Vec::new(), sequence: 0, names: BTreeMap::new() }
     }
 
@@ -171,12 +171,12 @@ fn a_write_of_the_wrong_type_is_answered_to_the_writer() {
 fn a_name_is_unique_and_free_when_its_holder_is_gone() {
     let b = &mut broker();
     let a = Speaker::new(b, 0.0, "a");
-    assert_eq!(b.connect(0.0, "a"), Err(Refusal::NameTaken("a".into())));
+    assert_eq!(b.connect(0.0, &Introduction::new("a")), Err(Refusal::NameTaken("a".into())));
     for bad in ["", "a,b", "a*", "a\n"] {
-        assert_eq!(b.connect(0.0, bad), Err(Refusal::BadName(bad.into())));
+        assert_eq!(b.connect(0.0, &Introduction::new(bad)), Err(Refusal::BadName(bad.into())));
     }
-    b.disconnect(0.0, a.id);
-    assert!(b.connect(0.0, "a").is_ok());
+    b.disconnect(0.0, a.id, 0, true);
+    assert!(b.connect(0.0, &Introduction::new("a")).is_ok());
 }
 
 #[test]
@@ -184,7 +184,7 @@ fn what_an_app_published_outlives_it() {
     let b = &mut broker();
     let mut a = Speaker::new(b, 0.0, "a");
     a.text(b, 0.0, "X", "1");
-    b.disconnect(0.0, a.id);
+    b.disconnect(0.0, a.id, 0, true);
     let mut c = Speaker::new(b, 0.0, "c");
     c.register(b, 0.0, "X", "*", 0.0);
     assert_eq!(c.texts(b, 0.0), ["1"]);
@@ -333,6 +333,200 @@ fn a_client_that_speaks_nonsense_is_an_error_not_a_panic() {
     let mut batch = Vec::new();
     put_definition(&mut batch, Named::Key, 7, "X", 0);
     assert!(b.receive(0.0, a.id, &batch).is_err(), "definitions come in order");
+}
+
+fn leased<'a>(name: &'a str, secs: f64) -> Introduction<'a> {
+    Introduction { lease_secs: secs, ..Introduction::new(name) }
+}
+
+/// A client says that it is ready.
+fn ready(broker: &mut Broker, now: f64, id: ClientId) {
+    let mut batch = Vec::new();
+    put(&mut batch, &Header::new(FrameKind::Ready), &[], &[]);
+    broker.receive(now, id, &batch).unwrap();
+}
+
+/// Joins, registers for everything that `a` says, and is ready.
+fn join_ready(broker: &mut Broker, now: f64, who: &Introduction<'_>) -> Speaker {
+    let id = broker.connect(now, who).unwrap();
+    let speaker = Speaker { id, keys: Vec::new(), sequence: 0, names: BTreeMap::new() };
+    speaker.register(broker, now, "*", "a", 0.0);
+    ready(broker, now, id);
+    speaker
+}
+
+#[test]
+fn a_place_is_kept_as_long_as_its_lease() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    let dead = join_ready(b, 0.0, &leased("c", 5.0));
+    b.disconnect(1.0, dead.id, 0, false);
+    a.text(b, 2.0, "X", "kept");
+    b.tick(5.9);
+    assert!(b.next_deadline() <= 6.0);
+    let mut next = join_ready(b, 5.9, &leased("c", 5.0));
+    let heard = next.hear(b, 5.9).0;
+    assert_eq!(heard, [Heard { key: "X".into(), source: "a".into(), value: b"kept".into(), latest: false }]);
+    b.disconnect(7.0, next.id, 1, false);
+    a.text(b, 8.0, "X", "late");
+    b.tick(12.0);
+    let mut last = join_ready(b, 12.1, &leased("c", 5.0));
+    assert!(last.hear(b, 12.1).0[0].latest, "the lease was over: the latest value is all there is");
+}
+
+#[test]
+fn a_name_has_one_holder_and_one_successor_and_only_a_successor_may_come_for_it() {
+    let b = &mut broker();
+    let holder = join_ready(b, 0.0, &leased("c", 5.0));
+    assert_eq!(b.connect(0.0, &leased("c", 0.0)), Err(Refusal::NameTaken("c".into())));
+    let successor = Introduction { succeeds: true, ..Introduction::new("c") };
+    let next = b.connect(0.0, &successor).unwrap();
+    assert_eq!(b.connect(0.0, &successor), Err(Refusal::SuccessorTaken("c".into())));
+    assert!(b.take_retiring().is_empty() && !b.holds_back(0.0, next));
+    ready(b, 0.0, next);
+    assert_eq!(b.take_retiring(), [holder.id]);
+    assert!(b.holds_back(0.0, next), "what it says from now on waits until it has its place");
+    b.disconnect(0.0, holder.id, 0, true);
+    assert!(!b.holds_back(0.0, next));
+    assert_eq!(b.client_named("c"), Some(next));
+}
+
+#[test]
+fn a_recovered_broker_waits_for_those_who_live_and_gives_the_places_of_the_dead_away() {
+    let b = &mut broker();
+    join_ready(b, 0.0, &leased("lives", 0.0));
+    join_ready(b, 0.0, &leased("dead", 5.0));
+    let places: Vec<Place> = b.take_places().unwrap();
+    assert_eq!(places.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["dead", "lives"]);
+    assert!(b.take_places().is_none());
+    let places = places.into_iter().map(|place| (place.clone(), place.name == "lives"));
+    let b = &mut Broker::recover(BrokerConfig::new("test"), 100.0, places, 10.0);
+    let mut a = Speaker::new(b, 100.0, "a");
+    a.text(b, 100.0, "X", "before they are back");
+    assert_eq!(b.connect(100.0, &Introduction::new("lives")), Err(Refusal::NameTaken("lives".into())));
+    let back = Introduction { returns: true, ..Introduction::new("lives") };
+    for who in [back, Introduction::new("dead")] {
+        assert_eq!(join_ready(b, 101.0, &who).texts(b, 101.0), ["before they are back"], "{}", who.name);
+    }
+}
+
+#[test]
+fn a_batch_is_handled_when_everybody_it_reached_has_handled_it() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    let (mut c, mut d) = (join_ready(b, 0.0, &leased("c", 0.0)), join_ready(b, 0.0, &leased("d", 5.0)));
+    a.text(b, 0.0, "X", "1");
+    assert_eq!(b.handled_batches(a.id), 0);
+    let handle = |b: &mut Broker, who: &mut Speaker, count: u64| {
+        let mut batch = Vec::new();
+        b.take_mail(0.0, who.id, usize::MAX, &mut batch, |_, _| {});
+        b.keep_given(who.id, batch);
+        b.note_handled(who.id, count, &mut Vec::new());
+    };
+    handle(b, &mut c, 1);
+    assert_eq!(b.handled_batches(a.id), 0, "d has not");
+    handle(b, &mut d, 0);
+    b.disconnect(0.0, d.id, 0, false);
+    assert_eq!(b.handled_batches(a.id), 0, "its place is kept, and its mail");
+    let mut next = join_ready(b, 0.0, &leased("d", 5.0));
+    assert_eq!(b.handled_batches(a.id), 0);
+    handle(b, &mut next, 1);
+    assert_eq!(b.handled_batches(a.id), 1);
+}
+
+/// What happens to a name whose holders come and go.
+#[derive(Debug, Clone, Copy)]
+enum Turn {
+    /// So many messages for it are published.
+    Say(u8),
+    /// The holder is given what waits.
+    Give,
+    /// The holder handles so many messages of what it was given.
+    Handle(u8),
+    /// The holder dies; another takes its place.
+    Die,
+    /// A successor comes while the holder lives.
+    Swap,
+}
+
+fn turn() -> impl Strategy<Value = Turn> {
+    prop_oneof![
+        (1..5_u8).prop_map(Turn::Say),
+        Just(Turn::Give),
+        (1..6_u8).prop_map(Turn::Handle),
+        Just(Turn::Die),
+        Just(Turn::Swap),
+    ]
+}
+
+/// The holders of a name, one after the other, and what they have handled together.
+struct Holders {
+    speaker: Speaker,
+    given: std::collections::VecDeque<String>,
+    handled: u64,
+    heard: Vec<String>,
+}
+
+impl Holders {
+    fn give(&mut self, b: &mut Broker) {
+        let mut batch = Vec::new();
+        b.take_mail(0.0, self.speaker.id, usize::MAX, &mut batch, |_, _| {});
+        let messages = frames(&batch).map(Result::unwrap).filter(|f| f.header.kind == FrameKind::Notify);
+        self.given.extend(messages.map(|f| match f.header.flags & LATEST {
+            0 => String::from_utf8(f.value.into()).unwrap(),
+            _ => "latest".into(),
+        }));
+        b.keep_given(self.speaker.id, batch);
+    }
+
+    fn handle(&mut self, b: &mut Broker, count: usize) {
+        for message in self.given.drain(..count.min(self.given.len())) {
+            self.handled += 1;
+            self.heard.extend(Some(message).filter(|m| m != "latest"));
+        }
+        b.note_handled(self.speaker.id, self.handled, &mut Vec::new());
+    }
+
+    fn replace(&mut self, b: &mut Broker, swap: bool) {
+        let dead = self.speaker.id;
+        let who = Introduction { succeeds: swap, ..leased("c", 5.0) };
+        if swap {
+            self.speaker = join_ready(b, 0.0, &who);
+            assert_eq!(b.take_retiring(), [dead]);
+        }
+        b.disconnect(0.0, dead, self.handled, swap);
+        if !swap {
+            self.speaker = join_ready(b, 0.0, &who);
+        }
+        (self.given, self.handled) = (Default::default(), 0);
+    }
+}
+
+proptest! {
+    /// However the holders of a name die or are exchanged, together they hear everything once and in order.
+    #[test]
+    fn holders_of_a_name_hear_everything_once(turns in prop::collection::vec(turn(), 1..60)) {
+        let b = &mut broker();
+        let mut a = Speaker::new(b, 0.0, "a");
+        let speaker = join_ready(b, 0.0, &leased("c", 5.0));
+        let mut holders = Holders { speaker, given: Default::default(), handled: 0, heard: Vec::new() };
+        let mut said = 0;
+        for turn in turns {
+            match turn {
+                Turn::Say(count) => for _ in 0..count {
+                    said += 1;
+                    a.text(b, 0.0, ["X", "Y"][said % 2], &said.to_string());
+                },
+                Turn::Give => holders.give(b),
+                Turn::Handle(count) => holders.handle(b, count.into()),
+                Turn::Die => holders.replace(b, false),
+                Turn::Swap => holders.replace(b, true),
+            }
+        }
+        holders.give(b);
+        holders.handle(b, usize::MAX);
+        prop_assert_eq!(holders.heard, (1..=said).map(|n| n.to_string()).collect::<Vec<_>>());
+    }
 }
 
 proptest! {

@@ -50,6 +50,8 @@ pub(super) struct Variable {
     pub lock: Option<TypeLock>,
     /// The latest frame, in the broker's numbers; empty before the first write.
     pub latest: Vec<u8>,
+    /// The client that published it, unless that was in the time of another broker.
+    pub latest_from: Option<ClientId>,
     pub writes: u64,
     /// Bytes of all values so far.
     pub bytes: u64,
@@ -64,8 +66,9 @@ pub(super) struct Variable {
 }
 
 impl Variable {
-    /// Stores the latest message.
-    pub fn keep(&mut self, now: f64, message: &Message<'_>) {
+    /// Stores the latest message, of client `from`; `None`: of the broker, or of somebody who is gone.
+    pub fn keep(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
+        self.latest_from = from;
         self.lock = Some(TypeLock::of(&message.header));
         self.latest.clear();
         message.append_to(&mut self.latest);

@@ -1,6 +1,7 @@
 //! Bulk values: an iceoryx2 service per publishing client. A value is written once into the publisher's shared memory;
 //! every attached receiver, the broker among them, reads it there.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::mem::MaybeUninit;
 
@@ -22,8 +23,8 @@ pub type BulkSample = Sample<Service, [u8], u64>;
 pub const QUEUE: usize = 8;
 /// Values that a publisher may be ahead of its lossless receivers.
 pub const DEPTH: u64 = 4;
-/// Latest values that the broker keeps in place for late registrants; beyond that it copies.
-pub const HELD: usize = 24;
+/// Values that are kept in place at one end, for late registrants or to be sent again; beyond that they are copied.
+pub const HELD: usize = 20;
 /// Chunks of a publisher's segment: queues and holders together never need more in practice, and a publisher that
 /// finds none free sends by batch instead.
 const CHUNKS: usize = 64;
@@ -49,6 +50,8 @@ pub struct BulkWriter {
     publisher: Publisher<Service, [u8], u64>,
     /// The number of the last value.
     pub sent: u64,
+    /// What was sent and may have to be sent again.
+    pub kept: Shelf,
 }
 
 impl BulkWriter {
@@ -63,7 +66,7 @@ impl BulkWriter {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
             .map_err(failed(format_args!("writing to bulk service {name}")))?;
-        Ok(Self { publisher, sent: 0 })
+        Ok(Self { publisher, sent: 0, kept: Shelf::open(node, name)? })
     }
 
     /// Has a value of `len` bytes written in place and sends it; answers its number, or `None` if all chunks are held
@@ -81,6 +84,7 @@ impl BulkWriter {
         // SAFETY: `Slot` has written `..written` and the line above the rest.
         let sample = unsafe { sample.assume_init() };
         sample.send().map_err(failed("sending a bulk value"))?;
+        self.kept.take_in();
         Ok(Some(self.sent))
     }
 }
@@ -132,5 +136,73 @@ impl BulkReader {
             self.current = Some(self.next()?);
         }
         self.current.as_ref().filter(|s| *s.user_header() == wanted).map(|s| s.payload())
+    }
+}
+
+/// Bulk values of one publisher that are still wanted.
+pub struct Shelf {
+    reader: Option<BulkReader>,
+    values: BTreeMap<u64, Kept>,
+}
+
+/// A value that is kept: where it lies, or, so that its chunk can be used again, as a copy.
+enum Kept {
+    InPlace(BulkSample),
+    Copied(Vec<u8>),
+}
+
+impl Kept {
+    fn bytes(&self) -> &[u8] {
+        match self {
+            Kept::InPlace(sample) => sample.payload(),
+            Kept::Copied(bytes) => bytes,
+        }
+    }
+}
+
+impl Shelf {
+    /// An empty shelf for what is sent from now on over a client's bulk service.
+    pub fn open(node: &Node<Service>, name: &str) -> Result<Self, LinkError> {
+        Ok(Self { reader: Some(BulkReader::open(node, name)?), values: BTreeMap::new() })
+    }
+
+    /// Takes in what has come.
+    pub fn take_in(&mut self) {
+        while let Some(sample) = self.reader.as_ref().and_then(BulkReader::next) {
+            self.values.insert(*sample.user_header(), Kept::InPlace(sample));
+        }
+    }
+
+    /// The value of this number.
+    pub fn get(&self, number: u64) -> Option<&[u8]> {
+        self.values.get(&number).map(Kept::bytes)
+    }
+
+    /// Lets go of all that is neither from `floor` on nor wanted; of what stays, too much to keep in place is copied.
+    /// The less is kept, the sooner the publisher writes again into memory that is still in its cache.
+    pub fn let_go(&mut self, floor: u64, wanted: impl Fn(u64) -> bool) {
+        self.values.retain(|number, _| *number >= floor || wanted(*number));
+        let in_place = self.values.values().filter(|k| matches!(k, Kept::InPlace(_))).count();
+        let old = self.values.values_mut().filter(|k| matches!(k, Kept::InPlace(_)));
+        old.take(in_place.saturating_sub(HELD)).for_each(Kept::copy);
+    }
+
+    /// The publisher is gone: keeps copies of what is wanted, and nothing of its shared memory.
+    pub fn part(&mut self, wanted: impl Fn(u64) -> bool) {
+        self.take_in();
+        self.values.retain(|number, _| wanted(*number));
+        self.values.values_mut().for_each(Kept::copy);
+        self.reader = None;
+    }
+
+    /// Whether nothing is kept.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+}
+
+impl Kept {
+    fn copy(&mut self) {
+        *self = Kept::Copied(self.bytes().to_vec());
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::os::unix::net::UnixStream;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 use std::time::Duration;
 
@@ -13,15 +14,21 @@ use iceoryx2::node::Node;
 use super::bulk::{self, BulkReader, BulkWriter};
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
-use super::page::{BrokerPage, ClientPage, Page};
-use crate::clock::{Clock, Stopwatch};
+use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
+use crate::broker::Introduction;
+use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
 use crate::limits;
-use crate::link::{Batch, Downlink, Fill, Link, LinkError, Uplink};
+use crate::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::wire::{self, BulkRef, FrameKind, Header};
 
-/// How often a sleeping client looks whether the broker's process is still there.
-const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// The longest that a client sleeps: its bell rings when there is news, also when the broker dies.
+const LONGEST_SLEEP: Duration = Duration::from_secs(5);
+
+/// How long a client waits for the next broker after one died.
+const REJOIN_PATIENCE: Duration = Duration::from_secs(10);
+/// How often it looks whether that is there.
+const REJOIN_EVERY: Duration = Duration::from_millis(3);
 
 /// How long a client that leaves waits for the broker to take its last words.
 const LINGER: Duration = Duration::from_secs(10);
@@ -61,8 +68,8 @@ pub enum ConnectError {
     Link(#[from] LinkError),
 }
 
-/// Joins a community under a name.
-pub fn connect(community: &Community, name: &str) -> Result<Link, ConnectError> {
+/// Joins a community.
+pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, ConnectError> {
     limits::raise_descriptors();
     let broken = |source| ConnectError::Handshake { community: community.clone(), source };
     let stream = handshake::dial(community).map_err(|_| ConnectError::NoBroker(community.clone()))?;
@@ -70,7 +77,8 @@ pub fn connect(community: &Community, name: &str) -> Result<Link, ConnectError> 
     if user != handshake::own_user() {
         return Err(ConnectError::ForeignUser { community: community.clone(), user });
     }
-    let hello = Hello { protocol: handshake::PROTOCOL, name: name.into() };
+    let Introduction { name, lease_secs, succeeds, returns } = *who;
+    let hello = Hello { protocol: handshake::PROTOCOL, name: name.into(), lease_secs, succeeds, returns };
     handshake::send(&stream, &hello, &[]).map_err(broken)?;
     let (answer, files) = handshake::receive(&stream).map_err(broken)?;
     let (id, epoch, warp) = match answer {
@@ -82,20 +90,64 @@ pub fn connect(community: &Community, name: &str) -> Result<Link, ConnectError> 
     let [broker_page, page]: [_; 2] =
         files.try_into().map_err(|_| broken(std::io::Error::other("it sent no shared pages")))?;
     let (broker, page) = (Page::open(broker_page).map_err(broken)?, Page::open(page).map_err(broken)?);
-    let line =
-        Rc::new(Line { community: community.clone(), id, epoch, stream, broker, page, node: lane::node(community)? });
-    open_lanes(line, Clock::new(warp)).map_err(ConnectError::from)
+    let page = Arc::new(page);
+    watch(&stream, &page).map_err(broken)?;
+    let (community, node) = (community.clone(), lane::node(community)?);
+    let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
+    let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
+    open_lanes(line, back, Clock::new(warp)).map_err(ConnectError::from)
 }
 
-fn open_lanes(line: Rc<Line>, clock: Clock) -> Result<Link, LinkError> {
+fn open_lanes(line: Rc<Line>, back: ShmBack, clock: Clock) -> Result<Link, LinkError> {
     let up = LaneWriter::open(&line.node, &lane_name(line.epoch, "up", line.id))?;
     let down = LaneReader::open(&line.node, &lane_name(line.epoch, "down", line.id))?;
     line.page.ready.store(1, Release);
     line.broker.bell.ring();
     let epoch = line.epoch;
-    let up = Box::new(ShmUp { lane: up, bulk: None, line: line.clone() });
+    let up = Box::new(ShmUp { lane: up, bulk: None, own_batch: None, line: line.clone() });
     let down = Box::new(ShmDown { lane: down, received: 0, taken: Rc::new(Cell::new(0)), bulk: BTreeMap::new(), line });
-    Ok(Link { up, down, clock, epoch })
+    Ok(Link { up, down, back: Box::new(back), clock, epoch })
+}
+
+/// Nothing in shared memory tells of a process' death, the socket does: a thread waits for its end, and rings the
+/// client's own bell then.
+fn watch(stream: &UnixStream, page: &Arc<Page<ClientPage>>) -> std::io::Result<()> {
+    let (stream, page) = (stream.try_clone()?, page.clone());
+    stream.set_read_timeout(None)?;
+    let wait = move || {
+        handshake::wait_for_end(&stream);
+        // Who was sent away knows better.
+        let _ = page.closed.compare_exchange(OPEN, BROKER_DIED, SeqCst, SeqCst);
+        page.bell.ring();
+    };
+    std::thread::Builder::new().name("watch".into()).stack_size(64 << 10).spawn(wait).map(|_| ())
+}
+
+/// The way to the next broker.
+struct ShmBack {
+    community: Community,
+    name: String,
+    lease_secs: f64,
+}
+
+impl Rejoin for ShmBack {
+    fn rejoin(&mut self) -> Result<Link, LinkError> {
+        let Self { community, name, lease_secs } = self;
+        let who = Introduction { name, lease_secs: *lease_secs, succeeds: false, returns: true };
+        let waited = Stopwatch::start();
+        loop {
+            match connect(community, &who) {
+                Ok(link) => return Ok(link),
+                Err(ConnectError::NoBroker(_) | ConnectError::Handshake { .. } | ConnectError::Link(_))
+                    if waited.elapsed() < REJOIN_PATIENCE => {}
+                Err(error) => {
+                    eprintln!("{name}: the broker died, and there is no way back: {error}");
+                    return Err(LinkError::BrokerGone(community.to_string()));
+                }
+            }
+            std::thread::sleep(REJOIN_EVERY);
+        }
+    }
 }
 
 /// The name of a client's service in the community.
@@ -107,23 +159,32 @@ pub fn lane_name(epoch: u64, what: &str, id: u32) -> String {
 /// there is nothing of it left to clean up.
 struct Line {
     node: Node<Service>,
-    page: Page<ClientPage>,
+    page: Arc<Page<ClientPage>>,
     broker: Page<BrokerPage>,
     community: Community,
     id: u32,
     epoch: u64,
-    stream: UnixStream,
+    stream: Connection,
+}
+
+/// A connection that ends with its owner, whoever else watches it.
+struct Connection(UnixStream);
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        // One that has ended already needs no end.
+        let _ = self.0.shutdown(std::net::Shutdown::Both);
+    }
 }
 
 impl Line {
-    fn gone(&self) -> LinkError {
-        LinkError::BrokerGone(self.community.to_string())
-    }
-
     fn check(&self) -> Result<(), LinkError> {
-        match self.page.closed.load(Acquire) != 0 || handshake::hung_up(&self.stream) {
-            true => Err(self.gone()),
-            false => Ok(()),
+        let community = self.community.to_string();
+        match self.page.closed.load(Acquire) {
+            OPEN if handshake::hung_up(&self.stream.0) => Err(LinkError::BrokerDied(community)),
+            OPEN => Ok(()),
+            BROKER_DIED => Err(LinkError::BrokerDied(community)),
+            _ => Err(LinkError::BrokerGone(community)),
         }
     }
 
@@ -146,7 +207,7 @@ impl Line {
             if let Err(gone) = self.check() {
                 break Err(gone);
             }
-            self.page.bell.wait(rings, LOOK_EVERY);
+            self.page.bell.wait(rings, LONGEST_SLEEP);
         };
         self.page.client_waits.store(0, SeqCst);
         waited
@@ -156,6 +217,8 @@ impl Line {
 struct ShmUp {
     lane: LaneWriter,
     bulk: Option<BulkWriter>,
+    /// The number of the batch that this end sent by itself: nobody else counts it.
+    own_batch: Option<u64>,
     line: Rc<Line>,
 }
 
@@ -168,6 +231,7 @@ impl ShmUp {
         let header = Header { source: self.line.id, ..Header::new(FrameKind::Attached) };
         wire::put(&mut frame, &header, &[], &[]);
         self.send(&frame)?;
+        self.own_batch = Some(self.line.page.up_sent.load(Relaxed));
         self.line.wait_until(|page| page.attachments.load(Acquire) > 0)?;
         Ok(writer)
     }
@@ -178,8 +242,8 @@ impl Uplink for ShmUp {
         let page = &self.line.page;
         let sent = page.up_sent.load(Relaxed);
         self.line.wait_until(|page| sent - page.up_taken.load(Acquire) < DEPTH)?;
-        if page.closed.load(Acquire) != 0 {
-            return Err(self.line.gone());
+        if page.closed.load(Acquire) != OPEN {
+            self.line.check()?;
         }
         self.lane.send(batch)?;
         page.up_sent.store(sent + 1, Release);
@@ -188,17 +252,36 @@ impl Uplink for ShmUp {
     }
 
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError> {
-        let mut writer = match self.bulk.take() {
-            Some(writer) => writer,
-            None => self.open_bulk(len)?,
-        };
+        if self.bulk.is_none() {
+            self.bulk = Some(self.open_bulk(len)?);
+        }
+        let Some(writer) = &mut self.bulk else { return Ok(None) };
         let sent = writer.sent;
         self.line.wait_until(|page| sent - page.bulk_settled.load(Acquire) < bulk::DEPTH)?;
         // Read before sending: whoever attached by now is reached by this very sample.
         let generation = self.line.page.attachments.load(Acquire);
         let sample = writer.send(len, fill)?;
-        self.bulk = Some(writer);
         Ok(sample.map(|sample| BulkRef { client: self.line.id, generation, sample, len: len as u64 }))
+    }
+
+    fn handled(&self) -> u64 {
+        let handled = self.line.page.up_handled.load(Acquire);
+        handled - u64::from(self.own_batch.is_some_and(|own| own <= handled))
+    }
+
+    fn kept_bulk(&self, sample: u64) -> Option<&[u8]> {
+        self.bulk.as_ref()?.kept.get(sample)
+    }
+
+    fn keep_bulk(&mut self, wanted: &dyn Fn(u64) -> bool) {
+        if let Some(bulk) = &mut self.bulk {
+            let newest = bulk.sent;
+            bulk.kept.let_go(newest, wanted);
+        }
+    }
+
+    fn say_goodbye(&mut self) {
+        self.line.page.goodbye.store(1, SeqCst);
     }
 }
 
@@ -232,18 +315,37 @@ impl Downlink for ShmDown {
                 self.received += 1;
                 return Ok(Some(Batch(Box::new(Taken { sample, taken: self.taken.clone(), line: self.line.clone() }))));
             }
-            if page.closed.load(Acquire) != 0 {
-                return Err(self.line.gone());
+            if page.closed.load(Acquire) != OPEN {
+                self.line.check()?;
             }
             let waited = *waited.get_or_insert_with(Stopwatch::start);
-            let Some(left) = timeout.checked_sub(waited.elapsed()).filter(|left| !left.is_zero()) else {
+            let left = timeout.checked_sub(waited.elapsed()).filter(|left| !left.is_zero());
+            let Some(left) = left.filter(|_| !self.retiring()) else {
                 return self.line.check().map(|()| None);
             };
-            page.bell.wait(rings, left.min(LOOK_EVERY));
-            if waited.elapsed() >= LOOK_EVERY {
+            if page.bell.wait(rings, left.min(LONGEST_SLEEP)) {
+                return Ok(None); // the caller looks what the signal was for
+            }
+            if waited.elapsed() >= LONGEST_SLEEP {
                 self.line.check()?;
             }
         }
+    }
+
+    fn open(&self) -> bool {
+        self.line.page.closed.load(Acquire) == OPEN
+    }
+
+    fn note_handled(&mut self, messages: u64) {
+        let page = &self.line.page;
+        if messages == 1 {
+            page.first_handled_at.store(monotonic_nanos(), Relaxed);
+        }
+        page.handled.store(messages, Release);
+    }
+
+    fn retiring(&self) -> bool {
+        self.line.page.retire.load(Relaxed) != 0
     }
 
     fn bulk(&mut self, reference: BulkRef) -> Option<&[u8]> {
@@ -276,6 +378,7 @@ impl Deref for Taken {
 impl Drop for Taken {
     fn drop(&mut self) {
         self.taken.set(self.taken.get() + 1);
+        self.line.page.last_handled_at.store(monotonic_nanos(), Relaxed);
         self.line.page.down_taken.store(self.taken.get(), SeqCst);
         if self.line.page.broker_waits.load(SeqCst) != 0 {
             self.line.broker.bell.ring();

@@ -28,6 +28,10 @@ const MAX_BYTES: usize = 64 << 10;
 pub struct Hello {
     pub protocol: u32,
     pub name: String,
+    /// See [`crate::broker::Introduction`].
+    pub lease_secs: f64,
+    pub succeeds: bool,
+    pub returns: bool,
 }
 
 /// Broker to client; the pages' files come with an acceptance.
@@ -120,5 +124,17 @@ pub fn hung_up(stream: &UnixStream) -> bool {
     match rustix::net::recv(stream, &mut byte[..], flags) {
         Ok((n, _)) => n == 0,
         Err(e) => e != rustix::io::Errno::AGAIN && e != rustix::io::Errno::INTR,
+    }
+}
+
+/// Returns when the other end is gone.
+pub fn wait_for_end(mut stream: &UnixStream) {
+    let mut byte = [0; 1];
+    loop {
+        match stream.read(&mut byte) {
+            Ok(n) if n > 0 => {}
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            _ => return,
+        }
     }
 }

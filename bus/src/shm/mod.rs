@@ -15,6 +15,7 @@ mod lane;
 mod leftovers;
 mod page;
 mod place;
+mod places;
 mod running;
 mod server;
 

@@ -33,17 +33,21 @@ impl Bell {
         self.rings.load(Ordering::SeqCst)
     }
 
-    /// Sleeps until the bell has rung since `rings` was read, a signal came, or `timeout` has passed.
-    pub fn wait(&self, rings: u32, timeout: Duration) {
+    /// Sleeps until the bell has rung since `rings` was read, a signal came, or `timeout` has passed; answers whether it
+    /// was a signal.
+    pub fn wait(&self, rings: u32, timeout: Duration) -> bool {
         self.sleeping.store(1, Ordering::SeqCst);
+        let mut interrupted = false;
         if self.rings.load(Ordering::SeqCst) == rings {
             let timeout = futex::Timespec {
                 tv_sec: timeout.as_secs().min(1 << 30) as i64,
                 tv_nsec: i64::from(timeout.subsec_nanos()) as _,
             };
-            let _: Result<(), Errno> = futex::wait(&self.rings, futex::Flags::empty(), rings, Some(&timeout));
+            let woken = futex::wait(&self.rings, futex::Flags::empty(), rings, Some(&timeout));
+            interrupted = woken == Err(Errno::INTR);
         }
         self.sleeping.store(0, Ordering::SeqCst);
+        interrupted
     }
 }
 
@@ -65,8 +69,12 @@ pub struct ClientPage {
     pub broker_waits: AtomicU32,
     /// 1: the client sleeps until there is room in its way up. Written by the client.
     pub client_waits: AtomicU32,
-    /// 1: the broker is on its way out. Written by the broker.
+    /// Whether the connection has ended: [`OPEN`], [`SENT_AWAY`] or [`BROKER_DIED`].
     pub closed: AtomicU32,
+    /// 1: the client is to leave at the next message boundary, its successor is ready. Written by the broker.
+    pub retire: AtomicU32,
+    /// 1: the client leaves in good order. Written by the client.
+    pub goodbye: AtomicU32,
     /// How many clients have attached to this client's bulk service. Written by the broker.
     pub attachments: AtomicU32,
     /// Batches sent up. Written by the client.
@@ -77,9 +85,24 @@ pub struct ClientPage {
     pub down_sent: AtomicU64,
     /// Batches that the client is done with.
     pub down_taken: AtomicU64,
+    /// The batch sent up to which all mail from this client is handled. Written by the broker.
+    pub up_handled: AtomicU64,
+    /// Messages that the client has handled of those that it was given. Written by the client.
+    pub handled: AtomicU64,
+    /// When it had handled the first and the last of them (ns, monotonic). Written by the client.
+    pub first_handled_at: AtomicU64,
+    /// See `first_handled_at`.
+    pub last_handled_at: AtomicU64,
     /// The last bulk sample up to which no lossless receiver is behind. Written by the broker.
     pub bulk_settled: AtomicU64,
 }
+
+/// The connection is open.
+pub const OPEN: u32 = 0;
+/// The broker is on its way out, or has let go of this client. Written by the broker.
+pub const SENT_AWAY: u32 = 1;
+/// The broker's process is gone. Written by the client's own watch.
+pub const BROKER_DIED: u32 = 2;
 
 /// A shared mapping of a `T` that consists of atomics.
 pub struct Page<T> {

@@ -2,24 +2,25 @@
 //!
 //! One thread does all of it; a thread a connection only waits for the client's first word and for its end.
 
+mod admission;
+
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::os::fd::AsFd;
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use super::bulk::{self, BulkReader, BulkSample};
+use super::bulk::Shelf;
 use super::client::lane_name;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneWriter, Service};
-use super::leftovers;
-use super::page::{BrokerPage, ClientPage, Page};
-use crate::broker::{Broker, BrokerConfig, ClientId};
+use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
+use super::{leftovers, places};
+use crate::broker::{Broker, BrokerConfig, ClientId, Reached};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
 use crate::limits;
@@ -30,6 +31,11 @@ use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
 const BATCH_BYTES: usize = 64 << 10;
 /// The longest that the broker sleeps.
 const LONGEST_SLEEP: Duration = Duration::from_secs(1);
+/// Buffers for batches of mail that are kept for the next ones.
+const SPARE_BUFFERS: usize = 64;
+/// Bulk values of a publisher that are kept for those who have not handled them; more are kept for lossless receivers
+/// only, who are never so far behind.
+const UNDER_WAY: usize = 8;
 /// How long clients get to leave when the broker stops.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -80,12 +86,20 @@ pub struct Server {
     page: Arc<Page<BrokerPage>>,
     events: Receiver<Event>,
     node: Option<Node<Service>>,
-    scratch: Vec<u8>,
+    /// Bulk values of publishers that are gone, as far as they are some variable's latest.
+    departed: BTreeMap<ClientId, Shelf>,
+    /// The processes of clients of the broker that died before this one, by name, until they are back.
+    awaited: BTreeMap<String, u32>,
+    /// Handovers whose end is not seen yet.
+    handovers: Vec<admission::Handover>,
+    /// Buffers for batches of mail.
+    spare: Vec<Vec<u8>>,
 }
 
 /// A connected client.
 struct Peer {
     connection: u64,
+    process: u32,
     stream: UnixStream,
     /// The client is gone; what it sent may still wait in its lane.
     hung_up: bool,
@@ -96,51 +110,42 @@ struct Peer {
     bulk: Option<Held>,
     /// The publishers whose bulk service the client has open, and since which generation.
     attached: BTreeMap<ClientId, u32>,
-    /// Mail taken out of the mailbox by the end of each batch under way: (batch, messages).
-    under_way: VecDeque<(u64, u64)>,
-    /// Messages that the client is done with, or that were dropped.
-    done: u64,
 }
 
 /// A publisher's bulk values that are still wanted.
 struct Held {
-    reader: BulkReader,
-    samples: BTreeMap<u64, Kept>,
-    /// Values that lossless receivers are not done with: (sample, (receiver, position in its mail)).
-    unsettled: VecDeque<(u64, Vec<(ClientId, u64)>)>,
-}
-
-enum Kept {
-    InPlace(BulkSample),
-    Copied(Vec<u8>),
-}
-
-impl Kept {
-    fn bytes(&self) -> &[u8] {
-        match self {
-            Kept::InPlace(sample) => sample.payload(),
-            Kept::Copied(bytes) => bytes,
-        }
-    }
+    shelf: Shelf,
+    /// Values that not all who got them have handled: (sample, who).
+    under_way: VecDeque<(u64, Vec<Reached>)>,
+    /// The newest value that was referred to.
+    routed: u64,
 }
 
 impl Server {
-    /// Takes the community's name and clears away what crashed runs left.
+    /// Takes the community's name, and the place of a broker that died, if there are clients of it that live; otherwise
+    /// clears away what crashed runs left.
     pub fn start(community: Community, config: BrokerConfig, clock: Clock) -> Result<Self, ServeError> {
         limits::raise_descriptors();
         let io = |source| ServeError::Io { community: community.clone(), source };
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
-        leftovers::remove(&community);
+        let found = places::read(&community);
+        if found.is_empty() {
+            leftovers::remove(&community);
+        }
         let page = Arc::new(Page::<BrokerPage>::create("elk-broker").map_err(io)?);
         let node = lane::node(&community)?;
         let (sender, events) = channel();
         let bell = page.clone();
         std::thread::Builder::new()
             .name("listener".into())
-            .spawn(move || accept_all(&listener, &sender, &bell))
+            .spawn(move || admission::accept_all(&listener, &sender, &bell))
             .map_err(io)?;
-        let broker = Broker::new(config, clock.now());
+        let awaited: BTreeMap<String, u32> = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
+        let broker = match found.is_empty() {
+            true => Broker::new(config, clock.now()),
+            false => admission::recover(&community, config, clock.now(), found),
+        };
         let epoch = monotonic_nanos();
         Ok(Self {
             community,
@@ -151,7 +156,10 @@ impl Server {
             page,
             events,
             node: Some(node),
-            scratch: Vec::new(),
+            departed: BTreeMap::new(),
+            awaited,
+            handovers: Vec::new(),
+            spare: Vec::new(),
         })
     }
 
@@ -163,103 +171,13 @@ impl Server {
             self.broker.tick(now);
             let moved =
                 self.take_events(now) | self.take_batches(now) | self.let_go_of_the_gone(now) | self.hand_out(now);
+            self.follow_up(now);
             if !moved {
                 let until_next = self.clock.real(self.broker.next_deadline() - now);
                 self.page.bell.wait(rings, until_next.min(LONGEST_SLEEP));
             }
         }
         self.part();
-    }
-
-    fn take_events(&mut self, now: f64) -> bool {
-        let mut any = false;
-        while let Ok(event) = self.events.try_recv() {
-            any = true;
-            match event {
-                Event::Hello(connection, stream, hello) => self.let_in(now, connection, stream, &hello),
-                Event::HungUp(connection) => {
-                    if let Some(id) = self.peers.iter().find(|(_, p)| p.connection == connection).map(|(id, _)| *id) {
-                        self.let_go(now, id);
-                    }
-                }
-            }
-        }
-        any
-    }
-
-    fn let_in(&mut self, now: f64, connection: u64, stream: UnixStream, hello: &Hello) {
-        self.free_name_of_the_dead(now, &hello.name);
-        let admitted = match hello.protocol {
-            handshake::PROTOCOL => self.broker.connect(now, &hello.name).map_err(|refusal| refusal.to_string()),
-            other => Err(format!(
-                "this broker speaks protocol {}, the client {other}: build both from the same version",
-                handshake::PROTOCOL
-            )),
-        };
-        let peer = admitted.and_then(|id| {
-            self.open_lanes(connection, &stream, id).map(|peer| (id, peer)).map_err(|e| {
-                self.broker.disconnect(now, id);
-                e.to_string()
-            })
-        });
-        match peer {
-            Ok((id, peer)) => {
-                let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
-                let welcome = Answer::Welcome { id, epoch: self.epoch, warp: self.clock.warp() };
-                // Who hung up meanwhile is noticed by the connection's own thread.
-                let _ = handshake::send(&stream, &welcome, &files);
-                self.peers.insert(id, peer);
-            }
-            Err(reason) => {
-                let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
-                let _ = stream.shutdown(std::net::Shutdown::Both);
-            }
-        }
-    }
-
-    /// The news of a client's end may come later than its successor: the socket knows.
-    fn free_name_of_the_dead(&mut self, now: f64, name: &str) {
-        let holder = self.peers.iter().find(|(id, _)| self.broker.client_name(**id) == Some(name));
-        if let Some((&id, _)) = holder.filter(|(_, peer)| handshake::hung_up(&peer.stream)) {
-            while self.peers.get(&id).is_some_and(Peer::has_sent) && self.take_batch(now, id) {}
-            self.let_go(now, id);
-        }
-    }
-
-    /// Lets go of the clients that are gone and whose last words are taken.
-    fn let_go_of_the_gone(&mut self, now: f64) -> bool {
-        let gone: Vec<_> = self.peers.iter().filter(|(_, p)| p.hung_up && !p.has_sent()).map(|(id, _)| *id).collect();
-        gone.iter().for_each(|id| self.let_go(now, *id));
-        !gone.is_empty()
-    }
-
-    fn open_lanes(&self, connection: u64, stream: &UnixStream, id: ClientId) -> Result<Peer, LinkError> {
-        let Some(node) = &self.node else {
-            return Err(LinkError::BrokerGone(self.community.to_string()));
-        };
-        let system = |e: std::io::Error| LinkError::SharedMemory(e.to_string());
-        Ok(Peer {
-            connection,
-            stream: stream.try_clone().map_err(system)?,
-            hung_up: false,
-            page: Page::create("elk-client").map_err(system)?,
-            up: LaneReader::open(node, &lane_name(self.epoch, "up", id))?,
-            down: LaneWriter::open(node, &lane_name(self.epoch, "down", id))?,
-            bulk: None,
-            attached: BTreeMap::new(),
-            under_way: VecDeque::new(),
-            done: 0,
-        })
-    }
-
-    fn let_go(&mut self, now: f64, id: ClientId) {
-        self.broker.disconnect(now, id);
-        if let Some(peer) = self.peers.remove(&id) {
-            let _ = peer.stream.shutdown(std::net::Shutdown::Both);
-        }
-        if let Some(node) = &self.node {
-            node.try_cleanup_dead_nodes();
-        }
     }
 
     /// One batch from each client that has sent any.
@@ -289,12 +207,15 @@ impl Server {
             Err(error) => return self.expel(now, id, &error),
         };
         if let Some(held) = &mut peer.bulk {
-            held.take_in();
+            held.shelf.take_in();
         }
-        let newest_before = peer.bulk.as_ref().map_or(0, Held::newest_routed);
         let taken = self.broker.receive(now, id, &batch);
+        let bulk = bulk_values_of(&batch, id).last();
         drop(batch);
-        self.note_unsettled(id, newest_before);
+        self.note_successions();
+        if let Some(sample) = bulk {
+            self.note_under_way(id, sample);
+        }
         self.attach_all();
         if let Some(peer) = self.peers.get_mut(&id) {
             peer.page.up_taken.fetch_add(1, SeqCst);
@@ -318,15 +239,25 @@ impl Server {
         true
     }
 
-    /// Notes for each bulk value that just went out where it stands in the mail of those who must not miss it.
-    fn note_unsettled(&mut self, publisher: ClientId, newest_before: u64) {
-        let waiting = self.broker.lossless_positions(publisher);
-        let Some(peer) = self.peers.get_mut(&publisher) else {
+    /// Notes for the bulk value that just went out where it stands in the mail of those who got it.
+    fn note_under_way(&mut self, publisher: ClientId, sample: u64) {
+        let Some(held) = self.peers.get_mut(&publisher).and_then(|peer| peer.bulk.as_mut()) else {
             return;
         };
-        let Some(held) = &mut peer.bulk else { return };
-        if let Some(newest) = held.samples.last_key_value().map(|(n, _)| *n).filter(|n| *n > newest_before) {
-            held.unsettled.push_back((newest, waiting));
+        held.routed = sample;
+        held.under_way.push_back((sample, self.broker.reached()));
+        if held.under_way.len() > UNDER_WAY {
+            held.under_way.pop_front();
+        }
+    }
+
+    /// Whoever took over mail with bulk values in it is who has to handle them.
+    fn note_successions(&mut self) {
+        for succession in self.broker.take_successions() {
+            for held in self.peers.values_mut().filter_map(|peer| peer.bulk.as_mut()) {
+                let reached = held.under_way.iter_mut().flat_map(|(_, reached)| reached);
+                reached.for_each(|reached| reached.follow(&succession));
+            }
         }
     }
 
@@ -347,8 +278,8 @@ impl Server {
         let (Some(node), Some(peer)) = (&self.node, self.peers.get_mut(&publisher)) else {
             return;
         };
-        match BulkReader::open(node, &lane_name(self.epoch, "bulk", publisher)) {
-            Ok(reader) => peer.bulk = Some(Held { reader, samples: BTreeMap::new(), unsettled: VecDeque::new() }),
+        match Shelf::open(node, &lane_name(self.epoch, "bulk", publisher)) {
+            Ok(shelf) => peer.bulk = Some(Held { shelf, under_way: VecDeque::new(), routed: 0 }),
             // The values will be missed and counted by their receivers; the reason stands in the broker's log.
             Err(error) => eprintln!("elk db: {error}"),
         }
@@ -376,45 +307,40 @@ impl Server {
             }
         }
         peer.page.broker_waits.store(0, SeqCst);
-        let mut batch = std::mem::take(&mut self.scratch);
+        self.broker.note_handled(id, peer.page.handled.load(Acquire), &mut self.spare);
+        let mut batch = self.spare.pop().unwrap_or_default();
         batch.clear();
-        let peers = &self.peers;
-        let resolve = |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk(peers, peer, frame, batch);
+        let (peers, departed) = (&self.peers, &self.departed);
+        let resolve = |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk((peers, departed), peer, frame, batch);
         self.broker.take_mail(now, id, BATCH_BYTES, &mut batch, resolve);
         let sent = peer.down.send(&batch);
-        self.scratch = batch;
-        let position = self.broker.mail_taken(id);
+        self.broker.keep_given(id, batch);
+        self.spare.truncate(SPARE_BUFFERS);
         if let Err(error) = sent {
             return self.expel(now, id, &error);
         }
-        if let Some(peer) = self.peers.get_mut(&id) {
-            let number = peer.page.down_sent.fetch_add(1, SeqCst) + 1;
-            peer.note_done();
-            peer.under_way.push_back((number, position));
-            peer.page.bell.ring();
-        }
+        peer.page.down_sent.fetch_add(1, SeqCst);
+        peer.page.bell.ring();
         true
     }
 
-    /// Tells publishers of bulk values how far their lossless receivers are; answers whether there may be more to tell.
+    /// Tells publishers how far their mail is handled, and those of bulk values how far their lossless receivers are;
+    /// answers whether there may be more to tell.
     fn settle(&mut self) -> bool {
-        if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(|held| held.unsettled.is_empty())) {
+        for (id, peer) in &self.peers {
+            self.broker.note_handled(*id, peer.page.handled.load(Acquire), &mut self.spare);
+        }
+        for (id, peer) in &self.peers {
+            peer.page.up_handled.store(self.broker.handled_batches(*id), Release);
+        }
+        if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(|held| held.under_way.is_empty())) {
             return false;
         }
-        self.peers.values_mut().for_each(Peer::note_done);
-        let done: BTreeMap<ClientId, u64> = self.peers.iter().map(|(id, p)| (*id, p.done)).collect();
-        let behind = |(id, position): &(ClientId, u64)| done.get(id).is_some_and(|d| d < position);
         let mut awaited = BTreeSet::new();
         for peer in self.peers.values_mut() {
             let Some(held) = &mut peer.bulk else { continue };
-            let mut settled = None;
-            while let Some((sample, _)) = held.unsettled.pop_front_if(|(_, waiting)| !waiting.iter().any(behind)) {
-                settled = Some(sample);
-            }
-            awaited.extend(
-                held.unsettled.iter().flat_map(|(_, waiting)| waiting).filter(|w| behind(w)).map(|(id, _)| *id),
-            );
-            if let Some(sample) = settled {
+            let settled = held.settled(&self.broker, &mut awaited);
+            if let Some(sample) = settled.filter(|sample| *sample > peer.page.bulk_settled.load(Relaxed)) {
                 peer.page.bulk_settled.store(sample, SeqCst);
                 if peer.page.client_waits.load(SeqCst) != 0 {
                     peer.page.bell.ring();
@@ -422,15 +348,19 @@ impl Server {
             }
         }
         // Those who are behind ring when they have read on; who did so just before this flag is seen at once.
-        let awaited: Vec<&Peer> = awaited.iter().filter_map(|id| self.peers.get(id)).collect();
-        awaited.iter().for_each(|peer| peer.page.broker_waits.store(1, SeqCst));
-        awaited.iter().any(|peer| peer.has_read_on())
+        let awaited: Vec<_> = awaited.iter().filter_map(|id| Some((*id, self.peers.get(id)?))).collect();
+        awaited.iter().for_each(|(_, peer)| peer.page.broker_waits.store(1, SeqCst));
+        let has_read_on = |(id, peer): &(ClientId, &Peer)| {
+            peer.page.down_taken.load(SeqCst); // stored after `handled`: who sees it sees that, too
+            self.broker.would_settle(*id, peer.page.handled.load(Acquire))
+        };
+        awaited.iter().any(has_read_on)
     }
 
     /// Sends everybody away and removes the community's files.
     fn part(&mut self) {
         for peer in self.peers.values() {
-            peer.page.closed.store(1, Release);
+            peer.page.closed.store(SENT_AWAY, Release);
             peer.page.bell.ring();
         }
         let waited = Stopwatch::start();
@@ -444,22 +374,36 @@ impl Server {
     }
 }
 
+/// The client's own bulk values that a batch of it refers to. (The newest that has come may belong to a batch that has
+/// not.)
+fn bulk_values_of(batch: &[u8], client: ClientId) -> impl Iterator<Item = u64> + '_ {
+    let frames = wire::frames(batch).map_while(Result::ok).filter(|frame| wire::is_bulk(frame.bytes));
+    let references = frames.filter_map(|frame| BulkRef::from_bytes(frame.value));
+    references.filter(move |reference| reference.client == client).map(|reference| reference.sample)
+}
+
 /// What a receiver can use of a message whose value lies in shared memory: the reference, if the value reached its own
 /// end of the bulk service; else a copy, with the hint to open one.
-fn place_bulk(peers: &BTreeMap<ClientId, Peer>, to: &Peer, frame: &Frame<'_>, batch: &mut Vec<u8>) {
+fn place_bulk(
+    (peers, departed): (&BTreeMap<ClientId, Peer>, &BTreeMap<ClientId, Shelf>),
+    to: &Peer,
+    frame: &Frame<'_>,
+    batch: &mut Vec<u8>,
+) {
     let Some(reference) = BulkRef::from_bytes(frame.value) else {
         return;
     };
     let reached = to.attached.get(&reference.client).is_some_and(|since| *since <= reference.generation);
     let in_place = reached && frame.header.flags & LATEST == 0;
-    let kept = || peers.get(&reference.client)?.bulk.as_ref()?.samples.get(&reference.sample);
-    match kept().filter(|_| !in_place) {
+    let here = |client| peers.get(client).and_then(|peer| Some(&peer.bulk.as_ref()?.shelf));
+    let shelf = here(&reference.client).or_else(|| departed.get(&reference.client));
+    match shelf.and_then(|shelf| shelf.get(reference.sample)).filter(|_| !in_place) {
         Some(kept) => {
-            let tell = !to.attached.contains_key(&reference.client);
+            let tell = !to.attached.contains_key(&reference.client) && peers.contains_key(&reference.client);
             let flags = frame.header.flags & !BULK | if tell { ATTACH } else { 0 };
             let publisher = reference.client.to_le_bytes();
             let aux: &[u8] = if tell { &publisher } else { frame.aux };
-            wire::put(batch, &wire::Header { flags, ..frame.header }, aux, kept.bytes());
+            wire::put(batch, &wire::Header { flags, ..frame.header }, aux, kept);
         }
         // In place; or gone before it could be copied: then the receiver finds nothing behind the reference, and counts.
         None => batch.extend_from_slice(frame.bytes),
@@ -474,42 +418,29 @@ impl Peer {
     fn has_room(&self) -> bool {
         self.page.down_sent.load(Relaxed) - self.page.down_taken.load(SeqCst) < DEPTH
     }
-
-    fn has_read_on(&self) -> bool {
-        self.under_way.front().is_some_and(|(batch, _)| *batch <= self.page.down_taken.load(SeqCst))
-    }
-
-    fn note_done(&mut self) {
-        let taken = self.page.down_taken.load(Acquire);
-        while let Some((_, position)) = self.under_way.pop_front_if(|(batch, _)| *batch <= taken) {
-            self.done = position;
-        }
-    }
 }
 
 impl Held {
-    fn take_in(&mut self) {
-        while let Some(sample) = self.reader.next() {
-            self.samples.insert(*sample.user_header(), Kept::InPlace(sample));
+    /// The sample up to which no lossless receiver is behind; those who are go to `awaited`.
+    fn settled(&mut self, broker: &Broker, awaited: &mut BTreeSet<ClientId>) -> Option<u64> {
+        let behind = |r: &Reached| broker.mail_done(r.client).is_some_and(|done| done < r.position);
+        let mut settled = None;
+        while let Some((sample, _)) = self.under_way.pop_front_if(|(_, reached)| !reached.iter().any(behind)) {
+            settled = Some(sample);
         }
+        let lossless = |reached: &Vec<Reached>| reached.iter().any(|r| r.lossless && behind(r));
+        let rest = self.under_way.iter().take_while(|(_, reached)| !lossless(reached)).last();
+        let waiting = self.under_way.iter().flat_map(|(_, reached)| reached).filter(|r| r.lossless && behind(r));
+        awaited.extend(waiting.map(|r| r.client));
+        rest.map(|(sample, _)| *sample).or(settled)
     }
 
-    fn newest_routed(&self) -> u64 {
-        self.unsettled.back().map_or(0, |(sample, _)| *sample)
-    }
-
-    /// Keeps the newest, those that a lossless receiver is not done with, and those that are a variable's latest value;
-    /// of these, too many to hold in place are copied. The fewer are held, the sooner the publisher writes again into
-    /// memory that is still in its cache.
+    /// Keeps the newest, those that not everybody is done with, and those that are a variable's latest value.
     fn let_go_of_unwanted(&mut self, is_latest: impl Fn(u64) -> bool) {
-        let newest = self.samples.last_key_value().map_or(0, |(n, _)| *n);
-        let unsettled = self.unsettled.front().map_or(newest, |(sample, _)| *sample);
-        self.samples.retain(|sample, _| *sample >= unsettled || is_latest(*sample));
-        let in_place = self.samples.values().filter(|k| matches!(k, Kept::InPlace(_))).count();
-        let old = self.samples.values_mut().filter(|k| matches!(k, Kept::InPlace(_)));
-        for kept in old.take(in_place.saturating_sub(bulk::HELD)) {
-            *kept = Kept::Copied(kept.bytes().to_vec());
-        }
+        // What has come and is not referred to yet stays as well.
+        let next = self.routed + 1;
+        let oldest = self.under_way.front().map_or(next, |(sample, _)| *sample);
+        self.shelf.let_go(oldest, is_latest);
     }
 }
 
@@ -519,48 +450,4 @@ fn taken(community: &Community, source: std::io::Error) -> ServeError {
         Ok((process, user)) => ServeError::Taken { community: community.clone(), process, user },
         Err(_) => ServeError::Io { community: community.clone(), source },
     }
-}
-
-fn accept_all(listener: &UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
-    for (connection, stream) in (0_u64..).zip(listener.incoming()) {
-        let Ok(stream) = stream else { continue };
-        let (events, page) = (events.clone(), page.clone());
-        let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(move || {
-            let tell = |event| {
-                // The broker may be gone already; then nobody needs the news.
-                let _ = events.send(event);
-                page.bell.ring();
-            };
-            if let Some((stream, hello)) = first_word(stream) {
-                let Ok(watched) = stream.try_clone() else {
-                    return;
-                };
-                tell(Event::Hello(connection, stream, hello));
-                watch(&watched);
-                tell(Event::HungUp(connection));
-            }
-        });
-        if let Err(error) = spawned {
-            eprintln!("elk db: a client was turned away, no thread for it: {error}");
-        }
-    }
-}
-
-fn first_word(stream: UnixStream) -> Option<(UnixStream, Hello)> {
-    let (_, user) = handshake::peer(&stream).ok()?;
-    if user != handshake::own_user() {
-        let reason = format!("this community belongs to user {}", handshake::own_user());
-        let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
-        return None;
-    }
-    stream.set_read_timeout(Some(handshake::PATIENCE)).ok()?;
-    let (hello, _) = handshake::receive::<Hello>(&stream).ok()?;
-    stream.set_read_timeout(None).ok()?;
-    Some((stream, hello))
-}
-
-/// Returns when the other end is gone.
-fn watch(mut stream: &UnixStream) {
-    let mut byte = [0; 1];
-    while matches!(std::io::Read::read(&mut stream, &mut byte), Ok(n) if n > 0) {}
 }

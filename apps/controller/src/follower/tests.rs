@@ -7,12 +7,17 @@ struct Bench {
     map: OccupancyGrid,
     follower: Follower,
     commands: Vec<PoseCommand>,
+    /// The last scan in the map.
+    scan: u64,
+    /// Whether a successor takes over before each message.
+    restless: bool,
 }
 
 impl Bench {
     /// A free corridor of 40 × 5 × 5 voxels of 0.1 m, the camera at its beginning.
     fn new() -> (Self, PlanRequest) {
-        let mut bench = Self { map: OccupancyGrid::new(0.1), follower: Follower::default(), commands: vec![] };
+        let (map, follower) = (OccupancyGrid::new(0.1), Follower::default());
+        let mut bench = Self { map, follower, commands: vec![], scan: 0, restless: false };
         let pose = Pose::looking(at(0.2), Vector3::x());
         let first = bench.follower.on_camera_pose(&CameraPose { command: 0, pose });
         assert_eq!(first, [Output::Command(PoseCommand { id: 1, via: vec![], pose })]);
@@ -23,8 +28,20 @@ impl Bench {
         (bench, request)
     }
 
+    /// Puts a successor in the follower's place, and tells it what the bus remembers. It says nothing but, perhaps, the
+    /// other one's last words again.
+    fn exchange(&mut self) -> Vec<Output> {
+        self.follower = Follower::successor(&self.follower.memory(0, 0));
+        assert!(self.follower.on_map(&self.map.whole(self.scan)).unwrap().is_empty());
+        self.follower.resume()
+    }
+
     /// Scan `id` came and changed `cells`.
     fn scan(&mut self, id: u64, cells: Vec<(Voxel, State)>) -> Vec<Output> {
+        if self.restless {
+            self.exchange();
+        }
+        self.scan = id;
         let changed: Vec<Voxel> = cells.iter().map(|c| c.0).collect();
         for (voxel, state) in cells {
             self.map.set(voxel, state);
@@ -35,6 +52,9 @@ impl Bench {
 
     /// Answers the request with a path; then each command with a scan that changes nothing, until the next request.
     fn follow(&mut self, plan: &Plan) -> PlanRequest {
+        if self.restless {
+            self.exchange();
+        }
         let mut outputs = self.follower.on_plan(plan);
         loop {
             match outputs.last() {
@@ -161,4 +181,44 @@ fn when_nothing_is_left_it_reports_and_falls_silent() {
     assert_eq!((report.scans, report.free), (10, 1000));
     assert!((report.path_length_m - 3.1).abs() < 1e-9);
     assert!(bench.scan(11, vec![]).is_empty() && bench.follower.on_plan(&done).is_empty());
+}
+
+#[test]
+fn a_successor_at_every_step_goes_the_same_way() {
+    let run = |restless| {
+        let (mut bench, first) = Bench::new();
+        bench.restless = restless;
+        let asked = bench.follow(&plan(&first, true));
+        let over = bench.follower.on_plan(&Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) });
+        (bench.commands, asked, over)
+    };
+    assert_eq!(run(true), run(false));
+}
+
+#[test]
+fn a_successor_says_again_what_was_perhaps_not_said() {
+    let (mut bench, first) = Bench::new();
+    assert_eq!(bench.exchange(), [Output::Request(first.clone())]);
+    assert!(bench.follower.resume().is_empty(), "once");
+    let said = bench.follower.on_plan(&plan(&first, true));
+    assert_eq!(bench.exchange(), said);
+    let Some(Output::Command(command)) = said.last() else { panic!("{said:?}") };
+    bench.follower = Follower::successor(&bench.follower.memory(0, 0));
+    bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: command.pose });
+    assert!(bench.follower.resume().is_empty(), "the sensor has carried it out");
+    let outputs = bench.scan(2, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
+    assert!(matches!(outputs[..], [Output::MapRequest]), "the map is not here yet");
+    let asked = request(&bench.follower.on_map(&bench.map.whole(2)).unwrap());
+    assert_eq!(asked.outcome, Outcome::Cut);
+    let over = bench.follower.on_plan(&Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) });
+    assert_eq!(bench.exchange(), over);
+}
+
+#[test]
+fn a_plan_waits_for_the_map_that_it_was_made_from() {
+    let (mut bench, first) = Bench::new();
+    bench.follower = Follower::successor(&bench.follower.memory(0, 0));
+    assert!(bench.follower.on_plan(&plan(&first, true)).is_empty());
+    let outputs = bench.follower.on_map(&bench.map.whole(1)).unwrap();
+    assert!(matches!(outputs[..], [Output::Command(_)]), "{outputs:?}");
 }

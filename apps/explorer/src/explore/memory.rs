@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use elk_spatial::messages::{Outcome, Path, PlanRequest};
+use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
 use elk_spatial::ray::Traversal;
 use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
 
@@ -11,34 +11,52 @@ const CUTS: u32 = 3;
 
 /// Plans for a target, for each place that it may be looked at from, after which it is given up: a voxel that flickers
 /// between free and occupied is never looked at in vain, and never done.
-const RETURNS: usize = 3;
+const RETURNS: u64 = 3;
 
 /// Where the robot has been, and what it looked at in vain.
 #[derive(Debug, Default)]
 pub struct Memory {
     /// The last path, and the position that it was to end in.
     path: Option<Path>,
-    tried: BTreeMap<Voxel, Vec<Voxel>>,
-    cuts: BTreeMap<Voxel, u32>,
+    targets: BTreeMap<Voxel, TargetRecord>,
     trail: Vec<Voxel>,
     hidden: BTreeSet<Voxel>,
-    /// How often each target was planned for.
-    planned: BTreeMap<Voxel, usize>,
     /// How things stood when they last changed, and the revision then.
     standing: Standing,
     progress_at: u64,
 }
 
-/// What changes as long as there is progress. A voxel that flickers changes it too, but is given up in time.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-struct Standing {
-    free: usize,
-    occupied: usize,
-    frontier: usize,
-    attempts: usize,
-}
-
 impl Memory {
+    /// What a predecessor left.
+    pub fn recall(left: &ExplorerMemory) -> Self {
+        let path = match &left.plan.decision {
+            Decision::Go(path) => Some(path.clone()),
+            Decision::Done => None,
+        };
+        Self {
+            path,
+            targets: left.targets.iter().map(|record| (record.target, record.clone())).collect(),
+            trail: left.trail.clone(),
+            hidden: left.hidden.iter().copied().collect(),
+            standing: left.standing,
+            progress_at: left.progress_at,
+        }
+    }
+
+    /// Leaves it to a successor; the path is in the plan there.
+    pub fn leave(&self, to: &mut ExplorerMemory) {
+        to.targets = self.targets.values().cloned().collect();
+        to.trail = self.trail.clone();
+        to.hidden = self.hidden.iter().copied().collect();
+        to.standing = self.standing;
+        to.progress_at = self.progress_at;
+    }
+
+    fn record(&mut self, target: Voxel) -> &mut TargetRecord {
+        let new = || TargetRecord { target, tried: Vec::new(), cuts: 0, planned: 0 };
+        self.targets.entry(target).or_insert_with(new)
+    }
+
     /// Takes note of how the last path went.
     pub fn learn(&mut self, request: &PlanRequest, grid: &OccupancyGrid, frontier: &FrontierSet) {
         let resolution = grid.resolution();
@@ -51,10 +69,10 @@ impl Memory {
             }
         }
         let now = Standing {
-            free: grid.free(),
-            occupied: grid.occupied(),
-            frontier: frontier.len(),
-            attempts: self.tried.values().map(Vec::len).sum(),
+            free: grid.free() as u64,
+            occupied: grid.occupied() as u64,
+            frontier: frontier.len() as u64,
+            attempts: self.targets.values().map(|record| record.tried.len() as u64).sum(),
         };
         if now != self.standing {
             self.standing = now;
@@ -64,15 +82,14 @@ impl Memory {
 
     fn judge(&mut self, path: &Path, outcome: Outcome, robot: Voxel, resolution: f64) {
         let end = path.points.last().copied();
+        let record = self.record(path.target);
         match outcome {
-            Outcome::Unresolved => self.tried.entry(path.target).or_default().push(robot),
+            Outcome::Unresolved => record.tried.push(robot),
             Outcome::Cut => {
-                let cuts = self.cuts.entry(path.target).or_default();
-                *cuts += 1;
-                if *cuts >= CUTS {
-                    *cuts = 0;
-                    let goal = end.map_or(robot, |p| Voxel::containing(p, resolution));
-                    self.tried.entry(path.target).or_default().push(goal);
+                record.cuts += 1;
+                if record.cuts >= CUTS {
+                    record.cuts = 0;
+                    record.tried.push(end.map_or(robot, |p| Voxel::containing(p, resolution)));
                 }
             }
             Outcome::First | Outcome::Resolved => {}
@@ -104,7 +121,7 @@ impl Memory {
 
     /// Has the explorer's last decision.
     pub fn remember(&mut self, path: &Path) {
-        *self.planned.entry(path.target).or_default() += 1;
+        self.record(path.target).planned += 1;
         self.path = Some(path.clone());
     }
 
@@ -115,13 +132,14 @@ impl Memory {
 
     /// The voxels from which `target` was looked at in vain.
     pub fn tried(&self, target: Voxel) -> &[Voxel] {
-        self.tried.get(&target).map_or(&[], Vec::as_slice)
+        self.targets.get(&target).map_or(&[], |record| &record.tried)
     }
 
     /// Whether `target` was looked at in vain from `attempts` places, or came back each time that it was resolved.
     pub fn gave_up(&self, target: Voxel, attempts: usize) -> bool {
-        let planned = self.planned.get(&target).copied().unwrap_or_default();
-        self.tried(target).len() >= attempts || planned >= RETURNS * attempts
+        self.targets.get(&target).is_some_and(|record| {
+            record.tried.len() >= attempts || u64::from(record.planned) >= RETURNS * attempts as u64
+        })
     }
 
     /// Scans since anything was learned.

@@ -62,7 +62,11 @@ fn settings(policy: Policy) -> Settings {
 
 /// Explores with a robot that follows each path to its end and looks from there until the target is resolved.
 fn run(strategy: Box<dyn Strategy>, settings: Settings) -> Run {
-    let mut explorer = Explorer::new(strategy, settings);
+    relay(Explorer::new(strategy, settings), |_| None)
+}
+
+/// The same, with another explorer from the plan on for which `successor` has one; all begin with nothing but memory.
+fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) -> Run {
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let look = |pose: &Pose, frontier: &mut FrontierSet, grid: &mut OccupancyGrid| {
         let changed = scan(grid, pose);
@@ -76,7 +80,12 @@ fn run(strategy: Box<dyn Strategy>, settings: Settings) -> Run {
     for id in 1.. {
         let pose = poses[poses.len() - 1];
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
-        let Decision::Go(path) = explorer.plan(&grid, &frontier, &request).decision else { break };
+        let plan = explorer.plan(&grid, &frontier, &request);
+        if let Some(mut next) = successor(id) {
+            next.succeed(&explorer.memory(&plan));
+            explorer = next;
+        }
+        let Decision::Go(path) = plan.decision else { break };
         let clearance = Clearance::new(0.1, RESOLUTION);
         for pair in path.points.windows(2) {
             assert_eq!(clearance.refused(&grid, pair[0], pair[1]).next(), None, "{path:?}");
@@ -180,4 +189,22 @@ fn a_blind_robot_gives_up() {
     }
     let report = explorer.report().unwrap();
     assert!(!report.complete && report.left.unresolved + report.left.open > 0, "{report:?}");
+}
+
+#[test]
+fn a_successor_at_every_plan_makes_the_same_run() {
+    let new = || Explorer::new(potential(Start::Shortest), settings(Policy::elk(0.4)));
+    let relayed = relay(new(), |_| Some(new()));
+    let once = relay(new(), |_| None);
+    assert_eq!((relayed.poses, relayed.report), (once.poses, once.report));
+}
+
+#[test]
+fn strategies_hand_over_to_each_other_what_they_tried() {
+    let new = |strategy| Explorer::new(strategy, settings(Policy::elk(0.4)));
+    let by_turns = |id: u64| if id.is_multiple_of(2) { potential(Start::Shortest) } else { Box::new(ClosestFrontier) };
+    let run = relay(new(potential(Start::Shortest)), |id| Some(new(by_turns(id))));
+    assert!(run.report.complete, "{:?}", run.report);
+    let phases: Vec<&str> = run.report.cpu_secs.iter().map(|(phase, _)| phase.as_str()).collect();
+    assert!(phases.contains(&"field") && phases.contains(&"search"), "{phases:?}");
 }

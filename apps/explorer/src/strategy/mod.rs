@@ -10,6 +10,7 @@ mod potential;
 pub use closest_frontier::ClosestFrontier;
 pub use potential::{Potential, Start};
 
+use elk_spatial::messages::ExplorerMemory;
 use nalgebra::Point3;
 
 use crate::goals::Goals;
@@ -65,7 +66,7 @@ pub trait Strategy: Send {
 #[derive(Debug, Clone)]
 pub struct Journal {
     clock: fn() -> f64,
-    phases: Vec<(&'static str, f64)>,
+    phases: Vec<(String, f64)>,
     /// Streamlines that stalled before they reached a goal.
     pub stalls: u64,
     /// Plans for which the strategy had no answer and the closest goal was taken.
@@ -80,6 +81,12 @@ impl Journal {
         Self { clock, phases: Vec::new(), stalls: 0, fallbacks: 0, iterations: 0 }
     }
 
+    /// Goes on with what a predecessor has booked.
+    pub fn recall(&mut self, left: &ExplorerMemory) {
+        (self.stalls, self.fallbacks, self.iterations) = (left.stalls, left.fallbacks, left.iterations);
+        self.phases = left.cpu_secs.clone();
+    }
+
     /// Does `work` and books its time on `phase`.
     pub fn time<T>(&mut self, phase: &'static str, work: impl FnOnce() -> T) -> T {
         let start = (self.clock)();
@@ -87,13 +94,13 @@ impl Journal {
         let secs = (self.clock)() - start;
         match self.phases.iter_mut().find(|(name, _)| *name == phase) {
             Some((_, total)) => *total += secs,
-            None => self.phases.push((phase, secs)),
+            None => self.phases.push((phase.to_owned(), secs)),
         }
         result
     }
 
     /// Seconds of CPU by phase, in the order in which they first came.
-    pub fn phases(&self) -> &[(&'static str, f64)] {
+    pub fn phases(&self) -> &[(String, f64)] {
         &self.phases
     }
 

@@ -14,6 +14,7 @@ use crate::scan::Scan;
 
 /// A scan with its points written out.
 #[derive(Serialize, Deserialize)]
+#[serde(rename = "Scan")]
 pub(super) struct ScanForm {
     id: u64,
     command: u64,
@@ -48,6 +49,7 @@ fn shortest(single: f32) -> f64 {
 
 /// A map's update with its cells written out.
 #[derive(Serialize, Deserialize)]
+#[serde(rename = "MapUpdate")]
 pub(super) struct MapUpdateForm {
     revision: u64,
     since: u64,
@@ -58,6 +60,7 @@ pub(super) struct MapUpdateForm {
 
 /// A brick's cells, a character each.
 #[derive(Serialize, Deserialize)]
+#[serde(rename = "brick")]
 struct BrickForm {
     brick: [i16; 3],
     cells: String,
@@ -68,7 +71,9 @@ impl MapUpdateForm {
         let MapUpdate { revision, since, scan, resolution, bricks } = codec::decode(bytes, MapUpdate::NAME)?;
         let bricks = match bricks.len() {
             many if many > longest => counted(many, "bricks"),
-            _ => as_json(&bricks.iter().map(BrickForm::of).collect::<Vec<_>>(), MapUpdate::NAME)?,
+            _ => {
+                as_json(&bricks.iter().map(|brick| BrickForm::of(brick, longest)).collect::<Vec<_>>(), MapUpdate::NAME)?
+            }
         };
         as_json(&Self { revision, since, scan, resolution, bricks }, MapUpdate::NAME)
     }
@@ -87,7 +92,10 @@ impl MapUpdateForm {
 const CELLS: [(State, char); 3] = [(State::Unknown, '?'), (State::Free, '.'), (State::Occupied, '#')];
 
 impl BrickForm {
-    fn of(brick: &BrickStates) -> Self {
+    fn of(brick: &BrickStates, longest: usize) -> Self {
+        if BRICK_CELLS > longest {
+            return Self { brick: brick.brick, cells: format!("{BRICK_CELLS} cells") };
+        }
         let character = |cell| CELLS.iter().find(|(state, _)| *state == brick.state(cell)).map_or('?', |(_, c)| *c);
         Self { brick: brick.brick, cells: (0..BRICK_CELLS).map(character).collect() }
     }

@@ -99,6 +99,7 @@ fn a_map_is_written_a_character_a_cell() {
     assert_eq!((&cells[..4], cells.len()), ("?.#?", 512));
     assert_eq!(payload.from_json(&json).unwrap(), bytes);
     assert_eq!(payload.to_json(&bytes, 0).unwrap()["bricks"], "1 bricks");
+    assert_eq!(payload.to_json(&bytes, 8).unwrap()["bricks"][0]["cells"], "512 cells");
     for bad in ["x".to_owned(), ".".repeat(513)] {
         let json = json!({"revision": 1, "since": 0, "scan": 1, "resolution": 0.1,
                           "bricks": [{"brick": [0, 0, 0], "cells": bad}]});

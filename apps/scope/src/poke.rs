@@ -1,0 +1,366 @@
+//! `elk poke`: a person writes a variable.
+//!
+//! A variable's first write fixes its type for good, so a slip must not: what is written has to be what the variable
+//! carries, or what the apps of an exploration know it to carry ([`catalogue::carried_by`]).
+
+use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableKind};
+use elk_bus::{Value as BusValue, ValueRef, pattern};
+use elk_mission::instead;
+use elk_spatial::catalogue::{self, CATALOGUE, PayloadType};
+use serde_json::json;
+
+use crate::error::ScopeError;
+use crate::info::or_nobody;
+use crate::output::Output;
+use crate::session::Scope;
+use crate::show;
+
+/// What the person says about the type.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Said {
+    /// Nothing: what the variable carries; if nobody has written it, a number if it reads as one, else a text.
+    Nothing,
+    /// A number.
+    Number,
+    /// A text.
+    Text,
+    /// A value of the type of this name.
+    Type(String),
+}
+
+/// What to write.
+#[derive(Debug, Clone)]
+pub struct Poke {
+    /// The variable.
+    pub name: String,
+    /// The value, as it was typed.
+    pub value: String,
+    /// What was said about its type.
+    pub said: Said,
+    /// Write one JSON object about what was done.
+    pub json: bool,
+}
+
+/// Why a variable was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum PokeError {
+    /// The name cannot be a variable's.
+    #[error("{0:?} is no variable's name: one variable is written at a time, and '*' and '?' stand in patterns only")]
+    Name(String),
+    /// The variable is the broker's own.
+    #[error("{0} is the broker's own variable: DB_* are written by it alone")]
+    Brokers(String),
+    /// The variable carries something else.
+    #[error("{name} carries {carries}, not {said}; right is, for example, {example}")]
+    Carries {
+        /// The variable.
+        name: String,
+        /// What it carries.
+        carries: String,
+        /// What was said.
+        said: String,
+        /// A command that is right.
+        example: String,
+    },
+    /// The value is no number.
+    #[error("{name} has to be a number, and {value:?} is none; right is, for example, 3.5")]
+    Number {
+        /// The variable.
+        name: String,
+        /// What was typed.
+        value: String,
+    },
+    /// The variable carries a type that elk does not know.
+    #[error(
+        "{name} carries {type_name} (layout {layout:016x}), which is {why}: only an app that has the type can write it"
+    )]
+    Foreign {
+        /// The variable.
+        name: String,
+        /// The type's name.
+        type_name: String,
+        /// Its layout.
+        layout: u64,
+        /// What is the matter with it.
+        why: &'static str,
+    },
+    /// There is no such type.
+    #[error("elk has no type {type_name:?}; {instead}")]
+    Type {
+        /// The type's name.
+        type_name: String,
+        /// What there is.
+        instead: String,
+    },
+    /// The value is no JSON.
+    #[error("{name} carries {type_name}, and the value is no JSON: {source}; right is, for example, {example}")]
+    Json {
+        /// The variable.
+        name: String,
+        /// The type's name.
+        type_name: &'static str,
+        /// What is wrong, and where.
+        source: serde_json::Error,
+        /// What is right.
+        example: &'static str,
+    },
+    /// The value is JSON, and no value of the type.
+    #[error("{name} cannot be written: {source}")]
+    Value {
+        /// The variable.
+        name: String,
+        /// What is wrong.
+        source: catalogue::WriteError,
+    },
+    /// Nobody has written the variable, and the value looks like a typed one.
+    #[error(
+        "nobody has written {0} yet, and the value looks like JSON: say of which type it is with --type TYPE, or --text"
+    )]
+    Undecided(String),
+    /// The broker did not take it.
+    #[error("the broker refused it: {0}")]
+    Refused(String),
+}
+
+impl Poke {
+    /// Writes the variable, waits for the broker's word, and says what was done.
+    ///
+    /// # Errors
+    /// The value is not what the variable carries, or the broker refused it.
+    pub fn run(&self, scope: &mut Scope, output: &mut Output<'_>) -> Result<(), ScopeError> {
+        self.check_name()?;
+        let table = scope.table()?;
+        let value = self.value(&table)?;
+        let after = self.write(scope, &value)?;
+        output.line(&self.report(scope.name(), &after, value.as_ref()))?;
+        output.flush()
+    }
+
+    /// Writes the variable; answers what is there afterwards.
+    fn write(&self, scope: &mut Scope, value: &BusValue) -> Result<CommunityTable, ScopeError> {
+        scope.take_refusals();
+        scope.client.comms.publish_value(&self.name, value.as_ref(), "", None)?;
+        // The answer comes behind the refusal, if there is one.
+        let after = scope.table()?;
+        match scope.take_refusals().into_iter().find(|refused| refused.key == self.name) {
+            Some(refused) => Err(PokeError::Refused(refused.reason).into()),
+            None => Ok(after),
+        }
+    }
+
+    fn check_name(&self) -> Result<(), PokeError> {
+        let name = &self.name;
+        if name.trim().is_empty() || name.chars().any(char::is_control) || !pattern::is_literal(name) {
+            return Err(PokeError::Name(name.clone()));
+        }
+        match name.starts_with("DB_") || [REQUEST, TABLE.name()].contains(&name.as_str()) {
+            true => Err(PokeError::Brokers(name.clone())),
+            false => Ok(()),
+        }
+    }
+
+    /// The value that was typed, as what the variable carries.
+    fn value(&self, table: &CommunityTable) -> Result<BusValue, PokeError> {
+        let carried = table.variables.iter().find(|variable| variable.name == self.name).map(|found| &found.kind);
+        match (carried, &self.said) {
+            (Some(kind), said) => self.as_carried(kind, said),
+            (None, Said::Number) => self.number(),
+            (None, Said::Text) => Ok(self.value.as_str().into()),
+            (None, Said::Type(name)) => self.typed(own_type(name)?),
+            (None, Said::Nothing) => self.as_guessed(),
+        }
+    }
+
+    fn as_carried(&self, kind: &VariableKind, said: &Said) -> Result<BusValue, PokeError> {
+        match (kind, said) {
+            (VariableKind::Number, Said::Nothing | Said::Number) => self.number(),
+            (VariableKind::Text, Said::Nothing | Said::Text) => Ok(self.value.as_str().into()),
+            (VariableKind::Typed { name, layout }, Said::Nothing) => self.typed(self.known(name, *layout)?),
+            (VariableKind::Typed { name, layout }, Said::Type(said)) if name == said => {
+                self.typed(self.known(name, *layout)?)
+            }
+            (kind, said) => Err(self.carries(kind, said)),
+        }
+    }
+
+    /// Nobody has written it, and nothing was said: a variable of an exploration is what it is there.
+    fn as_guessed(&self) -> Result<BusValue, PokeError> {
+        if let Some(payload) = catalogue::carried_by(&self.name) {
+            return self.typed(payload);
+        }
+        match self.value.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(number.into()),
+            _ if self.value.trim_start().starts_with(['{', '[']) => Err(PokeError::Undecided(self.name.clone())),
+            _ => Ok(self.value.as_str().into()),
+        }
+    }
+
+    fn number(&self) -> Result<BusValue, PokeError> {
+        let wrong = || PokeError::Number { name: self.name.clone(), value: self.value.clone() };
+        Ok(self.value.trim().parse::<f64>().map_err(|_| wrong())?.into())
+    }
+
+    fn known(&self, name: &str, layout: u64) -> Result<&'static PayloadType, PokeError> {
+        let foreign = |why| PokeError::Foreign { name: self.name.clone(), type_name: name.to_owned(), layout, why };
+        match catalogue::named(name) {
+            Some(payload) if payload.layout == layout => Ok(payload),
+            Some(_) => Err(foreign("of another version than this elk's")),
+            None => Err(foreign("none of elk's own types")),
+        }
+    }
+
+    fn typed(&self, payload: &'static PayloadType) -> Result<BusValue, PokeError> {
+        let PayloadType { name: type_name, layout, example, .. } = *payload;
+        let no_json = |source| PokeError::Json { name: self.name.clone(), type_name, source, example };
+        let json = serde_json::from_str(&self.value).map_err(no_json)?;
+        let wrong = |source| PokeError::Value { name: self.name.clone(), source };
+        let bytes = payload.from_json(&json).map_err(wrong)?;
+        Ok(BusValue::Binary { type_name: type_name.to_owned(), layout, bytes })
+    }
+
+    fn carries(&self, kind: &VariableKind, said: &Said) -> PokeError {
+        let (carries, value) = match kind {
+            VariableKind::Number => ("numbers".to_owned(), "3.5".to_owned()),
+            VariableKind::Text => ("texts".to_owned(), "'any words'".to_owned()),
+            VariableKind::Typed { name, .. } => (
+                format!("{name} values"),
+                catalogue::named(name).map_or("its JSON".to_owned(), |p| format!("'{}'", p.example)),
+            ),
+        };
+        let said = match said {
+            Said::Nothing => self.value.clone(),
+            Said::Number => "numbers".to_owned(),
+            Said::Text => "texts".to_owned(),
+            Said::Type(name) => format!("{name} values"),
+        };
+        PokeError::Carries {
+            name: self.name.clone(),
+            carries,
+            said,
+            example: format!("elk poke {} {value}", self.name),
+        }
+    }
+
+    fn report(&self, own_name: &str, table: &CommunityTable, value: ValueRef<'_>) -> String {
+        let variable = table.variables.iter().find(|variable| variable.name == self.name);
+        let routes = variable.iter().flat_map(|variable| &variable.routes);
+        let readers = routes.filter(|route| route.source == own_name).flat_map(|route| route.readers.clone());
+        let readers: Vec<String> = readers.collect();
+        if self.json {
+            let value = (show::type_name(&value), show::value_for_programs(value));
+            return json!({"key": self.name, "type": value.0, "value": value.1, "readers": readers}).to_string();
+        }
+        let (type_name, value) = (show::type_name(&value), show::value_for_people(value));
+        format!("{} = {value} ({type_name}), heard by {}", self.name, or_nobody(&readers))
+    }
+}
+
+fn own_type(name: &str) -> Result<&'static PayloadType, PokeError> {
+    catalogue::named(name).ok_or_else(|| {
+        let names: Vec<&str> = CATALOGUE.iter().map(|payload| payload.name).collect();
+        PokeError::Type { type_name: name.to_owned(), instead: instead(name, &names) }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::Lab;
+
+    fn poke(name: &str, value: &str, said: Said) -> Poke {
+        Poke { name: name.into(), value: value.into(), said, json: false }
+    }
+
+    /// What a poke says, or why it did not.
+    fn poked(lab: &Lab, poke: &Poke) -> Result<String, String> {
+        let mut to = Vec::new();
+        let done = poke.run(&mut lab.scope("poke"), &mut Output::new(&mut to, None));
+        done.map(|()| String::from_utf8(to).unwrap()).map_err(|error| error.to_string())
+    }
+
+    const PROGRESS: &str = r#"{"scan":1,"revision":1,"scans":1,"path_length_m":2.5,"free":8,"finished":false}"#;
+
+    #[test]
+    fn what_nobody_has_written_is_a_number_if_it_reads_as_one_and_else_a_text() {
+        let lab = Lab::new();
+        let mut reader = lab.client("reader");
+        reader.comms.register_variable("SPEED", 0.0).unwrap();
+        reader.comms.flush().unwrap();
+        assert_eq!(
+            poked(&lab, &poke("SPEED", "-2.5", Said::Nothing)).unwrap(),
+            "SPEED = -2.5 (number), heard by reader\n"
+        );
+        assert_eq!(poked(&lab, &poke("NOTE", "nan", Said::Nothing)).unwrap(), "NOTE = nan (text), heard by nobody\n");
+        assert_eq!(poked(&lab, &poke("CODE", "007", Said::Text)).unwrap(), "CODE = 007 (text), heard by nobody\n");
+        assert!(poked(&lab, &poke("LEVEL", "high", Said::Number)).unwrap_err().contains("\"high\" is none"));
+        assert!(poked(&lab, &poke("OBJECT", "{}", Said::Nothing)).unwrap_err().contains("--type TYPE, or --text"));
+        let mut heard = None;
+        while heard.is_none() {
+            reader.receive(crate::session::LOOK_EVERY, |mail| heard = mail.as_double()).unwrap();
+        }
+        assert_eq!(heard, Some(-2.5));
+    }
+
+    #[test]
+    fn what_a_variable_carries_it_goes_on_carrying() {
+        let lab = Lab::new();
+        poked(&lab, &poke("SPEED", "1", Said::Nothing)).unwrap();
+        poked(&lab, &poke("NOTE", "one", Said::Nothing)).unwrap();
+        poked(&lab, &poke("DONE", PROGRESS, Said::Type("Progress".into()))).unwrap();
+        let said = poked(&lab, &poke("SPEED", "fast", Said::Text)).unwrap_err();
+        assert_eq!(said, "SPEED carries numbers, not texts; right is, for example, elk poke SPEED 3.5");
+        assert!(poked(&lab, &poke("SPEED", "fast", Said::Nothing)).unwrap_err().contains("has to be a number"));
+        assert_eq!(poked(&lab, &poke("NOTE", "2", Said::Nothing)).unwrap(), "NOTE = 2 (text), heard by nobody\n");
+        assert!(poked(&lab, &poke("NOTE", "2", Said::Number)).is_err());
+        let said = poked(&lab, &poke("DONE", "2", Said::Number)).unwrap_err();
+        assert!(
+            said.starts_with("DONE carries Progress values, not numbers; right is, for example, elk poke DONE '{"),
+            "{said}"
+        );
+        assert!(
+            poked(&lab, &poke("DONE", PROGRESS, Said::Nothing)).unwrap().starts_with("DONE = scan: 1, revision: 1,")
+        );
+        assert!(poked(&lab, &poke("DONE", "{", Said::Nothing)).unwrap_err().contains("no JSON: EOF while parsing"));
+        assert!(poked(&lab, &poke("DONE", "{}", Said::Nothing)).unwrap_err().contains("missing field `scan`"));
+    }
+
+    #[test]
+    fn an_explorations_variables_are_what_its_apps_know_them_to_be() {
+        let lab = Lab::new();
+        assert!(poked(&lab, &poke("PLAN", "go there", Said::Nothing)).unwrap_err().contains("PLAN carries Plan"));
+        assert!(poked(&lab, &poke("PROGRESS", PROGRESS, Said::Nothing)).unwrap().contains("(Progress)"));
+    }
+
+    #[test]
+    fn types_that_elk_does_not_know_are_not_written() {
+        let lab = Lab::new();
+        let mut other = lab.client("other");
+        let theirs = |type_name, layout| ValueRef::Binary { type_name, layout, bytes: &[1] };
+        other.comms.publish_value("THEIRS", theirs("Theirs", 7), "", None).unwrap();
+        other.comms.publish_value("OLD", theirs("Plan", 7), "", None).unwrap();
+        other.comms.flush().unwrap();
+        assert!(poked(&lab, &poke("THEIRS", "{}", Said::Nothing)).unwrap_err().contains("none of elk's own types"));
+        assert!(poked(&lab, &poke("OLD", "{}", Said::Nothing)).unwrap_err().contains("of another version"));
+        let said = poked(&lab, &poke("X", "{}", Said::Type("Progres".into()))).unwrap_err();
+        assert_eq!(said, "elk has no type \"Progres\"; did you mean Progress?");
+    }
+
+    #[test]
+    fn names_that_are_none_and_the_brokers_own_are_refused() {
+        let lab = Lab::new();
+        for bad in ["", "X*", "A\n"] {
+            assert!(poked(&lab, &poke(bad, "1", Said::Nothing)).unwrap_err().contains("is no variable's name"));
+        }
+        assert!(poked(&lab, &poke("DB_TIME", "1", Said::Nothing)).unwrap_err().contains("the broker's own"));
+    }
+
+    #[test]
+    fn the_brokers_refusal_is_told() {
+        let lab = Lab::new();
+        poked(&lab, &poke("X", "1", Said::Nothing)).unwrap();
+        // As if somebody had been first between the look and the write.
+        let error = poke("X", "", Said::Text).write(&mut lab.scope("late"), &"text".into()).unwrap_err();
+        let reason = "X carries numbers since its first write; texts was refused";
+        assert_eq!(error.to_string(), format!("the broker refused it: {reason}"));
+    }
+}

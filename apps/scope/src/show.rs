@@ -1,0 +1,208 @@
+//! How values and figures are shown: short for people, whole for programs.
+
+use elk_bus::broker::table::{LatestValue, VariableEntry, VariableKind};
+use elk_bus::{Value as BusValue, ValueRef};
+use elk_spatial::catalogue;
+use serde_json::{Map, Value, json};
+
+/// Lists with more entries are counted where people read.
+const LONGEST_FOR_PEOPLE: usize = 8;
+/// Lists with more entries are counted where programs read.
+const LONGEST_FOR_PROGRAMS: usize = 100_000;
+/// Bytes of a value of unknown type that people are shown.
+const BYTES_FOR_PEOPLE: usize = 16;
+/// Bytes of a value of unknown type that programs are given.
+const BYTES_FOR_PROGRAMS: usize = 64 << 10;
+
+/// A value as people read it, in one line.
+pub fn value_for_people(value: ValueRef<'_>) -> String {
+    match value {
+        ValueRef::Double(number) => number.to_string(),
+        ValueRef::Text(text) => printable(text),
+        ValueRef::Binary { type_name, layout, bytes } => {
+            match catalogue::to_json(type_name, layout, bytes, LONGEST_FOR_PEOPLE) {
+                Ok(Value::Object(fields)) => in_words(&fields),
+                Ok(other) => json_in_words(&other),
+                Err(_) => raw(type_name, layout, bytes),
+            }
+        }
+    }
+}
+
+/// A value as programs read it.
+pub fn value_for_programs(value: ValueRef<'_>) -> Value {
+    let shown = catalogue::value_to_json(value, LONGEST_FOR_PROGRAMS);
+    shown.unwrap_or_else(|error| match value {
+        ValueRef::Binary { layout, bytes, .. } => {
+            let layout = format!("{layout:016x}");
+            let first: String = bytes.iter().take(BYTES_FOR_PROGRAMS).map(|byte| format!("{byte:02x}")).collect();
+            json!({"unreadable": error.to_string(), "layout": layout, "bytes": bytes.len(), "hex": first})
+        }
+        _ => Value::Null,
+    })
+}
+
+/// The name of what a value is: `number`, `text`, or its type's.
+pub fn type_name<'a>(value: &ValueRef<'a>) -> &'a str {
+    match *value {
+        ValueRef::Double(_) => "number",
+        ValueRef::Text(_) => "text",
+        ValueRef::Binary { type_name, .. } => type_name,
+    }
+}
+
+/// The name of what a variable carries.
+pub fn kind_name(kind: &VariableKind) -> &str {
+    match kind {
+        VariableKind::Number => "number",
+        VariableKind::Text => "text",
+        VariableKind::Typed { name, .. } => name,
+    }
+}
+
+/// A variable's latest value, as far as the table has it.
+pub fn latest(variable: &VariableEntry) -> Option<BusValue> {
+    match (&variable.kind, &variable.latest) {
+        (_, LatestValue::Number(number)) => Some(BusValue::Double(*number)),
+        (_, LatestValue::Text(text)) => Some(BusValue::Text(text.clone())),
+        (VariableKind::Typed { name, layout }, LatestValue::Typed(bytes)) => {
+            Some(BusValue::Binary { type_name: name.clone(), layout: *layout, bytes: bytes.clone() })
+        }
+        _ => None,
+    }
+}
+
+/// A text in one line, without what would move the cursor or colour the terminal.
+pub fn printable(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character.is_control() {
+            true => line.extend(character.escape_debug()),
+            false => line.push(character),
+        }
+    }
+    line
+}
+
+/// The beginning of a text, at most `longest` characters.
+pub fn beginning(text: &str, longest: usize) -> String {
+    match text.chars().count() > longest {
+        true => text.chars().take(longest.saturating_sub(1)).chain(['…']).collect(),
+        false => text.to_owned(),
+    }
+}
+
+fn raw(type_name: &str, layout: u64, bytes: &[u8]) -> String {
+    let first: Vec<String> = bytes.iter().take(BYTES_FOR_PEOPLE).map(|byte| format!("{byte:02x}")).collect();
+    let more = if bytes.len() > BYTES_FOR_PEOPLE { " …" } else { "" };
+    format!("{} (layout {layout:016x}), {} bytes: {}{more}", printable(type_name), bytes.len(), first.join(" "))
+}
+
+fn in_words(fields: &Map<String, Value>) -> String {
+    let field = |(name, value): (&String, &Value)| format!("{name}: {}", json_in_words(value));
+    fields.iter().map(field).collect::<Vec<_>>().join(", ")
+}
+
+fn json_in_words(value: &Value) -> String {
+    match value {
+        Value::Object(fields) => format!("{{{}}}", in_words(fields)),
+        Value::Array(entries) => format!("[{}]", entries.iter().map(json_in_words).collect::<Vec<_>>().join(", ")),
+        Value::String(text) => printable(text),
+        Value::Number(number) => match number.as_f64().filter(|_| number.is_f64()) {
+            Some(real) => rounded(real),
+            None => number.to_string(),
+        },
+        other => other.to_string(),
+    }
+}
+
+/// A number of a typed value with as many digits as a person reads.
+fn rounded(real: f64) -> String {
+    if real != 0.0 && !(1e-3..1e9).contains(&real.abs()) {
+        return format!("{real:.3e}");
+    }
+    let digits = format!("{real:.4}");
+    digits.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// A rate: `12.5 Hz`.
+pub fn hertz(rate: f64) -> String {
+    format!("{} Hz", three_digits(rate))
+}
+
+/// A number of bytes: `1.21 MB`.
+pub fn bytes(count: f64) -> String {
+    const UNITS: [&str; 4] = ["B", "kB", "MB", "GB"];
+    let unit = (0..UNITS.len() - 1).find(|unit| count < 999.5 * 1e3_f64.powi(*unit as i32)).unwrap_or(UNITS.len() - 1);
+    format!("{} {}", three_digits(count / 1e3_f64.powi(unit as i32)), UNITS[unit])
+}
+
+/// A time: `1.2 ms`, `3.45 s`, `12 min`, `3.1 h`.
+pub fn duration(secs: f64) -> String {
+    match secs.abs() {
+        s if s < 1e-3 => format!("{} µs", three_digits(secs * 1e6)),
+        s if s < 1.0 => format!("{} ms", three_digits(secs * 1e3)),
+        s if s < 120.0 => format!("{} s", three_digits(secs)),
+        s if s < 7200.0 => format!("{} min", three_digits(secs / 60.0)),
+        _ => format!("{} h", three_digits(secs / 3600.0)),
+    }
+}
+
+fn three_digits(number: f64) -> String {
+    let decimals = match number.abs() {
+        n if n >= 99.95 || n == 0.0 => 0,
+        n if n >= 9.995 => 1,
+        _ => 2,
+    };
+    format!("{number:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example(type_name: &str) -> (u64, Vec<u8>) {
+        let payload = catalogue::named(type_name).unwrap();
+        (payload.layout, payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap())
+    }
+
+    #[test]
+    fn typed_values_are_shown_decoded() {
+        let (layout, bytes) = example("Scan");
+        let value = ValueRef::Binary { type_name: "Scan", layout, bytes: &bytes };
+        assert_eq!(
+            value_for_people(value),
+            "id: 1, command: 1, pose: {rotation: [0, 0, 0, 1], translation: [1, 2, 0.5]}, points: [[0.1, -0.2, 3]]"
+        );
+        assert_eq!(value_for_programs(value)["points"][0][1], -0.2);
+        let many = json!({"id": 1, "command": 1, "pose": {"rotation": [0, 0, 0, 1], "translation": [0, 0, 0]},
+                          "points": vec![[0.0, 0.0, 1.0]; 7312]});
+        let bytes = catalogue::named("Scan").unwrap().from_json(&many).unwrap();
+        let value = ValueRef::Binary { type_name: "Scan", layout, bytes: &bytes };
+        assert!(value_for_people(value).ends_with("points: 7312 points"));
+        assert_eq!(value_for_programs(value)["points"].as_array().unwrap().len(), 7312);
+    }
+
+    #[test]
+    fn unknown_types_are_shown_as_name_layout_and_bytes() {
+        let value = ValueRef::Binary { type_name: "Theirs", layout: 0xbeef, bytes: &[1, 2, 255] };
+        assert_eq!(value_for_people(value), "Theirs (layout 000000000000beef), 3 bytes: 01 02 ff");
+        let shown = value_for_programs(value);
+        assert_eq!((&shown["hex"], &shown["bytes"]), (&json!("0102ff"), &json!(3)));
+    }
+
+    #[test]
+    fn texts_cannot_take_over_a_terminal() {
+        assert_eq!(value_for_people(ValueRef::Text("a\x1b[2J\nb„ä“'")), "a\\u{1b}[2J\\nb„ä“'");
+    }
+
+    #[test]
+    fn figures_have_three_digits_and_a_unit() {
+        let shown: Vec<String> = [0.0, 12.0, 999.4, 999.6, 1234.0, 2.5e6, 3e12].map(bytes).into();
+        assert_eq!(shown, ["0 B", "12.0 B", "999 B", "1.00 kB", "1.23 kB", "2.50 MB", "3000 GB"]);
+        let shown: Vec<String> = [4.2e-5, 0.0123, 1.5, 119.0, 600.0, 1e5].map(duration).into();
+        assert_eq!(shown, ["42.0 µs", "12.3 ms", "1.50 s", "119 s", "10.0 min", "27.8 h"]);
+        assert_eq!([0.5, 100_123.0].map(hertz), ["0.50 Hz", "100123 Hz"]);
+        assert_eq!([0.1 + 0.2, 2.0, 1e-5, 0.0].map(rounded), ["0.3", "2", "1.000e-5", "0"]);
+    }
+}

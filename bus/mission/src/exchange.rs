@@ -1,0 +1,137 @@
+//! One app of a running mission exchanged for another: what is kept of it, and what is checked before anything starts.
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use crate::mission::{AppSpec, Program};
+use crate::nearest::instead;
+use crate::problem::{Place, Problems};
+use crate::registry::Registry;
+use crate::resolve::{Given, resolve};
+use crate::spec::AppType;
+
+/// What is to be different about an app: `type=T`, or `exec=FILE`, and parameters.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Exchange {
+    /// Another type of the same element.
+    pub type_name: Option<String>,
+    /// Any executable instead, and its arguments.
+    pub exec: Option<(String, Vec<String>)>,
+    /// Parameters that are said anew.
+    pub params: Vec<(String, String)>,
+    /// Where relative files and executables are looked for.
+    pub folder: PathBuf,
+}
+
+/// An app after an exchange.
+#[derive(Debug, Clone)]
+pub struct Exchanged {
+    /// The app as it is to be.
+    pub app: AppSpec,
+    /// What was said of the old one and the new one has no word for: `Name=Value`.
+    pub dropped: Vec<String>,
+}
+
+impl AppSpec {
+    /// This app, exchanged: it keeps its name, its policy, and the parameters that were set and that the new one has, too.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, each with the argument it was said in.
+    pub fn exchange(&self, wanted: &Exchange, registry: &Registry) -> Result<Exchanged, Problems> {
+        let mut problems = Problems::new(wanted.folder.clone());
+        let exchanged = match self.what_runs(wanted, registry, &mut problems) {
+            Some(Program::Builtin(app_type, _)) => Some(self.as_type(app_type, wanted, &mut problems)),
+            Some(Program::Foreign { exec, args }) => Some(self.as_executable(exec, args, wanted)),
+            None => None,
+        };
+        match exchanged {
+            Some(exchanged) if problems.list.is_empty() => Ok(exchanged),
+            _ => Err(problems),
+        }
+    }
+
+    /// The program of the new one; a built-in one's parameters are yet to be resolved.
+    fn what_runs(&self, wanted: &Exchange, registry: &Registry, problems: &mut Problems) -> Option<Program> {
+        match (&wanted.type_name, &wanted.exec) {
+            (Some(_), Some((exec, _))) => {
+                let place = Place::CommandLine(format!("exec={exec}"));
+                problems.add(&place, "type and exec are both said; one is right");
+                None
+            }
+            (None, None) => Some(self.program.clone()),
+            (Some(name), None) => {
+                let found = registry.find(&self.element, name);
+                if found.is_none() {
+                    let known: Vec<&str> = registry.of_element(&self.element).map(|one| one.name).collect();
+                    let (element, right) = (&self.element, instead(name, &known));
+                    let place = Place::CommandLine(format!("type={name}"));
+                    problems.add(&place, format!("{element} has no type {name:?}; {right}"));
+                }
+                found.map(|app_type| Program::Builtin(app_type, crate::Params::default()))
+            }
+            (None, Some((exec, args))) => {
+                let found = executable(exec, &wanted.folder);
+                let place = Place::CommandLine(format!("exec={exec}"));
+                let exec = found.map_err(|message| problems.add(&place, message)).ok()?;
+                Some(Program::Foreign { exec, args: args.clone() })
+            }
+        }
+    }
+
+    /// What was said of this app and is not said anew.
+    fn kept<'a>(&'a self, wanted: &'a Exchange) -> impl Iterator<Item = &'a (String, String)> {
+        let anew = |name: &str| wanted.params.iter().any(|(other, _)| other.eq_ignore_ascii_case(name));
+        self.settings.iter().filter(move |(name, _)| self.said.contains(name) && !anew(name))
+    }
+
+    fn as_type(&self, app_type: &'static AppType, wanted: &Exchange, problems: &mut Problems) -> Exchanged {
+        let (kept, lost): (Vec<_>, Vec<_>) = self.kept(wanted).partition(|(name, _)| app_type.param(name).is_some());
+        let given = |(name, text): &(String, String)| {
+            let said = Place::CommandLine(format!("{name}={text}"));
+            Given::new(name, text, said.clone(), said, &wanted.folder)
+        };
+        let all = kept.into_iter().chain(&wanted.params).map(given).collect();
+        let place = Place::CommandLine(format!("type={}", app_type.name));
+        let resolved = resolve(app_type, all, &place, problems);
+        let program = Program::Builtin(app_type, resolved.params);
+        let app = Self { program, settings: resolved.settings, said: resolved.said, ..self.clone() };
+        Exchanged { app, dropped: lost.iter().map(|(name, text)| format!("{name}={text}")).collect() }
+    }
+
+    fn as_executable(&self, exec: PathBuf, args: Vec<String>, wanted: &Exchange) -> Exchanged {
+        let settings: Vec<_> = self.kept(wanted).chain(&wanted.params).cloned().collect();
+        let said = settings.iter().map(|(name, _)| name.clone()).collect();
+        let program = Program::Foreign { exec, args };
+        Exchanged { app: Self { program, settings, said, ..self.clone() }, dropped: Vec::new() }
+    }
+}
+
+/// The executable that is meant: a path is looked for from `folder`, a bare name in `PATH`.
+fn executable(exec: &str, folder: &Path) -> Result<PathBuf, String> {
+    if exec.is_empty() {
+        return Err("exec is empty; right is an executable".to_owned());
+    }
+    if exec.contains('/') {
+        let path = folder.join(exec);
+        return runs(&path).map(|()| path);
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let found = std::env::split_paths(&path).map(|place| place.join(exec)).find(|file| runs(file).is_ok());
+    found.ok_or_else(|| match runs(&folder.join(exec)) {
+        Ok(()) => format!("there is no {exec} in PATH; did you mean ./{exec}?"),
+        Err(_) => format!("there is no {exec} in PATH; right is an executable's name, or a path with a /"),
+    })
+}
+
+/// Whether a file can be run.
+fn runs(file: &Path) -> Result<(), String> {
+    let shown = file.display();
+    match std::fs::metadata(file) {
+        Err(error) => Err(format!("{shown} cannot be run: {error}")),
+        Ok(found) if !found.is_file() => Err(format!("{shown} is no file; right is an executable")),
+        Ok(found) if found.permissions().mode() & 0o111 == 0 => {
+            Err(format!("{shown} is not executable; `chmod +x` makes a program of it"))
+        }
+        Ok(_) => Ok(()),
+    }
+}

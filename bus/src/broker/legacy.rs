@@ -1,0 +1,83 @@
+//! What those who are gone have left: latest values that nobody would say again after the broker's death.
+
+use serde::{Deserialize, Serialize};
+
+use super::message::Message;
+use super::variable::Variable;
+use super::{Broker, ClientId};
+use crate::wire::{self, BULK, BulkRef, Header, Named, ValueKind};
+
+/// The latest value of a variable whose publisher is gone, with its names written out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Legacy {
+    key: String,
+    source: String,
+    community: String,
+    type_: (String, u64),
+    /// The whole frame, its value in it.
+    frame: Vec<u8>,
+}
+
+impl Broker {
+    /// A client is gone: if it leaves anything, that has to be kept.
+    pub(super) fn note_departure(&mut self, id: ClientId) {
+        self.legacies_changed |= self.variables.iter().any(|variable| variable.latest_from == Some(id));
+    }
+
+    /// What clients have left that are gone, if one has gone since the last call. `bulk` finds values that lie in shared
+    /// memory.
+    pub fn take_legacies(&mut self, bulk: impl Fn(BulkRef) -> Option<Vec<u8>>) -> Option<Vec<Legacy>> {
+        if !std::mem::take(&mut self.legacies_changed) {
+            return None;
+        }
+        let left = |v: &&Variable| v.latest_from.is_none_or(|id| !self.clients.contains_key(&id) || self.is_orphan(id));
+        Some(self.variables.iter().filter(left).filter_map(|variable| self.legacy(variable, &bulk)).collect())
+    }
+
+    fn legacy(&self, variable: &Variable, bulk: &impl Fn(BulkRef) -> Option<Vec<u8>>) -> Option<Legacy> {
+        let frame = wire::first_frame(&variable.latest).ok()?;
+        let header = frame.header;
+        if header.source == self.own_source {
+            return None; // the next broker has its own
+        }
+        let mut whole = Vec::new();
+        match header.flags & BULK {
+            0 => whole.extend_from_slice(frame.bytes),
+            _ => {
+                let value = bulk(BulkRef::from_bytes(frame.value)?)?;
+                wire::put(&mut whole, &Header { flags: header.flags & !BULK, ..header }, frame.aux, &value);
+            }
+        }
+        let type_ = match header.value_kind {
+            ValueKind::Binary => (self.types.name(header.type_).to_owned(), self.types.layout(header.type_)),
+            _ => Default::default(),
+        };
+        Some(Legacy {
+            key: self.keys.name(header.key).to_owned(),
+            source: self.sources.name(header.source).to_owned(),
+            community: self.communities.name(header.community).to_owned(),
+            type_,
+            frame: whole,
+        })
+    }
+
+    /// Begins with what the clients of the broker before this one had left. Damaged legacies are left out.
+    pub fn inherit(&mut self, now: f64, legacies: &[Legacy]) {
+        for legacy in legacies {
+            let Ok(frame) = wire::first_frame(&legacy.frame) else { continue };
+            let header = Header {
+                flags: 0,
+                key: self.number(Named::Key, &legacy.key, 0),
+                source: self.number(Named::Source, &legacy.source, 0),
+                type_: match frame.header.value_kind {
+                    ValueKind::Binary => self.number(Named::Type, &legacy.type_.0, legacy.type_.1),
+                    _ => 0,
+                },
+                community: self.number(Named::Community, &legacy.community, 0),
+                ..frame.header
+            };
+            self.variables[header.key as usize].keep(now, None, &Message::new(header, frame.bytes));
+        }
+        self.legacies_changed = !legacies.is_empty();
+    }
+}

@@ -1,0 +1,365 @@
+//! Who is there: joining, leaving, dying, and taking the place of somebody else.
+//!
+//! A client that dies becomes an **orphan** if it had asked for a lease: its name, its registrations and its mail stay
+//! for a while. Whoever connects under that name is **joining**: what it registers is noted, what it publishes waits,
+//! and once it says that it is ready it takes the orphan's place. A successor of a client that still lives is joining in
+//! just the same way; when it is ready the holder of the name is asked to retire, and leaves an orphan for one moment.
+//! After the death of a broker, the next one begins with nothing but orphans. So one mechanism serves a swap, a restart
+//! and a recovery.
+
+use serde::{Deserialize, Serialize};
+
+use super::message::Message;
+use super::registration::{self, Change, Messages, Registration};
+use super::{Broker, BrokerConfig, Client, ClientId, Succession};
+use crate::wire::{self, ATTACH, Frame, FrameKind, Header};
+
+/// Who wants in, and how.
+#[derive(Debug, Clone, Copy)]
+pub struct Introduction<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// How long its place is kept after its death (s); 0: not at all.
+    pub lease_secs: f64,
+    /// It comes to take the place of the client that has the name.
+    pub succeeds: bool,
+    /// It was here under the broker before this one.
+    pub returns: bool,
+}
+
+impl<'a> Introduction<'a> {
+    /// A newcomer without any claims.
+    pub fn new(name: &'a str) -> Self {
+        Self { name, lease_secs: 0.0, succeeds: false, returns: false }
+    }
+}
+
+/// Why a client was not let in.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// Another client has the name.
+    #[error("a client named {0:?} is already connected: give this one another name, or stop the other first")]
+    NameTaken(String),
+    /// Another successor was first.
+    #[error("a successor of {0:?} is already on its way: wait for it, or stop it first")]
+    SuccessorTaken(String),
+    /// The name cannot be one.
+    #[error("{0:?} is no name for a client: 1 to 64 printable characters without comma, '*' or '?'")]
+    BadName(String),
+}
+
+/// How a client stands to the community.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Standing {
+    /// It is there.
+    Present,
+    /// Its process is gone; its place is kept until then (s). `returns`: a client that lives and will be back.
+    Orphan { until: f64, returns: bool },
+    /// It will take the place of `predecessor`. `ready`: as soon as that one makes room.
+    Joining { predecessor: ClientId, ready: bool },
+}
+
+/// What a broker has to know of a client to keep its place after the broker's own death.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// The client's name.
+    pub name: String,
+    /// How long its place is kept after its death (s).
+    pub lease_secs: f64,
+    /// What it is registered for.
+    pub registrations: Vec<Registration>,
+}
+
+const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
+
+impl Broker {
+    /// A broker that takes the place of one that died: it keeps the `places` of the clients that were there, each with
+    /// whether its process still lives and will return, for `patience` (s).
+    pub fn recover(
+        config: BrokerConfig,
+        now: f64,
+        places: impl IntoIterator<Item = (Place, bool)>,
+        patience: f64,
+    ) -> Self {
+        let mut broker = Self::new(config, now);
+        for (place, returns) in places {
+            let id = broker.add_client(now, &place.name, place.lease_secs);
+            let Some(client) = broker.clients.get_mut(&id) else { continue };
+            client.standing = Standing::Orphan { until: now + patience, returns };
+            client.registrations = place.registrations;
+            broker.mark_lossless(id);
+            broker.names.insert(place.name, id);
+        }
+        broker
+    }
+
+    /// Lets a client in, or says why not. One that takes another's place is there once it has said that it is ready.
+    pub fn connect(&mut self, now: f64, who: &Introduction<'_>) -> Result<ClientId, Refusal> {
+        let name = who.name;
+        let printable = |c: char| !c.is_control() && !NAME_SEPARATORS.contains(&c);
+        if name.is_empty() || name.chars().count() > 64 || !name.chars().all(printable) {
+            return Err(Refusal::BadName(name.into()));
+        }
+        let holder = self.names.get(name).copied();
+        if let Some(holder) = holder {
+            self.may_succeed(holder, who)?;
+        }
+        let id = self.add_client(now, name, who.lease_secs);
+        match holder {
+            Some(predecessor) => self.set_standing(id, Standing::Joining { predecessor, ready: false }),
+            None => {
+                self.names.insert(name.into(), id);
+                self.places_changed = true;
+                self.announce(now, &format!("connected={name}"));
+            }
+        }
+        Ok(id)
+    }
+
+    fn may_succeed(&self, holder: ClientId, who: &Introduction<'_>) -> Result<(), Refusal> {
+        if self.successor_of(holder).is_some() {
+            return Err(Refusal::SuccessorTaken(who.name.into()));
+        }
+        let may = match self.standing(holder) {
+            Some(Standing::Orphan { returns, .. }) => !returns || who.returns,
+            _ => who.succeeds,
+        };
+        if may { Ok(()) } else { Err(Refusal::NameTaken(who.name.into())) }
+    }
+
+    fn add_client(&mut self, now: f64, name: &str, lease_secs: f64) -> ClientId {
+        let id = self.next_client;
+        self.next_client += 1;
+        let source = self.sources.number(name, 0);
+        let lease_secs = if lease_secs.is_finite() { lease_secs.max(0.0) } else { 0.0 };
+        self.clients.insert(id, Client::new(name, source, lease_secs, self.config.mailbox_bytes, now));
+        id
+    }
+
+    pub(super) fn standing(&self, id: ClientId) -> Option<Standing> {
+        self.clients.get(&id).map(|client| client.standing)
+    }
+
+    fn set_standing(&mut self, id: ClientId, standing: Standing) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            client.standing = standing;
+        }
+    }
+
+    fn successor_of(&self, id: ClientId) -> Option<ClientId> {
+        let succeeds = |c: &Client| matches!(c.standing, Standing::Joining { predecessor, .. } if predecessor == id);
+        self.clients.iter().find(|(_, client)| succeeds(client)).map(|(id, _)| *id)
+    }
+
+    /// Whether a client is on its way to the place of another.
+    pub fn is_joining(&self, id: ClientId) -> bool {
+        self.clients.get(&id).is_some_and(Client::is_joining)
+    }
+
+    /// Whether a client is gone and its place is kept.
+    pub(super) fn is_orphan(&self, id: ClientId) -> bool {
+        matches!(self.standing(id), Some(Standing::Orphan { .. }))
+    }
+
+    /// Whether somebody is on the way to the place of a name, or may still come for it.
+    pub fn is_expected(&self, name: &str) -> bool {
+        self.names.contains_key(name)
+    }
+
+    /// The client of this name that was to return will not: anybody may come for its place.
+    pub fn expect_no_return(&mut self, name: &str) {
+        let client = self.names.get(name).and_then(|id| self.clients.get_mut(id));
+        if let Some(Standing::Orphan { returns, .. }) = client.map(|client| &mut client.standing) {
+            *returns = false;
+        }
+    }
+
+    /// Whether the client's next batch has to wait until it has the place that it came for.
+    pub(super) fn waits_for_its_place(client: &Client) -> bool {
+        matches!(client.standing, Standing::Joining { ready: true, .. })
+    }
+
+    /// Whoever has said more than a mailbox holds has said enough to be ready.
+    pub(super) fn on_much_said(&mut self, now: f64, id: ClientId) {
+        let said = self.clients.get(&id).map_or(0, |client| client.held.len() + client.asked.len());
+        if said >= self.config.mailbox_bytes {
+            self.on_ready(now, id);
+        }
+    }
+
+    /// The client has said all that has to be said before its mail may flow.
+    pub(super) fn on_ready(&mut self, now: f64, id: ClientId) {
+        let Some(Standing::Joining { predecessor, ready: false }) = self.standing(id) else {
+            return;
+        };
+        self.set_standing(id, Standing::Joining { predecessor, ready: true });
+        match self.standing(predecessor) {
+            Some(Standing::Present) => {
+                let name = self.client_name(id).unwrap_or_default().to_owned();
+                self.publish_event(now, &format!("ready={name}"));
+                self.retiring.push(predecessor);
+            }
+            _ => self.take_place(now, id, predecessor),
+        }
+    }
+
+    /// The clients that are to retire since the last call, because their successor is ready.
+    pub fn take_retiring(&mut self) -> Vec<ClientId> {
+        std::mem::take(&mut self.retiring)
+    }
+
+    /// A client is gone. `handled`: how many of the messages that it was ever given it has handled; `goodbye`: it left
+    /// in good order. What it published stays; its name is free at once, unless its place is kept.
+    pub fn disconnect(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
+        match self.standing(id) {
+            None | Some(Standing::Orphan { .. }) => {}
+            Some(Standing::Joining { predecessor, .. }) => {
+                self.clients.remove(&id);
+                self.abandon(now, predecessor);
+            }
+            Some(Standing::Present) => self.leave(now, id, handled, goodbye),
+        }
+    }
+
+    fn leave(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
+        let successor = self.successor_of(id);
+        self.note_departure(id);
+        let Some(client) = self.clients.get_mut(&id) else { return };
+        let name = client.name.clone();
+        if successor.is_some() || (!goodbye && client.lease_secs > 0.0) {
+            let until = if successor.is_some() { f64::INFINITY } else { now + client.lease_secs };
+            client.standing = Standing::Orphan { until, returns: false };
+            client.mailbox.take_back(handled);
+        } else {
+            self.forget(id);
+        }
+        self.announce(now, &format!("disconnected={name}"));
+        if let Some(successor) = successor
+            && let Some(Standing::Joining { ready: true, .. }) = self.standing(successor)
+        {
+            self.take_place(now, successor, id);
+        }
+    }
+
+    /// The successor of `id` is gone before it came.
+    fn abandon(&mut self, now: f64, id: ClientId) {
+        let Some(client) = self.clients.get_mut(&id) else { return };
+        if let Standing::Orphan { until, .. } = &mut client.standing {
+            *until = until.min(now + client.lease_secs);
+        }
+    }
+
+    /// Lets go of the places that nobody came for.
+    pub(super) fn expire_orphans(&mut self, now: f64) {
+        let expired = |c: &Client| matches!(c.standing, Standing::Orphan { until, .. } if until <= now);
+        let ids: Vec<ClientId> = self.clients.iter().filter(|(_, c)| expired(c)).map(|(id, _)| *id).collect();
+        ids.into_iter().for_each(|id| self.forget(id));
+    }
+
+    /// When the next place expires (s).
+    pub(super) fn next_expiry(&self) -> f64 {
+        let until = |c: &Client| if let Standing::Orphan { until, .. } = c.standing { until } else { f64::INFINITY };
+        self.clients.values().map(until).fold(f64::INFINITY, f64::min)
+    }
+
+    fn forget(&mut self, id: ClientId) {
+        let Some(client) = self.clients.remove(&id) else { return };
+        if self.names.get(&client.name) == Some(&id) {
+            self.names.remove(&client.name);
+        }
+        for variable in &mut self.variables {
+            variable.forget(id);
+        }
+        self.due.retain(|(_, _, client)| *client != id);
+        for other in self.clients.values_mut() {
+            other.feeds.remove(&id);
+        }
+        self.places_changed = true;
+    }
+
+    /// Gives `id` the place of `predecessor`, which is an orphan: first the latest values of what it registered for,
+    /// then the predecessor's mail as far as it wants it, then what comes. A latest value that is still among that mail
+    /// comes in its place there, not twice.
+    fn take_place(&mut self, now: f64, id: ClientId, predecessor: ClientId) {
+        let name = self.client_name(id).unwrap_or_default().to_owned();
+        let orphan = self.clients.remove(&predecessor);
+        let mail = orphan.map(|orphan| orphan.mailbox.into_mail()).unwrap_or_default();
+        for variable in &mut self.variables {
+            variable.forget(predecessor);
+        }
+        self.due.retain(|(_, _, client)| *client != predecessor);
+        for other in self.clients.values_mut() {
+            if other.feeds.remove(&predecessor) {
+                other.feeds.insert(id);
+            }
+        }
+        self.names.insert(name.clone(), id);
+        self.set_standing(id, Standing::Present);
+        self.places_changed = true;
+        let asked = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
+        let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(|f| Change::read(&f).ok()).collect();
+        let mut registrations = Vec::new();
+        changes.iter().for_each(|change| change.apply(&mut registrations));
+        let wanted = self.wanted(id, &registrations, &mail);
+        let waiting: Messages = wanted.iter().map(|f| (f.header.key, f.header.source, f.header.sequence)).collect();
+        for change in changes {
+            self.change(now, id, change, &waiting);
+        }
+        for message in wanted.iter().filter_map(|frame| Message::stored(frame.bytes)) {
+            self.deliver(now, id, &message);
+        }
+        self.note_succession(predecessor, id);
+        self.announce(now, &format!("connected={name}"));
+        self.publish_held(now, id);
+    }
+
+    /// Whoever waits for the predecessor to handle its mail waits for the successor now.
+    fn note_succession(&mut self, predecessor: ClientId, successor: ClientId) {
+        let Some(client) = self.clients.get(&successor) else { return };
+        let succession = Succession { predecessor, successor, position: client.mailbox.pushed() };
+        for client in self.clients.values_mut() {
+            let reached = client.unhandled.iter_mut().flat_map(|(_, reached)| reached);
+            reached.for_each(|reached| reached.follow(&succession));
+        }
+        self.successions.push(succession);
+    }
+
+    /// The messages of `mail` that `registrations` ask for.
+    fn wanted<'a>(&self, id: ClientId, registrations: &[Registration], mail: &'a [u8]) -> Vec<Frame<'a>> {
+        let wants = |frame: &Frame<'_>| {
+            let (key, source) = (self.keys.name(frame.header.key), self.sources.name(frame.header.source));
+            registration::combine(id, registrations, key, source).is_some()
+        };
+        wire::frames(mail).map_while(Result::ok).filter(wants).collect()
+    }
+
+    /// What the client published before it had its place.
+    fn publish_held(&mut self, now: f64, id: ClientId) {
+        let held = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.held)).unwrap_or_default();
+        for frame in wire::frames(&held).map_while(Result::ok) {
+            // It was checked when it was taken; what is wrong with it costs the client only this message.
+            let _ = self.notify(now, id, &frame);
+        }
+    }
+
+    /// Keeps a message of a client that is joining until it has its place.
+    pub(super) fn hold(client: &mut Client, frame: &Frame<'_>) {
+        debug_assert_eq!(frame.header.kind, FrameKind::Notify);
+        let header = Header { flags: frame.header.flags & !ATTACH, ..frame.header };
+        wire::put(&mut client.held, &header, frame.aux, frame.value);
+    }
+
+    /// The places of all clients, if they are others than at the last call: what has to outlive the broker.
+    pub fn take_places(&mut self) -> Option<Vec<Place>> {
+        if !std::mem::take(&mut self.places_changed) {
+            return None;
+        }
+        let holders = self.names.values().filter_map(|id| self.clients.get(id));
+        let place = |client: &Client| Place {
+            name: client.name.clone(),
+            lease_secs: client.lease_secs,
+            registrations: client.registrations.clone(),
+        };
+        Some(holders.map(place).collect())
+    }
+}

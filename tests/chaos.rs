@@ -1,0 +1,366 @@
+//! Kills: any process, the broker among them, at random moments, one after the other, over a stream of numbered messages
+//! and over missions. Nothing may be lost, heard twice or out of order, and every mission has to complete.
+//!
+//! The short run is part of the tests. A long one, of any seed:
+//!
+//! ```text
+//! ELK_CHAOS_KILLS=250 ELK_CHAOS_SEED=7 cargo test --release --test chaos -- --nocapture
+//! ```
+//!
+//! One process is killed at a time: the next is killed when all are there again. What a publisher has said and the broker
+//! has not taken dies with both of them, and no design without a disk can change that.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use common::{Elk, alive, kill};
+use elk_bus::clock::Stopwatch;
+use elk_bus::{App, AppError, Client, Comms, Community, Mail, RunOptions, run_app};
+use rustix::process::Signal;
+
+const PUBLISHERS: [&str; 3] = ["p1", "p2", "p3"];
+const SUBSCRIBERS: [&str; 3] = ["s1", "s2", "s3"];
+/// How long anything may take on a busy machine.
+const WATCHDOG: Duration = Duration::from_secs(60);
+
+fn setting(name: &str, default: u64) -> u64 {
+    std::env::var(name).ok().map_or(default, |text| text.parse().expect("a whole number"))
+}
+
+fn kills() -> u64 {
+    setting("ELK_CHAOS_KILLS", 12)
+}
+
+/// Random numbers of a seed (splitmix64).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % end
+    }
+}
+
+/// Says 1, 2, 3, … under its own name, until it is told to be content. Started again it goes on behind the last number
+/// that the community has of it.
+struct Publisher {
+    key: String,
+    enough: PathBuf,
+    /// The last number said; `None`: what was said before is not known yet.
+    said: Option<u64>,
+    content: bool,
+}
+
+impl App for Publisher {
+    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.key = comms.name().to_uppercase();
+        comms.register_variable(&self.key, 0.0)?;
+        Ok(comms.register_variable("DB_CLIENTS", 0.0)?)
+    }
+
+    fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        if self.said.is_none() {
+            self.said = Some(if mail.key() == self.key { mail.as_double().unwrap_or(0.0) as u64 } else { 0 });
+            comms.unregister(&self.key, "*")?;
+            comms.unregister("DB_CLIENTS", "*")?;
+        }
+        Ok(())
+    }
+
+    fn tick_hz(&self) -> Option<f64> {
+        Some(250.0)
+    }
+
+    fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let Some(said) = self.said.as_mut().filter(|_| !self.content) else { return Ok(()) };
+        for _ in 0..4 {
+            *said += 1;
+            comms.notify(&self.key, *said as f64)?;
+        }
+        if self.enough.exists() {
+            self.content = true;
+            std::fs::write(self.enough.with_extension(&self.key), said.to_string())?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes down every number that it hears. Started again it knows what it was writing down when it died.
+struct Subscriber {
+    record: PathBuf,
+    file: Option<File>,
+    last: String,
+}
+
+impl App for Subscriber {
+    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.record = self.record.join(comms.name());
+        let text = std::fs::read_to_string(&self.record).unwrap_or_default();
+        self.last = text.lines().next_back().unwrap_or_default().to_owned();
+        self.file = Some(OpenOptions::new().create(true).append(true).open(&self.record)?);
+        PUBLISHERS.iter().try_for_each(|name| comms.register_variable(&name.to_uppercase(), 0.0))?;
+        Ok(())
+    }
+
+    fn on_new_mail(&mut self, _: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        let line = format!("{} {}", mail.key(), mail.as_double().unwrap_or_default());
+        // A latest value was heard by the one before; and what that one died of comes once more.
+        if mail.is_latest() || std::mem::take(&mut self.last) == line {
+            return Ok(());
+        }
+        if let Some(file) = &mut self.file {
+            file.write_all(format!("{line}\n").as_bytes())?;
+        }
+        Ok(())
+    }
+}
+
+const ROLE: &str = "ELK_CHAOS_ROLE";
+
+/// Not a test by itself: the process of a publisher or a subscriber.
+#[test]
+fn role() {
+    let Ok(said) = std::env::var(ROLE) else { return };
+    let [community, name, folder]: [&str; 3] = said.split(' ').collect::<Vec<_>>().try_into().unwrap();
+    let app: Box<dyn App> = match PUBLISHERS.contains(&name) {
+        true => {
+            let enough = Path::new(folder).join("enough");
+            Box::new(Publisher { key: String::new(), enough, said: None, content: false })
+        }
+        false => Box::new(Subscriber { record: folder.into(), file: None, last: String::new() }),
+    };
+    run_app(app, &RunOptions::new(name, Community::new(community).unwrap())).unwrap();
+}
+
+/// The processes of a stream, each started again when it was killed.
+struct Troupe<'a> {
+    elk: &'a Elk,
+    members: BTreeMap<&'static str, Child>,
+}
+
+impl<'a> Troupe<'a> {
+    fn start(elk: &'a Elk) -> Self {
+        let mut troupe = Self { elk, members: BTreeMap::new() };
+        let mut watcher = None;
+        for names in [&["db"][..], &SUBSCRIBERS, &PUBLISHERS] {
+            names.iter().for_each(|name| troupe.start_one(name));
+            let watcher = watcher.get_or_insert_with(|| troupe.watcher());
+            until_all_are_there(watcher, names);
+        }
+        troupe
+    }
+
+    fn start_one(&mut self, name: &'static str) {
+        let community = self.elk.community();
+        let mut command = if name == "db" {
+            self.elk.command(&["db", "--community", community])
+        } else {
+            let mut command = Command::new(std::env::current_exe().unwrap());
+            command.args(["--exact", "role"]).env("ELK_LEASE_SECS", "60");
+            command.env(ROLE, format!("{community} {name} {}", self.elk.folder().display()));
+            command
+        };
+        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+        self.members.insert(name, child);
+    }
+
+    fn watcher(&self) -> Client {
+        let community = Community::new(self.elk.community()).unwrap();
+        let clock = Stopwatch::start();
+        loop {
+            match Client::connect(&community, "watcher") {
+                Ok(mut client) => {
+                    client.comms.register_variable("DB_CLIENTS", 0.0).unwrap();
+                    return client;
+                }
+                Err(error) => assert!(clock.elapsed() < WATCHDOG, "{error}"),
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn kill(&mut self, name: &'static str) {
+        let child = self.members.get_mut(name).unwrap();
+        kill(child.id() as i32, Signal::KILL);
+        child.wait().unwrap();
+        self.start_one(name);
+    }
+}
+
+impl Drop for Troupe<'_> {
+    fn drop(&mut self) {
+        for child in self.members.values_mut() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Waits until the broker's newest list of clients has all of these names.
+fn until_all_are_there(watcher: &mut Client, names: &[&str]) {
+    let clock = Stopwatch::start();
+    let mut present = Vec::new();
+    let apps: Vec<&&str> = names.iter().filter(|name| **name != "db").collect();
+    while !apps.iter().all(|name| present.iter().any(|one| one == **name)) {
+        assert!(clock.elapsed() < WATCHDOG, "only {present:?} are there");
+        watcher
+            .receive(Duration::from_millis(20), |mail| {
+                present = mail.as_text().unwrap_or_default().split(',').map(str::to_owned).collect();
+            })
+            .unwrap();
+    }
+}
+
+#[test]
+fn a_stream_of_numbers_survives_the_death_of_anyone() {
+    let elk = Elk::new("chaos-stream");
+    let mut random = Random(setting("ELK_CHAOS_SEED", 1));
+    let mut troupe = Troupe::start(&elk);
+    let names: Vec<&'static str> = ["db"].into_iter().chain(PUBLISHERS).chain(SUBSCRIBERS).collect();
+    let mut killed: BTreeMap<&str, u64> = BTreeMap::new();
+    let mut watcher = troupe.watcher_again();
+    for _ in 0..kills() {
+        std::thread::sleep(Duration::from_millis(30 + random.below(200)));
+        let name = names[random.below(names.len() as u64) as usize];
+        troupe.kill(name);
+        *killed.entry(name).or_default() += 1;
+        // The list of the time before the death does not count: it is told anew once the dead one is back.
+        let gone_and_back = if name == "db" { &names[..] } else { std::slice::from_ref(&name) };
+        watcher.until_back(gone_and_back);
+    }
+    let enough = elk.folder().join("enough");
+    std::fs::write(&enough, "").unwrap();
+    let last: Vec<u64> = PUBLISHERS.iter().map(|name| last_said(&enough, &name.to_uppercase())).collect();
+    let total: u64 = last.iter().sum();
+    for subscriber in SUBSCRIBERS {
+        let record = elk.folder().join(subscriber);
+        let clock = Stopwatch::start();
+        let heard = || std::fs::read_to_string(&record).unwrap_or_default();
+        while (heard().lines().count() as u64) < total && clock.elapsed() < WATCHDOG {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let heard = heard();
+        for (publisher, last) in PUBLISHERS.iter().zip(&last) {
+            let key = publisher.to_uppercase();
+            let numbers = heard.lines().filter_map(|line| line.strip_prefix(&key)?.trim().parse::<u64>().ok());
+            let wrong = numbers.clone().zip(1..).find(|(number, expected)| number != expected);
+            assert_eq!(wrong, None, "{subscriber} of {publisher}: heard, expected; killed so far: {killed:?}");
+            assert_eq!(numbers.count() as u64, *last, "{subscriber} of {publisher}; killed: {killed:?}");
+        }
+    }
+    println!("{} kills {killed:?}: {total} messages to each of 3, 0 lost, 0 twice, 0 out of order", kills());
+}
+
+/// What a publisher says that it has said.
+fn last_said(enough: &Path, key: &str) -> u64 {
+    let clock = Stopwatch::start();
+    loop {
+        if let Some(last) = std::fs::read_to_string(enough.with_extension(key)).ok().and_then(|t| t.parse().ok()) {
+            return last;
+        }
+        assert!(clock.elapsed() < WATCHDOG, "{key} did not come to an end");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Hears who comes.
+struct Watcher(Client);
+
+impl Troupe<'_> {
+    fn watcher_again(&self) -> Watcher {
+        let community = Community::new(self.elk.community()).unwrap();
+        let mut client = Client::connect(&community, "usher").unwrap();
+        client.comms.register_variable("DB_EVENT", 0.0).unwrap();
+        client.receive(Duration::from_millis(100), |_| {}).unwrap();
+        Watcher(client)
+    }
+}
+
+impl Watcher {
+    /// Waits until each of these has been let in again.
+    fn until_back(&mut self, names: &[&'static str]) {
+        let clock = Stopwatch::start();
+        let mut missing: Vec<&str> = names.iter().copied().filter(|name| *name != "db").collect();
+        while !missing.is_empty() {
+            assert!(clock.elapsed() < WATCHDOG, "{missing:?} did not come back");
+            self.0
+                .receive(Duration::from_millis(20), |mail| {
+                    let event = mail.as_text().unwrap_or_default();
+                    missing.retain(|name| event.strip_prefix("connected=") != Some(name));
+                })
+                .unwrap();
+        }
+    }
+}
+
+/// Everybody may die as often as it happens.
+const MISSION: &str = r#"
+<Scenario name="Chaos" broker-restarts="1000" broker-window="2">
+    <Sensor type="Simulator" restart="always" restarts="1000" restart-window="1">
+        <Width>60</Width> <Height>60</Height> <Start> 0.0; 0.0; 0.8 </Start>
+    </Sensor>
+    <Filter type="Distance" restart="always" restarts="1000" restart-window="1"/>
+    <Map type="OctoMap" restart="always" restarts="1000" restart-window="1"/>
+    <Explorer type="Potential" restart="always" restarts="1000" restart-window="1">
+        <Mid> 0.0; 0.0; 0.0 </Mid> <Dim> 5.7; 4.3; 4.5 </Dim>
+    </Explorer>
+    <Controller type="MOOSSim" restart="always" restarts="1000" restart-window="1"/>
+    <Logger type="Mcap" restart="always" restarts="1000" restart-window="1"/>
+</Scenario>"#;
+
+#[test]
+fn missions_survive_the_death_of_anyone() {
+    let mut random = Random(setting("ELK_CHAOS_SEED", 1) ^ 0x5eed);
+    let (mut done, mut missions) = (0, 0);
+    let mut killed: BTreeMap<String, u64> = BTreeMap::new();
+    while done < kills() {
+        missions += 1;
+        let elk = Elk::new(&format!("chaos-{missions}"));
+        let mut launcher = elk.launch(MISSION);
+        while done < kills() {
+            std::thread::sleep(Duration::from_millis(30 + random.below(300)));
+            let Some(processes) = all_running(&elk, &mut launcher) else { break };
+            let (name, id) = &processes[random.below(processes.len() as u64) as usize];
+            if alive(*id) {
+                let _ = rustix::process::kill_process(rustix::process::Pid::from_raw(*id).unwrap(), Signal::KILL);
+                *killed.entry(name.clone()).or_default() += 1;
+                done += 1;
+            }
+        }
+        let (code, said) = launcher.end();
+        assert_eq!(code, Some(0), "killed so far: {killed:?}\n{said}");
+        assert!(said.contains("contacts 0"), "{said}");
+    }
+    println!("{done} kills {killed:?}: {missions} missions, all complete, 0 contacts");
+}
+
+/// The processes of the mission's apps and broker, once all of them run; `None`: the mission is over.
+fn all_running(elk: &Elk, launcher: &mut common::Launcher) -> Option<Vec<(String, i32)>> {
+    let clock = Stopwatch::start();
+    loop {
+        let output = elk.command(&["apps", "--json", "--community", elk.community()]).output().unwrap();
+        let rows: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+        let rows = rows.as_array().cloned().unwrap_or_default();
+        let running = rows.iter().all(|row| row["state"] == "running");
+        if running && rows.len() == 8 {
+            let apps = rows.iter().filter(|row| row["name"] != "launcher");
+            let process =
+                |row: &serde_json::Value| Some((row["name"].as_str()?.to_owned(), row["pid"].as_i64()? as i32));
+            return Some(apps.filter_map(process).collect());
+        }
+        if launcher.is_over() || rows.iter().any(|row| row["state"] == "ended") {
+            return None;
+        }
+        assert!(clock.elapsed() < WATCHDOG, "they do not come back: {rows:?}\n{}", launcher.said());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}

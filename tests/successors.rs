@@ -1,0 +1,512 @@
+//! Whole missions in which apps are exchanged, or killed, and their successors go on: every app, at every moment that the
+//! bus can tell from another. Once without leases, so that mail is lost and latest values have to be enough, and once with:
+//! a successor has the mail that the other one had not handled, the message that it died of among it.
+//!
+//! All apps take turns on one thread, so each run is the same run. What is asked of a run with a successor in it is the
+//! strongest that can be asked: that it ends as the undisturbed one does, to the last scan, metre and voxel. Only a map that
+//! was killed may go another way, since how sure it was of its voxels is lost; it still has to explore everything, without a
+//! contact.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::rc::Rc;
+use std::time::Duration;
+
+use elk_bus::broker::Introduction;
+use elk_bus::link::{Fill, LinkError, Uplink};
+use elk_bus::memory::MemoryBroker;
+use elk_bus::wire::BulkRef;
+use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Community, Mail};
+use elk_mission::{AppSpec, Mission, Program, Registry};
+use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_REQUEST, MOTION_REPORT, SENSOR_REPORT};
+use elk_spatial::map::MapUpdate;
+use elk_spatial::messages::{ExplorationReport, MotionReport, SensorReport};
+
+/// The middle of the car's interior, with few and coarse pixels and voxels: a mission of 17 scans.
+const MISSION: &str = r#"
+<Scenario name="Car, coarse">
+    <Sensor type="Simulator">
+        <Width>24</Width> <Height>24</Height> <Start> 0.0; 0.0; 0.8 </Start> <StartPitch> -15 deg </StartPitch>
+    </Sensor>
+    <Filter type="Distance"/>
+    <Map type="OctoMap"> <Res> 0.25 m </Res> </Map>
+    <Explorer type="ClosestFrontier"> <Res> 0.25 m </Res> <Mid> 0.0; 0.0; 0.5 </Mid> <Dim> 3; 3; 3 </Dim> </Explorer>
+    <Controller type="MOOSSim"/>
+</Scenario>"#;
+
+/// The places of apps of [`MISSION`].
+const FILTER: usize = 1;
+const MAP_APP: usize = 2;
+const EXPLORER: usize = 3;
+const CONTROLLER: usize = 4;
+
+/// The clocks of these missions run fast, so that nobody has to wait for a patience to run out.
+const WARP: f64 = 1000.0;
+/// A lease that does not run out in these missions (s).
+const LEASE_SECS: f64 = 1e9;
+/// Rounds in which nothing moves after which a mission hangs. A map that waits for a copy in vain needs some.
+const PATIENCE_ROUNDS: usize = 1000;
+
+/// An app's way up, which ends with the app's life.
+struct Mortal {
+    up: Box<dyn Uplink>,
+    life: Rc<Life>,
+    broker: MemoryBroker,
+    name: String,
+}
+
+/// How many batches an app sends before it dies.
+struct Life {
+    sent: Cell<u64>,
+    last: Cell<u64>,
+}
+
+impl Life {
+    fn is_over(&self) -> bool {
+        self.sent.get() > self.last.get()
+    }
+}
+
+impl Uplink for Mortal {
+    /// A dead app's batch is lost, and what it does after that comes to nothing.
+    fn send(&mut self, batch: &[u8]) -> Result<(), LinkError> {
+        let was_over = self.life.is_over();
+        self.life.sent.set(self.life.sent.get() + 1);
+        if !self.life.is_over() {
+            return self.up.send(batch);
+        }
+        if !was_over {
+            self.broker.kill(&self.name);
+        }
+        Err(LinkError::SharedMemory("killed".into()))
+    }
+
+    fn handled(&self) -> u64 {
+        self.up.handled()
+    }
+
+    fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError> {
+        self.up.send_bulk(len, fill)
+    }
+
+    fn kept_bulk(&self, sample: u64) -> Option<&[u8]> {
+        self.up.kept_bulk(sample)
+    }
+
+    fn say_goodbye(&mut self) {
+        self.up.say_goodbye();
+    }
+
+    fn keep_bulk(&mut self, wanted: &dyn Fn(u64) -> bool) {
+        self.up.keep_bulk(wanted);
+    }
+}
+
+/// An app in its place.
+struct Seat {
+    spec: AppSpec,
+    /// Nobody, for as long as it takes.
+    sitter: Option<Sitter>,
+    /// Messages handled, and batches sent, by all who sat here.
+    handled: u64,
+    sent: u64,
+}
+
+struct Sitter {
+    app: Box<dyn App>,
+    client: Client,
+    life: Rc<Life>,
+}
+
+/// What becomes of an app.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fate {
+    /// It is asked to stop after it has handled so many messages, counted over all who sat there.
+    Stopped { after: u64 },
+    /// It is killed with this batch on its lips.
+    Killed { at: u64 },
+}
+
+/// A change of sitters.
+#[derive(Debug, Clone)]
+struct Change {
+    seat: usize,
+    fate: Fate,
+    /// Whether the successor comes only when the others have nothing left to do.
+    late: bool,
+    /// Another type for the successor.
+    type_: Option<&'static str>,
+}
+
+/// What a mission came to.
+#[derive(Debug, Clone, PartialEq)]
+struct Outcome {
+    motion: MotionReport,
+    exploration: ExplorationReport,
+    contacts: u64,
+    scans: u64,
+    /// The whole map, its bricks in order.
+    map: MapUpdate,
+}
+
+/// A community with a mission in it.
+struct Table {
+    broker: MemoryBroker,
+    /// How long the place of who died is kept (s).
+    lease_secs: f64,
+    seats: Vec<Seat>,
+    probe: Client,
+    motion: Option<MotionReport>,
+    exploration: Option<ExplorationReport>,
+    sensor: Option<SensorReport>,
+    map: Option<MapUpdate>,
+}
+
+fn registry() -> Registry {
+    Registry::new(&[elk_sensor::TYPES, elk_filter::TYPES, elk_map::TYPES, elk_explorer::TYPES, elk_controller::TYPES])
+}
+
+fn mission(text: &str) -> Mission {
+    Mission::parse(text, Path::new("successors.xml"), &registry(), &[]).unwrap()
+}
+
+fn join(broker: &MemoryBroker, who: &Introduction<'_>) -> (Client, Rc<Life>) {
+    let mut link = broker.join(who).unwrap();
+    let life = Rc::new(Life { sent: Cell::new(0), last: Cell::new(u64::MAX) });
+    let (broker, name) = (broker.clone(), who.name.to_owned());
+    link.up = Box::new(Mortal { up: link.up, life: life.clone(), broker, name });
+    (Client::over(link, who.name, &Community::new("successors").unwrap()), life)
+}
+
+impl Table {
+    fn new(lease_secs: f64) -> Self {
+        let broker = MemoryBroker::new(BrokerConfig::new("successors"), Clock::new(WARP));
+        let (mut probe, _) = join(&broker, &Introduction::new("probe"));
+        probe.comms.register(&MOTION_REPORT).unwrap();
+        probe.comms.register(&EXPLORATION_REPORT).unwrap();
+        probe.comms.register(&SENSOR_REPORT).unwrap();
+        probe.comms.register(&MAP).unwrap();
+        probe.comms.flush().unwrap();
+        let seat = |spec| Seat { spec, sitter: None, handled: 0, sent: 0 };
+        let seats = mission(MISSION).apps.into_iter().filter(|app| app.element != "Logger").map(seat).collect();
+        Self { broker, lease_secs, seats, probe, motion: None, exploration: None, sensor: None, map: None }
+    }
+
+    /// Everybody who has no sitter gets one.
+    fn begin(&mut self, to_come: &[Change]) {
+        let empty: Vec<usize> = (0..self.seats.len()).filter(|seat| self.seats[*seat].sitter.is_none()).collect();
+        empty.into_iter().for_each(|seat| self.sit(seat, to_come));
+    }
+
+    /// Runs the mission to its end, through these changes; those that come are taken out.
+    fn run(&mut self, to_come: &mut Vec<Change>) -> Outcome {
+        self.go_on(to_come, |table| table.motion.is_some() && table.exploration.is_some());
+        self.probe.comms.notify(MAP_REQUEST, 1.0).unwrap();
+        self.probe.comms.flush().unwrap();
+        self.map = None;
+        self.go_on(to_come, |table| table.map.is_some() && table.seats.iter().all(|seat| seat.sitter.is_some()));
+        let mut map = self.map.take().unwrap();
+        map.bricks.sort_by_key(|brick| brick.brick);
+        let sensor = self.sensor.take().unwrap();
+        let mut exploration = self.exploration.take().unwrap();
+        exploration.cpu_secs.clear();
+        Outcome {
+            motion: self.motion.take().unwrap(),
+            exploration,
+            contacts: sensor.contacts,
+            scans: sensor.scans,
+            map,
+        }
+    }
+
+    /// Takes rounds until `done`.
+    fn go_on(&mut self, to_come: &mut Vec<Change>, done: impl Fn(&Self) -> bool) {
+        let mut idle = 0;
+        while !done(self) {
+            idle = if self.round(to_come) { 0 } else { idle + 1 };
+            assert!(idle < PATIENCE_ROUNDS, "nothing moves any more");
+            if idle > 1 {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+    }
+
+    /// Puts an app into its place.
+    fn sit(&mut self, at: usize, to_come: &[Change]) {
+        self.seats[at].sitter = Some(self.sitter(at, to_come));
+    }
+
+    /// An app that is ready for its place. It dies when its time comes.
+    fn sitter(&self, at: usize, to_come: &[Change]) -> Sitter {
+        let seat = &self.seats[at];
+        let Program::Builtin(app_type, params) = &seat.spec.program else { panic!("{:?}", seat.spec) };
+        let mut app = (app_type.build)(params).unwrap();
+        let lease_secs = self.lease_secs;
+        let who = Introduction { lease_secs, succeeds: lease_secs > 0.0, ..Introduction::new(&seat.spec.name) };
+        let (mut client, life) = join(&self.broker, &who);
+        let end = to_come.iter().find_map(|change| match change.fate {
+            Fate::Killed { at: batch } if change.seat == at => Some((batch - 1).saturating_sub(seat.sent)),
+            _ => None,
+        });
+        life.last.set(end.unwrap_or(u64::MAX));
+        let up = app.on_start_up(&mut client.comms).and_then(|()| Ok(client.comms.flush()?));
+        up.unwrap_or_else(|error| assert!(life.is_over(), "{error}"));
+        Sitter { app, client, life }
+    }
+
+    /// Everybody takes one turn; whether anybody had anything to do.
+    fn round(&mut self, to_come: &mut Vec<Change>) -> bool {
+        let mut moved = false;
+        for at in 0..self.seats.len() {
+            moved |= self.turn(at, to_come);
+        }
+        moved |= self.listen();
+        for at in 0..self.seats.len() {
+            if self.seats[at].sitter.is_none() && (!moved || !to_come.iter().any(|c| c.seat == at && c.late)) {
+                self.succeed(at, to_come);
+                moved = true;
+            }
+        }
+        moved
+    }
+
+    /// Kills an app between two messages.
+    fn kill(&mut self, at: usize) {
+        let sitter = self.seats[at].sitter.take().unwrap();
+        sitter.life.last.set(0);
+    }
+
+    fn turn(&mut self, at: usize, to_come: &mut Vec<Change>) -> bool {
+        let seat = &mut self.seats[at];
+        let Some(Sitter { app, client, life }) = &mut seat.sitter else { return false };
+        let mut handled = 0;
+        let on_mail = |comms: &mut elk_bus::Comms, mail: &Mail<'_>| {
+            handled += 1;
+            app.on_new_mail(comms, mail)
+        };
+        let turn: Result<usize, AppError> = client.inbox.receive(&mut client.comms, Duration::ZERO, on_mail);
+        let turn = turn.and_then(|_| app.iterate(&mut client.comms)).and_then(|()| Ok(client.comms.flush()?));
+        seat.handled += handled;
+        if life.is_over() {
+            seat.sent += life.last.get() + 1;
+            seat.sitter = None;
+            return true;
+        }
+        turn.unwrap();
+        let is_stopped = |change: &Change| {
+            change.seat == at && matches!(change.fate, Fate::Stopped { after } if after <= seat.handled)
+        };
+        if let Some(change) = to_come.iter().find(|change| is_stopped(change)) {
+            if self.lease_secs > 0.0 && !change.late {
+                self.hand_over(at, to_come);
+                return true;
+            }
+            let end = app.on_stop(&mut client.comms).and_then(|()| Ok(client.comms.flush()?));
+            end.unwrap_or_else(|error| assert!(life.is_over(), "{error}"));
+            seat.sent += life.sent.get();
+            seat.sitter = None;
+        }
+        handled > 0
+    }
+
+    /// Puts a successor where nobody sits.
+    fn succeed(&mut self, at: usize, to_come: &mut Vec<Change>) {
+        self.change(at, to_come);
+        self.sit(at, to_come);
+    }
+
+    /// Puts a successor in the place of who sits there, who leaves when it is ready.
+    fn hand_over(&mut self, at: usize, to_come: &mut Vec<Change>) {
+        self.change(at, to_come);
+        let successor = self.sitter(at, to_come);
+        let seat = &mut self.seats[at];
+        let Some(Sitter { app, client, life }) = &mut seat.sitter else { panic!("nobody to succeed") };
+        // A successor that died on its way asks nobody to leave.
+        if client.inbox.retiring() {
+            let end = app.on_stop(&mut client.comms).and_then(|()| Ok(client.comms.flush()?));
+            end.unwrap_or_else(|error| assert!(life.is_over(), "{error}"));
+            seat.sent += life.sent.get();
+            seat.sitter = None;
+            seat.sitter = Some(successor);
+        }
+    }
+
+    /// Takes a change out of those to come.
+    fn change(&mut self, at: usize, to_come: &mut Vec<Change>) {
+        let change = to_come.iter().position(|change| change.seat == at).unwrap();
+        if let Some(type_) = to_come.remove(change).type_ {
+            self.seats[at].spec = swapped(&self.seats[at].spec, type_);
+        }
+    }
+
+    fn listen(&mut self) -> bool {
+        let Self { probe, motion, exploration, sensor, map, .. } = self;
+        let note = |mail: &Mail<'_>| match mail.key() {
+            "MOTION_REPORT" => *motion = Some(mail.decode(&MOTION_REPORT).unwrap()),
+            "EXPLORATION_REPORT" => *exploration = Some(mail.decode(&EXPLORATION_REPORT).unwrap()),
+            "SENSOR_REPORT" => *sensor = Some(mail.decode(&SENSOR_REPORT).unwrap()),
+            _ => *map = Some(mail.decode(&MAP).unwrap()),
+        };
+        probe.receive(Duration::ZERO, note).unwrap() > 0
+    }
+}
+
+/// The same app of another type.
+fn swapped(spec: &AppSpec, type_: &str) -> AppSpec {
+    let text = MISSION.replace(&format!("type=\"{}\"", spec.type_name()), &format!("type=\"{type_}\""));
+    mission(&text).apps.into_iter().find(|other| other.element == spec.element).unwrap()
+}
+
+/// What the mission comes to if nothing happens, and how many messages each app handles and batches it sends.
+fn undisturbed() -> (Outcome, BTreeMap<usize, (u64, u64)>) {
+    let mut table = Table::new(0.0);
+    table.begin(&[]);
+    let outcome = table.run(&mut Vec::new());
+    let counts = |(at, seat): (usize, &Seat)| {
+        let sent = seat.sent + seat.sitter.as_ref().map_or(0, |sitter| sitter.life.sent.get());
+        (at, (seat.handled, sent))
+    };
+    (outcome, table.seats.iter().enumerate().map(counts).collect())
+}
+
+/// Runs the mission with changes, at least one of which comes.
+fn disturbed(changes: &[Change], lease_secs: f64) -> Outcome {
+    let (mut table, mut to_come) = (Table::new(lease_secs), changes.to_vec());
+    table.begin(&to_come);
+    let outcome = table.run(&mut to_come);
+    assert!(to_come.len() < changes.len(), "nothing came of {changes:?}");
+    outcome
+}
+
+/// Runs the mission with changes, without leases and with; each outcome has to be `right`.
+fn assert_each(changes: &[Change], right: impl Fn(&Outcome) -> bool) {
+    for lease_secs in [0.0, LEASE_SECS] {
+        let outcome = disturbed(changes, lease_secs);
+        let Outcome { motion, exploration, contacts, scans, .. } = &outcome;
+        assert!(
+            right(&outcome),
+            "{changes:?}, lease {lease_secs} s: {motion:?}, {exploration:?}, {contacts} contacts, {scans} scans"
+        );
+    }
+}
+
+fn is_complete(outcome: &Outcome) -> bool {
+    outcome.exploration.complete && outcome.contacts == 0 && outcome.motion.scans == outcome.scans
+}
+
+/// One change, at once and late.
+fn each(seat: usize, fate: Fate, type_: Option<&'static str>) -> [[Change; 1]; 2] {
+    [false, true].map(|late| [Change { seat, fate, late, type_ }])
+}
+
+#[test]
+fn an_undisturbed_mission_is_the_same_every_time() {
+    let (once, _) = undisturbed();
+    assert!(is_complete(&once), "{once:?}");
+    assert_eq!(once, undisturbed().0);
+}
+
+#[test]
+fn every_app_is_exchanged_at_every_message() {
+    let (expected, counts) = undisturbed();
+    for (seat, (handled, _)) in counts {
+        for after in 0..=handled {
+            for change in each(seat, Fate::Stopped { after }, None) {
+                assert_each(&change, |outcome| *outcome == expected);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_app_is_killed_with_every_batch_on_its_lips() {
+    let (expected, counts) = undisturbed();
+    for (seat, (_, sent)) in counts {
+        for at in 1..=sent {
+            for change in each(seat, Fate::Killed { at }, None) {
+                assert_each(&change, |outcome| match seat {
+                    MAP_APP => is_complete(outcome),
+                    _ => *outcome == expected,
+                });
+            }
+        }
+    }
+}
+
+#[test]
+fn another_strategy_goes_on_at_every_message() {
+    let (_, counts) = undisturbed();
+    for after in 0..=counts[&EXPLORER].0 {
+        for change in each(EXPLORER, Fate::Stopped { after }, Some("Potential")) {
+            assert_each(&change, |outcome| {
+                is_complete(outcome) && (after > 0 || outcome.exploration.explorer == "Potential")
+            });
+        }
+    }
+}
+
+#[test]
+fn another_filter_goes_on_at_every_message() {
+    let (_, counts) = undisturbed();
+    for after in 0..=counts[&FILTER].0 {
+        for change in each(FILTER, Fate::Stopped { after }, Some("VoxelGrid")) {
+            assert_each(&change, is_complete);
+        }
+    }
+}
+
+/// The map and all who have a copy of it die at once; what was known is lost, and is explored again.
+#[test]
+fn a_map_that_nobody_has_a_copy_of_is_explored_again() {
+    let (expected, _) = undisturbed();
+    for lease_secs in [0.0, LEASE_SECS] {
+        let mut table = Table::new(lease_secs);
+        table.begin(&[]);
+        assert!((0..20).all(|_| table.round(&mut Vec::new())));
+        for seat in [MAP_APP, EXPLORER, CONTROLLER] {
+            table.kill(seat);
+        }
+        table.begin(&[]);
+        let outcome = table.run(&mut Vec::new());
+        assert!(is_complete(&outcome), "{outcome:?}");
+        assert!(outcome.map.revision > outcome.scans, "its revisions go on behind the lost ones: {outcome:?}");
+        assert!(outcome.scans > expected.scans, "{} scans", outcome.scans);
+    }
+}
+
+/// Numbers that look random and are the same in every run (Knuth's MMIX generator).
+struct Dice(u64);
+
+impl Dice {
+    /// From 0 to `n` - 1.
+    fn below(&mut self, n: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % n
+    }
+
+    fn change(&mut self, counts: &BTreeMap<usize, (u64, u64)>) -> Change {
+        let seat = self.below(counts.len() as u64) as usize;
+        let (handled, sent) = counts[&seat];
+        let fate = match self.below(2) {
+            0 => Fate::Stopped { after: self.below(handled) },
+            _ => Fate::Killed { at: 1 + self.below(sent) },
+        };
+        Change { seat, fate, late: self.below(2) == 0, type_: None }
+    }
+}
+
+/// Three apps, or one three times, are exchanged or killed wherever it hits them, at once or one after the other.
+#[test]
+fn whatever_happens_to_three_apps_the_mission_completes() {
+    let (expected, counts) = undisturbed();
+    let mut dice = Dice(1);
+    for _ in 0..150 {
+        let changes: Vec<Change> = (0..3).map(|_| dice.change(&counts)).collect();
+        let map_is_killed = changes.iter().any(|c| c.seat == MAP_APP && matches!(c.fate, Fate::Killed { .. }));
+        assert_each(&changes, |outcome| match map_is_killed {
+            true => is_complete(outcome),
+            false => *outcome == expected,
+        });
+    }
+}
