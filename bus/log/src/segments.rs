@@ -32,7 +32,12 @@ pub fn segments(path: &Path) -> Result<Vec<PathBuf>, LogError> {
     let mut stems: Vec<&str> = found.iter().map(|(stem, ..)| stem.as_str()).collect();
     stems.dedup();
     let stem = match stems[..] {
-        [] => return Err(LogError::NoLog { path: path.into(), reason: "the folder holds no .mcap file".into() }),
+        [] => {
+            return Err(LogError::NoLog {
+                path: path.into(),
+                reason: "the folder holds no log.mcap, nor another .mcap file".into(),
+            });
+        }
         [only] => only.to_owned(),
         _ if stems.contains(&USUAL) => USUAL.to_owned(),
         _ => {
