@@ -27,6 +27,9 @@ const BROKER_PATIENCE: Duration = Duration::from_secs(20);
 const REGISTER_PATIENCE: Duration = Duration::from_secs(60);
 /// How long the sensor may take to hold the final map against the true world.
 const JUDGE_PATIENCE: Duration = Duration::from_secs(60);
+/// How long a step may take, of which everybody says that they are well, before the mission counts as stuck: far longer
+/// than any explorer thinks.
+const STEP_PATIENCE: Duration = Duration::from_secs(300);
 /// How long nobody is looked at if nothing happens.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -46,6 +49,12 @@ pub(crate) struct Conduct<'a> {
     /// That, as it was last said.
     pub said_state: String,
     pub running: Stopwatch,
+}
+
+/// The time of the last message of a step (s, the community's), and since when that is the last one.
+struct Movement {
+    last: Option<f64>,
+    since: Stopwatch,
 }
 
 impl Conduct<'_> {
@@ -94,11 +103,32 @@ impl Conduct<'_> {
         if self.state.manual {
             put("Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.\n");
         }
+        let mut movement = Movement { last: None, since: Stopwatch::start() };
         while !self.listener.observer().finished() {
             self.look("before the mission was over")?;
             self.step_by_hand();
+            self.see_movement(&mut movement)?;
         }
         self.judge()
+    }
+
+    /// A mission that has begun and in which nothing moves any more is stuck, unless somebody holds it: who has paused it
+    /// or stopped an app will go on.
+    fn see_movement(&mut self, movement: &mut Movement) -> Result<(), LaunchError> {
+        let last = self.listener.observer().steps.last();
+        if last != movement.last || last.is_none() || self.state.paused {
+            *movement = Movement { last, since: Stopwatch::start() };
+        }
+        if movement.since.elapsed() < STEP_PATIENCE {
+            return Ok(());
+        }
+        if self.rows().iter().any(|row| !["running", "ended"].contains(&row.state.as_str())) {
+            movement.since = Stopwatch::start();
+            return Ok(());
+        }
+        let last_word = self.listener.observer().last_word.clone();
+        let (secs, folder) = (STEP_PATIENCE.as_secs(), self.folder.to_owned());
+        Err(LaunchError::Standstill { secs, last_word, folder })
     }
 
     /// Asks for the whole map, and waits until the sensor has held it against the true world. A sensor that does not

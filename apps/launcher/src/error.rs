@@ -104,6 +104,19 @@ pub enum LaunchError {
         /// Where their text logs are.
         folder: PathBuf,
     },
+    /// Everybody is there, nobody holds the robot, and yet nothing happens.
+    #[error(
+        "nothing has moved for {secs} s although everybody runs; the last word was {last_word}, and whoever should have \
+         answered did not: what they say is in {}", .folder.display()
+    )]
+    Standstill {
+        /// How long it was waited.
+        secs: u64,
+        /// The last message of a step, and whose it was.
+        last_word: String,
+        /// Where their text logs are.
+        folder: PathBuf,
+    },
     /// The launcher itself cannot join the community.
     #[error(transparent)]
     Connect(#[from] elk_bus::ConnectError),

@@ -57,6 +57,8 @@ pub(crate) struct Observer {
     pub motion: Option<MotionReport>,
     pub accuracy: Option<AccuracyReport>,
     pub steps: StepTimes,
+    /// Which message of a step came last, and whose it was.
+    pub last_word: String,
     /// The community's time of the first pose command (s).
     pub first_command: Option<f64>,
     /// What somebody has to be told, in the order in which it came up.
@@ -100,6 +102,7 @@ impl Observer {
         let command = mail.is(&POSE_COMMAND);
         if command || self.chain.iter().any(|key| key == mail.key()) {
             self.steps.note(mail.source(), mail.time(), command);
+            self.last_word = format!("{} by {}", mail.key(), mail.source());
             self.first_command = self.first_command.or(command.then(|| mail.time()));
         } else if let Err(error) = self.note_report(mail) {
             self.complaints.push(format!("{} by {}: {error}", mail.key(), mail.source()));
