@@ -1,4 +1,4 @@
-//! Writes the seeds of the fuzz targets into `fuzz/seeds`: small logs of every kind.
+//! Writes the seeds of the fuzz targets into `tests/fuzz/seeds`: small logs of every kind.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use elk_log::alog::AlogWriter;
 use elk_log::{Compression, LogOptions, LogWriter, Metadata, Record};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
+    let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fuzz/seeds");
     let (logs, alogs) = (seeds.join("log"), seeds.join("alog"));
     for folder in [&logs, &alogs] {
         let _ = std::fs::remove_dir_all(folder);

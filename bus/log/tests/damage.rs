@@ -1,7 +1,7 @@
 //! Damaged logs: cut anywhere, flipped bits, lengths of a universe, clocks that run backwards. Clear words, no panic, no
 //! hang, and no memory for what is not there.
 //!
-//! The fuzz targets in `fuzz/` drive the same functions for as long as one likes.
+//! The fuzz targets in `tests/fuzz/` drive the same functions for as long as one likes.
 
 use std::path::Path;
 
