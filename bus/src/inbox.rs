@@ -166,7 +166,7 @@ impl Inbox {
         let will_be_said_again = !self.down.open();
         match mail(&mut *self.down, &self.names, frame) {
             Some(mail) => {
-                self.seen.note(&frame.header);
+                self.seen.note(&frame.header, mail.key, mail.source);
                 on_mail(comms, &mail)
             }
             None => {
