@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE};
+use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN_REQUEST, PROGRESS};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::MapStatus;
 use elk_spatial::{Bounds, Scan};
@@ -160,12 +160,22 @@ impl MapApp {
             self.last_scan = memory.scan;
         } else if mail.is(&MAP_KNOWN) {
             self.cpu_secs = mail.decode(&MAP_KNOWN)?.cpu_secs;
-        } else if mail.is(&MAP_UPDATE)
-            && let Stage::Recalling { revision } = &mut self.stage
-        {
-            *revision = mail.decode(&MAP_UPDATE)?.revision;
+        } else if mail.is(&MAP_UPDATE) {
+            self.readers_have(mail.decode(&MAP_UPDATE)?.revision);
+        } else if mail.is(&PROGRESS) {
+            self.readers_have(mail.decode(&PROGRESS)?.revision);
+        } else if mail.is(&PLAN_REQUEST) {
+            self.readers_have(mail.decode(&PLAN_REQUEST)?.revision);
         }
         Ok(())
+    }
+
+    /// The map was at this revision once. Its own word of that may be lost, with a broker that died when the map was dead;
+    /// a reader that lives says it again.
+    fn readers_have(&mut self, known: u64) {
+        if let Stage::Recalling { revision } = &mut self.stage {
+            *revision = known.max(*revision);
+        }
     }
 
     /// All that the predecessor published is known: it left its memory, was killed, or there was none.
@@ -324,6 +334,8 @@ impl App for MapApp {
         self.recall.ask(comms, &MAP_MEMORY)?;
         self.recall.ask(comms, &MAP_KNOWN)?;
         self.recall.ask(comms, &MAP_UPDATE)?;
+        self.recall.ask(comms, &PROGRESS)?;
+        self.recall.ask(comms, &PLAN_REQUEST)?;
         Recall::ask_for_mark(comms)?;
         comms.register(&self.input)?;
         comms.register_variable(MAP_REQUEST, 0.0)?;
