@@ -1,7 +1,7 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Mail, Recall};
+use elk_bus::{App, AppError, Comms, Mail, Recall, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
@@ -217,7 +217,7 @@ impl ExplorerApp {
 
 impl App for ExplorerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        eprintln!("{}: {}", comms.name(), self.explorer.describe());
+        tell(format_args!("{}: {}", comms.name(), self.explorer.describe()));
         self.recall.ask(comms, &EXPLORER_MEMORY)?;
         comms.register(&MAP)?;
         comms.register(&MAP_UPDATE)?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE};
 use elk_spatial::map::MapUpdate;
@@ -207,10 +207,10 @@ impl MapApp {
             return Ok(());
         }
         let (name, own) = (comms.name(), self.map.grid().revision());
-        eprintln!(
+        tell(format_args!(
             "{name}: the map was lost: nobody has a copy of its revision {revision}; it goes on from revision {own} (0: from \
              nothing), and what is missing has to be explored again"
-        );
+        ));
         self.map.skip_to(revision)?;
         self.next_is_whole = true;
         self.begin(comms)
@@ -254,7 +254,10 @@ impl MapApp {
         }
         if scan.id != self.last_scan + 1 {
             let (name, last) = (comms.name(), self.last_scan);
-            eprintln!("{name}: scan {} follows scan {last}: scans were lost, or the sensor started again", scan.id);
+            tell(format_args!(
+                "{name}: scan {} follows scan {last}: scans were lost, or the sensor started again",
+                scan.id
+            ));
         }
         self.last_scan = scan.id;
         let start = thread_cpu_secs();
@@ -262,12 +265,12 @@ impl MapApp {
         self.cpu_secs += thread_cpu_secs() - start;
         if seen.dropped != Dropped::default() {
             let Dropped { invalid, out_of_range } = seen.dropped;
-            eprintln!(
+            tell(format_args!(
                 "{}: scan {}: {invalid} points are not finite or at the camera itself, {out_of_range} lie beyond the \
                  map's 65536 voxels an axis; left out",
                 comms.name(),
                 scan.id
-            );
+            ));
         }
         let update = self.map.advance(&seen.changed, scan.id);
         match std::mem::take(&mut self.next_is_whole) {
