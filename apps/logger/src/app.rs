@@ -164,7 +164,7 @@ impl Logger {
     /// Says that messages are refused, once: how many there were is said at the end.
     fn complain(&mut self, error: &LogError, comms: &mut Comms) -> Result<(), AppError> {
         if !std::mem::replace(&mut self.refused, true) {
-            tell(&error);
+            tell(error);
             comms.notify(LOGGER_ERROR, error.to_string())?;
         }
         Ok(())
