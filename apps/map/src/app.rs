@@ -33,8 +33,8 @@ const fn number(
     ParamSpec { name, kind: Kind::Number { unit, min, max }, default: Some(default), doc }
 }
 
-const fn point(name: &'static str, doc: &'static str) -> ParamSpec {
-    ParamSpec { name, kind: Kind::Point { unit: "m" }, default: Some("0; 0; 0"), doc }
+const fn point(name: &'static str, kind: Kind, doc: &'static str) -> ParamSpec {
+    ParamSpec { name, kind, default: Some("0; 0; 0"), doc }
 }
 
 const PARAMS: &[ParamSpec] = &[
@@ -58,8 +58,8 @@ const PARAMS: &[ParamSpec] = &[
         "0",
         "Farther points are no hits, their rays free only up to here; 0: no limit.",
     ),
-    point("Mid", "Middle of the volume in which frontiers count."),
-    point("Dim", "Size of the volume in which frontiers count; all 0: everywhere."),
+    point("Mid", Kind::Point { unit: "m" }, "Middle of the volume in which frontiers count."),
+    point("Dim", Kind::Size { unit: "m" }, "Size of the volume in which frontiers count; all 0: everywhere."),
     number("LogOddsHit", ("", 0.01, 10.0), "0.85", "Added to a voxel that a scan hit."),
     number("LogOddsMiss", ("", -10.0, -0.01), "-0.4", "Added to a voxel that a scan's rays only passed."),
     number("ClampMin", ("", -100.0, 0.0), "-2", "Smallest log-odds of a voxel."),
@@ -76,13 +76,6 @@ const PARAMS: &[ParamSpec] = &[
 fn config(params: &Params) -> Result<MapConfig, AppError> {
     let dim = Vector3::from(params.point("Dim"));
     let bounds = (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(params.point("Mid").into(), dim));
-    if bounds.is_some() && dim.iter().any(|edge| *edge <= 0.0) {
-        return Err(format!(
-            "Dim is {}; {}; {} m: all three must be positive, or all 0 for no bounds",
-            dim.x, dim.y, dim.z
-        )
-        .into());
-    }
     Ok(MapConfig {
         resolution: params.number("Res"),
         hit: params.number("LogOddsHit") as f32,
