@@ -209,9 +209,11 @@ impl App for Logger {
         self.flush_if_due(comms)
     }
 
-    fn on_stop(&mut self, _comms: &mut Comms) -> Result<(), AppError> {
+    fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         if let Err(error) = self.recorder.finish() {
-            tell(format_args!("{error}. The log is readable up to its last flush."));
+            let trouble = format!("{error}. The log is readable up to its last flush.");
+            tell(&trouble);
+            comms.notify(LOGGER_ERROR, trouble)?;
         }
         match self.recorder.lost() {
             0 => {}
