@@ -25,7 +25,7 @@ pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
         detached: arguments.detach,
         registry: registry(),
     };
-    conclude(&elk_launcher::launch(mission, &options)?)
+    conclude(elk_launcher::launch(mission, &options)?)
 }
 
 /// `elk attach`
@@ -36,15 +36,18 @@ pub fn attach(arguments: AttachArgs) -> Result<ExitCode> {
         headless: arguments.headless,
         registry: registry(),
     };
-    conclude(&elk_launcher::attach(&options)?)
+    conclude(elk_launcher::attach(&options)?)
 }
 
 fn itself() -> Result<PathBuf> {
     std::env::current_exe().context("elk does not know where it is itself")
 }
 
-fn conclude(outcome: &Outcome) -> Result<ExitCode> {
-    report(outcome)?;
+fn conclude(outcome: Outcome) -> Result<ExitCode> {
+    report(&outcome)?;
+    if let Some(error) = outcome.unwritten {
+        return Err(error.into());
+    }
     Ok(if outcome.summary.complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

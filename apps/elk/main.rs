@@ -13,6 +13,7 @@ mod scope;
 use std::process::ExitCode;
 
 use clap::Parser;
+use elk_bus::tell;
 use elk_launcher::Request;
 
 use cli::{Cli, Command};
@@ -46,7 +47,7 @@ fn main() -> ExitCode {
     match done {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("elk: {}", in_one_line(&error));
+            tell(format_args!("elk: {}", in_one_line(&error)));
             ExitCode::FAILURE
         }
     }

@@ -9,6 +9,7 @@ use crate::clock::{Stopwatch, process_cpu_secs};
 use crate::comms::{Comms, CommsError};
 use crate::inbox::Inbox;
 use crate::mail::Mail;
+use crate::words::tell;
 
 /// What an app may fail with.
 pub type AppError = Box<dyn std::error::Error + Send + Sync>;
@@ -112,7 +113,7 @@ pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> 
 
 fn report_refusals(name: &str, inbox: &mut Inbox) {
     for refused in inbox.take_refusals() {
-        eprintln!("{name}: {} #{} was refused: {}", refused.key, refused.sequence, refused.reason);
+        tell(format_args!("{name}: {} #{} was refused: {}", refused.key, refused.sequence, refused.reason));
     }
 }
 

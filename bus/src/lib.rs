@@ -32,6 +32,7 @@ mod seen;
 pub mod shm;
 pub mod value;
 pub mod wire;
+mod words;
 
 use std::sync::atomic::AtomicBool;
 
@@ -48,6 +49,7 @@ pub use mail::Mail;
 pub use recall::Recall;
 pub use shm::{ConnectError, Running, ServeError, running};
 pub use value::{Value, ValueRef};
+pub use words::tell;
 
 /// How an app is to be run.
 #[derive(Debug, Clone)]

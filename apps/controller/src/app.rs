@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{
     CAMERA_POSE, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN, PLAN_REQUEST,
@@ -78,7 +78,7 @@ impl ControllerApp {
         match mail.as_text() {
             Some("pause") => self.paused = true,
             Some("run") => (self.paused, self.steps) = (false, 0),
-            _ => eprintln!("{name}: {MOTION} is {:?}; it has to be the text pause or run", mail.value()),
+            _ => tell(format_args!("{name}: {MOTION} is {:?}; it has to be the text pause or run", mail.value())),
         }
     }
 

@@ -1,7 +1,7 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Mail, Recall};
+use elk_bus::{App, AppError, Comms, Mail, Recall, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
@@ -44,12 +44,13 @@ const fn metres(min: f64, max: f64) -> Kind {
 }
 
 const POINT: Kind = Kind::Point { unit: "m" };
+const SIZE: Kind = Kind::Size { unit: "m" };
 const COUNT: Kind = Kind::Integer { min: 1, max: 1_000_000_000 };
 
 const MID: ParamSpec = param("Mid", POINT, "0; 0; 0", "Middle of the volume to explore.");
 const DIM: ParamSpec =
-    param("Dim", POINT, "0; 0; 0", "Size of the volume to explore; all 0: everything that can be reached.");
-const RES: ParamSpec = param("Res", metres(0.001, 10.0), "0.1", "Edge of a voxel; must be the map's.");
+    param("Dim", SIZE, "0; 0; 0", "Size of the volume to explore; all 0: everything that can be reached.");
+const RES: ParamSpec = param("Res", metres(0.001, 10.0), "0.1", "Edge of a voxel: the map's.");
 const POLICY: ParamSpec = param(
     "Policy",
     Kind::Choice(&["elk", "thesis"]),
@@ -118,7 +119,7 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
             "thesis" => Policy::thesis(spacing),
             _ => Policy::elk(spacing),
         },
-        bounds: bounds(params)?,
+        bounds: bounds(params),
         radius_m: params.number("Radius"),
         min_frontier: count("MinFrontier") as usize,
         attempts: count("Attempts") as usize,
@@ -128,16 +129,9 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
     })
 }
 
-fn bounds(params: &Params) -> Result<Option<Bounds>, AppError> {
+fn bounds(params: &Params) -> Option<Bounds> {
     let dim = Vector3::from(params.point("Dim"));
-    if dim == Vector3::zeros() {
-        return Ok(None);
-    }
-    if dim.iter().any(|edge| *edge <= 0.0) {
-        let [x, y, z] = params.point("Dim");
-        return Err(format!("Dim is {x}; {y}; {z} m: all three must be positive, or all 0 for no bounds").into());
-    }
-    Ok(Some(Bounds::from_mid_dim(params.point("Mid").into(), dim)))
+    (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(params.point("Mid").into(), dim))
 }
 
 fn potential(params: &Params) -> Potential {
@@ -217,7 +211,7 @@ impl ExplorerApp {
 
 impl App for ExplorerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        eprintln!("{}: {}", comms.name(), self.explorer.describe());
+        tell(format_args!("{}: {}", comms.name(), self.explorer.describe()));
         self.recall.ask(comms, &EXPLORER_MEMORY)?;
         comms.register(&MAP)?;
         comms.register(&MAP_UPDATE)?;

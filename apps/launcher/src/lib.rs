@@ -104,6 +104,8 @@ pub struct Outcome {
     pub summary: Summary,
     /// Why it ended before its time, if it did.
     pub error: Option<LaunchError>,
+    /// Why there is no `summary.json`, if there is none.
+    pub unwritten: Option<LaunchError>,
     /// The picture, or why there is none; `None`: nothing was seen that could be drawn.
     pub picture: Option<Result<PathBuf, String>>,
 }
@@ -212,9 +214,9 @@ impl Stage<'_> {
         conduct.end();
         let explorers = conduct.crew.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
-        summary.write(folder)?;
+        let unwritten = summary.write(folder).err();
         let picture = (summary.scans > 0).then(|| draw(self.program, folder));
-        Ok(Outcome { folder: (*folder).to_owned(), summary, error, picture })
+        Ok(Outcome { folder: (*folder).to_owned(), summary, error, unwritten, picture })
     }
 }
 

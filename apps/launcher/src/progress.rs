@@ -4,6 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
+use elk_bus::tell;
 
 use crate::observer::Observer;
 
@@ -39,7 +40,7 @@ impl Display {
     /// Says something that is to stay.
     pub fn say(&self, words: &str) {
         self.clear();
-        eprintln!("{words}");
+        tell(words);
     }
 
     /// Shows what there is to be seen, if it is time.

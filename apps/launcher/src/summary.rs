@@ -148,7 +148,12 @@ impl fmt::Display for Summary {
             return Ok(());
         }
         let Self { scans, path_length_m: length, seconds, .. } = self;
-        writeln!(f, "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {}", self.explorer)?;
+        let policy = self.policy.as_deref().unwrap_or("unknown");
+        writeln!(
+            f,
+            "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {}, policy {policy}",
+            self.explorer
+        )?;
         for mark in &self.coverage {
             let percent = 100.0 * mark.share;
             writeln!(

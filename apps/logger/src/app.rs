@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use elk_bus::clock::{Clock, Stopwatch};
-use elk_bus::{App, AppError, Comms, Mail};
+use elk_bus::{App, AppError, Comms, Mail, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 
@@ -139,10 +139,10 @@ impl Logger {
         let before = std::mem::replace(&mut self.trouble, now);
         match (&self.trouble, before) {
             (Some(_), Some(_)) | (None, None) => return Ok(()),
-            (Some(trouble), None) => {
-                eprintln!("{trouble}. The mission goes on, the logger tries again.")
+            (Some(trouble), None) => tell(format_args!("{trouble}. The mission goes on, the logger tries again.")),
+            (None, Some(_)) => {
+                tell(format_args!("the log is written again; {} messages are missing", self.recorder.lost()))
             }
-            (None, Some(_)) => eprintln!("the log is written again; {} messages are missing", self.recorder.lost()),
         }
         comms.notify(LOGGER_ERROR, self.trouble.as_deref().unwrap_or_default())?;
         Ok(())
@@ -164,7 +164,7 @@ impl Logger {
     /// Says that messages are refused, once: how many there were is said at the end.
     fn complain(&mut self, error: &LogError, comms: &mut Comms) -> Result<(), AppError> {
         if !std::mem::replace(&mut self.refused, true) {
-            eprintln!("{error}");
+            tell(error);
             comms.notify(LOGGER_ERROR, error.to_string())?;
         }
         Ok(())
@@ -209,13 +209,15 @@ impl App for Logger {
         self.flush_if_due(comms)
     }
 
-    fn on_stop(&mut self, _comms: &mut Comms) -> Result<(), AppError> {
+    fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         if let Err(error) = self.recorder.finish() {
-            eprintln!("{error}. The log is readable up to its last flush.");
+            let trouble = format!("{error}. The log is readable up to its last flush.");
+            tell(&trouble);
+            comms.notify(LOGGER_ERROR, trouble)?;
         }
         match self.recorder.lost() {
             0 => {}
-            lost => eprintln!("{lost} messages are missing from the log"),
+            lost => tell(format_args!("{lost} messages are missing from the log")),
         }
         Ok(())
     }

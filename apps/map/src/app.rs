@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN_REQUEST, PROGRESS};
 use elk_spatial::map::MapUpdate;
@@ -33,8 +33,8 @@ const fn number(
     ParamSpec { name, kind: Kind::Number { unit, min, max }, default: Some(default), doc }
 }
 
-const fn point(name: &'static str, doc: &'static str) -> ParamSpec {
-    ParamSpec { name, kind: Kind::Point { unit: "m" }, default: Some("0; 0; 0"), doc }
+const fn point(name: &'static str, kind: Kind, doc: &'static str) -> ParamSpec {
+    ParamSpec { name, kind, default: Some("0; 0; 0"), doc }
 }
 
 const PARAMS: &[ParamSpec] = &[
@@ -58,8 +58,8 @@ const PARAMS: &[ParamSpec] = &[
         "0",
         "Farther points are no hits, their rays free only up to here; 0: no limit.",
     ),
-    point("Mid", "Middle of the volume in which frontiers count."),
-    point("Dim", "Size of the volume in which frontiers count; all 0: everywhere."),
+    point("Mid", Kind::Point { unit: "m" }, "Middle of the volume in which frontiers count."),
+    point("Dim", Kind::Size { unit: "m" }, "Size of the volume in which frontiers count; all 0: everywhere."),
     number("LogOddsHit", ("", 0.01, 10.0), "0.85", "Added to a voxel that a scan hit."),
     number("LogOddsMiss", ("", -10.0, -0.01), "-0.4", "Added to a voxel that a scan's rays only passed."),
     number("ClampMin", ("", -100.0, 0.0), "-2", "Smallest log-odds of a voxel."),
@@ -76,13 +76,6 @@ const PARAMS: &[ParamSpec] = &[
 fn config(params: &Params) -> Result<MapConfig, AppError> {
     let dim = Vector3::from(params.point("Dim"));
     let bounds = (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(params.point("Mid").into(), dim));
-    if bounds.is_some() && dim.iter().any(|edge| *edge <= 0.0) {
-        return Err(format!(
-            "Dim is {}; {}; {} m: all three must be positive, or all 0 for no bounds",
-            dim.x, dim.y, dim.z
-        )
-        .into());
-    }
     Ok(MapConfig {
         resolution: params.number("Res"),
         hit: params.number("LogOddsHit") as f32,
@@ -217,10 +210,10 @@ impl MapApp {
             return Ok(());
         }
         let (name, own) = (comms.name(), self.map.grid().revision());
-        eprintln!(
+        tell(format_args!(
             "{name}: the map was lost: nobody has a copy of its revision {revision}; it goes on from revision {own} (0: from \
              nothing), and what is missing has to be explored again"
-        );
+        ));
         self.map.skip_to(revision)?;
         self.next_is_whole = true;
         self.begin(comms)
@@ -264,7 +257,10 @@ impl MapApp {
         }
         if scan.id != self.last_scan + 1 {
             let (name, last) = (comms.name(), self.last_scan);
-            eprintln!("{name}: scan {} follows scan {last}: scans were lost, or the sensor started again", scan.id);
+            tell(format_args!(
+                "{name}: scan {} follows scan {last}: scans were lost, or the sensor started again",
+                scan.id
+            ));
         }
         self.last_scan = scan.id;
         let start = thread_cpu_secs();
@@ -272,12 +268,12 @@ impl MapApp {
         self.cpu_secs += thread_cpu_secs() - start;
         if seen.dropped != Dropped::default() {
             let Dropped { invalid, out_of_range } = seen.dropped;
-            eprintln!(
+            tell(format_args!(
                 "{}: scan {}: {invalid} points are not finite or at the camera itself, {out_of_range} lie beyond the \
                  map's 65536 voxels an axis; left out",
                 comms.name(),
                 scan.id
-            );
+            ));
         }
         let update = self.map.advance(&seen.changed, scan.id);
         match std::mem::take(&mut self.next_is_whole) {

@@ -1,7 +1,7 @@
 //! The simulator as an app: pose commands in, poses and scans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
 use elk_spatial::map::MapUpdate;
@@ -214,7 +214,7 @@ impl SimulatorApp {
             let last = self.simulator.command();
             // The last one comes again when the controller or the sensor was exchanged; an older one is a mistake.
             if command.id < last {
-                eprintln!("pose command {} ignored: {last} is already carried out", command.id);
+                tell(format_args!("pose command {} ignored: {last} is already carried out", command.id));
             }
             return Ok(());
         }
@@ -222,7 +222,7 @@ impl SimulatorApp {
         let outcome = self.simulator.execute(command);
         self.cpu_secs += thread_cpu_secs() - before;
         if let Some(refusal) = outcome.refused {
-            eprintln!("pose command {} refused, the robot stays: {refusal}", command.id);
+            tell(format_args!("pose command {} refused, the robot stays: {refusal}", command.id));
         }
         // A successor finds the two together, and then knows by the last scan whether this one came to be published.
         self.publish_pose(comms)?;

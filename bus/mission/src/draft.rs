@@ -3,7 +3,8 @@
 use roxmltree::{Attribute, Node};
 
 use crate::mission::{AppSpec, Program};
-use crate::nearest::instead;
+use crate::nearest::{instead, nearest};
+use crate::params::ParamValue;
 use crate::policy::{self, Said};
 use crate::problem::{Place, Problems};
 use crate::registry::Registry;
@@ -97,10 +98,22 @@ impl Draft {
                 Runs::Unknown
             }
             (None, None) => {
-                let (element, known) = (&self.element, known.join(", "));
-                problems.add(&self.place, format!("<{element}> has no type; known: {known}"));
+                let (place, said) = self.no_type(context, node, &known);
+                problems.add(&place, said);
                 Runs::Unknown
             }
+        }
+    }
+
+    /// What to say of an element that has neither type nor exec, and where.
+    fn no_type(&self, context: &Context, node: Node, known: &[&str]) -> (Place, String) {
+        let element = &self.element;
+        match node.attributes().find(|one| nearest(one.name(), ["type"]).is_some()) {
+            Some(slip) => {
+                let said = format!("<{element}> has no attribute {}; did you mean type?", slip.name());
+                (context.place(slip.range().start), said)
+            }
+            None => (self.place.clone(), format!("<{element}> has no type; known: {}", known.join(", "))),
         }
     }
 
@@ -202,6 +215,14 @@ impl Draft {
     pub fn said(&self, param: &str) -> Option<&str> {
         let mut given = self.given.iter();
         given.find(|given| given.name == param).map(|given| given.text.as_str())
+    }
+
+    /// What was said of a parameter of its type, if that is right, and where.
+    pub fn value(&self, param: &str) -> Option<(ParamValue, &Given)> {
+        let Runs::Builtin(app_type) = &self.runs else { return None };
+        let spec = app_type.param(param)?;
+        let given = self.given.iter().find(|given| given.name == param)?;
+        Some((spec.kind.parse(&given.text, &given.folder).ok()?, given))
     }
 
     /// What was said of a parameter, or its type's default.

@@ -81,7 +81,7 @@ pub(crate) fn check(
     crate::draft::default_logger(&mut drafts, registry, &place);
     names(&mut drafts, problems);
     apply(overrides, &mut drafts, registry, problems);
-    wiring::connect(&mut drafts);
+    wiring::connect(&mut drafts, problems);
     let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
     let file = file.to_owned();
     Some(Mission { name, file, mode, broker, apps })

@@ -55,6 +55,11 @@ pub enum Kind {
         /// The unit.
         unit: &'static str,
     },
+    /// The edges of a box, as a point: all positive, or all 0 for none.
+    Size {
+        /// The unit.
+        unit: &'static str,
+    },
     /// One of these words.
     Choice(&'static [&'static str]),
     /// Any text.

@@ -37,6 +37,7 @@ impl Kind {
             Kind::Integer { min, max } => integer(text, *min, *max, self).map(ParamValue::Integer),
             Kind::Flag => flag(text, self).map(ParamValue::Flag),
             Kind::Point { unit } => point(text, unit, self).map(ParamValue::Point),
+            Kind::Size { unit } => size(text, unit, self).map(ParamValue::Point),
             Kind::Choice(words) => choice(text, words),
             Kind::Text => Ok(ParamValue::Text(text.to_owned())),
             Kind::Variable => variable(text, self),
@@ -60,6 +61,7 @@ impl Kind {
             }
             Kind::Flag => "true or false".to_owned(),
             Kind::Point { unit } => format!("three numbers \"x; y; z\"{}", in_unit(unit)),
+            Kind::Size { unit } => format!("three numbers \"x; y; z\"{}, all positive or all 0", in_unit(unit)),
             Kind::Choice(words) => format!("one of {}", words.join(", ")),
             Kind::Text => "any text".to_owned(),
             Kind::Variable => "the name of a variable (no space, comma, '*' or '?')".to_owned(),
@@ -143,6 +145,14 @@ fn point(text: &str, unit: &str, kind: &Kind) -> Result<[f64; 3], ValueError> {
         let noun = if count == 1 { "number" } else { "numbers" };
         wrong(format!("{text:?} has {count} {noun}"), kind)
     })
+}
+
+fn size(text: &str, unit: &str, kind: &Kind) -> Result<[f64; 3], ValueError> {
+    let size = point(text, unit, kind)?;
+    match size.iter().all(|length| *length > 0.0) || size.iter().all(|length| *length == 0.0) {
+        true => Ok(size),
+        false => Err(wrong(format!("{text:?} is no size"), kind)),
+    }
 }
 
 fn choice(text: &str, words: &[&str]) -> Result<ParamValue, ValueError> {
@@ -236,6 +246,17 @@ mod tests {
         assert_eq!(says(&PLACE, "1; 2"), r#""1; 2" has 2 numbers; right is three numbers "x; y; z", in m"#);
         assert_eq!(says(&PLACE, "1, 2, 3"), r#""1, 2, 3" is no number; right is three numbers "x; y; z", in m"#);
         assert_eq!(says(&PLACE, "1; 2 cm; 3"), r#""2 cm" is in cm; the unit must be m"#);
+    }
+
+    #[test]
+    fn sizes_are_positive_or_none() {
+        let size = Kind::Size { unit: "m" };
+        assert_eq!(says(&size, "5.7; 4.3 m; 4.5"), "Point([5.7, 4.3, 4.5])");
+        assert_eq!(says(&size, "0; 0; 0"), "Point([0.0, 0.0, 0.0])");
+        let right = r#"right is three numbers "x; y; z", in m, all positive or all 0"#;
+        assert_eq!(says(&size, "1; -2; 3"), format!(r#""1; -2; 3" is no size; {right}"#));
+        assert_eq!(says(&size, "1; 0; 3"), format!(r#""1; 0; 3" is no size; {right}"#));
+        assert_eq!(says(&size, "1; 2"), format!(r#""1; 2" has 2 numbers; {right}"#));
     }
 
     #[test]

@@ -1,17 +1,20 @@
-//! What follows from the other apps where the mission does not say: who reads whose scans, and where frontiers count.
-
-use std::path::Path;
+//! What follows from the other apps where the mission does not say: who reads whose scans, where frontiers count, and what
+//! two apps have to have in common.
 
 use crate::draft::Draft;
-use crate::spec::Kind;
+use crate::problem::Problems;
+
+/// Parameters that are the same for both elements: said of one, they hold for the other.
+const COMMON: [(&str, [&str; 2]); 2] = [("Res", ["Map", "Explorer"]), ("MOOSPoseVarName", ["Sensor", "Controller"])];
 
 /// What the sensor publishes its scans under, if its type does not say.
 const SCAN: &str = "SCAN";
 
 /// Sets `Input` and `Output` of the filters and `Input` of the map: the first filter reads what the sensor publishes and
 /// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim` of
-/// the map, the volume in which frontiers count, are the explorer's.
-pub(crate) fn connect(drafts: &mut [Draft]) {
+/// the map, the volume in which frontiers count, are the explorer's. What two apps have to have in common goes from the one
+/// that says it to the other; that they say it differently is a problem.
+pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Problems) {
     let sensor = drafts.iter().find(|draft| draft.element == "Sensor");
     let published = sensor.and_then(|sensor| sensor.said_or_default("Output"));
     let mut last = published.unwrap_or(SCAN).to_owned();
@@ -25,18 +28,34 @@ pub(crate) fn connect(drafts: &mut [Draft]) {
         map.suppose("Input", &last);
     }
     for bound in ["Mid", "Dim"] {
-        share_bound(drafts, bound);
+        hand_on(drafts, bound, ["Explorer", "Map"]);
+    }
+    for (param, [one, other]) in COMMON {
+        hand_on(drafts, param, [one, other]);
+        hand_on(drafts, param, [other, one]);
+        agree(drafts, param, [one, other], problems);
     }
 }
 
-fn share_bound(drafts: &mut [Draft], bound: &str) {
-    let mut explorers = drafts.iter().filter(|draft| draft.element == "Explorer");
-    let said = explorers.find_map(|explorer| explorer.said(bound)).map(str::to_owned);
-    // What is no point is reported where it stands, not here as well.
-    let is_point = |text: &String| Kind::Point { unit: "m" }.parse(text, Path::new("")).is_ok();
-    if let Some(said) = said.filter(is_point) {
-        for map in drafts.iter_mut().filter(|draft| draft.element == "Map" && draft.is_builtin()) {
-            map.suppose(bound, &said);
+/// What was said of a parameter for the apps of one element goes to those of another of which nothing was said. What is
+/// wrong is reported where it stands, not here as well.
+fn hand_on(drafts: &mut [Draft], param: &str, [from, to]: [&str; 2]) {
+    let mut givers = drafts.iter().filter(|draft| draft.element == from);
+    let said = givers.find_map(|draft| draft.value(param)).map(|(_, given)| given.text.clone());
+    if let Some(said) = said {
+        for draft in drafts.iter_mut().filter(|draft| draft.element == to && draft.is_builtin()) {
+            draft.suppose(param, &said);
         }
+    }
+}
+
+fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut Problems) {
+    let of = |element: &str| drafts.iter().find(|draft| draft.element == element).and_then(|draft| draft.value(param));
+    if let (Some((value, given)), Some((others, of_other))) = (of(one), of(other))
+        && value != others
+    {
+        let (text, right) = (&of_other.text, &given.text);
+        let said = format!("{param}: {text:?} is not the {one}'s {right:?}; right is the same for {one} and {other}");
+        problems.add(&of_other.value_place, said);
     }
 }

@@ -76,7 +76,7 @@ const STAGES: &[AppType] = &[
         element: "Controller",
         name: "MOOSSim",
         summary: "Commands poses.",
-        params: &[HOST, PORT],
+        params: &[HOST, PORT, param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "The sensor's pose.")],
         build: unbuilt,
     },
     AppType { element: "Logger", name: "Mcap", summary: "Records everything.", params: &[], build: unbuilt },
@@ -274,11 +274,11 @@ fn a_mission_without_a_logger_gets_one_unless_it_says_none() {
 
 #[test]
 fn the_command_line_overrides_the_file_with_the_same_checks() {
-    let sets = ["Map.Res=0.05 m", "Explorer.type=ClosestFrontier", "Map.Res=0.2"];
+    let sets = ["Map.Res=0.05 m", "Explorer.Res=0.05", "Explorer.type=ClosestFrontier", "Map.Res=0.2"];
     let said_twice = parse(LISTING_2, &sets).unwrap_err();
     assert_eq!(said_twice, "--set Map.Res=0.2: Res is said twice; once is enough");
 
-    let mission = parse(LISTING_2, &sets[..2]).unwrap();
+    let mission = parse(LISTING_2, &sets[..3]).unwrap();
     assert_eq!(settings(&mission, "Map"), "Res=0.05 Input=SCAN_1");
     assert_eq!(mission.of_element("Explorer").next().unwrap().type_name(), "ClosestFrontier");
 
@@ -307,11 +307,35 @@ fn setting_a_parameter_of_a_checked_app_checks_it_too() {
 }
 
 #[test]
+fn what_two_apps_have_in_common_need_be_said_of_one_only() {
+    let listing = |from: &str, to: &str| LISTING_2.replace(from, to);
+    // The listing says `Res` of both; without the explorer's it is the map's, and the other way round.
+    let one = |without: &str| {
+        let (before, rest) = LISTING_2.split_once(without).unwrap();
+        let (_, after) = rest.split_once("</Res>").unwrap();
+        format!("{before}{}{after}", without.split("<Res>").next().unwrap())
+    };
+    let mapped = parse(&one("<Dim> 5.7; 4.3; 4.5 </Dim>\n        <Res>"), &["Map.Res=0.05"]).unwrap();
+    assert!(settings(&mapped, "Explorer").contains("Res=0.05"), "{}", settings(&mapped, "Explorer"));
+    let explored = parse(&one("<Map type=\"OctoMap\">\n        <Res>"), &["Explorer.Res=0.05"]).unwrap();
+    assert!(settings(&explored, "Map").contains("Res=0.05"), "{}", settings(&explored, "Map"));
+    let posed = parse(&listing("SIM_SENSOR", "POSE"), &[]).unwrap();
+    assert!(settings(&posed, "Controller").contains("MOOSPoseVarName=POSE"), "{}", settings(&posed, "Controller"));
+
+    assert_eq!(
+        parse(LISTING_2, &["Map.Res=0.05"]).unwrap_err(),
+        "m.xml:19:15: Res: \"0.1\" is not the Map's \"0.05\"; right is the same for Map and Explorer"
+    );
+    parse(LISTING_2, &["Map.Res=0.05", "Explorer.Res=5e-2 m"]).unwrap();
+}
+
+#[test]
 fn every_mistake_has_its_place_and_says_what_would_be_right() {
     for (line, said) in [
         ("<Filtre type=\"Distance\"/>", "m.xml:7:1: <Filtre> is no element of a Scenario; did you mean Filter?"),
         ("<Filter type=\"Distanze\"/>", "m.xml:7:15: Filter has no type \"Distanze\"; did you mean Distance?"),
         ("<Filter/>", "m.xml:7:1: <Filter> has no type; known: Distance"),
+        ("<Filter tpye=\"Distance\"/>", "m.xml:7:9: <Filter> has no attribute tpye; did you mean type?"),
         ("<App/>", "m.xml:7:1: <App> has no exec; right is exec=\"program\""),
         ("<App exec=\"\"/>", "m.xml:7:12: exec is empty; right is an executable"),
         ("<Filter type=\"Distance\" exec=\"x\"/>", "m.xml:7:31: type and exec are both said; one is right"),
@@ -484,8 +508,8 @@ proptest! {
 
     #[test]
     fn settings_say_the_same_again(x in -1e6..1e6f64, y in -1e6..1e6f64, res in 0.001..10.0f64) {
-        let sets = [format!("Explorer.Mid={x}; {y}; 0"), format!("Explorer.Res={res}")];
-        let mission = parse(LISTING_2, &[&sets[0], &sets[1]]).unwrap();
+        let sets = [format!("Explorer.Mid={x}; {y}; 0"), format!("Explorer.Res={res}"), format!("Map.Res={res}")];
+        let mission = parse(LISTING_2, &[&sets[0], &sets[1], &sets[2]]).unwrap();
         let explorer = mission.of_element("Explorer").next().unwrap();
         let Program::Builtin(app_type, params) = &explorer.program else { panic!("not built in") };
         let again = app_type.check(&explorer.settings, Path::new("")).unwrap();

@@ -21,6 +21,7 @@ use crate::community::Community;
 use crate::limits;
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::wire::{self, BulkRef, FrameKind, Header};
+use crate::words::tell;
 
 /// The longest that a client sleeps: its bell rings when there is news, also when the broker dies.
 const LONGEST_SLEEP: Duration = Duration::from_secs(5);
@@ -141,7 +142,7 @@ impl Rejoin for ShmBack {
                 Err(ConnectError::NoBroker(_) | ConnectError::Handshake { .. } | ConnectError::Link(_))
                     if waited.elapsed() < REJOIN_PATIENCE => {}
                 Err(error) => {
-                    eprintln!("{name}: the broker died, and there is no way back: {error}");
+                    tell(format_args!("{name}: the broker died, and there is no way back: {error}"));
                     return Err(LinkError::BrokerGone(community.to_string()));
                 }
             }

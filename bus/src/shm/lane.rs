@@ -11,6 +11,7 @@ use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, SignalHandling
 use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
+use super::full;
 use super::place::{self, failed};
 use crate::community::Community;
 use crate::link::LinkError;
@@ -27,9 +28,11 @@ const BORROWED: usize = 4;
 /// What a lane is made for at first (bytes a batch); it grows.
 const FIRST_BATCH_BYTES: usize = 4096;
 
-/// This process' node in a community.
+/// This process' node in a community; refused where shared memory is all but full.
 pub fn node(community: &Community) -> Result<Node<Service>, LinkError> {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
+    full::say_why();
+    place::room()?;
     NodeBuilder::new()
         .config(&place::config(community)?)
         .signal_handling_mode(SignalHandlingMode::Disabled)

@@ -10,6 +10,7 @@
 
 mod bulk;
 mod client;
+mod full;
 mod handshake;
 mod lane;
 mod leftovers;

@@ -13,6 +13,8 @@ use crate::link::LinkError;
 pub const SHARED_MEMORY: &str = "/dev/shm";
 /// With less than this left (MB), an error of shared memory is most likely for want of room.
 const SCARCE_MB: u64 = 64;
+/// With less than this left (kB), nobody can join: a client's lanes cost as much.
+const LEAST_KB: u64 = 1024;
 
 /// What the names of a community's shared-memory files begin with.
 pub fn prefix(community: &Community) -> String {
@@ -46,14 +48,28 @@ pub fn failed<E: std::fmt::Debug>(what: impl std::fmt::Display) -> impl FnOnce(E
     move |e| LinkError::SharedMemory(format!("{what}: {e:?}{}", hint()))
 }
 
+/// Sees that there is room for one more client. It is refused then; later there would only be a SIGBUS.
+pub fn room() -> Result<(), LinkError> {
+    match free_kb() {
+        Some(free_kb) if free_kb < LEAST_KB => {
+            Err(LinkError::SharedMemory(format!("there is no room for one more client{}", hint())))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn free_kb() -> Option<u64> {
+    let stat = rustix::fs::statvfs(SHARED_MEMORY).ok()?;
+    Some((stat.f_bavail * stat.f_frsize) >> 10)
+}
+
 fn hint() -> String {
-    let Ok(stat) = rustix::fs::statvfs(SHARED_MEMORY) else { return String::new() };
-    let free_mb = (stat.f_bavail * stat.f_frsize) >> 20;
-    match free_mb < SCARCE_MB {
-        true => format!(
-            " ({SHARED_MEMORY} has only {free_mb} MB left: remove what fills it, or enlarge it with \
-             `mount -o remount,size=… {SHARED_MEMORY}`; in a container, --shm-size)"
+    match free_kb() {
+        Some(free_kb) if free_kb >> 10 < SCARCE_MB => format!(
+            " ({SHARED_MEMORY} has only {} MB left: remove what fills it, or enlarge it with \
+             `mount -o remount,size=… {SHARED_MEMORY}`; in a container, --shm-size)",
+            free_kb >> 10
         ),
-        false => String::new(),
+        _ => String::new(),
     }
 }

@@ -26,6 +26,7 @@ use crate::community::Community;
 use crate::limits;
 use crate::link::LinkError;
 use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
+use crate::words::tell;
 
 /// A batch of mail is closed when it holds this many bytes.
 const BATCH_BYTES: usize = 64 << 10;
@@ -234,7 +235,7 @@ impl Server {
 
     fn expel(&mut self, now: f64, id: ClientId, why: &dyn std::fmt::Display) -> bool {
         let name = self.broker.client_name(id).unwrap_or("?").to_owned();
-        eprintln!("elk db: letting go of client {name}: {why}");
+        tell(format_args!("elk db: letting go of client {name}: {why}"));
         self.let_go(now, id);
         true
     }
@@ -281,7 +282,7 @@ impl Server {
         match Shelf::open(node, &lane_name(self.epoch, "bulk", publisher)) {
             Ok(shelf) => peer.bulk = Some(Held { shelf, under_way: VecDeque::new(), routed: 0 }),
             // The values will be missed and counted by their receivers; the reason stands in the broker's log.
-            Err(error) => eprintln!("elk db: {error}"),
+            Err(error) => tell(format_args!("elk db: {error}")),
         }
         peer.page.attachments.fetch_add(1, SeqCst);
     }

@@ -13,6 +13,7 @@ use super::{
 use crate::broker::Introduction;
 use crate::community::Community;
 use crate::wire::BulkRef;
+use crate::words::tell;
 use places::Occupied;
 
 /// How long the places of the clients of a broker that died are kept (s).
@@ -32,7 +33,7 @@ pub(super) struct Handover {
 /// A broker in the place of one that died.
 pub(super) fn recover(community: &Community, config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
     let clients = found.len();
-    eprintln!("elk db: the broker before this one died; the places of its {clients} clients are kept");
+    tell(format_args!("elk db: the broker before this one died; the places of its {clients} clients are kept"));
     let places = found.into_iter().map(|one| (one.place, places::lives(one.process)));
     let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
     broker.inherit(now, &places::read_legacies(community));
@@ -171,7 +172,9 @@ impl Server {
         if let Some(legacies) = self.broker.take_legacies(bulk)
             && let Err(error) = places::write_legacies(&self.community, &legacies)
         {
-            eprintln!("elk db: should this broker die, what was left by clients that are gone is lost: {error}");
+            tell(format_args!(
+                "elk db: should this broker die, what was left by clients that are gone is lost: {error}"
+            ));
         }
     }
 
@@ -212,7 +215,7 @@ impl Server {
         let occupied = |place: crate::broker::Place| Occupied { process: process(&place.name), place };
         let all: Vec<Occupied> = places.into_iter().map(occupied).collect();
         if let Err(error) = places::write(&self.community, &all) {
-            eprintln!("elk db: should this broker die, its clients are not known to the next: {error}");
+            tell(format_args!("elk db: should this broker die, its clients are not known to the next: {error}"));
         }
     }
 }
@@ -238,7 +241,7 @@ pub(super) fn accept_all(listener: &UnixListener, events: &Sender<Event>, page: 
             }
         });
         if let Err(error) = spawned {
-            eprintln!("elk db: a client was turned away, no thread for it: {error}");
+            tell(format_args!("elk db: a client was turned away, no thread for it: {error}"));
         }
     }
 }

@@ -1,0 +1,69 @@
+//! Shared memory that runs out under a process' hands.
+//!
+//! The system gives shared memory when it is touched first, not when it is asked for. If there is none left then, the
+//! process is ended by SIGBUS, in the midst of whatever it did; all that can be done is to say why.
+
+use std::sync::Once;
+
+use signal_hook::consts::SIGBUS;
+use signal_hook::low_level::{emulate_default_handler, register};
+
+use super::place::SHARED_MEMORY;
+
+/// What a process says that touches shared memory where there is none left.
+const LAST_WORDS: [&str; 3] = [
+    "elk: there was no room left in ",
+    SHARED_MEMORY,
+    ": remove what fills it, or enlarge it with `mount -o remount,size=…` (in a container, --shm-size), and start again\n",
+];
+
+/// Has this process say why, should it be ended for want of shared memory.
+pub fn say_why() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // SAFETY: the action does nothing but write to a descriptor and end the process; both may be done in a handler.
+        // A refusal leaves the process to end without a word.
+        let _ = unsafe { register(SIGBUS, end) };
+    });
+}
+
+fn end() {
+    let stderr = std::io::stderr();
+    for words in LAST_WORDS {
+        let _ = rustix::io::write(&stderr, words.as_bytes());
+    }
+    // The access that failed would be tried again for ever.
+    let _ = emulate_default_handler(SIGBUS);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::process::ExitStatusExt;
+    use std::process::Command;
+
+    use rustix::fs::ftruncate;
+
+    use super::super::page::{BrokerPage, Page};
+    use super::*;
+
+    /// Not a test by itself: a process of [`who_runs_out_of_shared_memory_says_so`].
+    #[test]
+    #[ignore = "ends its process"]
+    fn touches_what_is_not_there() {
+        say_why();
+        let page = Page::<BrokerPage>::create("elk-test").unwrap();
+        ftruncate(page.file(), 0).unwrap();
+        page.bell.rings();
+    }
+
+    #[test]
+    fn who_runs_out_of_shared_memory_says_so() {
+        let ended = Command::new(std::env::current_exe().unwrap())
+            .args(["--ignored", "--exact", "shm::full::tests::touches_what_is_not_there", "--nocapture"])
+            .output()
+            .unwrap();
+        assert_eq!(ended.status.signal(), Some(SIGBUS), "{ended:?}");
+        let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+        assert!(said.contains(&LAST_WORDS.concat()), "{said}");
+    }
+}

@@ -1,0 +1,11 @@
+//! What processes say to people.
+
+use std::fmt::Display;
+use std::io::Write;
+
+/// Says something to people: a line on standard error. Where that goes to a disk that is full, or to a reader that has
+/// gone, the words are lost; nobody ends over it, as with [`eprintln!`].
+pub fn tell(words: impl Display) {
+    // One write, so that the lines of several processes do not mix.
+    let _ = std::io::stderr().write_all(format!("{words}\n").as_bytes());
+}
