@@ -336,6 +336,68 @@ fn record_in(chunk: &[u8], rest: &mut usize) -> Option<Result<(u8, Range<usize>)
     }
 }
 
+/// Understands a record. The crate `mcap` sets memory aside for as many bytes as a text says it has, up to 4 GiB: so texts
+/// are held against the record first.
+pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<mcap::records::Record<'static>, String> {
+    texts_fit(opcode, body).ok_or("a text in it is longer than its record")?;
+    mcap::parse_record(opcode, body).map(mcap::records::Record::into_owned).map_err(|error| error.to_string())
+}
+
+/// Whether all texts of a record end within it.
+fn texts_fit(opcode: u8, mut body: &[u8]) -> Option<()> {
+    let rest = &mut body;
+    match opcode {
+        op::SCHEMA => {
+            skip(rest, 2)?;
+            texts(rest, 2)
+        }
+        op::CHANNEL => {
+            skip(rest, 4)?;
+            texts(rest, 2)?;
+            map_of_texts(rest)
+        }
+        op::METADATA => {
+            texts(rest, 1)?;
+            map_of_texts(rest)
+        }
+        op::ATTACHMENT => {
+            skip(rest, 16)?;
+            texts(rest, 2)
+        }
+        op::CHUNK_INDEX => {
+            skip(rest, 32)?;
+            texts(rest, 1)?; // the map of offsets: a length and so many bytes, as a text is
+            skip(rest, 8)?;
+            texts(rest, 1)
+        }
+        op::STATISTICS => Some(()),
+        _ => None,
+    }
+}
+
+fn skip<'a>(rest: &mut &'a [u8], bytes: usize) -> Option<&'a [u8]> {
+    let (skipped, left) = rest.split_at_checked(bytes)?;
+    *rest = left;
+    Some(skipped)
+}
+
+fn text<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let length = u32::from_le_bytes(skip(rest, 4)?.try_into().ok()?);
+    skip(rest, length as usize)
+}
+
+fn texts(rest: &mut &[u8], count: usize) -> Option<()> {
+    (0..count).try_for_each(|_| text(rest).map(drop))
+}
+
+fn map_of_texts(rest: &mut &[u8]) -> Option<()> {
+    let mut entries = text(rest)?;
+    while !entries.is_empty() {
+        texts(&mut entries, 2)?;
+    }
+    Some(())
+}
+
 fn check_magic(file: &mut File, path: &Path) -> Result<(), LogError> {
     let no_log = |reason: &str| LogError::NoLog { path: path.into(), reason: reason.into() };
     let mut magic = [0; 8];

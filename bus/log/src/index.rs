@@ -11,6 +11,7 @@ use std::sync::Arc;
 use mcap::records::{ChunkIndex, Record as McapRecord, op};
 
 use crate::channel::{Channel, ChannelKind};
+use crate::container;
 use crate::encoding::seconds;
 use crate::error::LogError;
 use crate::record::Metadata;
@@ -164,8 +165,12 @@ impl SegmentIndex {
         let mut last_drop = None;
         let mut chunks = Vec::new();
         let mut schemas = BTreeMap::new();
-        for record in split(records) {
-            match record.and_then(|(opcode, body)| mcap::parse_record(opcode, body).map_err(|e| e.to_string())) {
+        let of_use = |record: &Result<(u8, &[u8]), String>| {
+            let wanted = [op::SCHEMA, op::CHANNEL, op::CHUNK_INDEX, op::STATISTICS];
+            record.as_ref().map_or(true, |(opcode, _)| wanted.contains(opcode))
+        };
+        for record in split(records).filter(of_use) {
+            match record.and_then(|(opcode, body)| container::parse(opcode, body)) {
                 Ok(McapRecord::Schema { header, .. }) => drop(schemas.insert(header.id, header.name)),
                 Ok(McapRecord::Channel(channel)) => {
                     let schema = schemas.get(&channel.schema_id).map_or("", String::as_str);

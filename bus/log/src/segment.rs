@@ -7,7 +7,7 @@ use std::sync::Arc;
 use mcap::records::{self, Record as McapRecord, op};
 
 use crate::channel::{Channel, ChannelKind, text};
-use crate::container::{Container, Found};
+use crate::container::{self, Container, Found};
 use crate::encoding::{self, Decoded, Scratch};
 use crate::error::LogError;
 use crate::record::{Metadata, RecordRef};
@@ -182,9 +182,12 @@ impl Segment {
 
     /// Takes note of any other record; the inner error is what is wrong with it.
     fn note(&mut self, opcode: u8) -> Result<Result<(), String>, LogError> {
-        let record = match mcap::parse_record(opcode, self.container.body()) {
-            Ok(record) => record.into_owned(),
-            Err(error) => return Ok(Err(error.to_string())),
+        if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::METADATA | op::ATTACHMENT) {
+            return Ok(Ok(()));
+        }
+        let record = match container::parse(opcode, self.container.body()) {
+            Ok(record) => record,
+            Err(reason) => return Ok(Err(reason)),
         };
         match record {
             McapRecord::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name)),

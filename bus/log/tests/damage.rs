@@ -141,6 +141,27 @@ fn lengths_that_no_file_has_set_no_memory_aside() {
     }
 }
 
+/// Found by the fuzz target: a text of 2.8 GB in a record of a few bytes.
+#[test]
+fn a_text_that_is_longer_than_its_record_is_said_and_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("text.mcap");
+    for (opcode, before) in [(1_u8, 0), (3, 2), (4, 4), (9, 16), (12, 0), (8, 32)] {
+        let mut bytes = b"\x89MCAP0\r\n".to_vec();
+        let body = [vec![0; before], vec![0xff; 4], vec![b'x'; 20]].concat();
+        bytes.push(opcode);
+        bytes.extend_from_slice(&(body.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(&body);
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(read_log(&path), 0);
+        let mut log = LogReader::open(&path).unwrap();
+        assert!(log.next_ref().is_none() && !log.damage().is_empty(), "opcode {opcode}");
+    }
+    let peak = std::fs::read_to_string("/proc/self/status").unwrap();
+    let peak = peak.lines().find_map(|line| line.strip_prefix("VmPeak:")).unwrap().trim().trim_end_matches(" kB");
+    assert!(peak.parse::<u64>().unwrap() < 3_000_000, "{peak} kB");
+}
+
 #[test]
 fn any_bytes_behind_the_magic_are_an_error_or_a_log() {
     let folder = tempfile::tempdir().unwrap();

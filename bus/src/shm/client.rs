@@ -292,7 +292,10 @@ impl Drop for ShmUp {
     fn drop(&mut self) {
         // A broker that is gone, or that has no room for so long, will not hear them either way.
         let sent = self.line.page.up_sent.load(Relaxed);
-        let _ = self.line.wait_at_most(LINGER, |page| page.up_taken.load(Acquire) == sent);
+        // Its last bulk values are gone with it: whoever asked for all of them has to have read them first.
+        let bulk = self.bulk.as_ref().map_or(0, |writer| writer.sent);
+        let read = |page: &ClientPage| page.bulk_settled.load(Acquire) >= bulk;
+        let _ = self.line.wait_at_most(LINGER, |page| page.up_taken.load(Acquire) == sent && read(page));
     }
 }
 
