@@ -17,7 +17,7 @@ use iceoryx2::node::Node;
 use super::bulk::Shelf;
 use super::client::lane_name;
 use super::handshake::{self, Answer, Hello};
-use super::lane::{self, DEPTH, LaneReader, LaneWriter, Service};
+use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
 use super::{leftovers, places};
 use crate::broker::{Broker, BrokerConfig, ClientId, Reached};
@@ -197,7 +197,8 @@ impl Server {
         let Some(peer) = self.peers.get_mut(&id) else {
             return false;
         };
-        let batch = match peer.up.receive() {
+        let mut small = self.spare.pop().unwrap_or_default();
+        let batch = match peer.next_batch(&mut small) {
             Ok(Some(batch)) => batch,
             // The counter says that there is one: only a segment that its writer took along can be missing.
             Ok(None) if peer.hung_up => {
@@ -213,6 +214,7 @@ impl Server {
         let taken = self.broker.receive(now, id, &batch);
         let bulk = bulk_values_of(&batch, id).last();
         drop(batch);
+        self.spare.push(small);
         self.note_successions();
         if let Some(sample) = bulk {
             self.note_under_way(id, sample);
@@ -314,7 +316,8 @@ impl Server {
         let (peers, departed) = (&self.peers, &self.departed);
         let resolve = |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk((peers, departed), peer, frame, batch);
         self.broker.take_mail(now, id, BATCH_BYTES, &mut batch, resolve);
-        let sent = peer.down.send(&batch);
+        let number = peer.page.down_sent.load(Relaxed);
+        let sent = if peer.page.down.put(number, &batch) { Ok(()) } else { peer.down.send(&batch) };
         self.broker.keep_given(id, batch);
         self.spare.truncate(SPARE_BUFFERS);
         if let Err(error) = sent {
@@ -411,7 +414,35 @@ fn place_bulk(
     }
 }
 
+/// A batch where it lies: in the lane, or, copied from the page, in a buffer.
+enum Taken<'a> {
+    Small(&'a [u8]),
+    Lane(LaneSample),
+}
+
+impl std::ops::Deref for Taken<'_> {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        match self {
+            Taken::Small(bytes) => bytes,
+            Taken::Lane(sample) => sample.payload(),
+        }
+    }
+}
+
 impl Peer {
+    /// The next batch; a small one is copied into `buffer`, since its client could still write to the page.
+    fn next_batch<'a>(&self, buffer: &'a mut Vec<u8>) -> Result<Option<Taken<'a>>, LinkError> {
+        match self.page.up.get(self.page.up_taken.load(Relaxed)) {
+            Some(small) => {
+                buffer.clear();
+                buffer.extend_from_slice(small);
+                Ok(Some(Taken::Small(buffer)))
+            }
+            None => Ok(self.up.receive()?.map(Taken::Lane)),
+        }
+    }
+
     fn has_sent(&self) -> bool {
         self.page.up_sent.load(Acquire) > self.page.up_taken.load(Relaxed)
     }
