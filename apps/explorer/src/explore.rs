@@ -279,6 +279,7 @@ impl Explorer {
         self.report = Some(ExplorationReport {
             explorer: self.strategy.name().into(),
             policy: self.settings.policy.name.into(),
+            settings: self.describe(),
             complete: end == End::Explored && missed == 0,
             reason,
             left,

@@ -23,6 +23,8 @@ pub struct Summary {
     pub explorer: String,
     /// The motion policy's name.
     pub policy: Option<String>,
+    /// Strategy, policy and clearance with all their settings.
+    pub settings: Option<String>,
     /// The seed of everything random.
     pub seed: Option<i64>,
     /// Whether every frontier that can be reached and seen is resolved, without a contact with the true world.
@@ -80,6 +82,7 @@ impl Summary {
             mission_file: mission.file.display().to_string(),
             explorer,
             policy: report.map(|report| report.policy.clone()),
+            settings: report.map(|report| report.settings.clone()),
             seed: seed(mission),
             complete,
             reason,
@@ -154,11 +157,14 @@ impl fmt::Display for Summary {
             "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {}, policy {policy}",
             self.explorer
         )?;
+        if let Some(settings) = &self.settings {
+            writeln!(f, "  {settings}")?;
+        }
         for mark in &self.coverage {
             let percent = 100.0 * mark.share;
             writeln!(
                 f,
-                "  {percent:>5.1} % of the free voxels after {} scans, {:.1} m",
+                "  {percent:>5.1} % of the free voxels known at the end after {} scans, {:.1} m",
                 mark.scans, mark.path_length_m
             )?;
         }

@@ -111,6 +111,7 @@ impl App for Explorer {
         let report = ExplorationReport {
             explorer: "Test".into(),
             policy: "elk".into(),
+            settings: "as always".into(),
             complete: self.complete,
             reason: "nothing is left".into(),
             left: FrontiersLeft { invisible: 2, ..FrontiersLeft::default() },

@@ -119,6 +119,7 @@ fn write_run(run: &Path, stretch: f64) {
     let report = ExplorationReport {
         explorer: "ClosestFrontier".into(),
         policy: "elk".into(),
+        settings: "as always".into(),
         complete: true,
         reason: "no frontier is left".into(),
         left: FrontiersLeft::default(),

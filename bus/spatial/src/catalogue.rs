@@ -67,7 +67,7 @@ pub const CATALOGUE: &[PayloadType] = &[
         r#"{"scans":9,"path_length_m":2.5,"free":8,"marks":[{"share":0.95,"scans":7,"path_length_m":2.0}]}"#,
     ),
     plain::<ExplorationReport>(
-        r#"{"explorer":"Potential","policy":"elk","complete":true,"reason":"nothing is left","left":{"unreachable":0,"invisible":1,"unresolved":0,"too_small":2,"open":0},"plans":9,"stalls":0,"cpu_secs":[["solve",0.5]]}"#,
+        r#"{"explorer":"Potential","policy":"elk","settings":"clearance 0.1 m","complete":true,"reason":"nothing is left","left":{"unreachable":0,"invisible":1,"unresolved":0,"too_small":2,"open":0},"plans":9,"stalls":0,"cpu_secs":[["solve",0.5]]}"#,
     ),
     plain::<SensorReport>(r#"{"scans":9,"contacts":0,"scan":9,"cpu_secs":0.5}"#),
     plain::<AccuracyReport>(r#"{"revision":9,"accuracy":0.99,"voxels":1000}"#),

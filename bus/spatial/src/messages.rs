@@ -106,6 +106,8 @@ elk_bus::payload! {
         pub explorer: String,
         /// The motion policy's name.
         pub policy: String,
+        /// Strategy, policy and clearance with all their settings, for people.
+        pub settings: String,
         /// Whether every frontier that can be reached and seen is resolved.
         pub complete: bool,
         /// Why it ended, for people.

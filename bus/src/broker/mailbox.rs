@@ -163,7 +163,8 @@ impl Mailbox {
     ) {
         self.last_taken = now;
         self.before_take = (self.given_messages, self.left);
-        batch.append(&mut self.notices);
+        // Not `append`: whoever was told of thousands of names once needs no room for them for ever.
+        batch.extend_from_slice(&std::mem::take(&mut self.notices));
         if self.dropped != self.told_dropped {
             self.told_dropped = self.dropped;
             let header = Header { sequence: self.dropped, ..Header::new(FrameKind::Dropped) };

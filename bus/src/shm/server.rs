@@ -33,7 +33,7 @@ const BATCH_BYTES: usize = 64 << 10;
 /// The longest that the broker sleeps.
 const LONGEST_SLEEP: Duration = Duration::from_secs(1);
 /// Buffers for batches of mail that are kept for the next ones.
-const SPARE_BUFFERS: usize = 64;
+const SPARE_BUFFERS: usize = 16;
 /// Bulk values of a publisher that are kept for those who have not handled them; more are kept for lossless receivers
 /// only, who are never so far behind.
 const UNDER_WAY: usize = 8;
@@ -319,6 +319,7 @@ impl Server {
         let number = peer.page.down_sent.load(Relaxed);
         let sent = if peer.page.down.put(number, &batch) { Ok(()) } else { peer.down.send(&batch) };
         self.broker.keep_given(id, batch);
+        self.spare.retain(|buffer| buffer.capacity() <= 2 * BATCH_BYTES);
         self.spare.truncate(SPARE_BUFFERS);
         if let Err(error) = sent {
             return self.expel(now, id, &error);
