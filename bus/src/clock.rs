@@ -68,3 +68,47 @@ fn nanos(clock: rustix::time::ClockId) -> u64 {
     let t = rustix::time::clock_gettime(clock);
     t.tv_sec as u64 * 1_000_000_000 + t.tv_nsec as u64
 }
+
+/// A moment in the Gregorian calendar, UTC.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Date {
+    /// The year.
+    pub year: i64,
+    /// The month, from 1.
+    pub month: i64,
+    /// The day of the month, from 1.
+    pub day: i64,
+    /// The hour, 0 to 23.
+    pub hour: i64,
+    /// The minute.
+    pub minute: i64,
+    /// The second.
+    pub second: i64,
+    /// The day of the week: Monday is 0.
+    pub weekday: i64,
+}
+
+impl Date {
+    /// That of a time (s since 1970); what is less than a second is left out.
+    pub fn of(secs: f64) -> Self {
+        let secs = secs.floor() as i64;
+        let (days, of_day) = (secs.div_euclid(86_400), secs.rem_euclid(86_400));
+        let (year, month, day) = civil(days);
+        let (hour, minute, second) = (of_day / 3600, of_day / 60 % 60, of_day % 60);
+        // The first day of 1970 was a Thursday.
+        Self { year, month, day, hour, minute, second, weekday: (days + 3).rem_euclid(7) }
+    }
+}
+
+/// Year, month and day of a day since 1970-01-01. Years are counted from March, so that the leap day is their last; 146,097
+/// days are 400 years.
+fn civil(days: i64) -> (i64, i64, i64) {
+    let since_0000_03_01 = days + 719_468;
+    let (era, of_era) = (since_0000_03_01.div_euclid(146_097), since_0000_03_01.rem_euclid(146_097));
+    let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = (month_from_march + 2) % 12 + 1;
+    (era * 400 + year_of_era + i64::from(month <= 2), month, day)
+}

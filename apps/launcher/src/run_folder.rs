@@ -3,6 +3,8 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use elk_bus::clock::Date;
+
 use crate::error::LaunchError;
 
 /// Runs that can start in the same second before one is refused.
@@ -30,24 +32,8 @@ pub(crate) fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, L
 
 /// `20261123-224512`, UTC.
 pub(crate) fn stamp(now: f64) -> String {
-    let secs = now as i64;
-    let (days, of_day) = (secs.div_euclid(86_400), secs.rem_euclid(86_400));
-    let (year, month, day) = civil(days);
-    let (hour, minute, second) = (of_day / 3600, of_day / 60 % 60, of_day % 60);
+    let Date { year, month, day, hour, minute, second, .. } = Date::of(now);
     format!("{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}")
-}
-
-/// Year, month and day of a day since 1970-01-01, in the Gregorian calendar. Years are counted from March, so that the
-/// leap day is their last; 146,097 days are 400 years.
-fn civil(days: i64) -> (i64, i64, i64) {
-    let since_0000_03_01 = days + 719_468;
-    let (era, of_era) = (since_0000_03_01.div_euclid(146_097), since_0000_03_01.rem_euclid(146_097));
-    let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = (month_from_march + 2) % 12 + 1;
-    (era * 400 + year_of_era + i64::from(month <= 2), month, day)
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use elk_bus::clock::Date;
 use elk_bus::{Value, ValueRef};
 
 use crate::error::LogError;
@@ -112,42 +113,12 @@ fn blog_of(path: &Path) -> PathBuf {
 
 /// A date as C's `ctime` writes it: `Mon Jun  2 01:38:39 2008`, UTC.
 fn date(secs: f64) -> String {
-    const DAYS: [&str; 7] = ["Thu", "Fri", "Sat", "Sun", "Mon", "Tue", "Wed"];
-    const MONTHS: [(&str, i64); 12] = [
-        ("Jan", 31),
-        ("Feb", 28),
-        ("Mar", 31),
-        ("Apr", 30),
-        ("May", 31),
-        ("Jun", 30),
-        ("Jul", 31),
-        ("Aug", 31),
-        ("Sep", 30),
-        ("Oct", 31),
-        ("Nov", 30),
-        ("Dec", 31),
-    ];
+    const DAYS: [&str; 7] = ["Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"];
+    const MONTHS: [&str; 12] = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
     // Before 1970 and after 9999 there is no run; times of a warped clock may lie there.
-    let secs = secs.clamp(0.0, 253_402_300_799.0) as i64;
-    let (days, of_day) = (secs / 86_400, secs % 86_400);
-    let leap = |year: i64| year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
-    let (mut year, mut day) = (1970, days);
-    while day >= 365 + i64::from(leap(year)) {
-        day -= 365 + i64::from(leap(year));
-        year += 1;
-    }
-    let mut month = "Dec";
-    for (name, length) in MONTHS {
-        let length = length + i64::from(name == "Feb" && leap(year));
-        if day < length {
-            month = name;
-            break;
-        }
-        day -= length;
-    }
-    let weekday = DAYS[(days % 7) as usize];
-    let (hour, minute, second) = (of_day / 3600, of_day / 60 % 60, of_day % 60);
-    format!("{weekday} {month} {:>2} {hour:02}:{minute:02}:{second:02} {year}", day + 1)
+    let Date { year, month, day, hour, minute, second, weekday } = Date::of(secs.clamp(0.0, 253_402_300_799.0));
+    let (weekday, month) = (DAYS[weekday as usize], MONTHS[month as usize - 1]);
+    format!("{weekday} {month} {day:2} {hour:02}:{minute:02}:{second:02} {year}")
 }
 
 /// Reads an `.alog`, message by message.
