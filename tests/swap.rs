@@ -127,6 +127,17 @@ fn a_filter_is_stopped_and_started() {
 }
 
 #[test]
+fn every_app_can_be_stopped_and_started() {
+    let elk = Elk::new("stop-all");
+    let launcher = under_way(&elk);
+    for app in ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger"] {
+        assert_eq!(elk.obeyed(&["stop", app]), format!("{app} is stopped\n"));
+        assert_eq!(elk.obeyed(&["start", app]), format!("{app} runs\n"));
+    }
+    assert_completes(&elk, launcher);
+}
+
+#[test]
 fn what_cannot_be_done_is_one_line_and_changes_nothing() {
     let elk = Elk::new("cannot");
     let launcher = elk.launch(&car("manual"));
