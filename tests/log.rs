@@ -239,18 +239,23 @@ fn what_is_no_log_is_an_error_of_one_line() {
     }
 }
 
-#[test]
-fn record_takes_a_part_of_a_running_community() {
-    let elk = Elk::new("log-record");
-    let community = elk.community();
-    let mut db = elk.command(&["db", "--community", community]).spawn().unwrap();
-    let name = Community::new(community).unwrap();
+/// A broker by itself, and a client of it.
+fn broker_and_speaker(elk: &Elk) -> (std::process::Child, Client) {
+    let db = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
+    let name = Community::new(elk.community()).unwrap();
     let mut joined = None;
     wait_until(Duration::from_secs(30), "a broker", || {
         joined = Client::connect(&name, "speaker").ok();
         joined.is_some()
     });
-    let mut speaker = joined.unwrap();
+    (db, joined.unwrap())
+}
+
+#[test]
+fn record_takes_a_part_of_a_running_community() {
+    let elk = Elk::new("log-record");
+    let community = elk.community();
+    let (mut db, mut speaker) = broker_and_speaker(&elk);
     let arguments = ["log", "record", "NAV_*", "SPEED", "--community", community, "-o", "part.mcap"];
     let mut recorder = elk.command(&arguments).spawn().unwrap();
     speaker.comms.register_variable("DB_CLIENTS", 0.0).unwrap();
@@ -284,14 +289,7 @@ fn record_takes_a_part_of_a_running_community() {
 fn a_logger_that_is_killed_and_started_again_goes_on_in_the_next_file() {
     let elk = Elk::new("log-killed");
     let community = elk.community();
-    let mut db = elk.command(&["db", "--community", community]).spawn().unwrap();
-    let name = Community::new(community).unwrap();
-    let mut joined = None;
-    wait_until(Duration::from_secs(30), "a broker", || {
-        joined = Client::connect(&name, "speaker").ok();
-        joined.is_some()
-    });
-    let mut speaker = joined.unwrap();
+    let (mut db, mut speaker) = broker_and_speaker(&elk);
     let arguments = ["logger", "--type", "Mcap", "--community", community, "File=log.mcap", "Flush=0"];
     let said = |log: &Path| {
         LogReader::open(log).map_or(0, |log| log.filter(|next| next.as_ref().is_ok_and(|r| r.key == "COUNT")).count())
