@@ -50,8 +50,11 @@ pub struct ReplayArgs {
     /// Wait for clients that do not keep up, instead of keeping time
     #[arg(long)]
     lossless: bool,
+    /// Let the community's time be that of the recording: the apps that are there follow it through pauses and jumps
+    #[arg(long)]
+    clock: bool,
     /// Play into live apps of this mission instead of onto the bus
-    #[arg(long, value_name = "MISSION", requires = "only", conflicts_with_all = ["remap", "repeat", "lossless", "community"])]
+    #[arg(long, value_name = "MISSION", requires = "only", conflicts_with_all = ["remap", "repeat", "lossless", "clock", "community"])]
     into: Option<PathBuf>,
     /// The live apps, by name or element, separated by commas
     #[arg(long, value_name = "APPS", value_delimiter = ',', requires = "into")]
@@ -84,9 +87,9 @@ pub fn run(arguments: ReplayArgs) -> Result<ExitCode> {
 
 /// Onto the bus.
 fn run_onto(arguments: ReplayArgs) -> Result<ExitCode> {
-    let ReplayArgs { log, rate, selection, remap, repeat, lossless, community, .. } = arguments;
+    let ReplayArgs { log, rate, selection, remap, repeat, lossless, clock, community, .. } = arguments;
     let tape = Tape::open(&log, &mut progress("reading a log without an index:"))?;
-    let options = PlayOptions { rate, selection: selection.into(), remap, repeat, lossless };
+    let options = PlayOptions { rate, selection: selection.into(), remap, repeat, lossless, clock };
     let name = format!("replay-{}", std::process::id());
     let mut client = Client::connect(&community.community, &name)
         .context("a log is played to a community; start one with `elk db`, or play into apps with --into")?;

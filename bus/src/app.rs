@@ -81,8 +81,8 @@ pub enum RunError {
     Signals(std::io::Error),
 }
 
-/// How often `<APP>_STATUS` is published (s), as in MOOS.
-const STATUS_PERIOD_SECS: f64 = 2.0;
+/// How often `<APP>_STATUS` is published, as in MOOS.
+const STATUS_PERIOD: Duration = Duration::from_secs(2);
 /// The longest that an app sleeps without looking whether it is to stop.
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 
@@ -117,43 +117,41 @@ fn report_refusals(name: &str, inbox: &mut Inbox) {
     }
 }
 
-/// When to iterate and when to report, on the community's clock.
+/// When to iterate, on the community's clock, and when to report, on the wall's: whoever asks how an app is has to hear of
+/// it although the community's time may stand still.
 struct Beat {
     period_secs: Option<f64>,
     next_tick: f64,
-    next_status: f64,
+    next_status: Duration,
     running: Stopwatch,
 }
 
 impl Beat {
     fn new(app: &dyn App, comms: &Comms) -> Self {
-        let now = comms.time();
         let period_secs = app.tick_hz().filter(|hz| *hz > 0.0).map(|hz| 1.0 / hz);
-        Self { period_secs, next_tick: now, next_status: now, running: Stopwatch::start() }
+        Self { period_secs, next_tick: comms.time(), next_status: Duration::ZERO, running: Stopwatch::start() }
     }
 
     fn pause(&self, comms: &Comms) -> Duration {
-        let next = self.period_secs.map_or(self.next_status, |_| self.next_tick.min(self.next_status));
-        comms.clock().real(next - comms.time()).min(LONGEST_SLEEP)
+        let until_tick = self.period_secs.map(|_| comms.clock().real(self.next_tick - comms.time()));
+        let until_status = self.next_status.saturating_sub(self.running.elapsed());
+        until_tick.unwrap_or(Duration::MAX).min(until_status).min(LONGEST_SLEEP)
     }
 
     fn tick_is_due(&mut self, comms: &Comms) -> bool {
-        let now = comms.time();
-        let Some(period) = self.period_secs.filter(|_| now >= self.next_tick) else {
-            return false;
-        };
-        // A tick that was missed is not made up for.
-        self.next_tick = (self.next_tick + period).max(now);
-        true
+        let Some(period) = self.period_secs else { return false };
+        let (due, next) = next_tick(comms.time(), self.next_tick, period);
+        self.next_tick = next;
+        due
     }
 
     fn status(&mut self, comms: &mut Comms, inbox: &Inbox) -> Result<(), CommsError> {
-        let now = comms.time();
-        if now < self.next_status {
+        let uptime = self.running.elapsed();
+        if uptime < self.next_status {
             return Ok(());
         }
-        self.next_status = now + STATUS_PERIOD_SECS;
-        let uptime = self.running.elapsed().as_secs_f64();
+        self.next_status = uptime + STATUS_PERIOD;
+        let uptime = uptime.as_secs_f64();
         let load = 100.0 * process_cpu_secs() / uptime.max(1e-3);
         let memory = peak_memory_kb();
         let (name, dropped) = (comms.name().to_owned(), inbox.dropped());
@@ -161,6 +159,18 @@ impl Beat {
             "AppErrorFlag=false,Uptime={uptime:.1},cpuload={load:.1},memory_max_kb={memory},dropped={dropped},MOOSName={name}"
         );
         comms.notify(&format!("{}_STATUS", name.to_uppercase()), status)
+    }
+}
+
+/// Whether a tick that was set for `next` is due at `now` (s), and when the next one is.
+fn next_tick(now: f64, next: f64, period: f64) -> (bool, f64) {
+    // Who drives the clock may have set it back.
+    let was_set_back = next > now + period;
+    match now >= next || was_set_back {
+        true if was_set_back => (true, now + period),
+        // A tick that was missed is not made up for.
+        true => (true, (next + period).max(now)),
+        false => (false, next),
     }
 }
 
@@ -178,4 +188,17 @@ pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
         signal_hook::flag::register(signal, stop.clone())?;
     }
     Ok(stop)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::next_tick;
+
+    #[test]
+    fn ticks_follow_a_clock_that_is_set_forwards_and_back() {
+        assert_eq!(next_tick(10.0, 10.5, 1.0), (false, 10.5));
+        assert_eq!(next_tick(10.6, 10.5, 1.0), (true, 11.5), "a late tick shifts nothing");
+        assert_eq!(next_tick(99.0, 11.5, 1.0), (true, 99.0), "what was missed is not made up for");
+        assert_eq!(next_tick(10.0, 99.0, 1.0), (true, 11.0), "and nobody waits for a time that was");
+    }
 }

@@ -2,33 +2,73 @@
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A community's clock: seconds since the Unix epoch times the community's time warp, as in MOOS.
+use serde::{Deserialize, Serialize};
+
+/// A community's clock. Its own time is that of the wall, seconds since the Unix epoch, times the community's time warp,
+/// as in MOOS; as long as somebody drives it (see [`Dial`]), it shows what that one has set.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clock {
     warp: f64,
+    dial: Option<Dial>,
+}
+
+/// What a community's clock is set to by whoever drives it: at own time `at` (s) it showed `time` (s), and since then it has
+/// run `rate` times as fast as by itself; at 0 it stands still.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Dial {
+    /// A moment of the clock's own time (s).
+    pub at: f64,
+    /// What it showed then (s).
+    pub time: f64,
+    /// How fast it runs.
+    pub rate: f64,
+}
+
+impl Dial {
+    /// What the clock shows when its own time is `own` (s).
+    pub fn time(&self, own: f64) -> f64 {
+        self.time + (own - self.at) * self.rate
+    }
 }
 
 impl Clock {
-    /// A clock that runs `warp` times as fast as the wall's (MOOS' time warp; 1: real time).
+    /// A clock that nobody drives, `warp` times as fast as the wall's (MOOS' time warp; 1: real time).
     pub fn new(warp: f64) -> Self {
-        Self { warp }
+        Self { warp, dial: None }
     }
 
-    /// How much faster than the wall's clock it runs.
+    /// The same clock, driven, or left to itself again.
+    pub fn driven(self, dial: Option<Dial>) -> Self {
+        Self { dial, ..self }
+    }
+
+    /// What it is set to, if somebody drives it.
+    pub fn dial(&self) -> Option<Dial> {
+        self.dial
+    }
+
+    /// How much faster than the wall's clock it runs by itself.
     pub fn warp(&self) -> f64 {
         self.warp
     }
 
     /// The community's time (s).
-    #[allow(clippy::disallowed_methods, reason = "this is the one clock")]
     pub fn now(&self) -> f64 {
+        let own = self.own();
+        self.dial.map_or(own, |dial| dial.time(own))
+    }
+
+    /// What the community's time would be if nobody drove it (s).
+    #[allow(clippy::disallowed_methods, reason = "this is the one clock")]
+    pub fn own(&self) -> f64 {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         since.as_secs_f64() * self.warp
     }
 
-    /// How long the wall's clock takes for `secs` of the community's time.
+    /// How long the wall's clock takes for `secs` of the community's time; for ever, if that stands still.
     pub fn real(&self, secs: f64) -> Duration {
-        Duration::try_from_secs_f64((secs / self.warp).max(0.0)).unwrap_or(Duration::MAX)
+        let speed = self.warp * self.dial.map_or(1.0, |dial| dial.rate);
+        Duration::try_from_secs_f64((secs / speed).max(0.0)).unwrap_or(Duration::MAX)
     }
 }
 
@@ -111,4 +151,21 @@ fn civil(days: i64) -> (i64, i64, i64) {
     let day = of_year - (153 * month_from_march + 2) / 5 + 1;
     let month = (month_from_march + 2) % 12 + 1;
     (era * 400 + year_of_era + i64::from(month <= 2), month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driven_clock_shows_what_it_is_set_to_and_runs_at_its_rate() {
+        let dial = Dial { at: 1000.0, time: 50.0, rate: 2.0 };
+        assert_eq!([1000.0, 1003.0].map(|own| dial.time(own)), [50.0, 56.0]);
+        let clock = Clock::new(10.0);
+        assert_eq!(clock.real(40.0), Duration::from_secs(4));
+        assert_eq!(clock.driven(Some(dial)).real(40.0), Duration::from_secs(2));
+        let standing = clock.driven(Some(Dial { rate: 0.0, ..dial }));
+        assert_eq!((standing.now(), standing.real(1.0)), (50.0, Duration::MAX));
+        assert_eq!(standing.real(-1.0), Duration::ZERO, "what is past is due");
+    }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 
-use crate::clock::{Clock, monotonic_nanos};
+use crate::clock::{Clock, Dial, monotonic_nanos};
 use crate::codec::{self, EncodeError};
 use crate::community::Community;
 use crate::key::{Key, Payload};
@@ -33,12 +33,25 @@ pub enum CommsError {
     },
 }
 
+/// Where a message comes from, if it is not simply this client's own: for gateways and replay.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Origin<'a> {
+    /// Who said it; `None`: this client.
+    pub source: Option<&'a str>,
+    /// A word about the source (MOOS' source aux).
+    pub source_aux: &'a str,
+    /// When it was said (s, the community's clock); `None`: now.
+    pub time: Option<f64>,
+}
+
 /// What a client says: publishes, registers. Messages gather in a batch that leaves at [`Comms::flush`], when it is
 /// full, or, in an app, at the end of each callback.
 pub struct Comms {
     name: String,
     community: Community,
     clock: Clock,
+    /// This client drives the community's clock.
+    driving: bool,
     up: Box<dyn Uplink>,
     back: Box<dyn Rejoin>,
     /// The way down of a link that was joined after the broker had died, until the inbox takes it.
@@ -68,6 +81,7 @@ impl Comms {
             name: name.into(),
             community: community.clone(),
             clock: link.clock,
+            driving: false,
             up: link.up,
             back: link.back,
             new_down: None,
@@ -107,6 +121,38 @@ impl Comms {
     /// The community's time (s).
     pub fn time(&self) -> f64 {
         self.clock.now()
+    }
+
+    /// Drives the community's clock: it shows `time` (s) now, and runs on `rate` times as fast as by itself; 0: it stands
+    /// still. It is left to itself again when this client goes, or says so. While another client drives it the broker
+    /// refuses that (see [`crate::Inbox::take_refusals`]), under the name [`crate::broker::CLOCK`].
+    pub fn drive_clock(&mut self, time: f64, rate: f64) -> Result<(), CommsError> {
+        self.clock_is_driven(Some(Dial { at: self.clock.own(), time, rate }))
+    }
+
+    /// Leaves the community's clock, which this client drives, to itself.
+    pub fn let_go_of_clock(&mut self) -> Result<(), CommsError> {
+        if self.driving { self.clock_is_driven(None) } else { Ok(()) }
+    }
+
+    fn clock_is_driven(&mut self, dial: Option<Dial>) -> Result<(), CommsError> {
+        self.driving = dial.is_some();
+        self.clock = self.clock.driven(dial);
+        wire::put_clock(&mut self.batch, dial);
+        self.flush_if_full()
+    }
+
+    /// Another client has set the community's clock, or left it to itself.
+    pub(crate) fn clock_was_set(&mut self, dial: Option<Dial>) {
+        // What was said before the broker knew that this one drives is not news.
+        if !self.driving {
+            self.clock = self.clock.driven(dial);
+        }
+    }
+
+    /// The broker lets another client drive the clock.
+    pub(crate) fn clock_was_refused(&mut self) {
+        self.driving = false;
     }
 
     /// Tells one life of the broker from the next.
@@ -207,7 +253,8 @@ impl Comms {
             let dead = std::mem::replace(&mut self.up, link.up);
             self.outbox.recall(&*dead);
             self.back = link.back;
-            self.clock = link.clock;
+            // A broker that knows of nobody who drives the clock may yet be told; till then it runs on as it was set.
+            self.clock = link.clock.driven(link.clock.dial().or(self.clock.dial()));
             self.epoch = link.epoch;
             self.new_down = Some(link.down);
             self.ready = true;
@@ -236,6 +283,9 @@ impl Comms {
             let header = Header { flags: flags | RESENT, time: *interval, ..Header::new(FrameKind::Register) };
             wire::put(&mut batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
         }
+        if self.driving {
+            wire::put_clock(&mut batch, self.clock.dial());
+        }
         wire::put(&mut batch, &Header::new(FrameKind::Ready), &[], &[]);
         batch
     }
@@ -257,7 +307,7 @@ impl Comms {
         if len >= BULK_MIN_BYTES {
             let fill =
                 &mut |writer: &mut dyn Write| codec::encode_to_writer(value, writer).map_err(std::io::Error::other);
-            if self.bulk(key.name(), (T::NAME, T::LAYOUT), ("", None), len, fill)? {
+            if self.bulk(key.name(), (T::NAME, T::LAYOUT), Origin::default(), len, fill)? {
                 return Ok(());
             }
         }
@@ -265,32 +315,25 @@ impl Comms {
         codec::encode_onto(value, &mut self.scratch).map_err(bad)?;
         let bytes = std::mem::take(&mut self.scratch);
         let value = ValueRef::Binary { type_name: T::NAME, layout: T::LAYOUT, bytes: &bytes };
-        let done = self.message(key.name(), value, "", None);
+        let done = self.message(key.name(), value, Origin::default());
         self.scratch = bytes;
         done
     }
 
     /// Publishes a number or a text.
     pub fn notify(&mut self, key: &str, value: impl Into<Value>) -> Result<(), CommsError> {
-        self.publish_value(key, value.into().as_ref(), "", None)
+        self.publish_value(key, value.into().as_ref(), Origin::default())
     }
 
-    /// Publishes a value of any kind, with a word about its source, and, for gateways and replay, in the name of
-    /// another source.
-    pub fn publish_value(
-        &mut self,
-        key: &str,
-        value: ValueRef<'_>,
-        source_aux: &str,
-        source: Option<&str>,
-    ) -> Result<(), CommsError> {
+    /// Publishes a value of any kind, and, for gateways and replay, in the name of another source.
+    pub fn publish_value(&mut self, key: &str, value: ValueRef<'_>, origin: Origin<'_>) -> Result<(), CommsError> {
         if let ValueRef::Binary { type_name, layout, bytes } = value
             && bytes.len() >= BULK_MIN_BYTES
-            && self.bulk(key, (type_name, layout), (source_aux, source), bytes.len(), &mut |w| w.write_all(bytes))?
+            && self.bulk(key, (type_name, layout), origin, bytes.len(), &mut |w| w.write_all(bytes))?
         {
             return Ok(());
         }
-        self.message(key, value, source_aux, source)
+        self.message(key, value, origin)
     }
 
     /// Sends what has gathered.
@@ -321,7 +364,7 @@ impl Comms {
         &mut self,
         key: &str,
         (type_name, layout): (&str, u64),
-        (source_aux, source): (&str, Option<&str>),
+        origin: Origin<'_>,
         len: usize,
         fill: &mut Fill<'_>,
     ) -> Result<bool, CommsError> {
@@ -331,9 +374,9 @@ impl Comms {
             let Some(reference) = self.on_link(|comms| comms.up.send_bulk(len, fill))? else {
                 return Ok(false);
             };
-            let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), source);
+            let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), origin);
             let header = Header { flags: BULK, ..header };
-            wire::put(&mut self.batch, &header, source_aux.as_bytes(), &reference.to_bytes());
+            wire::put(&mut self.batch, &header, origin.source_aux.as_bytes(), &reference.to_bytes());
             match self.up.send(&self.batch) {
                 // The value died with the broker before anybody knew of it: it is written anew.
                 Err(LinkError::BrokerDied(_)) => self.batch.clear(),
@@ -347,42 +390,36 @@ impl Comms {
         }
     }
 
-    fn message(
-        &mut self,
-        key: &str,
-        value: ValueRef<'_>,
-        source_aux: &str,
-        source: Option<&str>,
-    ) -> Result<(), CommsError> {
-        let aux = source_aux.as_bytes();
+    fn message(&mut self, key: &str, value: ValueRef<'_>, origin: Origin<'_>) -> Result<(), CommsError> {
+        let aux = origin.source_aux.as_bytes();
         match value {
             ValueRef::Double(number) => {
-                let header = self.header(key, ValueKind::Double, None, source);
+                let header = self.header(key, ValueKind::Double, None, origin);
                 wire::put(&mut self.batch, &header, aux, &number.to_le_bytes());
             }
             ValueRef::Text(text) => {
-                let header = self.header(key, ValueKind::Text, None, source);
+                let header = self.header(key, ValueKind::Text, None, origin);
                 wire::put(&mut self.batch, &header, aux, text.as_bytes());
             }
             ValueRef::Binary { type_name, layout, bytes } => {
-                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), source);
+                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), origin);
                 wire::put(&mut self.batch, &header, aux, bytes);
             }
         }
         self.flush_if_full()
     }
 
-    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<(&str, u64)>, source: Option<&str>) -> Header {
+    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<(&str, u64)>, origin: Origin<'_>) -> Header {
         self.sequence += 1;
         let key = self.keys.number(&mut self.batch, key, 0);
         self.outbox.note(key, self.sequence);
         Header {
             value_kind: kind,
             key,
-            source: source.map_or(0, |name| self.sources.number(&mut self.batch, name, 0)),
+            source: origin.source.map_or(0, |name| self.sources.number(&mut self.batch, name, 0)),
             type_: type_.map_or(0, |(name, layout)| self.types.number(&mut self.batch, name, layout)),
             sequence: self.sequence,
-            time: self.clock.now(),
+            time: origin.time.unwrap_or_else(|| self.clock.now()),
             ..Header::new(FrameKind::Notify)
         }
     }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::broker::CLOCK;
 use crate::clock::Stopwatch;
 use crate::comms::{Comms, CommsError};
 use crate::link::{Downlink, LinkError};
@@ -128,11 +129,7 @@ impl Inbox {
             match frame.header.kind {
                 FrameKind::Define => self.names.define(&frame),
                 FrameKind::Dropped => self.dropped = frame.header.sequence,
-                FrameKind::Refused => self.refusals.push(Refused {
-                    key: String::from_utf8_lossy(frame.aux).into_owned(),
-                    sequence: wire::count(frame.header.sequence),
-                    reason: String::from_utf8_lossy(frame.value).into_owned(),
-                }),
+                FrameKind::Refused => self.note_refusal(comms, &frame),
                 FrameKind::Notify => {
                     if self.down.retiring() {
                         break;
@@ -145,10 +142,20 @@ impl Inbox {
                     self.down.note_handled(self.handled);
                     messages += 1;
                 }
+                // What the broker sends is sound.
+                FrameKind::Clock => wire::dial(&frame).into_iter().for_each(|dial| comms.clock_was_set(dial)),
                 FrameKind::Register | FrameKind::Unregister | FrameKind::Attached | FrameKind::Ready => {}
             }
         }
         outcome.map(|()| messages)
+    }
+
+    fn note_refusal(&mut self, comms: &mut Comms, frame: &Frame<'_>) {
+        let [key, reason] = [frame.aux, frame.value].map(|text| String::from_utf8_lossy(text).into_owned());
+        if key == CLOCK {
+            comms.clock_was_refused();
+        }
+        self.refusals.push(Refused { key, sequence: wire::count(frame.header.sequence), reason });
     }
 
     fn hand_over<E: From<CommsError>>(

@@ -41,7 +41,7 @@ pub use broker::{BrokerConfig, Introduction};
 pub use client::Client;
 pub use clock::Clock;
 pub use codec::DecodeError;
-pub use comms::{Comms, CommsError};
+pub use comms::{Comms, CommsError, Origin};
 pub use community::Community;
 pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};

@@ -70,6 +70,7 @@ impl MemoryBroker {
         let now = shared.clock.now();
         // A broker that has stopped has no names to give; the link will say that it is gone.
         let id = state.broker.as_mut().map_or(Ok(0), |b| b.connect(now, who))?;
+        let dial = state.broker.as_ref().and_then(Broker::dial);
         state.follow_up();
         let epoch = state.epoch;
         let end = Arc::new(End { shared: shared.clone(), id, epoch, goodbye: AtomicBool::new(false) });
@@ -78,7 +79,7 @@ impl MemoryBroker {
             up: Box::new(MemoryUp(end.clone())),
             down: Box::new(MemoryDown(end)),
             back: Box::new(MemoryBack { broker: self.clone(), name, lease_secs, epoch }),
-            clock: shared.clock,
+            clock: shared.clock.driven(dial),
             epoch,
         })
     }

@@ -11,6 +11,8 @@
 //!  8 u32 key   12 u32 source                            48 aux, value, padding
 //! ```
 
+use crate::clock::Dial;
+
 /// Length of a frame's fixed part (bytes).
 pub const HEADER: usize = 48;
 /// The longest frame that a reader accepts (bytes).
@@ -36,6 +38,8 @@ pub enum FrameKind {
     Attached = 7,
     /// Up: the client has said all that has to be said before its mail may flow.
     Ready = 8,
+    /// Up: drives the community's clock; down: what it is set to (see [`put_clock`]).
+    Clock = 9,
 }
 
 /// What a definition names.
@@ -229,6 +233,27 @@ pub fn put_definition(batch: &mut Vec<u8>, what: Named, number: u32, name: &str,
     put(batch, &header, name.as_bytes(), &[]);
 }
 
+/// Appends a frame that sets the community's clock; without a dial, that leaves it to itself.
+pub fn put_clock(batch: &mut Vec<u8>, dial: Option<Dial>) {
+    let header = Header { time: dial.map_or(0.0, |dial| dial.time), ..Header::new(FrameKind::Clock) };
+    let value = dial.map(|dial| [dial.at.to_le_bytes(), dial.rate.to_le_bytes()].concat()).unwrap_or_default();
+    put(batch, &header, &[], &value);
+}
+
+/// What a frame sets the community's clock to.
+pub fn dial(frame: &Frame<'_>) -> Result<Option<Dial>, &'static str> {
+    if frame.value.is_empty() {
+        return Ok(None);
+    }
+    if frame.value.len() != 16 {
+        return Err("the clock's setting is of the wrong length");
+    }
+    let number = |at| f64::from_bits(u64_at(frame.value, at));
+    let dial = Dial { at: number(0), time: frame.header.time, rate: number(8) };
+    let sound = dial.at.is_finite() && dial.time.is_finite() && dial.rate.is_finite() && dial.rate >= 0.0;
+    if sound { Ok(Some(dial)) } else { Err("the clock is set to no time, or is to run backwards") }
+}
+
 /// The frames of a batch; ends after the first that is damaged.
 pub fn frames(batch: &[u8]) -> impl Iterator<Item = Result<Frame<'_>, WireError>> {
     let mut at = 0;
@@ -317,7 +342,7 @@ pub fn named(flags: u16) -> Option<Named> {
 
 fn frame_kind(byte: u8) -> Option<FrameKind> {
     use FrameKind::*;
-    [Notify, Register, Unregister, Define, Refused, Dropped, Attached, Ready].into_iter().find(|k| *k as u8 == byte)
+    [Notify, Register, Unregister, Define, Refused, Dropped, Attached, Ready, Clock].into_iter().find(|k| *k as u8 == byte)
 }
 
 fn value_kind(byte: u8) -> Option<ValueKind> {
@@ -346,6 +371,15 @@ mod tests {
             }
             let back: Vec<_> = frames(&batch).map(|f| f.map(|f| (f.aux.to_vec(), f.value.to_vec(), f.header.sequence))).collect::<Result<_, _>>().unwrap();
             prop_assert_eq!(back, parts);
+        }
+
+        #[test]
+        fn clocks_come_back_unless_they_run_backwards(at in -1e9..1e9_f64, time in -1e9..1e9_f64, rate in -1.0..9.0_f64) {
+            let mut batch = Vec::new();
+            put_clock(&mut batch, Some(Dial { at, time, rate }));
+            put_clock(&mut batch, None);
+            let back: Vec<_> = frames(&batch).map(|frame| dial(&frame.unwrap()).ok()).collect();
+            prop_assert_eq!(back, [(rate >= 0.0).then_some(Some(Dial { at, time, rate })), Some(None)]);
         }
 
         #[test]

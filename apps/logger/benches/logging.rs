@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos, thread_cpu_secs};
-use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail, ValueRef, run_app_on};
+use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail, Origin, ValueRef, run_app_on};
 use elk_log::{Index, Metadata};
 use elk_logger::{Logger, Recorder};
 
@@ -122,7 +122,7 @@ fn flat_out(what: &str, name: &str, count: u64, bytes: usize) {
     let clock = Stopwatch::start();
     for _ in 0..count {
         let value = ValueRef::Binary { type_name: "Bench", layout: 1, bytes: &value };
-        publisher.comms.publish_value("BENCH", value, "", None).expect("published");
+        publisher.comms.publish_value("BENCH", value, Origin::default()).expect("published");
     }
     publisher.comms.flush().expect("flushed");
     while seen.load(Ordering::Relaxed) < count {

@@ -1,8 +1,9 @@
 //! The process around the map: scans in, what they changed out.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use elk_bus::clock::thread_cpu_secs;
+use elk_bus::clock::{Stopwatch, thread_cpu_secs};
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN_REQUEST, PROGRESS};
@@ -93,7 +94,7 @@ fn config(params: &Params) -> Result<MapConfig, AppError> {
 }
 
 /// How long a map that was killed waits for a reader's copy before it begins anew (s): longer than any reader plans.
-const COPY_PATIENCE_SECS: f64 = 10.0;
+const COPY_PATIENCE: Duration = Duration::from_secs(10);
 /// How often a map looks whether it has waited long enough (Hz).
 const TICK_HZ: f64 = 1.0;
 
@@ -122,8 +123,8 @@ struct MapApp {
 enum Stage {
     /// It learns what its predecessor published last; `revision`: what readers may have.
     Recalling { revision: u64 },
-    /// It waits for a copy of `revision`, since a time (s).
-    Asking { revision: u64, since: f64 },
+    /// It waits for a copy of `revision`.
+    Asking { revision: u64, since: Stopwatch },
     /// It takes scans.
     Here,
 }
@@ -177,7 +178,7 @@ impl MapApp {
             Stage::Recalling { revision } if self.map.grid().revision() < revision => {
                 comms.register(&MAP)?;
                 comms.notify(MAP_RECALL, revision as f64)?;
-                self.stage = Stage::Asking { revision, since: comms.time() };
+                self.stage = Stage::Asking { revision, since: Stopwatch::start() };
                 Ok(())
             }
             Stage::Recalling { .. } => self.begin(comms),
@@ -206,7 +207,7 @@ impl MapApp {
         let Stage::Asking { revision, since } = self.stage else {
             return Ok(());
         };
-        if comms.time() - since < COPY_PATIENCE_SECS {
+        if since.elapsed() < COPY_PATIENCE {
             return Ok(());
         }
         let (name, own) = (comms.name(), self.map.grid().revision());

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{BrokerConfig, Client, Clock, Community, ValueRef};
+use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, ValueRef};
 use elk_log::{Index, LogReader, LogWriter, Metadata, RecordRef, Selection};
 use elk_replay::{Console, PlayOptions, Player, Press, Progress, Rate, Tape};
 
@@ -83,7 +83,7 @@ fn play(what: &str, name: &str, count: u64, bytes: usize) {
     let plain = vec![7; bytes];
     let clock = Stopwatch::start();
     for _ in 0..count {
-        client.comms.publish_value("PLAIN", value(&plain), "", Some("app")).expect("published");
+        client.comms.publish_value("PLAIN", value(&plain), Origin { source: Some("app"), ..Origin::default() }).expect("published");
     }
     client.comms.flush().expect("flushed");
     let direct = clock.elapsed().as_secs_f64();
@@ -93,6 +93,7 @@ fn play(what: &str, name: &str, count: u64, bytes: usize) {
         remap: Vec::new(),
         repeat: false,
         lossless: false,
+        clock: false,
     };
     let tape = Tape::open(&path, &mut |_, _| {}).expect("a log");
     let played = Player::new(tape, &options, &mut client).play(&mut Nobody, &AtomicBool::new(false)).expect("played");

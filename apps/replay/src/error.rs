@@ -25,6 +25,12 @@ pub enum ReplayError {
         /// How long it was waited for.
         secs: u64,
     },
+    /// Another client drives the community's clock.
+    #[error("--clock: {reason}, or play without --clock")]
+    Clock {
+        /// What the broker says.
+        reason: String,
+    },
     /// The log has nothing to play.
     #[error("{} has no message that is to be played: look at `elk log info`, and at --keys, --source, --exclude, --from and --to", .0.display())]
     Nothing(PathBuf),

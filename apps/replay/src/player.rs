@@ -3,9 +3,10 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use elk_bus::broker::CLOCK;
 use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, ValueRef};
+use elk_bus::{Client, Origin, ValueRef};
 use elk_log::selection::Place;
 use elk_log::{RecordRef, Selection};
 
@@ -25,6 +26,9 @@ const SLEEP: Duration = Duration::from_millis(2);
 const MESSAGES_PER_LOOK: u32 = 256;
 /// After so many bytes a lossless replay waits for its readers.
 const LOSSLESS_BYTES: usize = 256 << 10;
+/// The community's clock is set anew when it has come so far from the schedule (s of real time): the two go by different
+/// clocks of the machine.
+const OUT_OF_STEP_SECS: f64 = 1e-3;
 /// Mail of a reader that is still waiting when a lossless replay goes on (bytes).
 const LOSSLESS_BACKLOG: u64 = 64 << 10;
 
@@ -41,6 +45,8 @@ pub struct PlayOptions {
     pub repeat: bool,
     /// Wait for readers that do not keep up.
     pub lossless: bool,
+    /// Let the community's time be that of the recording.
+    pub clock: bool,
 }
 
 /// What a person asks for.
@@ -169,6 +175,7 @@ impl<'a> Player<'a> {
         let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
         self.clock = Stopwatch::start();
         self.rewind()?;
+        self.take_clock()?;
         while !stop.load(Ordering::Relaxed) {
             if !self.find()? {
                 if !self.options.repeat || self.played.messages == 0 {
@@ -183,6 +190,7 @@ impl<'a> Player<'a> {
                 Turn::Quit => break,
             }
         }
+        self.client.comms.let_go_of_clock()?;
         self.client.comms.flush()?;
         self.played.took = self.clock.elapsed();
         self.played.dropped = dropped(&table(self.client)?).saturating_sub(dropped_before);
@@ -190,6 +198,30 @@ impl<'a> Player<'a> {
         console.show(&self.progress());
         self.tape.damage().iter().for_each(|reason| eprintln!("the log is not whole: {reason}"));
         Ok(self.played)
+    }
+
+    /// Has the community's time be that of the recording, unless somebody else drives it already.
+    fn take_clock(&mut self) -> Result<(), ReplayError> {
+        if !self.options.clock {
+            return Ok(());
+        }
+        self.set_clock(self.clock.elapsed())?;
+        // The answer comes behind a refusal.
+        table(self.client)?;
+        let refused = self.client.inbox.take_refusals().into_iter().find(|refused| refused.key == CLOCK);
+        refused.map_or(Ok(()), |refused| Err(ReplayError::Clock { reason: refused.reason }))
+    }
+
+    /// Sets the community's clock to where the schedule is, if it is not there.
+    fn set_clock(&mut self, now: Duration) -> Result<(), ReplayError> {
+        let comms = &mut self.client.comms;
+        if let Some((time, rate)) = self.schedule.clock(now).filter(|_| self.options.clock) {
+            let same_rate = comms.clock().dial().is_some_and(|dial| dial.rate == rate);
+            if !same_rate || (comms.time() - time).abs() > rate * OUT_OF_STEP_SECS {
+                comms.drive_clock(time, rate)?;
+            }
+        }
+        Ok(())
     }
 
     /// Goes to where the part that is played begins.
@@ -228,12 +260,14 @@ impl<'a> Player<'a> {
         self.since_look += 1;
         if self.schedule.rate() == Rate::Max && !self.schedule.paused() && self.since_look < MESSAGES_PER_LOOK {
             self.schedule.wait(self.looked, time);
+            self.set_clock(self.looked)?;
             return Ok(Turn::Say);
         }
         self.since_look = 0;
         loop {
             let now = self.clock.elapsed();
             let wait = self.schedule.wait(now, time);
+            self.set_clock(now)?;
             if now - self.looked >= LOOK {
                 self.looked = now;
                 if let Some(turn) = self.look(console)? {
@@ -251,6 +285,7 @@ impl<'a> Player<'a> {
                 Wait::Paused if self.steps > 0 => {
                     self.steps -= 1;
                     self.schedule.jump(now, time);
+                    self.set_clock(now)?;
                     return Ok(Turn::Say);
                 }
                 Wait::Paused => self.rest(LOOK)?,
@@ -333,11 +368,11 @@ impl<'a> Player<'a> {
             }
             None => return Ok(()),
         };
-        let RecordRef { key, source, source_aux, value, .. } = record;
+        let RecordRef { key, value, .. } = record;
         let key = renamed(&self.options.remap, key);
-        // A source without a name (an .alog can have one) is this program itself.
-        let source = Some(source).filter(|source| !source.is_empty());
-        self.client.comms.publish_value(key, value, source_aux, source)?;
+        // Beside a clock that shows another time, a recorded one would only confuse.
+        let time = self.options.clock.then_some(record.time);
+        self.client.comms.publish_value(key, value, Origin { time, ..origin(&record) })?;
         let bytes = size(value);
         self.played.messages += 1;
         self.played.bytes += bytes as u64;
@@ -365,6 +400,13 @@ impl<'a> Player<'a> {
 
 fn renamed<'a>(remap: &'a [(String, String)], key: &'a str) -> &'a str {
     remap.iter().find(|(from, _)| from == key).map_or(key, |(_, to)| to)
+}
+
+/// Where a recorded message comes from.
+pub(crate) fn origin<'a>(record: &RecordRef<'a>) -> Origin<'a> {
+    // A source without a name (an .alog can have one) is this program itself.
+    let source = Some(record.source).filter(|source| !source.is_empty());
+    Origin { source, source_aux: record.source_aux, time: Some(record.time) }
 }
 
 /// Bytes of a value.

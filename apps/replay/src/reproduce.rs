@@ -24,6 +24,7 @@ use elk_mission::{AppSpec, Mission, Program};
 
 use crate::error::ReplayError;
 use crate::live::Live;
+use crate::player::origin;
 use crate::schedule::{Rate, Schedule, Wait};
 use crate::table::table_and;
 
@@ -289,8 +290,9 @@ impl Stage {
             return Ok(());
         };
         let record = record?;
-        let source = Some(record.source).filter(|source| !source.is_empty());
-        self.client.comms.publish_value(record.key, record.value, record.source_aux, source)?;
+        // The live apps' time is that of their input, however long they take over it.
+        self.client.comms.drive_clock(record.received, 0.0)?;
+        self.client.comms.publish_value(record.key, record.value, origin(&record))?;
         self.client.comms.flush()?;
         self.played += 1;
         Ok(())

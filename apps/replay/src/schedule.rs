@@ -131,6 +131,16 @@ impl Schedule {
         })
     }
 
+    /// What a clock that goes by recorded time shows at `now` (s), and how many times as fast as the wall's it runs:
+    /// not at all during a pause, and at rate `max`, where it steps from message to message. Nothing: as above.
+    pub fn clock(&self, now: Duration) -> Option<(f64, f64)> {
+        let rate = match self.rate {
+            Rate::Times(times) if !self.paused => times,
+            _ => 0.0,
+        };
+        Some((self.position(now)?, rate))
+    }
+
     /// Stands still, or goes on.
     pub fn pause(&mut self, now: Duration, paused: bool) {
         let position = self.position(now);
@@ -176,12 +186,15 @@ mod tests {
         schedule.wait(secs(0.0), 10.0);
         schedule.pause(secs(1.0), true);
         assert_eq!((schedule.wait(secs(50.0), 12.0), schedule.position(secs(50.0))), (Wait::Paused, Some(11.0)));
+        assert_eq!(schedule.clock(secs(50.0)), Some((11.0, 0.0)));
         schedule.pause(secs(60.0), false);
         assert_eq!(schedule.wait(secs(60.0), 12.0), Wait::For(secs(1.0)));
         schedule.set_rate(secs(60.5), Rate::Times(0.5));
         assert_eq!(schedule.wait(secs(60.5), 12.0), Wait::For(secs(1.0)));
+        assert_eq!(schedule.clock(secs(61.5)), Some((12.0, 0.5)));
         schedule.set_rate(secs(60.5), Rate::Max);
         assert_eq!(schedule.wait(secs(60.5), 99.0), Wait::Now);
+        assert_eq!(schedule.clock(secs(99.5)), Some((99.0, 0.0)));
     }
 
     #[test]

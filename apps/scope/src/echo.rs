@@ -98,7 +98,7 @@ impl Quota {
 
 struct Writer<'a, 'b> {
     echo: &'a Echo,
-    /// When the broker started: people are shown times since then.
+    /// When the broker started: people are shown times since then, and times before it, of a recording, as they are.
     started: f64,
     output: &'a mut Output<'b>,
     shown: u64,
@@ -143,7 +143,7 @@ impl Writer<'_, '_> {
     }
 
     fn for_people(&self, mail: &Mail<'_>) -> String {
-        let since = mail.time() - self.started;
+        let since = mail.time() - if mail.time() >= self.started { self.started } else { 0.0 };
         let (key, source, value) = (show::printable(mail.key()), mail.source(), show::value_for_people(mail.value()));
         format!("{since:.6}  {key:<16} {source:<12} {value}")
     }

@@ -46,6 +46,7 @@ fn as_text(table: &CommunityTable, variables: &[&VariableEntry]) -> Vec<String> 
     let mut rows = vec![["VARIABLE", "TYPE", "WRITER", "AGE", "RATE", "VALUE"].map(str::to_owned).to_vec()];
     rows.extend(variables.iter().map(|variable| row(table.time, variable)));
     let mut lines = vec![head];
+    lines.extend(show::clock(table));
     match variables {
         [] => lines.push("no variables".to_owned()),
         _ => lines.extend(in_columns(&rows, &[3, 4])),
@@ -76,6 +77,7 @@ fn as_json(table: &CommunityTable, variables: &[&VariableEntry]) -> Value {
     json!({
         "community": table.community,
         "time": table.time,
+        "clock": show::clock_as_json(table),
         "clients": table.clients.iter().map(|client| client.name.as_str()).collect::<Vec<_>>(),
         "variables": variables.iter().map(|variable| variable_as_json(table.time, variable)).collect::<Vec<_>>(),
     })

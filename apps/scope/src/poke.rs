@@ -4,7 +4,7 @@
 //! carries, or what the apps of an exploration know it to carry ([`catalogue::carried_by`]).
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableKind};
-use elk_bus::{Value as BusValue, ValueRef, pattern};
+use elk_bus::{Origin, Value as BusValue, ValueRef, pattern};
 use elk_mission::instead;
 use elk_spatial::catalogue::{self, CATALOGUE, PayloadType};
 use serde_json::json;
@@ -139,7 +139,7 @@ impl Poke {
     /// Writes the variable; answers what is there afterwards.
     fn write(&self, scope: &mut Scope, value: &BusValue) -> Result<CommunityTable, ScopeError> {
         scope.take_refusals();
-        scope.client.comms.publish_value(&self.name, value.as_ref(), "", None)?;
+        scope.client.comms.publish_value(&self.name, value.as_ref(), Origin::default())?;
         // The answer comes behind the refusal, if there is one.
         let after = scope.table()?;
         match scope.take_refusals().into_iter().find(|refused| refused.key == self.name) {
@@ -336,8 +336,8 @@ mod tests {
         let lab = Lab::new();
         let mut other = lab.client("other");
         let theirs = |type_name, layout| ValueRef::Binary { type_name, layout, bytes: &[1] };
-        other.comms.publish_value("THEIRS", theirs("Theirs", 7), "", None).unwrap();
-        other.comms.publish_value("OLD", theirs("Plan", 7), "", None).unwrap();
+        other.comms.publish_value("THEIRS", theirs("Theirs", 7), Origin::default()).unwrap();
+        other.comms.publish_value("OLD", theirs("Plan", 7), Origin::default()).unwrap();
         other.comms.flush().unwrap();
         assert!(poked(&lab, &poke("THEIRS", "{}", Said::Nothing)).unwrap_err().contains("none of elk's own types"));
         assert!(poked(&lab, &poke("OLD", "{}", Said::Nothing)).unwrap_err().contains("of another version"));

@@ -1,6 +1,7 @@
 //! How values and figures are shown: short for people, whole for programs.
 
-use elk_bus::broker::table::{LatestValue, VariableEntry, VariableKind};
+use elk_bus::broker::table::{ClockEntry, CommunityTable, LatestValue, VariableEntry, VariableKind};
+use elk_bus::clock::Date;
 use elk_bus::{Value as BusValue, ValueRef};
 use elk_spatial::catalogue;
 use serde_json::{Map, Value, json};
@@ -49,6 +50,23 @@ pub fn type_name<'a>(value: &ValueRef<'a>) -> &'a str {
         ValueRef::Text(_) => "text",
         ValueRef::Binary { type_name, .. } => type_name,
     }
+}
+
+/// Who drives the community's clock, if anybody does.
+pub fn clock(table: &CommunityTable) -> Option<String> {
+    let ClockEntry { driver, time, rate } = table.clock.as_ref()?;
+    let Date { year, month, day, hour, minute, second, .. } = Date::of(*time);
+    let pace = if *rate == 0.0 { "standing still".to_owned() } else { format!("running at {rate}x") };
+    Some(format!(
+        "time is driven by {driver}: {year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC, {pace}"
+    ))
+}
+
+/// As [`clock`], for programs; `null`: nobody.
+pub fn clock_as_json(table: &CommunityTable) -> Value {
+    table.clock.as_ref().map_or(Value::Null, |clock| {
+        json!({"driver": clock.driver, "time": clock.time, "rate": clock.rate})
+    })
 }
 
 /// The name of what a variable carries.

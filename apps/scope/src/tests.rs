@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{BrokerConfig, Client, Clock, Community, ValueRef};
+use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, ValueRef};
 use serde_json::{Value, json};
 
 use crate::{Drawing, Echo, Info, List, Output, Pattern, Scope, ScopeError, Screen, Top, graph};
@@ -38,7 +38,7 @@ impl Lab {
         map.comms.flush().unwrap();
         sensor.comms.register_variable("MAP_SIZE", 0.0).unwrap();
         let scan = ValueRef::Binary { type_name: "Theirs", layout: 1, bytes: &[7; 20] };
-        sensor.comms.publish_value("SCAN", scan, "", None).unwrap();
+        sensor.comms.publish_value("SCAN", scan, Origin::default()).unwrap();
         sensor.comms.flush().unwrap();
         [sensor, map]
     }

@@ -129,6 +129,7 @@ impl<'a> Change<'a> {
             show::hertz(all),
             show::bytes(bytes)
         )];
+        lines.extend(show::clock(self.table));
         let mut rows = vec![
             ["CLIENT", "SAYS", "MAIL", "DROPPED", "NOW", "WAITING", "LATENCY", "MEAN"].map(str::to_owned).to_vec(),
         ];
@@ -146,6 +147,7 @@ impl<'a> Change<'a> {
         json!({
             "community": self.table.community,
             "time": self.table.time,
+            "clock": show::clock_as_json(self.table),
             "uptime_secs": self.table.time - self.table.started,
             "period_secs": self.secs,
             "clients": self.clients.iter().map(ClientChange::as_json).collect::<Vec<_>>(),

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use super::message::Message;
+use crate::clock::Dial;
 use crate::wire::{self, ATTACH, Frame, FrameKind, Header, Named};
 
 /// Frames that wait for a client, back to back in one buffer, what the client must know before them, and the batches
@@ -11,6 +12,8 @@ use crate::wire::{self, ATTACH, Frame, FrameKind, Header, Named};
 pub struct Mailbox {
     /// Definitions and refusals: never dropped, always delivered ahead of the mail.
     notices: Vec<u8>,
+    /// What the community's clock was set to, if the client has not been told: only the last setting counts.
+    clock: Option<Option<Dial>>,
     mail: Vec<u8>,
     /// Where the oldest frame starts in `mail`.
     head: usize,
@@ -48,6 +51,7 @@ impl Mailbox {
     pub fn new(limit: usize, now: f64) -> Self {
         Self {
             notices: Vec::new(),
+            clock: None,
             mail: Vec::new(),
             head: 0,
             limit,
@@ -67,6 +71,11 @@ impl Mailbox {
     /// Where notices are written.
     pub(super) fn notices(&mut self) -> &mut Vec<u8> {
         &mut self.notices
+    }
+
+    /// Has the client told what the community's clock is set to.
+    pub(super) fn tell_clock(&mut self, dial: Option<Dial>) {
+        self.clock = Some(dial);
     }
 
     /// Whether `number` is new to the client; from now on it is not.
@@ -110,7 +119,7 @@ impl Mailbox {
 
     /// Whether neither mail nor notices wait.
     pub fn is_empty(&self) -> bool {
-        self.waiting() == 0 && self.notices.is_empty()
+        self.waiting() == 0 && self.notices.is_empty() && self.clock.is_none()
     }
 
     /// Whether publishers have to wait: lossless, full, and its client has read within `patience` (s).
@@ -165,6 +174,9 @@ impl Mailbox {
         self.before_take = (self.given_messages, self.left);
         // Not `append`: whoever was told of thousands of names once needs no room for them for ever.
         batch.extend_from_slice(&std::mem::take(&mut self.notices));
+        if let Some(dial) = self.clock.take() {
+            wire::put_clock(batch, dial);
+        }
         if self.dropped != self.told_dropped {
             self.told_dropped = self.dropped;
             let header = Header { sequence: self.dropped, ..Header::new(FrameKind::Dropped) };

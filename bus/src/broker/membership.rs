@@ -82,6 +82,7 @@ impl Broker {
         patience: f64,
     ) -> Self {
         let mut broker = Self::new(config, now);
+        broker.driver_awaited_until = now + patience;
         for (place, returns) in places {
             let id = broker.add_client(now, &place.name, place.lease_secs);
             let Some(client) = broker.clients.get_mut(&id) else { continue };
@@ -211,6 +212,7 @@ impl Broker {
     /// A client is gone. `handled`: how many of the messages that it was ever given it has handled; `goodbye`: it left
     /// in good order. What it published stays; its name is free at once, unless its place is kept.
     pub fn disconnect(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
+        self.let_go_of_clock(now, id);
         match self.standing(id) {
             None | Some(Standing::Orphan { .. }) => {}
             Some(Standing::Joining { predecessor, .. }) => {

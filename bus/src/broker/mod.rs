@@ -14,6 +14,7 @@ mod message;
 mod registration;
 mod summary;
 pub mod table;
+mod time;
 mod variable;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -26,6 +27,7 @@ use membership::Standing;
 pub use membership::{Introduction, Place, Refusal};
 use message::{Message, bulk_of};
 pub use registration::Registration;
+pub use time::CLOCK;
 use variable::{TypeLock, Variable};
 
 /// The number of a connected client; never given twice.
@@ -80,6 +82,9 @@ pub struct Broker {
     own_source: u32,
     own_sequence: u64,
     next_summary: f64,
+    driver: Option<time::Driver>,
+    /// Until then (s), whoever drove the clock under the broker before this one may come back and go on.
+    driver_awaited_until: f64,
 }
 
 /// A time that can be ordered (s; never NaN here).
@@ -212,6 +217,8 @@ impl Broker {
             // A broker that takes another's place is not to be taken for it.
             own_sequence: wire::first_sequence((now.max(0.0) * 1e3) as u64),
             next_summary: now,
+            driver: None,
+            driver_awaited_until: f64::INFINITY,
         }
     }
 
@@ -258,6 +265,7 @@ impl Broker {
                 self.on_ready(now, from);
                 Ok(())
             }
+            FrameKind::Clock => self.set_clock(now, from, wire::dial(frame)?),
             FrameKind::Refused | FrameKind::Dropped => Err("only the broker sends such a frame"),
         }
     }
@@ -348,7 +356,8 @@ impl Broker {
             self.answer_with_table(now, from);
             return Ok(());
         }
-        client.latency.note(now - header.time);
+        // A driven clock, which may have been set meanwhile, tells nothing of how long a message took.
+        client.latency.note(self.driver.is_none().then_some(now - header.time));
         if client.last_published != Some(key) {
             client.last_published = Some(key);
             if client.published.insert(key) {
@@ -357,7 +366,8 @@ impl Broker {
         }
         let header = Header { flags: header.flags & (BULK | RESENT), key, source, type_, community, ..*header };
         if let Some(reason) = self.type_conflict(key, TypeLock::of(&header)) {
-            return self.refuse(from, key, header.sequence, &reason);
+            let name = self.keys.name(key).to_owned();
+            return self.refuse(from, &name, header.sequence, &reason);
         }
         self.store_and_deliver(now, Some(from), &Message::new(header, frame.bytes));
         Ok(())
@@ -381,8 +391,7 @@ impl Broker {
         }
     }
 
-    fn refuse(&mut self, to: ClientId, key: u32, sequence: u64, reason: &str) -> Result<(), &'static str> {
-        let name = self.keys.name(key).to_owned();
+    fn refuse(&mut self, to: ClientId, name: &str, sequence: u64, reason: &str) -> Result<(), &'static str> {
         let client = self.clients.get_mut(&to).ok_or("the client is not connected")?;
         let header = Header { sequence, ..Header::new(FrameKind::Refused) };
         wire::put(client.mailbox.notices(), &header, name.as_bytes(), reason.as_bytes());
@@ -400,7 +409,7 @@ impl Broker {
             key,
             source: self.own_source,
             sequence: self.own_sequence,
-            time: now,
+            time: self.time(now),
             ..Header::new(FrameKind::Notify)
         };
         let mut frame = Vec::new();
@@ -500,6 +509,7 @@ impl Broker {
     /// and refreshes the `DB_*` variables.
     pub fn tick(&mut self, now: f64) {
         self.expire_orphans(now);
+        self.await_driver(now);
         while let Some(&(due, key, client)) = self.due.first().filter(|(due, ..)| due.0 <= now) {
             self.due.remove(&(due, key, client));
             let throttle = self.variables[key as usize].throttle(client);
@@ -519,7 +529,7 @@ impl Broker {
     /// When [`Broker::tick`] next has something to do (s).
     pub fn next_deadline(&self) -> f64 {
         let due = self.due.first().map_or(f64::INFINITY, |(due, ..)| due.0);
-        due.min(self.next_summary).min(self.next_expiry())
+        due.min(self.next_summary).min(self.next_expiry()).min(self.driver_awaited_until)
     }
 
     /// Whether the client's next batch has to wait: for a lossless registrant whose mailbox is full, or until the client

@@ -18,19 +18,22 @@ pub(super) struct Latency {
     min: f64,
     max: f64,
     sum: f64,
+    measured: u64,
     count: u64,
 }
 
 impl Latency {
-    /// Takes note of one message.
-    pub fn note(&mut self, secs: f64) {
+    /// Takes note of one message, and of how long it took, if that is known.
+    pub fn note(&mut self, secs: Option<f64>) {
+        self.count += 1;
+        let Some(secs) = secs else { return };
         // The broker's time is that of the beginning of its round, and the message may have come during it.
         let secs = secs.max(0.0);
-        self.min = if self.count == 0 { secs } else { self.min.min(secs) };
-        self.max = if self.count == 0 { secs } else { self.max.max(secs) };
+        self.min = if self.measured == 0 { secs } else { self.min.min(secs) };
+        self.max = self.max.max(secs);
         self.recent = secs;
         self.sum += secs;
-        self.count += 1;
+        self.measured += 1;
     }
 
     /// Messages noted.
@@ -40,21 +43,23 @@ impl Latency {
 
     /// The latency as the table has it.
     pub fn entry(&self) -> LatencyEntry {
-        let mean_secs = self.sum / (self.count.max(1) as f64);
-        LatencyEntry { recent_secs: self.recent, min_secs: self.min, max_secs: self.max, mean_secs }
+        LatencyEntry { recent_secs: self.recent, min_secs: self.min, max_secs: self.max, mean_secs: self.mean() }
+    }
+
+    fn mean(&self) -> f64 {
+        self.sum / (self.measured.max(1) as f64)
     }
 
     /// `recent:max:min:average` (ms).
     fn text(&self) -> String {
         let ms = |secs: f64| format!("{:.3}", secs * 1e3);
-        let average = self.sum / (self.count.max(1) as f64);
-        [self.recent, self.max, self.min, average].map(ms).join(":")
+        [self.recent, self.max, self.min, self.mean()].map(ms).join(":")
     }
 }
 
 impl Broker {
     pub(super) fn summarise(&mut self, now: f64) {
-        self.publish_own(now, "DB_TIME", ValueKind::Double, &now.to_le_bytes());
+        self.publish_own(now, "DB_TIME", ValueKind::Double, &self.time(now).to_le_bytes());
         self.publish_own(now, "DB_UPTIME", ValueKind::Double, &(now - self.started).to_le_bytes());
         self.publish_clients(now);
         let drops = self.per_client(|c| format!("{}={}", c.name, c.mailbox.dropped()));

@@ -28,15 +28,28 @@ crate::payload! {
     pub struct CommunityTable {
         /// The community's name.
         pub community: String,
-        /// When this was so (s, the community's clock).
+        /// When this was so (s, the clock's own time: nobody drives it).
         pub time: f64,
-        /// When the broker started (s, the community's clock).
+        /// When the broker started (s, likewise).
         pub started: f64,
+        /// Who drives the community's clock, if anybody does.
+        pub clock: Option<ClockEntry>,
         /// The clients, in the order in which they came.
         pub clients: Vec<ClientEntry>,
         /// The variables that were ever written, in the order in which they were first named.
         pub variables: Vec<VariableEntry>,
     }
+}
+
+/// A clock that is driven.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClockEntry {
+    /// The client that drives it.
+    pub driver: String,
+    /// The community's time (s).
+    pub time: f64,
+    /// How fast it runs; 0: it stands still.
+    pub rate: f64,
 }
 
 /// A client.
@@ -99,7 +112,7 @@ pub struct VariableEntry {
     pub bytes: u64,
     /// Messages per second, over the last two seconds that the broker has summed up.
     pub rate_hz: f64,
-    /// When it was last written (s, the community's clock).
+    /// When it was last written (s, as the table's time).
     pub written: f64,
     /// Who wrote last.
     pub writer: String,
@@ -167,7 +180,7 @@ impl Broker {
             source: self.own_source,
             type_: self.types.number(CommunityTable::NAME, CommunityTable::LAYOUT),
             sequence: self.own_sequence,
-            time: now,
+            time: self.time(now),
             ..Header::new(FrameKind::Notify)
         };
         let mut frame = Vec::new();
@@ -180,6 +193,7 @@ impl Broker {
             community: self.config.community.clone(),
             time: now,
             started: self.started,
+            clock: self.clock_entry(now),
             clients: self.present().map(|(_, client)| self.client_entry(client)).collect(),
             variables: (0..).zip(&self.variables).filter_map(|(key, v)| self.variable_entry(key, v)).collect(),
         }

@@ -82,8 +82,8 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let hello = Hello { protocol: handshake::PROTOCOL, name: name.into(), lease_secs, succeeds, returns };
     handshake::send(&stream, &hello, &[]).map_err(broken)?;
     let (answer, files) = handshake::receive(&stream).map_err(broken)?;
-    let (id, epoch, warp) = match answer {
-        Answer::Welcome { id, epoch, warp } => (id, epoch, warp),
+    let (id, epoch, clock) = match answer {
+        Answer::Welcome { id, epoch, warp, dial } => (id, epoch, Clock::new(warp).driven(dial)),
         Answer::Refused { reason } => {
             return Err(ConnectError::Refused { community: community.clone(), reason });
         }
@@ -96,7 +96,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let (community, node) = (community.clone(), lane::node(community)?);
     let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
-    open_lanes(line, back, Clock::new(warp)).map_err(ConnectError::from)
+    open_lanes(line, back, clock).map_err(ConnectError::from)
 }
 
 fn open_lanes(line: Rc<Line>, back: ShmBack, clock: Clock) -> Result<Link, LinkError> {

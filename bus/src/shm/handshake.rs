@@ -13,11 +13,12 @@ use rustix::net::{
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
+use crate::clock::Dial;
 use crate::codec;
 use crate::community::Community;
 
 /// Counts up whenever lanes, pages or frames change.
-pub const PROTOCOL: u32 = 3;
+pub const PROTOCOL: u32 = 4;
 /// How long either side waits for the other's word.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 /// The longest message of the handshake (bytes).
@@ -37,7 +38,13 @@ pub struct Hello {
 /// Broker to client; the pages' files come with an acceptance.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Answer {
-    Welcome { id: u32, epoch: u64, warp: f64 },
+    Welcome {
+        id: u32,
+        epoch: u64,
+        warp: f64,
+        /// What the community's clock is set to, if somebody drives it.
+        dial: Option<Dial>,
+    },
     Refused { reason: String },
 }
 
