@@ -4,10 +4,12 @@ mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Output, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use common::{Elk, kill, wait_until};
-use elk_bus::{Client, Community, Value};
+use common::{Elk, WATCHDOG, kill, wait_until};
+use elk_bus::{App, AppError, Client, Comms, Community, Mail, Value, run_app_on};
 use elk_log::{LogReader, LogWriter, Metadata, Record};
 use rustix::process::Signal;
 
@@ -154,6 +156,103 @@ fn a_loop_plays_until_it_is_ended() {
     lab.end();
 }
 
+/// An app that notes the community's time at each of its ticks.
+struct Ticker(Arc<Mutex<Vec<f64>>>);
+
+impl App for Ticker {
+    fn on_start_up(&mut self, _: &mut Comms) -> Result<(), AppError> {
+        Ok(())
+    }
+
+    fn on_new_mail(&mut self, _: &mut Comms, _: &Mail<'_>) -> Result<(), AppError> {
+        Ok(())
+    }
+
+    fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.0.lock().unwrap().push(comms.time());
+        Ok(())
+    }
+
+    fn tick_hz(&self) -> Option<f64> {
+        Some(20.0)
+    }
+}
+
+/// Recorded times are far from those of a community that nobody drives.
+fn is_recorded(time: f64) -> bool {
+    (0.0..1e6).contains(&time)
+}
+
+#[test]
+fn with_clock_the_communitys_time_is_that_of_the_recording() {
+    let elk = Elk::new("replay-clock");
+    write_log(&elk.folder().join("log.mcap"));
+    let mut lab = Lab::new(&elk);
+    let ticks = Arc::new(Mutex::new(Vec::new()));
+    let (mut ticker, stop) = (Ticker(ticks.clone()), Arc::new(AtomicBool::new(false)));
+    let (community, stopped) = (Community::new(elk.community()).unwrap(), stop.clone());
+    let live = std::thread::spawn(move || {
+        run_app_on(&mut ticker, &mut Client::connect(&community, "ticker").unwrap(), &stopped).unwrap();
+    });
+    for rate in ["0.5", "4", "max"] {
+        let arguments = ["replay", "log.mcap", "--community", elk.community(), "--clock", "--rate", rate];
+        let player = elk.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut times = Vec::new();
+        wait_until(WATCHDOG, "what is played", || {
+            let of_the_log = |mail: &Mail<'_>| mail.source().starts_with('p').then_some(mail.time());
+            lab.listener.receive(Duration::from_millis(10), |mail| times.extend(of_the_log(mail))).unwrap();
+            times.len() >= 32
+        });
+        let recorded = messages().into_iter().filter(|record| !record.key.starts_with("DB_")).map(|record| record.time);
+        assert!(times.iter().copied().eq(recorded), "{rate}: {times:?}");
+        said(player.wait_with_output().unwrap());
+        wait_until(WATCHDOG, "a clock that is left to itself", || {
+            lab.listener.receive(Duration::from_millis(10), |_| {}).unwrap();
+            !is_recorded(lab.listener.comms.time())
+        });
+    }
+    stop.store(true, Ordering::Relaxed);
+    live.join().unwrap();
+    let ticks = ticks.lock().unwrap().clone();
+    let followed = ticks.iter().filter(|time| is_recorded(**time)).count();
+    // 0.4 s were recorded: eight ticks each time, however long it took; one more where the clock was set.
+    assert!((1..=3 * 10).contains(&followed), "{followed} of {ticks:?}");
+    lab.end();
+}
+
+#[test]
+fn one_replay_at_a_time_drives_the_clock_and_scopes_say_which() {
+    let elk = Elk::new("replay-clocks");
+    write_log(&elk.folder().join("log.mcap"));
+    let mut lab = Lab::new(&elk);
+    let arguments = ["replay", "log.mcap", "--community", elk.community(), "--clock"];
+    for end in [Signal::TERM, Signal::KILL] {
+        let first = elk.command(&[&arguments[..], &["--loop"]].concat()).stderr(Stdio::null()).spawn();
+        let mut first = first.unwrap();
+        let driver = format!("replay-{}", first.id());
+        lab.hear(1);
+        wait_until(WATCHDOG, "recorded time", || {
+            lab.listener.receive(Duration::from_millis(10), |_| {}).unwrap();
+            is_recorded(lab.listener.comms.time())
+        });
+        let second = elk.command(&arguments).output().unwrap();
+        let told = String::from_utf8_lossy(&second.stderr).into_owned();
+        assert_eq!(second.status.code(), Some(1), "{told}");
+        assert!(told.contains(&format!("{driver} drives the community's time already")), "{told}");
+        let listed = said(elk.command(&["list", "--community", elk.community()]).output().unwrap());
+        let line = format!("time is driven by {driver}: 1970-01-01 00:00:00 UTC, running at 1x");
+        assert!(listed.contains(&line), "{listed}");
+        kill(first.id() as i32, end);
+        assert_eq!(first.wait().unwrap().success(), end == Signal::TERM);
+        wait_until(WATCHDOG, "a clock that is left to itself", || {
+            lab.listener.receive(Duration::from_millis(10), |_| {}).unwrap();
+            !is_recorded(lab.listener.comms.time())
+        });
+        assert!(!said(elk.command(&["list", "--community", elk.community()]).output().unwrap()).contains("driven"));
+    }
+    lab.end();
+}
+
 #[test]
 fn an_alog_is_played_like_any_other_log() {
     let elk = Elk::new("replay-alog");
@@ -239,6 +338,12 @@ fn recorded_scans_give_live_apps_the_same_map_and_the_same_paths() {
     for map in [Path::new(&old).join("map.bt"), Path::new(&new).join("map.bt")].windows(2) {
         assert!(std::fs::read(&map[0]).unwrap() == std::fs::read(&map[1]).unwrap(), "the maps' files differ");
     }
+    // The live apps' time was that of their input.
+    let span = elk_log::Index::read(Path::new(&old), &mut |_, _| {}).unwrap().span().unwrap();
+    let live =
+        LogReader::open(Path::new(&new)).unwrap().map(Result::unwrap).filter(|record| record.key == "MAP_UPDATE");
+    let times: Vec<f64> = live.map(|record| record.time).collect();
+    assert!(!times.is_empty() && times.iter().all(|time| (span.0..=span.1).contains(time)), "{span:?}: {times:?}");
     // Another map is another run, and the difference is named.
     let other = [&into[..], &["--set", "Explorer.MaxScans=40", "--set", "Map.Grazing=none", "--log-dir", "other"]];
     elk.command(&other.concat()).output().unwrap();

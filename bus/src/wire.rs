@@ -342,7 +342,9 @@ pub fn named(flags: u16) -> Option<Named> {
 
 fn frame_kind(byte: u8) -> Option<FrameKind> {
     use FrameKind::*;
-    [Notify, Register, Unregister, Define, Refused, Dropped, Attached, Ready, Clock].into_iter().find(|k| *k as u8 == byte)
+    [Notify, Register, Unregister, Define, Refused, Dropped, Attached, Ready, Clock]
+        .into_iter()
+        .find(|k| *k as u8 == byte)
 }
 
 fn value_kind(byte: u8) -> Option<ValueKind> {

@@ -5,10 +5,12 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Barrier, Mutex, PoisonError};
 use std::time::Duration;
 
+use elk_bus::broker::CLOCK;
 use elk_bus::clock::Stopwatch;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{
-    BrokerConfig, Client, Clock, Community, ConnectError, Introduction, Key, RunOptions, Value, serve_broker,
+    BrokerConfig, Client, Clock, Community, ConnectError, Introduction, Key, Origin, RunOptions, Value, ValueRef,
+    serve_broker,
 };
 use rustix::process::{Pid, Signal};
 
@@ -566,6 +568,51 @@ fn a_broker_may_die_and_nothing_is_lost_or_heard_twice<T: Transport + Sync>() {
     t.stop();
 }
 
+/// Waits until a client's clock shows a time that is right.
+fn wait_for_time(client: &mut Client, right: impl Fn(f64) -> bool) {
+    let waited = Stopwatch::start();
+    while !right(client.comms.time()) {
+        assert!(waited.elapsed() < DEADLINE, "it is {}", client.comms.time());
+        client.receive(Duration::from_millis(10), |_| {}).unwrap();
+    }
+}
+
+fn a_driven_clock_is_everybodys_through_a_brokers_death_and_ends_with_its_driver<T: Transport>() {
+    let recorded = |time: f64| (1000.0..2000.0).contains(&time);
+    let t = T::start("clock");
+    let (mut a, mut driver) = (t.connect("a").unwrap(), t.connect("driver").unwrap());
+    assert!(a.comms.time() > 1e9, "nobody drives it yet");
+    driver.comms.drive_clock(1000.0, 1.0).unwrap();
+    driver.comms.flush().unwrap();
+    wait_for_time(&mut a, recorded);
+    let late = t.connect("late").unwrap();
+    assert!(recorded(late.comms.time()), "whoever comes is told before it does anything");
+    a.comms.register_variable("SAID", 0.0).unwrap();
+    settle(&mut a);
+    driver.comms.notify("SAID", "now").unwrap();
+    let origin = Origin { source: Some("somebody"), time: Some(1234.5), ..Origin::default() };
+    driver.comms.publish_value("SAID", ValueRef::Text("then"), origin).unwrap();
+    driver.comms.flush().unwrap();
+    let (mut times, waited) = (Vec::new(), Stopwatch::start());
+    while times.len() < 2 {
+        assert!(waited.elapsed() < DEADLINE, "only {times:?}");
+        a.receive(Duration::from_millis(100), |mail| times.push(mail.time())).unwrap();
+    }
+    assert!(recorded(times[0]) && times[1] == 1234.5, "{times:?}");
+    a.comms.drive_clock(9.0, 1.0).unwrap();
+    wait_for_time(&mut a, recorded);
+    assert_eq!(a.inbox.take_refusals().iter().map(|refused| refused.key.as_str()).collect::<Vec<_>>(), [CLOCK]);
+    t.replace_broker();
+    settle(&mut a);
+    assert!(recorded(a.comms.time()), "the next broker leaves it as it is");
+    settle(&mut driver);
+    assert!(recorded(t.connect("later").unwrap().comms.time()), "and is told what it is");
+    drop(driver);
+    wait_for_time(&mut a, |time| time > 1e9);
+    drop((a, late));
+    t.stop();
+}
+
 fn what_was_left_by_those_who_are_gone_outlives_brokers<T: Transport>() {
     let t = T::start("legacy");
     let mut a = t.connect("a").unwrap();
@@ -663,6 +710,7 @@ conformance!(
     mail_goes_on_with_a_successor_at_a_message_boundary,
     a_successor_that_dies_before_it_is_ready_changes_nothing,
     a_broker_may_die_and_nothing_is_lost_or_heard_twice,
+    a_driven_clock_is_everybodys_through_a_brokers_death_and_ends_with_its_driver,
     what_was_left_by_those_who_are_gone_outlives_brokers,
     bulk_values_survive_the_broker,
 );

@@ -83,7 +83,10 @@ fn play(what: &str, name: &str, count: u64, bytes: usize) {
     let plain = vec![7; bytes];
     let clock = Stopwatch::start();
     for _ in 0..count {
-        client.comms.publish_value("PLAIN", value(&plain), Origin { source: Some("app"), ..Origin::default() }).expect("published");
+        client
+            .comms
+            .publish_value("PLAIN", value(&plain), Origin { source: Some("app"), ..Origin::default() })
+            .expect("published");
     }
     client.comms.flush().expect("flushed");
     let direct = clock.elapsed().as_secs_f64();

@@ -103,8 +103,14 @@ mod tests {
     fn other_users_communities_are_listed_as_such() {
         let one =
             |name: &str, own| Running { community: Community::new(name).unwrap(), process: 7, user: 4_000_000, own };
-        let table =
-            CommunityTable { community: "lab".into(), time: 90.0, started: 0.0, clock: None, clients: vec![], variables: vec![] };
+        let table = CommunityTable {
+            community: "lab".into(),
+            time: 90.0,
+            started: 0.0,
+            clock: None,
+            clients: vec![],
+            variables: vec![],
+        };
         let seen = [(one("lab", true), Some(table)), (one("theirs", false), None)];
         let lines = as_text(&seen);
         assert_eq!(lines[1], "lab        4000000        7  90.0 s");

@@ -64,9 +64,10 @@ pub fn clock(table: &CommunityTable) -> Option<String> {
 
 /// As [`clock`], for programs; `null`: nobody.
 pub fn clock_as_json(table: &CommunityTable) -> Value {
-    table.clock.as_ref().map_or(Value::Null, |clock| {
-        json!({"driver": clock.driver, "time": clock.time, "rate": clock.rate})
-    })
+    table
+        .clock
+        .as_ref()
+        .map_or(Value::Null, |clock| json!({"driver": clock.driver, "time": clock.time, "rate": clock.rate}))
 }
 
 /// The name of what a variable carries.

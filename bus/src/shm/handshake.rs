@@ -45,7 +45,9 @@ pub enum Answer {
         /// What the community's clock is set to, if somebody drives it.
         dial: Option<Dial>,
     },
-    Refused { reason: String },
+    Refused {
+        reason: String,
+    },
 }
 
 /// The address that the broker of a community listens on.

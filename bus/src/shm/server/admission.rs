@@ -77,12 +77,8 @@ impl Server {
         match peer {
             Ok((id, peer)) => {
                 let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
-                let welcome = Answer::Welcome {
-                    id,
-                    epoch: self.epoch,
-                    warp: self.clock.warp(),
-                    dial: self.broker.dial(),
-                };
+                let welcome =
+                    Answer::Welcome { id, epoch: self.epoch, warp: self.clock.warp(), dial: self.broker.dial() };
                 // Who hung up meanwhile is noticed by the connection's own thread.
                 let _ = handshake::send(&stream, &welcome, &files);
                 self.peers.insert(id, peer);
