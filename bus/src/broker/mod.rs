@@ -593,6 +593,11 @@ impl Broker {
         self.clients.get(&id).is_some_and(|c| c.mailbox.is_idle())
     }
 
+    /// Whether publishers wait for this client.
+    pub fn is_lossless(&self, id: ClientId) -> bool {
+        self.clients.get(&id).is_some_and(|c| c.mailbox.is_lossless())
+    }
+
     /// Whether a bulk sample is some variable's latest value, so that late registrants will want it.
     pub fn is_latest_bulk(&self, client: ClientId, sample: u64) -> bool {
         self.latest_bulk.contains(&(client, sample))

@@ -291,12 +291,17 @@ impl Server {
 
     /// Mail from the mailboxes into the lanes, as far as there is room.
     fn hand_out(&mut self, now: f64) -> bool {
-        let mut any = false;
-        let ids: Vec<ClientId> = self.broker.with_mail().collect();
-        for id in ids {
-            any |= self.hand_out_to(now, id);
-        }
+        // Who wants every message (a logger, say) is in no hurry.
+        let (leisurely, urgent) = self.broker.with_mail().partition(|id| self.broker.is_lossless(*id));
+        let any = self.hand_out_to_all(now, urgent) | self.hand_out_to_all(now, leisurely);
         self.settle() | any
+    }
+
+    fn hand_out_to_all(&mut self, now: f64, ids: Vec<ClientId>) -> bool {
+        let given: Vec<ClientId> = ids.into_iter().filter(|id| self.hand_out_to(now, *id)).collect();
+        // To wake somebody takes longer than all the rest.
+        given.iter().filter_map(|id| self.peers.get(id)).for_each(|peer| peer.page.bell.ring());
+        !given.is_empty()
     }
 
     fn hand_out_to(&mut self, now: f64, id: ClientId) -> bool {
@@ -325,7 +330,6 @@ impl Server {
             return self.expel(now, id, &error);
         }
         peer.page.down_sent.fetch_add(1, SeqCst);
-        peer.page.bell.ring();
         true
     }
 
