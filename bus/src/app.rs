@@ -9,6 +9,7 @@ use crate::clock::{Stopwatch, process_cpu_secs};
 use crate::comms::{Comms, CommsError};
 use crate::inbox::Inbox;
 use crate::mail::Mail;
+use crate::wire;
 use crate::words::tell;
 
 /// What an app may fail with.
@@ -57,6 +58,13 @@ pub trait App: Send {
     fn tick_hz(&self) -> Option<f64> {
         None
     }
+
+    /// For how long mail may gather before the app is given it; little mail only: much comes at once. To be woken for
+    /// every message costs an app that is in no hurry more than the messages do, and those that are in a hurry have to
+    /// wait for the processor meanwhile. Before it ends, the app is given what has gathered.
+    fn gathering(&self) -> Option<Duration> {
+        None
+    }
 }
 
 /// Why an app's run ended badly.
@@ -86,6 +94,11 @@ const STATUS_PERIOD: Duration = Duration::from_secs(2);
 /// The longest that an app sleeps without looking whether it is to stop.
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 
+/// As much mail (bytes) is not left to gather.
+const MUCH_MAIL: usize = 64 << 10;
+/// How long an app that ends may be given what has gathered.
+const LAST_MAIL: Duration = Duration::from_secs(1);
+
 /// Runs an app on a connected client until it stops itself, fails, its successor is ready, or `stop` is set.
 pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), RunError> {
     let name = client.comms.name().to_owned();
@@ -97,18 +110,50 @@ pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> 
     app.on_start_up(&mut client.comms).map_err(failed)?;
     client.comms.set_starting(false);
     let mut beat = Beat::new(&*app, &client.comms);
+    let mut gathered = Gathered(0);
     while !stop.load(Ordering::Relaxed) && !client.comms.stopping() && !client.inbox.retiring() {
-        let pause = beat.pause(&client.comms);
-        let comms = &mut client.comms;
-        client.inbox.receive(comms, pause, |comms, mail| app.on_new_mail(comms, mail)).map_err(failed)?;
+        let pause = if gathered.0 > 0 { Duration::ZERO } else { beat.pause(&client.comms) };
+        let bytes = receive(app, client, pause).map_err(failed)?;
+        if let Some(time) = app.gathering() {
+            gathered.rest(bytes, time);
+        }
         if beat.tick_is_due(&client.comms) {
             app.iterate(&mut client.comms).map_err(failed)?;
         }
         report_refusals(&name, &mut client.inbox);
         beat.status(&mut client.comms, &client.inbox)?;
     }
+    let leaving = Stopwatch::start();
+    let gathers = app.gathering().is_some();
+    while gathers && leaving.elapsed() < LAST_MAIL && receive(app, client, Duration::ZERO).map_err(failed)? > 0 {}
     app.on_stop(&mut client.comms).map_err(failed)?;
     Ok(client.comms.say_goodbye()?)
+}
+
+/// Gives the app the mail that has come, or comes within `pause`; answers about how many bytes that were.
+fn receive(app: &mut dyn App, client: &mut Client, pause: Duration) -> Result<usize, AppError> {
+    let mut bytes = 0;
+    client.inbox.receive(&mut client.comms, pause, |comms, mail| {
+        bytes += wire::HEADER + mail.value().byte_len();
+        app.on_new_mail(comms, mail)
+    })?;
+    Ok(bytes)
+}
+
+/// Bytes of mail since an app that lets mail gather rested last.
+struct Gathered(usize);
+
+impl Gathered {
+    /// Rests once all is read that has come, unless that was much: then more is on its way.
+    fn rest(&mut self, bytes: usize, time: Duration) {
+        self.0 += bytes;
+        if bytes == 0 {
+            let little = (1..MUCH_MAIL).contains(&std::mem::take(&mut self.0));
+            if little {
+                std::thread::sleep(time.min(LONGEST_SLEEP));
+            }
+        }
+    }
 }
 
 fn report_refusals(name: &str, inbox: &mut Inbox) {
@@ -192,7 +237,50 @@ pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
 
 #[cfg(test)]
 mod tests {
-    use super::next_tick;
+    use std::sync::mpsc::{Sender, channel};
+
+    use super::*;
+    use crate::memory::MemoryBroker;
+    use crate::{BrokerConfig, Clock, Community};
+
+    /// An app in no hurry, that tells what it was given.
+    struct Calm(Sender<f64>);
+
+    impl App for Calm {
+        fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+            Ok(comms.register_variable("N", 0.0)?)
+        }
+
+        fn on_new_mail(&mut self, _: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+            Ok(self.0.send(mail.as_double().unwrap_or_default())?)
+        }
+
+        fn gathering(&self) -> Option<Duration> {
+            Some(LONGEST_SLEEP)
+        }
+    }
+
+    #[test]
+    fn an_app_that_lets_mail_gather_is_given_all_of_it_before_it_ends() {
+        let broker = MemoryBroker::new(BrokerConfig::new("calm"), Clock::new(1.0));
+        let community = Community::new("calm").unwrap();
+        let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
+        let (stop, (given, heard)) = (AtomicBool::new(false), channel());
+        let mut speaker = join("speaker");
+        speaker.comms.notify("N", 0.0).unwrap();
+        speaker.comms.flush().unwrap();
+        std::thread::scope(|scope| {
+            scope.spawn(|| run_app_on(&mut Calm(given), &mut join("calm"), &stop).unwrap());
+            let mut numbers = vec![heard.recv().unwrap()];
+            for n in 1..100 {
+                speaker.comms.notify("N", f64::from(n)).unwrap();
+                speaker.comms.flush().unwrap();
+            }
+            stop.store(true, Ordering::Relaxed);
+            numbers.extend(heard.iter());
+            assert!(numbers.iter().copied().eq((0..100).map(f64::from)), "{numbers:?}");
+        });
+    }
 
     #[test]
     fn ticks_follow_a_clock_that_is_set_forwards_and_back() {

@@ -40,6 +40,15 @@ pub enum ValueRef<'a> {
 }
 
 impl<'a> ValueRef<'a> {
+    /// How long the value is (bytes).
+    pub fn byte_len(&self) -> usize {
+        match self {
+            ValueRef::Double(number) => size_of_val(number),
+            ValueRef::Text(text) => text.len(),
+            ValueRef::Binary { bytes, .. } => bytes.len(),
+        }
+    }
+
     /// Decodes the value as what `key` carries; refuses another type or another layout of the same type.
     pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
         let mismatch = |found: String| DecodeError::Type { key: key.name().into(), expected: T::NAME, found };

@@ -92,6 +92,9 @@ impl App for Counted {
     fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.logger.iterate(comms)
     }
+    fn gathering(&self) -> Option<Duration> {
+        self.logger.gathering()
+    }
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.logger.on_stop(comms)
     }

@@ -1,6 +1,7 @@
 //! The logger on the bus.
 
 use std::path::Path;
+use std::time::Duration;
 
 use elk_bus::clock::{Clock, Stopwatch};
 use elk_bus::{App, AppError, Comms, Mail, tell};
@@ -79,6 +80,9 @@ const PARAMS: &[ParamSpec] = &[
     },
 ];
 
+/// How long mail gathers: who logs is in no hurry, and wakes up less often than messages come.
+const GATHERING: Duration = Duration::from_millis(5);
+
 /// The broker's count of dropped mail, by client.
 const DB_DROPS: &str = "DB_DROPS";
 
@@ -91,6 +95,8 @@ pub struct Logger {
     since_flush: Stopwatch,
     /// Messages so far: the next one's place in the broker's order.
     messages: u64,
+    /// When the last of them came (s, the community's clock).
+    received: f64,
     /// Mail that the broker has dropped because this app did not read.
     dropped: u64,
     trouble: Option<String>,
@@ -111,6 +117,7 @@ impl Logger {
             recorder,
             keys,
             messages: 0,
+            received: f64::NEG_INFINITY,
             dropped: 0,
             flush_secs: 1.0,
             since_flush: Stopwatch::start(),
@@ -173,6 +180,7 @@ impl Logger {
 
 impl App for Logger {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.received = comms.time();
         self.flush(comms)?;
         self.keys.iter().try_for_each(|key| comms.register_lossless(key, "*"))?;
         Ok(())
@@ -186,12 +194,14 @@ impl App for Logger {
             community: mail.community(),
             time: mail.time(),
             sequence: mail.sequence(),
-            received: comms.time(),
+            // Mail gathers. A message came at once when it was said, but not before the one ahead of it.
+            received: mail.time().max(self.received).min(comms.time()),
             order: self.messages,
             epoch: comms.epoch(),
             value: mail.value(),
         };
         self.messages += 1;
+        self.received = record.received;
         if let Err(error) = self.recorder.record(&record) {
             self.complain(&error, comms)?;
         }
@@ -207,6 +217,10 @@ impl App for Logger {
 
     fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.flush_if_due(comms)
+    }
+
+    fn gathering(&self) -> Option<Duration> {
+        Some(GATHERING)
     }
 
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use elk_bus::broker::CLOCK;
 use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, Origin, ValueRef};
+use elk_bus::{Client, Origin};
 use elk_log::selection::Place;
 use elk_log::{RecordRef, Selection};
 
@@ -373,7 +373,7 @@ impl<'a> Player<'a> {
         // Beside a clock that shows another time, a recorded one would only confuse.
         let time = self.options.clock.then_some(record.time);
         self.client.comms.publish_value(key, value, Origin { time, ..origin(&record) })?;
-        let bytes = size(value);
+        let bytes = value.byte_len();
         self.played.messages += 1;
         self.played.bytes += bytes as u64;
         self.unchecked += bytes + key.len();
@@ -407,13 +407,4 @@ pub(crate) fn origin<'a>(record: &RecordRef<'a>) -> Origin<'a> {
     // A source without a name (an .alog can have one) is this program itself.
     let source = Some(record.source).filter(|source| !source.is_empty());
     Origin { source, source_aux: record.source_aux, time: Some(record.time) }
-}
-
-/// Bytes of a value.
-pub(crate) fn size(value: ValueRef<'_>) -> usize {
-    match value {
-        ValueRef::Double(_) => 8,
-        ValueRef::Text(text) => text.len(),
-        ValueRef::Binary { bytes, .. } => bytes.len(),
-    }
 }

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use elk_bus::{Mail, ValueRef};
+use elk_bus::Mail;
 
 use crate::spread::Spread;
 
@@ -44,7 +44,7 @@ impl Meter {
 
     /// Counts a message.
     pub fn take(&mut self, mail: &Mail<'_>) {
-        self.count(mail.key(), mail.source(), mail.time(), value_bytes(mail.value()));
+        self.count(mail.key(), mail.source(), mail.time(), mail.value().byte_len());
     }
 
     /// Counts a message of `bytes` that was published at `time` (s).
@@ -99,14 +99,6 @@ impl Pair {
             all.sizes.merge(&part.sizes);
             all
         })
-    }
-}
-
-fn value_bytes(value: ValueRef<'_>) -> usize {
-    match value {
-        ValueRef::Double(_) => size_of::<f64>(),
-        ValueRef::Text(text) => text.len(),
-        ValueRef::Binary { bytes, .. } => bytes.len(),
     }
 }
 

@@ -17,7 +17,7 @@ pub struct Record {
     pub time: f64,
     /// Its number among the messages of its source.
     pub sequence: u64,
-    /// When it was recorded (s, the community's clock).
+    /// When it came to the logger (s, the community's clock).
     pub received: f64,
     /// Its place in the broker's order: the logger's count of its mail, from 0. A logger that was started again counts
     /// anew, in the run's next segment.
