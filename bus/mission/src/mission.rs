@@ -1,6 +1,8 @@
 //! A mission, checked: what a launcher starts.
 
 use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::params::Params;
@@ -82,6 +84,9 @@ pub enum MissionError {
     Wrong(#[from] Problems),
 }
 
+/// The longest mission file (bytes).
+const LONGEST: u64 = 10_000_000;
+
 impl Mission {
     /// Reads and checks a mission file, changed by `overrides`.
     ///
@@ -89,7 +94,7 @@ impl Mission {
     /// The file cannot be read, or everything that is wrong with it.
     pub fn load(file: &Path, registry: &Registry, overrides: &[Override]) -> Result<Self, MissionError> {
         let unreadable = |source| MissionError::Unreadable { file: file.to_owned(), source };
-        let text = std::fs::read_to_string(file).map_err(unreadable)?;
+        let text = read(file).map_err(unreadable)?;
         Ok(Self::parse(&text, file, registry, overrides)?)
     }
 
@@ -111,6 +116,17 @@ impl Mission {
     pub fn of_element(&self, element: &str) -> impl Iterator<Item = &AppSpec> {
         self.apps.iter().filter(move |app| app.element == element)
     }
+}
+
+/// The text of a file that may turn out to be a device without an end.
+fn read(file: &Path) -> std::io::Result<String> {
+    let mut text = String::new();
+    let length = File::open(file)?.take(LONGEST + 1).read_to_string(&mut text)?;
+    if length as u64 > LONGEST {
+        let why = format!("it is longer than {} MB; right is a file of XML", LONGEST / 1_000_000);
+        return Err(std::io::Error::new(std::io::ErrorKind::FileTooLarge, why));
+    }
+    Ok(text)
 }
 
 impl AppSpec {
