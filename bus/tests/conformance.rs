@@ -305,6 +305,26 @@ fn a_late_registrant_is_given_the_latest_value_however_large<T: Transport>() {
     t.stop();
 }
 
+fn whoever_hears_itself_is_heard_by_the_others_as_before<T: Transport>() {
+    let t = T::start("own-voice");
+    let mut a = t.connect("a").unwrap();
+    a.comms.register(&BLOB).unwrap();
+    a.comms.publish(&BLOB, &blob(1, 100_000)).unwrap();
+    hear(&mut a, |heard| heard.len() == 1);
+    settle(&mut a);
+    let mut late = t.connect("late").unwrap();
+    late.comms.register(&BLOB).unwrap();
+    let heard = hear(&mut late, |heard| heard.len() == 1);
+    assert!(heard[0].2.as_ref().decode(&BLOB).unwrap() == blob(1, 100_000));
+    a.comms.publish(&BLOB, &blob(2, 100_000)).unwrap();
+    for client in [&mut a, &mut late] {
+        let heard = hear(client, |heard| heard.len() == 1);
+        assert!(heard[0].2.as_ref().decode(&BLOB).unwrap() == blob(2, 100_000));
+    }
+    drop((a, late));
+    t.stop();
+}
+
 fn a_value_of_another_type_is_refused_to_its_writer_and_never_misread<T: Transport>() {
     let t = T::start("types");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
@@ -702,6 +722,7 @@ conformance!(
     values_of_any_size_arrive_whole_and_in_order,
     bulk_values_flow_as_fast_as_a_lossless_reader_reads,
     a_late_registrant_is_given_the_latest_value_however_large,
+    whoever_hears_itself_is_heard_by_the_others_as_before,
     a_value_of_another_type_is_refused_to_its_writer_and_never_misread,
     a_name_is_taken_once_and_free_again_at_once,
     clients_are_told_that_the_broker_is_gone,

@@ -319,7 +319,7 @@ impl Server {
         let mut batch = self.spare.pop().unwrap_or_default();
         batch.clear();
         let (peers, departed) = (&self.peers, &self.departed);
-        let resolve = |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk((peers, departed), peer, frame, batch);
+        let resolve = |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk((peers, departed), (id, peer), frame, batch);
         self.broker.take_mail(now, id, BATCH_BYTES, &mut batch, resolve);
         let number = peer.page.down_sent.load(Relaxed);
         let sent = if peer.page.down.put(number, &batch) { Ok(()) } else { peer.down.send(&batch) };
@@ -395,7 +395,7 @@ fn bulk_values_of(batch: &[u8], client: ClientId) -> impl Iterator<Item = u64> +
 /// end of the bulk service; else a copy, with the hint to open one.
 fn place_bulk(
     (peers, departed): (&BTreeMap<ClientId, Peer>, &BTreeMap<ClientId, Shelf>),
-    to: &Peer,
+    (id, to): (ClientId, &Peer),
     frame: &Frame<'_>,
     batch: &mut Vec<u8>,
 ) {
@@ -408,7 +408,9 @@ fn place_bulk(
     let shelf = here(&reference.client).or_else(|| departed.get(&reference.client));
     match shelf.and_then(|shelf| shelf.get(reference.sample)).filter(|_| !in_place) {
         Some(kept) => {
-            let tell = !to.attached.contains_key(&reference.client) && peers.contains_key(&reference.client);
+            // Of a publisher's own service its `Attached` says that it is there.
+            let others = reference.client != id && peers.contains_key(&reference.client);
+            let tell = others && !to.attached.contains_key(&reference.client);
             let flags = frame.header.flags & !BULK | if tell { ATTACH } else { 0 };
             let publisher = reference.client.to_le_bytes();
             let aux: &[u8] = if tell { &publisher } else { frame.aux };
