@@ -35,6 +35,8 @@ impl Console for Nobody {
         Vec::new()
     }
     fn show(&mut self, _: &Progress) {}
+    fn tell(&mut self, _: &str) {}
+    fn suspend(&mut self) {}
 }
 
 fn value(bytes: &[u8]) -> ValueRef<'_> {

@@ -59,6 +59,8 @@ pub enum Press {
     },
     /// Begin again.
     Restart,
+    /// Give the terminal back for a while.
+    Suspend,
     /// End.
     Quit,
 }
@@ -81,6 +83,8 @@ pub struct Progress {
 /// What a replay came to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Played {
+    /// Whether the log has ended, and nobody ended its replay before.
+    pub to_the_end: bool,
     /// Messages said.
     pub messages: u64,
     /// Bytes of their values.
@@ -105,6 +109,10 @@ pub trait Console {
     fn presses(&mut self) -> Vec<Press>;
     /// Shows how far it is.
     fn show(&mut self, progress: &Progress);
+    /// Says something that is not to be overwritten.
+    fn tell(&mut self, words: &str);
+    /// Gives the terminal back, and returns when it may be used again.
+    fn suspend(&mut self);
 }
 
 /// Plays a log once, or for ever.
@@ -150,6 +158,7 @@ impl<'a> Player<'a> {
             looked: Duration::ZERO,
             since_look: 0,
             played: Played {
+                to_the_end: false,
                 messages: 0,
                 bytes: 0,
                 took: Duration::ZERO,
@@ -172,13 +181,14 @@ impl<'a> Player<'a> {
         while !stop.load(Ordering::Relaxed) {
             if !self.find()? {
                 if !self.options.repeat || self.played.messages == 0 {
+                    self.played.to_the_end = true;
                     break;
                 }
                 self.rewind()?;
                 continue;
             }
             match self.turn(console, stop)? {
-                Turn::Say => self.say()?,
+                Turn::Say => self.say(console)?,
                 Turn::Moved => {}
                 Turn::Quit => break,
             }
@@ -188,7 +198,7 @@ impl<'a> Player<'a> {
         self.played.dropped = dropped(&table(self.client)?).saturating_sub(dropped_before);
         self.note_refusals();
         console.show(&self.progress());
-        self.tape.damage().iter().for_each(|reason| eprintln!("the log is not whole: {reason}"));
+        self.tape.damage().iter().for_each(|reason| console.tell(&format!("the log is not whole: {reason}")));
         Ok(self.played)
     }
 
@@ -282,6 +292,7 @@ impl<'a> Player<'a> {
                 Press::Step => self.steps += 1,
                 Press::Rate { faster } => self.schedule.set_rate(now, self.schedule.rate().changed(faster)),
                 Press::Quit => return Ok(Some(Turn::Quit)),
+                Press::Suspend => self.stand_still(|_| console.suspend()),
                 Press::Restart => {
                     self.rewind()?;
                     turn = Some(Turn::Moved);
@@ -300,6 +311,14 @@ impl<'a> Player<'a> {
         self.note_refusals();
         console.show(&self.progress());
         Ok(turn)
+    }
+
+    /// Lets time pass that is no recorded time.
+    fn stand_still(&mut self, meanwhile: impl FnOnce(&mut Self)) {
+        let paused = self.schedule.paused();
+        self.schedule.pause(self.clock.elapsed(), true);
+        meanwhile(self);
+        self.schedule.pause(self.clock.elapsed(), paused);
     }
 
     fn note_refusals(&mut self) {
@@ -321,12 +340,12 @@ impl<'a> Player<'a> {
     }
 
     /// Says the message that was found.
-    fn say(&mut self) -> Result<(), ReplayError> {
+    fn say(&mut self, console: &mut dyn Console) -> Result<(), ReplayError> {
         let record = match self.tape.record() {
             Some(Ok(record)) => record,
             Some(Err(error)) => {
                 if self.played.unreadable == 0 {
-                    eprintln!("{error}");
+                    console.tell(&error.to_string());
                 }
                 self.played.unreadable += 1;
                 return Ok(());
