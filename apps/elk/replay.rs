@@ -159,19 +159,19 @@ fn say(text: &str) -> Result<()> {
     }
 }
 
-/// A terminal with a bar and keys; in a pipe, a line every tenth of the way.
+/// A terminal with a bar and keys; in a pipe, a line every tenth of the way, and for each client that is waited for.
 struct Screen {
     keyboard: Option<Keyboard>,
     terminal: bool,
-    /// The tenth that was told last.
-    tenth: Option<u64>,
+    /// The tenth, and the client, that were told last.
+    told: (Option<u64>, Option<String>),
 }
 
 impl Screen {
     fn new() -> Self {
         let keyboard = Keyboard::open();
         let terminal = std::io::stderr().is_terminal();
-        let screen = Self { keyboard, terminal, tenth: None };
+        let screen = Self { keyboard, terminal, told: (None, None) };
         if screen.keyboard.is_some() && screen.is_drawn_on() {
             tell(keyboard::HELP);
         }
@@ -193,9 +193,13 @@ impl Console for Screen {
         if self.is_drawn_on() {
             let columns = tcgetwinsize(std::io::stderr()).map_or(0, |size| usize::from(size.ws_col));
             draw(&format!("\r{}\x1b[K", line(progress, columns)));
-        } else if !self.terminal && self.tenth != Some((share(progress) * 10.0) as u64) {
-            self.tenth = Some((share(progress) * 10.0) as u64);
-            tell(words(progress));
+        } else if !self.terminal {
+            let waits_for = progress.waits_for.clone().or_else(|| self.told.1.clone());
+            let now = (Some((share(progress) * 10.0) as u64), waits_for);
+            if self.told != now {
+                self.told = now;
+                tell(words(progress));
+            }
         }
     }
 
@@ -226,9 +230,10 @@ fn share(progress: &Progress) -> f64 {
 }
 
 fn words(progress: &Progress) -> String {
-    let Progress { secs, of_secs, messages, rate, paused } = progress;
-    let state = if *paused { ", paused" } else { "" };
-    format!("{secs:.1} / {of_secs:.1} s at {rate}{state}, {messages} messages")
+    let Progress { secs, of_secs, messages, rate, paused, waits_for } = progress;
+    let paused = if *paused { ", paused" } else { "" };
+    let waits = waits_for.as_ref().map(|client| format!(", waits for {client}")).unwrap_or_default();
+    format!("{secs:.1} / {of_secs:.1} s at {rate}{paused}{waits}, {messages} messages")
 }
 
 /// Words with a bar before them, as far as there is room in so many columns (0: nobody knows how many there are). The
@@ -250,7 +255,8 @@ mod tests {
 
     #[test]
     fn the_bar_gives_way_to_the_words_where_there_is_little_room() {
-        let progress = Progress { secs: 5.0, of_secs: 20.0, messages: 7, rate: Rate::Times(2.0), paused: true };
+        let progress =
+            Progress { secs: 5.0, of_secs: 20.0, messages: 7, rate: Rate::Times(2.0), paused: true, waits_for: None };
         let words = "5.0 / 20.0 s at 2x, paused, 7 messages";
         assert_eq!(line(&progress, 0), format!("[########......................] {words}"));
         assert_eq!(line(&progress, 80), line(&progress, 0));
@@ -262,7 +268,8 @@ mod tests {
 
     #[test]
     fn a_log_without_duration_is_played_as_a_whole() {
-        let progress = Progress { secs: 0.0, of_secs: 0.0, messages: 1, rate: Rate::Max, paused: false };
+        let progress =
+            Progress { secs: 0.0, of_secs: 0.0, messages: 1, rate: Rate::Max, paused: false, waits_for: None };
         assert_eq!(line(&progress, 0), format!("[{}] 0.0 / 0.0 s at max, 1 messages", "#".repeat(BAR)));
     }
 }

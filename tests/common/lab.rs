@@ -3,19 +3,29 @@
 use std::process::Child;
 use std::time::Duration;
 
+use elk_bus::broker::table::{ClientEntry, CommunityTable, REQUEST, TABLE};
 use elk_bus::{Client, Community, Mail, Value};
 use rustix::process::Signal;
 
 use super::{Elk, kill, wait_until};
 
-/// A broker, and a client that hears everything that replays say.
+/// A broker, and a client of it.
 pub struct Lab {
     db: Db,
     pub listener: Client,
 }
 
 impl Lab {
+    /// With a listener that hears everything.
     pub fn new(elk: &Elk) -> Self {
+        let mut lab = Self::deaf(elk);
+        lab.listener.comms.register_lossless("*", "*").unwrap();
+        lab.listener.comms.flush().unwrap();
+        lab
+    }
+
+    /// With a listener that is registered for nothing.
+    pub fn deaf(elk: &Elk) -> Self {
         let db = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
         let name = Community::new(elk.community()).unwrap();
         let mut joined = None;
@@ -23,10 +33,13 @@ impl Lab {
             joined = Client::connect(&name, "listener").ok();
             joined.is_some()
         });
-        let mut listener = joined.unwrap();
-        listener.comms.register_lossless("*", "*").unwrap();
-        listener.comms.flush().unwrap();
-        Self { db: Db(db), listener }
+        Self { db: Db(db), listener: joined.unwrap() }
+    }
+
+    /// Waits until the client of this name is registered for something.
+    pub fn wait_for_reader(&mut self, name: &str) {
+        let reads = |client: &ClientEntry| client.name == name && !client.registrations.is_empty();
+        wait_until(Duration::from_secs(30), name, || table(&mut self.listener).clients.iter().any(reads));
     }
 
     /// All messages of others than the broker and the listener, until `count` have come.
@@ -62,6 +75,18 @@ impl Lab {
         kill(db.0.id() as i32, Signal::TERM);
         assert!(db.0.wait().unwrap().success());
     }
+}
+
+/// Who is there, after all that this client has said was taken in.
+pub fn table(client: &mut Client) -> CommunityTable {
+    client.comms.notify(REQUEST, 1.0).unwrap();
+    let mut answer = None;
+    wait_until(Duration::from_secs(30), "the broker's answer", || {
+        let note = |mail: &Mail<'_>| answer = mail.is(&TABLE).then(|| mail.decode(&TABLE).unwrap()).or(answer.take());
+        client.receive(Duration::from_millis(10), note).unwrap();
+        answer.is_some()
+    });
+    answer.unwrap()
 }
 
 /// A broker. Killed, should the test fail before its end.

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
+use elk_bus::comms::BULK_MIN_BYTES;
 use elk_bus::pattern::matches;
 use elk_bus::{Client, ValueRef};
 use elk_log::selection::Place;
@@ -23,10 +24,15 @@ const LOOK: Duration = Duration::from_millis(50);
 const SLEEP: Duration = Duration::from_millis(2);
 /// Looking at the clock costs more than publishing a message: at rate `max` it is done after so many.
 const MESSAGES_PER_LOOK: u32 = 256;
-/// After so many bytes a lossless replay waits for its readers.
+/// After so many bytes, and after each bulk value, a lossless replay waits for its readers: a mailbox holds many times
+/// that, but only the last few bulk values are kept for those who are behind.
 const LOSSLESS_BYTES: usize = 256 << 10;
-/// Mail of a reader that is still waiting when a lossless replay goes on (bytes).
-const LOSSLESS_BACKLOG: u64 = 64 << 10;
+/// Batches that some reader has not handled when a lossless replay goes on.
+const LOSSLESS_AHEAD: u64 = 3;
+/// How often it is looked whether readers are ready, at first and after a while.
+const LOOK_AT_READERS: (Duration, Duration) = (Duration::from_micros(100), Duration::from_millis(20));
+/// Who is waited for is told after so long.
+const LONG_WAIT: Duration = Duration::from_secs(1);
 
 /// How a log is to be played.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,7 +72,7 @@ pub enum Press {
 }
 
 /// How far a replay is.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
     /// Recorded time since the log's first message (s).
     pub secs: f64,
@@ -78,6 +84,8 @@ pub struct Progress {
     pub rate: Rate,
     /// Whether it stands still.
     pub paused: bool,
+    /// The client that a lossless replay has been waiting for, for a while.
+    pub waits_for: Option<String>,
 }
 
 /// What a replay came to.
@@ -128,12 +136,14 @@ pub struct Player<'a> {
     steps: u32,
     /// Bytes said since readers were waited for.
     unchecked: usize,
+    waits_for: Option<String>,
     looked: Duration,
     since_look: u32,
     played: Played,
 }
 
 /// What to do with the message that was found.
+#[derive(PartialEq)]
 enum Turn {
     Say,
     /// The place in the log has changed.
@@ -155,6 +165,7 @@ impl<'a> Player<'a> {
             end,
             steps: 0,
             unchecked: 0,
+            waits_for: None,
             looked: Duration::ZERO,
             since_look: 0,
             played: Played {
@@ -179,6 +190,9 @@ impl<'a> Player<'a> {
         self.clock = Stopwatch::start();
         self.rewind()?;
         while !stop.load(Ordering::Relaxed) {
+            if self.unchecked >= LOSSLESS_BYTES && !self.readers_keep_up(LOSSLESS_AHEAD, console, stop)? {
+                break;
+            }
             if !self.find()? {
                 if !self.options.repeat || self.played.messages == 0 {
                     self.played.to_the_end = true;
@@ -194,6 +208,11 @@ impl<'a> Player<'a> {
             }
         }
         self.client.comms.flush()?;
+        if self.options.lossless && self.played.to_the_end {
+            // What is left at last is the question itself.
+            table(self.client)?;
+            self.readers_keep_up(1, console, stop)?;
+        }
         self.played.took = self.clock.elapsed();
         self.played.dropped = dropped(&table(self.client)?).saturating_sub(dropped_before);
         self.note_refusals();
@@ -245,7 +264,6 @@ impl<'a> Player<'a> {
             let now = self.clock.elapsed();
             let wait = self.schedule.wait(now, time);
             if now - self.looked >= LOOK {
-                self.looked = now;
                 if let Some(turn) = self.look(console)? {
                     return Ok(turn);
                 }
@@ -282,8 +300,13 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
+    fn look_if_due(&mut self, console: &mut dyn Console) -> Result<Option<Turn>, ReplayError> {
+        if self.clock.elapsed() - self.looked >= LOOK { self.look(console) } else { Ok(None) }
+    }
+
     /// Looks at the keyboard, and shows progress. Answers what that means for the message that was found.
     fn look(&mut self, console: &mut dyn Console) -> Result<Option<Turn>, ReplayError> {
+        self.looked = self.clock.elapsed();
         let mut turn = None;
         for press in console.presses() {
             let now = self.clock.elapsed();
@@ -313,12 +336,12 @@ impl<'a> Player<'a> {
         Ok(turn)
     }
 
-    /// Lets time pass that is no recorded time.
-    fn stand_still(&mut self, meanwhile: impl FnOnce(&mut Self)) {
-        let paused = self.schedule.paused();
-        self.schedule.pause(self.clock.elapsed(), true);
-        meanwhile(self);
-        self.schedule.pause(self.clock.elapsed(), paused);
+    /// Does something in time that is no recorded time.
+    fn stand_still<T>(&mut self, act: impl FnOnce(&mut Self) -> T) -> T {
+        let before = self.clock.elapsed();
+        let done = act(self);
+        self.schedule.pass_over(self.clock.elapsed() - before);
+        done
     }
 
     fn note_refusals(&mut self) {
@@ -336,6 +359,7 @@ impl<'a> Player<'a> {
             messages: self.played.messages,
             rate: self.schedule.rate(),
             paused: self.schedule.paused(),
+            waits_for: self.waits_for.clone(),
         }
     }
 
@@ -360,25 +384,43 @@ impl<'a> Player<'a> {
         let bytes = size(value);
         self.played.messages += 1;
         self.played.bytes += bytes as u64;
-        self.unchecked += bytes + key.len();
-        if self.options.lossless && self.unchecked >= LOSSLESS_BYTES {
-            self.unchecked = 0;
-            self.wait_for_readers()?;
+        if self.options.lossless {
+            self.unchecked += if bytes >= BULK_MIN_BYTES { LOSSLESS_BYTES } else { bytes + key.len() };
         }
         Ok(())
     }
 
-    /// Waits until no reader has much mail waiting.
-    fn wait_for_readers(&mut self) -> Result<(), ReplayError> {
-        loop {
-            let table = table(self.client)?;
-            let own = self.client.comms.name();
-            let others = table.clients.iter().filter(|client| client.name != own);
-            if others.map(|client| client.waiting_bytes).max().unwrap_or(0) <= LOSSLESS_BACKLOG {
-                return Ok(());
+    /// Waits until no reader is further behind than the last `ahead` batches; answers whether to go on.
+    fn readers_keep_up(
+        &mut self,
+        ahead: u64,
+        console: &mut dyn Console,
+        stop: &AtomicBool,
+    ) -> Result<bool, ReplayError> {
+        self.unchecked = 0;
+        let (mut pause, longest) = LOOK_AT_READERS;
+        let begun = self.clock.elapsed();
+        while self.client.comms.unhandled_batches() > ahead {
+            let slowest = self.stand_still(|player| player.look_at_readers(pause))?;
+            pause = (2 * pause).min(longest);
+            if self.clock.elapsed() - begun > LONG_WAIT {
+                self.waits_for = slowest;
             }
-            self.client.receive(Duration::from_millis(1), |_| {})?;
+            if stop.load(Ordering::Relaxed) || self.look_if_due(console)? == Some(Turn::Quit) {
+                return Ok(false);
+            }
         }
+        self.waits_for = None;
+        Ok(true)
+    }
+
+    /// Has the broker say how far its readers are, and gives them some time; answers who has most to read.
+    fn look_at_readers(&mut self, pause: Duration) -> Result<Option<String>, ReplayError> {
+        let table = table(self.client)?;
+        self.client.receive(pause, |_| {})?;
+        let own = self.client.comms.name();
+        let others = table.clients.into_iter().filter(|client| client.name != own && client.unhandled > 0);
+        Ok(others.max_by_key(|client| client.unhandled).map(|client| client.name))
     }
 }
 
