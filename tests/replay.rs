@@ -3,58 +3,16 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Output, Stdio};
+use std::process::{Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use common::lab::Lab;
 use common::{Elk, WATCHDOG, kill, wait_until};
 use elk_bus::{App, AppError, Client, Comms, Community, Mail, Value, run_app_on};
 use elk_log::{LogReader, LogWriter, Metadata, Record};
 use rustix::process::Signal;
-
-/// A broker, and a client that hears everything that replays say.
-struct Lab {
-    db: Child,
-    listener: Client,
-}
-
-impl Lab {
-    fn new(elk: &Elk) -> Self {
-        let db = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-        let name = Community::new(elk.community()).unwrap();
-        let mut joined = None;
-        wait_until(Duration::from_secs(30), "a broker", || {
-            joined = Client::connect(&name, "listener").ok();
-            joined.is_some()
-        });
-        let mut listener = joined.unwrap();
-        listener.comms.register_lossless("*", "*").unwrap();
-        listener.comms.flush().unwrap();
-        Self { db, listener }
-    }
-
-    /// All messages of others than the broker and the listener, until `count` have come.
-    fn hear(&mut self, count: usize) -> Vec<(String, String, Value)> {
-        let mut heard = Vec::new();
-        wait_until(Duration::from_secs(30), "what is played", || {
-            self.listener
-                .receive(Duration::from_millis(10), |mail| {
-                    if !mail.source().starts_with("MOOSDB") {
-                        heard.push((mail.key().into(), mail.source().into(), mail.value().to_value()));
-                    }
-                })
-                .unwrap();
-            heard.len() >= count
-        });
-        heard
-    }
-
-    fn end(mut self) {
-        kill(self.db.id() as i32, Signal::TERM);
-        assert!(self.db.wait().unwrap().success());
-    }
-}
 
 fn record(number: u64, key: &str, source: &str, value: Value) -> Record {
     Record {

@@ -234,17 +234,33 @@ fn say(text: &str) -> Result<()> {
     Ok(std::io::stdout().write_all(text.as_bytes())?)
 }
 
-/// Says on a terminal how far reading has come; is silent in a pipe.
+/// Says on a terminal how far reading has come, and leaves no trace of it; is silent in a pipe.
 pub fn progress(what: &'static str) -> impl FnMut(u64, u64) {
     let terminal = std::io::stderr().is_terminal();
-    let mut shown = None;
+    let mut shown = Shown(None);
     move |done, all| {
         let percent = (100 * done).checked_div(all).unwrap_or(100);
-        if terminal && shown != Some(percent) {
-            shown = Some(percent);
-            eprint!("\r{what} {percent} %\r");
+        if terminal && shown.0 != Some(percent) {
+            shown.0 = Some(percent);
+            draw(&format!("\r{what} {percent} %\r"));
         }
     }
+}
+
+/// The percentage that stands on the terminal.
+struct Shown(Option<u64>);
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        if self.0.is_some() {
+            draw("\x1b[K");
+        }
+    }
+}
+
+/// Draws on standard error. A terminal that is gone shows nothing; nobody ends over it, as with [`eprint!`].
+pub fn draw(text: &str) {
+    let _ = std::io::stderr().write_all(text.as_bytes());
 }
 
 /// `elk log info`

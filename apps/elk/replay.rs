@@ -6,29 +6,32 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use elk_bus::{Client, stop_on_signals};
+use elk_bus::{Client, stop_on_signals, tell};
 use elk_mission::{Mission, Override};
 use elk_replay::keyboard::{self, Keyboard};
 use elk_replay::{
     Console, PlayOptions, Played, Player, Press, Progress, Rate, ReproduceOptions, Reproduced, Tape, reproduce,
 };
+use rustix::termios::tcgetwinsize;
 
 use crate::cli::CommunityArgs;
-use crate::log::{SelectionArgs, progress};
+use crate::log::{SelectionArgs, draw, progress};
 use crate::registry::registry;
 
 /// What stands below the help.
 pub const HELP: &str = "Example: elk replay logs/apartment-20261123-224512 --rate 2\n\n\
-    On a terminal space pauses, . steps, left and right go 5 s, + and - change the rate, Home begins again, q ends. The \
-    broker's own variables (DB_*) are not played.\n\n\
+    On a terminal space pauses, . steps, left and right go 5 s, + and - change the rate, Home begins again, q ends, \
+    Ctrl-Z gives the terminal back until fg. The broker's own variables (DB_*) are not played.\n\n\
     With --into, the apps of a mission that --only names run live in this process, the recording gives them their \
     input, in its order, and what they say is logged into a new run: elk log diff OLD NEW then says whether it is the \
     same. Besides --keys, what a live app has registered for is played.\n\
     Example: elk replay logs/apartment-20261123-224512 --rate max --keys 'SCAN*' \\\n         \
     --into mission-files/apartment.xml --only Map,Explorer";
 
-/// Characters of the progress bar.
+/// Characters of the progress bar, where there is room.
 const BAR: usize = 30;
+/// Fewer say nothing.
+const SHORTEST_BAR: usize = 5;
 
 /// What to play, and how.
 #[derive(Debug, Args)]
@@ -103,8 +106,8 @@ fn run_onto(arguments: ReplayArgs) -> Result<ExitCode> {
 }
 
 fn report(log: &Path, played: &Played) -> Result<ExitCode> {
-    let Played { messages, bytes, took, dropped, refused, refusal, lateness, unreadable } = played;
-    if *messages == 0 {
+    let Played { to_the_end, messages, bytes, took, dropped, refused, refusal, lateness, unreadable } = played;
+    if *to_the_end && *messages == 0 {
         bail!("{}", elk_replay::ReplayError::Nothing(log.into()));
     }
     let secs = took.as_secs_f64();
@@ -159,22 +162,28 @@ fn say(text: &str) -> Result<()> {
     }
 }
 
-/// A terminal with a bar and keys; in a pipe, a line every tenth of the way.
+/// A terminal with a bar and keys; in a pipe, a line every tenth of the way, and for each client that is waited for.
 struct Screen {
     keyboard: Option<Keyboard>,
     terminal: bool,
-    /// The tenth that was told last.
-    tenth: Option<u64>,
+    /// The tenth, and the client, that were told last.
+    told: (Option<u64>, Option<String>),
 }
 
 impl Screen {
     fn new() -> Self {
         let keyboard = Keyboard::open();
         let terminal = std::io::stderr().is_terminal();
-        if keyboard.is_some() && terminal {
-            eprintln!("{}", keyboard::HELP);
+        let screen = Self { keyboard, terminal, told: (None, None) };
+        if screen.keyboard.is_some() && screen.is_drawn_on() {
+            tell(keyboard::HELP);
         }
-        Self { keyboard, terminal, tenth: None }
+        screen
+    }
+
+    /// Whether there is a bar: not where a shell or another job has the terminal.
+    fn is_drawn_on(&self) -> bool {
+        self.terminal && self.keyboard.as_ref().is_none_or(Keyboard::is_ours)
     }
 }
 
@@ -184,24 +193,86 @@ impl Console for Screen {
     }
 
     fn show(&mut self, progress: &Progress) {
-        let Progress { secs, of_secs, messages, rate, paused } = progress;
-        let share = if *of_secs > 0.0 { secs / of_secs } else { 1.0 };
-        let state = if *paused { " paused" } else { "" };
-        if self.terminal {
-            let full = (share * BAR as f64).round() as usize;
-            let bar = format!("{}{}", "#".repeat(full.min(BAR)), ".".repeat(BAR.saturating_sub(full)));
-            eprint!("\r[{bar}] {secs:.1} / {of_secs:.1} s at {rate}, {messages} messages{state}\x1b[K");
-        } else if self.tenth != Some((share * 10.0) as u64) {
-            self.tenth = Some((share * 10.0) as u64);
-            eprintln!("{secs:.1} / {of_secs:.1} s at {rate}, {messages} messages{state}");
+        if self.is_drawn_on() {
+            let columns = tcgetwinsize(std::io::stderr()).map_or(0, |size| usize::from(size.ws_col));
+            draw(&format!("\r{}\x1b[K", line(progress, columns)));
+        } else if !self.terminal {
+            let waits_for = progress.waits_for.clone().or_else(|| self.told.1.clone());
+            let now = (Some((share(progress) * 10.0) as u64), waits_for);
+            if self.told != now {
+                self.told = now;
+                tell(words(progress));
+            }
+        }
+    }
+
+    fn tell(&mut self, words: &str) {
+        let before = if self.is_drawn_on() { "\r\x1b[K" } else { "" };
+        tell(format_args!("{before}{words}"));
+    }
+
+    fn suspend(&mut self) {
+        if let Some(keyboard) = &mut self.keyboard {
+            tell(""); // the shell has a line of its own
+            keyboard.suspend();
         }
     }
 }
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        if self.terminal {
-            eprintln!();
+        if self.is_drawn_on() {
+            tell("");
         }
+    }
+}
+
+/// How much of the log is played, 0 to 1.
+fn share(progress: &Progress) -> f64 {
+    if progress.of_secs > 0.0 { progress.secs / progress.of_secs } else { 1.0 }
+}
+
+fn words(progress: &Progress) -> String {
+    let Progress { secs, of_secs, messages, rate, paused, waits_for } = progress;
+    let paused = if *paused { ", paused" } else { "" };
+    let waits = waits_for.as_ref().map(|client| format!(", waits for {client}")).unwrap_or_default();
+    format!("{secs:.1} / {of_secs:.1} s at {rate}{paused}{waits}, {messages} messages")
+}
+
+/// Words with a bar before them, as far as there is room in so many columns (0: nobody knows how many there are). The
+/// last column stays free: what reaches it may go on in the next line.
+fn line(progress: &Progress, columns: usize) -> String {
+    let words = words(progress);
+    let room = columns.checked_sub(1).unwrap_or(usize::MAX);
+    let bar = room.saturating_sub(words.len() + "[] ".len()).min(BAR);
+    if bar < SHORTEST_BAR {
+        return words.chars().take(room).collect();
+    }
+    let full = (share(progress) * bar as f64).round() as usize;
+    format!("[{}{}] {words}", "#".repeat(full.min(bar)), ".".repeat(bar.saturating_sub(full)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bar_gives_way_to_the_words_where_there_is_little_room() {
+        let progress =
+            Progress { secs: 5.0, of_secs: 20.0, messages: 7, rate: Rate::Times(2.0), paused: true, waits_for: None };
+        let words = "5.0 / 20.0 s at 2x, paused, 7 messages";
+        assert_eq!(line(&progress, 0), format!("[########......................] {words}"));
+        assert_eq!(line(&progress, 80), line(&progress, 0));
+        assert_eq!(line(&progress, 60), format!("[#####.............] {words}"));
+        assert_eq!(line(&progress, 40), words);
+        assert_eq!(line(&progress, 20), "5.0 / 20.0 s at 2x,");
+        assert_eq!(line(&progress, 1), "");
+    }
+
+    #[test]
+    fn a_log_without_duration_is_played_as_a_whole() {
+        let progress =
+            Progress { secs: 0.0, of_secs: 0.0, messages: 1, rate: Rate::Max, paused: false, waits_for: None };
+        assert_eq!(line(&progress, 0), format!("[{}] 0.0 / 0.0 s at max, 1 messages", "#".repeat(BAR)));
     }
 }

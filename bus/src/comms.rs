@@ -350,6 +350,12 @@ impl Comms {
         Ok(())
     }
 
+    /// Batches that were sent and that not everybody whom they reached has handled, as far as the broker has said so: it
+    /// says so whenever it is sent something.
+    pub fn unhandled_batches(&self) -> u64 {
+        self.outbox.unhandled(&*self.up)
+    }
+
     fn batch_is_sent(&mut self, bulk: bool) {
         let sent = std::mem::take(&mut self.batch);
         self.batch = self.outbox.retain(sent, bulk);

@@ -228,7 +228,7 @@ impl Downlink for MemoryDown {
             let now = shared.clock.now();
             broker.tick(now);
             let mut batch = Vec::new();
-            broker.take_mail(now, *id, usize::MAX, &mut batch, |_, _| {});
+            broker.take_mail(*id, usize::MAX, &mut batch, |_, _| {});
             if !batch.is_empty() {
                 broker.keep_given(*id, batch.clone());
                 shared.changed.notify_all();
@@ -252,7 +252,7 @@ impl Downlink for MemoryDown {
         let End { shared, id, epoch, .. } = &*self.0;
         let mut state = shared.lock();
         let Ok(broker) = shared.broker(&mut state, *epoch) else { return };
-        broker.note_handled(*id, messages, &mut Vec::new());
+        broker.note_handled(shared.clock.now(), *id, messages, &mut Vec::new());
         let name = broker.client_name(*id).unwrap_or_default().to_owned();
         state.handled.insert(*id, messages);
         if let Some(since) = state.handovers.remove(&name)

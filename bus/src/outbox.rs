@@ -72,6 +72,11 @@ impl Outbox {
         self.spare.pop().unwrap_or_default()
     }
 
+    /// Batches of which not all mail is known to be handled.
+    pub fn unhandled(&self, up: &dyn Uplink) -> u64 {
+        self.sent.saturating_sub(up.handled())
+    }
+
     /// Lets go of what was handled.
     pub fn trim(&mut self, up: &mut dyn Uplink) {
         let handled = up.handled();

@@ -278,6 +278,30 @@ fn bulk_values_flow_as_fast_as_a_lossless_reader_reads<T: Transport + Sync>() {
     t.stop();
 }
 
+/// Regression: a publisher of bulk values waited for ever for a lossless reader that hung, and could not even be ended.
+fn bulk_values_wait_for_a_lossless_reader_that_hangs_only_so_long<T: Transport>() {
+    const COUNT: u64 = 20;
+    let t = T::start("hung");
+    let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
+    b.comms.register_lossless("BLOB", "*").unwrap();
+    settle(&mut b);
+    // What b is not given by reference it is given as a copy, with the hint to open the way for references.
+    a.comms.publish(&BLOB, &blob(0, 100_000)).unwrap();
+    a.comms.flush().unwrap();
+    b.receive(DEADLINE, |m| assert!(m.is(&BLOB))).unwrap();
+    settle(&mut b);
+    (1..=COUNT).for_each(|number| a.comms.publish(&BLOB, &blob(number, 100_000)).unwrap());
+    settle(&mut a);
+    let (mut numbers, waited) = (Vec::new(), Stopwatch::start());
+    while numbers.len() as u64 + b.inbox.dropped() < COUNT {
+        assert!(waited.elapsed() < DEADLINE, "{numbers:?} came");
+        b.receive(Duration::from_millis(100), |m| numbers.push(m.decode(&BLOB).unwrap().number)).unwrap();
+    }
+    assert!(numbers.is_sorted() && numbers.last() == Some(&COUNT), "{numbers:?}");
+    drop((a, b));
+    t.stop();
+}
+
 fn a_late_registrant_is_given_the_latest_value_however_large<T: Transport>() {
     let t = T::start("late");
     let mut a = t.connect("a").unwrap();
@@ -721,6 +745,7 @@ conformance!(
     a_client_that_never_reads_hurts_nobody,
     values_of_any_size_arrive_whole_and_in_order,
     bulk_values_flow_as_fast_as_a_lossless_reader_reads,
+    bulk_values_wait_for_a_lossless_reader_that_hangs_only_so_long,
     a_late_registrant_is_given_the_latest_value_however_large,
     whoever_hears_itself_is_heard_by_the_others_as_before,
     a_value_of_another_type_is_refused_to_its_writer_and_never_misread,

@@ -1,6 +1,9 @@
 //! The real program in a folder and a community of its own.
 #![allow(dead_code, reason = "each test program uses its part of it")]
 
+pub mod lab;
+pub mod terminal;
+
 use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};

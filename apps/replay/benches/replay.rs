@@ -1,7 +1,7 @@
 //! How fast a log is played and opened: `cargo bench -p elk-replay --bench replay -- [small bulk seek]`.
 //!
 //! `small` and `bulk` play a log at rate `max` onto a bus in shared memory; beside it, in the same run, a client says the
-//! same without a log. `seek` opens a log (of ELK_BENCH_GB gigabytes, 1 if not said) and jumps in it.
+//! same without a log, and a replay waits for a reader. `seek` opens a log (of ELK_BENCH_GB gigabytes, 1 if not said) and jumps in it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -35,6 +35,8 @@ impl Console for Nobody {
         Vec::new()
     }
     fn show(&mut self, _: &Progress) {}
+    fn tell(&mut self, _: &str) {}
+    fn suspend(&mut self) {}
 }
 
 fn value(bytes: &[u8]) -> ValueRef<'_> {
@@ -90,23 +92,53 @@ fn play(what: &str, name: &str, count: u64, bytes: usize) {
     }
     client.comms.flush().expect("flushed");
     let direct = clock.elapsed().as_secs_f64();
-    let options = PlayOptions {
-        rate: Rate::Max,
-        selection: Selection::default(),
-        remap: Vec::new(),
-        repeat: false,
-        lossless: false,
-        clock: false,
+    let unread = play_onto(&mut client, &path, false);
+    let (waited, heard) = with_a_reader(&community, || play_onto(&mut client, &path, true));
+    let rates = |secs: f64| {
+        let (messages, megabytes) = (count as f64 / secs / 1e3, count as f64 * bytes as f64 / secs / 1e6);
+        format!("{messages:.0} k/s, {megabytes:.0} MB/s")
     };
-    let tape = Tape::open(&path, &mut |_, _| {}).expect("a log");
-    let played = Player::new(tape, &options, &mut client).play(&mut Nobody, &AtomicBool::new(false)).expect("played");
-    let secs = played.took.as_secs_f64();
-    let rates = |secs: f64| (count as f64 / secs / 1e3, count as f64 * bytes as f64 / secs / 1e6);
-    let ((k, mb), (direct_k, direct_mb)) = (rates(secs), rates(direct));
-    println!("{what}: played {k:.0} k/s, {mb:.0} MB/s; said without a log {direct_k:.0} k/s, {direct_mb:.0} MB/s");
+    println!("{what}: played {}; said without a log {}", rates(unread), rates(direct));
+    println!("{what}: played to a reader that is waited for {}; it heard {heard} of {count}", rates(waited));
     drop(client);
     stop.store(true, Ordering::Relaxed);
     broker.join().expect("a broker");
+}
+
+/// Plays a log; how long that took (s).
+fn play_onto(client: &mut Client, path: &Path, lossless: bool) -> f64 {
+    let (selection, remap) = (Selection::default(), Vec::new());
+    let options = PlayOptions { rate: Rate::Max, selection, remap, repeat: false, lossless, clock: false };
+    let tape = Tape::open(path, &mut |_, _| {}).expect("a log");
+    let played = Player::new(tape, &options, client).play(&mut Nobody, &AtomicBool::new(false)).expect("played");
+    played.took.as_secs_f64()
+}
+
+/// What `act` answers while somebody reads the log's variable, and how many messages that one heard.
+fn with_a_reader<T>(community: &Community, act: impl FnOnce() -> T) -> (T, usize) {
+    let (ready, registered) = std::sync::mpsc::channel();
+    let over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let reader = scope.spawn(|| {
+            let mut reader = Client::connect(community, "reader").expect("joined");
+            reader.comms.register_variable("BENCH", 0.0).expect("registered");
+            let mut hear = |millis| reader.receive(Duration::from_millis(millis), |_| {}).expect("received");
+            // The latest value, which was said before.
+            while hear(10) == 0 {}
+            ready.send(()).expect("told");
+            let mut heard = 0;
+            loop {
+                match hear(10) {
+                    0 if over.load(Ordering::Relaxed) => return heard - reader.inbox.dropped() as usize,
+                    some => heard += some,
+                }
+            }
+        });
+        registered.recv().expect("a reader");
+        let answer = act();
+        over.store(true, Ordering::Relaxed);
+        (answer, reader.join().expect("a reader"))
+    })
 }
 
 fn seek() {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use elk_bus::broker::CLOCK;
 use elk_bus::clock::Stopwatch;
+use elk_bus::comms::BULK_MIN_BYTES;
 use elk_bus::pattern::matches;
 use elk_bus::{Client, Origin};
 use elk_log::selection::Place;
@@ -24,13 +25,18 @@ const LOOK: Duration = Duration::from_millis(50);
 const SLEEP: Duration = Duration::from_millis(2);
 /// Looking at the clock costs more than publishing a message: at rate `max` it is done after so many.
 const MESSAGES_PER_LOOK: u32 = 256;
-/// After so many bytes a lossless replay waits for its readers.
+/// After so many bytes, and after each bulk value, a lossless replay waits for its readers: a mailbox holds many times
+/// that, but only the last few bulk values are kept for those who are behind.
 const LOSSLESS_BYTES: usize = 256 << 10;
 /// The community's clock is set anew when it has come so far from the schedule (s of real time): the two go by different
 /// clocks of the machine.
 const OUT_OF_STEP_SECS: f64 = 1e-3;
-/// Mail of a reader that is still waiting when a lossless replay goes on (bytes).
-const LOSSLESS_BACKLOG: u64 = 64 << 10;
+/// Batches that some reader has not handled when a lossless replay goes on.
+const LOSSLESS_AHEAD: u64 = 3;
+/// How often it is looked whether readers are ready, at first and after a while.
+const LOOK_AT_READERS: (Duration, Duration) = (Duration::from_micros(100), Duration::from_millis(20));
+/// Who is waited for is told after so long.
+const LONG_WAIT: Duration = Duration::from_secs(1);
 
 /// How a log is to be played.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,12 +71,14 @@ pub enum Press {
     },
     /// Begin again.
     Restart,
+    /// Give the terminal back for a while.
+    Suspend,
     /// End.
     Quit,
 }
 
 /// How far a replay is.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
     /// Recorded time since the log's first message (s).
     pub secs: f64,
@@ -82,11 +90,15 @@ pub struct Progress {
     pub rate: Rate,
     /// Whether it stands still.
     pub paused: bool,
+    /// The client that a lossless replay has been waiting for, for a while.
+    pub waits_for: Option<String>,
 }
 
 /// What a replay came to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Played {
+    /// Whether the log has ended, and nobody ended its replay before.
+    pub to_the_end: bool,
     /// Messages said.
     pub messages: u64,
     /// Bytes of their values.
@@ -111,6 +123,10 @@ pub trait Console {
     fn presses(&mut self) -> Vec<Press>;
     /// Shows how far it is.
     fn show(&mut self, progress: &Progress);
+    /// Says something that is not to be overwritten.
+    fn tell(&mut self, words: &str);
+    /// Gives the terminal back, and returns when it may be used again.
+    fn suspend(&mut self);
 }
 
 /// Plays a log once, or for ever.
@@ -126,12 +142,14 @@ pub struct Player<'a> {
     steps: u32,
     /// Bytes said since readers were waited for.
     unchecked: usize,
+    waits_for: Option<String>,
     looked: Duration,
     since_look: u32,
     played: Played,
 }
 
 /// What to do with the message that was found.
+#[derive(PartialEq)]
 enum Turn {
     Say,
     /// The place in the log has changed.
@@ -153,9 +171,11 @@ impl<'a> Player<'a> {
             end,
             steps: 0,
             unchecked: 0,
+            waits_for: None,
             looked: Duration::ZERO,
             since_look: 0,
             played: Played {
+                to_the_end: false,
                 messages: 0,
                 bytes: 0,
                 took: Duration::ZERO,
@@ -177,26 +197,35 @@ impl<'a> Player<'a> {
         self.rewind()?;
         self.take_clock()?;
         while !stop.load(Ordering::Relaxed) {
+            if self.unchecked >= LOSSLESS_BYTES && !self.readers_keep_up(LOSSLESS_AHEAD, console, stop)? {
+                break;
+            }
             if !self.find()? {
                 if !self.options.repeat || self.played.messages == 0 {
+                    self.played.to_the_end = true;
                     break;
                 }
                 self.rewind()?;
                 continue;
             }
             match self.turn(console, stop)? {
-                Turn::Say => self.say()?,
+                Turn::Say => self.say(console)?,
                 Turn::Moved => {}
                 Turn::Quit => break,
             }
         }
         self.client.comms.let_go_of_clock()?;
         self.client.comms.flush()?;
+        if self.options.lossless && self.played.to_the_end {
+            // What is left at last is the question itself.
+            table(self.client)?;
+            self.readers_keep_up(1, console, stop)?;
+        }
         self.played.took = self.clock.elapsed();
         self.played.dropped = dropped(&table(self.client)?).saturating_sub(dropped_before);
         self.note_refusals();
         console.show(&self.progress());
-        self.tape.damage().iter().for_each(|reason| eprintln!("the log is not whole: {reason}"));
+        self.tape.damage().iter().for_each(|reason| console.tell(&format!("the log is not whole: {reason}")));
         Ok(self.played)
     }
 
@@ -269,7 +298,6 @@ impl<'a> Player<'a> {
             let wait = self.schedule.wait(now, time);
             self.set_clock(now)?;
             if now - self.looked >= LOOK {
-                self.looked = now;
                 if let Some(turn) = self.look(console)? {
                     return Ok(turn);
                 }
@@ -307,8 +335,13 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
+    fn look_if_due(&mut self, console: &mut dyn Console) -> Result<Option<Turn>, ReplayError> {
+        if self.clock.elapsed() - self.looked >= LOOK { self.look(console) } else { Ok(None) }
+    }
+
     /// Looks at the keyboard, and shows progress. Answers what that means for the message that was found.
     fn look(&mut self, console: &mut dyn Console) -> Result<Option<Turn>, ReplayError> {
+        self.looked = self.clock.elapsed();
         let mut turn = None;
         for press in console.presses() {
             let now = self.clock.elapsed();
@@ -317,6 +350,7 @@ impl<'a> Player<'a> {
                 Press::Step => self.steps += 1,
                 Press::Rate { faster } => self.schedule.set_rate(now, self.schedule.rate().changed(faster)),
                 Press::Quit => return Ok(Some(Turn::Quit)),
+                Press::Suspend => self.stand_still(|_| console.suspend()),
                 Press::Restart => {
                     self.rewind()?;
                     turn = Some(Turn::Moved);
@@ -337,6 +371,14 @@ impl<'a> Player<'a> {
         Ok(turn)
     }
 
+    /// Does something in time that is no recorded time.
+    fn stand_still<T>(&mut self, act: impl FnOnce(&mut Self) -> T) -> T {
+        let before = self.clock.elapsed();
+        let done = act(self);
+        self.schedule.pass_over(self.clock.elapsed() - before);
+        done
+    }
+
     fn note_refusals(&mut self) {
         for refused in self.client.inbox.take_refusals() {
             self.played.refused += 1;
@@ -352,16 +394,17 @@ impl<'a> Player<'a> {
             messages: self.played.messages,
             rate: self.schedule.rate(),
             paused: self.schedule.paused(),
+            waits_for: self.waits_for.clone(),
         }
     }
 
     /// Says the message that was found.
-    fn say(&mut self) -> Result<(), ReplayError> {
+    fn say(&mut self, console: &mut dyn Console) -> Result<(), ReplayError> {
         let record = match self.tape.record() {
             Some(Ok(record)) => record,
             Some(Err(error)) => {
                 if self.played.unreadable == 0 {
-                    eprintln!("{error}");
+                    console.tell(&error.to_string());
                 }
                 self.played.unreadable += 1;
                 return Ok(());
@@ -376,25 +419,43 @@ impl<'a> Player<'a> {
         let bytes = value.byte_len();
         self.played.messages += 1;
         self.played.bytes += bytes as u64;
-        self.unchecked += bytes + key.len();
-        if self.options.lossless && self.unchecked >= LOSSLESS_BYTES {
-            self.unchecked = 0;
-            self.wait_for_readers()?;
+        if self.options.lossless {
+            self.unchecked += if bytes >= BULK_MIN_BYTES { LOSSLESS_BYTES } else { bytes + key.len() };
         }
         Ok(())
     }
 
-    /// Waits until no reader has much mail waiting.
-    fn wait_for_readers(&mut self) -> Result<(), ReplayError> {
-        loop {
-            let table = table(self.client)?;
-            let own = self.client.comms.name();
-            let others = table.clients.iter().filter(|client| client.name != own);
-            if others.map(|client| client.waiting_bytes).max().unwrap_or(0) <= LOSSLESS_BACKLOG {
-                return Ok(());
+    /// Waits until no reader is further behind than the last `ahead` batches; answers whether to go on.
+    fn readers_keep_up(
+        &mut self,
+        ahead: u64,
+        console: &mut dyn Console,
+        stop: &AtomicBool,
+    ) -> Result<bool, ReplayError> {
+        self.unchecked = 0;
+        let (mut pause, longest) = LOOK_AT_READERS;
+        let begun = self.clock.elapsed();
+        while self.client.comms.unhandled_batches() > ahead {
+            let slowest = self.stand_still(|player| player.look_at_readers(pause))?;
+            pause = (2 * pause).min(longest);
+            if self.clock.elapsed() - begun > LONG_WAIT {
+                self.waits_for = slowest;
             }
-            self.client.receive(Duration::from_millis(1), |_| {})?;
+            if stop.load(Ordering::Relaxed) || self.look_if_due(console)? == Some(Turn::Quit) {
+                return Ok(false);
+            }
         }
+        self.waits_for = None;
+        Ok(true)
+    }
+
+    /// Has the broker say how far its readers are, and gives them some time; answers who has most to read.
+    fn look_at_readers(&mut self, pause: Duration) -> Result<Option<String>, ReplayError> {
+        let table = table(self.client)?;
+        self.client.receive(pause, |_| {})?;
+        let own = self.client.comms.name();
+        let others = table.clients.into_iter().filter(|client| client.name != own && client.unhandled > 0);
+        Ok(others.max_by_key(|client| client.unhandled).map(|client| client.name))
     }
 }
 

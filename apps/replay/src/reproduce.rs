@@ -16,7 +16,7 @@ use std::time::Duration;
 use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, Community, Mail};
+use elk_bus::{Client, Community, Mail, tell};
 use elk_log::diff::VOLATILE_KEYS;
 use elk_log::selection::Place;
 use elk_log::{LogReader, Selection};
@@ -281,7 +281,7 @@ impl Stage {
                 on_progress(done, all);
             }
         }
-        log.damage().iter().for_each(|reason| eprintln!("the log is not whole: {reason}"));
+        log.damage().iter().for_each(|reason| tell(format_args!("the log is not whole: {reason}")));
         Ok(())
     }
 
@@ -315,7 +315,7 @@ impl Stage {
             if silent.elapsed() > OUTPUT_PATIENCE {
                 let (key, source) = &stream;
                 let secs = OUTPUT_PATIENCE.as_secs();
-                eprintln!("{source} has not said {key} again within {secs} s; it is not waited for any more");
+                tell(format_args!("{source} has not said {key} again within {secs} s; it is not waited for any more"));
                 self.given_up.push(stream);
             } else if self.listen(LOOK)? {
                 self.longest = self.longest.max(silent.elapsed());

@@ -154,6 +154,11 @@ impl Schedule {
         self.rate = rate;
     }
 
+    /// So much real time has passed that is no recorded time.
+    pub fn pass_over(&mut self, time: Duration) {
+        self.anchor = self.anchor.map(|(start, origin)| (start + time, origin));
+    }
+
     /// Goes on from the recorded time `to` (s).
     pub fn jump(&mut self, now: Duration, to: f64) {
         self.anchor = Some((now, to));
@@ -214,6 +219,15 @@ mod tests {
             schedule.jump(secs(3.0), to);
             assert_eq!(schedule.wait(secs(3.0), to + 1.0), Wait::For(secs(1.0)));
         }
+    }
+
+    #[test]
+    fn time_that_is_passed_over_makes_nothing_due() {
+        let mut schedule = Schedule::new(Rate::Times(2.0));
+        schedule.wait(secs(0.0), 10.0);
+        schedule.pass_over(secs(100.0));
+        assert_eq!(schedule.position(secs(101.0)), Some(12.0));
+        assert_eq!(schedule.wait(secs(101.0), 13.0), Wait::For(secs(0.5)));
     }
 
     #[test]

@@ -30,7 +30,10 @@ pub struct Mailbox {
     /// `given_messages` and `left` before the last [`Mailbox::take`].
     before_take: (u64, u64),
     lossless: bool,
-    last_taken: f64,
+    /// Messages that the client has handled of those that it was ever given.
+    handled_messages: u64,
+    /// When the client was last seen to read, or had nothing to read.
+    last_read: f64,
     /// By [`Named`]: the numbers that the client has been told the names of.
     known: [Vec<bool>; 4],
 }
@@ -63,7 +66,8 @@ impl Mailbox {
             given_messages: 0,
             before_take: (0, 0),
             lossless: false,
-            last_taken: now,
+            handled_messages: 0,
+            last_read: now,
             known: Default::default(),
         }
     }
@@ -122,19 +126,24 @@ impl Mailbox {
         self.waiting() == 0 && self.notices.is_empty() && self.clock.is_none()
     }
 
-    /// Whether publishers have to wait: lossless, full, and its client has read within `patience` (s).
+    /// Whether publishers have to wait until there is room.
     pub fn holds_back(&self, now: f64, patience: f64) -> bool {
-        self.lossless && self.waiting() >= self.limit && now - self.last_taken < patience
+        self.waiting() >= self.limit && self.is_waited_for(now, patience)
+    }
+
+    /// Whether publishers wait for this client at all: lossless, and it has read within `patience` (s).
+    pub fn is_waited_for(&self, now: f64, patience: f64) -> bool {
+        self.lossless && now - self.last_read < patience
     }
 
     /// Adds a message; makes room for it if it must.
     pub(super) fn push(&mut self, now: f64, message: &Message<'_>, patience: f64) {
-        if self.waiting() == 0 {
+        if self.waiting() == 0 && self.given.is_empty() {
             // Patience is with a client that does not read although there is mail, not with one that has none.
-            self.last_taken = now;
+            self.last_read = now;
         }
         // A lossless mailbox takes what a batch in flight brings beyond the limit; the next batch waits.
-        while self.waiting() > 0 && self.waiting() + message.len() > self.limit && !self.holds_back_at(now, patience) {
+        while self.waiting() > 0 && self.waiting() + message.len() > self.limit && !self.is_waited_for(now, patience) {
             self.head += wire::first_len(&self.mail[self.head..]);
             self.dropped += 1;
             self.left += 1;
@@ -142,10 +151,6 @@ impl Mailbox {
         self.pushed += 1;
         self.reclaim();
         message.append_to(&mut self.mail);
-    }
-
-    fn holds_back_at(&self, now: f64, patience: f64) -> bool {
-        self.lossless && now - self.last_taken < patience
     }
 
     /// Takes back the space of frames that are gone once it is the larger half.
@@ -163,14 +168,7 @@ impl Mailbox {
     }
 
     /// See [`super::Broker::take_mail`].
-    pub(super) fn take(
-        &mut self,
-        now: f64,
-        max: usize,
-        batch: &mut Vec<u8>,
-        mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>),
-    ) {
-        self.last_taken = now;
+    pub(super) fn take(&mut self, max: usize, batch: &mut Vec<u8>, mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>)) {
         self.before_take = (self.given_messages, self.left);
         // Not `append`: whoever was told of thousands of names once needs no room for them for ever.
         batch.extend_from_slice(&std::mem::take(&mut self.notices));
@@ -212,9 +210,16 @@ impl Mailbox {
         self.given.push_back(Given { batch, from, until: self.given_messages, before });
     }
 
-    /// The client has handled so many of the messages that it was ever given; answers the buffers of batches that are
-    /// done with.
-    pub(super) fn handled(&mut self, count: u64) -> impl Iterator<Item = Vec<u8>> + '_ {
+    /// At `now` the client has handled so many of the messages that it was ever given; answers the buffers of batches
+    /// that are done with.
+    pub(super) fn handled(&mut self, now: f64, count: u64) -> impl Iterator<Item = Vec<u8>> + '_ {
+        if count > self.handled_messages {
+            (self.handled_messages, self.last_read) = (count, now);
+        }
+        self.settle(count)
+    }
+
+    fn settle(&mut self, count: u64) -> impl Iterator<Item = Vec<u8>> + '_ {
         std::iter::from_fn(move || self.given.pop_front_if(|given| given.until <= count)).map(|given| given.batch)
     }
 
@@ -231,7 +236,7 @@ impl Mailbox {
     /// Puts the mail that the client was given and has not handled back in front of what waits: it is for another
     /// client now. `count`: the messages that it has handled of those that it was ever given.
     pub(super) fn take_back(&mut self, count: u64) {
-        self.handled(count).for_each(drop);
+        self.settle(count).for_each(drop);
         self.left = self.done();
         let mut mail = Vec::new();
         for given in std::mem::take(&mut self.given) {

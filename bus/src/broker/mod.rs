@@ -541,6 +541,14 @@ impl Broker {
         client.is_some_and(|client| Self::waits_for_its_place(client) || client.feeds.iter().any(full))
     }
 
+    /// Whether publishers wait until a client has read what they sent it. One that has stopped reading is waited for with
+    /// limited patience; one that died, as long as its place is kept.
+    pub fn waits_for(&self, now: f64, id: ClientId) -> bool {
+        let patience = self.config.lossless_patience_secs;
+        let reads = |c: &Client| c.mailbox.is_waited_for(now, patience);
+        self.is_orphan(id) || self.clients.get(&id).is_some_and(reads)
+    }
+
     /// The clients that have mail waiting, or notices, and are there to take it.
     pub fn with_mail(&self) -> impl Iterator<Item = ClientId> + '_ {
         let present = |c: &Client| !matches!(c.standing, Standing::Orphan { .. });
@@ -551,14 +559,13 @@ impl Broker {
     /// value lies in shared memory go through `bulk`, which appends what the client can use.
     pub fn take_mail(
         &mut self,
-        now: f64,
         id: ClientId,
         max: usize,
         batch: &mut Vec<u8>,
         bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>),
     ) {
         if let Some(client) = self.clients.get_mut(&id) {
-            client.mailbox.take(now, max, batch, bulk);
+            client.mailbox.take(max, batch, bulk);
         }
     }
 
@@ -572,9 +579,9 @@ impl Broker {
 
     /// A client has handled so many of the messages that it was ever given; the buffers of batches that are done with
     /// go to `spare`.
-    pub fn note_handled(&mut self, id: ClientId, messages: u64, spare: &mut Vec<Vec<u8>>) {
+    pub fn note_handled(&mut self, now: f64, id: ClientId, messages: u64, spare: &mut Vec<Vec<u8>>) {
         if let Some(client) = self.clients.get_mut(&id) {
-            spare.extend(client.mailbox.handled(messages));
+            spare.extend(client.mailbox.handled(now, messages));
         }
     }
 

@@ -69,6 +69,8 @@ pub struct ClientEntry {
     pub mail: u64,
     /// Of these, those that were dropped because it did not read.
     pub dropped: u64,
+    /// Messages that it was sent and has not handled, as far as it has said: it says so batch by batch.
+    pub unhandled: u64,
     /// Bytes of mail that wait for it.
     pub waiting_bytes: u64,
 }
@@ -208,6 +210,7 @@ impl Broker {
             latency: client.latency.entry(),
             mail: client.mailbox.pushed(),
             dropped: client.mailbox.dropped(),
+            unhandled: client.mailbox.pushed() - client.mailbox.done(),
             waiting_bytes: client.mailbox.waiting() as u64,
         }
     }

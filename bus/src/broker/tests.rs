@@ -16,6 +16,7 @@ struct Speaker {
     names: BTreeMap<(u16, u32), String>,
     /// What it was told that the clock is set to, each time.
     clock: Vec<Option<Dial>>,
+    handled: u64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +33,7 @@ impl Speaker {
     }
 
     fn with(id: ClientId) -> Self {
-        Self { id, keys: Vec::new(), sequence: 0, names: BTreeMap::new(), clock: Vec::new() }
+        Self { id, keys: Vec::new(), sequence: 0, names: BTreeMap::new(), handled: 0, clock: Vec::new() }
     }
 
     fn register(&self, broker: &mut Broker, now: f64, key: &str, source: &str, interval: f64) {
@@ -92,7 +93,7 @@ impl Speaker {
 
     fn hear(&mut self, broker: &mut Broker, now: f64) -> (Vec<Heard>, u64, Vec<String>) {
         let mut batch = Vec::new();
-        broker.take_mail(now, self.id, usize::MAX, &mut batch, |_, _| {});
+        broker.take_mail(self.id, usize::MAX, &mut batch, |_, _| {});
         let (mut heard, mut dropped, mut refused) = (Vec::new(), 0, Vec::new());
         for frame in frames(&batch).map(Result::unwrap) {
             let h = frame.header;
@@ -112,6 +113,9 @@ impl Speaker {
                 }),
             }
         }
+        self.handled += heard.len() as u64;
+        broker.keep_given(self.id, batch);
+        broker.note_handled(now, self.id, self.handled, &mut Vec::new());
         (heard, dropped, refused)
     }
 
@@ -247,6 +251,28 @@ fn a_lossless_registrant_holds_its_publishers_back_as_long_as_patience_lasts() {
     a.text(b, 8.0, "X", "late");
     let (heard, dropped, _) = c.hear(b, 8.0);
     assert_eq!((heard.len(), dropped), (10, 1));
+}
+
+/// Regression: what a slow reader had been given long ago counted for nothing, and its mail was dropped.
+#[test]
+fn a_lossless_registrant_that_reads_slowly_is_waited_for_and_one_that_stops_is_not() {
+    let config = BrokerConfig { mailbox_bytes: 10 * 56, lossless_patience_secs: 5.0, ..BrokerConfig::new("test") };
+    let b = &mut Broker::new(config, 0.0);
+    let (mut a, c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.registration(b, 0.0, FrameKind::Register, "X", "*", 0.0, LOSSLESS);
+    let fill = |b: &mut Broker, a: &mut Speaker| (0..10).for_each(|i| a.text(b, 0.0, "X", &i.to_string()));
+    fill(b, &mut a);
+    let mut batch = Vec::new();
+    b.take_mail(c.id, usize::MAX, &mut batch, |_, _| {});
+    b.keep_given(c.id, batch);
+    fill(b, &mut a);
+    for (handled, now) in [(1, 4.0), (2, 8.0), (3, 12.0)] {
+        b.note_handled(now, c.id, handled, &mut Vec::new());
+        assert!(b.holds_back(now + 4.5, a.id) && b.waits_for(now + 4.5, c.id), "it reads at {now} s");
+    }
+    b.note_handled(16.0, c.id, 3, &mut Vec::new());
+    assert!(!b.holds_back(17.5, a.id) && !b.waits_for(17.5, c.id), "it stopped at 12 s");
+    assert_eq!(b.mail_done(c.id), Some(0), "what it was given is not handled for that");
 }
 
 #[test]
@@ -506,9 +532,9 @@ fn a_batch_is_handled_when_everybody_it_reached_has_handled_it() {
     assert_eq!(b.handled_batches(a.id), 0);
     let handle = |b: &mut Broker, who: &mut Speaker, count: u64| {
         let mut batch = Vec::new();
-        b.take_mail(0.0, who.id, usize::MAX, &mut batch, |_, _| {});
+        b.take_mail(who.id, usize::MAX, &mut batch, |_, _| {});
         b.keep_given(who.id, batch);
-        b.note_handled(who.id, count, &mut Vec::new());
+        b.note_handled(0.0, who.id, count, &mut Vec::new());
     };
     handle(b, &mut c, 1);
     assert_eq!(b.handled_batches(a.id), 0, "d has not");
@@ -557,7 +583,7 @@ struct Holders {
 impl Holders {
     fn give(&mut self, b: &mut Broker) {
         let mut batch = Vec::new();
-        b.take_mail(0.0, self.speaker.id, usize::MAX, &mut batch, |_, _| {});
+        b.take_mail(self.speaker.id, usize::MAX, &mut batch, |_, _| {});
         let messages = frames(&batch).map(Result::unwrap).filter(|f| f.header.kind == FrameKind::Notify);
         self.given.extend(messages.map(|f| match f.header.flags & LATEST {
             0 => String::from_utf8(f.value.into()).unwrap(),
@@ -571,7 +597,7 @@ impl Holders {
             self.handled += 1;
             self.heard.extend(Some(message).filter(|m| m != "latest"));
         }
-        b.note_handled(self.speaker.id, self.handled, &mut Vec::new());
+        b.note_handled(0.0, self.speaker.id, self.handled, &mut Vec::new());
     }
 
     fn replace(&mut self, b: &mut Broker, swap: bool) {

@@ -294,7 +294,7 @@ impl Server {
         // Who wants every message (a logger, say) is in no hurry.
         let (leisurely, urgent) = self.broker.with_mail().partition(|id| self.broker.is_lossless(*id));
         let any = self.hand_out_to_all(now, urgent) | self.hand_out_to_all(now, leisurely);
-        self.settle() | any
+        self.settle(now) | any
     }
 
     fn hand_out_to_all(&mut self, now: f64, ids: Vec<ClientId>) -> bool {
@@ -315,12 +315,12 @@ impl Server {
             }
         }
         peer.page.broker_waits.store(0, SeqCst);
-        self.broker.note_handled(id, peer.page.handled.load(Acquire), &mut self.spare);
+        self.broker.note_handled(now, id, peer.page.handled.load(Acquire), &mut self.spare);
         let mut batch = self.spare.pop().unwrap_or_default();
         batch.clear();
         let (peers, departed) = (&self.peers, &self.departed);
         let resolve = |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk((peers, departed), (id, peer), frame, batch);
-        self.broker.take_mail(now, id, BATCH_BYTES, &mut batch, resolve);
+        self.broker.take_mail(id, BATCH_BYTES, &mut batch, resolve);
         let number = peer.page.down_sent.load(Relaxed);
         let sent = if peer.page.down.put(number, &batch) { Ok(()) } else { peer.down.send(&batch) };
         self.broker.keep_given(id, batch);
@@ -335,9 +335,9 @@ impl Server {
 
     /// Tells publishers how far their mail is handled, and those of bulk values how far their lossless receivers are;
     /// answers whether there may be more to tell.
-    fn settle(&mut self) -> bool {
+    fn settle(&mut self, now: f64) -> bool {
         for (id, peer) in &self.peers {
-            self.broker.note_handled(*id, peer.page.handled.load(Acquire), &mut self.spare);
+            self.broker.note_handled(now, *id, peer.page.handled.load(Acquire), &mut self.spare);
         }
         for (id, peer) in &self.peers {
             peer.page.up_handled.store(self.broker.handled_batches(*id), Release);
@@ -348,7 +348,7 @@ impl Server {
         let mut awaited = BTreeSet::new();
         for peer in self.peers.values_mut() {
             let Some(held) = &mut peer.bulk else { continue };
-            let settled = held.settled(&self.broker, &mut awaited);
+            let settled = held.settled(now, &self.broker, &mut awaited);
             if let Some(sample) = settled.filter(|sample| *sample > peer.page.bulk_settled.load(Relaxed)) {
                 peer.page.bulk_settled.store(sample, SeqCst);
                 if peer.page.client_waits.load(SeqCst) != 0 {
@@ -460,16 +460,16 @@ impl Peer {
 }
 
 impl Held {
-    /// The sample up to which no lossless receiver is behind; those who are go to `awaited`.
-    fn settled(&mut self, broker: &Broker, awaited: &mut BTreeSet<ClientId>) -> Option<u64> {
+    /// The sample up to which nobody is behind whom publishers wait for; those who are go to `awaited`.
+    fn settled(&mut self, now: f64, broker: &Broker, awaited: &mut BTreeSet<ClientId>) -> Option<u64> {
         let behind = |r: &Reached| broker.mail_done(r.client).is_some_and(|done| done < r.position);
         let mut settled = None;
         while let Some((sample, _)) = self.under_way.pop_front_if(|(_, reached)| !reached.iter().any(behind)) {
             settled = Some(sample);
         }
-        let lossless = |reached: &Vec<Reached>| reached.iter().any(|r| r.lossless && behind(r));
-        let rest = self.under_way.iter().take_while(|(_, reached)| !lossless(reached)).last();
-        let waiting = self.under_way.iter().flat_map(|(_, reached)| reached).filter(|r| r.lossless && behind(r));
+        let waited_for = |r: &&Reached| r.lossless && behind(r) && broker.waits_for(now, r.client);
+        let rest = self.under_way.iter().take_while(|(_, reached)| !reached.iter().any(|r| waited_for(&r))).last();
+        let waiting = self.under_way.iter().flat_map(|(_, reached)| reached).filter(waited_for);
         awaited.extend(waiting.map(|r| r.client));
         rest.map(|(sample, _)| *sample).or(settled)
     }

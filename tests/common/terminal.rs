@@ -1,0 +1,191 @@
+//! A pseudo-terminal, and a program in it.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, ExitStatus};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use elk_bus::clock::Stopwatch;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{Mode, OFlags, open};
+use rustix::process::{ioctl_tiocsctty, setsid};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{LocalModes, SpecialCodeIndex, Winsize, tcgetattr, tcsetwinsize};
+
+use super::{WATCHDOG, wait_until};
+
+/// A terminal with a person at it, and the program that they have started there. Killed, should the test fail before its
+/// end.
+pub struct Terminal {
+    /// The person's end.
+    person: File,
+    /// The program's end.
+    tty: OwnedFd,
+    pub program: Child,
+    shown: Shown,
+    /// How its settings were before the program came.
+    before: Settings,
+}
+
+/// Whether keys wait for Enter and are shown, and which codes are special.
+type Settings = (LocalModes, [u8; 4]);
+
+impl Terminal {
+    /// Starts `command` in a terminal of so many columns, which is that of its session: Ctrl-C is a signal there.
+    pub fn start(command: Command, columns: u16) -> Self {
+        Self::start_with(command, columns, || {
+            setsid()?;
+            ioctl_tiocsctty(rustix::stdio::stdin())?;
+            Ok(())
+        })
+    }
+
+    /// Starts `command` in a terminal that is no session's: the program hears nothing of its end.
+    pub fn start_without_session(command: Command, columns: u16) -> Self {
+        Self::start_with(command, columns, || Ok(()))
+    }
+
+    fn start_with(mut command: Command, columns: u16, before: fn() -> std::io::Result<()>) -> Self {
+        let person = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&person).unwrap();
+        unlockpt(&person).unwrap();
+        let name = ptsname(&person, Vec::new()).unwrap();
+        let tty = open(name, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty()).unwrap();
+        let end = || tty.try_clone().unwrap();
+        command.stdin(end()).stdout(end()).stderr(end());
+        // SAFETY: between fork and exec there are two system calls, and no memory is taken.
+        unsafe { command.pre_exec(before) };
+        resize(&tty, columns);
+        let before = settings(&tty);
+        let shown = Shown::of(person.try_clone().unwrap());
+        let program = command.spawn().unwrap();
+        Self { person: person.into(), tty, program, shown, before }
+    }
+
+    /// Makes the terminal's window so many columns wide.
+    pub fn resize(&self, columns: u16) {
+        resize(&self.tty, columns);
+    }
+
+    /// Presses keys.
+    pub fn press(&mut self, keys: &str) {
+        self.person.write_all(keys.as_bytes()).unwrap();
+    }
+
+    /// All that the program has shown so far.
+    pub fn shown(&self) -> String {
+        String::from_utf8_lossy(&self.shown.bytes.lock().unwrap()).into_owned()
+    }
+
+    /// Waits until the program has shown something that is as it should be.
+    pub fn wait_until(&self, what: &str, mut happened: impl FnMut(&str) -> bool) {
+        let clock = Stopwatch::start();
+        while !happened(&self.shown()) {
+            assert!(clock.elapsed() < WATCHDOG, "never seen: {what}; what is shown: {:?}", self.shown());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Whether the terminal's settings are those from before the program came.
+    pub fn is_as_before(&self) -> bool {
+        settings(&self.tty) == self.before
+    }
+
+    /// Waits for the end of the program, which is to leave the terminal as it was; how it ended, and all that it has
+    /// shown.
+    pub fn end(mut self) -> (ExitStatus, String) {
+        let status = self.wait();
+        // What it said last may still be on its way.
+        self.shown.stop();
+        assert!(self.is_as_before(), "the terminal was left with {:?}", settings(&self.tty));
+        (status, self.shown())
+    }
+
+    /// Closes the window; how the program ended.
+    pub fn close(mut self) -> ExitStatus {
+        self.shown.stop();
+        // Nothing else holds the person's end.
+        self.person = File::open("/dev/null").unwrap();
+        self.wait()
+    }
+
+    fn wait(&mut self) -> ExitStatus {
+        let mut status = None;
+        wait_until(WATCHDOG, "the program's end", || {
+            status = self.program.try_wait().unwrap();
+            status.is_some()
+        });
+        status.unwrap()
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+fn settings(tty: &OwnedFd) -> Settings {
+    let found = tcgetattr(tty).unwrap();
+    let codes = [SpecialCodeIndex::VMIN, SpecialCodeIndex::VTIME, SpecialCodeIndex::VSUSP, SpecialCodeIndex::VINTR];
+    (found.local_modes, codes.map(|code| found.special_codes[code]))
+}
+
+fn resize(tty: &OwnedFd, columns: u16) {
+    tcsetwinsize(tty, Winsize { ws_row: 24, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();
+}
+
+/// What a terminal shows: read by a thread, since a terminal that nobody reads makes its program wait.
+struct Shown {
+    bytes: Arc<Mutex<Vec<u8>>>,
+    enough: Arc<AtomicBool>,
+    reader: Option<JoinHandle<()>>,
+}
+
+impl Shown {
+    fn of(person: OwnedFd) -> Self {
+        let (bytes, enough) = (Arc::new(Mutex::new(Vec::new())), Arc::new(AtomicBool::new(false)));
+        let (all, over) = (bytes.clone(), enough.clone());
+        let reader = std::thread::spawn(move || {
+            let mut person = File::from(person);
+            let mut some = [0; 4096];
+            loop {
+                // Asked before looking: what is there by then is taken all the same.
+                let enough = over.load(Ordering::Relaxed);
+                if ready(&person) {
+                    let count = person.read(&mut some).unwrap_or(0);
+                    all.lock().unwrap().extend_from_slice(&some[..count]);
+                } else if enough {
+                    break;
+                }
+            }
+        });
+        Self { bytes, enough, reader: Some(reader) }
+    }
+
+    fn stop(&mut self) {
+        self.enough.store(true, Ordering::Relaxed);
+        if let Some(reader) = self.reader.take() {
+            reader.join().unwrap();
+        }
+    }
+}
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Whether there is something to be read, within a moment.
+fn ready(person: &File) -> bool {
+    let mut ready = [PollFd::new(person, PollFlags::IN)];
+    let moment = Timespec { tv_sec: 0, tv_nsec: 10_000_000 };
+    poll(&mut ready, Some(&moment)).is_ok_and(|count| count > 0) && ready[0].revents().contains(PollFlags::IN)
+}

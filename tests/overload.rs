@@ -1,0 +1,194 @@
+//! Readers that do not keep up: what is said to them, who waits for them, and what is lost.
+
+mod common;
+
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::channel;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use common::lab::{Lab, table};
+use common::terminal::Terminal;
+use common::{Elk, WATCHDOG, kill, wait_until};
+use elk_bus::clock::Stopwatch;
+use elk_bus::{Client, Community, Mail, Value};
+use elk_log::{LogWriter, Metadata, Record};
+use rustix::process::Signal;
+
+/// Messages of a log; of 10 kB each they are more than twice what a mailbox holds.
+const MESSAGES: u64 = 1000;
+
+/// A log of messages that are numbered in their first bytes, a millisecond apart.
+fn write_log(elk: &Elk, count: u64, value: impl Fn(u64) -> Value) {
+    let mut log = LogWriter::create(&elk.folder().join("log.mcap"), &Metadata::default()).unwrap();
+    for number in 0..count {
+        let record = Record {
+            key: "LARGE".into(),
+            source: "pCam".into(),
+            source_aux: String::new(),
+            community: "lab".into(),
+            time: number as f64 * 1e-3,
+            sequence: number,
+            received: number as f64 * 1e-3,
+            order: number,
+            epoch: 1,
+            value: value(number),
+        };
+        log.append(&record.as_ref()).unwrap();
+    }
+    log.finish().unwrap();
+}
+
+fn text(number: u64) -> Value {
+    Value::Text(format!("{number:05}{}", "x".repeat(10_000)))
+}
+
+/// A value that is written once into shared memory, and read there.
+fn bulk(number: u64) -> Value {
+    let bytes = format!("{number:05}{}", "x".repeat(100_000)).into_bytes();
+    Value::Binary { type_name: "Blob".into(), layout: 9, bytes }
+}
+
+/// The numbers that a reader heard, and how many messages it missed.
+type Heard = (Vec<u64>, u64);
+
+/// A reader that takes a millisecond for a message, registered as most are, until it has heard or missed `count`.
+fn slow_reader(elk: &Elk, count: u64) -> JoinHandle<Heard> {
+    let community = Community::new(elk.community()).unwrap();
+    let (ready, registered) = channel();
+    let reader = std::thread::spawn(move || {
+        let mut client = Client::connect(&community, "slow").unwrap();
+        client.comms.register_variable("LARGE", 0.0).unwrap();
+        table(&mut client);
+        ready.send(()).unwrap();
+        let (mut numbers, clock) = (Vec::new(), Stopwatch::start());
+        while (numbers.len() as u64) + client.inbox.dropped() < count {
+            assert!(clock.elapsed() < WATCHDOG, "only {} came", numbers.len());
+            let read = |mail: &Mail<'_>| {
+                std::thread::sleep(Duration::from_millis(1));
+                numbers.push(number(&mail.value().to_value()));
+            };
+            client.receive(Duration::from_millis(10), read).unwrap();
+        }
+        (numbers, client.inbox.dropped())
+    });
+    registered.recv().unwrap();
+    reader
+}
+
+fn number(value: &Value) -> u64 {
+    match value {
+        Value::Text(text) => text[..5].parse().unwrap(),
+        Value::Binary { bytes, .. } => std::str::from_utf8(&bytes[..5]).unwrap().parse().unwrap(),
+        Value::Double(_) => panic!("nobody said a number"),
+    }
+}
+
+fn replay(elk: &Elk, more: &[&str]) -> Command {
+    elk.command(&[&["replay", "log.mcap", "--community", elk.community(), "--rate", "max"], more].concat())
+}
+
+/// Plays the log to its end; what was said last.
+fn play(elk: &Elk, more: &[&str]) -> String {
+    let output = replay(elk, more).output().unwrap();
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{said}");
+    said.lines().last().unwrap().into()
+}
+
+#[test]
+fn a_slow_reader_hears_everything_if_it_is_waited_for() {
+    for (test, count, value) in [("texts", MESSAGES, text as fn(u64) -> Value), ("bulk", 300, bulk)] {
+        let elk = Elk::new(&format!("lossless-{test}"));
+        write_log(&elk, count, value);
+        let lab = Lab::deaf(&elk);
+        let reader = slow_reader(&elk, count);
+        let said = play(&elk, &["--lossless"]);
+        assert!(said.starts_with(&format!("{count} messages, ")) && said.contains("; 0 dropped"), "{said}");
+        let (numbers, missed) = reader.join().unwrap();
+        assert_eq!((numbers, missed), ((0..count).collect(), 0), "{test}");
+        lab.end();
+    }
+}
+
+#[test]
+fn what_a_slow_reader_misses_if_it_is_not_waited_for_is_counted() {
+    let elk = Elk::new("lossy");
+    write_log(&elk, MESSAGES, text);
+    let lab = Lab::deaf(&elk);
+    let reader = slow_reader(&elk, MESSAGES);
+    let said = play(&elk, &[]);
+    let (numbers, missed) = reader.join().unwrap();
+    assert!(missed > 0, "a mailbox of 4 MiB holds less than half of it");
+    assert_eq!(numbers.len() as u64 + missed, MESSAGES);
+    assert!(said.contains(&format!("; {missed} dropped by clients that did not keep up")), "{said}, not {missed}");
+    lab.end();
+}
+
+/// A process that reads, and is stopped.
+struct Stopped(Child);
+
+impl Stopped {
+    fn new(elk: &Elk, lab: &mut Lab) -> Self {
+        let mut echo = elk.command(&["echo", "LARGE", "--community", elk.community()]);
+        let echo = echo.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        lab.wait_for_reader(&format!("echo-{}", echo.id()));
+        kill(echo.id() as i32, Signal::STOP);
+        Self(echo)
+    }
+
+    fn goes_on(&self) {
+        kill(self.0.id() as i32, Signal::CONT);
+    }
+}
+
+impl Drop for Stopped {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_reader_that_hangs_is_named_and_the_keys_go_on_working() {
+    let elk = Elk::new("hung-keys");
+    write_log(&elk, MESSAGES, text);
+    let mut lab = Lab::deaf(&elk);
+    let _stopped = Stopped::new(&elk, &mut lab);
+    let mut terminal = Terminal::start(replay(&elk, &["--lossless"]), 100);
+    terminal.wait_until("who is waited for", |shown| shown.contains(" s at max, waits for echo"));
+    terminal.press("-");
+    terminal.wait_until("another rate", |shown| shown.contains(" s at 1000x, waits for echo"));
+    terminal.press(" ");
+    terminal.wait_until("a pause", |shown| shown.contains(" s at 1000x, paused, waits for echo"));
+    terminal.press("q");
+    let (status, shown) = terminal.end();
+    assert!(status.success() && !shown.contains(&format!("{MESSAGES} messages, ")), "{shown}");
+    lab.end();
+}
+
+#[test]
+fn a_reader_that_hangs_is_waited_for_until_it_reads_on_or_dies_or_the_replay_is_ended() {
+    let elk = Elk::new("hung");
+    write_log(&elk, MESSAGES, text);
+    let mut lab = Lab::deaf(&elk);
+    for what in ["goes on", "dies", "replay ends"] {
+        let stopped = Stopped::new(&elk, &mut lab);
+        let said = elk.folder().join("said.txt");
+        let out = std::fs::File::create(&said).unwrap();
+        let mut player = replay(&elk, &["--lossless"]).stdout(out.try_clone().unwrap()).stderr(out).spawn().unwrap();
+        let said = || std::fs::read_to_string(&said).unwrap();
+        wait_until(WATCHDOG, "who is waited for", || said().contains(" s at max, waits for echo"));
+        assert_eq!(player.try_wait().unwrap(), None);
+        match what {
+            "goes on" => stopped.goes_on(),
+            "dies" => drop(stopped),
+            _ => kill(player.id() as i32, Signal::TERM),
+        }
+        let status = player.wait().unwrap();
+        let all = said().contains(&format!("\n{MESSAGES} messages, "));
+        assert!(status.success() && all == (what != "replay ends"), "{what}: {}", said());
+        assert!(said().contains("; 0 dropped"), "{what}: {}", said());
+    }
+    lab.end();
+}
