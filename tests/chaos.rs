@@ -343,6 +343,35 @@ fn missions_survive_the_death_of_anyone() {
     println!("{done} kills {killed:?}: {missions} missions, all complete, 0 contacts");
 }
 
+/// Two to four at once, the broker perhaps among them. Not the broker together with the sensor: where the simulated robot
+/// is, is known to nobody else.
+#[test]
+fn missions_survive_several_deaths_at_once() {
+    let mut random = Random(setting("ELK_CHAOS_SEED", 1) ^ 0x2005);
+    let mut done = 0;
+    while done < kills() {
+        let elk = Elk::new(&format!("chaos-at-once-{done}"));
+        let mut launcher = elk.launch(MISSION);
+        let mut processes = all_running(&elk, &mut launcher).unwrap();
+        std::thread::sleep(Duration::from_millis(100 + random.below(700)));
+        let mut victims = Vec::new();
+        for _ in 0..2 + random.below(3) {
+            victims.push(processes.swap_remove(random.below(processes.len() as u64) as usize));
+            let spared = |name: &str| match name {
+                "db" => victims.iter().any(|(name, _)| name == "Sensor"),
+                "Sensor" => victims.iter().any(|(name, _)| name == "db"),
+                _ => false,
+            };
+            processes.retain(|(name, _)| !spared(name));
+        }
+        victims.iter().for_each(|(_, id)| kill(*id, Signal::KILL));
+        done += victims.len() as u64;
+        let (code, said) = launcher.end();
+        assert_eq!(code, Some(0), "killed at once: {victims:?}\n{said}");
+        assert!(said.contains("contacts 0"), "{said}");
+    }
+}
+
 /// The processes of the mission's apps and broker, once all of them run; `None`: the mission is over.
 fn all_running(elk: &Elk, launcher: &mut common::Launcher) -> Option<Vec<(String, i32)>> {
     let clock = Stopwatch::start();

@@ -1,12 +1,13 @@
 //! The process around the map: scans in, what they changed out.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use elk_bus::clock::{Stopwatch, thread_cpu_secs};
+use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::keys::{MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN_REQUEST, PROGRESS};
+use elk_spatial::keys::{
+    MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
+};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::MapStatus;
 use elk_spatial::{Bounds, Scan};
@@ -94,7 +95,7 @@ fn config(params: &Params) -> Result<MapConfig, AppError> {
 }
 
 /// How long a map that was killed waits for a reader's copy before it begins anew (s): longer than any reader plans.
-const COPY_PATIENCE: Duration = Duration::from_secs(10);
+const COPY_PATIENCE_SECS: f64 = 10.0;
 /// How often a map looks whether it has waited long enough (Hz).
 const TICK_HZ: f64 = 1.0;
 
@@ -123,8 +124,8 @@ struct MapApp {
 enum Stage {
     /// It learns what its predecessor published last; `revision`: what readers may have.
     Recalling { revision: u64 },
-    /// It waits for a copy of `revision`.
-    Asking { revision: u64, since: Stopwatch },
+    /// It waits for a copy of `revision`, since a moment of the clock's own time (s): a driven one may stand still.
+    Asking { revision: u64, since: f64 },
     /// It takes scans.
     Here,
 }
@@ -160,6 +161,8 @@ impl MapApp {
             self.readers_have(mail.decode(&PROGRESS)?.revision);
         } else if mail.is(&PLAN_REQUEST) {
             self.readers_have(mail.decode(&PLAN_REQUEST)?.revision);
+        } else if mail.is(&PLAN) {
+            self.readers_have(mail.decode(&PLAN)?.revision);
         }
         Ok(())
     }
@@ -178,7 +181,7 @@ impl MapApp {
             Stage::Recalling { revision } if self.map.grid().revision() < revision => {
                 comms.register(&MAP)?;
                 comms.notify(MAP_RECALL, revision as f64)?;
-                self.stage = Stage::Asking { revision, since: Stopwatch::start() };
+                self.stage = Stage::Asking { revision, since: comms.clock().own() };
                 Ok(())
             }
             Stage::Recalling { .. } => self.begin(comms),
@@ -207,7 +210,7 @@ impl MapApp {
         let Stage::Asking { revision, since } = self.stage else {
             return Ok(());
         };
-        if since.elapsed() < COPY_PATIENCE {
+        if comms.clock().own() - since < COPY_PATIENCE_SECS {
             return Ok(());
         }
         let (name, own) = (comms.name(), self.map.grid().revision());
@@ -333,6 +336,7 @@ impl App for MapApp {
         self.recall.ask(comms, &MAP_UPDATE)?;
         self.recall.ask(comms, &PROGRESS)?;
         self.recall.ask(comms, &PLAN_REQUEST)?;
+        self.recall.ask(comms, &PLAN)?;
         Recall::ask_for_mark(comms)?;
         comms.register(&self.input)?;
         comms.register_variable(MAP_REQUEST, 0.0)?;
