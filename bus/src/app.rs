@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use crate::broker::table;
 use crate::client::Client;
 use crate::clock::{Stopwatch, process_cpu_secs};
 use crate::comms::{Comms, CommsError};
@@ -53,6 +54,12 @@ pub trait App: Send {
         Ok(())
     }
 
+    /// Whether mail that the broker has for it by the time that it is to stop is still handed to it: who records has to
+    /// have it all.
+    fn reads_to_the_end(&self) -> bool {
+        false
+    }
+
     /// How often [`App::iterate`] is called (Hz); `None`: never, the app is driven by mail alone.
     fn tick_hz(&self) -> Option<f64> {
         None
@@ -83,6 +90,8 @@ pub enum RunError {
 
 /// How often `<APP>_STATUS` is published (s), as in MOOS.
 const STATUS_PERIOD_SECS: f64 = 2.0;
+/// How long an app that reads to the end waits for the next mail, while the broker does not say that there is none.
+const LAST_MAIL_PATIENCE: Duration = Duration::from_secs(5);
 /// The longest that an app sleeps without looking whether it is to stop.
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 
@@ -107,8 +116,34 @@ pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> 
         report_refusals(&name, &mut client.inbox);
         beat.status(&mut client.comms, &client.inbox)?;
     }
+    // What a retiring app has not read is its successor's.
+    let rest = match app.reads_to_the_end() && !client.inbox.retiring() {
+        true => read_rest(app, client).map_err(failed),
+        false => Ok(()),
+    };
     app.on_stop(&mut client.comms).map_err(failed)?;
+    rest?;
     Ok(client.comms.say_goodbye()?)
+}
+
+/// Hands out the mail that is there: the broker's answer comes behind all of it.
+fn read_rest(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
+    client.comms.notify(table::REQUEST, 1.0)?;
+    let (mut all, mut waited) = (false, Stopwatch::start());
+    while !all && waited.elapsed() < LAST_MAIL_PATIENCE {
+        let comms = &mut client.comms;
+        let count = client.inbox.receive(comms, LONGEST_SLEEP, |comms, mail| match mail.is(&table::TABLE) {
+            true => {
+                all = true;
+                Ok(())
+            }
+            false => app.on_new_mail(comms, mail),
+        })?;
+        if count > 0 {
+            waited = Stopwatch::start();
+        }
+    }
+    Ok(())
 }
 
 fn report_refusals(name: &str, inbox: &mut Inbox) {

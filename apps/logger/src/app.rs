@@ -79,9 +79,6 @@ const PARAMS: &[ParamSpec] = &[
     },
 ];
 
-/// The broker's count of dropped mail, by client.
-const DB_DROPS: &str = "DB_DROPS";
-
 /// Records all mail. Trouble with the disk is said at once, on the terminal and on the bus, and stops nobody.
 pub struct Logger {
     recorder: Recorder,
@@ -91,7 +88,7 @@ pub struct Logger {
     since_flush: Stopwatch,
     /// Messages so far: the next one's place in the broker's order.
     messages: u64,
-    /// Mail that the broker has dropped because this app did not read.
+    /// Messages that this app has missed, as far as the log says so.
     dropped: u64,
     trouble: Option<String>,
     refused: bool,
@@ -148,11 +145,10 @@ impl Logger {
         Ok(())
     }
 
-    /// Notes in the log what the broker has dropped of this app's mail, as its table `drops` says.
-    fn note_drops(&mut self, drops: &str, comms: &mut Comms) -> Result<(), AppError> {
-        let dropped = drops_of(comms.name(), drops).unwrap_or(self.dropped);
-        let newly = dropped.saturating_sub(self.dropped);
-        self.dropped = dropped;
+    /// Notes in the log what this app has missed since it last did.
+    fn note_drops(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let newly = comms.dropped() - self.dropped;
+        self.dropped += newly;
         if newly > 0
             && let Err(error) = self.recorder.note_dropped(newly, comms.time())
         {
@@ -179,6 +175,7 @@ impl App for Logger {
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        self.note_drops(comms)?;
         let record = RecordRef {
             key: mail.key(),
             source: mail.source(),
@@ -195,9 +192,6 @@ impl App for Logger {
         if let Err(error) = self.recorder.record(&record) {
             self.complain(&error, comms)?;
         }
-        if mail.key() == DB_DROPS {
-            self.note_drops(mail.as_text().unwrap_or_default(), comms)?;
-        }
         self.flush_if_due(comms)
     }
 
@@ -206,10 +200,16 @@ impl App for Logger {
     }
 
     fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.note_drops(comms)?;
         self.flush_if_due(comms)
     }
 
+    fn reads_to_the_end(&self) -> bool {
+        true
+    }
+
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.note_drops(comms)?;
         if let Err(error) = self.recorder.finish() {
             let trouble = format!("{error}. The log is readable up to its last flush.");
             tell(&trouble);
@@ -221,11 +221,6 @@ impl App for Logger {
         }
         Ok(())
     }
-}
-
-/// The number of a client in the broker's table: `name=number,…`.
-fn drops_of(name: &str, drops: &str) -> Option<u64> {
-    drops.split(',').filter_map(|entry| entry.rsplit_once('=')).find(|(client, _)| *client == name)?.1.parse().ok()
 }
 
 /// What is zero stands for: never.
@@ -278,15 +273,6 @@ fn checksum(bytes: &[u8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_broker_s_table_of_drops_is_read_by_name() {
-        let drops = "Map=3,Logger=12,odd=name=4,";
-        assert_eq!(
-            [drops_of("Logger", drops), drops_of("odd=name", drops), drops_of("Log", drops)],
-            [Some(12), Some(4), None]
-        );
-    }
 
     #[test]
     fn the_checksum_is_fnv_1a() {
