@@ -321,3 +321,63 @@ fn a_logger_that_is_killed_and_started_again_goes_on_in_the_next_file() {
     kill(db.id() as i32, Signal::TERM);
     assert!(db.wait().unwrap().success());
 }
+
+/// A logger that flushes ten times a second, its system calls for the disk itself noted in `calls.txt`.
+fn traced_logger(elk: &Elk, settings: &[&str], inject: &[&str]) -> std::process::Child {
+    let logger = elk.command(&["logger", "--type", "Mcap", "--community", elk.community(), "File=log.mcap"]);
+    let mut strace = std::process::Command::new("strace");
+    // With -D the logger itself is this process' child.
+    strace.args(["-D", "-f", "-o", "calls.txt", "-e", "trace=fdatasync"]).args(inject);
+    strace.arg(logger.get_program()).args(logger.get_args()).arg("Flush=0.1").args(settings);
+    strace.current_dir(elk.folder()).spawn().unwrap()
+}
+
+/// How often the disk itself was asked, and said that it has all.
+fn syncs(elk: &Elk) -> usize {
+    let calls = std::fs::read_to_string(elk.folder().join("calls.txt")).unwrap_or_default();
+    calls.lines().filter(|line| line.contains("fdatasync(") && line.ends_with("= 0")).count()
+}
+
+#[test]
+fn sync_waits_for_the_disk_itself_and_says_when_that_fails() {
+    let strace = std::process::Command::new("strace").args(["-o", "/dev/null", "true"]).output();
+    if !strace.is_ok_and(|output| output.status.success()) {
+        println!("skipped: strace is not installed, or may not trace");
+        return;
+    }
+    let elk = Elk::new("log-sync");
+    let (mut db, mut speaker) = broker_and_speaker(&elk);
+    speaker.comms.register_variable("LOGGER_ERROR", 0.0).unwrap();
+    speaker.comms.flush().unwrap();
+    let end = |mut logger: std::process::Child| {
+        kill(logger.id() as i32, Signal::TERM);
+        assert!(logger.wait().unwrap().success());
+    };
+
+    let logger = traced_logger(&elk, &["Sync=0"], &[]);
+    wait_until(Duration::from_secs(30), "several flushes", || {
+        speaker.comms.notify("COUNT", 1.0).unwrap();
+        speaker.comms.flush().unwrap();
+        LogReader::open(&elk.folder().join("log.mcap")).is_ok_and(|log| log.flatten().count() > 30)
+    });
+    assert_eq!(syncs(&elk), 0, "nobody asked for it");
+    end(logger);
+    assert_eq!(syncs(&elk), 1, "at its end a log is on the disk");
+
+    let logger = traced_logger(&elk, &["Sync=0.1"], &[]);
+    wait_until(Duration::from_secs(30), "the disk's word", || syncs(&elk) >= 3);
+    end(logger);
+
+    let logger = traced_logger(&elk, &["Sync=0.1"], &["-e", "inject=fdatasync:error=EIO:when=1"]);
+    let mut errors: Vec<String> = Vec::new();
+    wait_until(Duration::from_secs(30), "that it fails, and that it is over", || {
+        let note = |mail: &elk_bus::Mail<'_>| errors.extend(mail.as_text().map(str::to_owned));
+        speaker.receive(Duration::from_millis(10), note).unwrap();
+        errors.last().is_some_and(String::is_empty)
+    });
+    let words = "the disk does not say that it has the log log.2.mcap: Input/output error";
+    assert!(errors.len() == 2 && errors[0].starts_with(words), "{errors:?}");
+    end(logger);
+    kill(db.id() as i32, Signal::TERM);
+    assert!(db.wait().unwrap().success());
+}

@@ -10,9 +10,10 @@ use std::time::Duration;
 use common::lab::{Lab, table};
 use common::terminal::Terminal;
 use common::{Elk, WATCHDOG, kill, wait_until};
+use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Community, Mail, Value};
-use elk_log::{LogWriter, Metadata, Record};
+use elk_bus::{Client, Community, Mail, Origin, Value};
+use elk_log::{LogReader, LogWriter, Metadata, Record};
 use rustix::process::Signal;
 
 /// Messages of a log; of 10 kB each they are more than twice what a mailbox holds.
@@ -190,5 +191,81 @@ fn a_reader_that_hangs_is_waited_for_until_it_reads_on_or_dies_or_the_replay_is_
         assert!(status.success() && all == (what != "replay ends"), "{what}: {}", said());
         assert!(said().contains("; 0 dropped"), "{what}: {}", said());
     }
+    lab.end();
+}
+
+/// A program that records into `kept.mcap`, stopped as soon as it is registered.
+fn stopped_recorder(elk: &Elk, lab: &mut Lab, arguments: &[&str], name: &str) -> Stopped {
+    let recorder = elk.command(&[arguments, &["--community", elk.community()]].concat()).spawn().unwrap();
+    let name = if name.is_empty() { format!("record-{}", recorder.id()) } else { name.into() };
+    lab.wait_for_reader(&name);
+    kill(recorder.id() as i32, Signal::STOP);
+    Stopped(recorder)
+}
+
+/// Says numbered values; nobody waits for a stopped recorder for ever.
+fn say(lab: &mut Lab, count: u64, value: impl Fn(u64) -> Value) -> CommunityTable {
+    for number in 0..count {
+        lab.listener.comms.publish_value("LARGE", value(number).as_ref(), Origin::default()).unwrap();
+    }
+    table(&mut lab.listener)
+}
+
+/// Lets a recorder go on, and ends it at once: what has been said until then it records all the same. The numbers in
+/// its log, and how many messages are missing as `elk log info` says.
+fn recorded(elk: &Elk, mut recorder: Stopped) -> Heard {
+    kill(recorder.0.id() as i32, Signal::TERM);
+    recorder.goes_on();
+    assert!(recorder.0.wait().unwrap().success());
+    let log = LogReader::open(&elk.folder().join("kept.mcap")).unwrap().map(Result::unwrap);
+    let numbers = log.filter(|record| record.key == "LARGE").map(|record| number(&record.value)).collect();
+    let info = elk.command(&["log", "info", "kept.mcap", "--json"]).output().unwrap().stdout;
+    let info: serde_json::Value = serde_json::from_slice(&info).unwrap();
+    assert_eq!(info["whole"], true);
+    (numbers, info["dropped"].as_u64().unwrap())
+}
+
+#[test]
+fn a_recorder_that_hung_tells_in_its_log_what_it_has_missed() {
+    for (test, count, value) in [("texts", MESSAGES, text as fn(u64) -> Value), ("bulk", 100, bulk)] {
+        let elk = Elk::new(&format!("recorder-{test}"));
+        let mut lab = Lab::deaf(&elk);
+        let arguments = ["log", "record", "LARGE", "-o", "kept.mcap"];
+        let recorder = stopped_recorder(&elk, &mut lab, &arguments, "");
+        say(&mut lab, count, value);
+        let (numbers, missing) = recorded(&elk, recorder);
+        assert!(missing > 0 && numbers.is_sorted() && numbers.last() == Some(&(count - 1)), "{test}: {numbers:?}");
+        assert_eq!(numbers.len() as u64 + missing, count, "{test}");
+        lab.end();
+    }
+}
+
+#[test]
+fn a_logger_that_hung_tells_in_its_log_what_it_has_missed() {
+    let elk = Elk::new("logger-hung");
+    let mut lab = Lab::deaf(&elk);
+    let arguments = ["logger", "--type", "Mcap", "File=kept.mcap"];
+    let logger = stopped_recorder(&elk, &mut lab, &arguments, "Logger");
+    let table = say(&mut lab, MESSAGES, text);
+    let dropped = table.clients.iter().find(|client| client.name == "Logger").unwrap().dropped;
+    let (numbers, missing) = recorded(&elk, logger);
+    // What the broker says itself is among it, and may have made more of it since.
+    assert!(dropped > 0 && missing >= dropped, "{missing} are missing, {dropped} were dropped");
+    assert!(numbers.len() as u64 + missing >= MESSAGES && (numbers.len() as u64) < MESSAGES, "{}", numbers.len());
+    let said = elk.command(&["log", "info", "kept.mcap"]).output().unwrap().stdout;
+    let words = format!("{missing} messages are missing: the logger did not keep up");
+    assert!(String::from_utf8_lossy(&said).contains(&words), "{}", String::from_utf8_lossy(&said));
+    lab.end();
+}
+
+/// What is there to be read when a recorder is told to end belongs into its log.
+#[test]
+fn a_recorder_that_is_ended_records_what_was_said_before() {
+    let elk = Elk::new("recorder-ended");
+    let mut lab = Lab::deaf(&elk);
+    let recorder = stopped_recorder(&elk, &mut lab, &["log", "record", "LARGE", "-o", "kept.mcap"], "");
+    say(&mut lab, 300, text);
+    let (numbers, missing) = recorded(&elk, recorder);
+    assert_eq!((numbers, missing), ((0..300).collect(), 0));
     lab.end();
 }

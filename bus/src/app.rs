@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use crate::broker::table;
 use crate::client::Client;
 use crate::clock::{Stopwatch, process_cpu_secs};
 use crate::comms::{Comms, CommsError};
@@ -61,7 +62,7 @@ pub trait App: Send {
 
     /// For how long mail may gather before the app is given it; little mail only: much comes at once. To be woken for
     /// every message costs an app that is in no hurry more than the messages do, and those that are in a hurry have to
-    /// wait for the processor meanwhile. Before it ends, the app is given what has gathered.
+    /// wait for the processor meanwhile. Before it ends, the app is given all that the broker has for it by then.
     fn gathering(&self) -> Option<Duration> {
         None
     }
@@ -91,13 +92,12 @@ pub enum RunError {
 
 /// How often `<APP>_STATUS` is published, as in MOOS.
 const STATUS_PERIOD: Duration = Duration::from_secs(2);
+/// How long an app that is given what has gathered waits for the next of it, while the broker does not say that it was all.
+const LAST_MAIL_PATIENCE: Duration = Duration::from_secs(5);
 /// The longest that an app sleeps without looking whether it is to stop.
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);
-
 /// As much mail (bytes) is not left to gather.
 const MUCH_MAIL: usize = 64 << 10;
-/// How long an app that ends may be given what has gathered.
-const LAST_MAIL: Duration = Duration::from_secs(1);
 
 /// Runs an app on a connected client until it stops itself, fails, its successor is ready, or `stop` is set.
 pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), RunError> {
@@ -123,10 +123,13 @@ pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> 
         report_refusals(&name, &mut client.inbox);
         beat.status(&mut client.comms, &client.inbox)?;
     }
-    let leaving = Stopwatch::start();
-    let gathers = app.gathering().is_some();
-    while gathers && leaving.elapsed() < LAST_MAIL && receive(app, client, Duration::ZERO).map_err(failed)? > 0 {}
+    // What a retiring app has not read is its successor's.
+    let rest = match app.gathering().is_some() && !client.inbox.retiring() {
+        true => read_rest(app, client).map_err(failed),
+        false => Ok(()),
+    };
     app.on_stop(&mut client.comms).map_err(failed)?;
+    rest?;
     Ok(client.comms.say_goodbye()?)
 }
 
@@ -154,6 +157,26 @@ impl Gathered {
             }
         }
     }
+}
+
+/// Hands out the mail that is there: the broker's answer comes behind all of it.
+fn read_rest(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
+    client.comms.notify(table::REQUEST, 1.0)?;
+    let (mut all, mut waited) = (false, Stopwatch::start());
+    while !all && waited.elapsed() < LAST_MAIL_PATIENCE {
+        let comms = &mut client.comms;
+        let count = client.inbox.receive(comms, LONGEST_SLEEP, |comms, mail| match mail.is(&table::TABLE) {
+            true => {
+                all = true;
+                Ok(())
+            }
+            false => app.on_new_mail(comms, mail),
+        })?;
+        if count > 0 {
+            waited = Stopwatch::start();
+        }
+    }
+    Ok(())
 }
 
 fn report_refusals(name: &str, inbox: &mut Inbox) {

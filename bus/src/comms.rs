@@ -70,6 +70,8 @@ pub struct Comms {
     sources: Numbering,
     types: Numbering,
     sequence: u64,
+    /// What the inbox has counted (see [`Comms::dropped`]).
+    dropped: u64,
     stopping: bool,
     epoch: u64,
 }
@@ -97,6 +99,7 @@ impl Comms {
             sources: Numbering::new(Named::Source, 1),
             types: Numbering::new(Named::Type, 0),
             sequence: wire::first_sequence(monotonic_nanos() / 1_000_000),
+            dropped: 0,
             stopping: false,
             epoch: link.epoch,
         };
@@ -158,6 +161,16 @@ impl Comms {
     /// Tells one life of the broker from the next.
     pub fn epoch(&self) -> u64 {
         self.epoch
+    }
+
+    /// Messages that this client will never see, because it did not read in time: those before the message that it is
+    /// just given.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    pub(crate) fn note_dropped(&mut self, dropped: u64) {
+        self.dropped = dropped;
     }
 
     /// Asks the app's run loop to end after this callback.

@@ -128,7 +128,10 @@ impl Inbox {
         for frame in wire::frames(batch).map_while(Result::ok) {
             match frame.header.kind {
                 FrameKind::Define => self.names.define(&frame),
-                FrameKind::Dropped => self.dropped = frame.header.sequence,
+                FrameKind::Dropped => {
+                    self.dropped = frame.header.sequence;
+                    comms.note_dropped(self.dropped());
+                }
                 FrameKind::Refused => self.note_refusal(comms, &frame),
                 FrameKind::Notify => {
                     if self.down.retiring() {
@@ -178,6 +181,7 @@ impl Inbox {
             }
             None => {
                 self.missed_bulk += u64::from(!will_be_said_again);
+                comms.note_dropped(self.dropped());
                 Ok(())
             }
         }

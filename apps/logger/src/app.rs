@@ -83,9 +83,6 @@ const PARAMS: &[ParamSpec] = &[
 /// How long mail gathers: who logs is in no hurry, and wakes up less often than messages come.
 const GATHERING: Duration = Duration::from_millis(5);
 
-/// The broker's count of dropped mail, by client.
-const DB_DROPS: &str = "DB_DROPS";
-
 /// Records all mail. Trouble with the disk is said at once, on the terminal and on the bus, and stops nobody.
 pub struct Logger {
     recorder: Recorder,
@@ -97,7 +94,7 @@ pub struct Logger {
     messages: u64,
     /// When the last of them came (s, the community's clock).
     received: f64,
-    /// Mail that the broker has dropped because this app did not read.
+    /// Messages that this app has missed, as far as the log says so.
     dropped: u64,
     trouble: Option<String>,
     refused: bool,
@@ -155,11 +152,10 @@ impl Logger {
         Ok(())
     }
 
-    /// Notes in the log what the broker has dropped of this app's mail, as its table `drops` says.
-    fn note_drops(&mut self, drops: &str, comms: &mut Comms) -> Result<(), AppError> {
-        let dropped = drops_of(comms.name(), drops).unwrap_or(self.dropped);
-        let newly = dropped.saturating_sub(self.dropped);
-        self.dropped = dropped;
+    /// Notes in the log what this app has missed since it last did.
+    fn note_drops(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let newly = comms.dropped() - self.dropped;
+        self.dropped += newly;
         if newly > 0
             && let Err(error) = self.recorder.note_dropped(newly, comms.time())
         {
@@ -187,6 +183,7 @@ impl App for Logger {
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        self.note_drops(comms)?;
         let record = RecordRef {
             key: mail.key(),
             source: mail.source(),
@@ -205,9 +202,6 @@ impl App for Logger {
         if let Err(error) = self.recorder.record(&record) {
             self.complain(&error, comms)?;
         }
-        if mail.key() == DB_DROPS {
-            self.note_drops(mail.as_text().unwrap_or_default(), comms)?;
-        }
         self.flush_if_due(comms)
     }
 
@@ -216,6 +210,7 @@ impl App for Logger {
     }
 
     fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.note_drops(comms)?;
         self.flush_if_due(comms)
     }
 
@@ -224,6 +219,7 @@ impl App for Logger {
     }
 
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.note_drops(comms)?;
         if let Err(error) = self.recorder.finish() {
             let trouble = format!("{error}. The log is readable up to its last flush.");
             tell(&trouble);
@@ -235,11 +231,6 @@ impl App for Logger {
         }
         Ok(())
     }
-}
-
-/// The number of a client in the broker's table: `name=number,…`.
-fn drops_of(name: &str, drops: &str) -> Option<u64> {
-    drops.split(',').filter_map(|entry| entry.rsplit_once('=')).find(|(client, _)| *client == name)?.1.parse().ok()
 }
 
 /// What is zero stands for: never.
@@ -292,15 +283,6 @@ fn checksum(bytes: &[u8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_broker_s_table_of_drops_is_read_by_name() {
-        let drops = "Map=3,Logger=12,odd=name=4,";
-        assert_eq!(
-            [drops_of("Logger", drops), drops_of("odd=name", drops), drops_of("Log", drops)],
-            [Some(12), Some(4), None]
-        );
-    }
 
     #[test]
     fn the_checksum_is_fnv_1a() {

@@ -14,13 +14,15 @@ pub struct Recorder {
     since_sync: Stopwatch,
     log: Option<LogWriter>,
     lost: u64,
+    /// Those of them that the log does not tell of yet, and when the last of these was recorded (s).
+    untold: (u64, f64),
 }
 
 impl Recorder {
     /// A recorder for a log at `path`; nothing is touched before [`Recorder::flush`].
     pub fn new(path: PathBuf, metadata: Metadata) -> Self {
         let (options, since_sync) = (LogOptions::default(), Stopwatch::start());
-        Self { path, metadata, options, sync_secs: None, since_sync, log: None, lost: 0 }
+        Self { path, metadata, options, sync_secs: None, since_sync, log: None, lost: 0, untold: (0, 0.0) }
     }
 
     /// The same recorder with another way of writing.
@@ -38,13 +40,21 @@ impl Recorder {
     pub fn record(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
         let outcome = match &mut self.log {
             Some(log) => log.append(record),
+            // That there is no file was the last flush's error.
             None => {
-                self.lost += 1;
-                return Ok(()); // that there is no file was the last flush's error
+                self.lose(record);
+                return Ok(());
             }
         };
-        self.lost += u64::from(outcome.is_err());
+        if outcome.is_err() {
+            self.lose(record);
+        }
         outcome
+    }
+
+    fn lose(&mut self, record: &RecordRef<'_>) {
+        self.lost += 1;
+        self.untold = (self.untold.0 + 1, record.received);
     }
 
     /// Brings what was recorded onto the disk; creates the file where that has not succeeded yet.
@@ -57,7 +67,16 @@ impl Recorder {
             }
             Some(log) => log.flush()?,
         }
-        Ok(())
+        self.tell_of_losses()
+    }
+
+    /// Notes in the log what was lost while it could not be written, now that it can.
+    fn tell_of_losses(&mut self) -> Result<(), LogError> {
+        let (untold, received) = std::mem::take(&mut self.untold);
+        match &mut self.log {
+            Some(log) if untold > 0 => log.note_dropped(untold, received),
+            _ => Ok(()),
+        }
     }
 
     /// Notes in the log that `newly` messages never reached it, at time `now` (s).
@@ -84,7 +103,7 @@ impl Recorder {
 mod tests {
     use super::*;
     use elk_bus::{Value, ValueRef};
-    use elk_log::LogReader;
+    use elk_log::{Index, LogReader};
 
     fn say(number: f64) -> RecordRef<'static> {
         RecordRef {
@@ -115,6 +134,7 @@ mod tests {
         recorder.finish().unwrap();
         let values: Vec<Value> = LogReader::open(&path).unwrap().map(|r| r.unwrap().value).collect();
         assert_eq!((values, recorder.lost()), (vec![Value::Double(2.0)], 1));
+        assert_eq!(Index::read(&path, &mut |_, _| {}).unwrap().dropped(), 1, "the log tells of it");
     }
 
     /// `/dev/full` is a disk without room: every write fails as on a full disk.

@@ -23,6 +23,14 @@ pub enum LogError {
         /// Bytes that wait to be written.
         waiting: usize,
     },
+    /// The disk itself could not be made to take what was written; with the next flush it is asked again.
+    #[error("the disk does not say that it has the log {}: {source}; what it was given last may not outlive the machine", path.display())]
+    Sync {
+        /// The log.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// So much waits for the disk that this record was not taken.
     #[error("the log {} takes no more: {waiting} bytes wait in memory for the disk; make room on it", path.display())]
     Full {

@@ -191,7 +191,7 @@ impl LogWriter {
     /// Flushes, and waits until the disk itself has all of it: it survives the machine.
     pub fn sync(&mut self) -> Result<(), LogError> {
         self.segment.flush()?;
-        self.segment.file.sync_data().map_err(|source| self.segment.write_error(source))
+        self.segment.sync()
     }
 
     /// Ends the file with its index and brings it onto the disk itself.
@@ -325,10 +325,12 @@ impl Segment {
 
     fn finish(mut self) -> Result<(), LogError> {
         let ended = self.format.finish().map(|_| ()).map_err(std::io::Error::other);
-        ended
-            .and_then(|()| self.drain())
-            .and_then(|()| self.file.sync_data())
-            .map_err(|source| self.write_error(source))
+        ended.and_then(|()| self.drain()).map_err(|source| self.write_error(source))?;
+        self.sync()
+    }
+
+    fn sync(&self) -> Result<(), LogError> {
+        self.file.sync_data().map_err(|source| LogError::Sync { path: self.path.clone(), source })
     }
 
     fn write_error(&self, source: std::io::Error) -> LogError {

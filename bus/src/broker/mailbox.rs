@@ -111,6 +111,11 @@ impl Mailbox {
         self.dropped
     }
 
+    /// Counts what was dropped of the mail of `other`, whose client has not been told, as dropped here.
+    pub(super) fn inherit_dropped(&mut self, other: &Mailbox) {
+        self.dropped += other.dropped - other.told_dropped;
+    }
+
     /// Messages ever put in: the position of the newest.
     pub fn pushed(&self) -> u64 {
         self.pushed

@@ -285,6 +285,9 @@ impl Broker {
     fn take_place(&mut self, now: f64, id: ClientId, predecessor: ClientId) {
         let name = self.client_name(id).unwrap_or_default().to_owned();
         let orphan = self.clients.remove(&predecessor);
+        if let (Some(orphan), Some(client)) = (&orphan, self.clients.get_mut(&id)) {
+            client.mailbox.inherit_dropped(&orphan.mailbox);
+        }
         let mail = orphan.map(|orphan| orphan.mailbox.into_mail()).unwrap_or_default();
         for variable in &mut self.variables {
             variable.forget(predecessor);

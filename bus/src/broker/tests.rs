@@ -488,6 +488,21 @@ fn a_place_is_kept_as_long_as_its_lease() {
 }
 
 #[test]
+fn who_takes_a_place_is_told_what_was_dropped_of_its_mail() {
+    let config = BrokerConfig { mailbox_bytes: 10 * 56, ..BrokerConfig::new("test") };
+    let b = &mut Broker::new(config, 0.0);
+    let mut a = Speaker::new(b, 0.0, "a");
+    let mut dead = join_ready(b, 0.0, &leased("c", 5.0));
+    let say = |b: &mut Broker, a: &mut Speaker| (0..15).for_each(|i| a.text(b, 0.0, "X", &i.to_string()));
+    say(b, &mut a);
+    assert_eq!(dead.hear(b, 0.0).1, 5);
+    b.disconnect(1.0, dead.id, 10, false);
+    say(b, &mut a);
+    let (heard, dropped, _) = join_ready(b, 2.0, &leased("c", 5.0)).hear(b, 2.0);
+    assert_eq!((heard.len(), dropped), (10, 5), "its predecessor knew of the first five");
+}
+
+#[test]
 fn a_name_has_one_holder_and_one_successor_and_only_a_successor_may_come_for_it() {
     let b = &mut broker();
     let holder = join_ready(b, 0.0, &leased("c", 5.0));
