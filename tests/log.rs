@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::time::Duration;
 
+use common::lab::Lab;
 use common::{Elk, kill, wait_until};
-use elk_bus::{Client, Community, Value};
+use elk_bus::Value;
 use elk_log::{LogReader, LogWriter, Metadata, Record};
 use elk_spatial::messages::Progress;
 use rustix::process::Signal;
@@ -239,23 +240,12 @@ fn what_is_no_log_is_an_error_of_one_line() {
     }
 }
 
-/// A broker by itself, and a client of it.
-fn broker_and_speaker(elk: &Elk) -> (std::process::Child, Client) {
-    let db = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-    let name = Community::new(elk.community()).unwrap();
-    let mut joined = None;
-    wait_until(Duration::from_secs(30), "a broker", || {
-        joined = Client::connect(&name, "speaker").ok();
-        joined.is_some()
-    });
-    (db, joined.unwrap())
-}
-
 #[test]
 fn record_takes_a_part_of_a_running_community() {
     let elk = Elk::new("log-record");
     let community = elk.community();
-    let (mut db, mut speaker) = broker_and_speaker(&elk);
+    let mut lab = Lab::deaf(&elk);
+    let speaker = &mut lab.listener;
     let arguments = ["log", "record", "NAV_*", "SPEED", "--community", community, "-o", "part.mcap"];
     let mut recorder = elk.command(&arguments).spawn().unwrap();
     speaker.comms.register_variable("DB_CLIENTS", 0.0).unwrap();
@@ -278,10 +268,9 @@ fn record_takes_a_part_of_a_running_community() {
     kill(recorder.id() as i32, Signal::TERM);
     assert!(recorder.wait().unwrap().success());
     let all = records(&part);
-    assert!(all.iter().all(|r| r.source == "speaker" && r.key != "OTHER"), "{all:?}");
+    assert!(all.iter().all(|r| r.source == "listener" && r.key != "OTHER"), "{all:?}");
     assert!(["NAV_X", "SPEED"].iter().all(|key| all.iter().any(|r| r.key == *key)));
-    kill(db.id() as i32, Signal::TERM);
-    assert!(db.wait().unwrap().success());
+    lab.end();
 }
 
 /// What was flushed before `kill -9` is there, and a logger that is started again overwrites none of it.
@@ -289,7 +278,8 @@ fn record_takes_a_part_of_a_running_community() {
 fn a_logger_that_is_killed_and_started_again_goes_on_in_the_next_file() {
     let elk = Elk::new("log-killed");
     let community = elk.community();
-    let (mut db, mut speaker) = broker_and_speaker(&elk);
+    let mut lab = Lab::deaf(&elk);
+    let speaker = &mut lab.listener;
     let arguments = ["logger", "--type", "Mcap", "--community", community, "File=log.mcap", "Flush=0"];
     let said = |log: &Path| {
         LogReader::open(log).map_or(0, |log| log.filter(|next| next.as_ref().is_ok_and(|r| r.key == "COUNT")).count())
@@ -318,8 +308,7 @@ fn a_logger_that_is_killed_and_started_again_goes_on_in_the_next_file() {
     assert!(!run.whole() && counts.len() >= 10, "{counts:?}");
     let again = counts.windows(2).position(|two| two[1] < two[0]).expect("the second life begins anew");
     assert!(counts[..=again].windows(2).all(|two| two[1] == two[0] + 1.0), "nothing is missing: {counts:?}");
-    kill(db.id() as i32, Signal::TERM);
-    assert!(db.wait().unwrap().success());
+    lab.end();
 }
 
 /// A logger that flushes ten times a second, its system calls for the disk itself noted in `calls.txt`.
@@ -346,7 +335,8 @@ fn sync_waits_for_the_disk_itself_and_says_when_that_fails() {
         return;
     }
     let elk = Elk::new("log-sync");
-    let (mut db, mut speaker) = broker_and_speaker(&elk);
+    let mut lab = Lab::deaf(&elk);
+    let speaker = &mut lab.listener;
     speaker.comms.register_variable("LOGGER_ERROR", 0.0).unwrap();
     speaker.comms.flush().unwrap();
     let end = |mut logger: std::process::Child| {
@@ -378,6 +368,5 @@ fn sync_waits_for_the_disk_itself_and_says_when_that_fails() {
     let words = "the disk does not say that it has the log log.2.mcap: Input/output error";
     assert!(errors.len() == 2 && errors[0].starts_with(words), "{errors:?}");
     end(logger);
-    kill(db.id() as i32, Signal::TERM);
-    assert!(db.wait().unwrap().success());
+    lab.end();
 }
