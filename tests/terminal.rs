@@ -8,7 +8,7 @@ use std::process::Command;
 
 use common::lab::Lab;
 use common::terminal::Terminal;
-use common::{Elk, kill};
+use common::{Elk, WATCHDOG, kill, wait_until};
 use elk_bus::Value;
 use elk_log::{LogWriter, Metadata, Record};
 use rustix::process::Signal;
@@ -93,6 +93,11 @@ impl Stage {
         self.terminal.wait_until(&format!("{words:?} after {keys:?}"), |shown| last_bar(shown).contains(words));
     }
 
+    /// The community's time, as the listener has heard.
+    fn time(&self) -> f64 {
+        self.lab.listener.comms.time()
+    }
+
     /// Waits for so many more bars.
     fn let_pass(&self, count: usize) {
         let before = bars(&self.terminal.shown()).len();
@@ -160,6 +165,38 @@ fn every_key_does_what_the_help_says() {
     let said = stage.heard + stage.lab.hear_rest().len();
     assert!(last_bar(&shown).starts_with("[#") && last_bar(&shown).ends_with(&format!(", {said} messages")), "{shown}");
     assert!(shown.contains(&format!("\x1b[K\r\n{said} messages, ")), "the last line is one of its own: {shown:?}");
+    stage.lab.end();
+}
+
+#[test]
+fn the_communitys_clock_stands_still_with_the_replay_and_jumps_with_it() {
+    let with_clock = |elk: &Elk| {
+        let mut command = replay(elk);
+        command.arg("--clock");
+        Terminal::start(command, 100)
+    };
+    let mut stage = Stage::with("clock", &counts(), with_clock);
+    stage.hear(2);
+    stage.press(" ", "paused");
+    stage.listen();
+    let here = stage.time();
+    assert!((0.5..39.5).contains(&here), "{here}");
+    stage.listen();
+    assert_eq!(stage.time(), here, "it stands still");
+    for (key, time) in [("\x1b[C", here + 5.0), ("\x1b[D", here), ("\x1b[H", 0.0)] {
+        stage.press(key, &format!("] {time:.1} / 39.5 s"));
+        stage.listen();
+        assert!((stage.time() - time).abs() < 1e-6, "{} is not {time}", stage.time());
+    }
+    stage.terminal.press(" ");
+    stage.hear(2);
+    assert!((0.5..39.5).contains(&stage.time()), "it goes on: {}", stage.time());
+    stage.terminal.press("q");
+    stage.terminal.end();
+    wait_until(WATCHDOG, "a clock that is left to itself", || {
+        stage.lab.hear_rest();
+        stage.lab.listener.comms.time() > 1e9
+    });
     stage.lab.end();
 }
 

@@ -214,13 +214,13 @@ impl<'a> Player<'a> {
                 Turn::Quit => break,
             }
         }
-        self.client.comms.let_go_of_clock()?;
         self.client.comms.flush()?;
         if self.options.lossless && self.played.to_the_end {
             // What is left at last is the question itself.
             table(self.client)?;
             self.readers_keep_up(1, console, stop)?;
         }
+        self.client.comms.let_go_of_clock()?;
         self.played.took = self.clock.elapsed();
         self.played.dropped = dropped(&table(self.client)?).saturating_sub(dropped_before);
         self.note_refusals();
@@ -249,6 +249,17 @@ impl<'a> Player<'a> {
             if !same_rate || (comms.time() - time).abs() > rate * OUT_OF_STEP_SECS {
                 comms.drive_clock(time, rate)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Has the community's clock stand still where the schedule is; the next turn sets it again.
+    fn stop_clock(&mut self, now: Duration) -> Result<(), ReplayError> {
+        let comms = &mut self.client.comms;
+        let position = self.schedule.clock(now).filter(|_| self.options.clock);
+        if let Some((time, _)) = position.filter(|_| comms.clock().dial().is_some_and(|dial| dial.rate > 0.0)) {
+            comms.drive_clock(time, 0.0)?;
+            comms.flush()?;
         }
         Ok(())
     }
@@ -350,7 +361,7 @@ impl<'a> Player<'a> {
                 Press::Step => self.steps += 1,
                 Press::Rate { faster } => self.schedule.set_rate(now, self.schedule.rate().changed(faster)),
                 Press::Quit => return Ok(Some(Turn::Quit)),
-                Press::Suspend => self.stand_still(|_| console.suspend()),
+                Press::Suspend => self.stand_still(|_| console.suspend())?,
                 Press::Restart => {
                     self.rewind()?;
                     turn = Some(Turn::Moved);
@@ -372,11 +383,12 @@ impl<'a> Player<'a> {
     }
 
     /// Does something in time that is no recorded time.
-    fn stand_still<T>(&mut self, act: impl FnOnce(&mut Self) -> T) -> T {
+    fn stand_still<T>(&mut self, act: impl FnOnce(&mut Self) -> T) -> Result<T, ReplayError> {
         let before = self.clock.elapsed();
+        self.stop_clock(before)?;
         let done = act(self);
         self.schedule.pass_over(self.clock.elapsed() - before);
-        done
+        Ok(done)
     }
 
     fn note_refusals(&mut self) {
@@ -436,7 +448,7 @@ impl<'a> Player<'a> {
         let (mut pause, longest) = LOOK_AT_READERS;
         let begun = self.clock.elapsed();
         while self.client.comms.unhandled_batches() > ahead {
-            let slowest = self.stand_still(|player| player.look_at_readers(pause))?;
+            let slowest = self.stand_still(|player| player.look_at_readers(pause))??;
             pause = (2 * pause).min(longest);
             if self.clock.elapsed() - begun > LONG_WAIT {
                 self.waits_for = slowest;
