@@ -7,7 +7,7 @@ use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camer
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
 use elk_spatial::{OccupancyGrid, Pose, Scan};
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3};
 
 use crate::camera::Camera;
 use crate::noise::StereoNoise;
@@ -218,6 +218,9 @@ impl SimulatorApp {
             }
             return Ok(());
         }
+        if self.simulator.command() == 0 && command.id > 1 {
+            self.find_robot(comms.name(), command);
+        }
         let before = thread_cpu_secs();
         let outcome = self.simulator.execute(command);
         self.cpu_secs += thread_cpu_secs() - before;
@@ -229,6 +232,22 @@ impl SimulatorApp {
         comms.publish(&SENSOR_REPORT, &self.report())?;
         comms.publish(&self.scan, &outcome.scan)?;
         Ok(())
+    }
+
+    /// Goes on from where a command begins: what the sensor before this one said has died with it and the broker, and of
+    /// those who live only the controller knows where the robot is to be.
+    fn find_robot(&mut self, name: &str, command: &PoseCommand) {
+        let place = command.via.first().copied().unwrap_or(command.pose.position());
+        let pose = Pose(Isometry3::from_parts(place.into(), command.pose.0.rotation));
+        let last = command.id - 1;
+        // Where it cannot be it is not taken to be; the command is refused then.
+        if self.simulator.succeed(&CameraPose { command: last, pose }, last, 0).is_ok() {
+            tell(format_args!(
+                "{name}: what became of pose commands 1 to {last} is lost with the sensor and the broker before this one; \
+                 the robot is taken to be where command {} begins, and no contact before it counts",
+                command.id
+            ));
+        }
     }
 
     fn publish_pose(&self, comms: &mut Comms) -> Result<(), AppError> {
@@ -366,6 +385,23 @@ mod tests {
             assert_eq!(successor.simulator.last_scan(), scan);
             assert_eq!((successor.simulator.pose(), successor.report()), (pose, report.clone()));
         }
+    }
+
+    /// Regression: it stayed at the start, refused what did not begin there, and the mission stood still.
+    #[test]
+    fn a_successor_that_nothing_was_left_for_goes_where_the_controller_sends_it() {
+        let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
+        let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
+        let there = Point3::new(0.4, 0.0, 0.8);
+        let pose = Pose::from_yaw_pitch(Point3::new(0.6, 0.2, 0.8), 1.0, 0.0);
+        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.publish(&POSE_COMMAND, &PoseCommand { id: 7, via: vec![there], pose }).unwrap();
+        probe.comms.flush().unwrap();
+        app.on_start_up(&mut sensor.comms).unwrap();
+        serve(&mut app, &mut sensor);
+        let expected = [("SIM_SENSOR", 0), ("SIM_SENSOR", 7), ("SENSOR_REPORT", 0), ("SCAN", 7)];
+        assert_eq!(heard(&mut probe), expected.map(|(key, n)| (key.to_owned(), n)));
+        assert_eq!((app.simulator.pose(), app.simulator.last_scan().id), (pose, 7), "scans are counted on");
     }
 
     #[test]
