@@ -275,7 +275,10 @@ impl Comms {
             let said = self.up.send(&introduction).and_then(|()| {
                 // The introduction is a batch like any other in the broker's count.
                 self.outbox.retain(introduction, false);
-                self.outbox.say_again(&mut *self.up)
+                self.outbox.say_again(&mut *self.up)?;
+                let mut all_is_said = Vec::new();
+                wire::put(&mut all_is_said, &Header::new(FrameKind::Ready), &[], &[]);
+                self.up.send(&all_is_said).map(|()| drop(self.outbox.retain(all_is_said, false)))
             });
             match said {
                 Err(LinkError::BrokerDied(_)) => {}

@@ -70,6 +70,10 @@ pub struct Place {
     pub registrations: Vec<Registration>,
 }
 
+/// How long those who come in the place of the dead wait, after a broker's death, for those who live to come back and say
+/// again what they know (s).
+const RETURN_PATIENCE_SECS: f64 = 2.0;
+
 const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
 
 impl Broker {
@@ -83,6 +87,7 @@ impl Broker {
     ) -> Self {
         let mut broker = Self::new(config, now);
         broker.driver_awaited_until = now + patience;
+        broker.returns_awaited_until = Some(now + RETURN_PATIENCE_SECS);
         for (place, returns) in places {
             let id = broker.add_client(now, &place.name, place.lease_secs);
             let Some(client) = broker.clients.get_mut(&id) else { continue };
@@ -106,6 +111,9 @@ impl Broker {
             self.may_succeed(holder, who)?;
         }
         let id = self.add_client(now, name, who.lease_secs);
+        if who.returns {
+            self.returning.insert(id);
+        }
         match holder {
             Some(predecessor) => self.set_standing(id, Standing::Joining { predecessor, ready: false }),
             None => {
@@ -188,9 +196,11 @@ impl Broker {
         }
     }
 
-    /// The client has said all that has to be said before its mail may flow.
+    /// The client has said all that has to be said before its mail may flow; one that was here under the broker before this
+    /// one says so a second time when it has said again what not everybody had heard.
     pub(super) fn on_ready(&mut self, now: f64, id: ClientId) {
         let Some(Standing::Joining { predecessor, ready: false }) = self.standing(id) else {
+            self.returning.remove(&id);
             return;
         };
         self.set_standing(id, Standing::Joining { predecessor, ready: true });
@@ -200,8 +210,30 @@ impl Broker {
                 self.publish_event(now, &format!("ready={name}"));
                 self.retiring.push(predecessor);
             }
+            // What it asks for first is what those know who are on their way back.
+            _ if self.awaits_returns(now) && !self.returning.contains(&id) => {}
             _ => self.take_place(now, id, predecessor),
         }
+    }
+
+    fn awaits_returns(&self, now: f64) -> bool {
+        let is_to_return = |c: &Client| matches!(c.standing, Standing::Orphan { returns: true, .. });
+        let awaited = !self.returning.is_empty() || self.clients.values().any(is_to_return);
+        awaited && self.returns_awaited_until.is_some_and(|until| now < until)
+    }
+
+    /// Lets those take their places who waited for others to come back.
+    pub(super) fn seat_those_who_wait(&mut self, now: f64) {
+        if self.returns_awaited_until.is_none() || self.awaits_returns(now) {
+            return;
+        }
+        self.returns_awaited_until = None;
+        let waits = |(id, c): (&ClientId, &Client)| match c.standing {
+            Standing::Joining { predecessor, ready: true } if self.is_orphan(predecessor) => Some((*id, predecessor)),
+            _ => None,
+        };
+        let waiting: Vec<_> = self.clients.iter().filter_map(waits).collect();
+        waiting.into_iter().for_each(|(id, predecessor)| self.take_place(now, id, predecessor));
     }
 
     /// The clients that are to retire since the last call, because their successor is ready.
@@ -213,6 +245,7 @@ impl Broker {
     /// in good order. What it published stays; its name is free at once, unless its place is kept.
     pub fn disconnect(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
         self.let_go_of_clock(now, id);
+        self.returning.remove(&id);
         match self.standing(id) {
             None | Some(Standing::Orphan { .. }) => {}
             Some(Standing::Joining { predecessor, .. }) => {

@@ -83,6 +83,10 @@ pub struct Broker {
     own_sequence: u64,
     next_summary: f64,
     driver: Option<time::Driver>,
+    /// Clients that have come back after a broker's death and have not yet said again all that they have to.
+    returning: BTreeSet<ClientId>,
+    /// Until then (s) nobody new takes a place before they have.
+    returns_awaited_until: Option<f64>,
     /// Until then (s), whoever drove the clock under the broker before this one may come back and go on.
     driver_awaited_until: f64,
 }
@@ -218,6 +222,8 @@ impl Broker {
             own_sequence: wire::first_sequence((now.max(0.0) * 1e3) as u64),
             next_summary: now,
             driver: None,
+            returning: BTreeSet::new(),
+            returns_awaited_until: None,
             driver_awaited_until: f64::INFINITY,
         }
     }
@@ -510,6 +516,7 @@ impl Broker {
     pub fn tick(&mut self, now: f64) {
         self.expire_orphans(now);
         self.await_driver(now);
+        self.seat_those_who_wait(now);
         while let Some(&(due, key, client)) = self.due.first().filter(|(due, ..)| due.0 <= now) {
             self.due.remove(&(due, key, client));
             let throttle = self.variables[key as usize].throttle(client);
@@ -529,7 +536,8 @@ impl Broker {
     /// When [`Broker::tick`] next has something to do (s).
     pub fn next_deadline(&self) -> f64 {
         let due = self.due.first().map_or(f64::INFINITY, |(due, ..)| due.0);
-        due.min(self.next_summary).min(self.next_expiry()).min(self.driver_awaited_until)
+        let returns = self.returns_awaited_until.unwrap_or(f64::INFINITY);
+        due.min(self.next_summary).min(self.next_expiry()).min(self.driver_awaited_until).min(returns)
     }
 
     /// Whether the client's next batch has to wait: for a lossless registrant whose mailbox is full, or until the client

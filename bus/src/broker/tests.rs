@@ -502,6 +502,33 @@ fn who_takes_a_place_is_told_what_was_dropped_of_its_mail() {
     assert_eq!((heard.len(), dropped), (10, 5), "its predecessor knew of the first five");
 }
 
+/// Regression: a map that was killed together with the broker began before its readers had said again what they had of it.
+#[test]
+fn who_comes_for_a_dead_ones_place_waits_until_the_living_have_said_again_what_they_know() {
+    let place = |name: &str| Place { name: name.into(), lease_secs: 0.0, registrations: Vec::new() };
+    let returns = |name| Introduction { returns: true, ..Introduction::new(name) };
+    for (comes_back, seated_at) in [(true, 1.0), (false, 2.0)] {
+        let places = [(place("reader"), true), (place("map"), false)];
+        let b = &mut Broker::recover(BrokerConfig::new("test"), 0.0, places, 10.0);
+        let mut map = join_ready(b, 0.5, &Introduction::new("map"));
+        map.register(b, 0.5, "PLAN", "*", 0.0);
+        if comes_back {
+            let mut reader = Speaker::with(b.connect(0.6, &returns("reader")).unwrap());
+            ready(b, 0.6, reader.id);
+            b.tick(0.7);
+            assert!(b.is_joining(map.id), "it is back, and has said nothing yet");
+            reader.text(b, 0.8, "PLAN", "of revision 44");
+            ready(b, 0.9, reader.id);
+        }
+        assert!(b.next_deadline() <= 2.0);
+        b.tick(seated_at - 0.1);
+        assert_eq!(b.is_joining(map.id), !comes_back);
+        b.tick(seated_at);
+        assert!(!b.is_joining(map.id));
+        assert_eq!(map.texts(b, seated_at), if comes_back { vec!["of revision 44"] } else { vec![] });
+    }
+}
+
 #[test]
 fn a_name_has_one_holder_and_one_successor_and_only_a_successor_may_come_for_it() {
     let b = &mut broker();
@@ -534,7 +561,9 @@ fn a_recovered_broker_waits_for_those_who_live_and_gives_the_places_of_the_dead_
     assert_eq!(b.connect(100.0, &Introduction::new("lives")), Err(Refusal::NameTaken("lives".into())));
     let back = Introduction { returns: true, ..Introduction::new("lives") };
     for who in [back, Introduction::new("dead")] {
-        assert_eq!(join_ready(b, 101.0, &who).texts(b, 101.0), ["before they are back"], "{}", who.name);
+        let mut one = join_ready(b, 101.0, &who);
+        assert_eq!(one.texts(b, 101.0), ["before they are back"], "{}", who.name);
+        ready(b, 101.0, one.id); // it has nothing to say again
     }
 }
 
