@@ -53,7 +53,7 @@ impl Channel {
             ChannelKind::Value(Kind::Double) => "double",
             ChannelKind::Value(Kind::Text) => "text",
             ChannelKind::Value(
-                Kind::Spatial { type_name, .. } | Kind::Known { type_name, .. } | Kind::Binary { type_name, .. },
+                Kind::Protobuf { type_name, .. } | Kind::Known { type_name, .. } | Kind::Binary { type_name, .. },
             ) => type_name,
             ChannelKind::Dropped | ChannelKind::Foreign => &self.schema,
         }

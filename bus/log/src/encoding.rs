@@ -6,19 +6,23 @@
 //! | text    | `json`           | `elk.Text`, `jsonschema`            | `{"value":"…","time":…,"received":…,"sequence":…,"order":…}`   |
 //! | spatial | `protobuf`       | `foxglove.…`, `protobuf`            | what viewers show; envelope and value in an unnamed field       |
 //! | known   | `json`           | the type's name, `jsonschema`       | `{"elk":"2a00…","time":…,…,"value":{"revision":42,…}}`          |
-//! | other   | `elk`            | the type's name, `elk`, layout hash | envelope, then the value in the bus' own encoding               |
+//! | other   | `protobuf`       | `elk.Binary`, `protobuf`            | the value in the bus' own encoding; envelope in an unnamed field |
 //!
 //! MCAP's own times are whole nanoseconds and its sequence has 32 bits: too coarse to give back what was sent, so each
 //! message carries its time, its time of recording, its publisher's number and its place in the broker's order once
 //! more. The envelope of a binary value, little endian: time (f64), received (f64), sequence (u64), order (u64), length
 //! of the source's auxiliary name (u32), that name (UTF-8). Which values are spatial, and how these are stored, the
 //! module `spatial` says. The other types of the catalogue are known: they are small, so their fields are there to be
-//! plotted, and `elk` holds the value's bytes in hexadecimal digits. Epoch, source, community, and a binary value's type and layout stand in the channel's metadata.
+//! plotted, and `elk` holds the value's bytes in hexadecimal digits. Epoch, source, community, and a binary value's type
+//! and layout stand in the channel's metadata. Before viewers were tried, other values had an encoding of their own,
+//! `elk`: envelope, then value. Such logs are read.
 
 use elk_bus::ValueRef;
 use elk_spatial::catalogue::{self, PayloadType};
 
+use crate::foxglove::{self, MessageType};
 use crate::record::RecordRef;
+use crate::schema;
 use crate::spatial::{self, Shape};
 
 /// The version of what this page says; a log of a later one is not read.
@@ -26,9 +30,9 @@ pub(crate) const FORMAT: u32 = 1;
 
 /// Message encoding of numbers and texts.
 pub(crate) const JSON: &str = "json";
-/// Message encoding, and schema encoding, of binary values that viewers do not know.
+/// Message encoding of binary values in older logs.
 pub(crate) const ELK: &str = "elk";
-/// Message encoding, and schema encoding, of binary values that viewers show.
+/// Message encoding, and schema encoding, of binary values that are not [`JSON`].
 pub(crate) const PROTOBUF: &str = "protobuf";
 /// Schema encoding of numbers and texts.
 pub(crate) const JSON_SCHEMA: &str = "jsonschema";
@@ -67,19 +71,6 @@ pub(crate) struct Scratch {
     source_aux: String,
 }
 
-/// The JSON schema of messages whose value is of the JSON type `value`.
-fn json_schema(value: &str, note: &str) -> String {
-    format!(
-        r#"{{"type":"object","properties":{{"value":{{"type":"{value}","description":"{note}"}},"time":{{"type":"number","description":"published, s"}},"received":{{"type":"number","description":"recorded, s"}},"sequence":{{"type":"integer","description":"the publisher's count"}},"order":{{"type":"integer","description":"place in the broker's order"}},"aux":{{"type":"string","description":"auxiliary source"}}}},"required":["value","time","received","sequence","order"]}}"#
-    )
-}
-
-/// The JSON schema of values that the catalogue knows: their fields are those of their type.
-const KNOWN_SCHEMA: &str = r#"{"type":"object","properties":{"elk":{"type":"string","description":"the value's bytes"},"time":{"type":"number","description":"published, s"},"received":{"type":"number","description":"recorded, s"},"sequence":{"type":"integer"},"order":{"type":"integer"},"aux":{"type":"string"},"value":{"type":"object"}},"required":["elk","time","received","sequence","order","value"]}"#;
-
-/// The JSON schema of [`DROPPED`].
-pub(crate) const DROPPED_SCHEMA: &str = r#"{"type":"object","properties":{"dropped":{"type":"integer","description":"messages that are missing from the log so far"},"received":{"type":"number","description":"noticed, s"}},"required":["dropped","received"]}"#;
-
 /// The message that tells of losses.
 pub(crate) fn dropped(total: u64, received: f64) -> String {
     format!(r#"{{"dropped":{total},"received":{received}}}"#)
@@ -104,34 +95,26 @@ impl Announcement {
     /// The announcement of a channel for `value` and its like.
     pub fn of(value: &ValueRef<'_>) -> Self {
         match *value {
-            ValueRef::Double(_) => Self::json(DOUBLE, "number", "not finite: its bits as 16 hexadecimal digits"),
-            ValueRef::Text(_) => Self::json(TEXT, "string", ""),
-            ValueRef::Binary { type_name, layout, .. } => match Shape::of(type_name, layout) {
-                Some(shape) => Self {
-                    schema_name: shape.message_type().full_name(),
-                    schema_encoding: PROTOBUF,
-                    schema: shape.message_type().descriptor_set(),
-                    message_encoding: PROTOBUF,
-                },
-                None if known(type_name, layout).is_some() => Self {
-                    schema_name: type_name.into(),
-                    schema_encoding: JSON_SCHEMA,
-                    schema: KNOWN_SCHEMA.into(),
-                    message_encoding: JSON,
-                },
-                None => Self {
-                    schema_name: type_name.into(),
-                    schema_encoding: ELK,
-                    schema: format!("{layout:016x}").into_bytes(),
-                    message_encoding: ELK,
-                },
-            },
+            ValueRef::Double(_) => Self::json(DOUBLE, schema::double()),
+            ValueRef::Text(_) => Self::json(TEXT, schema::text()),
+            ValueRef::Binary { type_name, layout, .. } => {
+                match (Shape::of(type_name, layout), known(type_name, layout)) {
+                    (Some(shape), _) => Self::protobuf(shape.message_type()),
+                    (None, Some(known)) => Self::json(type_name, schema::known(known)),
+                    (None, None) => Self::protobuf(&foxglove::BINARY),
+                }
+            }
         }
     }
 
-    fn json(name: &str, value: &str, note: &str) -> Self {
-        let schema = json_schema(value, note).into_bytes();
-        Self { schema_name: name.into(), schema_encoding: JSON_SCHEMA, schema, message_encoding: JSON }
+    fn json(name: &str, schema: String) -> Self {
+        let (schema_name, schema) = (name.into(), schema.into_bytes());
+        Self { schema_name, schema_encoding: JSON_SCHEMA, schema, message_encoding: JSON }
+    }
+
+    fn protobuf(message_type: &MessageType) -> Self {
+        let (schema_name, schema) = (message_type.full_name(), message_type.descriptor_set());
+        Self { schema_name, schema_encoding: PROTOBUF, schema, message_encoding: PROTOBUF }
     }
 }
 
@@ -140,9 +123,20 @@ impl Announcement {
 pub(crate) enum Kind {
     Double,
     Text,
-    Spatial { type_name: String, layout: u64 },
-    Known { type_name: String, layout: u64 },
-    Binary { type_name: String, layout: u64 },
+    /// As a protobuf message that carries it.
+    Protobuf {
+        type_name: String,
+        layout: u64,
+    },
+    Known {
+        type_name: String,
+        layout: u64,
+    },
+    /// As [`ELK`].
+    Binary {
+        type_name: String,
+        layout: u64,
+    },
 }
 
 impl Kind {
@@ -155,7 +149,7 @@ impl Kind {
             (PROTOBUF | JSON | ELK, _) => {
                 let (type_name, layout) = (type_name.to_owned(), u64::from_str_radix(layout, 16).ok()?);
                 Some(match message_encoding {
-                    PROTOBUF => Kind::Spatial { type_name, layout },
+                    PROTOBUF => Kind::Protobuf { type_name, layout },
                     JSON => Kind::Known { type_name, layout },
                     _ => Kind::Binary { type_name, layout },
                 })
@@ -169,7 +163,7 @@ impl Kind {
         match self {
             Kind::Double => decode_double(bytes, scratch),
             Kind::Text => decode_text(bytes, scratch),
-            Kind::Spatial { type_name, layout } => decode_spatial(bytes, type_name, *layout, scratch),
+            Kind::Protobuf { type_name, layout } => decode_protobuf(bytes, type_name, *layout, scratch),
             Kind::Known { type_name, layout } => decode_known(bytes, type_name, *layout, scratch),
             Kind::Binary { type_name, layout } => decode_binary(bytes, type_name, *layout),
         }
@@ -190,10 +184,7 @@ pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(),
             let envelope = put_envelope(record, &mut envelope, &mut long)?;
             match Shape::of(type_name, layout) {
                 Some(shape) => spatial::put(shape, nanoseconds(record.time), envelope, bytes, buffer),
-                None => {
-                    buffer.extend_from_slice(envelope);
-                    buffer.extend_from_slice(bytes);
-                }
+                None => spatial::put_other(envelope, bytes, buffer),
             }
             Ok(())
         }
@@ -214,7 +205,8 @@ fn encode_known(buffer: &mut Vec<u8>, record: &RecordRef<'_>, known: &PayloadTyp
     put_envelope_fields(buffer, record)?;
     buffer.extend_from_slice(b",\"value\":");
     // What is not what its type says has no fields to show; it is stored all the same.
-    let fields = known.to_json(bytes, usize::MAX).unwrap_or_default();
+    let mut fields = known.to_json(bytes, usize::MAX).unwrap_or_else(|_| serde_json::json!({}));
+    schema::leave_out_nulls(&mut fields);
     serde_json::to_writer(&mut *buffer, &fields).map_err(|error| error.to_string())?;
     buffer.push(b'}');
     Ok(())
@@ -329,7 +321,7 @@ fn decode_binary<'a>(bytes: &'a [u8], type_name: &'a str, layout: u64) -> Result
 }
 
 /// Reads a message of a channel with the encoding [`PROTOBUF`].
-fn decode_spatial<'a>(
+fn decode_protobuf<'a>(
     bytes: &'a [u8],
     type_name: &'a str,
     layout: u64,
@@ -337,8 +329,8 @@ fn decode_spatial<'a>(
 ) -> Result<Decoded<'a>, String> {
     let (head, tail) = spatial::original(bytes).ok_or("it does not carry the value that was sent")?;
     let (envelope, head) = split_envelope(head)?;
-    let bytes = match tail {
-        [] => head,
+    let bytes = match (head, tail) {
+        (whole, []) | ([], whole) => whole,
         _ => {
             scratch.value.clear();
             scratch.value.extend_from_slice(head);

@@ -1,4 +1,5 @@
-//! Foxglove's published protobuf messages, as far as a log uses them: what viewers show without being told how.
+//! Foxglove's published protobuf messages, as far as a log uses them: what viewers show without being told how; and one of
+//! elk's own, for what they cannot show.
 //!
 //! The field numbers are those of <https://github.com/foxglove/foxglove-sdk/tree/main/schemas/proto>. A log carries the
 //! descriptors of its messages, so that a reader needs no schema of its own. They are built here from the tables below:
@@ -144,7 +145,16 @@ pub(crate) static POSES_IN_FRAME: MessageType = message(
     &[&TIMESTAMP, &POSE],
 );
 
-/// The number of a point cloud's field `data`.
+/// Bytes of a type that only its writer knows.
+pub(crate) static BINARY: MessageType = MessageType {
+    package: "elk",
+    name: "Binary",
+    fields: &[one("data", DATA, FieldKind::Bytes)],
+    numeric_types: &[],
+    uses: &[],
+};
+
+/// The number of the field `data`.
 pub(crate) const DATA: u32 = 6;
 
 impl MessageType {

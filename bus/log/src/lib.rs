@@ -2,8 +2,8 @@
 //!
 //! [MCAP](https://mcap.dev/spec) is the container that robotics tools open as it is. A log holds one channel for each
 //! key, source, community, epoch and type of value; numbers and texts are JSON with a schema, so that viewers plot and
-//! show them, spatial values are Foxglove's protobuf messages, which viewers draw, and the rest stays in the bus' own
-//! encoding (the modules `encoding` and `spatial` give the layouts). Every message decodes to exactly what was sent.
+//! show them, spatial values are Foxglove's protobuf messages, which viewers draw, and what only its writer knows lies as
+//! it is in a message of its own (the modules `encoding` and `spatial` give the layouts). Every message decodes to exactly what was sent.
 //!
 //! The file grows chunk by chunk: what a [`LogWriter`] has flushed stays readable whatever happens to the writer, and a
 //! [`LogReader`] gives all of it, then says whether the file has an end.
@@ -16,7 +16,7 @@
 //! | [`index`] | what is in a log, and where, without reading it |
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
 //! | [`alog`], [`csv`] | MOOS' own text logs, out and in; numbers for spreadsheets |
-//! | `encoding`, `channel`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
+//! | `encoding`, `channel`, `schema`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
 
 pub mod alog;
 mod channel;
@@ -34,6 +34,7 @@ pub mod index;
 mod protobuf;
 mod reader;
 mod record;
+mod schema;
 mod segment;
 mod segments;
 pub mod selection;

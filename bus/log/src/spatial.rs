@@ -83,6 +83,13 @@ pub(crate) fn put(shape: Shape, nanoseconds: u64, envelope: &[u8], value: &[u8],
     out.parts(ORIGINAL, &[&[u8::from(stored_in_data.is_some())], envelope, rest]);
 }
 
+/// Appends a message of a value that no viewer knows: its bytes are the message's `data`.
+pub(crate) fn put_other(envelope: &[u8], value: &[u8], out: &mut Vec<u8>) {
+    let mut out = Fields(out);
+    out.bytes(DATA, value);
+    out.parts(ORIGINAL, &[&[1], envelope]);
+}
+
 /// Envelope and value, as [`put`] took them: the second part of the value is empty, or stored in the message's `data`.
 pub(crate) fn original(message: &[u8]) -> Option<(&[u8], &[u8])> {
     let [original, data] = find_bytes(message, [ORIGINAL, DATA])?;

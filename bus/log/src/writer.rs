@@ -13,6 +13,7 @@ use mcap::{Attachment, WriteOptions, Writer};
 use crate::encoding::{self, Announcement, nanoseconds};
 use crate::error::LogError;
 use crate::record::{Metadata, RecordRef};
+use crate::schema;
 use crate::segments;
 use crate::staging::Staging;
 
@@ -306,7 +307,7 @@ impl Segment {
         let channel_id = match self.losses {
             Some(id) => id,
             None => {
-                let schema = encoding::DROPPED_SCHEMA.as_bytes();
+                let schema = schema::DROPPED.as_bytes();
                 let schema = self.format.add_schema(encoding::DROPPED, encoding::JSON_SCHEMA, schema)?;
                 self.format.add_channel(schema, encoding::DROPPED, encoding::JSON, &BTreeMap::new())?
             }

@@ -162,6 +162,29 @@ fn what_the_logger_missed_is_counted_in_the_log() {
     assert_eq!((log.by_ref().count(), log.dropped()), (20, 35));
 }
 
+/// As a value of an unknown type was stored before viewers were tried: in an encoding that they complain of.
+#[test]
+fn values_in_the_encoding_of_older_logs_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
+    let mut log = mcap::WriteOptions::new().profile("elk").create(file).unwrap();
+    let said = |pairs: &[(&str, &str)]| pairs.iter().map(|(name, word)| (name.to_string(), word.to_string())).collect();
+    log.write_metadata(&mcap::records::Metadata { name: "elk".into(), metadata: said(&[("format", "1")]) }).unwrap();
+    let schema = log.add_schema("Blob", "elk", b"0000000000000009").unwrap();
+    let words =
+        [("source", "app"), ("community", "elk"), ("epoch", "3"), ("type", "Blob"), ("layout", "0000000000000009")];
+    let channel_id = log.add_channel(schema, "OTHER", "elk", &said(&words)).unwrap();
+    let (time, received, sequence, order, aux_len) = (0.5_f64, 0.75_f64, 7_u64, 6_u64, 0_u32);
+    let envelope = [time.to_le_bytes(), received.to_le_bytes(), sequence.to_le_bytes(), order.to_le_bytes()].concat();
+    let message = [&envelope[..], &aux_len.to_le_bytes(), b"whatever"].concat();
+    let header = mcap::records::MessageHeader { channel_id, sequence: 7, log_time: 0, publish_time: 0 };
+    log.write_to_known_channel(&header, &message).unwrap();
+    log.finish().unwrap();
+    let value = Value::Binary { type_name: "Blob".into(), layout: 9, bytes: b"whatever".into() };
+    assert_eq!(read(&path), [Record { time, received, order, ..record("OTHER", sequence, value) }]);
+}
+
 #[test]
 fn a_log_of_a_later_format_is_refused_in_clear_words() {
     let folder = tempfile::tempdir().unwrap();
@@ -237,6 +260,8 @@ fn spatial() -> Vec<Record> {
             }),
         ),
         record("DEPTH", 5, Value::Double(f64::NEG_INFINITY)),
+        record("OTHER", 6, Value::Binary { type_name: "Blob".into(), layout: 9, bytes: b"whatever".into() }),
+        record("NOTHING", 7, Value::Binary { type_name: "Blob".into(), layout: 9, bytes: Vec::new() }),
     ]
 }
 
@@ -263,7 +288,7 @@ import json, struct, sys
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 reader = make_reader(open(sys.argv[1], "rb"), validate_crcs=True, decoder_factories=[DecoderFactory()])
-topics = ["SIM_SENSOR", "SCAN", "MAP", "PLAN"]
+topics = ["SIM_SENSOR", "SCAN", "MAP", "PLAN", "OTHER"]
 m = {c.topic: (s.name, d) for s, c, _, d in reader.iter_decoded_messages(topics=topics)}
 def xyz(v): return (round(v.x, 6), round(v.y, 6), round(v.z, 6))
 def points(cloud):
@@ -275,6 +300,7 @@ print(m["MAP"][0], points(m["MAP"][1]), m["MAP"][1].pose.orientation.w)
 progress = next(reader.iter_messages(topics=["PROGRESS"]))
 print(progress[0].encoding, json.loads(progress[2].data)["value"]["path_length_m"])
 print(m["PLAN"][0], [xyz(p.position) for p in m["PLAN"][1].poses])
+print(m["OTHER"][0], m["OTHER"][1].data)
 "#;
     let output = Command::new("python3").args(["-c", script]).arg(&path).output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
@@ -282,6 +308,42 @@ print(m["PLAN"][0], [xyz(p.position) for p in m["PLAN"][1].poses])
                     foxglove.PointCloud [(0.5, -0.25, 3.0), (0.0, 0.0, 1.5)] (1.0, 2.0, 0.5) 100000000\n\
                     foxglove.PointCloud [(0.15, 0.25, 0.35)] 1.0\n\
                     jsonschema 2.5\n\
-                    foxglove.PosesInFrame [(1.0, 2.0, 0.5), (2.0, 2.0, 0.5), (1.0, 2.0, 0.5)]\n";
+                    foxglove.PosesInFrame [(1.0, 2.0, 0.5), (2.0, 2.0, 0.5), (1.0, 2.0, 0.5)]\n\
+                    elk.Binary b'whatever'\n";
     assert_eq!(said, expected, "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Rerun's own loader, which is strict here: a warning ends it.
+#[test]
+fn rerun_draws_what_it_is_to_show() {
+    let rerun = |arguments: &[&str], folder: &Path| {
+        Command::new("rerun").args(arguments).current_dir(folder).env("RERUN_PANIC_ON_WARN", "1").output()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    write(&folder.path().join("log.mcap"), &spatial(), LogOptions::default());
+    if !rerun(&["mcap", "--help"], folder.path()).is_ok_and(|output| output.status.success()) {
+        println!("skipped: rerun (the Python package `rerun-sdk`) is not installed");
+        return;
+    }
+    let mut said = Vec::new();
+    for arguments in [
+        &["mcap", "check", "log.mcap"][..],
+        &["mcap", "convert", "log.mcap", "--application-id", "elk", "-o", "log.rrd"],
+        &["rrd", "print", "log.rrd"],
+    ] {
+        let output = rerun(arguments, folder.path()).unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        said = output.stdout;
+    }
+    let said = String::from_utf8(said).unwrap();
+    let drawn = |topic: &str, what: &str| {
+        said.lines().any(|line| line.contains(&format!(" {topic} - ")) && line.contains(what))
+    };
+    for cloud in ["/SCAN", "/MAP"] {
+        assert!(drawn(cloud, "Points3D:positions") && drawn(cloud, "InstancePoses3D:translations"), "{cloud}: {said}");
+    }
+    for poses in ["/SIM_SENSOR", "/PLAN"] {
+        assert!(drawn(poses, "InstancePoses3D:translations"), "{poses}: {said}");
+    }
+    assert!(drawn("/PROGRESS", "McapMessage:data"), "texts and numbers are there as they are: {said}");
 }
