@@ -3,7 +3,7 @@
 mod common;
 
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Receiver, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -53,28 +53,47 @@ fn bulk(number: u64) -> Value {
 /// The numbers that a reader heard, and how many messages it missed.
 type Heard = (Vec<u64>, u64);
 
-/// A reader that takes a millisecond for a message, registered as most are, until it has heard or missed `count`.
-fn slow_reader(elk: &Elk, count: u64) -> JoinHandle<Heard> {
-    let community = Community::new(elk.community()).unwrap();
-    let (ready, registered) = channel();
-    let reader = std::thread::spawn(move || {
-        let mut client = Client::connect(&community, "slow").unwrap();
-        client.comms.register_variable("LARGE", 0.0).unwrap();
-        table(&mut client);
-        ready.send(()).unwrap();
-        let (mut numbers, clock) = (Vec::new(), Stopwatch::start());
-        while (numbers.len() as u64) + client.inbox.dropped() < count {
-            assert!(clock.elapsed() < WATCHDOG, "only {} came", numbers.len());
-            let read = |mail: &Mail<'_>| {
-                std::thread::sleep(Duration::from_millis(1));
-                numbers.push(number(&mail.value().to_value()));
-            };
-            client.receive(Duration::from_millis(10), read).unwrap();
-        }
-        (numbers, client.inbox.dropped())
-    });
-    registered.recv().unwrap();
-    reader
+/// A reader that takes a millisecond for a message, registered as most are. It stays until it is asked what it heard.
+struct SlowReader {
+    heard: Receiver<Heard>,
+    thread: JoinHandle<()>,
+}
+
+impl SlowReader {
+    /// One that reads until it has heard or missed `count` messages.
+    fn new(elk: &Elk, count: u64) -> Self {
+        let community = Community::new(elk.community()).unwrap();
+        let (ready, registered) = channel();
+        let (tell, heard) = sync_channel(0);
+        let thread = std::thread::spawn(move || {
+            let mut client = Client::connect(&community, "slow").unwrap();
+            client.comms.register_variable("LARGE", 0.0).unwrap();
+            table(&mut client);
+            ready.send(()).unwrap();
+            tell.send(read_slowly(&mut client, count)).unwrap();
+        });
+        registered.recv().unwrap();
+        Self { heard, thread }
+    }
+
+    fn end(self) -> Heard {
+        let heard = self.heard.recv().unwrap();
+        self.thread.join().unwrap();
+        heard
+    }
+}
+
+fn read_slowly(client: &mut Client, count: u64) -> Heard {
+    let (mut numbers, clock) = (Vec::new(), Stopwatch::start());
+    while (numbers.len() as u64) + client.inbox.dropped() < count {
+        assert!(clock.elapsed() < WATCHDOG, "only {} came", numbers.len());
+        let read = |mail: &Mail<'_>| {
+            std::thread::sleep(Duration::from_millis(1));
+            numbers.push(number(&mail.value().to_value()));
+        };
+        client.receive(Duration::from_millis(10), read).unwrap();
+    }
+    (numbers, client.inbox.dropped())
 }
 
 fn number(value: &Value) -> u64 {
@@ -103,26 +122,48 @@ fn a_slow_reader_hears_everything_if_it_is_waited_for() {
         let elk = Elk::new(&format!("lossless-{test}"));
         write_log(&elk, count, value);
         let lab = Lab::deaf(&elk);
-        let reader = slow_reader(&elk, count);
+        let reader = SlowReader::new(&elk, count);
         let said = play(&elk, &["--lossless"]);
         assert!(said.starts_with(&format!("{count} messages, ")) && said.contains("; 0 dropped"), "{said}");
-        let (numbers, missed) = reader.join().unwrap();
+        let (numbers, missed) = reader.end();
         assert_eq!((numbers, missed), ((0..count).collect(), 0), "{test}");
         lab.end();
     }
 }
 
+/// Regression: large values that were overwritten before their reader came to them were nobody's loss.
 #[test]
 fn what_a_slow_reader_misses_if_it_is_not_waited_for_is_counted() {
-    let elk = Elk::new("lossy");
-    write_log(&elk, MESSAGES, text);
-    let lab = Lab::deaf(&elk);
-    let reader = slow_reader(&elk, MESSAGES);
+    for (test, count, value) in [("texts", MESSAGES, text as fn(u64) -> Value), ("bulk", 300, bulk)] {
+        let elk = Elk::new(&format!("lossy-{test}"));
+        write_log(&elk, count, value);
+        let lab = Lab::deaf(&elk);
+        let reader = SlowReader::new(&elk, count);
+        let said = play(&elk, &[]);
+        let (numbers, missed) = reader.end();
+        assert!(missed > 0, "a mailbox of 4 MiB holds less than half of it, and eight values are kept");
+        assert_eq!(numbers.len() as u64 + missed, count, "{test}");
+        let words = format!("; {missed} dropped by clients that did not keep up");
+        // On a very busy machine it may not have come to all that it has missed.
+        assert!(said.contains(&words) || said.ends_with(" still to read"), "{test}: {said}, not {missed}");
+        lab.end();
+    }
+}
+
+#[test]
+fn who_hangs_is_named_at_the_end_if_nobody_waits_for_it() {
+    let elk = Elk::new("hung-lossy");
+    write_log(&elk, 100, text);
+    let mut lab = Lab::deaf(&elk);
+    let stopped = Stopped::new(&elk, &mut lab);
     let said = play(&elk, &[]);
-    let (numbers, missed) = reader.join().unwrap();
-    assert!(missed > 0, "a mailbox of 4 MiB holds less than half of it");
-    assert_eq!(numbers.len() as u64 + missed, MESSAGES);
-    assert!(said.contains(&format!("; {missed} dropped by clients that did not keep up")), "{said}, not {missed}");
+    assert!(
+        said.ends_with(&format!(
+            "; 0 dropped by clients that did not keep up; echo-{} has 100 still to read",
+            stopped.0.id()
+        )),
+        "{said}"
+    );
     lab.end();
 }
 

@@ -106,7 +106,7 @@ fn run_onto(arguments: ReplayArgs) -> Result<ExitCode> {
 }
 
 fn report(log: &Path, played: &Played) -> Result<ExitCode> {
-    let Played { to_the_end, messages, bytes, took, dropped, refused, refusal, lateness, unreadable } = played;
+    let Played { to_the_end, messages, bytes, took, dropped, behind, refused, refusal, lateness, unreadable } = played;
     if *to_the_end && *messages == 0 {
         bail!("{}", elk_replay::ReplayError::Nothing(log.into()));
     }
@@ -116,7 +116,11 @@ fn report(log: &Path, played: &Played) -> Result<ExitCode> {
         let micros = |share| lateness.quantile(share).as_secs_f64() * 1e6;
         text += &format!("; late by {:.0} µs (half of them), {:.0} µs (99 %)", micros(0.5), micros(0.99));
     }
-    text += &format!("; {dropped} dropped by clients that did not keep up\n");
+    text += &format!("; {dropped} dropped by clients that did not keep up");
+    if let Some((client, unread)) = behind {
+        text += &format!("; {client} has {unread} still to read");
+    }
+    text += "\n";
     if *refused > 0 {
         text += &format!("{refused} refused by the broker; the first: {}\n", refusal.as_deref().unwrap_or_default());
     }

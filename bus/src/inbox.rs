@@ -18,11 +18,12 @@ pub struct Inbox {
     seen: Seen,
     /// Messages of the present broker that this client has done with.
     handled: u64,
-    /// Messages dropped in the broker because this client did not read; and in the brokers before it.
+    /// Messages dropped in the broker because this client did not read.
     dropped: u64,
-    dropped_before: u64,
     /// Bulk values that were overwritten before this client came to read them.
     missed_bulk: u64,
+    /// Both, of the brokers before this one.
+    dropped_before: u64,
     refusals: Vec<Refused>,
 }
 
@@ -112,7 +113,7 @@ impl Inbox {
         let names = std::mem::take(&mut self.names);
         self.seen.renumber(|key, source| (names.get(Named::Key, key).0, names.get(Named::Source, source).0));
         self.handled = 0;
-        self.dropped_before += std::mem::take(&mut self.dropped);
+        self.dropped_before += std::mem::take(&mut self.dropped) + std::mem::take(&mut self.missed_bulk);
         Ok(())
     }
 
@@ -181,6 +182,7 @@ impl Inbox {
             }
             None => {
                 self.missed_bulk += u64::from(!will_be_said_again);
+                self.down.note_missed(self.missed_bulk);
                 comms.note_dropped(self.dropped());
                 Ok(())
             }

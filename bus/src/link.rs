@@ -59,6 +59,9 @@ pub trait Downlink {
     /// Says how many of the messages that this client was ever given it has handled.
     fn note_handled(&mut self, messages: u64);
 
+    /// Says how many bulk values were overwritten before this client came to read them.
+    fn note_missed(&mut self, values: u64);
+
     /// Whether the client is to leave at the next message boundary, because its successor is ready.
     fn retiring(&self) -> bool;
 

@@ -263,6 +263,8 @@ impl Downlink for MemoryDown {
         }
     }
 
+    fn note_missed(&mut self, _: u64) {}
+
     fn retiring(&self) -> bool {
         self.0.shared.lock().retiring.contains(&self.0.id)
     }

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use elk_bus::broker::CLOCK;
+use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
 use elk_bus::comms::BULK_MIN_BYTES;
 use elk_bus::pattern::matches;
@@ -14,7 +15,7 @@ use elk_log::{RecordRef, Selection};
 use crate::error::ReplayError;
 use crate::lateness::Lateness;
 use crate::schedule::{Rate, Schedule, Wait};
-use crate::table::{dropped, table};
+use crate::table::{Losses, table};
 use crate::tape::Tape;
 
 /// What the broker publishes itself; another one's would only contradict it.
@@ -35,6 +36,8 @@ const OUT_OF_STEP_SECS: f64 = 1e-3;
 const LOSSLESS_AHEAD: u64 = 3;
 /// How often it is looked whether readers are ready, at first and after a while.
 const LOOK_AT_READERS: (Duration, Duration) = (Duration::from_micros(100), Duration::from_millis(20));
+/// How long readers that nobody waits for get at the end: what they have lost is counted when they come to it.
+const LAST_LOOK: Duration = Duration::from_secs(1);
 /// Who is waited for is told after so long.
 const LONG_WAIT: Duration = Duration::from_secs(1);
 
@@ -105,8 +108,10 @@ pub struct Played {
     pub bytes: u64,
     /// How long it took (real time).
     pub took: Duration,
-    /// Messages that the broker dropped meanwhile, because some client did not keep up.
+    /// Messages that were lost meanwhile to clients that did not keep up.
     pub dropped: u64,
+    /// The client that was furthest behind at the end, and the messages that it had still to read.
+    pub behind: Option<(String, u64)>,
     /// Messages that the broker refused, with the first reason.
     pub refused: u64,
     /// The first reason.
@@ -143,6 +148,7 @@ pub struct Player<'a> {
     /// Bytes said since readers were waited for.
     unchecked: usize,
     waits_for: Option<String>,
+    losses: Losses,
     looked: Duration,
     since_look: u32,
     played: Played,
@@ -172,6 +178,7 @@ impl<'a> Player<'a> {
             steps: 0,
             unchecked: 0,
             waits_for: None,
+            losses: Losses::default(),
             looked: Duration::ZERO,
             since_look: 0,
             played: Played {
@@ -180,6 +187,7 @@ impl<'a> Player<'a> {
                 bytes: 0,
                 took: Duration::ZERO,
                 dropped: 0,
+                behind: None,
                 refused: 0,
                 refusal: None,
                 lateness: Lateness::default(),
@@ -190,14 +198,17 @@ impl<'a> Player<'a> {
 
     /// Plays until the log ends, somebody quits, or `stop` is set.
     pub fn play(mut self, console: &mut dyn Console, stop: &AtomicBool) -> Result<Played, ReplayError> {
-        let dropped_before = dropped(&table(self.client)?);
+        self.table()?;
+        let lost_before = self.losses.total();
         // The kernel bundles wake-ups within 50 µs unless it is asked not to; where it refuses, messages are that late.
         let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
         self.clock = Stopwatch::start();
         self.rewind()?;
         self.take_clock()?;
         while !stop.load(Ordering::Relaxed) {
-            if self.unchecked >= LOSSLESS_BYTES && !self.readers_keep_up(LOSSLESS_AHEAD, console, stop)? {
+            if self.unchecked >= LOSSLESS_BYTES
+                && !self.readers_keep_up(LOSSLESS_AHEAD, Duration::MAX, console, stop)?
+            {
                 break;
             }
             if !self.find()? {
@@ -215,14 +226,21 @@ impl<'a> Player<'a> {
             }
         }
         self.client.comms.flush()?;
-        if self.options.lossless && self.played.to_the_end {
+        self.played.took = self.clock.elapsed();
+        self.table()?;
+        if self.played.to_the_end {
+            let patience = if self.options.lossless { Duration::MAX } else { LAST_LOOK };
             // What is left at last is the question itself.
-            table(self.client)?;
-            self.readers_keep_up(1, console, stop)?;
+            self.readers_keep_up(1, patience, console, stop)?;
+            if self.options.lossless {
+                self.played.took = self.clock.elapsed();
+            }
+            let last = self.table()?;
+            self.played.behind = self.slowest(&last).filter(|_| self.client.comms.unhandled_batches() > 2);
         }
         self.client.comms.let_go_of_clock()?;
-        self.played.took = self.clock.elapsed();
-        self.played.dropped = dropped(&table(self.client)?).saturating_sub(dropped_before);
+        self.client.comms.flush()?;
+        self.played.dropped = self.losses.total() - lost_before;
         self.note_refusals();
         console.show(&self.progress());
         self.tape.damage().iter().for_each(|reason| console.tell(&format!("the log is not whole: {reason}")));
@@ -437,21 +455,23 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Waits until no reader is further behind than the last `ahead` batches; answers whether to go on.
+    /// Waits, but no longer than `patience`, until no reader is further behind than the last `ahead` batches; answers
+    /// whether to go on.
     fn readers_keep_up(
         &mut self,
         ahead: u64,
+        patience: Duration,
         console: &mut dyn Console,
         stop: &AtomicBool,
     ) -> Result<bool, ReplayError> {
         self.unchecked = 0;
         let (mut pause, longest) = LOOK_AT_READERS;
         let begun = self.clock.elapsed();
-        while self.client.comms.unhandled_batches() > ahead {
+        while self.client.comms.unhandled_batches() > ahead && self.clock.elapsed() - begun < patience {
             let slowest = self.stand_still(|player| player.look_at_readers(pause))??;
             pause = (2 * pause).min(longest);
             if self.clock.elapsed() - begun > LONG_WAIT {
-                self.waits_for = slowest;
+                self.waits_for = slowest.map(|(client, _)| client);
             }
             if stop.load(Ordering::Relaxed) || self.look_if_due(console)? == Some(Turn::Quit) {
                 return Ok(false);
@@ -461,13 +481,24 @@ impl<'a> Player<'a> {
         Ok(true)
     }
 
-    /// Has the broker say how far its readers are, and gives them some time; answers who has most to read.
-    fn look_at_readers(&mut self, pause: Duration) -> Result<Option<String>, ReplayError> {
+    fn table(&mut self) -> Result<CommunityTable, ReplayError> {
         let table = table(self.client)?;
+        self.losses.note(&table);
+        Ok(table)
+    }
+
+    /// Has the broker say how far its readers are, and gives them some time; answers who has most to read.
+    fn look_at_readers(&mut self, pause: Duration) -> Result<Option<(String, u64)>, ReplayError> {
+        let table = self.table()?;
         self.client.receive(pause, |_| {})?;
+        Ok(self.slowest(&table))
+    }
+
+    /// The client with most messages to read, and how many these are.
+    fn slowest(&self, table: &CommunityTable) -> Option<(String, u64)> {
         let own = self.client.comms.name();
-        let others = table.clients.into_iter().filter(|client| client.name != own && client.unhandled > 0);
-        Ok(others.max_by_key(|client| client.unhandled).map(|client| client.name))
+        let others = table.clients.iter().filter(|client| client.name != own && client.unhandled > 0);
+        others.max_by_key(|client| client.unhandled).map(|client| (client.name.clone(), client.unhandled))
     }
 }
 

@@ -1,5 +1,6 @@
 //! The broker's table: who is there, what they wait for, what they have lost.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use elk_bus::Client;
@@ -36,7 +37,20 @@ pub(crate) fn table_and(
     Err(ReplayError::Silent { community: client.comms.community().into(), secs: PATIENCE.as_secs() })
 }
 
-/// Messages that the broker has dropped, of all clients.
-pub(crate) fn dropped(table: &CommunityTable) -> u64 {
-    table.clients.iter().map(|client| client.dropped).sum()
+/// Messages that clients have lost, by name, as of the last time that they were seen: who leaves takes its count along.
+#[derive(Debug, Default)]
+pub(crate) struct Losses(BTreeMap<String, u64>);
+
+impl Losses {
+    pub fn note(&mut self, table: &CommunityTable) {
+        for client in &table.clients {
+            let known = self.0.entry(client.name.clone()).or_default();
+            *known = client.dropped.max(*known);
+        }
+    }
+
+    /// Of all clients.
+    pub fn total(&self) -> u64 {
+        self.0.values().sum()
+    }
 }

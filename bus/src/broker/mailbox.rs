@@ -23,6 +23,8 @@ pub struct Mailbox {
     left: u64,
     dropped: u64,
     told_dropped: u64,
+    /// Bulk values that the client came too late to read, as it says itself.
+    missed: u64,
     /// Batches under way: should the client die, its successor gets what is in them.
     given: VecDeque<Given>,
     /// Messages ever given.
@@ -62,6 +64,7 @@ impl Mailbox {
             left: 0,
             dropped: 0,
             told_dropped: 0,
+            missed: 0,
             given: VecDeque::new(),
             given_messages: 0,
             before_take: (0, 0),
@@ -106,9 +109,14 @@ impl Mailbox {
         self.mail.len() - self.head
     }
 
-    /// Messages dropped so far.
-    pub fn dropped(&self) -> u64 {
-        self.dropped
+    /// Messages that the client has lost so far: dropped here, or read too late.
+    pub fn lost(&self) -> u64 {
+        self.dropped + self.missed
+    }
+
+    /// The client came too late to read so many bulk values.
+    pub(super) fn note_missed(&mut self, values: u64) {
+        self.missed = values;
     }
 
     /// Counts what was dropped of the mail of `other`, whose client has not been told, as dropped here.

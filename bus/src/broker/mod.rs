@@ -593,6 +593,13 @@ impl Broker {
         }
     }
 
+    /// A client came too late to read so many of the bulk values that it was ever given references to.
+    pub fn note_missed(&mut self, id: ClientId, values: u64) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            client.mailbox.note_missed(values);
+        }
+    }
+
     /// Who has taken whose place since the last call.
     pub fn take_successions(&mut self) -> Vec<Succession> {
         std::mem::take(&mut self.successions)

@@ -62,7 +62,7 @@ impl Broker {
         self.publish_own(now, "DB_TIME", ValueKind::Double, &self.time(now).to_le_bytes());
         self.publish_own(now, "DB_UPTIME", ValueKind::Double, &(now - self.started).to_le_bytes());
         self.publish_clients(now);
-        let drops = self.per_client(|c| format!("{}={}", c.name, c.mailbox.dropped()));
+        let drops = self.per_client(|c| format!("{}={}", c.name, c.mailbox.lost()));
         self.publish_own(now, "DB_DROPS", ValueKind::Text, drops.as_bytes());
         let quality = self.per_client(|c| format!("{}={}", c.name, c.latency.text()));
         self.publish_own(now, "DB_QOS", ValueKind::Text, quality.as_bytes());

@@ -67,7 +67,7 @@ pub struct ClientEntry {
     pub latency: LatencyEntry,
     /// Messages that were put into its mailbox.
     pub mail: u64,
-    /// Of these, those that were dropped because it did not read.
+    /// Of these, those that were dropped because it did not read, or that it read too late.
     pub dropped: u64,
     /// Messages that it was sent and has not handled, as far as it has said: it says so batch by batch.
     pub unhandled: u64,
@@ -209,7 +209,7 @@ impl Broker {
             messages: client.latency.count(),
             latency: client.latency.entry(),
             mail: client.mailbox.pushed(),
-            dropped: client.mailbox.dropped(),
+            dropped: client.mailbox.lost(),
             unhandled: client.mailbox.pushed() - client.mailbox.done(),
             waiting_bytes: client.mailbox.waiting() as u64,
         }

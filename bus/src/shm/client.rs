@@ -354,6 +354,10 @@ impl Downlink for ShmDown {
         page.handled.store(messages, Release);
     }
 
+    fn note_missed(&mut self, values: u64) {
+        self.line.page.missed.store(values, Relaxed);
+    }
+
     fn retiring(&self) -> bool {
         self.line.page.retire.load(Relaxed) != 0
     }

@@ -140,6 +140,8 @@ pub struct ClientPage {
     pub up_handled: AtomicU64,
     /// Messages that the client has handled of those that it was given. Written by the client.
     pub handled: AtomicU64,
+    /// Bulk values that were overwritten before the client came to read them. Written by the client.
+    pub missed: AtomicU64,
     /// When it had handled the first and the last of them (ns, monotonic). Written by the client.
     pub first_handled_at: AtomicU64,
     /// See `first_handled_at`.

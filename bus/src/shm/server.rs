@@ -338,6 +338,7 @@ impl Server {
     fn settle(&mut self, now: f64) -> bool {
         for (id, peer) in &self.peers {
             self.broker.note_handled(now, *id, peer.page.handled.load(Acquire), &mut self.spare);
+            self.broker.note_missed(*id, peer.page.missed.load(Relaxed));
         }
         for (id, peer) in &self.peers {
             peer.page.up_handled.store(self.broker.handled_batches(*id), Release);
