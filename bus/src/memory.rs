@@ -102,7 +102,8 @@ impl MemoryBroker {
     /// The next broker, after [`MemoryBroker::crash`].
     pub fn recover(&self) {
         let mut state = self.0.lock();
-        let places = std::mem::take(&mut state.places).into_iter().map(|place| (place, true));
+        // They stay: this broker may die as well before anybody has come back.
+        let places = state.places.clone().into_iter().map(|place| (place, true));
         let (config, now) = (self.0.config.clone(), self.0.clock.now());
         let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
         broker.inherit(now, &state.legacies);
