@@ -316,7 +316,7 @@ fn a_clock_that_jumps_makes_nobody_wait_and_nobody_forgotten() {
         driver.drive(b, 1.2, Some(Dial { at: 1.2, time, rate: 0.0 }));
         b.tick(1.2);
         assert!(b.is_expected("leased"));
-        assert_eq!(b.holds_back(1.2, a.id), false);
+        assert!(!b.holds_back(1.2, a.id));
     }
     assert_eq!(c.texts(b, 1.2), ["1"]);
     b.tick(1.5);
