@@ -261,8 +261,11 @@ impl<'a> Player<'a> {
 
     /// Sets the community's clock to where the schedule is, if it is not there.
     fn set_clock(&mut self, now: Duration) -> Result<(), ReplayError> {
+        if !self.options.clock {
+            return Ok(());
+        }
         let comms = &mut self.client.comms;
-        if let Some((time, rate)) = self.schedule.clock(now).filter(|_| self.options.clock) {
+        if let Some((time, rate)) = self.schedule.clock(now) {
             let same_rate = comms.clock().dial().is_some_and(|dial| dial.rate == rate);
             if !same_rate || (comms.time() - time).abs() > rate * OUT_OF_STEP_SECS {
                 comms.drive_clock(time, rate)?;
