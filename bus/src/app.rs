@@ -42,7 +42,9 @@ pub trait App: Send {
     /// Called once, when the broker has let the app in: register here.
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError>;
 
-    /// Called with each message, in the broker's order.
+    /// Called with each message, in the broker's order. An app that fails with a [`DecodeError`](crate::DecodeError) or a
+    /// [`Rejection`](crate::Rejection) cannot use this message: that is said and counted, and it is given the next one.
+    /// Any other failure ends it.
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError>;
 
     /// Called at the app's tick, if it has one.
@@ -138,9 +140,14 @@ fn receive(app: &mut dyn App, client: &mut Client, pause: Duration) -> Result<us
     let mut bytes = 0;
     client.inbox.receive(&mut client.comms, pause, |comms, mail| {
         bytes += wire::HEADER + mail.value().byte_len();
-        app.on_new_mail(comms, mail)
+        give(app, comms, mail)
     })?;
     Ok(bytes)
+}
+
+/// Gives the app a message. One that it cannot use does not end it: the next one may be better.
+fn give(app: &mut dyn App, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+    app.on_new_mail(comms, mail).or_else(|failure| comms.pass_over(mail, failure))
 }
 
 /// Bytes of mail since an app that lets mail gather rested last.
@@ -170,7 +177,7 @@ fn read_rest(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
                 all = true;
                 Ok(())
             }
-            false => app.on_new_mail(comms, mail),
+            false => give(app, comms, mail),
         })?;
         if count > 0 {
             waited = Stopwatch::start();
@@ -222,9 +229,10 @@ impl Beat {
         let uptime = uptime.as_secs_f64();
         let load = 100.0 * process_cpu_secs() / uptime.max(1e-3);
         let memory = peak_memory_kb();
-        let (name, dropped) = (comms.name().to_owned(), inbox.dropped());
+        let (name, dropped, rejected) = (comms.name().to_owned(), inbox.dropped(), comms.rejected());
         let status = format!(
-            "AppErrorFlag=false,Uptime={uptime:.1},cpuload={load:.1},memory_max_kb={memory},dropped={dropped},MOOSName={name}"
+            "AppErrorFlag=false,Uptime={uptime:.1},cpuload={load:.1},memory_max_kb={memory},dropped={dropped},\
+             rejected={rejected},MOOSName={name}"
         );
         comms.notify(&format!("{}_STATUS", name.to_uppercase()), status)
     }
@@ -263,8 +271,9 @@ mod tests {
     use std::sync::mpsc::{Sender, channel};
 
     use super::*;
+    use crate::key::Invalid;
     use crate::memory::MemoryBroker;
-    use crate::{BrokerConfig, Clock, Community};
+    use crate::{BrokerConfig, Clock, Community, Key, Payload, Rejection, rejection};
 
     /// An app in no hurry, that tells what it was given.
     struct Calm(Sender<f64>);
@@ -303,6 +312,77 @@ mod tests {
             numbers.extend(heard.iter());
             assert!(numbers.iter().copied().eq((0..100).map(f64::from)), "{numbers:?}");
         });
+    }
+
+    crate::payload! {
+        /// How fast to go.
+        #[derive(Debug)]
+        pub struct Speed checked by plausible {
+            /// Metres a second.
+            pub ahead: f64,
+        }
+    }
+
+    fn plausible(speed: &Speed) -> Result<(), Invalid> {
+        if speed.ahead.abs() <= 50.0 { Ok(()) } else { Err(Invalid::new("ahead", speed.ahead, "at most 50 m/s")) }
+    }
+
+    /// An app that stops at the first speed that it can use.
+    #[derive(Default)]
+    struct Driver {
+        speeds: Vec<f64>,
+    }
+
+    impl App for Driver {
+        fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+            Ok(comms.register_variable("SPEED*", 0.0)?)
+        }
+
+        fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+            let speed = mail.decode(&Key::<Speed>::named(mail.key().to_owned()))?.ahead;
+            if speed < 0.0 {
+                return Err(Rejection::new("this car has no reverse gear").into());
+            }
+            self.speeds.push(speed);
+            comms.stop();
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_message_of_no_use_is_said_and_counted_and_does_not_end_its_reader() {
+        let broker = MemoryBroker::new(BrokerConfig::new("reject"), Clock::new(1.0));
+        let community = Community::new("reject").unwrap();
+        let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
+        let mut speaker = join("speaker");
+        speaker.comms.register_variable("*", 0.0).unwrap();
+        speaker.comms.notify("SPEED_1", "fast").unwrap();
+        speaker.comms.publish(&Key::<Speed>::named("SPEED_2"), &Speed { ahead: f64::NAN }).unwrap();
+        let bytes = &[1, 2, 3];
+        let cut = crate::ValueRef::Binary { type_name: Speed::NAME, layout: Speed::LAYOUT, bytes };
+        speaker.comms.publish_value("SPEED_3", cut, crate::Origin::default()).unwrap();
+        speaker.comms.publish(&Key::<Speed>::named("SPEED_4"), &Speed { ahead: -1.0 }).unwrap();
+        speaker.comms.publish(&Key::<Speed>::named("SPEED_5"), &Speed { ahead: 7.0 }).unwrap();
+        speaker.comms.flush().unwrap();
+        let mut driver = Driver::default();
+        run_app_on(&mut driver, &mut join("driver"), &AtomicBool::new(false)).unwrap();
+        assert_eq!(driver.speeds, [7.0]);
+        let mut words = Vec::new();
+        speaker
+            .receive(Duration::ZERO, |mail| match mail.key() {
+                rejection::REJECTED => words.push(mail.as_text().unwrap_or_default().to_owned()),
+                "DRIVER_STATUS" => words.push(mail.as_text().unwrap_or_default().to_owned()),
+                _ => {}
+            })
+            .unwrap();
+        let said = |number: usize, parts: &[&str]| {
+            assert!(parts.iter().all(|part| words[number].contains(part)), "{parts:?} in {words:?}");
+        };
+        said(0, &["driver rejects SPEED_1 #1 by speaker", "a text", "Speed"]);
+        said(1, &["SPEED_2 #2 by speaker: Speed.ahead is NaN; it has to be at most 50 m/s"]);
+        said(2, &["SPEED_3 #3 by speaker", "no Speed"]);
+        said(3, &["SPEED_4 #4 by speaker: this car has no reverse gear"]);
+        said(4, &["rejected=4"]);
     }
 
     #[test]

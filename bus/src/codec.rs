@@ -6,6 +6,8 @@
 use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
 use serde::{Deserialize, Serialize};
 
+use crate::key::Invalid;
+
 /// The largest value that is decoded (bytes): a lid on what a corrupt length can make the decoder allocate.
 pub const MAX_VALUE_BYTES: usize = 1 << 30;
 
@@ -39,6 +41,14 @@ pub enum DecodeError {
         expected: u64,
         /// The layout hash that came.
         found: u64,
+    },
+    /// The bytes are a value of the type, but one that cannot be true.
+    #[error("{type_name}.{invalid}")]
+    Value {
+        /// The type's name.
+        type_name: &'static str,
+        /// The field at fault.
+        invalid: Invalid,
     },
     /// The bytes are not an encoding of the type.
     #[error("the bytes are no {type_name}: {reason}")]

@@ -9,6 +9,7 @@ use crate::community::Community;
 use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::outbox::Outbox;
+use crate::rejection::Rejections;
 use crate::value::{Value, ValueRef};
 use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, RESENT, ValueKind};
 
@@ -72,6 +73,7 @@ pub struct Comms {
     sequence: u64,
     /// What the inbox has counted (see [`Comms::dropped`]).
     dropped: u64,
+    pub(crate) rejections: Rejections,
     stopping: bool,
     epoch: u64,
 }
@@ -100,6 +102,7 @@ impl Comms {
             types: Numbering::new(Named::Type, 0),
             sequence: wire::first_sequence(monotonic_nanos() / 1_000_000),
             dropped: 0,
+            rejections: Rejections::default(),
             stopping: false,
             epoch: link.epoch,
         };

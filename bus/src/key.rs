@@ -16,6 +16,33 @@ pub trait Payload {
     const LAYOUT: u64;
     /// What is encoded and decoded; borrows from the received bytes where it can.
     type View<'a>: Serialize + Deserialize<'a>;
+
+    /// What every value of this type has to keep to, whoever wrote it. Decoding asks it, so that nothing behind it has to.
+    ///
+    /// # Errors
+    /// The first field that does not.
+    fn check(_view: &Self::View<'_>) -> Result<(), Invalid> {
+        Ok(())
+    }
+}
+
+/// A field of a value that decodes but cannot be true.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{field} is {found}; it has to be {wanted}")]
+pub struct Invalid {
+    /// The field, with its way from the outermost value: `motion.clearance_m`, `points[3]`.
+    pub field: String,
+    /// What it is.
+    pub found: String,
+    /// What it would have to be, with the unit.
+    pub wanted: String,
+}
+
+impl Invalid {
+    /// A field that is `found` where `wanted` is right.
+    pub fn new(field: impl Into<String>, found: impl std::fmt::Display, wanted: impl Into<String>) -> Self {
+        Self { field: field.into(), found: found.to_string(), wanted: wanted.into() }
+    }
 }
 
 /// The name of a variable of the community together with the type of its value.
@@ -79,9 +106,30 @@ pub const fn fnv1a(text: &str) -> u64 {
 /// # use elk_bus::Payload;
 /// assert_eq!(Heading::NAME, "Heading");
 /// ```
+///
+/// A struct that is `checked by` a function (see [`Payload::check`]) is decoded only if that finds nothing wrong:
+///
+/// ```
+/// use elk_bus::key::Invalid;
+///
+/// elk_bus::payload! {
+///     /// How fast the robot is.
+///     pub struct Speed checked by plausible {
+///         /// Metres a second.
+///         pub ahead: f64,
+///     }
+/// }
+///
+/// fn plausible(speed: &Speed) -> Result<(), Invalid> {
+///     match speed.ahead.abs() <= 50.0 {
+///         true => Ok(()),
+///         false => Err(Invalid::new("ahead", speed.ahead, "at most 50 m/s")),
+///     }
+/// }
+/// ```
 #[macro_export]
 macro_rules! payload {
-    ($($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident : $ty:ty),* $(,)? })+) => {$(
+    ($($(#[$meta:meta])* pub struct $name:ident $(checked by $check:path)? { $($(#[$field_meta:meta])* pub $field:ident : $ty:ty),* $(,)? })+) => {$(
         $(#[$meta])*
         #[derive(::serde::Serialize, ::serde::Deserialize)]
         pub struct $name { $($(#[$field_meta])* pub $field: $ty),* }
@@ -90,6 +138,10 @@ macro_rules! payload {
             const NAME: &'static str = stringify!($name);
             const LAYOUT: u64 = $crate::fnv1a(concat!(stringify!($name), $(" ", stringify!($field), ":", stringify!($ty)),*));
             type View<'a> = $name;
+
+            $(fn check(view: &$name) -> ::core::result::Result<(), $crate::key::Invalid> {
+                $check(view)
+            })?
         }
     )+};
 }

@@ -8,6 +8,7 @@
 //! | [`memory`], [`shm`] | the transports: inside one process, and between processes over iceoryx2 |
 //! | [`comms`], [`inbox`], [`mail`] | what a client says, what it hears, and a message as it gets it |
 //! | [`client`], [`app`] | both ends together; MOOS' three callbacks |
+//! | [`rejection`] | messages that an app cannot use: said, counted, passed over |
 //! | [`recall`] | what a successor asks for: the memory of an app is a variable |
 //! | [`key`], [`value`], [`codec`] | typed keys, the three kinds of value, their encoding |
 //! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
@@ -28,6 +29,7 @@ pub mod memory;
 mod outbox;
 pub mod pattern;
 pub mod recall;
+pub mod rejection;
 mod seen;
 pub mod shm;
 pub mod value;
@@ -47,6 +49,7 @@ pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};
 pub use mail::Mail;
 pub use recall::Recall;
+pub use rejection::Rejection;
 pub use shm::{ConnectError, Running, ServeError, running};
 pub use value::{Value, ValueRef};
 pub use words::tell;

@@ -49,7 +49,10 @@ impl<'a> ValueRef<'a> {
         }
     }
 
-    /// Decodes the value as what `key` carries; refuses another type or another layout of the same type.
+    /// Decodes the value as what `key` carries.
+    ///
+    /// # Errors
+    /// It is of another type, of another layout of the same type, or one that cannot be true ([`Payload::check`]).
     pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
         let mismatch = |found: String| DecodeError::Type { key: key.name().into(), expected: T::NAME, found };
         match *self {
@@ -62,7 +65,11 @@ impl<'a> ValueRef<'a> {
                 expected: T::LAYOUT,
                 found: layout,
             }),
-            ValueRef::Binary { bytes, .. } => codec::decode(bytes, T::NAME),
+            ValueRef::Binary { bytes, .. } => {
+                let view = codec::decode(bytes, T::NAME)?;
+                T::check(&view).map_err(|invalid| DecodeError::Value { type_name: T::NAME, invalid })?;
+                Ok(view)
+            }
         }
     }
 

@@ -1,0 +1,110 @@
+//! Messages that an app cannot use: said, counted and passed over, so that no message ends whoever reads it.
+//!
+//! A message that ended its reader would end the next one of that name as well: as the variable's latest value it comes
+//! to whoever registers.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use crate::app::AppError;
+use crate::clock::Stopwatch;
+use crate::codec::DecodeError;
+use crate::comms::{Comms, CommsError};
+use crate::mail::Mail;
+use crate::words::tell;
+
+/// The variable under which every app says what it has rejected: a text for people, for the log and the launcher.
+pub const REJECTED: &str = "MAIL_REJECTED";
+
+/// Rejections of one (variable, writer) that are said in full; after that one in [`SAID_EVERY`], with their number.
+const SAID_IN_FULL: u64 = 3;
+const SAID_EVERY: Duration = Duration::from_secs(5);
+/// Pairs of variable and writer that are told apart; whoever makes up more names is counted with the last of them.
+const PAIRS: usize = 256;
+
+/// Why an app cannot use a message although it decodes: it contradicts what the app knows. An app that fails with this,
+/// or with a [`DecodeError`], in [`crate::App::on_new_mail`] goes on with the next message.
+///
+/// What the app had changed before it failed stays changed: look first, then act.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Rejection(String);
+
+impl Rejection {
+    /// A rejection for this reason, which names the field at fault.
+    pub fn new(reason: impl std::fmt::Display) -> Self {
+        Self(reason.to_string())
+    }
+}
+
+/// Rejections of one app.
+#[derive(Debug, Default)]
+pub(crate) struct Rejections {
+    count: u64,
+    by_writer: BTreeMap<(String, String), Said>,
+}
+
+#[derive(Debug, Default)]
+struct Said {
+    count: u64,
+    last: Option<Stopwatch>,
+    unsaid: u64,
+}
+
+impl Rejections {
+    /// How many messages were rejected so far.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Counts a rejection of what `writer` wrote to `key`; what there is to say of it, unless that was said often enough.
+    fn note(&mut self, key: &str, writer: &str) -> Option<String> {
+        self.count += 1;
+        let mut pair = (key.to_owned(), writer.to_owned());
+        if self.by_writer.len() >= PAIRS && !self.by_writer.contains_key(&pair) {
+            pair = Default::default();
+        }
+        let said = self.by_writer.entry(pair).or_default();
+        said.count += 1;
+        if said.count > SAID_IN_FULL && said.last.is_some_and(|last| last.elapsed() < SAID_EVERY) {
+            said.unsaid += 1;
+            return None;
+        }
+        said.last = Some(Stopwatch::start());
+        let unsaid = std::mem::take(&mut said.unsaid);
+        Some(if unsaid == 0 { String::new() } else { format!(" (and {unsaid} others of it since the last word)") })
+    }
+}
+
+impl Comms {
+    /// Messages that this client's app has rejected.
+    pub fn rejected(&self) -> u64 {
+        self.rejections.count()
+    }
+
+    /// Passes over a message that the app failed with, if that is what it means; other failures are handed back.
+    ///
+    /// # Errors
+    /// The app's own failure, or that of the bus over which the rejection is said.
+    pub(crate) fn pass_over(&mut self, mail: &Mail<'_>, failure: AppError) -> Result<(), AppError> {
+        if !failure.is::<DecodeError>() && !failure.is::<Rejection>() {
+            return Err(failure);
+        }
+        Ok(self.reject(mail.key(), mail.source(), mail.sequence(), &failure)?)
+    }
+
+    /// Says and counts that a message is of no use.
+    pub(crate) fn reject(
+        &mut self,
+        key: &str,
+        writer: &str,
+        sequence: u64,
+        why: &dyn std::fmt::Display,
+    ) -> Result<(), CommsError> {
+        let Some(more) = self.rejections.note(key, writer) else { return Ok(()) };
+        let words = format!("{} rejects {key} #{sequence} by {writer}: {why}{more}", self.name());
+        tell(&words);
+        // A rejection of this very variable would be answered by another one for ever.
+        if key == REJECTED { Ok(()) } else { self.notify(REJECTED, words) }
+    }
+}
