@@ -11,7 +11,6 @@ use crate::comms::{Comms, CommsError};
 use crate::inbox::Inbox;
 use crate::mail::Mail;
 use crate::wire;
-use crate::words::tell;
 
 /// What an app may fail with.
 pub type AppError = Box<dyn std::error::Error + Send + Sync>;
@@ -122,7 +121,9 @@ pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> 
         if beat.tick_is_due(&client.comms) {
             app.iterate(&mut client.comms).map_err(failed)?;
         }
-        report_refusals(&name, &mut client.inbox);
+        for refused in client.inbox.take_refusals() {
+            client.comms.note_refused(&refused)?;
+        }
         beat.status(&mut client.comms, &client.inbox)?;
     }
     // What a retiring app has not read is its successor's.
@@ -184,12 +185,6 @@ fn read_rest(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
         }
     }
     Ok(())
-}
-
-fn report_refusals(name: &str, inbox: &mut Inbox) {
-    for refused in inbox.take_refusals() {
-        tell(format_args!("{name}: {} #{} was refused: {}", refused.key, refused.sequence, refused.reason));
-    }
 }
 
 /// When to iterate, on the community's clock, and when to report, on the wall's: whoever asks how an app is has to hear of

@@ -11,7 +11,7 @@ use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::outbox::Outbox;
 use crate::rejection::Rejections;
 use crate::value::{Value, ValueRef};
-use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, RESENT, ValueKind};
+use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, RESENT, TYPED, ValueKind};
 
 /// Values of at least this many bytes are written once into shared memory and read in place.
 pub const BULK_MIN_BYTES: usize = 16 << 10;
@@ -32,6 +32,25 @@ pub enum CommsError {
         /// Why.
         source: EncodeError,
     },
+    /// A name, or a pattern, is too long.
+    #[error("{0:?}… is a name of {1} bytes; at most {max} are allowed", max = wire::MAX_NAME)]
+    Name(String, usize),
+    /// The value is too long.
+    #[error("{key}: a value of {len} bytes; at most {max} are allowed: publish it in parts, or where it lies", max = codec::MAX_VALUE_BYTES)]
+    Value {
+        /// The variable.
+        key: String,
+        /// Bytes of the value.
+        len: usize,
+    },
+}
+
+/// A name or a pattern that is short enough.
+fn name(name: &str) -> Result<(), CommsError> {
+    match name.len() <= wire::MAX_NAME {
+        true => Ok(()),
+        false => Err(CommsError::Name(name.chars().take(40).collect(), name.len())),
+    }
 }
 
 /// Where a message comes from, if it is not simply this client's own: for gateways and replay.
@@ -59,8 +78,8 @@ pub struct Comms {
     new_down: Option<Box<dyn Downlink>>,
     batch: Vec<u8>,
     outbox: Outbox,
-    /// By the patterns of key and source: number in the order in which they were made, interval (s) and flags.
-    registrations: BTreeMap<(String, String), (u64, f64, u16)>,
+    /// By the patterns of key and source.
+    registrations: BTreeMap<(String, String), Asked>,
     registered: u64,
     /// Between the start of an app and its first mail.
     starting: bool,
@@ -73,9 +92,21 @@ pub struct Comms {
     sequence: u64,
     /// What the inbox has counted (see [`Comms::dropped`]).
     dropped: u64,
+    /// What this client's app has rejected, and what of its own the broker has refused.
     pub(crate) rejections: Rejections,
+    pub(crate) refusals: Rejections,
     stopping: bool,
     epoch: u64,
+}
+
+/// A registration.
+struct Asked {
+    /// Its number in the order in which they were made.
+    number: u64,
+    interval_secs: f64,
+    flags: u16,
+    /// The number of the type that is expected, with [`TYPED`].
+    type_: u32,
 }
 
 impl Comms {
@@ -103,6 +134,7 @@ impl Comms {
             sequence: wire::first_sequence(monotonic_nanos() / 1_000_000),
             dropped: 0,
             rejections: Rejections::default(),
+            refusals: Rejections::default(),
             stopping: false,
             epoch: link.epoch,
         };
@@ -186,9 +218,12 @@ impl Comms {
         self.stopping
     }
 
-    /// Registers for a variable: its latest value comes at once, then every new one.
+    /// Registers for a variable: its latest value comes at once, then every new one. That this client reads it as a `T` is
+    /// said with it: whoever writes something else is told so, and so is this client ([`crate::Inbox::take_refusals`]).
     pub fn register<T: Payload>(&mut self, key: &Key<T>) -> Result<(), CommsError> {
-        self.register_wildcard(key.name(), "*", 0.0)
+        name(key.name())?;
+        let type_ = self.types.number(&mut self.batch, T::NAME, T::LAYOUT);
+        self.registration(FrameKind::Register, key.name(), "*", 0.0, TYPED, type_)
     }
 
     /// Registers for a variable by name, at most one message in `min_interval_secs` (0: all); the last one of a burst
@@ -205,17 +240,17 @@ impl Comms {
         source_pattern: &str,
         min_interval_secs: f64,
     ) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0)
+        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0, 0)
     }
 
     /// Registers so that nothing is dropped: publishers wait if this client does not keep up (with limited patience).
     pub fn register_lossless(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS)
+        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS, 0)
     }
 
     /// Takes back the registration that was made with these patterns.
     pub fn unregister(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0)
+        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0, 0)
     }
 
     fn registration(
@@ -223,16 +258,20 @@ impl Comms {
         kind: FrameKind,
         key_pattern: &str,
         source_pattern: &str,
-        interval: f64,
+        interval_secs: f64,
         flags: u16,
+        type_: u32,
     ) -> Result<(), CommsError> {
+        name(key_pattern)?;
+        name(source_pattern)?;
         let patterns = (key_pattern.to_owned(), source_pattern.to_owned());
         self.registered += 1;
+        let asked = Asked { number: self.registered, interval_secs, flags, type_ };
+        let header = asked.header(kind);
         match kind {
-            FrameKind::Register => self.registrations.insert(patterns, (self.registered, interval, flags)),
+            FrameKind::Register => self.registrations.insert(patterns, asked),
             _ => self.registrations.remove(&patterns),
         };
-        let header = Header { flags, time: interval, ..Header::new(kind) };
         wire::put(&mut self.batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
         self.flush_if_full()
     }
@@ -297,9 +336,10 @@ impl Comms {
             names.introduce_all(&mut batch);
         }
         let mut registrations: Vec<_> = self.registrations.iter().collect();
-        registrations.sort_by_key(|(_, (number, ..))| *number);
-        for ((key_pattern, source_pattern), (_, interval, flags)) in registrations {
-            let header = Header { flags: flags | RESENT, time: *interval, ..Header::new(FrameKind::Register) };
+        registrations.sort_by_key(|(_, asked)| asked.number);
+        for ((key_pattern, source_pattern), asked) in registrations {
+            let header = asked.header(FrameKind::Register);
+            let header = Header { flags: header.flags | RESENT, ..header };
             wire::put(&mut batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
         }
         if self.driving {
@@ -326,7 +366,8 @@ impl Comms {
         if len >= BULK_MIN_BYTES {
             let fill =
                 &mut |writer: &mut dyn Write| codec::encode_to_writer(value, writer).map_err(std::io::Error::other);
-            if self.bulk(key.name(), (T::NAME, T::LAYOUT), Origin::default(), len, fill)? {
+            let type_ = Some((T::NAME, T::LAYOUT));
+            if self.bulk(key.name(), (ValueKind::Binary, type_), Origin::default(), len, fill)? {
                 return Ok(());
             }
         }
@@ -346,9 +387,15 @@ impl Comms {
 
     /// Publishes a value of any kind, and, for gateways and replay, in the name of another source.
     pub fn publish_value(&mut self, key: &str, value: ValueRef<'_>, origin: Origin<'_>) -> Result<(), CommsError> {
-        if let ValueRef::Binary { type_name, layout, bytes } = value
-            && bytes.len() >= BULK_MIN_BYTES
-            && self.bulk(key, (type_name, layout), origin, bytes.len(), &mut |w| w.write_all(bytes))?
+        let bulky = match value {
+            ValueRef::Binary { type_name, layout, bytes } => {
+                Some((ValueKind::Binary, Some((type_name, layout)), bytes))
+            }
+            ValueRef::Text(text) => Some((ValueKind::Text, None, text.as_bytes())),
+            ValueRef::Double(_) => None,
+        };
+        if let Some((kind, type_, bytes)) = bulky.filter(|(.., bytes)| bytes.len() >= BULK_MIN_BYTES)
+            && self.bulk(key, (kind, type_), origin, bytes.len(), &mut |w| w.write_all(bytes))?
         {
             return Ok(());
         }
@@ -388,19 +435,21 @@ impl Comms {
     fn bulk(
         &mut self,
         key: &str,
-        (type_name, layout): (&str, u64),
+        (kind, type_): (ValueKind, Option<(&str, u64)>),
         origin: Origin<'_>,
         len: usize,
         fill: &mut Fill<'_>,
     ) -> Result<bool, CommsError> {
+        if len > codec::MAX_VALUE_BYTES {
+            return Err(CommsError::Value { key: key.to_owned(), len });
+        }
         // What readers have to acknowledge before there is room must have left first.
         self.flush()?;
         loop {
             let Some(reference) = self.on_link(|comms| comms.up.send_bulk(len, fill))? else {
                 return Ok(false);
             };
-            let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), origin);
-            let header = Header { flags: BULK, ..header };
+            let header = Header { flags: BULK, ..self.header(key, kind, type_, origin)? };
             wire::put(&mut self.batch, &header, origin.source_aux.as_bytes(), &reference.to_bytes());
             match self.up.send(&self.batch) {
                 // The value died with the broker before anybody knew of it: it is written anew.
@@ -419,26 +468,35 @@ impl Comms {
         let aux = origin.source_aux.as_bytes();
         match value {
             ValueRef::Double(number) => {
-                let header = self.header(key, ValueKind::Double, None, origin);
+                let header = self.header(key, ValueKind::Double, None, origin)?;
                 wire::put(&mut self.batch, &header, aux, &number.to_le_bytes());
             }
             ValueRef::Text(text) => {
-                let header = self.header(key, ValueKind::Text, None, origin);
+                let header = self.header(key, ValueKind::Text, None, origin)?;
                 wire::put(&mut self.batch, &header, aux, text.as_bytes());
             }
             ValueRef::Binary { type_name, layout, bytes } => {
-                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), origin);
+                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), origin)?;
                 wire::put(&mut self.batch, &header, aux, bytes);
             }
         }
         self.flush_if_full()
     }
 
-    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<(&str, u64)>, origin: Origin<'_>) -> Header {
+    fn header(
+        &mut self,
+        key: &str,
+        kind: ValueKind,
+        type_: Option<(&str, u64)>,
+        origin: Origin<'_>,
+    ) -> Result<Header, CommsError> {
+        for text in [Some(key), origin.source, Some(origin.source_aux), type_.map(|(name, _)| name)] {
+            text.map_or(Ok(()), name)?;
+        }
         self.sequence += 1;
         let key = self.keys.number(&mut self.batch, key, 0);
         self.outbox.note(key, self.sequence);
-        Header {
+        Ok(Header {
             value_kind: kind,
             key,
             source: origin.source.map_or(0, |name| self.sources.number(&mut self.batch, name, 0)),
@@ -446,7 +504,7 @@ impl Comms {
             sequence: self.sequence,
             time: origin.time.unwrap_or_else(|| self.clock.now()),
             ..Header::new(FrameKind::Notify)
-        }
+        })
     }
 
     /// Tells the broker that the bulk service of client `publisher` is open here.
@@ -460,6 +518,12 @@ impl Drop for Comms {
     fn drop(&mut self) {
         // Nobody is left to tell of a failure; who needs to know flushes first. And who leaves is not ready for more.
         let _ = self.send_gathered();
+    }
+}
+
+impl Asked {
+    fn header(&self, kind: FrameKind) -> Header {
+        Header { flags: self.flags, type_: self.type_, time: self.interval_secs, ..Header::new(kind) }
     }
 }
 

@@ -27,16 +27,19 @@ pub struct Inbox {
     refusals: Vec<Refused>,
 }
 
-/// A message of this client that the broker did not take.
+/// A message, a registration or a name of this client that the broker did not take.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refused {
     /// The variable.
     pub key: String,
-    /// The message's number (see [`Mail::sequence`]).
+    /// The message's number (see [`Mail::sequence`]); 0: it is no message, but a registration or a name.
     pub sequence: u64,
     /// Why.
     pub reason: String,
 }
+
+/// Refusals that are kept for who asks for them; of more the oldest go.
+const MOST_REFUSALS: usize = 1000;
 
 /// The broker's numbers and what they stand for.
 #[derive(Default)]
@@ -159,6 +162,9 @@ impl Inbox {
         if key == CLOCK {
             comms.clock_was_refused();
         }
+        if self.refusals.len() >= MOST_REFUSALS {
+            self.refusals.remove(0);
+        }
         self.refusals.push(Refused { key, sequence: wire::count(frame.header.sequence), reason });
     }
 
@@ -176,11 +182,17 @@ impl Inbox {
         // what was in there.
         let will_be_said_again = !self.down.open();
         match mail(&mut *self.down, &self.names, frame) {
-            Some(mail) => {
+            Ok(mail) => {
                 self.seen.note(&frame.header, mail.key, mail.source);
                 on_mail(comms, &mail)
             }
-            None => {
+            Err(Unreadable::Damaged(why)) => {
+                let header = &frame.header;
+                let (key, source) =
+                    (self.names.get(Named::Key, header.key).0, self.names.get(Named::Source, header.source).0);
+                Ok(comms.reject(key, source, wire::count(header.sequence), &why)?)
+            }
+            Err(Unreadable::Gone) => {
                 self.missed_bulk += u64::from(!will_be_said_again);
                 self.down.note_missed(self.missed_bulk);
                 comms.note_dropped(self.dropped());
@@ -219,24 +231,37 @@ impl Inbox {
     }
 }
 
-fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> Option<Mail<'a>> {
+/// Why a message cannot be shown.
+enum Unreadable {
+    /// Its value was overwritten before this client came to read it.
+    Gone,
+    /// It is not what it says it is.
+    Damaged(&'static str),
+}
+
+fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
     let header = frame.header;
     let bytes = match header.flags & BULK {
         0 => frame.value,
-        _ => down.bulk(BulkRef::from_bytes(frame.value)?)?,
+        _ => BulkRef::from_bytes(frame.value).and_then(|reference| down.bulk(reference)).ok_or(Unreadable::Gone)?,
     };
     let (type_name, layout) = names.get(Named::Type, header.type_);
+    let text =
+        |bytes: &'a [u8]| std::str::from_utf8(bytes).map_err(|_| Unreadable::Damaged("a text that is not UTF-8"));
     let value = match header.value_kind {
-        ValueKind::Double => ValueRef::Double(f64::from_le_bytes(bytes.try_into().ok()?)),
-        ValueKind::Text => ValueRef::Text(std::str::from_utf8(bytes).ok()?),
+        ValueKind::Double => {
+            let bytes = bytes.try_into().map_err(|_| Unreadable::Damaged("a number that is not eight bytes long"))?;
+            ValueRef::Double(f64::from_le_bytes(bytes))
+        }
+        ValueKind::Text => ValueRef::Text(text(bytes)?),
         ValueKind::Binary => ValueRef::Binary { type_name, layout, bytes },
     };
-    Some(Mail {
+    Ok(Mail {
         header,
         key: names.get(Named::Key, header.key).0,
         source: names.get(Named::Source, header.source).0,
         community: names.get(Named::Community, header.community).0,
-        source_aux: if header.flags & ATTACH != 0 { "" } else { std::str::from_utf8(frame.aux).ok()? },
+        source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
         value,
     })
 }

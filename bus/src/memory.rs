@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Legacy, Place, Refusal};
+use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Legacy, Limits, Place, Refusal};
 use crate::clock::{Clock, Stopwatch};
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::wire::BulkRef;
@@ -46,6 +46,9 @@ struct State {
 impl MemoryBroker {
     /// Starts a community.
     pub fn new(config: BrokerConfig, clock: Clock) -> Self {
+        // All values travel in batches here, and lie in this process anyway.
+        let limits = Limits { message_bytes: usize::MAX, latest_bytes: usize::MAX, ..config.limits };
+        let config = BrokerConfig { limits, ..config };
         let state = State {
             broker: Some(Broker::new(config.clone(), clock.now())),
             places: Vec::new(),
@@ -229,7 +232,9 @@ impl Downlink for MemoryDown {
             let now = shared.clock.now();
             broker.tick(now);
             let mut batch = Vec::new();
-            broker.take_mail(*id, usize::MAX, &mut batch, |_, _| {});
+            if broker.may_give(*id) {
+                broker.take_mail(*id, usize::MAX, &mut batch, |_, _| {});
+            }
             if !batch.is_empty() {
                 broker.keep_given(*id, batch.clone());
                 shared.changed.notify_all();

@@ -10,6 +10,7 @@ use crate::app::AppError;
 use crate::clock::Stopwatch;
 use crate::codec::DecodeError;
 use crate::comms::{Comms, CommsError};
+use crate::inbox::Refused;
 use crate::mail::Mail;
 use crate::words::tell;
 
@@ -93,6 +94,20 @@ impl Comms {
         Ok(self.reject(mail.key(), mail.source(), mail.sequence(), &failure)?)
     }
 
+    /// Says that the broker has refused something of this client's.
+    pub(crate) fn note_refused(&mut self, refused: &Refused) -> Result<(), CommsError> {
+        let Refused { key, sequence, reason } = refused;
+        let Some(more) = self.refusals.note(key, "") else { return Ok(()) };
+        let number = if *sequence == 0 { String::new() } else { format!(" #{sequence}") };
+        self.say(key, format!("{}: {key}{number} was refused: {reason}{more}", self.name()))
+    }
+
+    fn say(&mut self, key: &str, words: String) -> Result<(), CommsError> {
+        tell(&words);
+        // A word about this very variable would be answered by another one for ever.
+        if key == REJECTED { Ok(()) } else { self.notify(REJECTED, words) }
+    }
+
     /// Says and counts that a message is of no use.
     pub(crate) fn reject(
         &mut self,
@@ -102,9 +117,6 @@ impl Comms {
         why: &dyn std::fmt::Display,
     ) -> Result<(), CommsError> {
         let Some(more) = self.rejections.note(key, writer) else { return Ok(()) };
-        let words = format!("{} rejects {key} #{sequence} by {writer}: {why}{more}", self.name());
-        tell(&words);
-        // A rejection of this very variable would be answered by another one for ever.
-        if key == REJECTED { Ok(()) } else { self.notify(REJECTED, words) }
+        self.say(key, format!("{} rejects {key} #{sequence} by {writer}: {why}{more}", self.name()))
     }
 }

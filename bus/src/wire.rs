@@ -18,19 +18,27 @@ pub const HEADER: usize = 48;
 /// The longest frame that a reader accepts (bytes).
 pub const MAX_FRAME: usize = 1 << 30;
 
+/// The longest message that travels in a batch between processes (bytes, the frame whole); a larger value lies in its
+/// publisher's shared memory.
+pub const MAX_MESSAGE: usize = 1 << 20;
+/// The longest name of a variable, source, type or community, and the longest pattern (bytes).
+pub const MAX_NAME: usize = 256;
+
 /// What a frame is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum FrameKind {
     /// A message.
     Notify = 1,
-    /// Up: register. `aux` is the key's pattern, the value the source's; `time` the minimum interval (s).
+    /// Up: register. `aux` is the key's pattern, the value the source's; `time` the minimum interval (s); with [`TYPED`],
+    /// `type_` the type that is expected.
     Register = 2,
     /// Up: take back registrations with these two patterns.
     Unregister = 3,
     /// Names a number: `flags` says of what (see [`Named`]), `key` is the number, `aux` the name.
     Define = 4,
-    /// Down: a message was refused. `sequence` says which, `aux` the variable, the value why.
+    /// Down: a message was refused, `sequence` says which; or, with sequence 0, a registration or a name. `aux` is the
+    /// variable, the value says why.
     Refused = 5,
     /// Down: `sequence` messages have been dropped for this client so far, because it did not read.
     Dropped = 6,
@@ -79,6 +87,9 @@ pub const LATEST: u16 = 4;
 pub const LOSSLESS: u16 = 8;
 /// Flag of a message or a registration that a broker before this one was sent already.
 pub const RESENT: u16 = 16;
+
+/// Flag of a registration that names the type that its client expects.
+pub const TYPED: u16 = 32;
 
 /// A sequence holds the publisher's count of its messages in this many low bits, and above them its life: what tells a
 /// publisher from the one that had its name before.
@@ -333,6 +344,15 @@ pub fn value_bytes(frame: &[u8]) -> u64 {
 /// The client whose bulk service the receiver of `frame` is told to attach to.
 pub fn publisher_to_attach(frame: &Frame<'_>) -> Option<u32> {
     (frame.header.flags & ATTACH != 0 && frame.aux.len() == 4).then(|| u32_at(frame.aux, 0))
+}
+
+/// What a whole frame refers to by number, in the order of [`Named`], if it is a message: key, source, type (of a binary
+/// value) and community.
+pub fn numbers(frame: &[u8]) -> [(Named, u32); 4] {
+    let source = u32_at(frame, 12);
+    let type_ =
+        if frame[5] == ValueKind::Binary as u8 { (Named::Type, u32_at(frame, 16)) } else { (Named::Source, source) };
+    [(Named::Key, u32_at(frame, 8)), (Named::Source, source), type_, (Named::Community, u32_at(frame, 20))]
 }
 
 /// The kind that a definition's flags name.

@@ -1,24 +1,37 @@
 //! Names to numbers and back.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Gives each name the next number; a name with another layout is another name.
 #[derive(Debug, Default)]
 pub(super) struct Interner {
-    numbers: HashMap<(String, u64), u32>,
-    names: Vec<(String, u64)>,
+    numbers: HashMap<(Arc<str>, u64), u32>,
+    names: Vec<(Arc<str>, u64)>,
+    bytes: usize,
 }
 
 impl Interner {
     /// The number of a name.
     pub fn number(&mut self, name: &str, layout: u64) -> u32 {
-        let entry = (name.to_owned(), layout);
+        let entry = (Arc::from(name), layout);
         let next = self.names.len() as u32;
         let number = *self.numbers.entry(entry.clone()).or_insert(next);
         if number == next {
+            self.bytes += name.len();
             self.names.push(entry);
         }
         number
+    }
+
+    /// The number that a name has already.
+    pub fn known(&self, name: &str, layout: u64) -> Option<u32> {
+        self.numbers.get(&(Arc::from(name), layout)).copied()
+    }
+
+    /// Bytes of all names.
+    pub fn bytes(&self) -> usize {
+        self.bytes
     }
 
     /// The name of a number that this interner gave.

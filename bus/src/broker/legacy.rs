@@ -26,7 +26,7 @@ impl Broker {
 
     /// What clients have left that are gone, if one has gone since the last call. `bulk` finds values that lie in shared
     /// memory.
-    pub fn take_legacies(&mut self, bulk: impl Fn(BulkRef) -> Option<Vec<u8>>) -> Option<Vec<Legacy>> {
+    pub fn take_legacies<'a>(&mut self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Vec<Legacy>> {
         if !std::mem::take(&mut self.legacies_changed) {
             return None;
         }
@@ -34,7 +34,7 @@ impl Broker {
         Some(self.variables.iter().filter(left).filter_map(|variable| self.legacy(variable, &bulk)).collect())
     }
 
-    fn legacy(&self, variable: &Variable, bulk: &impl Fn(BulkRef) -> Option<Vec<u8>>) -> Option<Legacy> {
+    fn legacy<'a>(&self, variable: &Variable, bulk: &impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Legacy> {
         let frame = wire::first_frame(&variable.latest).ok()?;
         let header = frame.header;
         if header.source == self.own_source {
@@ -45,7 +45,7 @@ impl Broker {
             0 => whole.extend_from_slice(frame.bytes),
             _ => {
                 let value = bulk(BulkRef::from_bytes(frame.value)?)?;
-                wire::put(&mut whole, &Header { flags: header.flags & !BULK, ..header }, frame.aux, &value);
+                wire::put(&mut whole, &Header { flags: header.flags & !BULK, ..header }, frame.aux, value);
             }
         }
         let type_ = match header.value_kind {
@@ -76,7 +76,11 @@ impl Broker {
                 community: self.number(Named::Community, &legacy.community, 0),
                 ..frame.header
             };
-            self.variables[header.key as usize].keep(now, None, &Message::new(header, frame.bytes));
+            let message = Message::new(header, frame.bytes);
+            let variable = &mut self.variables[header.key as usize];
+            self.latest_bytes += message.len();
+            self.latest_bytes -= variable.latest.len();
+            variable.keep(now, None, &message);
         }
         self.legacies_changed = !legacies.is_empty();
     }

@@ -1,17 +1,20 @@
 //! A client's mail in the broker: bounded, oldest dropped first, drops counted; kept until the client has handled it.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use super::message::Message;
 use crate::clock::Dial;
-use crate::wire::{self, ATTACH, Frame, FrameKind, Header, Named};
+use crate::wire::{self, ATTACH, BULK, Frame, FrameKind, Header, Named};
 
 /// Frames that wait for a client, back to back in one buffer, what the client must know before them, and the batches
 /// that it was given and has not handled yet.
 #[derive(Debug)]
 pub struct Mailbox {
-    /// Definitions and refusals: never dropped, always delivered ahead of the mail.
+    /// Refusals: never dropped, always delivered ahead of the mail.
     notices: Vec<u8>,
+    /// Variables whose latest value the client is still to be given, because its mailbox was full when it registered for
+    /// them; with the flags that the message will carry. They are read from the table when they leave.
+    owed: BTreeMap<u32, u16>,
     /// What the community's clock was set to, if the client has not been told: only the last setting counts.
     clock: Option<Option<Dial>>,
     mail: Vec<u8>,
@@ -27,6 +30,7 @@ pub struct Mailbox {
     missed: u64,
     /// Batches under way: should the client die, its successor gets what is in them.
     given: VecDeque<Given>,
+    given_bytes: usize,
     /// Messages ever given.
     given_messages: u64,
     /// `given_messages` and `left` before the last [`Mailbox::take`].
@@ -56,6 +60,7 @@ impl Mailbox {
     pub fn new(limit: usize, now: f64) -> Self {
         Self {
             notices: Vec::new(),
+            owed: BTreeMap::new(),
             clock: None,
             mail: Vec::new(),
             head: 0,
@@ -66,6 +71,7 @@ impl Mailbox {
             told_dropped: 0,
             missed: 0,
             given: VecDeque::new(),
+            given_bytes: 0,
             given_messages: 0,
             before_take: (0, 0),
             lossless: false,
@@ -85,13 +91,34 @@ impl Mailbox {
         self.clock = Some(dial);
     }
 
-    /// Whether `number` is new to the client; from now on it is not.
-    pub(super) fn learns(&mut self, what: Named, number: u32) -> bool {
-        let known = &mut self.known[what as usize];
-        if known.len() <= number as usize {
-            known.resize(number as usize + 1, false);
-        }
-        !std::mem::replace(&mut known[number as usize], true)
+    /// Bytes of notices that wait.
+    pub(super) fn notice_bytes(&self) -> usize {
+        self.notices.len()
+    }
+
+    /// What the mailbox holds at most from now on (bytes).
+    pub(super) fn set_limit(&mut self, limit: usize) {
+        self.limit = limit;
+    }
+
+    /// Whether there is room for so many more bytes of mail.
+    pub(super) fn has_room(&self, bytes: usize) -> bool {
+        self.owed.is_empty() && self.waiting() + bytes <= self.limit
+    }
+
+    /// The client is to be given the latest value of a variable once there is room for it.
+    pub(super) fn owe(&mut self, key: u32, flags: u16) {
+        self.owed.insert(key, flags);
+    }
+
+    /// The client is no longer to be given the latest value of a variable; whether it was.
+    pub(super) fn no_longer_owes(&mut self, key: u32) -> Option<u16> {
+        if self.owed.is_empty() { None } else { self.owed.remove(&key) }
+    }
+
+    /// Whether the client may be given more: of what it has not handled only so much is kept.
+    pub fn may_give(&self) -> bool {
+        self.given_bytes < self.limit || self.given.is_empty()
     }
 
     /// Marks the client as one whose mail publishers wait for.
@@ -136,7 +163,7 @@ impl Mailbox {
 
     /// Whether neither mail nor notices wait.
     pub fn is_empty(&self) -> bool {
-        self.waiting() == 0 && self.notices.is_empty() && self.clock.is_none()
+        self.waiting() == 0 && self.notices.is_empty() && self.clock.is_none() && self.owed.is_empty()
     }
 
     /// Whether publishers have to wait until there is room.
@@ -157,9 +184,7 @@ impl Mailbox {
         }
         // A lossless mailbox takes what a batch in flight brings beyond the limit; the next batch waits.
         while self.waiting() > 0 && self.waiting() + message.len() > self.limit && !self.is_waited_for(now, patience) {
-            self.head += wire::first_len(&self.mail[self.head..]);
-            self.dropped += 1;
-            self.left += 1;
+            self.drop_oldest();
         }
         self.pushed += 1;
         self.reclaim();
@@ -181,10 +206,15 @@ impl Mailbox {
     }
 
     /// See [`super::Broker::take_mail`].
-    pub(super) fn take(&mut self, max: usize, batch: &mut Vec<u8>, mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>)) {
+    pub(super) fn take(
+        &mut self,
+        max: usize,
+        batch: &mut Vec<u8>,
+        table: &impl Table,
+        mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>),
+    ) {
         self.before_take = (self.given_messages, self.left);
-        // Not `append`: whoever was told of thousands of names once needs no room for them for ever.
-        batch.extend_from_slice(&std::mem::take(&mut self.notices));
+        batch.append(&mut self.notices);
         if let Some(dial) = self.clock.take() {
             wire::put_clock(batch, dial);
         }
@@ -193,7 +223,9 @@ impl Mailbox {
             let header = Header { sequence: self.dropped, ..Header::new(FrameKind::Dropped) };
             wire::put(batch, &header, &[], &[]);
         }
-        // Frames are copied in runs; a bulk one ends its run, since it may leave as something else.
+        self.take_owed(max, batch, table, &mut bulk);
+        // Frames are copied in runs; a bulk one ends its run, since it may leave as something else, and so does one that
+        // uses a name which the client has not been told.
         let mut run = self.head;
         while self.waiting() > 0 {
             let rest = &self.mail[self.head..];
@@ -201,6 +233,11 @@ impl Mailbox {
             let filled = batch.len() + self.head - run;
             if filled > 0 && filled + len > max {
                 break;
+            }
+            if !knows_all(&self.known, rest) {
+                batch.extend_from_slice(&self.mail[run..self.head]);
+                run = self.head;
+                introduce(&mut self.known, rest, table, batch);
             }
             if wire::is_bulk(rest) {
                 batch.extend_from_slice(&self.mail[run..self.head]);
@@ -217,9 +254,37 @@ impl Mailbox {
         self.reclaim();
     }
 
+    /// Latest values that there was no room for. They have no position in the mail: nobody waits until they are handled.
+    fn take_owed(
+        &mut self,
+        max: usize,
+        batch: &mut Vec<u8>,
+        table: &impl Table,
+        bulk: &mut impl FnMut(&Frame<'_>, &mut Vec<u8>),
+    ) {
+        while let Some((key, flags)) = self.owed.first_key_value().map(|(key, flags)| (*key, *flags)) {
+            let Some(message) = table.latest(key, flags) else {
+                self.owed.remove(&key);
+                continue;
+            };
+            if !batch.is_empty() && batch.len() + message.len() > max {
+                break;
+            }
+            self.owed.remove(&key);
+            let frame = message.to_bytes();
+            introduce(&mut self.known, &frame, table, batch);
+            match (wire::is_bulk(&frame), wire::first_frame(&frame)) {
+                (true, Ok(frame)) => bulk(&frame, batch),
+                _ => batch.extend_from_slice(&frame),
+            }
+            self.given_messages += 1;
+        }
+    }
+
     /// Keeps the batch that [`Mailbox::take`] has filled, until the client has handled it.
     pub(super) fn keep_given(&mut self, batch: Vec<u8>) {
         let (from, before) = self.before_take;
+        self.given_bytes += batch.len();
         self.given.push_back(Given { batch, from, until: self.given_messages, before });
     }
 
@@ -233,7 +298,11 @@ impl Mailbox {
     }
 
     fn settle(&mut self, count: u64) -> impl Iterator<Item = Vec<u8>> + '_ {
-        std::iter::from_fn(move || self.given.pop_front_if(|given| given.until <= count)).map(|given| given.batch)
+        std::iter::from_fn(move || {
+            let given = self.given.pop_front_if(|given| given.until <= count)?;
+            self.given_bytes -= given.batch.len();
+            Some(given.batch)
+        })
     }
 
     /// Whether [`Mailbox::handled`] would answer anything.
@@ -264,13 +333,78 @@ impl Mailbox {
         mail.extend_from_slice(&self.mail[self.head..]);
         self.mail = mail;
         self.head = 0;
+        // What was owed and given on the way has come on top; whoever waits does so rather too long than too short.
+        self.left = self.left.min(self.pushed.saturating_sub(frames_of_messages(&self.mail).count() as u64));
+        self.given_bytes = 0;
         self.notices.clear();
+        self.owed.clear();
+    }
+
+    /// Puts what `bulk` makes of them in the place of the references in the mail that waits, as far as there is room.
+    pub(super) fn resolve(&mut self, mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>)) {
+        let whole = |mail: &[u8]| !wire::frames(mail).map_while(Result::ok).any(|f| f.header.flags & BULK != 0);
+        if whole(&self.mail[self.head..]) {
+            return;
+        }
+        let mut mail = Vec::new();
+        for frame in wire::frames(&self.mail[self.head..]).map_while(Result::ok) {
+            match frame.header.flags & BULK {
+                0 => mail.extend_from_slice(frame.bytes),
+                _ => bulk(&frame, &mut mail),
+            }
+        }
+        (self.mail, self.head) = (mail, 0);
+        while self.waiting() > self.limit {
+            self.drop_oldest();
+        }
+        self.reclaim();
+    }
+
+    fn drop_oldest(&mut self) {
+        self.head += wire::first_len(&self.mail[self.head..]);
+        self.dropped += 1;
+        self.left += 1;
+    }
+
+    #[cfg(test)]
+    pub(super) fn clone_mail(&self) -> Vec<u8> {
+        self.mail[self.head..].to_vec()
     }
 
     /// What waits.
     pub(super) fn into_mail(mut self) -> Vec<u8> {
         self.mail.drain(..self.head);
         self.mail
+    }
+}
+
+/// What the broker knows and a mailbox has to tell.
+pub(super) trait Table {
+    /// The name behind a number, and the layout that goes with a type's.
+    fn name(&self, what: Named, number: u32) -> (&str, u64);
+    /// The latest value of a variable, with these flags; `None`: it has none.
+    fn latest(&self, key: u32, flags: u16) -> Option<Message<'_>>;
+}
+
+type Known = [Vec<bool>; 4];
+
+/// Whether the client has been told all names that a frame uses.
+fn knows_all(known: &Known, frame: &[u8]) -> bool {
+    let knows = |(what, number): (Named, u32)| known[what as usize].get(number as usize) == Some(&true);
+    wire::numbers(frame).into_iter().all(knows)
+}
+
+/// Tells the client the names that a frame uses and that it has not been told.
+fn introduce(known: &mut Known, frame: &[u8], table: &impl Table, batch: &mut Vec<u8>) {
+    for (what, number) in wire::numbers(frame) {
+        let known = &mut known[what as usize];
+        if known.len() <= number as usize {
+            known.resize(number as usize + 1, false);
+        }
+        if !std::mem::replace(&mut known[number as usize], true) {
+            let (name, layout) = table.name(what, number);
+            wire::put_definition(batch, what, number, name, layout);
+        }
     }
 }
 

@@ -43,6 +43,9 @@ pub enum Refusal {
     /// Another successor was first.
     #[error("a successor of {0:?} is already on its way: wait for it, or stop it first")]
     SuccessorTaken(String),
+    /// There are too many already.
+    #[error("the community has {0} clients already, and no more are allowed")]
+    Full(usize),
     /// The name cannot be one.
     #[error("{0:?} is no name for a client: 1 to 64 printable characters without comma, '*' or '?'")]
     BadName(String),
@@ -106,6 +109,9 @@ impl Broker {
         if name.is_empty() || name.chars().count() > 64 || !name.chars().all(printable) {
             return Err(Refusal::BadName(name.into()));
         }
+        if self.clients.len() >= self.config.limits.clients {
+            return Err(Refusal::Full(self.config.limits.clients));
+        }
         let holder = self.names.get(name).copied();
         if let Some(holder) = holder {
             self.may_succeed(holder, who)?;
@@ -139,9 +145,9 @@ impl Broker {
     fn add_client(&mut self, now: f64, name: &str, lease_secs: f64) -> ClientId {
         let id = self.next_client;
         self.next_client += 1;
-        let source = self.sources.number(name, 0);
         let lease_secs = if lease_secs.is_finite() { lease_secs.max(0.0) } else { 0.0 };
-        self.clients.insert(id, Client::new(name, source, lease_secs, self.config.mailbox_bytes, now));
+        self.clients.insert(id, Client::new(name, lease_secs, self.config.mailbox_bytes, now));
+        self.share_out_mail();
         id
     }
 
@@ -265,6 +271,7 @@ impl Broker {
             let until = if successor.is_some() { f64::INFINITY } else { now + client.lease_secs };
             client.standing = Standing::Orphan { until, returns: false };
             client.mailbox.take_back(handled);
+            self.to_resolve.insert(id);
         } else {
             self.forget(id);
         }
@@ -310,6 +317,7 @@ impl Broker {
             other.feeds.remove(&id);
         }
         self.places_changed = true;
+        self.share_out_mail();
     }
 
     /// Gives `id` the place of `predecessor`, which is an orphan: first the latest values of what it registered for,
@@ -335,7 +343,8 @@ impl Broker {
         self.set_standing(id, Standing::Present);
         self.places_changed = true;
         let asked = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
-        let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(|f| Change::read(&f).ok()).collect();
+        let change = |frame: Frame<'_>| Change::read(&frame, self.expected_type(id, &frame).ok()?).ok();
+        let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(change).collect();
         let mut registrations = Vec::new();
         changes.iter().for_each(|change| change.apply(&mut registrations));
         let wanted = self.wanted(id, &registrations, &mail);

@@ -6,8 +6,10 @@
 //! burst too; wildcards match every (variable, source) pair whenever it first appears; a write of the wrong type is
 //! answered to the writer; a mailbox that nobody reads drops its oldest mail and counts.
 
+mod expectation;
 mod interner;
 mod legacy;
+mod limits;
 mod mailbox;
 mod membership;
 mod message;
@@ -22,6 +24,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use crate::wire::{self, BULK, Frame, FrameKind, Header, Named, RESENT, ValueKind, WireError};
 use interner::Interner;
 pub use legacy::Legacy;
+pub use limits::Limits;
+use limits::{REFUSED, UNNAMED};
 pub use mailbox::Mailbox;
 use membership::Standing;
 pub use membership::{Introduction, Place, Refusal};
@@ -42,12 +46,25 @@ pub struct BrokerConfig {
     pub mailbox_bytes: usize,
     /// How long publishers wait for a lossless registrant that does not read (s); then its mail is dropped as well.
     pub lossless_patience_secs: f64,
+    /// What clients can make it hold.
+    pub limits: Limits,
 }
 
 impl BrokerConfig {
     /// Mailboxes of 4 MiB, patience of 5 s.
     pub fn new(community: impl Into<String>) -> Self {
-        Self { community: community.into(), mailbox_bytes: 4 << 20, lossless_patience_secs: 5.0 }
+        Self {
+            community: community.into(),
+            mailbox_bytes: 4 << 20,
+            lossless_patience_secs: 5.0,
+            limits: Limits::default(),
+        }
+    }
+
+    /// The same with mailboxes of so many bytes, and with room for eight that are full.
+    pub fn with_mailboxes_of(self, mailbox_bytes: usize) -> Self {
+        let limits = Limits { mail_bytes: mailbox_bytes.saturating_mul(8), ..self.limits };
+        Self { mailbox_bytes, limits, ..self }
     }
 }
 
@@ -64,11 +81,16 @@ pub struct Broker {
     communities: Interner,
     /// By key number.
     variables: Vec<Variable>,
+    /// Bytes of all latest values; pairs of a variable and a source.
+    latest_bytes: usize,
+    routes: usize,
     /// Throttled values that wait for their time: (due, variable, client).
     due: BTreeSet<(Due, u32, ClientId)>,
     /// The bulk samples that are some variable's latest value.
     latest_bulk: BTreeSet<(ClientId, u64)>,
     attached: Vec<(ClientId, ClientId)>,
+    /// Orphans whose mail refers to values in shared memory.
+    to_resolve: BTreeSet<ClientId>,
     /// Who got mail from the batch that is being taken in.
     reached: Vec<ClientId>,
     /// Holders of a name that are to make room for their successor.
@@ -167,12 +189,12 @@ impl Reached {
 const UNHANDLED_BATCHES: usize = 4096;
 
 impl Client {
-    fn new(name: &str, source: u32, lease_secs: f64, mailbox_bytes: usize, now: f64) -> Self {
+    fn new(name: &str, lease_secs: f64, mailbox_bytes: usize, now: f64) -> Self {
         Self {
             name: name.into(),
             standing: Standing::Present,
             lease_secs,
-            numbers: [vec![], vec![source], vec![], vec![0]],
+            numbers: [vec![], vec![UNNAMED], vec![], vec![0]],
             registrations: Vec::new(),
             mailbox: Mailbox::new(mailbox_bytes, now),
             asked: Vec::new(),
@@ -209,9 +231,12 @@ impl Broker {
             types: Interner::default(),
             communities,
             variables: Vec::new(),
+            latest_bytes: 0,
+            routes: 0,
             due: BTreeSet::new(),
             latest_bulk: BTreeSet::new(),
             attached: Vec::new(),
+            to_resolve: BTreeSet::new(),
             reached: Vec::new(),
             retiring: Vec::new(),
             successions: Vec::new(),
@@ -318,21 +343,49 @@ impl Broker {
             Named::Type => self.types.number(name, layout),
             Named::Community => self.communities.number(name, 0),
         };
-        while self.variables.len() < self.keys.len() {
-            self.variables.push(Variable::default());
-        }
+        self.make_room_for_variables();
         number
+    }
+
+    fn make_room_for_variables(&mut self) {
+        for key in self.variables.len()..self.keys.len() {
+            let is_own = self.keys.name(key as u32).starts_with(OWN_PREFIX);
+            self.variables.push(Variable { is_own, ..Variable::default() });
+        }
+    }
+
+    /// The broker's number of a name that a client came with, or why it has none.
+    fn admit_name(&mut self, what: Named, name: &str, layout: u64) -> Result<u32, String> {
+        let (names, layout) = match what {
+            Named::Key => (&self.keys, 0),
+            Named::Source => (&self.sources, 0),
+            Named::Type => (&self.types, layout),
+            Named::Community => (&self.communities, 0),
+        };
+        match names.known(name, layout) {
+            Some(number) => Ok(number),
+            None => match self.name_refusal(what, name) {
+                Some(reason) => Err(reason),
+                None => Ok(self.number(what, name, layout)),
+            },
+        }
     }
 
     fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
         let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
-        let number = self.number(what, name, frame.header.sequence);
+        let number = match self.admit_name(what, name, frame.header.sequence) {
+            Ok(number) => number,
+            Err(reason) => {
+                self.refuse(from, name, 0, &reason)?;
+                REFUSED
+            }
+        };
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         let numbers = &mut client.numbers[what as usize];
         match numbers.get(frame.header.key as usize) {
             // A client that returns introduces all names again; some may stand in its next batch once more.
-            Some(known) if *known == number => Ok(()),
+            Some(known) if *known == number || number == REFUSED => Ok(()),
             None if numbers.len() == frame.header.key as usize => {
                 numbers.push(number);
                 Ok(())
@@ -348,12 +401,15 @@ impl Broker {
             client.numbers[what as usize].get(number as usize).copied().ok_or("a number was used before its definition")
         };
         let key = translate(Named::Key, header.key)?;
-        let source = translate(Named::Source, header.source)?;
+        let mut source = translate(Named::Source, header.source)?;
         let community = translate(Named::Community, header.community)?;
         let type_ = match header.value_kind {
             ValueKind::Binary => translate(Named::Type, header.type_)?,
             _ => 0,
         };
+        if [key, source, community, type_].contains(&REFUSED) {
+            return Ok(()); // the client was told when it named it
+        }
         if client.is_joining() {
             Self::hold(client, frame);
             return Ok(());
@@ -362,6 +418,10 @@ impl Broker {
             self.answer_with_table(now, from);
             return Ok(());
         }
+        if source == UNNAMED {
+            source = self.name_source(from)?;
+        }
+        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         // A driven clock, which may have been set meanwhile, tells nothing of how long a message took.
         client.latency.note(self.driver.is_none().then_some(now - header.time));
         if client.last_published != Some(key) {
@@ -371,12 +431,52 @@ impl Broker {
             }
         }
         let header = Header { flags: header.flags & (BULK | RESENT), key, source, type_, community, ..*header };
-        if let Some(reason) = self.type_conflict(key, TypeLock::of(&header)) {
+        if let Some(reason) = self.refusal(&header, frame.bytes.len()) {
             let name = self.keys.name(key).to_owned();
             return self.refuse(from, &name, header.sequence, &reason);
         }
         self.store_and_deliver(now, Some(from), &Message::new(header, frame.bytes));
         Ok(())
+    }
+
+    /// The number of a client as a source of messages, from its first message on: whoever only listens needs none.
+    fn name_source(&mut self, id: ClientId) -> Result<u32, &'static str> {
+        let name = self.client_name(id).unwrap_or_default().to_owned();
+        let number = match self.admit_name(Named::Source, &name, 0) {
+            Ok(number) => number,
+            Err(reason) => {
+                self.refuse(id, &name, 0, &reason)?;
+                return Err("the community has no room for another source of messages");
+            }
+        };
+        let client = self.clients.get_mut(&id).ok_or("the client is not connected")?;
+        client.numbers[Named::Source as usize][0] = number;
+        Ok(number)
+    }
+
+    /// Why a client's message of so many bytes is not taken, if so.
+    fn refusal(&self, header: &Header, bytes: usize) -> Option<String> {
+        let variable = &self.variables[header.key as usize];
+        if variable.is_own {
+            return Some(format!("{OWN_PREFIX}* are written by the broker alone"));
+        }
+        if bytes > self.config.limits.message_bytes {
+            return Some(format!(
+                "a message of {bytes} bytes; at most {} travel in a batch",
+                self.config.limits.message_bytes
+            ));
+        }
+        let is_new =
+            self.routes >= self.config.limits.routes && !variable.routes.iter().any(|r| r.source == header.source);
+        if is_new {
+            return Some(format!("the community has {} pairs of variable and source already", self.routes));
+        }
+        let lock = TypeLock::of(header);
+        match variable.lock {
+            None => self.contradicts_readers(header.key, lock),
+            Some(_) => self.type_conflict(header.key, lock),
+        }
+        .or_else(|| self.latest_refusal(variable.latest.len(), bytes))
     }
 
     fn type_conflict(&self, key: u32, lock: TypeLock) -> Option<String> {
@@ -397,7 +497,13 @@ impl Broker {
         }
     }
 
+    /// Tells a client what of its own was not taken, and why.
     fn refuse(&mut self, to: ClientId, name: &str, sequence: u64, reason: &str) -> Result<(), &'static str> {
+        if self.is_full_of_refusals(to) {
+            return Ok(());
+        }
+        // A name that is too long is refused under its beginning.
+        let name = &name[..name.floor_char_boundary(wire::MAX_NAME)];
         let client = self.clients.get_mut(&to).ok_or("the client is not connected")?;
         let header = Header { sequence, ..Header::new(FrameKind::Refused) };
         wire::put(client.mailbox.notices(), &header, name.as_bytes(), reason.as_bytes());
@@ -406,9 +512,6 @@ impl Broker {
 
     fn publish_own(&mut self, now: f64, key: &str, kind: ValueKind, value: &[u8]) {
         let key = self.number(Named::Key, key, 0);
-        if self.type_conflict(key, TypeLock { kind, type_: 0 }).is_some() {
-            return; // a client was first with this name, and with another type; it is the client's now
-        }
         self.own_sequence += 1;
         let header = Header {
             value_kind: kind,
@@ -426,6 +529,7 @@ impl Broker {
 
     fn store_and_deliver(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
         let (key, source) = (message.header.key, message.header.source);
+        self.settle_owed(now, key);
         self.keep_as_latest(now, from, message);
         let route = self.route(key, source);
         let deliveries = std::mem::take(&mut self.variables[key as usize].routes[route].deliveries);
@@ -453,9 +557,28 @@ impl Broker {
         if let Some(old) = bulk_of(&variable.latest) {
             self.latest_bulk.remove(&(old.client, old.sample));
         }
+        self.latest_bytes += message.len();
+        self.latest_bytes -= variable.latest.len();
         variable.keep(now, from, message);
         if let Some(new) = bulk_of(&variable.latest) {
             self.latest_bulk.insert((new.client, new.sample));
+        }
+    }
+
+    /// The latest value of a variable is about to be another one. Whoever is still owed it is given the new one, and who is
+    /// to be given everything the old one as well.
+    fn settle_owed(&mut self, now: f64, key: u32) {
+        let variable = &mut self.variables[key as usize];
+        if !std::mem::take(&mut variable.owed) {
+            return;
+        }
+        for client in self.clients.values_mut() {
+            if let Some(flags) = client.mailbox.no_longer_owes(key)
+                && client.mailbox.is_lossless()
+                && let Some(latest) = variable.latest_message(flags)
+            {
+                client.mailbox.push(now, &latest, self.config.lossless_patience_secs);
+            }
         }
     }
 
@@ -472,6 +595,7 @@ impl Broker {
             .filter_map(|(id, c)| registration::combine(*id, &c.registrations, key_name, source_name))
             .collect();
         let routes = &mut self.variables[key as usize].routes;
+        self.routes += 1;
         routes.push(variable::Route { source, deliveries });
         routes.len() - 1
     }
@@ -481,19 +605,8 @@ impl Broker {
         if !self.reached.contains(&to) {
             self.reached.push(to);
         }
-        let header = &message.header;
-        let named = [
-            (Named::Key, &self.keys, header.key),
-            (Named::Source, &self.sources, header.source),
-            (Named::Type, &self.types, header.type_),
-            (Named::Community, &self.communities, header.community),
-        ];
-        for (what, names, number) in named {
-            let needed = what != Named::Type || header.value_kind == ValueKind::Binary;
-            if needed && client.mailbox.learns(what, number) {
-                let (name, layout) = (names.name(number), names.layout(number));
-                wire::put_definition(client.mailbox.notices(), what, number, name, layout);
-            }
+        if message.header.flags & BULK != 0 && matches!(client.standing, Standing::Orphan { .. }) {
+            self.to_resolve.insert(to);
         }
         client.mailbox.push(now, message, self.config.lossless_patience_secs);
     }
@@ -572,9 +685,42 @@ impl Broker {
         batch: &mut Vec<u8>,
         bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>),
     ) {
-        if let Some(client) = self.clients.get_mut(&id) {
-            client.mailbox.take(max, batch, bulk);
+        let Self { clients, keys, sources, types, communities, variables, .. } = self;
+        let table = Names { keys, sources, types, communities, variables };
+        if let Some(client) = clients.get_mut(&id) {
+            client.mailbox.take(max, batch, &table, bulk);
         }
+    }
+
+    /// Whether a client may be given more mail: only so much of what it has not handled is kept.
+    pub fn may_give(&self, id: ClientId) -> bool {
+        self.clients.get(&id).is_some_and(|client| client.mailbox.may_give())
+    }
+
+    /// Puts values in the place of references in the mail of those who are dead and may have a successor: until that one
+    /// comes, the values could be gone. `bulk` appends what there is.
+    pub fn resolve_mail(&mut self, mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>)) {
+        for id in std::mem::take(&mut self.to_resolve) {
+            if let Some(client) = self.clients.get_mut(&id) {
+                client.mailbox.resolve(&mut bulk);
+            }
+        }
+    }
+
+    /// The value of a bulk sample is gone: the variables whose latest value it was have none. Answers their names.
+    pub fn forget_latest_bulk(&mut self, client: ClientId, sample: u64) -> Vec<String> {
+        if !self.latest_bulk.remove(&(client, sample)) {
+            return Vec::new();
+        }
+        let mut names = Vec::new();
+        for (key, variable) in (0..).zip(&mut self.variables) {
+            if bulk_of(&variable.latest).is_some_and(|bulk| (bulk.client, bulk.sample) == (client, sample)) {
+                self.latest_bytes -= variable.latest.len();
+                variable.latest = Vec::new();
+                names.push(self.keys.name(key).to_owned());
+            }
+        }
+        names
     }
 
     /// Keeps the batch that [`Broker::take_mail`] has filled until the client has handled it: should it die before that,
@@ -648,6 +794,34 @@ impl Broker {
     /// Number of connected clients.
     pub fn clients(&self) -> usize {
         self.clients.values().filter(|c| c.standing == Standing::Present).count()
+    }
+}
+
+/// What the names of the broker's own variables begin with.
+const OWN_PREFIX: &str = "DB_";
+
+/// The broker's tables, as a mailbox needs them.
+struct Names<'a> {
+    keys: &'a Interner,
+    sources: &'a Interner,
+    types: &'a Interner,
+    communities: &'a Interner,
+    variables: &'a [Variable],
+}
+
+impl mailbox::Table for Names<'_> {
+    fn name(&self, what: Named, number: u32) -> (&str, u64) {
+        let names = match what {
+            Named::Key => self.keys,
+            Named::Source => self.sources,
+            Named::Type => self.types,
+            Named::Community => self.communities,
+        };
+        (names.name(number), names.layout(number))
+    }
+
+    fn latest(&self, key: u32, flags: u16) -> Option<Message<'_>> {
+        self.variables.get(key as usize)?.latest_message(flags)
     }
 }
 

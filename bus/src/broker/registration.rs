@@ -8,7 +8,7 @@ use super::message::Message;
 use super::variable::Delivery;
 use super::{Broker, ClientId};
 use crate::pattern;
-use crate::wire::{self, Frame, FrameKind, Header, LATEST, LOSSLESS, RESENT};
+use crate::wire::{self, Frame, FrameKind, LATEST, LOSSLESS, RESENT};
 
 /// Messages by variable, source and sequence.
 pub(super) type Messages = BTreeSet<(u32, u32, u64)>;
@@ -26,6 +26,8 @@ pub struct Registration {
     pub lossless: bool,
     /// The client had it before, under the broker before this one.
     pub again: bool,
+    /// The type that the client expects, by name and layout.
+    pub expects: Option<(String, u64)>,
 }
 
 impl Registration {
@@ -37,7 +39,7 @@ impl Registration {
         self.key_pattern == other.key_pattern && self.source_pattern == other.source_pattern
     }
 
-    fn read(frame: &Frame<'_>) -> Result<Self, &'static str> {
+    fn read(frame: &Frame<'_>, expects: Option<(String, u64)>) -> Result<Self, &'static str> {
         let text = |bytes| std::str::from_utf8(bytes).map(str::to_owned).map_err(|_| "a pattern is not UTF-8");
         let interval = frame.header.time;
         Ok(Self {
@@ -46,6 +48,7 @@ impl Registration {
             min_interval: if interval.is_finite() { interval.max(0.0) } else { 0.0 },
             lossless: frame.header.flags & LOSSLESS != 0,
             again: frame.header.flags & RESENT != 0,
+            expects,
         })
     }
 }
@@ -60,9 +63,9 @@ pub(super) enum Change {
 }
 
 impl Change {
-    /// What a frame asks for.
-    pub fn read(frame: &Frame<'_>) -> Result<Self, &'static str> {
-        let registration = Registration::read(frame)?;
+    /// What a frame asks for; `expects` is the type that it names, if it names one.
+    pub fn read(frame: &Frame<'_>, expects: Option<(String, u64)>) -> Result<Self, &'static str> {
+        let registration = Registration::read(frame, expects)?;
         Ok(match frame.header.kind {
             FrameKind::Unregister => Change::Remove(registration),
             _ => Change::Add(registration),
@@ -86,6 +89,10 @@ pub(super) fn combine(client: ClientId, registrations: &[Registration], key: &st
     Some(Delivery { client, min_interval, lossless: matching().any(|r| r.lossless) })
 }
 
+/// Latest values that would fill this part of a mailbox are given as the client reads on, and not put into it: mail that
+/// comes meanwhile would drive them out.
+const MANY: usize = 4;
+
 impl Broker {
     /// Adds, replaces or takes back a registration. A client that is joining has to wait for it.
     pub(super) fn change_registration(
@@ -94,7 +101,10 @@ impl Broker {
         from: ClientId,
         frame: &Frame<'_>,
     ) -> Result<(), &'static str> {
-        let change = Change::read(frame)?;
+        let change = Change::read(frame, self.expected_type(from, frame)?)?;
+        if let Some(reason) = self.registration_refusal(frame) {
+            return self.refuse(from, &String::from_utf8_lossy(frame.aux), 0, &reason);
+        }
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         match client.is_joining() {
             true => client.asked.extend_from_slice(frame.bytes),
@@ -108,27 +118,39 @@ impl Broker {
         let Some(client) = self.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
         self.places_changed = true;
+        self.mark_lossless(id);
         match &change {
-            Change::Add(registration) => self.carry_out(now, id, registration, waiting),
+            Change::Add(registration) => {
+                self.note_expectation(id, registration);
+                self.carry_out(now, id, registration, waiting);
+            }
             Change::Remove(registration) => {
                 for key in self.keys_matching(&registration.key_pattern) {
                     self.match_routes(key, id);
                 }
             }
         }
-        self.mark_lossless(id);
+    }
+
+    /// Bytes of the patterns of all registrations.
+    pub(super) fn registration_bytes(&self) -> usize {
+        let bytes = |r: &Registration| wire::frame_len(r.key_pattern.len(), r.source_pattern.len());
+        self.clients.values().map(|c| c.asked.len() + c.registrations.iter().map(bytes).sum::<usize>()).sum()
     }
 
     /// Routes what a registration asks for to its client, and gives it the latest values that it did not get before and
     /// that are not among the `waiting` ones, which it is about to get.
     pub(super) fn carry_out(&mut self, now: f64, client: ClientId, registration: &Registration, waiting: &Messages) {
-        for key in self.keys_matching(&registration.key_pattern) {
+        let keys = self.keys_matching(&registration.key_pattern);
+        let bytes: usize = keys.iter().map(|key| self.variables[*key as usize].latest.len()).sum();
+        let many = self.clients.get(&client).is_some_and(|c| !c.mailbox.has_room(MANY * bytes));
+        for key in keys {
             let latest = wire::first_frame(&self.variables[key as usize].latest).map(|f| f.header);
             let had = latest.is_ok_and(|h| {
                 self.is_delivered(key, h.source, client) || waiting.contains(&(key, h.source, h.sequence))
             });
             self.match_routes(key, client);
-            self.give_latest(now, key, client, registration, had);
+            self.give_latest(now, key, client, registration, had, many);
         }
     }
 
@@ -167,7 +189,8 @@ impl Broker {
         }
     }
 
-    fn give_latest(&mut self, now: f64, key: u32, to: ClientId, registration: &Registration, had: bool) {
+    /// Gives a client a variable's latest value, unless it `had` it: at once, or, of `many`, as it reads on.
+    fn give_latest(&mut self, now: f64, key: u32, to: ClientId, registration: &Registration, had: bool, many: bool) {
         let variable = &self.variables[key as usize];
         let Some(source) = variable.latest_source() else {
             return;
@@ -175,11 +198,16 @@ impl Broker {
         if had || !pattern::matches(&registration.source_pattern, self.sources.name(source)) {
             return;
         }
-        let latest = variable.latest.clone();
-        let Some(message) = Message::stored(&latest) else { return };
-        let again = if registration.again { RESENT } else { 0 };
-        let header = Header { flags: message.header.flags & !RESENT | LATEST | again, ..message.header };
-        self.deliver(now, to, &Message::new(header, &latest));
+        let flags = LATEST | if registration.again { RESENT } else { 0 };
+        if many {
+            self.variables[key as usize].owed = true;
+            self.clients.entry(to).and_modify(|client| client.mailbox.owe(key, flags));
+        } else {
+            let latest = variable.latest.clone();
+            let Some(message) = variable.latest_message(flags) else { return };
+            let header = message.header;
+            self.deliver(now, to, &Message::new(header, &latest));
+        }
         if registration.min_interval > 0.0 {
             self.variables[key as usize].throttle(to).last_sent = now;
         }

@@ -6,10 +6,13 @@ use std::fmt::Write;
 use super::membership::Standing;
 use super::table::LatencyEntry;
 use super::{Broker, Client, ClientId};
-use crate::wire::{self, ValueKind};
+use crate::wire::{self, BULK, ValueKind};
 
 /// How often they are refreshed (s), as in the MOOSDB.
 pub(super) const PERIOD_SECS: f64 = 2.0;
+
+/// The longest of these texts (bytes, about): of more it says how much.
+const LONGEST: usize = 256 << 10;
 
 /// How long a client's messages took to the broker (s): `DB_QOS`.
 #[derive(Debug, Default)]
@@ -97,16 +100,18 @@ impl Broker {
                 read[*place as usize].push(self.keys.name(key));
             }
         }
+        let most = LONGEST / (2 * read.len()).max(1);
         let line = |((_, client), read): ((_, &Client), &Vec<&str>)| {
-            let written: Vec<&str> = client.published.iter().map(|k| self.keys.name(*k)).collect();
-            format!("{}={}&{}", client.name, read.join(":"), written.join(":"))
+            let written = client.published.iter().map(|k| self.keys.name(*k));
+            let (read, written) = (joined(read.iter().copied(), most), joined(written, most));
+            format!("{}={read}&{written}", client.name)
         };
         self.present().zip(&read).map(line).collect::<Vec<_>>().join(",")
     }
 
     /// A table for people: name, time, writer, rate, type, value.
     fn variable_table(&mut self) -> String {
-        let mut table = String::new();
+        let (mut table, mut left_out) = (String::new(), 0);
         for (key, variable) in (0..).zip(&mut self.variables) {
             let rate = (variable.writes - variable.summarised_writes) as f64 / PERIOD_SECS;
             variable.summarised_writes = variable.writes;
@@ -114,18 +119,47 @@ impl Broker {
             let Ok(frame) = wire::first_frame(&variable.latest) else {
                 continue;
             };
+            if table.len() >= LONGEST {
+                left_out += 1;
+                continue;
+            }
             let source = self.sources.name(frame.header.source);
             let age = variable.last_write - self.started;
             let (kind, value) = match frame.header.value_kind {
                 ValueKind::Double => ('D', double(frame.value).map_or_else(String::new, |v| v.to_string())),
-                ValueKind::Text => ('S', first_chars(&String::from_utf8_lossy(frame.value), 25)),
+                ValueKind::Text if frame.header.flags & BULK != 0 => ('S', String::new()),
+                ValueKind::Text => {
+                    ('S', first_chars(&String::from_utf8_lossy(&frame.value[..frame.value.len().min(100)]), 25))
+                }
                 ValueKind::Binary => ('B', self.types.name(frame.header.type_).to_owned()),
             };
             let name = self.keys.name(key);
             let _ = writeln!(table, "{name:<20} {age:<20.3} {source:<20} {rate:<8.1}Hz {kind} {value}");
         }
+        if left_out > 0 {
+            let _ = writeln!(table, "and {left_out} more");
+        }
         table
     }
+}
+
+/// Names with colons between them, up to about `most` bytes; then how many more there are.
+fn joined<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> String {
+    let (mut text, mut left_out) = (String::new(), 0);
+    for name in names {
+        if text.len() >= most {
+            left_out += 1;
+            continue;
+        }
+        if !text.is_empty() {
+            text.push(':');
+        }
+        text.push_str(name);
+    }
+    if left_out > 0 {
+        let _ = write!(text, ":+{left_out}");
+    }
+    text
 }
 
 fn double(value: &[u8]) -> Option<f64> {

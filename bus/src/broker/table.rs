@@ -21,6 +21,10 @@ pub const TABLE: Key<CommunityTable> = Key::new("DB_TABLE");
 
 /// The longest value that stands in the table (bytes); of a longer text its beginning does.
 pub const LONGEST_VALUE: usize = 1024;
+/// The largest table (bytes, about): of more variables it says how many it leaves out.
+const LARGEST: usize = 16 << 20;
+/// Variables that stand in the table as a client's.
+const MOST_WRITES: usize = 1 << 13;
 
 crate::payload! {
     /// Who is in a community and what was said, at one moment.
@@ -38,6 +42,8 @@ crate::payload! {
         pub clients: Vec<ClientEntry>,
         /// The variables that were ever written, in the order in which they were first named.
         pub variables: Vec<VariableEntry>,
+        /// Variables that were left out, because the table would be too large with them.
+        pub left_out: u64,
     }
 }
 
@@ -59,7 +65,7 @@ pub struct ClientEntry {
     pub name: String,
     /// What it has registered for.
     pub registrations: Vec<RegistrationEntry>,
-    /// The variables that it has written.
+    /// The variables that it has written; of very many, the first ones.
     pub writes: Vec<String>,
     /// Messages that came from it.
     pub messages: u64,
@@ -151,7 +157,7 @@ pub enum LatestValue {
     Text(String),
     /// A typed value, encoded.
     Typed(Vec<u8>),
-    /// A typed value that is too long for a table.
+    /// A value that is too long for a table.
     Long,
 }
 
@@ -191,13 +197,25 @@ impl Broker {
     }
 
     fn table(&self, now: f64) -> CommunityTable {
+        let clients: Vec<ClientEntry> = self.present().map(|(_, client)| self.client_entry(client)).collect();
+        let mut bytes = 0;
+        let (mut variables, mut left_out) = (Vec::new(), 0);
+        for (key, variable) in (0..).zip(&self.variables) {
+            let Some(entry) = self.variable_entry(key, variable, bytes < LARGEST) else { continue };
+            bytes += entry.size();
+            match bytes <= LARGEST {
+                true => variables.push(entry),
+                false => left_out += 1,
+            }
+        }
         CommunityTable {
             community: self.config.community.clone(),
             time: now,
             started: self.started,
             clock: self.clock_entry(now),
-            clients: self.present().map(|(_, client)| self.client_entry(client)).collect(),
-            variables: (0..).zip(&self.variables).filter_map(|(key, v)| self.variable_entry(key, v)).collect(),
+            clients,
+            variables,
+            left_out,
         }
     }
 
@@ -205,7 +223,7 @@ impl Broker {
         ClientEntry {
             name: client.name.clone(),
             registrations: client.registrations.iter().map(Registration::entry).collect(),
-            writes: client.published.iter().map(|key| self.keys.name(*key).to_owned()).collect(),
+            writes: client.published.iter().take(MOST_WRITES).map(|key| self.keys.name(*key).to_owned()).collect(),
             messages: client.latency.count(),
             latency: client.latency.entry(),
             mail: client.mailbox.pushed(),
@@ -215,7 +233,8 @@ impl Broker {
         }
     }
 
-    fn variable_entry(&self, key: u32, variable: &Variable) -> Option<VariableEntry> {
+    /// A variable as the table has it; one that is left out anyway needs no details.
+    fn variable_entry(&self, key: u32, variable: &Variable, detailed: bool) -> Option<VariableEntry> {
         let kind = self.kind(variable.lock?);
         let frame = wire::first_frame(&variable.latest).ok()?;
         let reader = |id: ClientId| self.clients.get(&id).map(|client| client.name.clone());
@@ -233,7 +252,7 @@ impl Broker {
             writer: self.sources.name(frame.header.source).to_owned(),
             latest: latest(&frame)?,
             latest_bytes: wire::value_bytes(frame.bytes),
-            routes: variable.routes.iter().map(route).collect(),
+            routes: variable.routes.iter().filter(|_| detailed).map(route).collect(),
         })
     }
 
@@ -246,6 +265,21 @@ impl Broker {
                 layout: self.types.layout(lock.type_),
             },
         }
+    }
+}
+
+impl VariableEntry {
+    /// About how many bytes it takes in the table.
+    fn size(&self) -> usize {
+        let route = |route: &RouteEntry| {
+            32 + route.source.len() + route.readers.iter().map(|reader| 32 + reader.len()).sum::<usize>()
+        };
+        let latest = match &self.latest {
+            LatestValue::Text(text) => text.len(),
+            LatestValue::Typed(bytes) => bytes.len(),
+            LatestValue::Number(_) | LatestValue::Long => 8,
+        };
+        size_of::<Self>() + self.name.len() + self.writer.len() + latest + self.routes.iter().map(route).sum::<usize>()
     }
 }
 
@@ -263,6 +297,7 @@ impl Registration {
 fn latest(frame: &wire::Frame<'_>) -> Option<LatestValue> {
     Some(match frame.header.value_kind {
         ValueKind::Double => LatestValue::Number(f64::from_le_bytes(frame.value.try_into().ok()?)),
+        ValueKind::Text if frame.header.flags & BULK != 0 => LatestValue::Long,
         ValueKind::Text => {
             let start = &frame.value[..frame.value.len().min(LONGEST_VALUE)];
             LatestValue::Text(String::from_utf8_lossy(start).into_owned())

@@ -1,5 +1,7 @@
 //! The broker by itself: every time is a number that the test chose.
 
+mod bounds;
+
 use proptest::prelude::*;
 
 use super::table::{CommunityTable, LatestValue, RouteEntry, VariableKind};

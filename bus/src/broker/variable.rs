@@ -4,7 +4,10 @@ use std::collections::BTreeSet;
 
 use super::ClientId;
 use super::message::Message;
-use crate::wire::{self, Header, ValueKind};
+use crate::wire::{self, Header, RESENT, ValueKind};
+
+/// Room for a latest value that is kept for the next one (bytes), beside twice the present one's.
+const SPARE_CAPACITY: usize = 4 << 10;
 
 /// The type that a variable's first write fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +50,10 @@ pub(super) struct Throttle {
 /// A variable.
 #[derive(Debug, Default)]
 pub(super) struct Variable {
+    /// The broker alone writes it.
+    pub is_own: bool,
+    /// Some client may be owed the latest value (see [`super::Mailbox`]).
+    pub owed: bool,
     pub lock: Option<TypeLock>,
     /// The latest frame, in the broker's numbers; empty before the first write.
     pub latest: Vec<u8>,
@@ -71,10 +78,20 @@ impl Variable {
         self.latest_from = from;
         self.lock = Some(TypeLock::of(&message.header));
         self.latest.clear();
+        if self.latest.capacity() > SPARE_CAPACITY + 2 * message.len() {
+            self.latest = Vec::new();
+        }
         message.append_to(&mut self.latest);
         self.writes += 1;
         self.bytes = self.bytes.saturating_add(wire::value_bytes(&self.latest));
         self.last_write = now;
+    }
+
+    /// The latest value with these flags beside its own, as a message for whoever comes late.
+    pub fn latest_message(&self, flags: u16) -> Option<Message<'_>> {
+        let header = wire::first_frame(&self.latest).ok()?.header;
+        let header = Header { flags: header.flags & !RESENT | flags, ..header };
+        Some(Message::new(header, &self.latest))
     }
 
     /// The source of the latest value.

@@ -1,9 +1,11 @@
 //! Bulk values: an iceoryx2 service per publishing client. A value is written once into the publisher's shared memory;
 //! every attached receiver, the broker among them, reads it there.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::mem::MaybeUninit;
+use std::rc::Rc;
 
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
@@ -66,7 +68,7 @@ impl BulkWriter {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
             .map_err(failed(format_args!("writing to bulk service {name}")))?;
-        Ok(Self { publisher, sent: 0, kept: Shelf::open(node, name)? })
+        Ok(Self { publisher, sent: 0, kept: Shelf::open(node, name, &Budget::of(usize::MAX))? })
     }
 
     /// Has a value of `len` bytes written in place and sends it; answers its number, or `None` if all chunks are held
@@ -139,31 +141,74 @@ impl BulkReader {
     }
 }
 
+/// Room for copies of bulk values, of all publishers together.
+pub struct Budget {
+    limit: usize,
+    used: Cell<usize>,
+}
+
+impl Budget {
+    /// Room for so many bytes.
+    pub fn of(limit: usize) -> Rc<Self> {
+        Rc::new(Self { limit, used: Cell::new(0) })
+    }
+
+    /// Bytes that there is room for when nothing is copied.
+    pub fn limit(&self) -> usize {
+        self.limit
+    }
+}
+
+/// A copied value; its room is free again when it is dropped.
+struct Copied {
+    bytes: Vec<u8>,
+    budget: Rc<Budget>,
+}
+
+impl Copied {
+    /// `None`: there is no room.
+    fn of(bytes: &[u8], budget: &Rc<Budget>) -> Option<Self> {
+        let used = budget.used.get().checked_add(bytes.len()).filter(|used| *used <= budget.limit)?;
+        budget.used.set(used);
+        Some(Self { bytes: bytes.to_vec(), budget: budget.clone() })
+    }
+}
+
+impl Drop for Copied {
+    fn drop(&mut self) {
+        self.budget.used.set(self.budget.used.get() - self.bytes.len());
+    }
+}
+
 /// Bulk values of one publisher that are still wanted.
 pub struct Shelf {
     reader: Option<BulkReader>,
     values: BTreeMap<u64, Kept>,
+    budget: Rc<Budget>,
+    /// Values that were wanted and had to be let go of, with their lengths (bytes).
+    lost: Vec<(u64, usize)>,
 }
 
 /// A value that is kept: where it lies, or, so that its chunk can be used again, as a copy.
 enum Kept {
     InPlace(BulkSample),
-    Copied(Vec<u8>),
+    Copied(Copied),
 }
 
 impl Kept {
     fn bytes(&self) -> &[u8] {
         match self {
             Kept::InPlace(sample) => sample.payload(),
-            Kept::Copied(bytes) => bytes,
+            Kept::Copied(copy) => &copy.bytes,
         }
     }
 }
 
 impl Shelf {
     /// An empty shelf for what is sent from now on over a client's bulk service.
-    pub fn open(node: &Node<Service>, name: &str) -> Result<Self, LinkError> {
-        Ok(Self { reader: Some(BulkReader::open(node, name)?), values: BTreeMap::new() })
+    pub fn open(node: &Node<Service>, name: &str, budget: &Rc<Budget>) -> Result<Self, LinkError> {
+        let reader = Some(BulkReader::open(node, name)?);
+        Ok(Self { reader, values: BTreeMap::new(), budget: budget.clone(), lost: Vec::new() })
     }
 
     /// Takes in what has come.
@@ -183,26 +228,37 @@ impl Shelf {
     pub fn let_go(&mut self, floor: u64, wanted: impl Fn(u64) -> bool) {
         self.values.retain(|number, _| *number >= floor || wanted(*number));
         let in_place = self.values.values().filter(|k| matches!(k, Kept::InPlace(_))).count();
-        let old = self.values.values_mut().filter(|k| matches!(k, Kept::InPlace(_)));
-        old.take(in_place.saturating_sub(HELD)).for_each(Kept::copy);
+        self.copy_oldest(in_place.saturating_sub(HELD));
     }
 
     /// The publisher is gone: keeps copies of what is wanted, and nothing of its shared memory.
     pub fn part(&mut self, wanted: impl Fn(u64) -> bool) {
         self.take_in();
         self.values.retain(|number, _| wanted(*number));
-        self.values.values_mut().for_each(Kept::copy);
+        self.copy_oldest(usize::MAX);
         self.reader = None;
+    }
+
+    /// Copies so many of the values that lie in place; those for which there is no room are lost.
+    fn copy_oldest(&mut self, count: usize) {
+        let in_place = self.values.iter().filter(|(_, kept)| matches!(kept, Kept::InPlace(_)));
+        let numbers: Vec<u64> = in_place.map(|(number, _)| *number).take(count).collect();
+        for number in numbers {
+            let Some(kept) = self.values.remove(&number) else { continue };
+            match Copied::of(kept.bytes(), &self.budget) {
+                Some(copy) => drop(self.values.insert(number, Kept::Copied(copy))),
+                None => self.lost.push((number, kept.bytes().len())),
+            }
+        }
+    }
+
+    /// The values that were wanted and had to be let go of since the last call, with their lengths (bytes).
+    pub fn take_lost(&mut self) -> Vec<(u64, usize)> {
+        std::mem::take(&mut self.lost)
     }
 
     /// Whether nothing is kept.
     pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
-    }
-}
-
-impl Kept {
-    fn copy(&mut self) {
-        *self = Kept::Copied(self.bytes().to_vec());
+        self.values.is_empty() && self.lost.is_empty()
     }
 }

@@ -31,6 +31,9 @@ const REJOIN_PATIENCE: Duration = Duration::from_secs(10);
 /// How often it looks whether that is there.
 const REJOIN_EVERY: Duration = Duration::from_millis(3);
 
+/// A value of at most so many bytes travels in a batch if there is no chunk of shared memory for it.
+const LONGEST_IN_BATCH: usize = wire::MAX_MESSAGE - wire::HEADER - wire::MAX_NAME - 8;
+
 /// How long a client that leaves waits for the broker to take its last words.
 const LINGER: Duration = Duration::from_secs(10);
 
@@ -263,7 +266,20 @@ impl Uplink for ShmUp {
         self.line.wait_until(|page| sent - page.bulk_settled.load(Acquire) < bulk::DEPTH)?;
         // Read before sending: whoever attached by now is reached by this very sample.
         let generation = self.line.page.attachments.load(Acquire);
-        let sample = writer.send(len, fill)?;
+        let mut sample = writer.send(len, fill)?;
+        // What is too long for a batch has to wait until a reader lets go of a chunk.
+        let waited = Stopwatch::start();
+        while sample.is_none() && len > LONGEST_IN_BATCH {
+            if waited.elapsed() > LINGER {
+                return Err(LinkError::SharedMemory(format!(
+                    "no room for a value of {len} bytes: readers have held on to all values before it for {} s",
+                    LINGER.as_secs()
+                )));
+            }
+            self.line.check()?;
+            std::thread::sleep(REJOIN_EVERY);
+            sample = writer.send(len, fill)?;
+        }
         Ok(sample.map(|sample| BulkRef { client: self.line.id, generation, sample, len: len as u64 }))
     }
 

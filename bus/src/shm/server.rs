@@ -6,6 +6,7 @@ mod admission;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::os::unix::net::UnixStream;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
@@ -14,7 +15,7 @@ use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use super::bulk::Shelf;
+use super::bulk::{Budget, Shelf};
 use super::client::lane_name;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
@@ -95,6 +96,8 @@ pub struct Server {
     handovers: Vec<admission::Handover>,
     /// Buffers for batches of mail.
     spare: Vec<Vec<u8>>,
+    /// Room for copies of bulk values.
+    copies: Rc<Budget>,
 }
 
 /// A connected client.
@@ -142,6 +145,7 @@ impl Server {
             .name("listener".into())
             .spawn(move || admission::accept_all(&listener, &sender, &bell))
             .map_err(io)?;
+        let copies = Budget::of(config.limits.copied_bytes);
         let awaited: BTreeMap<String, u32> = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
             true => Broker::new(config, clock.now()),
@@ -161,6 +165,7 @@ impl Server {
             awaited,
             handovers: Vec::new(),
             spare: Vec::new(),
+            copies,
         })
     }
 
@@ -212,6 +217,7 @@ impl Server {
             held.shelf.take_in();
         }
         let taken = self.broker.receive(now, id, &batch);
+        self.resolve_mail_of_the_dead();
         let bulk = bulk_values_of(&batch, id).last();
         drop(batch);
         self.spare.push(small);
@@ -220,18 +226,53 @@ impl Server {
             self.note_under_way(id, sample);
         }
         self.attach_all();
+        let mut lost = Vec::new();
         if let Some(peer) = self.peers.get_mut(&id) {
             peer.page.up_taken.fetch_add(1, SeqCst);
             if let Some(held) = &mut peer.bulk {
                 held.let_go_of_unwanted(|sample| self.broker.is_latest_bulk(id, sample));
+                lost = held.shelf.take_lost();
             }
             if peer.page.client_waits.load(SeqCst) != 0 {
                 peer.page.bell.ring();
             }
         }
+        self.forget(id, lost);
         match taken {
             Ok(()) => true,
             Err(error) => self.expel(now, id, &error),
+        }
+    }
+
+    /// Puts copies of bulk values into the mail of those who are dead and may have a successor. A reader that lives finds
+    /// the last few where they lie; until a successor comes there may be many.
+    fn resolve_mail_of_the_dead(&mut self) {
+        let (peers, departed) = (&self.peers, &self.departed);
+        self.broker.resolve_mail(|frame, mail| match kept(peers, departed, frame) {
+            Some(value) => {
+                let header = wire::Header { flags: frame.header.flags & !BULK, ..frame.header };
+                wire::put(mail, &header, frame.aux, value);
+            }
+            // Its reader will find nothing behind it, and count.
+            None => mail.extend_from_slice(frame.bytes),
+        });
+    }
+
+    /// Latest values of publishers that are gone for which there was no room.
+    fn note_lost(&mut self) {
+        let lost: Vec<_> = self.departed.iter_mut().map(|(id, shelf)| (*id, shelf.take_lost())).collect();
+        lost.into_iter().for_each(|(id, lost)| self.forget(id, lost));
+    }
+
+    fn forget(&mut self, publisher: ClientId, lost: Vec<(u64, usize)>) {
+        for (sample, bytes) in lost {
+            for name in self.broker.forget_latest_bulk(publisher, sample) {
+                tell(format_args!(
+                    "elk db: the latest value of {name}, of {bytes} bytes, is let go of: there is room for {} bytes of \
+                     such copies",
+                    self.copies.limit()
+                ));
+            }
         }
     }
 
@@ -281,7 +322,7 @@ impl Server {
         let (Some(node), Some(peer)) = (&self.node, self.peers.get_mut(&publisher)) else {
             return;
         };
-        match Shelf::open(node, &lane_name(self.epoch, "bulk", publisher)) {
+        match Shelf::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies) {
             Ok(shelf) => peer.bulk = Some(Held { shelf, under_way: VecDeque::new(), routed: 0 }),
             // The values will be missed and counted by their receivers; the reason stands in the broker's log.
             Err(error) => tell(format_args!("elk db: {error}")),
@@ -314,12 +355,21 @@ impl Server {
                 return false;
             }
         }
-        peer.page.broker_waits.store(0, SeqCst);
         self.broker.note_handled(now, id, peer.page.handled.load(Acquire), &mut self.spare);
+        if !self.broker.may_give(id) {
+            peer.page.broker_waits.store(1, SeqCst);
+            self.broker.note_handled(now, id, peer.page.handled.load(SeqCst), &mut self.spare);
+            if !self.broker.may_give(id) {
+                return false;
+            }
+        }
+        peer.page.broker_waits.store(0, SeqCst);
         let mut batch = self.spare.pop().unwrap_or_default();
         batch.clear();
         let (peers, departed) = (&self.peers, &self.departed);
-        let resolve = |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk((peers, departed), (id, peer), frame, batch);
+        let largest = self.copies.limit();
+        let resolve =
+            |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk((peers, departed), (id, peer), largest, frame, batch);
         self.broker.take_mail(id, BATCH_BYTES, &mut batch, resolve);
         let number = peer.page.down_sent.load(Relaxed);
         let sent = if peer.page.down.put(number, &batch) { Ok(()) } else { peer.down.send(&batch) };
@@ -392,11 +442,24 @@ fn bulk_values_of(batch: &[u8], client: ClientId) -> impl Iterator<Item = u64> +
     references.filter(move |reference| reference.client == client).map(|reference| reference.sample)
 }
 
+/// The value that a reference stands for, as far as the broker has kept it.
+fn kept<'a>(
+    peers: &'a BTreeMap<ClientId, Peer>,
+    departed: &'a BTreeMap<ClientId, Shelf>,
+    frame: &Frame<'_>,
+) -> Option<&'a [u8]> {
+    let reference = BulkRef::from_bytes(frame.value)?;
+    let here = |client| peers.get(client).and_then(|peer| Some(&peer.bulk.as_ref()?.shelf));
+    let shelf = here(&reference.client).or_else(|| departed.get(&reference.client));
+    shelf?.get(reference.sample)
+}
+
 /// What a receiver can use of a message whose value lies in shared memory: the reference, if the value reached its own
 /// end of the bulk service; else a copy, with the hint to open one.
 fn place_bulk(
     (peers, departed): (&BTreeMap<ClientId, Peer>, &BTreeMap<ClientId, Shelf>),
     (id, to): (ClientId, &Peer),
+    largest: usize,
     frame: &Frame<'_>,
     batch: &mut Vec<u8>,
 ) {
@@ -405,17 +468,18 @@ fn place_bulk(
     };
     let reached = to.attached.get(&reference.client).is_some_and(|since| *since <= reference.generation);
     let in_place = reached && frame.header.flags & LATEST == 0;
-    let here = |client| peers.get(client).and_then(|peer| Some(&peer.bulk.as_ref()?.shelf));
-    let shelf = here(&reference.client).or_else(|| departed.get(&reference.client));
-    match shelf.and_then(|shelf| shelf.get(reference.sample)).filter(|_| !in_place) {
+    match kept(peers, departed, frame).filter(|_| !in_place) {
         Some(kept) => {
             // Of a publisher's own service its `Attached` says that it is there.
             let others = reference.client != id && peers.contains_key(&reference.client);
             let tell = others && !to.attached.contains_key(&reference.client);
-            let flags = frame.header.flags & !BULK | if tell { ATTACH } else { 0 };
+            let attach = if tell { ATTACH } else { 0 };
             let publisher = reference.client.to_le_bytes();
             let aux: &[u8] = if tell { &publisher } else { frame.aux };
-            wire::put(batch, &wire::Header { flags, ..frame.header }, aux, kept);
+            // Too large to be copied: the receiver counts it as missed, and finds the next one in place.
+            let (bulk, value) = if kept.len() > largest { (BULK, frame.value) } else { (0, kept) };
+            let flags = frame.header.flags & !BULK | bulk | attach;
+            wire::put(batch, &wire::Header { flags, ..frame.header }, aux, value);
         }
         // In place; or gone before it could be copied: then the receiver finds nothing behind the reference, and counts.
         None => batch.extend_from_slice(frame.bytes),

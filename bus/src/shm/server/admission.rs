@@ -143,6 +143,7 @@ impl Server {
                 handover.stopped_at = handover.stopped_at.max(page.last_handled_at.load(Relaxed));
             }
             self.broker.disconnect(now, id, page.handled.load(Acquire), page.goodbye.load(Acquire) != 0);
+            self.resolve_mail_of_the_dead();
             self.note_successions();
             page.closed.store(SENT_AWAY, SeqCst);
             let _ = peer.stream.shutdown(std::net::Shutdown::Both);
@@ -166,10 +167,11 @@ impl Server {
             shelf.let_go(u64::MAX, |sample| self.broker.is_latest_bulk(*id, sample));
             !shelf.is_empty()
         });
+        self.note_lost();
         if let Some(places) = self.broker.take_places() {
             self.write_places(places);
         }
-        let bulk = |reference: BulkRef| self.departed.get(&reference.client)?.get(reference.sample).map(<[u8]>::to_vec);
+        let bulk = |reference: BulkRef| self.departed.get(&reference.client)?.get(reference.sample);
         if let Some(legacies) = self.broker.take_legacies(bulk)
             && let Err(error) = places::write_legacies(&self.community, &legacies)
         {

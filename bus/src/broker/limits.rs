@@ -1,0 +1,122 @@
+//! What a broker keeps at most, whatever its clients do. docs/security.md adds the bounds up.
+
+use super::{Broker, ClientId};
+use crate::wire::{self, Frame, FrameKind, Named};
+
+/// Bounds on what clients can make a broker hold. Names and the table are refused beyond them, with a word to the client;
+/// mail is dropped, oldest first, and counted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Limits {
+    /// Clients at a time, and places of clients that died.
+    pub clients: usize,
+    /// Bytes of one name: of a variable, source, type or community, and of one pattern.
+    pub name_bytes: usize,
+    /// Variables; a reader's pattern may match all of them.
+    pub variables: usize,
+    /// Sources, types and communities, each.
+    pub other_names: usize,
+    /// Bytes of all names together.
+    pub all_name_bytes: usize,
+    /// Pairs of a variable and a source that writes it.
+    pub routes: usize,
+    /// Bytes of the patterns of all registrations together.
+    pub registration_bytes: usize,
+    /// Bytes of one message that travels in a batch; larger values lie in their publisher's shared memory.
+    pub message_bytes: usize,
+    /// Bytes of all latest values that the broker holds itself.
+    pub latest_bytes: usize,
+    /// Bytes of the mail of all clients together: each has an equal share, and at most [`super::BrokerConfig::mailbox_bytes`].
+    pub mail_bytes: usize,
+    /// Bytes of values that are copied out of their publisher's shared memory: those of publishers that are gone, and of
+    /// publishers with many latest values. A single value beyond it is not copied for who comes late, either. A transport
+    /// heeds it.
+    pub copied_bytes: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            clients: 512,
+            name_bytes: wire::MAX_NAME,
+            variables: 1 << 17,
+            other_names: 1 << 16,
+            all_name_bytes: 8 << 20,
+            routes: 1 << 17,
+            registration_bytes: 8 << 20,
+            message_bytes: wire::MAX_MESSAGE,
+            latest_bytes: 32 << 20,
+            mail_bytes: 32 << 20,
+            copied_bytes: 48 << 20,
+        }
+    }
+}
+
+/// What a client's number of a name stands for that the broker did not take.
+pub(super) const REFUSED: u32 = u32::MAX;
+
+/// What a client's own number as a source stands for until it has written something.
+pub(super) const UNNAMED: u32 = u32::MAX - 1;
+
+/// Refusals that wait for a client (bytes); further ones are not put down.
+const REFUSAL_BYTES: usize = 64 << 10;
+
+impl Broker {
+    /// Why a name that is new cannot be taken, if so.
+    pub(super) fn name_refusal(&self, what: Named, name: &str) -> Option<String> {
+        let limits = &self.config.limits;
+        let (names, most, kind) = match what {
+            Named::Key => (&self.keys, limits.variables, "variables"),
+            Named::Source => (&self.sources, limits.other_names, "sources"),
+            Named::Type => (&self.types, limits.other_names, "types"),
+            Named::Community => (&self.communities, limits.other_names, "communities"),
+        };
+        let bytes: usize =
+            [&self.keys, &self.sources, &self.types, &self.communities].map(super::Interner::bytes).iter().sum();
+        if name.len() > limits.name_bytes {
+            Some(format!("a name of {} bytes; at most {} are allowed", name.len(), limits.name_bytes))
+        } else if names.len() >= most {
+            Some(format!("the community has {most} {kind} already, and no more are allowed"))
+        } else if bytes + name.len() > limits.all_name_bytes {
+            Some(format!("the names of the community fill {} bytes already", limits.all_name_bytes))
+        } else {
+            None
+        }
+    }
+
+    /// Why a registration with these patterns cannot be taken, if so.
+    pub(super) fn registration_refusal(&self, frame: &Frame<'_>) -> Option<String> {
+        let limits = &self.config.limits;
+        let longest = frame.aux.len().max(frame.value.len());
+        if frame.header.kind != FrameKind::Register {
+            None
+        } else if longest > limits.name_bytes {
+            Some(format!("a pattern of {longest} bytes; at most {} are allowed", limits.name_bytes))
+        } else if self.registration_bytes() + frame.bytes.len() > limits.registration_bytes {
+            Some(format!("the registrations of the community fill {} bytes already", limits.registration_bytes))
+        } else {
+            None
+        }
+    }
+
+    /// Bytes that a message may add to the latest values in place of one of `old` bytes, or why it may not.
+    pub(super) fn latest_refusal(&self, old: usize, new: usize) -> Option<String> {
+        let most = self.config.limits.latest_bytes;
+        let would_be = self.latest_bytes - old + new;
+        (new > old && would_be > most).then(|| format!("the latest values of the community fill {most} bytes already"))
+    }
+
+    /// Whether a client has so many refusals waiting that further ones are not put down.
+    pub(super) fn is_full_of_refusals(&self, id: ClientId) -> bool {
+        self.clients.get(&id).is_none_or(|client| client.mailbox.notice_bytes() >= REFUSAL_BYTES)
+    }
+
+    /// Gives every mailbox its share.
+    pub(super) fn share_out_mail(&mut self) {
+        let share = self.config.limits.mail_bytes / self.clients.len().max(1);
+        let limit = share.max(LEAST_MAILBOX).min(self.config.mailbox_bytes);
+        self.clients.values_mut().for_each(|client| client.mailbox.set_limit(limit));
+    }
+}
+
+/// No mailbox is smaller (bytes), however many clients there are.
+const LEAST_MAILBOX: usize = 64 << 10;

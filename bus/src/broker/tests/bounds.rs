@@ -1,0 +1,263 @@
+//! What clients cannot make a broker do: hold without bound, mix up types, speak in its name.
+
+use super::*;
+use crate::wire::{BULK, BulkRef, TYPED};
+
+fn bounded(change: impl FnOnce(&mut Limits)) -> Broker {
+    let mut limits = Limits::default();
+    change(&mut limits);
+    Broker::new(BrokerConfig { limits, ..BrokerConfig::new("test") }, 0.0)
+}
+
+impl Speaker {
+    /// Registers for `key` as a reader of values of type `name`.
+    fn expect(&self, broker: &mut Broker, key: &str, name: &str) {
+        let mut batch = Vec::new();
+        put_definition(&mut batch, Named::Type, 0, name, 7);
+        let header = Header { flags: TYPED, ..Header::new(FrameKind::Register) };
+        put(&mut batch, &header, key.as_bytes(), b"*");
+        broker.receive(0.0, self.id, &batch).unwrap();
+    }
+
+    /// Publishes a value of type `name`.
+    fn typed(&mut self, broker: &mut Broker, key: &str, name: &str) {
+        let mut batch = Vec::new();
+        put_definition(&mut batch, Named::Type, 0, name, 7);
+        broker.receive(0.0, self.id, &batch).unwrap();
+        self.say(broker, 0.0, key, ValueKind::Binary, b"value");
+    }
+
+    /// Publishes a reference to its bulk sample of this number.
+    fn bulk(&mut self, broker: &mut Broker, key: &str, sample: u64) {
+        let reference = BulkRef { client: self.id, generation: 0, sample, len: 20_000 };
+        let number = self.keys.iter().position(|k| k == key).unwrap_or_else(|| {
+            self.text(broker, 0.0, key, "first");
+            self.keys.len() - 1
+        });
+        self.sequence += 1;
+        let (key, sequence) = (number as u32, self.sequence);
+        let header =
+            Header { value_kind: ValueKind::Text, flags: BULK, key, sequence, ..Header::new(FrameKind::Notify) };
+        let mut batch = Vec::new();
+        put(&mut batch, &header, &[], &reference.to_bytes());
+        broker.receive(0.0, self.id, &batch).unwrap();
+    }
+}
+
+/// Regression: 2,000 names of 64 kB filled 1.5 GB.
+#[test]
+fn names_are_bounded_in_length_number_and_sum() {
+    let long = "x".repeat(300);
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    a.text(b, 0.0, &long, "1");
+    a.text(b, 0.0, &long, "2");
+    a.text(b, 0.0, "X", "3");
+    let (_, _, refused) = a.hear(b, 0.0);
+    assert_eq!(refused, ["a name of 300 bytes; at most 256 are allowed"], "said once");
+    assert!(b.keys.known(&long, 0).is_none() && b.keys.known("X", 0).is_some());
+
+    let b = &mut bounded(|limits| limits.variables = 12);
+    let mut a = Speaker::new(b, 0.0, "a");
+    let mut c = Speaker::new(b, 0.0, "c");
+    c.register(b, 0.0, "K*", "*", 0.0);
+    (0..20).for_each(|i| a.text(b, 0.0, &format!("K{i}"), "1"));
+    let (_, _, refused) = a.hear(b, 0.0);
+    assert_eq!(b.keys.len(), 12);
+    assert!(!refused.is_empty() && refused.iter().all(|reason| reason.contains("12 variables already")), "{refused:?}");
+    assert_eq!(c.texts(b, 0.0).len(), 20 - refused.len(), "the others arrive");
+
+    let b = &mut bounded(|limits| limits.all_name_bytes = 1000);
+    let mut a = Speaker::new(b, 0.0, "a");
+    (0..20).for_each(|i| a.text(b, 0.0, &format!("{i:0>100}"), "1"));
+    assert!(a.hear(b, 0.0).2.iter().all(|reason| reason.contains("fill 1000 bytes already")));
+    assert!(b.keys.bytes() <= 1000);
+}
+
+#[test]
+fn a_client_that_only_listens_takes_no_name_and_there_are_only_so_many_clients() {
+    let b = &mut bounded(|limits| (limits.clients, limits.other_names) = (3, 3));
+    for i in 0..100 {
+        let scope = Speaker::new(b, 0.0, &format!("scope-{i}"));
+        scope.register(b, 0.0, "*", "*", 0.0);
+        b.disconnect(0.0, scope.id, 0, true);
+    }
+    let all = ["a", "b", "c"].map(|name| Speaker::new(b, 0.0, name));
+    let refused = b.connect(0.0, &Introduction::new("d")).unwrap_err();
+    assert_eq!(refused.to_string(), "the community has 3 clients already, and no more are allowed");
+    b.disconnect(0.0, all[0].id, 0, true);
+    assert!(b.connect(0.0, &Introduction::new("d")).is_ok());
+}
+
+#[test]
+fn latest_values_messages_and_registrations_are_bounded() {
+    let b = &mut bounded(|limits| (limits.latest_bytes, limits.message_bytes) = (100_000, 60_000));
+    let mut a = Speaker::new(b, 0.0, "a");
+    a.text(b, 0.0, "LONG", &"x".repeat(70_000));
+    (0..10).for_each(|i| a.text(b, 0.0, &format!("K{i}"), &"x".repeat(30_000)));
+    let (_, _, refused) = a.hear(b, 0.0);
+    assert!(refused[0].contains("at most 60000 travel in a batch"), "{refused:?}");
+    assert!(refused[1..].iter().all(|reason| reason.contains("fill 100000 bytes already")), "{refused:?}");
+    assert!(refused.len() > 6 && b.latest_bytes <= 100_000);
+    // What is there may get smaller, and as large again.
+    a.text(b, 0.0, "K0", "short");
+    a.text(b, 0.0, "K0", &"x".repeat(30_000));
+    assert!(a.hear(b, 0.0).2.is_empty());
+    assert_eq!(b.latest_bytes, b.variables.iter().map(|v| v.latest.len()).sum::<usize>());
+
+    let b = &mut bounded(|limits| limits.registration_bytes = 1000);
+    let mut c = Speaker::new(b, 0.0, "c");
+    (0..100).for_each(|i| c.register(b, 0.0, &format!("K{i}"), "*", 0.0));
+    let (_, _, refused) = c.hear(b, 0.0);
+    assert!(refused.len() > 80 && refused[0].contains("registrations of the community fill 1000 bytes"), "{refused:?}");
+}
+
+/// A client that sends nothing but what is refused, and reads nothing, gets no more than so many answers.
+#[test]
+fn refusals_are_bounded() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    a.text(b, 0.0, "X", "a text");
+    (0..10_000).for_each(|_| a.say(b, 0.0, "X", ValueKind::Double, &[0; 8]));
+    assert!(b.clients[&a.id].mailbox.notice_bytes() < 70_000);
+    assert!(a.hear(b, 0.0).2.len() > 100);
+}
+
+/// Regression: a late reader of 100,000 variables lost a quarter of them.
+#[test]
+fn a_late_reader_is_given_all_latest_values_however_many() {
+    for flags in [0, LOSSLESS] {
+        let b = &mut Broker::new(BrokerConfig { mailbox_bytes: 10_000, ..BrokerConfig::new("test") }, 0.0);
+        let mut a = Speaker::new(b, 0.0, "a");
+        (0..5000).for_each(|i| a.text(b, 0.0, &format!("K{i}"), "old"));
+        let mut c = Speaker::new(b, 0.0, "c");
+        c.registration(b, 0.0, FrameKind::Register, "K*", "*", 0.0, flags);
+        assert!(b.clients[&c.id].mailbox.waiting() <= 10_000);
+        a.text(b, 0.0, "K4000", "new");
+        let mut heard = Vec::new();
+        while !b.clients[&c.id].mailbox.is_empty() {
+            let mut batch = Vec::new();
+            b.take_mail(c.id, 2000, &mut batch, |_, _| {});
+            assert!(batch.len() < 3000, "a batch is no larger for it");
+            heard.extend(frames(&batch).map(Result::unwrap).filter(|f| f.header.kind == FrameKind::Notify).map(|f| {
+                assert_ne!(f.header.flags & LATEST == 0, f.value == b"old");
+                (f.header.key, f.value.to_vec())
+            }));
+            b.keep_given(c.id, batch);
+            b.note_handled(0.0, c.id, heard.len() as u64, &mut Vec::new());
+        }
+        let keys: BTreeSet<u32> = heard.iter().map(|(key, _)| *key).collect();
+        assert_eq!(keys.len(), 5000);
+        assert_eq!(heard.iter().filter(|(_, value)| value == b"new").count(), 1);
+        // Who asked for everything is given the old value, too.
+        assert_eq!(heard.len(), 5000 + usize::from(flags == LOSSLESS));
+        assert_eq!(c.hear(b, 0.0).1, 0, "nothing was dropped");
+    }
+}
+
+/// Bulk values that come for one who is dead are copied: until its successor comes they may be gone where they lay.
+#[test]
+fn mail_of_the_dead_holds_the_values_themselves() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    let c = b.connect(0.0, &Introduction { lease_secs: 5.0, ..Introduction::new("c") }).unwrap();
+    Speaker::with(c).register(b, 0.0, "X", "*", 0.0);
+    a.bulk(b, "X", 1);
+    let value = |frame: &Frame<'_>, mail: &mut Vec<u8>| {
+        let sample = BulkRef::from_bytes(frame.value).unwrap().sample;
+        put(mail, &Header { flags: 0, ..frame.header }, &[], sample.to_string().as_bytes());
+    };
+    b.resolve_mail(value);
+    assert!(wire::is_bulk(&b.clients[&c].mailbox.clone_mail()[56..]), "who lives reads it in place");
+    b.disconnect(1.0, c, 0, false);
+    b.resolve_mail(value);
+    (2..5).for_each(|sample| {
+        a.bulk(b, "X", sample);
+        b.resolve_mail(value);
+    });
+    let mut next = Speaker::with(b.connect(2.0, &Introduction::new("c")).unwrap());
+    next.register(b, 2.0, "X", "*", 0.0);
+    let mut ready = Vec::new();
+    put(&mut ready, &Header::new(FrameKind::Ready), &[], &[]);
+    b.receive(2.0, next.id, &ready).unwrap();
+    assert_eq!(next.texts(b, 2.0), ["first", "1", "2", "3", "4"]);
+}
+
+#[test]
+fn the_latest_value_of_one_who_is_gone_is_forgotten_when_there_is_no_room_for_it() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    a.bulk(b, "X", 3);
+    assert!(b.is_latest_bulk(a.id, 3));
+    assert_eq!(b.forget_latest_bulk(a.id, 3), ["X"]);
+    let mut c = Speaker::new(b, 0.0, "c");
+    c.register(b, 0.0, "X", "*", 0.0);
+    assert!(c.hear(b, 0.0).0.is_empty());
+    assert_eq!(b.latest_bytes, b.variables.iter().map(|v| v.latest.len()).sum::<usize>());
+}
+
+#[test]
+fn nobody_speaks_in_the_brokers_name() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    let mut c = Speaker::new(b, 0.0, "c");
+    c.register(b, 0.0, "DB_CLIENTS", "a", 0.0);
+    a.text(b, 0.0, "DB_CLIENTS", "nobody,");
+    a.text(b, 0.0, "DB_NEW", "x");
+    let refused = "DB_* are written by the broker alone";
+    assert_eq!(a.hear(b, 0.0).2, [refused, refused]);
+    assert!(c.hear(b, 0.0).0.is_empty());
+}
+
+/// Regression: a text that was first under a name took it from those who read a type there, and ended them.
+#[test]
+fn a_reader_with_a_type_keeps_others_from_writing_something_else_first() {
+    let b = &mut broker();
+    let (mut good, mut bad) = (Speaker::new(b, 0.0, "good"), Speaker::new(b, 0.0, "bad"));
+    let mut reader = Speaker::new(b, 0.0, "reader");
+    reader.expect(b, "PLAN", "Plan");
+    bad.text(b, 0.0, "PLAN", "go");
+    assert_eq!(bad.hear(b, 0.0).2, ["reader reads PLAN as Plan (layout 0000000000000007); texts was refused"]);
+    good.typed(b, "PLAN", "Plan");
+    assert_eq!(reader.hear(b, 0.0).0.len(), 1);
+}
+
+#[test]
+fn a_text_that_was_first_yields_to_a_reader_with_a_type_and_both_ends_are_told() {
+    let b = &mut broker();
+    let (mut good, mut bad) = (Speaker::new(b, 0.0, "good"), Speaker::new(b, 0.0, "bad"));
+    bad.text(b, 0.0, "PLAN", "go");
+    let mut reader = Speaker::new(b, 0.0, "reader");
+    reader.expect(b, "PLAN", "Plan");
+    let said = "PLAN carries texts, by bad; reader reads it as Plan (layout 0000000000000007): what was written is \
+                forgotten, and no more of it is taken";
+    let (heard, _, told) = reader.hear(b, 0.0);
+    assert_eq!((heard.len(), told), (0, vec![said.to_owned()]));
+    assert_eq!(bad.hear(b, 0.0).2, [said]);
+    good.typed(b, "PLAN", "Plan");
+    assert_eq!((reader.hear(b, 0.0).0.len(), good.hear(b, 0.0).2.len()), (1, 0));
+    bad.text(b, 0.0, "PLAN", "go");
+    assert_eq!(bad.hear(b, 0.0).2.len(), 1);
+}
+
+#[test]
+fn a_type_yields_to_no_other_and_a_text_not_if_others_ask_for_it() {
+    let b = &mut broker();
+    let mut writer = Speaker::new(b, 0.0, "writer");
+    writer.typed(b, "PLAN", "Plan");
+    let mut reader = Speaker::new(b, 0.0, "reader");
+    reader.expect(b, "PLAN", "OldPlan");
+    let (told, said) = (reader.hear(b, 0.0).2, "nothing of it reaches this reader: build both from one version");
+    assert!(told[0].contains(said) && writer.hear(b, 0.0).2[0].contains(said), "{told:?}");
+    writer.say(b, 0.0, "PLAN", ValueKind::Binary, b"value");
+    assert!(writer.hear(b, 0.0).2.is_empty());
+
+    writer.text(b, 0.0, "MOTION", "pause");
+    let mut person = Speaker::new(b, 0.0, "person");
+    person.register(b, 0.0, "MOTION", "*", 0.0);
+    reader.keys.clear();
+    let stranger = Speaker::new(b, 0.0, "stranger");
+    stranger.expect(b, "MOTION", "Motion");
+    writer.text(b, 0.0, "MOTION", "run");
+    assert_eq!(person.texts(b, 0.0), ["pause", "run"]);
+}
