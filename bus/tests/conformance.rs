@@ -1,16 +1,18 @@
 //! What every transport has to do, run on each of them.
 
-use std::process::{Child, Command, Stdio};
+mod common;
+
+use std::process::Child;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Barrier, Mutex, PoisonError};
 use std::time::Duration;
 
+use common::{broker_of, serve_if_asked_to};
 use elk_bus::broker::CLOCK;
 use elk_bus::clock::Stopwatch;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{
     BrokerConfig, Client, Clock, Community, ConnectError, Introduction, Key, Origin, RunOptions, Value, ValueRef,
-    serve_broker,
 };
 use rustix::process::{Pid, Signal};
 
@@ -71,20 +73,10 @@ struct Shm {
     broker: Mutex<Child>,
 }
 
-const SERVE: &str = "ELK_CONFORMANCE_SERVES";
-
 /// Not a test by itself: the broker's process.
 #[test]
 fn broker_process() {
-    if let Ok(name) = std::env::var(SERVE) {
-        serve_broker(Community::new(&*name).unwrap(), BrokerConfig::new(name), Clock::new(1.0)).unwrap();
-    }
-}
-
-fn broker_of(community: &Community) -> Child {
-    let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "broker_process"]).env(SERVE, community.as_str()).stdout(Stdio::null());
-    command.spawn().unwrap()
+    serve_if_asked_to();
 }
 
 impl Transport for Shm {
@@ -142,7 +134,12 @@ type Heard = (String, String, Value, bool);
 fn hear(client: &mut Client, enough: impl Fn(&[Heard]) -> bool) -> Vec<Heard> {
     let (mut heard, waited) = (Vec::new(), Stopwatch::start());
     while !enough(&heard) {
-        assert!(waited.elapsed() < DEADLINE, "heard only {} messages: {:?}", heard.len(), heard.last());
+        assert!(
+            waited.elapsed() < DEADLINE,
+            "heard only {} messages: {:.500}",
+            heard.len(),
+            format!("{:?}", heard.last())
+        );
         client
             .receive(Duration::from_millis(100), |m| {
                 heard.push((m.key().into(), m.source().into(), m.value().to_value(), m.is_latest()));
@@ -331,6 +328,75 @@ fn a_late_registrant_is_given_the_latest_value_however_large<T: Transport>() {
     t.stop();
 }
 
+/// Regression: bulk values that came for a dead reader were gone when its successor came, all but the last few.
+fn bulk_values_for_the_dead_are_kept_for_the_next_of_the_name<T: Transport>() {
+    const COUNT: u64 = 150;
+    let t = T::start("estate");
+    let (mut a, mut first) = (t.connect("a").unwrap(), t.join(&leased("reader")).unwrap());
+    first.comms.register(&BLOB).unwrap();
+    settle(&mut first);
+    a.comms.publish(&BLOB, &blob(1, 20_000)).unwrap();
+    a.comms.flush().unwrap();
+    hear(&mut first, |h| h.iter().any(|(key, ..)| key == "BLOB"));
+    drop(first);
+    for number in 2..=COUNT {
+        a.comms.publish(&BLOB, &blob(number, 20_000)).unwrap();
+        a.comms.flush().unwrap();
+    }
+    settle(&mut a);
+    let mut second = t.join(&leased("reader")).unwrap();
+    second.comms.register(&BLOB).unwrap();
+    second.comms.flush().unwrap();
+    let heard = hear(&mut second, |h| h.len() as u64 >= COUNT - 1);
+    let numbers = heard.iter().map(|(_, _, value, _)| value.as_ref().decode(&BLOB).unwrap().number);
+    assert!(numbers.eq(2..=COUNT));
+    assert_eq!(second.inbox.dropped(), 0);
+    drop((a, second));
+    t.stop();
+}
+
+/// Regression: a quarter of them was dropped before the reader came to read them.
+fn a_late_reader_of_100_000_variables_is_given_all_of_them<T: Transport>() {
+    const COUNT: usize = 100_000;
+    let t = T::start("many");
+    let mut a = t.connect("a").unwrap();
+    (0..COUNT).for_each(|i| a.comms.notify(&format!("VARIABLE_{i}"), i as f64).unwrap());
+    settle(&mut a);
+    assert!(a.inbox.take_refusals().is_empty());
+    let mut late = t.connect("late").unwrap();
+    late.comms.register_wildcard("VARIABLE_*", "*", 0.0).unwrap();
+    let heard = hear(&mut late, |h| h.len() >= COUNT);
+    let numbers: std::collections::BTreeSet<String> = heard.into_iter().map(|(key, ..)| key).collect();
+    assert_eq!((numbers.len(), late.inbox.dropped()), (COUNT, 0));
+    drop((a, late));
+    t.stop();
+}
+
+/// Regression: a text of 1.1 GB was taken, and then the broker let go of its writer.
+fn long_texts_arrive_and_what_is_too_long_is_refused_at_once<T: Transport>() {
+    let t = T::start("texts");
+    let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
+    b.comms.register_variable("TEXT", 0.0).unwrap();
+    settle(&mut b);
+    let text = "long ".repeat(1 << 20);
+    for _ in 0..3 {
+        a.comms.notify("TEXT", text.as_str()).unwrap();
+        a.comms.flush().unwrap();
+        let heard = hear(&mut b, |h| !h.is_empty());
+        assert!(heard.iter().all(|(.., value, _)| matches!(value, Value::Text(got) if *got == text)));
+    }
+    let name = "N".repeat(300);
+    let refused = a.comms.notify(&name, 1.0).unwrap_err().to_string();
+    assert!(refused.contains("a name of 300 bytes; at most 256 are allowed"), "{refused}");
+    let refused = a.comms.register_wildcard(&name, "*", 0.0).unwrap_err().to_string();
+    assert!(refused.contains("at most 256"), "{refused}");
+    a.comms.notify("TEXT", "short").unwrap();
+    a.comms.flush().unwrap();
+    hear(&mut b, |h| h.iter().any(|(.., value, _)| *value == Value::Text("short".into())));
+    drop((a, b));
+    t.stop();
+}
+
 fn whoever_hears_itself_is_heard_by_the_others_as_before<T: Transport>() {
     let t = T::start("own-voice");
     let mut a = t.connect("a").unwrap();
@@ -355,18 +421,24 @@ fn a_value_of_another_type_is_refused_to_its_writer_and_never_misread<T: Transpo
     let t = T::start("types");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
     b.comms.register(&BLOB).unwrap();
+    b.comms.register_variable("NUMBER", 0.0).unwrap();
     settle(&mut b);
     a.comms.notify("BLOB", "not a blob").unwrap();
     a.comms.publish(&BLOB, &blob(1, 10)).unwrap();
+    a.comms.notify("NUMBER", 1.0).unwrap();
+    a.comms.publish(&Key::<Blob>::named("NUMBER"), &blob(1, 20_000)).unwrap();
     settle(&mut a);
-    let refusals = a.inbox.take_refusals();
-    assert_eq!(refusals.len(), 1);
-    assert!(refusals[0].reason.contains("BLOB carries texts since its first write; Blob"), "{}", refusals[0].reason);
-    let mut said = String::new();
-    while said.is_empty() {
-        b.receive(Duration::from_millis(100), |m| said = m.decode(&BLOB).unwrap_err().to_string()).unwrap();
+    let refusals: Vec<String> = a.inbox.take_refusals().into_iter().map(|refused| refused.reason).collect();
+    assert_eq!(refusals.len(), 2, "{refusals:?}");
+    assert!(refusals[0].contains("b reads BLOB as Blob (layout") && refusals[0].contains("texts was refused"));
+    assert!(refusals[1].contains("NUMBER carries numbers since its first write; Blob"), "{refusals:?}");
+    let mut said = Vec::new();
+    while said.len() < 2 {
+        let decode = |m: &elk_bus::Mail<'_>| m.decode(&Key::<Blob>::named(m.key().to_owned())).map(|blob| blob.number);
+        b.receive(Duration::from_millis(100), |m| said.push(decode(m).map_err(|e| e.to_string()))).unwrap();
     }
-    assert_eq!(said, "BLOB carries a text, but Blob was expected: do writer and reader mean the same variable?");
+    let wrong = "NUMBER carries the number 1, but Blob was expected: do writer and reader mean the same variable?";
+    assert_eq!(said, [Ok(1), Err(wrong.to_owned())]);
     drop((a, b));
     t.stop();
 }
@@ -756,6 +828,9 @@ conformance!(
     bulk_values_flow_as_fast_as_a_lossless_reader_reads,
     bulk_values_wait_for_a_lossless_reader_that_hangs_only_so_long,
     a_late_registrant_is_given_the_latest_value_however_large,
+    bulk_values_for_the_dead_are_kept_for_the_next_of_the_name,
+    a_late_reader_of_100_000_variables_is_given_all_of_them,
+    long_texts_arrive_and_what_is_too_long_is_refused_at_once,
     whoever_hears_itself_is_heard_by_the_others_as_before,
     a_value_of_another_type_is_refused_to_its_writer_and_never_misread,
     a_name_is_taken_once_and_free_again_at_once,

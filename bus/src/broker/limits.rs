@@ -13,6 +13,8 @@ pub struct Limits {
     pub name_bytes: usize,
     /// Variables; a reader's pattern may match all of them.
     pub variables: usize,
+    /// Names that one client brings: some are left for the others.
+    pub names_of_a_client: usize,
     /// Sources, types and communities, each.
     pub other_names: usize,
     /// Bytes of all names together.
@@ -39,9 +41,10 @@ impl Default for Limits {
             clients: 512,
             name_bytes: wire::MAX_NAME,
             variables: 1 << 17,
+            names_of_a_client: 7 << 14,
             other_names: 1 << 16,
             all_name_bytes: 8 << 20,
-            routes: 1 << 17,
+            routes: 1 << 18,
             registration_bytes: 8 << 20,
             message_bytes: wire::MAX_MESSAGE,
             latest_bytes: 32 << 20,
@@ -62,7 +65,7 @@ const REFUSAL_BYTES: usize = 64 << 10;
 
 impl Broker {
     /// Why a name that is new cannot be taken, if so.
-    pub(super) fn name_refusal(&self, what: Named, name: &str) -> Option<String> {
+    pub(super) fn name_refusal(&self, from: ClientId, what: Named, name: &str) -> Option<String> {
         let limits = &self.config.limits;
         let (names, most, kind) = match what {
             Named::Key => (&self.keys, limits.variables, "variables"),
@@ -74,6 +77,8 @@ impl Broker {
             [&self.keys, &self.sources, &self.types, &self.communities].map(super::Interner::bytes).iter().sum();
         if name.len() > limits.name_bytes {
             Some(format!("a name of {} bytes; at most {} are allowed", name.len(), limits.name_bytes))
+        } else if self.clients.get(&from).is_some_and(|client| client.brought >= limits.names_of_a_client) {
+            Some(format!("this client has brought {} names already, and no more are allowed", limits.names_of_a_client))
         } else if names.len() >= most {
             Some(format!("the community has {most} {kind} already, and no more are allowed"))
         } else if bytes + name.len() > limits.all_name_bytes {

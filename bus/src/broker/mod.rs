@@ -137,6 +137,8 @@ struct Client {
     lease_secs: f64,
     /// The client's numbers, by [`Named`], to the broker's.
     numbers: [Vec<u32>; 4],
+    /// Names that nobody had brought before it.
+    brought: usize,
     registrations: Vec<Registration>,
     mailbox: Mailbox,
     /// What it registered and took back, and what it published, before it had its place.
@@ -195,6 +197,7 @@ impl Client {
             standing: Standing::Present,
             lease_secs,
             numbers: [vec![], vec![UNNAMED], vec![], vec![0]],
+            brought: 0,
             registrations: Vec::new(),
             mailbox: Mailbox::new(mailbox_bytes, now),
             asked: Vec::new(),
@@ -355,7 +358,7 @@ impl Broker {
     }
 
     /// The broker's number of a name that a client came with, or why it has none.
-    fn admit_name(&mut self, what: Named, name: &str, layout: u64) -> Result<u32, String> {
+    fn admit_name(&mut self, from: ClientId, what: Named, name: &str, layout: u64) -> Result<u32, String> {
         let (names, layout) = match what {
             Named::Key => (&self.keys, 0),
             Named::Source => (&self.sources, 0),
@@ -364,9 +367,12 @@ impl Broker {
         };
         match names.known(name, layout) {
             Some(number) => Ok(number),
-            None => match self.name_refusal(what, name) {
+            None => match self.name_refusal(from, what, name) {
                 Some(reason) => Err(reason),
-                None => Ok(self.number(what, name, layout)),
+                None => {
+                    self.clients.entry(from).and_modify(|client| client.brought += 1);
+                    Ok(self.number(what, name, layout))
+                }
             },
         }
     }
@@ -374,7 +380,7 @@ impl Broker {
     fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
         let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
-        let number = match self.admit_name(what, name, frame.header.sequence) {
+        let number = match self.admit_name(from, what, name, frame.header.sequence) {
             Ok(number) => number,
             Err(reason) => {
                 self.refuse(from, name, 0, &reason)?;
@@ -442,7 +448,7 @@ impl Broker {
     /// The number of a client as a source of messages, from its first message on: whoever only listens needs none.
     fn name_source(&mut self, id: ClientId) -> Result<u32, &'static str> {
         let name = self.client_name(id).unwrap_or_default().to_owned();
-        let number = match self.admit_name(Named::Source, &name, 0) {
+        let number = match self.admit_name(id, Named::Source, &name, 0) {
             Ok(number) => number,
             Err(reason) => {
                 self.refuse(id, &name, 0, &reason)?;

@@ -1,0 +1,190 @@
+//! A broker's memory under attack: clients of the same user that send without bound, or read nothing, or lie.
+//!
+//! `ELK_BOUNDS_FULL=1 cargo test --release -p elk-bus --test bounds -- --nocapture` attacks at full length.
+
+mod common;
+
+use std::process::Child;
+use std::time::Duration;
+
+use elk_bus::clock::Stopwatch;
+use elk_bus::link::Link;
+use elk_bus::wire::{self, FrameKind, Header, Named, ValueKind};
+use elk_bus::{Client, Community, ConnectError, Introduction, Key, shm};
+use rustix::process::{Pid, Signal};
+
+/// What docs/security.md promises (MB).
+const BOUND_MB: f64 = 256.0;
+const DEADLINE: Duration = Duration::from_secs(60);
+
+elk_bus::payload! {
+    /// A payload of any size.
+    #[derive(Debug)]
+    pub struct Blob {
+        /// Its bytes.
+        pub bytes: Vec<u8>,
+    }
+}
+
+/// Not a test by itself: the broker's process.
+#[test]
+fn broker_process() {
+    common::serve_if_asked_to();
+}
+
+/// A community whose broker is under attack.
+struct Target {
+    community: Community,
+    broker: Child,
+}
+
+impl Target {
+    fn new(name: &str) -> Self {
+        let community = Community::new(format!("bounds-{name}-{}", std::process::id())).unwrap();
+        let target = Self { broker: common::broker_of(&community), community };
+        drop(target.join("usher"));
+        target
+    }
+
+    fn join(&self, name: &str) -> Client {
+        Client::over(self.link(name), name, &self.community)
+    }
+
+    /// The bare way to the broker, for a client that keeps to no rule.
+    fn link(&self, name: &str) -> Link {
+        let waited = Stopwatch::start();
+        loop {
+            match shm::connect(&self.community, &Introduction::new(name)) {
+                Err(ConnectError::NoBroker(_) | ConnectError::Handshake { .. }) if waited.elapsed() < DEADLINE => {
+                    std::thread::yield_now();
+                }
+                other => return other.unwrap(),
+            }
+        }
+    }
+
+    /// The most memory that the broker has had (MB), once it still answers.
+    fn survives(&self, what: &str) {
+        let mut judge = self.join("judge");
+        judge.comms.register_variable("VERDICT", 0.0).unwrap();
+        judge.comms.notify("VERDICT", 1.0).unwrap();
+        let (mut heard, waited) = (false, Stopwatch::start());
+        while !heard {
+            assert!(waited.elapsed() < DEADLINE, "{what}: the broker does not answer");
+            judge.receive(Duration::from_millis(100), |mail| heard |= mail.key() == "VERDICT").unwrap();
+        }
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.broker.id())).unwrap();
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
+        let megabytes = peak.trim().trim_end_matches(" kB").parse::<f64>().unwrap() / 1e3;
+        println!("{what}: the broker had at most {megabytes:.0} MB");
+        assert!(megabytes <= BOUND_MB, "{what}: {megabytes} MB");
+    }
+}
+
+impl Drop for Target {
+    fn drop(&mut self) {
+        let _ = rustix::process::kill_process(Pid::from_child(&self.broker), Signal::TERM);
+        let _ = self.broker.wait();
+    }
+}
+
+/// `little` in CI, `much` in a full attack.
+fn amount(little: usize, much: usize) -> usize {
+    if std::env::var_os("ELK_BOUNDS_FULL").is_some() { much } else { little }
+}
+
+/// Regression: 2.9 GB for a value of 1 GB.
+#[test]
+fn a_huge_value_whose_publisher_leaves_and_who_comes_late() {
+    let target = Target::new("huge");
+    let blob = Blob { bytes: vec![7; amount(300, 1000) << 20] };
+    let mut publisher = target.join("publisher");
+    publisher.comms.publish(&Key::<Blob>::new("BLOB"), &blob).unwrap();
+    publisher.comms.flush().unwrap();
+    let mut late = target.join("late");
+    late.comms.register(&Key::<Blob>::new("BLOB")).unwrap();
+    late.comms.flush().unwrap();
+    let waited = Stopwatch::start();
+    while late.inbox.dropped() == 0 {
+        assert!(waited.elapsed() < DEADLINE, "too large to be copied, it counts as missed");
+        late.receive(Duration::from_millis(50), |_| {}).unwrap();
+    }
+    drop(publisher);
+    target.survives("a huge value");
+}
+
+/// Regression: 1.5 GB for 2,000 names.
+#[test]
+fn names_without_end() {
+    let target = Target::new("names");
+    let mut liar = target.link("liar");
+    let mut batch = Vec::new();
+    for number in 0..amount(2000, 20_000) as u32 {
+        let name = format!("{number:0>65000}");
+        wire::put_definition(&mut batch, Named::Key, number, &name, 0);
+        let header = Header { key: number, value_kind: ValueKind::Double, ..Header::new(FrameKind::Notify) };
+        wire::put(&mut batch, &header, &[], &[0; 8]);
+        if batch.len() > 48 << 10 {
+            liar.up.send(&batch).unwrap();
+            batch.clear();
+        }
+    }
+    target.survives("long names");
+
+    let target = Target::new("variables");
+    let mut readers: Vec<Client> = (0..amount(3, 8)).map(|i| target.join(&format!("reader-{i}"))).collect();
+    for reader in &mut readers {
+        reader.comms.register_wildcard("*", "*", 0.0).unwrap();
+        reader.comms.flush().unwrap();
+    }
+    let mut liar = target.join("liar");
+    for number in 0..amount(150_000, 1_000_000) {
+        liar.comms.notify(&format!("A_VARIABLE_WITH_A_NAME_OF_SOME_LENGTH_{number}"), number as f64).unwrap();
+    }
+    liar.comms.flush().unwrap();
+    target.survives("variables without end, and readers that do not read");
+}
+
+#[test]
+fn long_texts_and_many_refusals_for_readers_that_do_not_read() {
+    let target = Target::new("texts");
+    let mut readers: Vec<Client> = (0..amount(8, 24)).map(|i| target.join(&format!("reader-{i}"))).collect();
+    for reader in &mut readers {
+        reader.comms.register_wildcard("*", "*", 0.0).unwrap();
+        reader.comms.flush().unwrap();
+    }
+    // Texts that should have gone another way: in batches.
+    let mut liar = target.link("liar");
+    let mut batch = Vec::new();
+    let text = vec![b'x'; 900 << 10];
+    for round in 0..amount(60, 600) as u32 {
+        batch.clear();
+        if round < 50 {
+            wire::put_definition(&mut batch, Named::Key, round, &format!("TEXT_{round}"), 0);
+        }
+        wire::put(&mut batch, &Header { key: round % 50, ..Header::new(FrameKind::Notify) }, &[], &text);
+        liar.up.send(&batch).unwrap();
+    }
+    // And what is refused, over and over.
+    let mut bore = target.join("bore");
+    bore.comms.notify("NUMBER", 1.0).unwrap();
+    for _ in 0..amount(100_000, 1_000_000) {
+        bore.comms.notify("NUMBER", "text").unwrap();
+    }
+    bore.comms.flush().unwrap();
+    target.survives("long texts and refusals");
+}
+
+#[test]
+fn batches_that_are_none() {
+    let target = Target::new("junk");
+    for (number, junk) in [vec![0; 400], vec![255; 100_000], vec![1; 48]].into_iter().enumerate() {
+        let mut liar = target.link(&format!("liar-{number}"));
+        liar.up.send(&junk).unwrap();
+        let waited = Stopwatch::start();
+        while liar.up.send(&junk).is_ok() {
+            assert!(waited.elapsed() < DEADLINE, "a client whose lane cannot be trusted is let go of");
+        }
+    }
+    target.survives("junk");
+}
