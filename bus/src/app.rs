@@ -1,6 +1,5 @@
 //! The app framework: MOOS' three callbacks, driven by mail or by a tick.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -102,36 +101,53 @@ const MUCH_MAIL: usize = 64 << 10;
 
 /// Runs an app on a connected client until it stops itself, fails, its successor is ready, or `stop` is set.
 pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), RunError> {
+    serve(app, client, stop)?;
+    leave(app, client)
+}
+
+/// What an app fails with, and which one it was.
+fn failed(client: &Client) -> impl Fn(AppError) -> RunError + use<> {
     let name = client.comms.name().to_owned();
-    let failed = |source: AppError| match source.downcast::<CommsError>() {
+    move |source| match source.downcast::<CommsError>() {
         Ok(comms) => RunError::Comms(*comms),
         Err(source) => RunError::App { app: name.clone(), source },
-    };
+    }
+}
+
+/// Starts the app and gives it its mail, until it is to leave.
+pub(crate) fn serve(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), RunError> {
+    let failed = failed(client);
     client.comms.set_starting(true);
-    app.on_start_up(&mut client.comms).map_err(failed)?;
+    app.on_start_up(&mut client.comms).map_err(&failed)?;
     client.comms.set_starting(false);
     let mut beat = Beat::new(&*app, &client.comms);
     let mut gathered = Gathered(0);
     while !stop.load(Ordering::Relaxed) && !client.comms.stopping() && !client.inbox.retiring() {
         let pause = if gathered.0 > 0 { Duration::ZERO } else { beat.pause(&client.comms) };
-        let bytes = receive(app, client, pause).map_err(failed)?;
+        let bytes = receive(app, client, pause).map_err(&failed)?;
         if let Some(time) = app.gathering() {
             gathered.rest(bytes, time);
         }
         if beat.tick_is_due(&client.comms) {
-            app.iterate(&mut client.comms).map_err(failed)?;
+            app.iterate(&mut client.comms).map_err(&failed)?;
         }
         for refused in client.inbox.take_refusals() {
             client.comms.note_refused(&refused)?;
         }
         beat.status(&mut client.comms, &client.inbox)?;
     }
+    Ok(())
+}
+
+/// Has the app end, while the bus is still there.
+pub(crate) fn leave(app: &mut dyn App, client: &mut Client) -> Result<(), RunError> {
+    let failed = failed(client);
     // What a retiring app has not read is its successor's.
     let rest = match app.gathering().is_some() && !client.inbox.retiring() {
-        true => read_rest(app, client).map_err(failed),
+        true => read_rest(app, client).map_err(&failed),
         false => Ok(()),
     };
-    app.on_stop(&mut client.comms).map_err(failed)?;
+    app.on_stop(&mut client.comms).map_err(&failed)?;
     rest?;
     Ok(client.comms.say_goodbye()?)
 }
@@ -250,15 +266,6 @@ fn peak_memory_kb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
     line.and_then(|l| l.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0)
-}
-
-/// Sets `stop` on SIGTERM and SIGINT.
-pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
-        signal_hook::flag::register(signal, stop.clone())?;
-    }
-    Ok(stop)
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@
 //! | [`rejection`] | messages that an app cannot use: said, counted, passed over |
 //! | [`recall`] | what a successor asks for: the memory of an app is a variable |
 //! | [`key`], [`value`], [`codec`] | typed keys, the three kinds of value, their encoding |
+//! | [`stop`] | signals that ask a process to stop |
 //! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
 
 pub mod app;
@@ -32,13 +33,14 @@ pub mod recall;
 pub mod rejection;
 mod seen;
 pub mod shm;
+pub mod stop;
 pub mod value;
 pub mod wire;
 mod words;
 
 use std::sync::atomic::AtomicBool;
 
-pub use app::{App, AppError, RunError, run_app_on, stop_on_signals};
+pub use app::{App, AppError, RunError, run_app_on};
 pub use broker::{BrokerConfig, Introduction};
 pub use client::Client;
 pub use clock::Clock;
@@ -51,6 +53,7 @@ pub use mail::Mail;
 pub use recall::Recall;
 pub use rejection::Rejection;
 pub use shm::{ConnectError, Running, ServeError, running};
+pub use stop::stop_on_signals;
 pub use value::{Value, ValueRef};
 pub use words::tell;
 
@@ -103,11 +106,14 @@ impl Client {
 }
 
 /// Runs an app as this process, over shared memory, until it stops itself, fails, its successor is ready, or SIGTERM or
-/// SIGINT comes. A launcher may have told more in the environment (see [`RunOptions::as_launched`]).
+/// SIGINT comes; if it is in the midst of a message then, it has [`stop::STOP_PATIENCE`] to come to its end. A launcher may have told more in the environment (see [`RunOptions::as_launched`]).
 pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunError> {
     let stop = stop_on_signals().map_err(RunError::Signals)?;
+    let insistence = stop::Insistence::begin().map_err(RunError::Signals)?;
     let mut client = Client::join(&options.clone().as_launched())?;
-    run_app_on(&mut *app, &mut client, &stop)
+    app::serve(&mut *app, &mut client, &stop)?;
+    drop(insistence);
+    app::leave(&mut *app, &mut client)
 }
 
 /// Serves a community as this process until SIGTERM or SIGINT.

@@ -1,0 +1,112 @@
+//! Signals that ask a process to stop, and what becomes of one that does not heed them.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use signal_hook::consts::{SIGALRM, SIGINT, SIGTERM};
+use signal_hook::low_level::{emulate_default_handler, register};
+
+const SIGNALS: [i32; 2] = [SIGTERM, SIGINT];
+
+/// How long a callback of an app may go on once the app was asked to stop.
+pub const STOP_PATIENCE: Duration = Duration::from_secs(5);
+
+const LAST_WORDS: &str = "elk: asked to stop 5 s ago, and still in the midst of a message: this process ends here\n";
+
+/// Sets `stop` on SIGTERM and SIGINT.
+pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in SIGNALS {
+        signal_hook::flag::register(signal, stop.clone())?;
+    }
+    Ok(stop)
+}
+
+/// Sees to it that a process that was asked to stop does, whatever it is busy with, until it says that it heeds that.
+pub(crate) struct Insistence(Arc<AtomicBool>);
+
+impl Insistence {
+    /// From now on, [`STOP_PATIENCE`] after the first SIGTERM or SIGINT the process ends.
+    pub fn begin() -> std::io::Result<Self> {
+        let insists = Arc::new(AtomicBool::new(true));
+        // SAFETY: the action writes to a descriptor and ends the process; both may be done in a handler.
+        unsafe { register(SIGALRM, end)? };
+        for signal in SIGNALS {
+            let insists = insists.clone();
+            let set = move || {
+                if insists.load(Ordering::Relaxed) {
+                    alarm(STOP_PATIENCE.as_secs() as u32);
+                }
+            };
+            // SAFETY: the action loads an atomic and calls alarm, which may be called in a handler.
+            unsafe { register(signal, set)? };
+        }
+        Ok(Self(insists))
+    }
+}
+
+impl Drop for Insistence {
+    /// The process is on its way out; how long that takes is its own affair.
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::Relaxed);
+        alarm(0);
+    }
+}
+
+fn alarm(secs: u32) {
+    // SAFETY: no memory is involved.
+    unsafe { libc::alarm(secs) };
+}
+
+fn end() {
+    let _ = rustix::io::write(std::io::stderr(), LAST_WORDS.as_bytes());
+    let _ = emulate_default_handler(SIGALRM);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::process::ExitStatusExt;
+    use std::process::Command;
+
+    use rustix::process::{Signal, getpid, kill_process};
+
+    use super::*;
+
+    const DEAF: &str = "ELK_TEST_IS_DEAF";
+
+    /// Not a test by itself: a process of [`who_does_not_heed_a_signal_ends_all_the_same`].
+    #[test]
+    fn is_deaf() {
+        let Ok(heeds) = std::env::var(DEAF) else { return };
+        let stop = stop_on_signals().unwrap();
+        let insistence = Insistence::begin().unwrap();
+        kill_process(getpid(), Signal::TERM).unwrap();
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::yield_now();
+        }
+        if heeds == "yes" {
+            drop(insistence);
+            // SAFETY: no memory is involved. An alarm that was taken back has no seconds left.
+            assert_eq!(unsafe { libc::alarm(0) }, 0);
+            return;
+        }
+        loop {
+            std::thread::sleep(Duration::from_secs(1));
+        }
+    }
+
+    fn run(heeds: &str) -> std::process::Output {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", "stop::tests::is_deaf", "--nocapture"]).env(DEAF, heeds).output().unwrap()
+    }
+
+    #[test]
+    fn who_does_not_heed_a_signal_ends_all_the_same() {
+        let ended = run("no");
+        assert_eq!(ended.status.signal(), Some(SIGALRM), "{ended:?}");
+        let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+        assert!(said.contains(LAST_WORDS), "{said}");
+        assert!(run("yes").status.success(), "who heeds it has all the time it needs");
+    }
+}
