@@ -72,10 +72,24 @@ impl Elk {
 
     /// Launches a mission with more arguments.
     pub fn launch_with(&self, mission: &str, more: &[&str]) -> Launcher {
+        let file = self.mission_file(mission);
+        self.start("said.txt", &[&["launch", &file, "--headless", "--community", &self.community], more].concat())
+    }
+
+    /// Launches a mission whose processes have the limits that a shell command sets.
+    pub fn launch_limited(&self, mission: &str, limits: &str) -> Launcher {
+        let Self { community, .. } = self;
+        let (program, file) = (self.program(), self.mission_file(mission));
+        let mut command = Command::new("sh");
+        command.args(["-c", &format!("{limits} && exec {program} launch {file} --headless --community {community}")]);
+        command.current_dir(self.folder()).stdin(Stdio::null());
+        self.spawn("said.txt", command)
+    }
+
+    fn mission_file(&self, mission: &str) -> String {
         let file = self.folder().join("mission.xml");
         std::fs::write(&file, mission).unwrap();
-        let file = file.display().to_string();
-        self.start("said.txt", &[&["launch", &file, "--headless", "--community", &self.community], more].concat())
+        file.display().to_string()
     }
 
     /// Starts `elk attach`.
@@ -84,9 +98,13 @@ impl Elk {
     }
 
     fn start(&self, said: &str, arguments: &[&str]) -> Launcher {
+        self.spawn(said, self.command(arguments))
+    }
+
+    fn spawn(&self, said: &str, mut command: Command) -> Launcher {
         let said = self.folder().join(said);
         let out = std::fs::File::create(&said).unwrap();
-        let child = self.command(arguments).stdout(out.try_clone().unwrap()).stderr(out).spawn().unwrap();
+        let child = command.stdout(out.try_clone().unwrap()).stderr(out).spawn().unwrap();
         Launcher { child, said }
     }
 

@@ -110,6 +110,7 @@ mod tests {
             clock: None,
             clients: vec![],
             variables: vec![],
+            left_out: 0,
         };
         let seen = [(one("lab", true), Some(table)), (one("theirs", false), None)];
         let lines = as_text(&seen);

@@ -1,0 +1,328 @@
+//! A client of the same user that writes whatever it likes to every variable that elk's apps hear: no app is lost, none
+//! hangs, and what is rejected is named with its writer and its field.
+//!
+//! `ELK_HOSTILE_ROUNDS=100 cargo test --release --test hostile -- --nocapture` goes on for longer.
+
+mod common;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use common::{Elk, Launcher, WATCHDOG};
+use elk_bus::clock::Stopwatch;
+use elk_bus::{Client, Community, Mail, Origin, Value, ValueRef};
+use elk_spatial::catalogue::{self, PayloadType};
+use elk_spatial::keys::{PLAN, PLAN_REQUEST, POSE_COMMAND};
+use elk_spatial::messages::{Decision, MotionPolicy, Path, Plan};
+use elk_spatial::{Pose, Voxel};
+use nalgebra::Point3;
+
+const APPS: [&str; 5] = ["Sensor", "Filter", "Map", "Explorer", "Controller"];
+
+/// Memory that each process may have for itself (kB).
+const MEMORY_KB: u64 = 1 << 20;
+
+/// What elk's apps hear, with the type that they read there; `None`: a number or a text.
+const HEARD: &[(&str, Option<&str>)] = &[
+    ("POSE_COMMAND", Some("PoseCommand")),
+    ("SIM_SENSOR", Some("CameraPose")),
+    ("SENSOR_REPORT", Some("SensorReport")),
+    ("ACCURACY_REPORT", Some("AccuracyReport")),
+    ("SCAN", Some("Scan")),
+    ("SCAN_1", Some("Scan")),
+    ("MAP_UPDATE", Some("MapUpdate")),
+    ("MAP", Some("MapUpdate")),
+    ("MAP_KNOWN", Some("MapStatus")),
+    ("MAP_MEMORY", Some("MapMemory")),
+    ("PLAN_REQUEST", Some("PlanRequest")),
+    ("PLAN", Some("Plan")),
+    ("PROGRESS", Some("Progress")),
+    ("MOTION_REPORT", Some("MotionReport")),
+    ("MOTION_MEMORY", Some("MotionMemory")),
+    ("EXPLORATION_REPORT", Some("ExplorationReport")),
+    ("EXPLORER_MEMORY", Some("ExplorerMemory")),
+    ("MAP_REQUEST", None),
+    ("MAP_RECALL", None),
+    ("MOTION", None),
+    ("STEP", None),
+    ("LAUNCH_STATE", None),
+    ("LOGGER_ERROR", None),
+    ("MAIL_REJECTED", None),
+    ("MAP_STATUS", None),
+];
+
+/// The car, explored by apps that are not started again: whoever ends, ends the mission.
+fn car(kind: &str) -> String {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let text = std::fs::read_to_string(format!("{root}/mission-files/car.xml")).unwrap();
+    let text = text.replace("worlds/", &format!("{root}/mission-files/worlds/"));
+    text.replace("type=\"auto\"", &format!("type=\"{kind}\""))
+}
+
+/// A mission whose processes may have so much memory, and somebody in its community who wishes it ill.
+struct Siege {
+    elk: Elk,
+    launcher: Launcher,
+    hostile: Client,
+    /// What the apps have said of messages that they rejected.
+    said: Vec<String>,
+}
+
+impl Siege {
+    fn lay(test: &str, mission: &str) -> Self {
+        let elk = Elk::new(test);
+        let launcher = elk.launch_limited(mission, &format!("ulimit -d {MEMORY_KB}"));
+        let community = Community::new(elk.community()).unwrap();
+        let mut hostile = None;
+        common::wait_until(WATCHDOG, "the community is there", || {
+            hostile = Client::connect(&community, "hostile").ok();
+            hostile.is_some()
+        });
+        let mut siege = Self { elk, launcher, hostile: hostile.unwrap(), said: Vec::new() };
+        siege.hostile.comms.register_variable("MAIL_REJECTED", 0.0).unwrap();
+        siege.hostile.comms.register_variable("*_STATUS", 0.0).unwrap();
+        siege.hostile.comms.register(&PLAN_REQUEST).unwrap();
+        siege.hostile.comms.register(&POSE_COMMAND).unwrap();
+        common::wait_until(WATCHDOG, "all apps are there", || {
+            let rows: Vec<serde_json::Value> = serde_json::from_str(&siege.elk.obeyed(&["apps", "--json"])).unwrap();
+            APPS.iter().all(|app| rows.iter().any(|row| row["name"] == *app && row["state"] == "running"))
+        });
+        siege.nobody_is_lost("before it begins");
+        siege
+    }
+
+    fn write(&mut self, key: &str, value: ValueRef<'_>) {
+        self.hostile.comms.publish_value(key, value, Origin::default()).unwrap();
+    }
+
+    fn write_typed(&mut self, key: &str, payload: &PayloadType, bytes: &[u8]) {
+        let PayloadType { name, layout, .. } = *payload;
+        self.write(key, ValueRef::Binary { type_name: name, layout, bytes });
+    }
+
+    /// Hears what there is to hear.
+    fn listen(&mut self, patience: Duration, mut on_mail: impl FnMut(&Mail<'_>)) {
+        let said = &mut self.said;
+        let note = |mail: &Mail<'_>| {
+            if mail.key() == "MAIL_REJECTED" && mail.source() != "hostile" {
+                said.extend(mail.as_text().map(str::to_owned));
+            }
+            on_mail(mail);
+        };
+        self.hostile.receive(patience, note).unwrap();
+    }
+
+    /// Every app goes on and handles its mail: it says so after this.
+    fn nobody_is_lost(&mut self, when: &str) {
+        self.hostile.comms.flush().unwrap();
+        let mut silent: BTreeMap<String, Option<f64>> =
+            APPS.iter().map(|app| (format!("{}_STATUS", app.to_uppercase()), None)).collect();
+        let waited = Stopwatch::start();
+        // Two words of each: the first may have been on its way.
+        while !silent.is_empty() {
+            assert!(!self.launcher.is_over(), "{when}: the mission ended:\n{}", self.launcher.said());
+            assert!(waited.elapsed() < WATCHDOG, "{when}: {silent:?} say nothing:\n{}", self.launcher.said());
+            self.listen(Duration::from_millis(100), |mail| {
+                let Some(first) = silent.get_mut(mail.key()) else { return };
+                let uptime = mail.as_text().and_then(uptime);
+                match (*first, uptime.filter(|_| mail.source() != "hostile")) {
+                    (None, Some(uptime)) => *first = Some(uptime),
+                    (Some(first), Some(uptime)) if uptime > first => drop(silent.remove(mail.key())),
+                    _ => {}
+                }
+            });
+        }
+        for app in APPS {
+            assert_eq!(self.elk.row(app)["restarts"], 0, "{when}: {app} was lost");
+        }
+    }
+
+    fn end(self) {
+        let Self { elk, launcher, hostile, said } = self;
+        drop(hostile);
+        println!("{} rejections were said in full", said.len());
+        common::kill(launcher.id(), rustix::process::Signal::TERM);
+        let (_, words) = launcher.end();
+        assert!(!words.contains("was killed"), "{words}");
+        assert_eq!(common::processes_of(&elk), [0; 0]);
+        assert_eq!(common::shared_memory_of(&elk), [""; 0]);
+    }
+}
+
+fn uptime(status: &str) -> Option<f64> {
+    status.split(',').find_map(|part| part.strip_prefix("Uptime="))?.parse().ok()
+}
+
+/// Numbers that no field may take, of eight and of four bytes.
+fn words() -> Vec<Vec<u8>> {
+    let eight = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, -1.0, 0.0].map(f64::to_bits);
+    let eight = eight.into_iter().chain([u64::MAX, 1 << 63, 1 << 48, 1_000_000]);
+    let four = [f32::NAN.to_bits(), f32::INFINITY.to_bits(), i32::MIN as u32, i32::MAX as u32, u32::MAX];
+    eight.map(|word| word.to_le_bytes().to_vec()).chain(four.map(|word| word.to_le_bytes().to_vec())).collect()
+}
+
+/// The example of a type with one of these words at a place of its bytes, at each in turn.
+fn spoilt(payload: &PayloadType) -> impl Iterator<Item = Vec<u8>> + use<> {
+    let example: serde_json::Value = serde_json::from_str(payload.example).unwrap();
+    let bytes = payload.from_json(&example).unwrap();
+    (0..bytes.len()).flat_map(move |at| {
+        let bytes = bytes.clone();
+        words().into_iter().filter_map(move |word| {
+            let mut spoilt = bytes.clone();
+            spoilt.get_mut(at..at + word.len())?.copy_from_slice(&word);
+            Some(spoilt)
+        })
+    })
+}
+
+/// The same numbers every time.
+fn noise(seed: u64) -> impl Iterator<Item = u8> {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    std::iter::repeat_with(move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 24) as u8
+    })
+}
+
+/// Bytes that are no value of any type, of many lengths; and lists that claim to be long.
+fn junk() -> impl Iterator<Item = Vec<u8>> {
+    let random = [0, 1, 7, 8, 48, 100, 1000, 100_000].into_iter();
+    let random = random.map(|len| noise(len as u64).take(len).collect());
+    random.chain([vec![0; 1000], vec![255; 1000], vec![0; 8_000_000]])
+}
+
+fn rounds() -> usize {
+    std::env::var("ELK_HOSTILE_ROUNDS").ok().and_then(|rounds| rounds.parse().ok()).unwrap_or(4)
+}
+
+#[test]
+fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
+    let mut siege = Siege::lay("siege", &car("manual"));
+    siege.elk.obeyed(&["step"]);
+    let mut sent = 0;
+    for (key, type_name) in HEARD {
+        siege.write(key, ValueRef::Text("what a text"));
+        siege.write(key, ValueRef::Text(&"x".repeat(1_000_000)));
+        for number in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300, -1e300, 2f64.powi(64)] {
+            siege.write(key, ValueRef::Double(number));
+        }
+        siege.write(key, ValueRef::Binary { type_name: "Stranger", layout: 7, bytes: &[1, 2, 3] });
+        if let Some(payload) = type_name.map(|name| catalogue::named(name).unwrap()) {
+            for bytes in spoilt(payload).chain(junk()) {
+                siege.write_typed(key, payload, &bytes);
+                sent += 1;
+                if sent % 1000 == 0 {
+                    siege.listen(Duration::ZERO, |_| {});
+                }
+            }
+        }
+        siege.nobody_is_lost(key);
+    }
+    println!("{sent} messages");
+    for (key, _) in HEARD.iter().filter(|(_, type_name)| type_name.is_some()) {
+        let of_key: Vec<&String> =
+            siege.said.iter().filter(|said| said.contains(&format!(" rejects {key} #"))).collect();
+        assert!(!of_key.is_empty() || unread_while_it_waits(key), "nobody rejected anything of {key}");
+        for said in of_key {
+            let names_field =
+                said.contains("; it has to be ") || said.contains("the bytes are no ") || said.contains(" is ");
+            assert!(said.contains(" by hostile: ") && names_field, "{said}");
+        }
+    }
+    siege.end();
+}
+
+/// Memories are read when an app starts, and not by an app that is there.
+fn unread_while_it_waits(key: &str) -> bool {
+    ["SENSOR_REPORT", "MAP_KNOWN", "ACCURACY_REPORT", "SCAN"].contains(&key) || key.ends_with("_MEMORY")
+}
+
+/// Each round, another choice of bad values lies there as the latest when the apps start.
+#[test]
+fn whatever_lies_there_when_they_start_all_apps_come_up() {
+    let mut siege = Siege::lay("ambush", &car("manual"));
+    for round in 0..rounds() {
+        for app in APPS {
+            siege.elk.obeyed(&["stop", app]);
+        }
+        for (place, (key, type_name)) in HEARD.iter().enumerate() {
+            let Some(payload) = type_name.map(|name| catalogue::named(name).unwrap()) else {
+                let values = [Value::Double(f64::NAN), Value::Double(1e300), "what a text".into()];
+                values.iter().for_each(|value| siege.write(key, value.as_ref()));
+                continue;
+            };
+            // A place that differs from key to key and from round to round.
+            let all: Vec<Vec<u8>> = spoilt(payload).chain(junk()).collect();
+            let chosen = &all[(round * 7919 + place * 104_729) % all.len()];
+            siege.write_typed(key, payload, chosen);
+        }
+        siege.hostile.comms.flush().unwrap();
+        for app in APPS {
+            siege.elk.obeyed(&["start", app]);
+        }
+        siege.nobody_is_lost(&format!("round {round}"));
+    }
+    siege.end();
+}
+
+/// A plan that nobody can follow, in answer to a request.
+fn lies(request: u64, revision: u64) -> impl Iterator<Item = Plan> {
+    let near = |x: f64| Point3::new(x, 0.0, 0.8);
+    let path = |points: Vec<Point3<f64>>| Path {
+        looks: vec![Pose::from_yaw_pitch(points[0], 0.0, 0.0)],
+        points,
+        target: Voxel::new(1, 0, 8),
+        unknown: vec![],
+    };
+    let motion = |clearance_m: f64, scan_spacing_m: f64| MotionPolicy {
+        name: "lie".to_owned(),
+        scan_spacing_m,
+        early_stop: false,
+        look_at_target: false,
+        clearance_m,
+    };
+    let short = move || path(vec![near(0.0), near(0.5)]);
+    [
+        (short(), motion(100.0, 0.4)),
+        (short(), motion(1000.0, 0.4)),
+        (path(vec![near(0.0), near(1e9)]), motion(0.1, 0.4)),
+        (path(vec![near(0.0), near(f64::NAN)]), motion(0.1, 0.4)),
+        (short(), motion(0.1, 0.0)),
+        (short(), motion(0.1, 1e-12)),
+        (path(vec![near(0.0); 1_000_000]), motion(0.1, 0.4)),
+        (path((0..1_000_000).map(|i| near(f64::from(i % 2) * 0.5)).collect()), motion(0.1, 0.4)),
+        (path(vec![near(0.0), near(3000.0), near(-3000.0)]), motion(9.0, 0.01)),
+    ]
+    .into_iter()
+    .map(move |(path, motion)| Plan { request, revision, decision: Decision::Go(path), motion, cpu_secs: 0.0 })
+}
+
+/// Whoever answers first is believed, unless what it says cannot be.
+#[test]
+fn a_liar_that_answers_first_stops_nobody() {
+    let mut siege = Siege::lay("liar", &car("auto"));
+    let waited = Stopwatch::start();
+    let mut answered = BTreeSet::new();
+    while answered.len() < 12 && !siege.launcher.is_over() && waited.elapsed() < WATCHDOG {
+        let mut asked = None;
+        siege.listen(Duration::from_millis(20), |mail| {
+            if mail.is(&PLAN_REQUEST) {
+                asked = mail.decode(&PLAN_REQUEST).ok().map(|request| (request.id, request.revision));
+            }
+        });
+        let Some((request, revision)) = asked.filter(|(request, _)| answered.insert(*request)) else { continue };
+        for lie in lies(request, revision) {
+            // What cannot even be decoded is written as it is.
+            siege.hostile.comms.publish(&PLAN, &lie).unwrap();
+        }
+        siege.hostile.comms.flush().unwrap();
+    }
+    assert!(!answered.is_empty());
+    let (code, said) = siege.launcher.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(siege.elk.summary()["complete"], true, "{said}");
+    let named = siege.said.iter().filter(|said| said.starts_with("Controller rejects PLAN #")).count();
+    assert!(named > 0, "{:?}", siege.said);
+}
