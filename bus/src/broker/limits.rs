@@ -21,7 +21,7 @@ pub struct Limits {
     pub all_name_bytes: usize,
     /// Pairs of a variable and a source that writes it.
     pub routes: usize,
-    /// Bytes of the patterns of all registrations together.
+    /// Bytes of all registrations together.
     pub registration_bytes: usize,
     /// Bytes of one message that travels in a batch; larger values lie in their publisher's shared memory.
     pub message_bytes: usize,

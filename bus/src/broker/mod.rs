@@ -140,6 +140,7 @@ struct Client {
     /// Names that nobody had brought before it.
     brought: usize,
     registrations: Vec<Registration>,
+    registered_bytes: usize,
     mailbox: Mailbox,
     /// What it registered and took back, and what it published, before it had its place.
     asked: Vec<u8>,
@@ -199,6 +200,7 @@ impl Client {
             numbers: [vec![], vec![UNNAMED], vec![], vec![0]],
             brought: 0,
             registrations: Vec::new(),
+            registered_bytes: 0,
             mailbox: Mailbox::new(mailbox_bytes, now),
             asked: Vec::new(),
             held: Vec::new(),

@@ -35,6 +35,10 @@ impl Registration {
         pattern::matches(&self.key_pattern, key) && pattern::matches(&self.source_pattern, source)
     }
 
+    fn bytes(&self) -> usize {
+        size_of::<Self>() + self.key_pattern.len() + self.source_pattern.len()
+    }
+
     fn same_patterns(&self, other: &Registration) -> bool {
         self.key_pattern == other.key_pattern && self.source_pattern == other.source_pattern
     }
@@ -117,6 +121,7 @@ impl Broker {
     pub(super) fn change(&mut self, now: f64, id: ClientId, change: Change, waiting: &Messages) {
         let Some(client) = self.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
+        client.registered_bytes = client.registrations.iter().map(Registration::bytes).sum();
         self.places_changed = true;
         self.mark_lossless(id);
         match &change {
@@ -134,8 +139,7 @@ impl Broker {
 
     /// Bytes of the patterns of all registrations.
     pub(super) fn registration_bytes(&self) -> usize {
-        let bytes = |r: &Registration| wire::frame_len(r.key_pattern.len(), r.source_pattern.len());
-        self.clients.values().map(|c| c.asked.len() + c.registrations.iter().map(bytes).sum::<usize>()).sum()
+        self.clients.values().map(|client| client.asked.len() + client.registered_bytes).sum()
     }
 
     /// Routes what a registration asks for to its client, and gives it the latest values that it did not get before and
