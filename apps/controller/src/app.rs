@@ -2,15 +2,18 @@
 
 use std::collections::VecDeque;
 
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
+use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::keys::{
     CAMERA_POSE, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN, PLAN_REQUEST,
     POSE_COMMAND, PROGRESS, STEP, camera_pose,
 };
+use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{Awaited, CameraPose, MotionMemory};
+use elk_spatial::replica::Misfit;
 
-use crate::follower::{Follower, Output};
+use crate::follower::{Follower, Output, Unfit};
 
 /// The controllers that a mission file can name.
 pub static TYPES: &[AppType] = &[AppType {
@@ -68,25 +71,55 @@ impl ControllerApp {
         }
     }
 
-    fn succeed(&mut self, memory: MotionMemory) {
-        self.follower = Follower::successor(&memory);
+    fn succeed(&mut self, memory: MotionMemory) -> Result<(), AppError> {
+        self.follower = Follower::successor(&memory).map_err(Rejection::new)?;
         (self.allowed, self.steps) = (memory.allowed, memory.steps);
         self.remembered = Some(memory);
+        Ok(())
     }
 
-    fn on_motion(&mut self, name: &str, mail: &Mail<'_>) {
+    fn on_camera_pose(&mut self, name: &str, camera: &CameraPose) -> Result<(), AppError> {
+        let before = self.follower.commands();
+        self.held.extend(self.follower.on_camera_pose(camera).map_err(Rejection::new)?);
+        if self.follower.commands() < before {
+            (self.allowed, self.steps) = (0, 0);
+            tell(format_args!(
+                "{name}: its predecessor's memory speaks of {before} commands, the sensor of {}: it begins anew from there",
+                camera.command
+            ));
+        }
+        Ok(())
+    }
+
+    fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
+        match self.follower.on_map(update) {
+            Ok(outputs) => self.held.extend(outputs),
+            Err(unfit) => {
+                if matches!(unfit, Unfit::Map(Misfit { ask: true, .. })) {
+                    comms.notify(MAP_REQUEST, 1.0)?;
+                }
+                return Err(Rejection::new(unfit).into());
+            }
+        }
+        Ok(())
+    }
+
+    fn on_motion(&mut self, mail: &Mail<'_>) -> Result<(), Rejection> {
         match mail.as_text() {
             Some("pause") => self.paused = true,
             Some("run") => (self.paused, self.steps) = (false, 0),
-            _ => tell(format_args!("{name}: {MOTION} is {:?}; it has to be the text pause or run", mail.value())),
+            _ => return Err(Rejection::new("it has to be the text pause or run")),
         }
+        Ok(())
     }
 
     /// A step is for who waits for one now: one that lies there from before was meant for a predecessor, who took it.
-    fn on_step(&mut self, mail: &Mail<'_>) {
+    fn on_step(&mut self, mail: &Mail<'_>) -> Result<(), Rejection> {
+        mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
         if self.paused && !mail.is_latest() {
-            self.steps += 1;
+            self.steps = (self.steps + 1).min(MAX_COUNT);
         }
+        Ok(())
     }
 
     /// Says what is not held back; before that it is remembered that it was going to be said.
@@ -148,22 +181,23 @@ impl App for ControllerApp {
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         self.recall.ends_with(comms, mail)?;
         if mail.is(&MOTION_MEMORY) {
-            self.succeed(mail.decode(&MOTION_MEMORY)?);
+            self.succeed(mail.decode(&MOTION_MEMORY)?)?;
         } else if mail.is(&self.camera_pose) {
-            self.held.extend(self.follower.on_camera_pose(&mail.decode(&self.camera_pose)?));
+            self.on_camera_pose(comms.name(), &mail.decode(&self.camera_pose)?)?;
         } else if mail.is(&MAP_UPDATE) {
-            self.held.extend(self.follower.on_map(&mail.decode(&MAP_UPDATE)?)?);
+            self.on_map(comms, &mail.decode(&MAP_UPDATE)?)?;
         } else if mail.is(&MAP) {
-            self.held.extend(self.follower.on_map(&mail.decode(&MAP)?)?);
+            self.on_map(comms, &mail.decode(&MAP)?)?;
         } else if mail.is(&PLAN) {
-            self.held.extend(self.follower.on_plan(&mail.decode(&PLAN)?));
+            self.held.extend(self.follower.on_plan(&mail.decode(&PLAN)?).map_err(Rejection::new)?);
         } else if mail.key() == MAP_RECALL {
-            let copy = mail.as_double().and_then(|revision| self.follower.replica().copy_of(revision));
+            let revision = mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
+            let copy = self.follower.replica().copy_of(revision);
             copy.map_or(Ok(()), |copy| comms.publish(&MAP, &copy))?;
         } else if mail.key() == MOTION {
-            self.on_motion(comms.name(), mail);
+            self.on_motion(mail)?;
         } else if mail.key() == STEP {
-            self.on_step(mail);
+            self.on_step(mail)?;
         } else if Recall::is_mark(mail) {
             self.held.extend(self.follower.resume());
         }
@@ -243,7 +277,11 @@ mod tests {
         fn heard(&mut self) -> Vec<i64> {
             self.others.comms.flush().unwrap();
             let (app, Client { comms, inbox }) = (&mut self.app, &mut self.client);
-            while inbox.receive(comms, Duration::ZERO, |comms, mail| app.on_new_mail(comms, mail)).unwrap() > 0 {}
+            let mut give = |comms: &mut Comms, mail: &Mail<'_>| match app.on_new_mail(comms, mail) {
+                Err(failure) if failure.is::<Rejection>() => Ok::<(), AppError>(()),
+                done => done,
+            };
+            while inbox.receive(comms, Duration::ZERO, &mut give).unwrap() > 0 {}
             let mut heard = Vec::new();
             let note = |mail: &Mail<'_>| match mail.is(&POSE_COMMAND) {
                 true => heard.push(mail.decode(&POSE_COMMAND).unwrap().id as i64),

@@ -7,13 +7,17 @@
 //! successor gets from the map. The memory is published before what follows from it is said, so whatever was said is
 //! remembered, and what was perhaps not said can be said again ([`Follower::resume`]).
 
-use elk_spatial::clearance::Clearance;
-use elk_spatial::map::{MapUpdate, UpdateError};
+use std::collections::BTreeSet;
+
+use elk_bus::key::Invalid;
+use elk_spatial::checks::{MAX_BRICKS, path_in};
+use elk_spatial::clearance::{Clearance, TooWide};
+use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
 use elk_spatial::messages::{
     Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
     Progress,
 };
-use elk_spatial::replica::Arrival;
+use elk_spatial::replica::{Arrival, Misfit};
 use elk_spatial::{OccupancyGrid, Polyline, Pose, Replica, State, Voxel};
 use nalgebra::Point3;
 
@@ -34,10 +38,35 @@ pub enum Output {
     Finished(MotionReport),
 }
 
+/// Why a message is of no use to a follower.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Unfit {
+    /// The map's update does not fit what is known.
+    #[error(transparent)]
+    Map(#[from] Misfit),
+    /// The plan is not one of this map.
+    #[error("path.{0}")]
+    Path(Invalid),
+    /// The plan is of a map that cannot be yet.
+    #[error("revision is {0}; there were {1} commands, so the map cannot have come so far")]
+    Revision(u64, u64),
+    /// The sensor cannot have carried out what was not commanded.
+    #[error("command is {0}; the last command was {1}")]
+    Command(u64, u64),
+    /// A path with a clearance that nobody could look after.
+    #[error(transparent)]
+    Clearance(#[from] TooWide),
+}
+
+/// Commands that a predecessor made and a sensor knows nothing of: more than get lost when several die at once.
+const LOST_COMMANDS: u64 = 16;
+
 /// A path on the way, with what follows from it.
 #[derive(Debug, Clone)]
 struct Underway {
     leg: Leg,
+    /// Those of the leg, to be looked up.
+    allowed: BTreeSet<Voxel>,
     path: Path,
     way: Polyline,
     clearance: Clearance,
@@ -66,7 +95,7 @@ impl Default for Follower {
     /// Waits for the camera's pose.
     fn default() -> Self {
         Self {
-            replica: Replica::new(None),
+            replica: Replica::new(None, MAX_BRICKS),
             pose: Pose(nalgebra::Isometry3::identity()),
             awaited: Awaited::Start,
             underway: None,
@@ -83,18 +112,22 @@ impl Default for Follower {
 
 impl Follower {
     /// The successor of one that left this memory.
-    pub fn successor(memory: &MotionMemory) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// It was on a path that nobody could go.
+    pub fn successor(memory: &MotionMemory) -> Result<Self, Unfit> {
+        let underway = memory.leg.clone().map(Underway::on).transpose()?;
+        Ok(Self {
             pose: memory.pose,
             awaited: memory.awaited.clone(),
-            underway: memory.leg.clone().and_then(Underway::on),
+            underway: underway.flatten(),
             commands: memory.commands,
             requests: memory.requests,
             path_length_m: memory.path_length_m,
             record: Record::from(memory.samples.clone()),
             inherited: true,
             ..Self::default()
-        }
+        })
     }
 
     /// What a successor has to know; `allowed` and `steps` as [`MotionMemory`] has them.
@@ -129,34 +162,54 @@ impl Follower {
 
     /// The sensor says where the camera is. The first time the run begins, with a scan from there; later this only
     /// matters if the sensor could not do as it was told.
-    pub fn on_camera_pose(&mut self, camera: &CameraPose) -> Vec<Output> {
-        self.carried_out = self.carried_out.max(camera.command);
-        if self.awaited == Awaited::Start {
-            self.commands = camera.command;
-            return vec![self.command(camera.pose, vec![])];
+    ///
+    /// # Errors
+    /// It cannot have done what it says.
+    pub fn on_camera_pose(&mut self, camera: &CameraPose) -> Result<Vec<Output>, Unfit> {
+        if self.inherited && self.commands > camera.command + LOST_COMMANDS {
+            // The sensor has the last word: what was remembered is of another run, or made up.
+            *self = Self { replica: self.replica.clone(), ..Self::default() };
         }
+        if self.awaited == Awaited::Start {
+            self.carried_out = camera.command;
+            self.commands = camera.command;
+            return Ok(vec![self.command(camera.pose, vec![])]);
+        }
+        if self.inherited && (self.commands..=self.commands + LOST_COMMANDS).contains(&camera.command) {
+            // What the predecessor commanded last it perhaps died of, and its word of it is lost.
+            self.commands = camera.command;
+        }
+        if camera.command > self.commands {
+            return Err(Unfit::Command(camera.command, self.commands));
+        }
+        self.carried_out = self.carried_out.max(camera.command);
         if camera.command == self.commands && camera.pose != self.pose {
             self.pose = camera.pose;
             if let Some(Underway { leg, .. }) = &mut self.underway {
-                self.path_length_m -= leg.step_m;
+                // Of the step that it did not take, once.
+                self.path_length_m -= std::mem::take(&mut leg.step_m);
                 leg.blocked = true;
             }
         }
-        vec![]
+        Ok(vec![])
     }
 
     /// The map has changed, or it is here whole.
     ///
     /// # Errors
-    /// The map's voxels are not what they were.
-    pub fn on_map(&mut self, update: &MapUpdate) -> Result<Vec<Output>, UpdateError> {
+    /// It does not fit what is known of the map.
+    pub fn on_map(&mut self, update: &MapUpdate) -> Result<Vec<Output>, Unfit> {
+        if update.revision > self.commands + LEAP {
+            let why = UpdateError::Ahead { have: self.commands, update: update.revision };
+            return Err(Misfit::from(why).into());
+        }
         match self.replica.take(update)? {
             Arrival::Applied(_) => {}
             Arrival::Old => return Ok(vec![]),
             Arrival::Gap => return Ok(vec![Output::MapRequest]),
         }
         if let Some(plan) = self.early.take_if(|plan| plan.revision <= self.replica.grid().revision()) {
-            return Ok(self.on_plan(&plan));
+            return self.on_plan(&plan);
         }
         if !matches!(self.awaited, Awaited::Map(_)) || update.scan < self.commands {
             return Ok(vec![]);
@@ -166,24 +219,31 @@ impl Follower {
     }
 
     /// The explorer's answer.
-    pub fn on_plan(&mut self, plan: &Plan) -> Vec<Output> {
+    ///
+    /// # Errors
+    /// It is no plan of this map.
+    pub fn on_plan(&mut self, plan: &Plan) -> Result<Vec<Output>, Unfit> {
         if !matches!(self.awaited, Awaited::Plan(_)) || plan.request != self.requests {
-            return vec![];
+            return Ok(vec![]);
+        }
+        if plan.revision > self.commands + LEAP {
+            return Err(Unfit::Revision(plan.revision, self.commands));
         }
         if plan.revision > self.replica.grid().revision() {
             self.early = Some(plan.clone());
-            return vec![];
+            return Ok(vec![]);
         }
         match &plan.decision {
             Decision::Done => {
                 let progress = self.progress(self.commands, true);
                 self.awaited = Awaited::Over(progress.clone());
                 self.inherited = false;
-                self.last_words(progress)
+                Ok(self.last_words(progress))
             }
             Decision::Go(path) => {
-                self.underway = Underway::new(plan, path, self.replica.grid());
-                vec![self.go_on()]
+                path_in(self.replica.grid(), path, plan.motion.clearance_m).map_err(Unfit::Path)?;
+                self.underway = Underway::new(plan, path, self.replica.grid())?;
+                Ok(vec![self.go_on()])
             }
         }
     }
@@ -268,31 +328,35 @@ enum Next {
 
 impl Underway {
     /// At the beginning of a plan's path; `None` if it has no point at all.
-    fn new(plan: &Plan, path: &Path, grid: &OccupancyGrid) -> Option<Self> {
-        let way = Polyline::new(path.points.iter().copied())?;
-        let clearance = Clearance::new(plan.motion.clearance_m, grid.resolution());
+    fn new(plan: &Plan, path: &Path, grid: &OccupancyGrid) -> Result<Option<Self>, TooWide> {
+        let Some(way) = Polyline::new(path.points.iter().copied()) else {
+            return Ok(None);
+        };
+        let clearance = Clearance::new(plan.motion.clearance_m, grid.resolution())?;
         let refused = way.points().windows(2);
-        let allowed = refused.flat_map(|p| clearance.refused(grid, p[0], p[1])).collect();
+        let allowed: Vec<Voxel> = refused.flat_map(|p| clearance.refused(grid, p[0], p[1])).collect();
         let leg = Leg {
             plan: plan.clone(),
             resolution: grid.resolution(),
-            allowed,
+            allowed: allowed.clone(),
             done_m: 0.0,
             step_m: 0.0,
             blocked: false,
             looks: 0,
         };
-        Some(Self { leg, path: path.clone(), way, clearance })
+        Ok(Some(Self { leg, allowed: allowed.into_iter().collect(), path: path.clone(), way, clearance }))
     }
 
     /// On a leg that was begun already.
-    fn on(leg: Leg) -> Option<Self> {
+    fn on(leg: Leg) -> Result<Option<Self>, TooWide> {
         let Decision::Go(path) = leg.plan.decision.clone() else {
-            return None;
+            return Ok(None);
         };
-        let way = Polyline::new(path.points.iter().copied())?;
-        let clearance = Clearance::new(leg.plan.motion.clearance_m, leg.resolution);
-        Some(Self { leg, path, way, clearance })
+        let Some(way) = Polyline::new(path.points.iter().copied()) else {
+            return Ok(None);
+        };
+        let clearance = Clearance::new(leg.plan.motion.clearance_m, leg.resolution)?;
+        Ok(Some(Self { allowed: leg.allowed.iter().copied().collect(), leg, path, way, clearance }))
     }
 
     fn next(&mut self, grid: &OccupancyGrid) -> Next {
@@ -351,7 +415,7 @@ impl Underway {
         let rest = self.way.part(self.leg.done_m, self.way.length());
         rest.windows(2).any(|p| {
             let mut refused = self.clearance.refused(grid, p[0], p[1]);
-            refused.any(|v| grid.state(v) == State::Occupied || !self.leg.allowed.contains(&v))
+            refused.any(|v| grid.state(v) == State::Occupied || !self.allowed.contains(&v))
         })
     }
 }

@@ -1,18 +1,23 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Mail, Recall, tell};
+use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_spatial::bricks::brick_of;
+use elk_spatial::checks::{MAX_BRICKS, path_in};
+use elk_spatial::clearance::Clearance;
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
 };
-use elk_spatial::map::MapUpdate;
-use elk_spatial::messages::{ExplorerMemory, Plan, PlanRequest};
+use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
+use elk_spatial::messages::{Decision, ExplorerMemory, Plan, PlanRequest};
 use elk_spatial::replica::Arrival;
-use elk_spatial::{Bounds, FrontierSet, Replica};
+use elk_spatial::voxel::INDEX_RANGE;
+use elk_spatial::{Bounds, FrontierSet, Replica, Voxel};
 use nalgebra::Vector3;
 
 use crate::explore::{Explorer, Settings};
+use crate::extent::Scope;
 use crate::laplace::Solver;
 use crate::policy::Policy;
 use crate::strategy::{ClosestFrontier, Potential, Start, Strategy};
@@ -93,9 +98,51 @@ const TOLERANCE: ParamSpec = param(
     "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, and 1e-4 for thesis.",
 );
 
-const COMMON: &[ParamSpec] = &[MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE];
-const POTENTIAL: &[ParamSpec] =
-    &[MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE, START, SOLVER, TOLERANCE];
+const MAX_BRICKS_PARAM: ParamSpec = param(
+    "MaxBricks",
+    Kind::Integer { min: 64, max: MAX_BRICKS as i64 },
+    "65536",
+    "Bricks of 8x8x8 voxels that the map may have: the map's.",
+);
+const MAX_VOXELS: ParamSpec = param(
+    "MaxVoxels",
+    Kind::Integer { min: 10_000, max: 1_000_000_000 },
+    "8000000",
+    "Voxels of the box that a plan is made over, at about 25 bytes each, or 80 for Potential. Of a larger map it is what \
+     the robot can get to, or, if that is too much, what of it is near.",
+);
+
+const COMMON: &[ParamSpec] = &[
+    MID,
+    DIM,
+    RES,
+    POLICY,
+    RADIUS,
+    SPACING,
+    MIN_FRONTIER,
+    ATTEMPTS,
+    MAX_SCANS,
+    PATIENCE,
+    MAX_BRICKS_PARAM,
+    MAX_VOXELS,
+];
+const POTENTIAL: &[ParamSpec] = &[
+    MID,
+    DIM,
+    RES,
+    POLICY,
+    RADIUS,
+    SPACING,
+    MIN_FRONTIER,
+    ATTEMPTS,
+    MAX_SCANS,
+    PATIENCE,
+    MAX_BRICKS_PARAM,
+    MAX_VOXELS,
+    START,
+    SOLVER,
+    TOLERANCE,
+];
 
 /// An explorer of any strategy with the parameters that all share.
 pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>, AppError> {
@@ -103,10 +150,12 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
     Ok(Box::new(ExplorerApp {
         frontier: explorer.frontier(),
         explorer,
-        replica: Replica::new(Some(params.number("Res"))),
+        // The table keeps the number of bricks positive.
+        replica: Replica::new(Some(params.number("Res")), params.integer("MaxBricks") as usize),
         request: None,
         recall: Recall::default(),
         plan: None,
+        scope: Scope::default(),
     }))
 }
 
@@ -121,6 +170,8 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
         },
         bounds: bounds(params),
         radius_m: params.number("Radius"),
+        clearance: Clearance::new(params.number("Radius"), params.number("Res"))?,
+        max_voxels: count("MaxVoxels") as usize,
         min_frontier: count("MinFrontier") as usize,
         attempts: count("Attempts") as usize,
         max_scans: count("MaxScans"),
@@ -161,6 +212,8 @@ pub struct ExplorerApp {
     recall: Recall,
     /// The last plan, to be given again if it is asked for again.
     plan: Option<Plan>,
+    /// What of the map plans are made over, as it was last said.
+    scope: Scope,
 }
 
 impl ExplorerApp {
@@ -169,36 +222,99 @@ impl ExplorerApp {
         self.plan = Some(left.plan);
     }
 
-    /// A request that was answered already comes again if one of the two, who asks and who answers, was exchanged or
-    /// died, and the answer was perhaps lost.
     fn on_request(&mut self, comms: &mut Comms, request: PlanRequest) -> Result<(), AppError> {
-        let answers = |plan: &Plan| plan.request == request.id && plan.revision >= request.revision;
-        if self.plan.as_ref().is_some_and(answers) {
-            return self.say(comms);
+        let revision = self.replica.grid().revision();
+        if revision > 0 && request.revision > revision + LEAP {
+            return Err(Rejection::new(UpdateError::Ahead { have: revision, update: request.revision }).into());
+        }
+        self.look_at_place(&request)?;
+        if self.replica.hear_of(request.revision) {
+            comms.notify(MAP_REQUEST, 1.0)?;
         }
         self.request = Some(request);
         self.answer(comms)
     }
 
+    /// Whether the robot can be where it is said to be: in the map, and near what is known of it.
+    fn look_at_place(&self, request: &PlanRequest) -> Result<(), Rejection> {
+        let grid = self.replica.grid();
+        let place = request.pose.position();
+        let robot = Voxel::containing(place, grid.resolution());
+        let brick = brick_of(robot);
+        let is_known = |brick| grid.bricks().brick(brick).is_some();
+        let inside = robot.to_array().iter().all(|c| INDEX_RANGE.contains(c));
+        let unheard_of = grid.bricks().is_empty() || request.revision > grid.revision();
+        if inside && (unheard_of || std::iter::once(brick).chain(brick.neighbours()).any(is_known)) {
+            return Ok(());
+        }
+        let (x, y, z) = (place.x, place.y, place.z);
+        Err(Rejection::new(format_args!("pose is at ({x:.2}; {y:.2}; {z:.2}) m; it has to be near what the map knows")))
+    }
+
     fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
-        match self.replica.take(update)? {
-            Arrival::Applied(changed) => self.frontier.update(self.replica.grid(), &changed),
-            Arrival::Old => {}
-            Arrival::Gap => comms.notify(MAP_REQUEST, 1.0)?,
+        match self.replica.take(update) {
+            Ok(Arrival::Applied(changes)) => self.frontier.update(self.replica.grid(), changes.voxels()),
+            Ok(Arrival::Old) => {}
+            Ok(Arrival::Gap) => comms.notify(MAP_REQUEST, 1.0)?,
+            Err(misfit) => {
+                if misfit.ask {
+                    comms.notify(MAP_REQUEST, 1.0)?;
+                }
+                return Err(Rejection::new(misfit).into());
+            }
         }
         self.answer(comms)
     }
 
+    /// Answers the request that waits, once the map is there for it, and nothing speaks against that map.
     fn answer(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         let revision = self.replica.grid().revision();
+        if self.replica.is_doubtful() {
+            return Ok(());
+        }
         let Some(request) = self.request.take_if(|r| r.revision <= revision) else {
             return Ok(());
         };
+        if let Err(rejection) = self.look_at_place(&request) {
+            tell(format_args!("{}: no plan for request {}: {rejection}", comms.name(), request.id));
+            return Ok(());
+        }
+        if self.plan.as_ref().is_some_and(|plan| self.answers(plan, &request)) {
+            return self.say(comms);
+        }
         let plan = self.explorer.plan(self.replica.grid(), &self.frontier, &request);
+        self.say_scope(comms.name());
         // Before it is said: who has heard a plan can rely on every explorer to come to know it.
         comms.publish(&EXPLORER_MEMORY, &self.explorer.memory(&plan))?;
         self.plan = Some(plan);
         self.say(comms)
+    }
+
+    /// Whether a plan is an answer to a request. One that was answered already comes again if one of the two, who asks and
+    /// who answers, was exchanged or died, and the answer was perhaps lost. A plan that was only remembered has to be one of
+    /// this map.
+    fn answers(&self, plan: &Plan, request: &PlanRequest) -> bool {
+        let grid = self.replica.grid();
+        let right = plan.request == request.id && (request.revision..=grid.revision()).contains(&plan.revision);
+        right
+            && match &plan.decision {
+                Decision::Go(path) => path_in(grid, path, plan.motion.clearance_m).is_ok(),
+                Decision::Done => true,
+            }
+    }
+
+    /// Says once, whenever that changes, which part of the map plans are made over.
+    fn say_scope(&mut self, name: &str) {
+        let scope = self.explorer.scope();
+        if std::mem::replace(&mut self.scope, scope) == scope {
+            return;
+        }
+        let what = match scope {
+            Scope::Whole => "all that is known",
+            Scope::Component => "what the robot can get to: all that is known is more than MaxVoxels",
+            Scope::Near => "what is near the robot: all that it can get to is more than MaxVoxels",
+        };
+        tell(format_args!("{name}: from now on it plans over {what}"));
     }
 
     fn say(&self, comms: &mut Comms) -> Result<(), AppError> {
@@ -229,7 +345,8 @@ impl App for ExplorerApp {
         } else if mail.is(&PLAN_REQUEST) {
             self.on_request(comms, mail.decode(&PLAN_REQUEST)?)
         } else if mail.key() == MAP_RECALL {
-            let copy = mail.as_double().and_then(|revision| self.replica.copy_of(revision));
+            let revision = mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
+            let copy = self.replica.copy_of(revision);
             Ok(copy.map_or(Ok(()), |copy| comms.publish(&MAP, &copy))?)
         } else if mail.is(&EXPLORER_MEMORY) {
             self.succeed(mail.decode(&EXPLORER_MEMORY)?);

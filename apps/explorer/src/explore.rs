@@ -9,6 +9,7 @@ use elk_spatial::messages::{
 use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
+use crate::extent::{Extent, Scope};
 use crate::goals::{Goal, Goals, Target};
 use crate::policy::{Policy, looks};
 use crate::space::Space;
@@ -25,6 +26,10 @@ pub struct Settings {
     pub bounds: Option<Bounds>,
     /// Radius of a sphere around the robot's body (m).
     pub radius_m: f64,
+    /// The same among the voxels of the map.
+    pub clearance: Clearance,
+    /// Voxels to plan over at most, free or not.
+    pub max_voxels: usize,
     /// Clusters of fewer frontier voxels than this do not count.
     pub min_frontier: usize,
     /// Distinct places from which a frontier voxel is looked at before it is given up.
@@ -53,7 +58,11 @@ pub struct Explorer {
     journal: Journal,
     plans: u64,
     report: Option<ExplorationReport>,
+    scope: Scope,
 }
+
+/// Targets that one plan looks at, the nearest of those that there are.
+const MAX_TARGETS: usize = 250_000;
 
 /// The map as one plan sees it.
 struct Scene {
@@ -61,6 +70,8 @@ struct Scene {
     space: Space,
     targets: Vec<Target>,
     left: FrontiersLeft,
+    /// Frontier voxels that the robot could get to and that no plan was made over.
+    beyond: u64,
 }
 
 impl Explorer {
@@ -73,7 +84,13 @@ impl Explorer {
             settings,
             plans: 0,
             report: None,
+            scope: Scope::default(),
         }
+    }
+
+    /// What of the map the last plan was made over.
+    pub fn scope(&self) -> Scope {
+        self.scope
     }
 
     /// The strategy, its settings and the policy, in one line.
@@ -158,7 +175,11 @@ impl Explorer {
             return self.end(End::Explored, &scene);
         }
         match self.choose(&scene, &goals, from) {
-            Some((goal, way)) => Decision::Go(self.path(&scene, frontier, goal, way)),
+            Some((goal, way)) => {
+                // Whoever goes on has not ended, whatever a predecessor or a request out of turn came to.
+                self.report = None;
+                Decision::Go(self.path(&scene, frontier, goal, way))
+            }
             None => self.end(End::NoProgress, &scene),
         }
     }
@@ -172,16 +193,21 @@ impl Explorer {
         back_off: bool,
     ) -> Scene {
         let (memory, settings) = (&self.memory, &self.settings);
-        self.journal.time("space", || {
-            let clearance = Clearance::new(settings.radius_m, grid.resolution());
+        let scene = self.journal.time("space", || {
+            let clearance = &settings.clearance;
             let robot = Voxel::containing(position, grid.resolution());
-            let volume = Volume::of(grid, robot, clearance.reach().max(2));
+            let margin = clearance.reach().max(2);
+            let extent = Extent::of(grid, robot, margin, settings.max_voxels);
+            let volume = Volume::between(grid, (extent.min, extent.max), margin);
             let start = volume.index(robot).unwrap_or_default();
-            let space = Space::around(&volume, start, &clearance, memory.trail(), back_off);
-            let mut scene = Scene { volume, space, targets: Vec::new(), left: FrontiersLeft::default() };
+            let space = Space::around(&volume, start, clearance, memory.trail(), back_off);
+            let mut scene = Scene { volume, space, targets: Vec::new(), left: FrontiersLeft::default(), beyond: 0 };
             scene.sort_out(frontier, memory, settings);
-            scene
-        })
+            scene.leave_out(frontier, &extent, robot);
+            (scene, extent.scope)
+        });
+        self.scope = scene.1;
+        scene.0
     }
 
     fn near_goals(&mut self, scene: &Scene) -> Goals {
@@ -192,7 +218,7 @@ impl Explorer {
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
     /// on the map as it is then counts.
     fn far_goals(&mut self, scene: &mut Scene) -> Goals {
-        let Scene { volume, space, targets, left } = scene;
+        let Scene { volume, space, targets, left, .. } = scene;
         let robot = volume.voxel(space.start());
         targets.sort_by_key(|t| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>());
         let (fresh, hidden): (Vec<Target>, Vec<Target>) =
@@ -264,10 +290,15 @@ impl Explorer {
 
     fn end(&mut self, end: End, scene: &Scene) -> Decision {
         let mut left = scene.left;
-        left.open += scene.targets.len() as u64;
+        left.open += scene.targets.len() as u64 + scene.beyond;
         let missed = left.unresolved + left.open;
+        let beyond = scene.beyond;
         let reason = match end {
             End::Explored if missed == 0 => "every frontier that can be reached and seen is resolved".into(),
+            End::Explored if beyond > 0 => {
+                let most = self.settings.max_voxels;
+                format!("{beyond} frontier voxels lie beyond the {most} voxels that are planned over (MaxVoxels)")
+            }
             End::Explored => {
                 format!("{missed} frontier voxels were looked at from {} places each, in vain", self.settings.attempts)
             }
@@ -315,6 +346,21 @@ impl Scene {
                 let target = Target::new(&self.volume, settings.bounds, voxel, tried.to_vec());
                 self.targets.push(target);
             }
+        }
+    }
+}
+
+impl Scene {
+    /// Counts what lies beyond the extent of the plan, and keeps of the targets those that are nearest to the robot.
+    fn leave_out(&mut self, frontier: &FrontierSet, extent: &Extent, robot: Voxel) {
+        if extent.scope == Scope::Near {
+            self.beyond = frontier.iter().filter(|v| extent.leaves_out(*v)).count() as u64;
+            self.left.unreachable -= self.beyond;
+        }
+        if self.targets.len() > MAX_TARGETS {
+            self.targets.sort_by(|a, b| a.voxel.distance(robot).total_cmp(&b.voxel.distance(robot)));
+            self.beyond += (self.targets.len() - MAX_TARGETS) as u64;
+            self.targets.truncate(MAX_TARGETS);
         }
     }
 }

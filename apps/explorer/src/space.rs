@@ -145,7 +145,7 @@ mod tests {
     fn space(grid: &OccupancyGrid, robot: Voxel, trail: &[Voxel]) -> (Volume, Space) {
         let volume = Volume::of(grid, robot, 2);
         let robot = volume.index(robot).unwrap();
-        let space = Space::around(&volume, robot, &Clearance::new(0.1, 0.1), trail, true);
+        let space = Space::around(&volume, robot, &Clearance::new(0.1, 0.1).unwrap(), trail, true);
         (volume, space)
     }
 

@@ -1,8 +1,10 @@
 //! A dense copy of the known part of a map, for passes that touch every voxel.
 
-use elk_spatial::bricks::BRICK;
+use elk_spatial::bricks::{BRICK, voxel_at};
 use elk_spatial::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
+
+use crate::extent::corners;
 
 /// Steps between voxels: the 26 neighbours, with what a move may not cut.
 #[derive(Debug, Clone)]
@@ -29,7 +31,13 @@ pub struct Volume {
 impl Volume {
     /// The known part of `grid` and `include`, with `margin` (at least one voxel) around.
     pub fn of(grid: &OccupancyGrid, include: Voxel, margin: i32) -> Self {
-        let (min, max) = corners(grid, include);
+        let corners = corners(include, grid.bricks().iter().map(|(brick, _)| brick));
+        Self::between(grid, corners, margin)
+    }
+
+    /// The part of `grid` from a smallest corner up to the one beyond the largest, with `margin` (at least one voxel) around
+    /// of which nothing is known.
+    pub fn between(grid: &OccupancyGrid, (min, max): (Voxel, Voxel), margin: i32) -> Self {
         let margin = margin.max(1);
         let origin = min - Voxel::new(margin, margin, margin);
         let size = max - origin + Voxel::new(margin, margin, margin);
@@ -41,18 +49,22 @@ impl Volume {
             states: vec![State::Unknown; dim[0] * dim[1] * dim[2]],
             moves: moves(dim),
         };
-        volume.copy(grid);
+        volume.copy(grid, min, max);
         volume
     }
 
-    fn copy(&mut self, grid: &OccupancyGrid) {
-        let row = BRICK as usize;
+    /// Copies what lies between two corners, row by row.
+    fn copy(&mut self, grid: &OccupancyGrid, min: Voxel, max: Voxel) {
         for (brick, cells) in grid.bricks().iter() {
-            let first = Voxel::new(brick.x * BRICK, brick.y * BRICK, brick.z * BRICK);
-            for (n, line) in cells.chunks_exact(row).enumerate() {
-                let start = first + Voxel::new(0, n as i32 % BRICK, n as i32 / BRICK);
-                if let Some(i) = self.index(start) {
-                    self.states[i..i + row].copy_from_slice(line);
+            let first = voxel_at(brick, 0);
+            let (from, to) = (first.x.max(min.x), (first.x + BRICK).min(max.x));
+            for (n, line) in cells.chunks_exact(BRICK as usize).enumerate() {
+                let (y, z) = (first.y + n as i32 % BRICK, first.z + n as i32 / BRICK);
+                if from < to && (min.y..max.y).contains(&y) && (min.z..max.z).contains(&z) {
+                    let line = &line[(from - first.x) as usize..(to - first.x) as usize];
+                    if let Some(i) = self.index(Voxel::new(from, y, z)) {
+                        self.states[i..i + line.len()].copy_from_slice(line);
+                    }
                 }
             }
         }
@@ -130,18 +142,6 @@ impl Volume {
     pub fn moves(&self) -> &[Move] {
         &self.moves
     }
-}
-
-/// Smallest corner, and the corner beyond the largest, of what is known and of `include`.
-fn corners(grid: &OccupancyGrid, include: Voxel) -> (Voxel, Voxel) {
-    let (mut min, mut max) = (include, include + Voxel::new(1, 1, 1));
-    for (brick, _) in grid.bricks().iter() {
-        let low = Voxel::new(brick.x * BRICK, brick.y * BRICK, brick.z * BRICK);
-        min = Voxel::new(min.x.min(low.x), min.y.min(low.y), min.z.min(low.z));
-        let high = low + Voxel::new(BRICK, BRICK, BRICK);
-        max = Voxel::new(max.x.max(high.x), max.y.max(high.y), max.z.max(high.z));
-    }
-    (min, max)
 }
 
 fn offset(dim: [usize; 3], d: Voxel) -> isize {

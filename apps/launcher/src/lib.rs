@@ -21,6 +21,7 @@ mod launch_state;
 mod listener;
 mod observer;
 mod person;
+mod picture;
 mod process;
 mod processes;
 mod progress;
@@ -33,7 +34,6 @@ mod threads;
 mod usage;
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -212,20 +212,13 @@ impl Stage<'_> {
         };
         let error = begin(&mut conduct).and_then(|()| conduct.run()).err();
         conduct.end();
+        for words in conduct.listener.observer().unsaid() {
+            conduct.display.say(&words);
+        }
         let explorers = conduct.crew.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
         let unwritten = summary.write(folder).err();
-        let picture = (summary.scans > 0).then(|| draw(self.program, folder));
+        let picture = (summary.scans > 0).then(|| picture::draw(self.program, folder));
         Ok(Outcome { folder: (*folder).to_owned(), summary, error, unwritten, picture })
-    }
-}
-
-/// Draws the run as a process of its own: a picture that cannot be drawn costs no run.
-fn draw(program: &Path, folder: &Path) -> Result<PathBuf, String> {
-    let drawn = Command::new(program).arg("picture").arg(folder).output();
-    match drawn {
-        Ok(output) if output.status.success() => Ok(folder.join("picture.png")),
-        Ok(output) => Err(String::from_utf8_lossy(&output.stderr).trim().to_owned()),
-        Err(error) => Err(format!("{}: {error}", program.display())),
     }
 }

@@ -24,6 +24,13 @@ const DB_DROPS: &str = "DB_DROPS";
 /// What every app says of itself every two seconds, from its run loop.
 const STATUS: &str = "*_STATUS";
 
+/// Complaints of the logger that are said; of what is no report, one a variable and writer is.
+const LOGGER_COMPLAINTS: usize = 16;
+/// Pairs of variable and writer that are complained of.
+const COMPLAINED_OF: usize = 64;
+/// Characters of a complaint.
+const COMPLAINT_LENGTH: usize = 1000;
+
 /// What the launcher has to do something about.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum News {
@@ -61,8 +68,10 @@ pub(crate) struct Observer {
     pub last_word: String,
     /// The community's time of the first pose command (s).
     pub first_command: Option<f64>,
-    /// What somebody has to be told, in the order in which it came up.
+    /// What somebody has to be told, in the order in which it came up; no more of one variable and writer than was agreed.
     pub complaints: Vec<String>,
+    /// How often there was reason to complain, by variable and writer.
+    complained: BTreeMap<(String, String), usize>,
     /// The variables of one step, in their order, after the pose command.
     chain: Vec<String>,
 }
@@ -103,10 +112,30 @@ impl Observer {
         if command || self.chain.iter().any(|key| key == mail.key()) {
             self.steps.note(mail.source(), mail.time(), command);
             self.last_word = format!("{} by {}", mail.key(), mail.source());
-            self.first_command = self.first_command.or(command.then(|| mail.time()));
+            let time = Some(mail.time()).filter(|time| command && time.is_finite());
+            self.first_command = self.first_command.or(time);
         } else if let Err(error) = self.note_report(mail) {
-            self.complaints.push(format!("{} by {}: {error}", mail.key(), mail.source()));
+            self.complain(mail, format!("{} by {}: {error}", mail.key(), mail.source()), 1);
         }
+    }
+
+    /// Takes up a complaint about a message, if there were less than `most` of its variable and writer.
+    fn complain(&mut self, mail: &Mail<'_>, words: String, most: usize) {
+        let pair = (mail.key().to_owned(), mail.source().to_owned());
+        if self.complained.len() >= COMPLAINED_OF && !self.complained.contains_key(&pair) {
+            return;
+        }
+        let count = self.complained.entry(pair).or_default();
+        *count = count.saturating_add(1);
+        if *count <= most {
+            self.complaints.push(words.chars().take(COMPLAINT_LENGTH).collect());
+        }
+    }
+
+    /// How often something was not said again, a line a variable and writer.
+    pub fn unsaid(&self) -> impl Iterator<Item = String> + '_ {
+        let often = self.complained.iter().filter(|(_, count)| **count > 1);
+        often.map(|((key, writer), count)| format!("{key} by {writer}: {count} such messages in all"))
     }
 
     fn note_report(&mut self, mail: &Mail<'_>) -> Result<(), DecodeError> {
@@ -114,7 +143,7 @@ impl Observer {
             DB_EVENT => self.news.extend(mail.as_text().and_then(event)),
             DB_CLIENTS => self.note_clients(mail.as_text().unwrap_or_default()),
             DB_DROPS => self.dropped = drops(mail.as_text().unwrap_or_default()),
-            LOGGER_ERROR => self.note_logger(mail.as_text().unwrap_or_default()),
+            LOGGER_ERROR => self.note_logger(mail),
             _ => {}
         }
         if mail.is(&EXPLORATION_REPORT) || mail.is(&MOTION_REPORT) || mail.is(&ACCURACY_REPORT) {
@@ -135,9 +164,9 @@ impl Observer {
         self.clients = names;
     }
 
-    fn note_logger(&mut self, trouble: &str) {
-        if !trouble.is_empty() {
-            self.complaints.push(trouble.to_owned());
+    fn note_logger(&mut self, mail: &Mail<'_>) {
+        if let Some(trouble) = mail.as_text().filter(|trouble| !trouble.is_empty()) {
+            self.complain(mail, trouble.to_owned(), LOGGER_COMPLAINTS);
         }
     }
 
@@ -200,6 +229,9 @@ where
 
 #[cfg(test)]
 mod tests {
+    use elk_bus::memory::MemoryBroker;
+    use elk_bus::{BrokerConfig, Client, Clock, Community};
+
     use super::*;
 
     #[test]
@@ -211,6 +243,32 @@ mod tests {
             assert_eq!(event(strange), None, "{strange}");
         }
         assert_eq!(drops("Map=3,Sensor=0,odd,x=y,"), [("Map".to_owned(), 3), ("Sensor".to_owned(), 0)].into());
+    }
+
+    /// Regression: a hostile writer's reports were taken for true, and what was no report was said without end.
+    #[test]
+    fn lies_are_complained_of_once_a_variable_and_writer_and_then_counted() {
+        let broker = MemoryBroker::new(BrokerConfig::new("observer"), Clock::new(1.0));
+        let community = Community::new("observer").unwrap();
+        let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
+        let (mut observer, mut launcher, mut liar) = (Observer::default(), join("launcher"), join("liar"));
+        observer.register(&mut launcher.comms).unwrap();
+        launcher.comms.flush().unwrap();
+        let right = Progress { scan: 3, revision: 3, scans: 3, path_length_m: 1.0, free: 9, finished: false };
+        for _ in 0..100 {
+            liar.comms.publish(&PROGRESS, &Progress { scans: u64::MAX, ..right.clone() }).unwrap();
+            liar.comms.publish(&PROGRESS, &Progress { path_length_m: f64::NAN, ..right.clone() }).unwrap();
+        }
+        liar.comms.notify(SENSOR_REPORT.name(), "what").unwrap();
+        (0..100).for_each(|n| liar.comms.notify(LOGGER_ERROR, format!("disk {n}").as_str()).unwrap());
+        liar.comms.publish(&PROGRESS, &right).unwrap();
+        liar.comms.flush().unwrap();
+        launcher.receive(std::time::Duration::ZERO, |mail| observer.note(mail)).unwrap();
+        assert_eq!(observer.progress, Some(right));
+        let of = |key: &str| observer.complaints.iter().filter(|words| words.starts_with(key)).count();
+        assert_eq!((of("PROGRESS by liar"), of("SENSOR_REPORT by liar"), of("disk")), (1, 1, LOGGER_COMPLAINTS));
+        let unsaid: Vec<String> = observer.unsaid().collect();
+        assert!(unsaid.contains(&"PROGRESS by liar: 200 such messages in all".to_owned()), "{unsaid:?}");
     }
 
     #[test]

@@ -8,6 +8,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+/// Times that are kept of one app, and apps whose times are: more than any mission has, and a bound for who makes them up.
+const MOST_TIMES: usize = 1 << 20;
+const MOST_APPS: usize = 64;
+
 /// Times of steps, by app.
 #[derive(Debug, Clone, Default)]
 pub struct StepTimes {
@@ -31,12 +35,19 @@ pub struct Spread {
 impl StepTimes {
     /// A message of the chain, published by `app` at `time` (s); `command`: it is the pose command that begins a step.
     pub fn note(&mut self, app: &str, time: f64, command: bool) {
-        if let Some(last) = self.last {
-            self.by_app.entry(app.to_owned()).or_default().push(time - last);
+        if !time.is_finite() {
+            return;
+        }
+        if let Some(last) = self.last
+            && (self.by_app.len() < MOST_APPS || self.by_app.contains_key(app))
+        {
+            keep(self.by_app.entry(app.to_owned()).or_default(), time - last);
         }
         self.last = Some(time);
         if command {
-            self.whole.extend(self.last_command.map(|last| time - last));
+            if let Some(last) = self.last_command {
+                keep(&mut self.whole, time - last);
+            }
             self.last_command = Some(time);
         }
     }
@@ -55,6 +66,12 @@ impl StepTimes {
     pub fn by_app(&self) -> BTreeMap<String, Spread> {
         let spreads = self.by_app.iter().map(|(app, times)| (app.clone(), spread(times)));
         spreads.filter_map(|(app, spread)| Some((app, spread?))).collect()
+    }
+}
+
+fn keep(times: &mut Vec<f64>, secs: f64) {
+    if times.len() < MOST_TIMES {
+        times.push(secs);
     }
 }
 
@@ -89,6 +106,17 @@ mod tests {
         assert_eq!(by_app["Map"], one(250.0));
         assert_eq!(by_app["Controller"], one(125.0));
         assert_eq!(by_app["Sensor"], Spread { count: 2, median_ms: 250.0, p99_ms: 500.0 });
+    }
+
+    #[test]
+    fn no_more_is_kept_than_a_mission_has() {
+        let mut times = StepTimes::default();
+        for n in 0..200 {
+            times.note(&format!("liar{n}"), f64::from(n), false);
+        }
+        assert_eq!(times.by_app().len(), MOST_APPS);
+        times.note("Map", f64::NAN, true);
+        assert_eq!(times.last(), Some(199.0));
     }
 
     #[test]

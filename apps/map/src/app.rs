@@ -3,18 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS};
 use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
-use elk_spatial::map::MapUpdate;
+use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
 use elk_spatial::messages::MapStatus;
 use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;
 
 use crate::bt::write_bt;
-use crate::insertion::Dropped;
+use crate::insertion::{Dropped, Insertion};
 use crate::occupancy::{Grazing, MapConfig, OccupancyMap};
 
 /// The maps that a mission can name.
@@ -57,9 +58,15 @@ const PARAMS: &[ParamSpec] = &[
     number(
         "MaxRange",
         ("m", 0.0, 1e4),
-        "0",
+        "30",
         "Farther points are no hits, their rays free only up to here; 0: no limit.",
     ),
+    ParamSpec {
+        name: "MaxBricks",
+        kind: Kind::Integer { min: 64, max: MAX_BRICKS as i64 },
+        default: Some("65536"),
+        doc: "Bricks of 8x8x8 voxels that the map may have, 3 kB each; what lies beyond them is left out.",
+    },
     point("Mid", Kind::Point { unit: "m" }, "Middle of the volume in which frontiers count."),
     point("Dim", Kind::Size { unit: "m" }, "Size of the volume in which frontiers count; all 0: everywhere."),
     number("LogOddsHit", ("", 0.01, 10.0), "0.85", "Added to a voxel that a scan hit."),
@@ -90,12 +97,18 @@ fn config(params: &Params) -> Result<MapConfig, AppError> {
             _ => Grazing::Guard,
         },
         max_range: params.number("MaxRange"),
+        // The table keeps it positive.
+        max_bricks: params.integer("MaxBricks") as usize,
         bounds,
     })
 }
 
-/// How long a map that was killed waits for a reader's copy before it begins anew (s): longer than any reader plans.
+/// How long a map that was killed waits for a reader's copy before it begins anew (s): longer than any reader plans. After
+/// half of it any copy will do.
 const COPY_PATIENCE_SECS: f64 = 10.0;
+/// Scans, and points of scans, that are kept for a map that is not there yet.
+const MOST_WAITING: usize = 256;
+const MOST_WAITING_POINTS: usize = MAX_POINTS;
 /// How often a map looks whether it has waited long enough (Hz).
 const TICK_HZ: f64 = 1.0;
 
@@ -118,16 +131,48 @@ struct MapApp {
     requested: bool,
     /// Whether readers may have a map that this one does not go on from.
     next_is_whole: bool,
+    limits: Limits,
+}
+
+/// What came of the map's limits in this run.
+#[derive(Debug, Default)]
+struct Limits {
+    /// Whether it was said that points lie beyond the largest range.
+    range_said: bool,
+    /// Points that were left out because the map was full.
+    no_room: u64,
 }
 
 /// How far a map has come to be there.
 enum Stage {
-    /// It learns what its predecessor published last; `revision`: what readers may have.
-    Recalling { revision: u64 },
+    /// It learns what its predecessor published last.
+    Recalling(Past),
     /// It waits for a copy of `revision`, since a moment of the clock's own time (s): a driven one may stand still.
-    Asking { revision: u64, since: f64 },
+    /// `any`: an older one will do.
+    Asking { revision: u64, since: f64, any: bool },
     /// It takes scans.
     Here,
+}
+
+/// What is known of a predecessor.
+#[derive(Default)]
+struct Past {
+    /// What it left, and the last scan in it.
+    memory: Option<(Box<OccupancyMap>, u64)>,
+    /// Revisions that the map had, as its own last words and those of its readers have it.
+    revisions: Vec<u64>,
+}
+
+impl Past {
+    /// The revision that the map was at. Its own word of that may be lost, with a broker that died when the map was dead;
+    /// a reader that lives says it again. A word that stands alone, further above all others than a map can have come
+    /// meanwhile, is not believed.
+    fn revision(&mut self) -> u64 {
+        self.revisions.push(0);
+        self.revisions.sort_unstable();
+        let pairs = self.revisions.windows(2);
+        pairs.filter(|pair| pair[1] - pair[0] <= LEAP).map(|pair| pair[1]).next_back().unwrap_or(0)
+    }
 }
 
 impl MapApp {
@@ -140,53 +185,64 @@ impl MapApp {
             last_scan: 0,
             cpu_secs: 0.0,
             recall: Recall::default(),
-            stage: Stage::Recalling { revision: 0 },
+            stage: Stage::Recalling(Past::default()),
             waiting: Vec::new(),
             requested: false,
             next_is_whole: false,
+            limits: Limits::default(),
         })
     }
 
     /// Takes note of what the predecessor published last.
     fn remember(&mut self, mail: &Mail<'_>) -> Result<(), AppError> {
+        let Stage::Recalling(past) = &mut self.stage else {
+            return Ok(());
+        };
         if mail.is(&MAP_MEMORY) {
             let memory = mail.decode(&MAP_MEMORY)?;
-            self.map = OccupancyMap::from_memory(*self.map.config(), &memory)?;
-            self.last_scan = memory.scan;
+            let map = OccupancyMap::from_memory(*self.map.config(), &memory).map_err(Rejection::new)?;
+            past.memory = Some((Box::new(map), memory.scan));
+            past.revisions.push(memory.revision);
         } else if mail.is(&MAP_KNOWN) {
-            self.cpu_secs = mail.decode(&MAP_KNOWN)?.cpu_secs;
+            let known = mail.decode(&MAP_KNOWN)?;
+            self.cpu_secs = known.cpu_secs;
+            past.revisions.push(known.revision);
         } else if mail.is(&MAP_UPDATE) {
-            self.readers_have(mail.decode(&MAP_UPDATE)?.revision);
+            past.revisions.push(mail.decode(&MAP_UPDATE)?.revision);
         } else if mail.is(&PROGRESS) {
-            self.readers_have(mail.decode(&PROGRESS)?.revision);
+            past.revisions.push(mail.decode(&PROGRESS)?.revision);
         } else if mail.is(&PLAN_REQUEST) {
-            self.readers_have(mail.decode(&PLAN_REQUEST)?.revision);
+            past.revisions.push(mail.decode(&PLAN_REQUEST)?.revision);
         } else if mail.is(&PLAN) {
-            self.readers_have(mail.decode(&PLAN)?.revision);
+            past.revisions.push(mail.decode(&PLAN)?.revision);
         }
         Ok(())
     }
 
-    /// The map was at this revision once. Its own word of that may be lost, with a broker that died when the map was dead;
-    /// a reader that lives says it again.
-    fn readers_have(&mut self, known: u64) {
-        if let Stage::Recalling { revision } = &mut self.stage {
-            *revision = known.max(*revision);
-        }
-    }
-
     /// All that the predecessor published is known: it left its memory, was killed, or there was none.
     fn recalled(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        match self.stage {
-            Stage::Recalling { revision } if self.map.grid().revision() < revision => {
-                comms.register(&MAP)?;
-                comms.notify(MAP_RECALL, revision as f64)?;
-                self.stage = Stage::Asking { revision, since: comms.clock().own() };
-                Ok(())
+        let Stage::Recalling(past) = &mut self.stage else {
+            return Ok(());
+        };
+        let revision = past.revision();
+        match past.memory.take() {
+            Some((map, scan)) if map.grid().revision() <= revision => (self.map, self.last_scan) = (*map, scan),
+            Some((map, _)) => {
+                let (name, left) = (comms.name(), map.grid().revision());
+                tell(format_args!(
+                    "{name}: a map of revision {left} was left (MAP_MEMORY), of which nobody else has heard; it is not \
+                     believed"
+                ));
             }
-            Stage::Recalling { .. } => self.begin(comms),
-            _ => Ok(()),
+            None => {}
         }
+        if self.map.grid().revision() >= revision {
+            return self.begin(comms);
+        }
+        comms.register(&MAP)?;
+        comms.notify(MAP_RECALL, revision as f64)?;
+        self.stage = Stage::Asking { revision, since: comms.clock().own(), any: false };
+        Ok(())
     }
 
     /// A whole map came; a copy of the map that was, if it is asked for and not too old.
@@ -194,8 +250,11 @@ impl MapApp {
         let Stage::Asking { revision, .. } = self.stage else {
             return Ok(());
         };
+        if copy.revision > revision + LEAP {
+            return Err(Rejection::new(UpdateError::Ahead { have: revision, update: copy.revision }).into());
+        }
         if copy.revision > self.map.grid().revision() {
-            self.map = OccupancyMap::from_copy(*self.map.config(), copy)?;
+            self.map = OccupancyMap::from_copy(*self.map.config(), copy).map_err(Rejection::new)?;
             self.last_scan = copy.scan;
         }
         if copy.revision < revision {
@@ -207,10 +266,14 @@ impl MapApp {
 
     /// Goes on with what there is, if a copy was waited for in vain.
     fn give_up_on_copies(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        let Stage::Asking { revision, since } = self.stage else {
+        let Stage::Asking { revision, since, any } = &mut self.stage else {
             return Ok(());
         };
-        if comms.clock().own() - since < COPY_PATIENCE_SECS {
+        let (revision, waited) = (*revision, comms.clock().own() - *since);
+        if waited > COPY_PATIENCE_SECS / 2.0 && !std::mem::replace(any, true) {
+            comms.notify(MAP_RECALL, 0.0)?;
+        }
+        if waited < COPY_PATIENCE_SECS {
             return Ok(());
         }
         let (name, own) = (comms.name(), self.map.grid().revision());
@@ -242,6 +305,9 @@ impl MapApp {
         match self.stage {
             Stage::Here => self.insert(comms, &scan),
             _ if self.waiting.iter().any(|other| other.id == scan.id) => Ok(()),
+            _ if !self.has_room_for(&scan) => {
+                Err(Rejection::new("the map is not there yet, and too many scans wait for it already").into())
+            }
             _ => {
                 self.waiting.push(Scan {
                     id: scan.id,
@@ -254,12 +320,18 @@ impl MapApp {
         }
     }
 
+    /// Whether a scan may wait for the map.
+    fn has_room_for(&self, scan: &Scan<'_>) -> bool {
+        let points: usize = self.waiting.iter().map(|other| other.points.len()).sum();
+        self.waiting.len() < MOST_WAITING && points + scan.points.len() <= MOST_WAITING_POINTS
+    }
+
     fn insert(&mut self, comms: &mut Comms, scan: &Scan<'_>) -> Result<(), AppError> {
         // A successor of the sensor or of a filter that does not know whether it was published publishes it again.
         if scan.id == self.last_scan {
             return Ok(());
         }
-        if scan.id != self.last_scan + 1 {
+        if scan.id != self.last_scan.saturating_add(1) {
             let (name, last) = (comms.name(), self.last_scan);
             tell(format_args!(
                 "{name}: scan {} follows scan {last}: scans were lost, or the sensor started again",
@@ -270,15 +342,7 @@ impl MapApp {
         let start = thread_cpu_secs();
         let seen = self.map.insert(scan.pose.position(), scan.world_points());
         self.cpu_secs += thread_cpu_secs() - start;
-        if seen.dropped != Dropped::default() {
-            let Dropped { invalid, out_of_range } = seen.dropped;
-            tell(format_args!(
-                "{}: scan {}: {invalid} points are not finite or at the camera itself, {out_of_range} lie beyond the \
-                 map's 65536 voxels an axis; left out",
-                comms.name(),
-                scan.id
-            ));
-        }
+        self.say_what_was_left_out(comms.name(), scan, &seen);
         let update = self.map.advance(&seen.changed, scan.id);
         match std::mem::take(&mut self.next_is_whole) {
             true => comms.publish(&MAP_UPDATE, &self.map.grid().whole(scan.id))?,
@@ -286,6 +350,33 @@ impl MapApp {
         }
         comms.publish(&MAP_KNOWN, &self.status())?;
         Ok(())
+    }
+
+    fn say_what_was_left_out(&mut self, name: &str, scan: &Scan<'_>, seen: &Insertion) {
+        let (id, points) = (scan.id, scan.points.len());
+        let Dropped { invalid, out_of_range, no_room } = seen.dropped;
+        if invalid + out_of_range > 0 {
+            tell(format_args!(
+                "{name}: scan {id}: {invalid} points are not finite or at the camera itself, {out_of_range} lie beyond the \
+                 map's 65536 voxels an axis; left out"
+            ));
+        }
+        if seen.cut > 0 && !std::mem::replace(&mut self.limits.range_said, true) {
+            let range = self.map.config().max_range;
+            tell(format_args!(
+                "{name}: {} of {points} points of scan {id} are farther than {range} m (MaxRange): they are no hits, and \
+                 free only up to there; set Map.MaxRange for more (0: no limit). Not said again",
+                seen.cut
+            ));
+        }
+        if no_room > 0 && self.limits.no_room == 0 {
+            let most = self.map.config().max_bricks;
+            tell(format_args!(
+                "{name}: the map is full: {no_room} of {points} points of scan {id} lie beyond its {most} bricks (MaxBricks) \
+                 and are left out; set Map.MaxBricks or a coarser Res. Counted from now on"
+            ));
+        }
+        self.limits.no_room += no_room as u64;
     }
 
     fn status(&self) -> MapStatus {
@@ -350,6 +441,7 @@ impl App for MapApp {
         if mail.is(&self.input) {
             self.on_scan(comms, mail.decode(&self.input)?)
         } else if mail.key() == MAP_REQUEST {
+            mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
             self.on_request(comms)
         } else if mail.is(&MAP) {
             self.on_copy(comms, &mail.decode(&MAP)?)
@@ -367,6 +459,9 @@ impl App for MapApp {
     }
 
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        if self.limits.no_room > 0 {
+            tell(format_args!("{}: the map was full: {} points were left out", comms.name(), self.limits.no_room));
+        }
         if !matches!(self.stage, Stage::Here) {
             // What it does not have it cannot leave; its successor asks again.
             return Ok(());

@@ -27,6 +27,8 @@ pub struct Dropped {
     pub invalid: usize,
     /// Points outside the 16-bit indices of OctoMap's files.
     pub out_of_range: usize,
+    /// Points whose rays came to where the map has no room for more bricks.
+    pub no_room: usize,
 }
 
 /// What inserting a scan did.
@@ -36,6 +38,8 @@ pub struct Insertion {
     pub changed: Vec<Voxel>,
     /// Points left out.
     pub dropped: Dropped,
+    /// Points beyond the largest range, whose rays were cut there.
+    pub cut: usize,
 }
 
 /// A point as the map takes it: the end of its ray, and whether something is there.
@@ -48,28 +52,33 @@ impl OccupancyMap {
     /// Inserts what was seen from `origin`: one ray to each of `points` (both m, world). The voxel of a point is hit,
     /// those from the sensor's own up to it are passed.
     pub fn insert(&mut self, origin: Point3<f64>, points: impl IntoIterator<Item = Point3<f64>>) -> Insertion {
-        let mut dropped = Dropped::default();
+        let (mut dropped, mut cut) = (Dropped::default(), 0);
         let Some(start) = lattice(origin, self.config.resolution) else {
             dropped.out_of_range = points.into_iter().count();
             return Insertion { dropped, ..Insertion::default() };
         };
-        let home = self.table.find_or_add(brick_of(Voxel::containing(start, 1.0)));
+        let Some(home) = self.table.find_or_add(brick_of(Voxel::containing(start, 1.0))) else {
+            dropped.no_room = points.into_iter().count();
+            return Insertion { dropped, ..Insertion::default() };
+        };
         self.grow();
         for point in points {
             let Some(ray) = ray_to(origin, point, &self.config) else {
                 dropped.invalid += 1;
                 continue;
             };
-            match lattice(ray.end, self.config.resolution) {
-                Some(end) => self.mark(Walk::new(start, end), home, ray.hit),
-                None => dropped.out_of_range += 1,
-            }
+            let Some(end) = lattice(ray.end, self.config.resolution) else {
+                dropped.out_of_range += 1;
+                continue;
+            };
+            cut += usize::from(!ray.hit);
+            dropped.no_room += usize::from(!self.mark(Walk::new(start, end), home, ray.hit));
         }
-        Insertion { changed: self.update_marked(), dropped }
+        Insertion { changed: self.update_marked(), dropped, cut }
     }
 
-    /// Walks a ray from brick `home` on, marks what it passes, and its end if it is a hit.
-    fn mark(&mut self, mut walk: Walk, home: usize, hit: bool) {
+    /// Walks a ray from brick `home` on, marks what it passes, and its end if it is a hit; whether it came to its end.
+    fn mark(&mut self, mut walk: Walk, home: usize, hit: bool) -> bool {
         let mut i = home;
         self.touch(i);
         loop {
@@ -83,13 +92,17 @@ impl OccupancyMap {
             if walk.brick_key() == key {
                 break;
             }
-            i = self.table.beyond(i, walk.face_from(key));
+            let Some(next) = self.table.beyond(i, walk.face_from(key)) else {
+                return false;
+            };
+            i = next;
             self.touch(i);
         }
         if hit {
             let (layer, bit) = walk.cell();
             self.marks[i].hit[layer] |= bit;
         }
+        true
     }
 
     #[inline]

@@ -24,9 +24,10 @@ impl OccupancyMap {
     /// The map that left this memory.
     ///
     /// # Errors
-    /// Its voxels were not of this size.
+    /// Its voxels were not of this size, or it is larger than this one may be.
     pub fn from_memory(config: MapConfig, memory: &MapMemory) -> Result<Self, UpdateError> {
         let mut map = Self::new(config);
+        map.has_room(memory.bricks.len())?;
         for brick in &memory.bricks {
             map.put(brick.brick.map(i32::from).into(), Brick::recall(brick));
         }
@@ -47,9 +48,10 @@ impl OccupancyMap {
     /// begins with and copes with: what is seen from now on counts in full, and what the copy has wrong is soon forgotten.
     ///
     /// # Errors
-    /// The copy's voxels are not of this size.
+    /// The copy's voxels are not of this size, or it is larger than this one may be.
     pub fn from_copy(config: MapConfig, copy: &MapUpdate) -> Result<Self, UpdateError> {
         let mut map = Self::new(config);
+        map.has_room(copy.bricks.len())?;
         for states in &copy.bricks {
             map.put(states.position(), Brick::seen_once(states, &config));
         }
@@ -63,10 +65,18 @@ impl OccupancyMap {
         self.grid.apply(&whole).map(|_| ())
     }
 
+    fn has_room(&self, bricks: usize) -> Result<(), UpdateError> {
+        match bricks > self.config.max_bricks {
+            true => Err(UpdateError::TooMany { bricks, most: self.config.max_bricks }),
+            false => Ok(()),
+        }
+    }
+
     fn put(&mut self, position: Voxel, brick: Brick) {
-        let i = self.table.find_or_add(position);
-        self.grow();
-        self.bricks[i] = brick;
+        if let Some(i) = self.table.find_or_add(position) {
+            self.grow();
+            self.bricks[i] = brick;
+        }
     }
 
     /// Shows readers these states, which are those of all bricks.

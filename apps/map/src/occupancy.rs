@@ -2,6 +2,7 @@
 //! section 3.1).
 
 use elk_spatial::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
+use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::{Bounds, OccupancyGrid, State, Voxel};
 
@@ -44,6 +45,8 @@ pub struct MapConfig {
     pub grazing: Grazing,
     /// Farther points (m from the sensor) are no hits, and their rays free voxels only up to here; 0: no limit.
     pub max_range: f64,
+    /// Bricks that the map may have (8³ voxels and about 3 kB each); what lies in others is left out.
+    pub max_bricks: usize,
     /// The volume in which frontiers count; `None`: everywhere.
     pub bounds: Option<Bounds>,
 }
@@ -59,6 +62,7 @@ impl Default for MapConfig {
             clamp_max: 3.5,
             grazing: Grazing::default(),
             max_range: 0.0,
+            max_bricks: MAX_BRICKS,
             bounds: None,
         }
     }
@@ -115,7 +119,7 @@ impl OccupancyMap {
     pub fn new(config: MapConfig) -> Self {
         Self {
             config,
-            table: BrickTable::default(),
+            table: BrickTable::new(config.max_bricks),
             bricks: Vec::new(),
             marks: Vec::new(),
             touched: Vec::new(),

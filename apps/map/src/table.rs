@@ -12,47 +12,58 @@ use elk_spatial::voxel::FACES;
 /// A link that was never followed.
 const UNLINKED: u32 = u32::MAX;
 
-/// Numbers bricks in the order in which they were first asked for.
-#[derive(Debug, Clone, Default)]
+/// Numbers bricks in the order in which they were first asked for, up to a limit.
+#[derive(Debug, Clone)]
 pub struct BrickTable {
     index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
     positions: Vec<Voxel>,
     links: Vec<[u32; 6]>,
+    most: usize,
 }
 
 impl BrickTable {
+    /// A table of at most `most` bricks.
+    pub fn new(most: usize) -> Self {
+        Self { index: HashMap::default(), positions: Vec::new(), links: Vec::new(), most }
+    }
+
     /// The number of the brick at `position` (in bricks), if it has one.
     pub fn find(&self, position: Voxel) -> Option<usize> {
         self.index.get(&position).map(|&i| i as usize)
     }
 
-    /// The number of the brick at `position`; a new one if it had none.
-    pub fn find_or_add(&mut self, position: Voxel) -> usize {
-        let next = self.positions.len() as u32;
-        let i = *self.index.entry(position).or_insert(next);
-        if i == next {
-            self.positions.push(position);
-            self.links.push([UNLINKED; 6]);
+    /// The number of the brick at `position`; a new one if it had none, `None` if there is no room for it.
+    pub fn find_or_add(&mut self, position: Voxel) -> Option<usize> {
+        if let Some(i) = self.find(position) {
+            return Some(i);
         }
-        i as usize
+        let next = self.positions.len();
+        if next >= self.most {
+            return None;
+        }
+        self.index.insert(position, next as u32);
+        self.positions.push(position);
+        self.links.push([UNLINKED; 6]);
+        Some(next)
     }
 
-    /// The number of the brick beyond `face` (an index into [`FACES`]) of brick `i`; a new one if it had none.
+    /// The number of the brick beyond `face` (an index into [`FACES`]) of brick `i`; a new one if it had none, `None` if
+    /// there is no room for it.
     #[inline]
-    pub fn beyond(&mut self, i: usize, face: usize) -> usize {
+    pub fn beyond(&mut self, i: usize, face: usize) -> Option<usize> {
         match self.links[i][face] {
             UNLINKED => self.link(i, face),
-            linked => linked as usize,
+            linked => Some(linked as usize),
         }
     }
 
     #[cold]
-    fn link(&mut self, i: usize, face: usize) -> usize {
-        let other = self.find_or_add(self.positions[i] + FACES[face]);
+    fn link(&mut self, i: usize, face: usize) -> Option<usize> {
+        let other = self.find_or_add(self.positions[i] + FACES[face])?;
         self.links[i][face] = other as u32;
         // Faces come in pairs of opposites.
         self.links[other][face ^ 1] = i as u32;
-        other
+        Some(other)
     }
 
     /// The position of brick `i`, in bricks.

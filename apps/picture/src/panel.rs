@@ -12,6 +12,9 @@ use crate::view::{Frame, Sight};
 /// Length of the stroke that shows where a scan looked (px).
 const GLANCE_PX: f64 = 13.0;
 
+/// How far anything is drawn beyond a view's edge (px).
+const EDGE_PX: f64 = 20.0;
+
 /// A view with its place on the sheet.
 pub(crate) struct Panel {
     pub frame: Frame,
@@ -44,9 +47,11 @@ impl Panel {
         (self.corner.0 + (right - first(0)) * self.scale, self.corner.1 + height - (up - first(1)) * self.scale)
     }
 
-    /// Where a point of the world lies on the sheet.
+    /// Where a point of the world lies on the sheet; one that is far from what is shown, at its edge.
     pub fn project(&self, point: Point3<f64>) -> At {
-        self.at(self.frame.right.of(point), self.frame.up.of(point))
+        let (x, y) = self.at(self.frame.right.of(point), self.frame.up.of(point));
+        let ((left, top), (width, height)) = (self.corner, self.size());
+        (x.clamp(left - EDGE_PX, left + width + EDGE_PX), y.clamp(top - EDGE_PX, top + height + EDGE_PX))
     }
 
     /// The coordinate of the cutting plane along the frame's `away` (m).
@@ -123,6 +128,9 @@ impl Panel {
             let index = voxel.to_array();
             let [right, up, away] =
                 [self.frame.right, self.frame.up, self.frame.away].map(|axis| axis.cell(index[axis.world]));
+            if !self.frame.holds([right, up]) {
+                continue;
+            }
             *counts.entry([right, up]).or_default() += u32::from(self.shows(scene, [right, up, away]));
         }
         for ([right, up], seen) in counts {
@@ -184,12 +192,14 @@ pub(crate) fn ring(canvas: &mut Canvas, at: At, outer: Rgb, inner: Rgb) {
 /// The way in pieces short enough to each have one colour, with the share of the way at which each begins.
 fn pieces(path: &[Point3<f64>]) -> Vec<(f64, [Point3<f64>; 2])> {
     const PIECE_M: f64 = 0.1;
+    const MOST_PIECES: f64 = 1e5;
     let lengths: Vec<f64> = path.windows(2).map(|leg| nalgebra::distance(&leg[0], &leg[1])).collect();
     let whole = lengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    let piece = PIECE_M.max(whole / MOST_PIECES);
     let mut travelled = 0.0;
     let mut pieces = Vec::new();
     for (leg, length) in path.windows(2).zip(lengths) {
-        let count = (length / PIECE_M).ceil().clamp(1.0, 1e5) as usize;
+        let count = (length / piece).ceil().max(1.0) as usize;
         let point = |i: usize| leg[0] + (leg[1] - leg[0]) * (i as f64 / count as f64);
         pieces.extend((0..count).map(|i| {
             let share = (travelled + length * i as f64 / count as f64) / whole;

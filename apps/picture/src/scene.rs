@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 
 use elk_bus::{Key, Payload, codec::DecodeError};
 use elk_log::{LogError, LogReader, Record};
-use elk_spatial::map::{MapUpdate, UpdateError};
+use elk_spatial::checks::MAX_BRICKS;
+use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::Decision;
-use elk_spatial::{OccupancyGrid, Pose, Scan, Voxel, frontier, keys};
+use elk_spatial::replica::Arrival;
+use elk_spatial::{OccupancyGrid, Pose, Replica, Scan, Voxel, frontier, keys};
 use nalgebra::Point3;
 
 /// An explored world and how it was explored.
@@ -38,12 +40,6 @@ pub enum SceneError {
     /// The log could not be read.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// A message is not of the type that its key stands for.
-    #[error(transparent)]
-    Decode(#[from] DecodeError),
-    /// An update does not belong to the map before it.
-    #[error("the map cannot be put together: {0}")]
-    Update(#[from] UpdateError),
     /// Nothing was mapped.
     #[error("the log holds no map ({MAP_UPDATE} or {MAP}): did the mission run, and did it have a map?", MAP_UPDATE = keys::MAP_UPDATE.name(), MAP = keys::MAP.name())]
     NoMap,
@@ -52,7 +48,7 @@ pub enum SceneError {
 /// What has been collected so far.
 #[derive(Default)]
 struct Collector {
-    grid: Option<OccupancyGrid>,
+    maps: Vec<Map>,
     scans: BTreeMap<u64, Pose>,
     path: Vec<Point3<f64>>,
     path_length_m: Option<f64>,
@@ -61,12 +57,23 @@ struct Collector {
     complete: Option<bool>,
 }
 
+/// A map of one resolution. Whoever writes updates of another one makes another map.
+struct Map {
+    replica: Replica,
+    /// Updates that belong to it.
+    updates: usize,
+}
+
+/// Resolutions of which maps are put together.
+const MOST_MAPS: usize = 4;
+
 impl Scene {
     /// Collects a scene from a log; one that breaks off gives the scene at that moment.
     pub fn from_log(mut log: LogReader) -> Result<Self, SceneError> {
         let mut collector = Collector::default();
         for record in log.by_ref() {
-            collector.take(&record?)?;
+            // A message that is not what its key stands for is none of the run's: the others make the picture.
+            let _ = collector.take(&record?);
         }
         let mission = log.metadata().mission_name.trim_end_matches(".xml").to_owned();
         collector.finish(mission)
@@ -74,10 +81,10 @@ impl Scene {
 }
 
 impl Collector {
-    fn take(&mut self, record: &Record) -> Result<(), SceneError> {
+    fn take(&mut self, record: &Record) -> Result<(), DecodeError> {
         match record.key.as_str() {
-            key if key == keys::MAP_UPDATE.name() => self.map(&decode(record, &keys::MAP_UPDATE)?)?,
-            key if key == keys::MAP.name() => self.map(&decode(record, &keys::MAP)?)?,
+            key if key == keys::MAP_UPDATE.name() => self.map(&decode(record, &keys::MAP_UPDATE)?),
+            key if key == keys::MAP.name() => self.map(&decode(record, &keys::MAP)?),
             key if key == keys::SCAN.name() => {
                 let scan: Scan<'_> = record.value.as_ref().decode(&keys::SCAN)?;
                 self.scans.insert(scan.id, scan.pose);
@@ -102,17 +109,23 @@ impl Collector {
         Ok(())
     }
 
-    /// A gap is passed over: the next whole map mends it.
-    fn map(&mut self, update: &MapUpdate) -> Result<(), UpdateError> {
-        let grid = self.grid.get_or_insert_with(|| OccupancyGrid::new(update.resolution));
-        match grid.apply(update) {
-            Ok(_) | Err(UpdateError::Gap { .. }) => Ok(()),
-            Err(error) => Err(error),
+    /// What does not fit is passed over: the next whole map mends it.
+    fn map(&mut self, update: &MapUpdate) {
+        let same = |map: &Map| map.replica.grid().resolution() == update.resolution;
+        let i = self.maps.iter().position(same).unwrap_or(self.maps.len());
+        if i == self.maps.len() && i < MOST_MAPS {
+            self.maps.push(Map { replica: Replica::new(Some(update.resolution), MAX_BRICKS), updates: 0 });
+        }
+        if let Some(map) = self.maps.get_mut(i) {
+            map.updates += usize::from(matches!(map.replica.take(update), Ok(Arrival::Applied(_))));
         }
     }
 
     fn finish(self, mission: String) -> Result<Scene, SceneError> {
-        let grid = self.grid.filter(|grid| grid.free() + grid.occupied() > 0).ok_or(SceneError::NoMap)?;
+        // The first of equals.
+        let most = self.maps.into_iter().rev().max_by_key(|map| map.updates);
+        let grid = most.map(|map| map.replica.grid().clone());
+        let grid = grid.filter(|grid| grid.free() + grid.occupied() > 0).ok_or(SceneError::NoMap)?;
         let frontier =
             grid.bricks().voxels().map(|(voxel, _)| voxel).filter(|v| frontier::is_frontier(&grid, *v)).collect();
         let scans: Vec<Pose> = self.scans.into_values().collect();

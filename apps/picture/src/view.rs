@@ -1,5 +1,7 @@
 //! A cut through the map and the view behind it.
 
+use std::collections::BTreeMap;
+
 use elk_spatial::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
@@ -59,20 +61,70 @@ pub(crate) struct Frame {
     pub size: [i32; 3],
 }
 
-impl Frame {
-    /// The frame that holds all known voxels, and `margin` voxels around them to the sides.
-    pub fn around(grid: &OccupancyGrid, right: Axis, up: Axis, away: Axis, margin: i32) -> Self {
-        let (mut min, mut max) = ([i32::MAX; 3], [i32::MIN; 3]);
-        for (voxel, _) in grid.bricks().voxels().filter(|(_, state)| *state != State::Unknown) {
-            for (i, axis) in [right, up, away].into_iter().enumerate() {
-                let cell = axis.cell(voxel.to_array()[axis.world]);
-                (min[i], max[i]) = (min[i].min(cell), max[i].max(cell));
-            }
+/// The most cells that a view has, and the most voxels that it looks through.
+const MOST_CELLS: i64 = 1 << 22;
+const DEEPEST: i64 = 4096;
+/// Share of the known voxels that a map too large to be drawn loses at each end of each axis, and how much of it is drawn
+/// at most (voxels), around the middle of what is known.
+const STRAY_SHARE: f64 = 0.005;
+const MOST_DRAWN: i32 = 2000;
+
+/// First and last index along each axis of the world of what is shown: all that is known, or, if strays make that too large
+/// to be drawn, where nearly all of it is.
+fn shown(grid: &OccupancyGrid) -> [[i32; 2]; 3] {
+    let known = || grid.bricks().voxels().filter(|(_, state)| *state != State::Unknown).map(|(voxel, _)| voxel);
+    let mut all: [Option<[i32; 2]>; 3] = [None; 3];
+    for voxel in known() {
+        for (ends, index) in all.iter_mut().zip(voxel.to_array()) {
+            *ends = Some(ends.map_or([index; 2], |[first, last]| [first.min(index), last.max(index)]));
         }
+    }
+    let all = all.map(Option::unwrap_or_default);
+    let mut sizes = all.map(|[first, last]| i64::from(last) - i64::from(first) + 1);
+    sizes.sort_unstable();
+    if sizes[1] * sizes[2] <= MOST_CELLS && sizes[2] <= DEEPEST {
+        return all;
+    }
+    let mut counts: [BTreeMap<i32, u64>; 3] = Default::default();
+    for voxel in known() {
+        for (counts, index) in counts.iter_mut().zip(voxel.to_array()) {
+            *counts.entry(index).or_default() += 1;
+        }
+    }
+    counts.each_ref().map(without_strays)
+}
+
+/// First and last index of what is left without the strays at both ends, around the middle.
+fn without_strays(counts: &BTreeMap<i32, u64>) -> [i32; 2] {
+    let total: u64 = counts.values().sum();
+    let after = |share: f64| {
+        let mut passed = 0;
+        let there = counts.iter().find(|(_, count)| {
+            passed += **count;
+            passed as f64 > share * total as f64
+        });
+        there.map_or(0, |(index, _)| *index)
+    };
+    let middle = after(0.5);
+    let (first, last) = (after(STRAY_SHARE), after(1.0 - STRAY_SHARE));
+    [first.max(middle - MOST_DRAWN / 2), last.min(middle + MOST_DRAWN / 2)]
+}
+
+impl Frame {
+    /// The frame that holds what is shown of the map ([`shown`]), and `margin` voxels around it to the sides.
+    pub fn around(grid: &OccupancyGrid, right: Axis, up: Axis, away: Axis, margin: i32) -> Self {
+        let ranges = shown(grid);
         let margins = [margin, margin, 0];
-        let first = std::array::from_fn(|i| min[i].saturating_sub(margins[i]));
-        let size = std::array::from_fn(|i| (max[i].saturating_sub(min[i])).saturating_add(1 + 2 * margins[i]).max(0));
-        Self { right, up, away, min: first, size }
+        let axes = [right, up, away];
+        let ends = axes.map(|axis| ranges[axis.world].map(|index| axis.cell(index)));
+        let min = std::array::from_fn(|i| ends[i][0].min(ends[i][1]) - margins[i]);
+        let size = std::array::from_fn(|i| (ends[i][0] - ends[i][1]).abs() + 1 + 2 * margins[i]);
+        Self { right, up, away, min, size }
+    }
+
+    /// Whether a cell along right and up is in the frame.
+    pub fn holds(&self, cells: [i32; 2]) -> bool {
+        (0..2).all(|i| (self.min[i]..self.min[i] + self.size[i]).contains(&cells[i]))
     }
 
     /// The voxel in these cells along right, up, away.
@@ -127,6 +179,25 @@ mod tests {
                 assert_eq!(axis.of(center).floor() as i32, cell);
             }
         }
+    }
+
+    /// Regression: a stray point at 3 km made a picture of 30,000 by 30,000 cells.
+    #[test]
+    fn a_stray_voxel_does_not_make_the_view() {
+        let mut grid = OccupancyGrid::new(0.1);
+        for x in 0..40 {
+            (0..40).for_each(|y| assert!(grid.set(Voxel::new(x, y, 0), State::Free)));
+        }
+        assert_eq!(shown(&grid), [[0, 39], [0, 39], [0, 0]]);
+        grid.set(Voxel::new(3000, -20, 0), State::Free);
+        assert_eq!(shown(&grid), [[0, 3000], [-20, 39], [0, 0]], "large, but it can be drawn");
+        grid.set(Voxel::new(30_000, -30_000, 30_000), State::Occupied);
+        assert_eq!(shown(&grid), [[0, 39], [0, 39], [0, 0]]);
+        (0..30_000).for_each(|x| {
+            grid.set(Voxel::new(x, 0, 0), State::Free);
+        });
+        let [x, _, _] = shown(&grid);
+        assert!(x[1] - x[0] <= MOST_DRAWN, "{x:?}");
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! The simulator as an app: pose commands in, poses and scans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall, tell};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
+use elk_spatial::checks::MAX_POINTS;
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
-use elk_spatial::map::MapUpdate;
+use elk_spatial::map::{LEAP, MapUpdate};
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
 use elk_spatial::{OccupancyGrid, Pose, Scan};
 use nalgebra::{Isometry3, Point3};
@@ -27,6 +28,9 @@ pub static TYPES: &[AppType] = &[AppType {
 const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
     ParamSpec { name, kind, default: Some(default), doc }
 }
+
+/// Commands that a predecessor perhaps carried out, and of which its word is lost.
+const LOST_COMMANDS: u64 = 16;
 
 const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 
@@ -104,9 +108,14 @@ pub struct SimulatorApp {
     cpu_secs: f64,
     recall: Recall,
     past: Past,
+    /// What it knows of commands is a predecessor's word, which perhaps missed some.
+    inherited: bool,
     /// The last judgement of a map.
     judged: Option<AccuracyReport>,
 }
+
+/// Voxels of a map that are held against the true world: more would take minutes.
+const MOST_JUDGED: usize = 1 << 25;
 
 /// What is known of a predecessor.
 #[derive(Debug, Default)]
@@ -118,6 +127,10 @@ struct Past {
 }
 
 fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
+    let pixels = params.integer("Width") * params.integer("Height");
+    if pixels > MAX_POINTS as i64 {
+        return Err(format!("Width times Height is {pixels}; a scan has at most {MAX_POINTS} points").into());
+    }
     let world = World::load(params.text("World"))?;
     let start = start(params, &world)?;
     let simulator = Simulator::new(world, settings(params), start)
@@ -129,6 +142,7 @@ fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
         cpu_secs: 0.0,
         recall: Recall::default(),
         past: Past::default(),
+        inherited: false,
         judged: None,
     }))
 }
@@ -198,10 +212,19 @@ impl SimulatorApp {
         let Some(pose) = pose else {
             return self.publish_pose(comms);
         };
+        // Scans and commands are counted by one another: a report that is far from both is no report of this run.
+        let report = report.filter(|report| report.scans <= scan.max(pose.command) + LEAP);
         let (scans, contacts, cpu_secs) = report.map_or((scan, 0, 0.0), |r| (r.scans, r.contacts, r.cpu_secs));
-        self.simulator.succeed(&pose, scans, contacts).map_err(|refusal| {
-            format!("where the sensor before this one was: {refusal}; give this one the same World")
-        })?;
+        if let Err(refusal) = self.simulator.succeed(&pose, scans, contacts) {
+            tell(format_args!(
+                "{}: where the sensor before this one was ({}): {refusal}; give this one the same World. It begins at its own \
+                 start, and goes where the next command begins",
+                comms.name(),
+                self.camera_pose.name()
+            ));
+            return self.publish_pose(comms);
+        }
+        self.inherited = true;
         self.cpu_secs = cpu_secs;
         match scan < scans {
             true => Ok(comms.publish(&self.scan, &self.simulator.last_scan())?),
@@ -218,9 +241,11 @@ impl SimulatorApp {
             }
             return Ok(());
         }
+        self.look_at_number(command)?;
         if self.simulator.command() == 0 && command.id > 1 {
             self.find_robot(comms.name(), command);
         }
+        self.inherited = false;
         let before = thread_cpu_secs();
         let outcome = self.simulator.execute(command);
         self.cpu_secs += thread_cpu_secs() - before;
@@ -232,6 +257,16 @@ impl SimulatorApp {
         comms.publish(&SENSOR_REPORT, &self.report())?;
         comms.publish(&self.scan, &outcome.scan)?;
         Ok(())
+    }
+
+    /// Commands are unbroken, as long as it has heard all of them itself; one of another number is not the controller's.
+    fn look_at_number(&self, command: &PoseCommand) -> Result<(), Rejection> {
+        let last = self.simulator.command();
+        let most = if self.inherited { last + LOST_COMMANDS } else { last + 1 };
+        if last == 0 || command.id <= most {
+            return Ok(());
+        }
+        Err(Rejection::new(format_args!("id is {}; the last command was {last}, and they are unbroken", command.id)))
     }
 
     /// Goes on from where a command begins: what the sensor before this one said has died with it and the broker, and of
@@ -277,7 +312,13 @@ impl SimulatorApp {
 
     fn judge(&self, update: &MapUpdate) -> Result<AccuracyReport, AppError> {
         let mut map = OccupancyGrid::new(update.resolution);
-        map.apply(update)?;
+        map.apply(update).map_err(Rejection::new)?;
+        let known = map.free() + map.occupied();
+        if known > MOST_JUDGED {
+            return Err(
+                Rejection::new(format_args!("{known} voxels are known; at most {MOST_JUDGED} are judged")).into()
+            );
+        }
         let accuracy = accuracy(self.simulator.world(), &map);
         Ok(AccuracyReport { revision: update.revision, accuracy: accuracy.share(), voxels: accuracy.known })
     }
@@ -304,6 +345,7 @@ mod tests {
             cpu_secs: 0.0,
             recall: Recall::default(),
             past: Past::default(),
+            inherited: false,
             judged: None,
         }
     }
@@ -404,13 +446,50 @@ mod tests {
         assert_eq!((app.simulator.pose(), app.simulator.last_scan().id), (pose, 7), "scans are counted on");
     }
 
+    /// Regression: it ended, and so did each that came after it.
     #[test]
-    fn a_successor_in_another_world_says_what_is_wrong() {
-        let mut app = app();
-        let pose = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 99.0), 0.0, 0.0);
-        app.past.pose = Some(CameraPose { command: 3, pose });
+    fn a_successor_in_another_world_begins_at_its_own_start() {
+        let (mut app, start) = (app(), Point3::new(0.0, 0.0, 0.8));
         let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
-        let error = app.begin(&mut join(&broker, "Simulator").comms).unwrap_err().to_string();
-        assert!(error.contains("(0.000; 0.000; 99.000) is inside an obstacle") && error.contains("World"), "{error}");
+        let (mut sensor, mut probe) = (join(&broker, "Simulator"), join(&broker, "probe"));
+        let pose = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 99.0), 0.0, 0.0);
+        probe.comms.publish(&camera_pose("SIM_SENSOR"), &CameraPose { command: 3, pose }).unwrap();
+        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.flush().unwrap();
+        app.on_start_up(&mut sensor.comms).unwrap();
+        serve(&mut app, &mut sensor);
+        assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 0)]);
+        assert_eq!(app.simulator.pose().position(), start);
+    }
+
+    #[test]
+    fn a_command_of_a_foreign_number_is_refused_and_the_next_one_carried_out() {
+        let (mut app, broker) = (app(), MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0)));
+        let mut sensor = join(&broker, "Simulator");
+        let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
+        let command = |id| PoseCommand { id, via: Vec::new(), pose };
+        app.on_command(&mut sensor.comms, &command(1)).unwrap();
+        for foreign in [3, 1000, 1 << 47] {
+            let failure = app.on_command(&mut sensor.comms, &command(foreign)).unwrap_err();
+            assert!(failure.is::<Rejection>(), "{failure}");
+        }
+        app.on_command(&mut sensor.comms, &command(2)).unwrap();
+        assert_eq!((app.simulator.command(), app.simulator.scans()), (2, 2));
+        // Of a predecessor's last commands the word may be lost.
+        app.inherited = true;
+        app.on_command(&mut sensor.comms, &command(4)).unwrap();
+        assert!(app.on_command(&mut sensor.comms, &command(6)).is_err());
+    }
+
+    /// A report that speaks of far more scans than there were commands is of another run, or made up.
+    #[test]
+    fn a_report_that_the_pose_contradicts_is_not_believed() {
+        let (mut app, broker) = (app(), MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0)));
+        let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
+        app.past.pose = Some(CameraPose { command: 5, pose });
+        app.past.scan = 5;
+        app.past.report = Some(SensorReport { scans: 1 << 47, contacts: 9, scan: 1 << 47, cpu_secs: 0.0 });
+        app.begin(&mut join(&broker, "Simulator").comms).unwrap();
+        assert_eq!((app.simulator.scans(), app.simulator.contacts()), (5, 0));
     }
 }

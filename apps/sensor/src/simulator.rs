@@ -58,7 +58,7 @@ fn shown(p: &Point3<f64>) -> String {
 pub struct Outcome {
     /// The scan from where the robot is now.
     pub scan: Scan<'static>,
-    /// Whether the body touched the world on the way, or would have.
+    /// Whether the body touched the world on the way, or would have on the way to a place that it cannot be in.
     pub contact: bool,
     /// Why the robot stayed where it was, if it did.
     pub refused: Option<Refusal>,
@@ -128,13 +128,18 @@ impl Simulator {
     pub fn execute(&mut self, command: &PoseCommand) -> Outcome {
         let way = self.way(command);
         let refused = self.passable(&way, &command.pose).err();
-        let contact = refused.is_some() || self.touches(&way);
+        // A pose that is none is nowhere that the robot could have gone to.
+        let contact = match refused {
+            Some(Refusal::NotFinite) => false,
+            Some(Refusal::NotFree(_) | Refusal::Blocked(..)) => true,
+            None => self.touches(&way),
+        };
         if refused.is_none() {
             self.pose = command.pose;
         }
         self.command = command.id;
-        self.contacts += u64::from(contact);
-        self.scans += 1;
+        self.contacts = self.contacts.saturating_add(u64::from(contact));
+        self.scans = self.scans.saturating_add(1);
         Outcome { scan: self.scan(), contact, refused }
     }
 

@@ -127,11 +127,11 @@ fn poses_in_solids_beyond_walls_and_nowhere_are_refused() {
         assert!(outcome.contact && outcome.scan.pose == start && outcome.scan.command == i as u64 + 1);
     }
     let nowhere = go(&mut s, 4, at(f64::NAN, 1.0, 1.0));
-    assert_eq!(nowhere.refused, Some(Refusal::NotFinite));
+    assert_eq!((nowhere.refused, nowhere.contact), (Some(Refusal::NotFinite), false), "it went nowhere");
     go(&mut s, 5, at(0.5, 4.5, 1.0));
     let through = go(&mut s, 6, at(3.0, 4.5, 1.0));
     assert!(matches!(through.refused, Some(Refusal::Blocked(..))), "the closet is in the way");
-    assert_eq!((s.contacts(), s.scans()), (5, 6));
+    assert_eq!((s.contacts(), s.scans()), (4, 6));
     let message = Simulator::new(room(), Settings::default(), at(1.5, 4.5, 1.0)).unwrap_err().to_string();
     assert_eq!(message, "(1.500; 4.500; 1.000) is inside an obstacle or outside the world");
 }

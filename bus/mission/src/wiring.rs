@@ -2,10 +2,15 @@
 //! two apps have to have in common.
 
 use crate::draft::Draft;
+use crate::params::ParamValue;
 use crate::problem::Problems;
 
 /// Parameters that are the same for both elements: said of one, they hold for the other.
-const COMMON: [(&str, [&str; 2]); 2] = [("Res", ["Map", "Explorer"]), ("MOOSPoseVarName", ["Sensor", "Controller"])];
+const COMMON: [(&str, [&str; 2]); 3] =
+    [("Res", ["Map", "Explorer"]), ("MaxBricks", ["Map", "Explorer"]), ("MOOSPoseVarName", ["Sensor", "Controller"])];
+
+/// The largest radius of a robot in voxels that anybody can look after (see `MAX_RADIUS_VOXELS` in `elk-spatial`).
+const MAX_RADIUS_VOXELS: f64 = 32.0;
 
 /// What the sensor publishes its scans under, if its type does not say.
 const SCAN: &str = "SCAN";
@@ -34,6 +39,26 @@ pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Problems) {
         hand_on(drafts, param, [one, other]);
         hand_on(drafts, param, [other, one]);
         agree(drafts, param, [one, other], problems);
+    }
+    drafts.iter().for_each(|draft| affordable(draft, problems));
+}
+
+/// A robot's `Radius` and the voxels' `Res` go together.
+fn affordable(draft: &Draft, problems: &mut Problems) {
+    let number = |param| match draft.value(param) {
+        Some((ParamValue::Number(value), given)) => Some((value, Some(given))),
+        Some(_) => None,
+        None => Some((draft.said_or_default(param)?.parse().ok()?, None)),
+    };
+    let (Some((radius, said)), Some((res, res_said))) = (number("Radius"), number("Res")) else {
+        return;
+    };
+    if let Some(given) = said.or(res_said).filter(|_| radius / res > MAX_RADIUS_VOXELS + 1e-9) {
+        let most = MAX_RADIUS_VOXELS;
+        let said = format!(
+            "Radius {radius} m are more than {most} voxels of {res} m (Res); right is a smaller Radius or a larger Res"
+        );
+        problems.add(&given.value_place, said);
     }
 }
 

@@ -23,7 +23,7 @@
 mod forms;
 
 use elk_bus::codec::{self, DecodeError};
-use elk_bus::{Payload, ValueRef, pattern};
+use elk_bus::{Key, Payload, ValueRef, pattern};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -45,6 +45,7 @@ pub const CATALOGUE: &[PayloadType] = &[
         name: Scan::NAME,
         layout: Scan::LAYOUT,
         example: r#"{"id":1,"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"points":[[0.1,-0.2,3.0]]}"#,
+        check: check::<Scan<'static>>,
         read: ScanForm::read,
         write: ScanForm::write,
     },
@@ -52,6 +53,7 @@ pub const CATALOGUE: &[PayloadType] = &[
         name: MapUpdate::NAME,
         layout: MapUpdate::LAYOUT,
         example: r#"{"revision":1,"since":0,"scan":1,"resolution":0.1,"bricks":[{"brick":[0,0,-1],"cells":"?..#"}]}"#,
+        check: check::<MapUpdate>,
         read: MapUpdateForm::read,
         write: MapUpdateForm::write,
     },
@@ -113,6 +115,7 @@ pub struct PayloadType {
     pub layout: u64,
     /// A value of the type as JSON, to show what is right.
     pub example: &'static str,
+    check: fn(&[u8]) -> Result<(), DecodeError>,
     read: fn(&[u8], usize) -> Result<Value, DecodeError>,
     write: fn(&Value) -> Result<Vec<u8>, String>,
 }
@@ -195,6 +198,14 @@ pub fn value_to_json(value: ValueRef<'_>, longest: usize) -> Result<Value, ReadE
 }
 
 impl PayloadType {
+    /// Whether a reader would believe the value in `bytes` (see [`Payload::check`]). What is only shown is not checked.
+    ///
+    /// # Errors
+    /// The bytes are no value of the type, or one that cannot be true.
+    pub fn check(&self, bytes: &[u8]) -> Result<(), DecodeError> {
+        (self.check)(bytes)
+    }
+
     /// The value in `bytes` as JSON; lists with more than `longest` entries are counted instead (see [`to_json`]).
     ///
     /// # Errors
@@ -222,7 +233,13 @@ impl PayloadType {
 
 /// A type whose JSON is what serde makes of it.
 const fn plain<T: Payload + Serialize + DeserializeOwned>(example: &'static str) -> PayloadType {
-    PayloadType { name: T::NAME, layout: T::LAYOUT, example, read: read_plain::<T>, write: write_plain::<T> }
+    let (check, read, write) = (check::<T>, read_plain::<T>, write_plain::<T>);
+    PayloadType { name: T::NAME, layout: T::LAYOUT, example, check, read, write }
+}
+
+fn check<T: Payload>(bytes: &[u8]) -> Result<(), DecodeError> {
+    let value = ValueRef::Binary { type_name: T::NAME, layout: T::LAYOUT, bytes };
+    value.decode(&Key::<T>::new(T::NAME)).map(|_| ())
 }
 
 fn read_plain<T: Payload + Serialize + DeserializeOwned>(bytes: &[u8], longest: usize) -> Result<Value, DecodeError> {

@@ -16,16 +16,45 @@ pub struct Clearance {
     offsets: Vec<Voxel>,
 }
 
+/// The largest radius, in voxels: 150,000 neighbours, of each voxel that a way passes.
+pub const MAX_RADIUS_VOXELS: f64 = 32.0;
+
+/// A radius with which nobody could reckon.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "a clearance of {radius} m among voxels of {resolution} m cannot be looked after: right is at most {} voxels, so a \
+     smaller Radius or a larger Res",
+    MAX_RADIUS_VOXELS
+)]
+pub struct TooWide {
+    /// The radius (m).
+    pub radius: f64,
+    /// Edge of a voxel (m).
+    pub resolution: f64,
+}
+
 impl Clearance {
+    /// Whether a sphere of `radius` (m) among voxels of `resolution` (m) is within [`MAX_RADIUS_VOXELS`].
+    pub fn affordable(radius: f64, resolution: f64) -> bool {
+        // Rounding may put a quotient that people see as whole above it by a hair.
+        radius / resolution <= MAX_RADIUS_VOXELS + 1e-9
+    }
+
     /// The clearance of a sphere of `radius` (m) among voxels of `resolution` (m).
-    pub fn new(radius: f64, resolution: f64) -> Self {
+    ///
+    /// # Errors
+    /// The sphere is larger than [`MAX_RADIUS_VOXELS`].
+    pub fn new(radius: f64, resolution: f64) -> Result<Self, TooWide> {
+        if !Self::affordable(radius, resolution) {
+            return Err(TooWide { radius, resolution });
+        }
         let radius = (radius / resolution).max(0.0);
         let reach = radius.ceil() as i32 + 1;
         let range = || -reach..=reach;
         let all = range().flat_map(|z| range().flat_map(move |y| range().map(move |x| Voxel::new(x, y, z))));
         let zero = Voxel::new(0, 0, 0);
         let offsets = all.filter(|d| *d != zero && (FACES.contains(d) || gap(*d) < radius - 1e-9)).collect();
-        Self { offsets }
+        Ok(Self { offsets })
     }
 
     /// The neighbours that count, relative to the robot's voxel, in lexicographic order of z, y, x.
@@ -65,13 +94,22 @@ mod tests {
 
     #[test]
     fn a_radius_up_to_a_voxel_is_the_26_neighbourhood() {
-        assert_eq!(Clearance::new(0.0, 0.1).offsets().len(), 6);
-        assert_eq!(Clearance::new(0.05, 0.1).offsets().len(), 26);
-        assert_eq!(Clearance::new(0.1, 0.1).offsets().len(), 26);
-        let wider = Clearance::new(0.11, 0.1);
+        let of = |radius| Clearance::new(radius, 0.1).unwrap();
+        assert_eq!([0.0, 0.05, 0.1].map(|radius| of(radius).offsets().len()), [6, 26, 26]);
+        let wider = of(0.11);
         assert!(wider.offsets().contains(&Voxel::new(2, 1, 0)));
         assert!(!wider.offsets().contains(&Voxel::new(2, 2, 0)));
         assert_eq!(wider.reach(), 2);
+    }
+
+    /// Regression: 100 m took more than 4 GB of neighbours, 1,000 m never ended.
+    #[test]
+    fn a_radius_of_too_many_voxels_is_refused() {
+        for radius in [3.3, 100.0, 1000.0, 1e300, f64::INFINITY, f64::NAN] {
+            assert!(Clearance::new(radius, 0.1).is_err(), "{radius}");
+        }
+        let widest = Clearance::new(3.2, 0.1).unwrap();
+        assert!((100_000..200_000).contains(&widest.offsets().len()), "{}", widest.offsets().len());
     }
 
     #[test]
@@ -83,7 +121,7 @@ mod tests {
         grid.set(Voxel::new(5, 1, 1), State::Occupied);
         let at = |x: f64| Point3::new(x, 0.5, 0.5);
         let refused = |radius: f64| {
-            let clearance = Clearance::new(radius, 1.0);
+            let clearance = Clearance::new(radius, 1.0).unwrap();
             clearance.refused(&grid, at(0.5), at(9.5)).map(|v| v.x).collect::<Vec<_>>()
         };
         assert!(refused(0.0).is_empty(), "an edge is no face");

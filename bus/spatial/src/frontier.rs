@@ -1,5 +1,6 @@
 //! The frontier: free voxels with an unknown face neighbour (thesis 6.3.1.1), kept up to date as voxels change.
 
+use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
 use crate::map::{OccupancyGrid, State};
@@ -29,8 +30,9 @@ impl FrontierSet {
     }
 
     /// Takes note that these voxels of `grid` changed.
-    pub fn update(&mut self, grid: &OccupancyGrid, changed: &[Voxel]) {
-        for &voxel in changed {
+    pub fn update(&mut self, grid: &OccupancyGrid, changed: impl IntoIterator<Item = impl Borrow<Voxel>>) {
+        for voxel in changed {
+            let voxel = *voxel.borrow();
             self.revise(grid, voxel);
             for neighbour in voxel.face_neighbours() {
                 self.revise(grid, neighbour);
@@ -92,7 +94,7 @@ mod tests {
                 let state = [State::Unknown, State::Free, State::Occupied][s as usize];
                 let voxel = Voxel::new(x, y, z);
                 if grid.set(voxel, state) {
-                    set.update(&grid, &[voxel]);
+                    set.update(&grid, [voxel]);
                 }
             }
             let all: BTreeSet<Voxel> = grid.bricks().voxels().map(|(v, _)| v).filter(|v| is_frontier(&grid, *v)).collect();
@@ -107,11 +109,11 @@ mod tests {
         let mut set = FrontierSet::new(Some(bounds));
         let inside = Voxel::new(1, 1, 1);
         grid.set(inside, State::Free);
-        set.update(&grid, &[inside]);
+        set.update(&grid, [inside]);
         assert!(set.contains(inside), "its neighbour (0, 1, 1) is unknown and inside");
         for n in [Voxel::new(0, 1, 1), Voxel::new(1, 0, 1), Voxel::new(1, 1, 0)] {
             grid.set(n, State::Occupied);
-            set.update(&grid, &[n]);
+            set.update(&grid, [n]);
         }
         assert!(set.is_empty(), "what is left unknown lies outside");
     }

@@ -6,6 +6,7 @@
 
 pub mod bricks;
 pub mod catalogue;
+pub mod checks;
 pub mod clearance;
 pub mod frontier;
 pub mod keys;

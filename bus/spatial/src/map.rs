@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bricks::{BRICK_CELLS, Bricks, brick_of, voxel_at};
+use crate::checks;
 use crate::voxel::Voxel;
 
 /// What is known of a voxel (thesis 6.3.1).
@@ -38,6 +39,9 @@ pub struct BrickStates {
 }
 
 impl BrickStates {
+    /// Bytes of a brick's states.
+    pub const BYTES: usize = BRICK_CELLS / 4;
+
     /// Packs a brick.
     pub fn pack(brick: Voxel, cells: &[State; BRICK_CELLS]) -> Self {
         let states = cells.chunks_exact(4).map(|c| c.iter().rev().fold(0, |byte, &s| byte << 2 | s as u8)).collect();
@@ -59,7 +63,7 @@ elk_bus::payload! {
     /// What changed in a map from one revision to another: the bricks in which anything changed, whole.
     /// `since == 0` makes it the whole map.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct MapUpdate {
+    pub struct MapUpdate checked by checks::map_update {
         /// The revision that the bricks belong to; grows by one a scan.
         pub revision: u64,
         /// The revision that a reader must have for this update to apply to; 0: any, the update is the whole map.
@@ -70,6 +74,39 @@ elk_bus::payload! {
         pub resolution: f64,
         /// The bricks in which something changed.
         pub bricks: Vec<BrickStates>,
+    }
+}
+
+/// Cells of a brick, cell `i` in bit `i mod 64` of word `i / 64`.
+type Cells = [u64; 8];
+
+/// The voxels that an update changed, brick by brick: a bit each, however many they are.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Changes(Vec<(Voxel, Cells)>);
+
+impl Changes {
+    fn add(&mut self, (brick, cells): (Voxel, Cells)) {
+        if cells != [0; 8] {
+            self.0.push((brick, cells));
+        }
+    }
+
+    /// All that was known `before` in bricks that the update does not have.
+    fn add_what_is_not_in(&mut self, update: &MapUpdate, before: &Bricks<State>) {
+        let kept: std::collections::BTreeSet<Voxel> = update.bricks.iter().map(BrickStates::position).collect();
+        for (brick, states) in before.iter().filter(|(brick, _)| !kept.contains(brick)) {
+            let mut cells = [0; 8];
+            for cell in (0..BRICK_CELLS).filter(|cell| states[*cell] != State::Unknown) {
+                cells[cell >> 6] |= 1 << (cell & 63);
+            }
+            self.add((brick, cells));
+        }
+    }
+
+    /// The voxels, in order.
+    pub fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
+        let of = |cells: Cells| (0..BRICK_CELLS).filter(move |cell| cells[cell >> 6] >> (cell & 63) & 1 == 1);
+        self.0.iter().flat_map(move |(brick, cells)| of(*cells).map(|cell| voxel_at(*brick, cell)))
     }
 }
 
@@ -92,7 +129,34 @@ pub enum UpdateError {
         /// The update's resolution (m).
         update: f64,
     },
+    /// A map that is far ahead of what was heard of it.
+    #[error("its revision {update} is more than {} above {have}: not believed without asking for the whole map", LEAP)]
+    Ahead {
+        /// The reader's revision, or what it knows that the map's cannot be far from.
+        have: u64,
+        /// The update's revision.
+        update: u64,
+    },
+    /// A map that is behind what was heard of it.
+    #[error("its revision {update} is behind {have}: not believed without asking for the whole map")]
+    Behind {
+        /// The reader's revision.
+        have: u64,
+        /// The update's revision.
+        update: u64,
+    },
+    /// More bricks than a reader keeps.
+    #[error("with its bricks there would be {bricks} of them; at most {most} are kept (MaxBricks)")]
+    TooMany {
+        /// Bricks with those of the update.
+        bricks: usize,
+        /// The most that are kept.
+        most: usize,
+    },
 }
+
+/// How far a revision may lie above what is known of the map. It grows by one a scan, and by one when a map is lost.
+pub const LEAP: u64 = 1000;
 
 /// A reader's copy of the map: the states of all voxels, and how many there are of each.
 #[derive(Debug, Clone)]
@@ -155,38 +219,42 @@ impl OccupancyGrid {
         before != state
     }
 
-    /// Applies an update and answers the voxels that changed, in the update's order.
-    pub fn apply(&mut self, update: &MapUpdate) -> Result<Vec<Voxel>, UpdateError> {
+    /// Applies an update and answers what changed, in the update's order.
+    ///
+    /// # Errors
+    /// It is of a map with other voxels, or does not continue from this revision.
+    pub fn apply(&mut self, update: &MapUpdate) -> Result<Changes, UpdateError> {
         if update.resolution != self.resolution {
             return Err(UpdateError::Resolution { have: self.resolution, update: update.resolution });
         }
         if update.since != 0 && update.since != self.revision {
             return Err(UpdateError::Gap { have: self.revision, since: update.since });
         }
-        let mut changed = Vec::new();
+        let mut changes = Changes::default();
         if update.since == 0 {
-            self.forget_what_is_not_in(update, &mut changed);
-        }
-        for packed in &update.bricks {
-            let brick = packed.position();
-            for cell in 0..BRICK_CELLS {
-                let voxel = voxel_at(brick, cell);
-                if self.set(voxel, packed.state(cell)) {
-                    changed.push(voxel);
-                }
-            }
+            // Anew, so that nothing piles up of maps that replace each other.
+            let before = std::mem::take(&mut self.states);
+            self.counts = [0; 3];
+            changes.add_what_is_not_in(update, &before);
+            update.bricks.iter().for_each(|packed| changes.add(self.write(packed, Some(&before))));
+        } else {
+            update.bricks.iter().for_each(|packed| changes.add(self.write(packed, None)));
         }
         self.revision = update.revision;
-        Ok(changed)
+        Ok(changes)
     }
 
-    fn forget_what_is_not_in(&mut self, update: &MapUpdate, changed: &mut Vec<Voxel>) {
-        let kept: std::collections::BTreeSet<Voxel> = update.bricks.iter().map(BrickStates::position).collect();
-        let known: Vec<Voxel> = self.states.voxels().filter(|(_, s)| *s != State::Unknown).map(|(v, _)| v).collect();
-        for voxel in known.into_iter().filter(|v| !kept.contains(&brick_of(*v))) {
-            self.set(voxel, State::Unknown);
-            changed.push(voxel);
+    /// Writes a brick; answers the cells that are other than they were, `before` or until now.
+    fn write(&mut self, packed: &BrickStates, before: Option<&Bricks<State>>) -> (Voxel, Cells) {
+        let position = packed.position();
+        let mut cells = [0; 8];
+        for cell in 0..BRICK_CELLS {
+            let (voxel, state) = (voxel_at(position, cell), packed.state(cell));
+            let changed = self.set(voxel, state);
+            let changed = before.map_or(changed, |before| before.get(voxel) != state);
+            cells[cell >> 6] |= u64::from(changed) << (cell & 63);
         }
+        (position, cells)
     }
 
     /// The whole map as an update that any reader can apply.
@@ -218,7 +286,7 @@ mod tests {
         for (scan, &(voxel, state)) in cells.iter().enumerate() {
             assert!(map.set(voxel, state) && !map.set(voxel, state));
             let update = map.advance(&[voxel], scan as u64);
-            assert_eq!(reader.apply(&update).unwrap(), vec![voxel]);
+            assert!(reader.apply(&update).unwrap().voxels().eq([voxel]));
             assert_eq!(reader.state(voxel), state);
         }
         assert_eq!((reader.free(), reader.occupied(), reader.revision()), (1, 1, 2));
@@ -235,7 +303,13 @@ mod tests {
             last = Some(map.advance(&[Voxel::new(i, 0, 0)], 0));
         }
         assert_eq!(late.apply(&last.unwrap()), Err(UpdateError::Gap { have: 0, since: 2 }));
-        assert_eq!(late.apply(&map.whole(0)).unwrap().len(), 4, "three new ones, and one that the map never saw");
-        assert_eq!((late.free(), late.revision()), (3, 3));
+        let changed: Vec<Voxel> = late.apply(&map.whole(0)).unwrap().voxels().collect();
+        let lost = Voxel::new(500, 0, 0);
+        assert_eq!(changed, [lost, Voxel::new(0, 0, 0), Voxel::new(1, 0, 0), Voxel::new(2, 0, 0)]);
+        assert_eq!(
+            (late.free(), late.revision(), late.bricks().len()),
+            (3, 3, 1),
+            "nothing is kept of what it never saw"
+        );
     }
 }

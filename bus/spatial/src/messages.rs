@@ -4,13 +4,14 @@
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
+use crate::checks;
 use crate::pose::Pose;
 use crate::voxel::Voxel;
 
 elk_bus::payload! {
     /// Controller to sensor: go there and take a scan.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct PoseCommand {
+    pub struct PoseCommand checked by checks::pose_command {
         /// Number of the command, from 1, unbroken; the scan that answers carries it.
         pub id: u64,
         /// Positions (m, world) to pass on the way from where the camera is, in straight lines from one to the next and
@@ -22,7 +23,7 @@ elk_bus::payload! {
 
     /// Sensor to anyone, on start-up and after every motion: where the camera is.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct CameraPose {
+    pub struct CameraPose checked by checks::camera_pose {
         /// The last pose command carried out; 0: none yet, this is the start.
         pub command: u64,
         /// The camera's pose (world).
@@ -32,7 +33,7 @@ elk_bus::payload! {
     /// Sensor to anyone, with each pose, and before the scan that is taken there: what a simulated sensor knows of its true
     /// world so far. A successor knows by it, the pose and the last scan where to go on.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct SensorReport {
+    pub struct SensorReport checked by checks::sensor_report {
         /// Scans taken.
         pub scans: u64,
         /// Motions on which the robot's body touched the true world.
@@ -45,7 +46,7 @@ elk_bus::payload! {
 
     /// Sensor to anyone: the final map held against the true world.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct AccuracyReport {
+    pub struct AccuracyReport checked by checks::accuracy_report {
         /// Revision of the map that was judged.
         pub revision: u64,
         /// Known voxels whose state is that of the true world, of all known voxels (0 to 1).
@@ -56,7 +57,7 @@ elk_bus::payload! {
 
     /// Map to anyone: how much is known.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct MapStatus {
+    pub struct MapStatus checked by checks::map_status {
         /// Revision of the map that this describes.
         pub revision: u64,
         /// Free voxels.
@@ -73,7 +74,7 @@ elk_bus::payload! {
 
     /// Controller to explorer: where to go from here?
     #[derive(Debug, Clone, PartialEq)]
-    pub struct PlanRequest {
+    pub struct PlanRequest checked by checks::plan_request {
         /// Number of the request, from 1, unbroken.
         pub id: u64,
         /// The camera's pose now (world).
@@ -86,7 +87,7 @@ elk_bus::payload! {
 
     /// Explorer to controller: the answer to a [`PlanRequest`].
     #[derive(Debug, Clone, PartialEq)]
-    pub struct Plan {
+    pub struct Plan checked by checks::plan {
         /// The request that it answers.
         pub request: u64,
         /// The revision of the map that it was made from.
@@ -101,7 +102,7 @@ elk_bus::payload! {
 
     /// Explorer to anyone, once, with its last plan: why it ended and what is left.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct ExplorationReport {
+    pub struct ExplorationReport checked by checks::exploration_report {
         /// The explorer's type.
         pub explorer: String,
         /// The motion policy's name.
@@ -124,7 +125,7 @@ elk_bus::payload! {
 
     /// Controller to anyone, after every scan that is in the map: how far the run is.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct Progress {
+    pub struct Progress checked by checks::progress {
         /// The scan after which this holds.
         pub scan: u64,
         /// Revision of the map.
@@ -141,7 +142,7 @@ elk_bus::payload! {
 
     /// Controller to anyone, once, when the run is over: what it cost to get how far.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct MotionReport {
+    pub struct MotionReport checked by checks::motion_report {
         /// Scans taken.
         pub scans: u64,
         /// Length of the way (m).
@@ -154,7 +155,7 @@ elk_bus::payload! {
 
     /// Map to its successor: all that it knows.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct MapMemory {
+    pub struct MapMemory checked by checks::map_memory {
         /// The map's revision.
         pub revision: u64,
         /// The last scan in it (see [`crate::Scan::id`]).
@@ -167,7 +168,7 @@ elk_bus::payload! {
 
     /// Controller to its successor: how it stands.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct MotionMemory {
+    pub struct MotionMemory checked by checks::motion_memory {
         /// The camera's pose (world), once the last command is carried out.
         pub pose: Pose,
         /// What it waits for.
@@ -190,7 +191,7 @@ elk_bus::payload! {
 
     /// Explorer to its successor, of whatever type: what it knows.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct ExplorerMemory {
+    pub struct ExplorerMemory checked by checks::explorer_memory {
         /// The last plan.
         pub plan: Plan,
         /// Why it ended, if that was the last plan.

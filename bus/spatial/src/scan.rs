@@ -2,11 +2,13 @@
 
 use std::borrow::Cow;
 
+use elk_bus::key::Invalid;
 use elk_bus::{Payload, fnv1a};
 use nalgebra::Point3;
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::checks;
 use crate::pose::Pose;
 
 /// Bytes of a point on the wire: three little-endian f32.
@@ -101,6 +103,10 @@ impl Payload for Scan<'static> {
     const NAME: &'static str = "Scan";
     const LAYOUT: u64 = fnv1a("Scan id:u64 command:u64 pose:Isometry3<f64> points:bytes f32x3");
     type View<'a> = Scan<'a>;
+
+    fn check(scan: &Scan<'_>) -> Result<(), Invalid> {
+        checks::scan(scan)
+    }
 }
 
 impl Scan<'_> {

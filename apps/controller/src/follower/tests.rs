@@ -19,7 +19,7 @@ impl Bench {
         let (map, follower) = (OccupancyGrid::new(0.1), Follower::default());
         let mut bench = Self { map, follower, commands: vec![], scan: 0, restless: false };
         let pose = Pose::looking(at(0.2), Vector3::x());
-        let first = bench.follower.on_camera_pose(&CameraPose { command: 0, pose });
+        let first = bench.follower.on_camera_pose(&CameraPose { command: 0, pose }).unwrap();
         assert_eq!(first, [Output::Command(PoseCommand { id: 1, via: vec![], pose })]);
         let cells = (0..40).flat_map(|x| (0..5).flat_map(move |y| (0..5).map(move |z| Voxel::new(x, y, z))));
         let outputs = bench.scan(1, cells.map(|v| (v, State::Free)).collect());
@@ -31,7 +31,7 @@ impl Bench {
     /// Puts a successor in the follower's place, and tells it what the bus remembers. It says nothing but, perhaps, the
     /// other one's last words again.
     fn exchange(&mut self) -> Vec<Output> {
-        self.follower = Follower::successor(&self.follower.memory(0, 0));
+        self.follower = Follower::successor(&self.follower.memory(0, 0)).unwrap();
         assert!(self.follower.on_map(&self.map.whole(self.scan)).unwrap().is_empty());
         self.follower.resume()
     }
@@ -55,7 +55,7 @@ impl Bench {
         if self.restless {
             self.exchange();
         }
-        let mut outputs = self.follower.on_plan(plan);
+        let mut outputs = self.follower.on_plan(plan).unwrap();
         loop {
             match outputs.last() {
                 Some(Output::Command(command)) => {
@@ -126,7 +126,7 @@ fn it_scans_every_spacing_passes_every_bend_and_takes_every_look() {
 fn a_resolved_target_ends_the_path_if_the_policy_says_so() {
     for early_stop in [true, false] {
         let (mut bench, first) = Bench::new();
-        let outputs = bench.follower.on_plan(&plan(&first, early_stop));
+        let outputs = bench.follower.on_plan(&plan(&first, early_stop)).unwrap();
         assert!(matches!(outputs[..], [Output::Command(_)]));
         let outputs = bench.scan(2, vec![(Voxel::new(40, 2, 2), State::Occupied)]);
         match early_stop {
@@ -139,7 +139,7 @@ fn a_resolved_target_ends_the_path_if_the_policy_says_so() {
 #[test]
 fn a_new_obstacle_near_the_rest_of_the_path_cuts_it() {
     let (mut bench, first) = Bench::new();
-    bench.follower.on_plan(&plan(&first, true));
+    bench.follower.on_plan(&plan(&first, true)).unwrap();
     let behind = bench.scan(2, vec![(Voxel::new(1, 0, 0), State::Occupied)]);
     assert!(matches!(behind.last(), Some(Output::Command(_))), "behind the robot it does not matter");
     let beside = bench.scan(3, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
@@ -149,10 +149,10 @@ fn a_new_obstacle_near_the_rest_of_the_path_cuts_it() {
 #[test]
 fn a_refused_command_is_a_cut_and_no_way() {
     let (mut bench, first) = Bench::new();
-    let outputs = bench.follower.on_plan(&plan(&first, true));
+    let outputs = bench.follower.on_plan(&plan(&first, true)).unwrap();
     let Some(Output::Command(command)) = outputs.last() else { panic!() };
     let stayed = first.pose;
-    bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: stayed });
+    bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: stayed }).unwrap();
     let outputs = bench.scan(2, vec![]);
     let [Output::Progress(progress), Output::Request(asked)] = &outputs[..] else { panic!("{outputs:?}") };
     assert_eq!((asked.outcome, asked.pose, progress.path_length_m), (Outcome::Cut, stayed, 0.0));
@@ -161,7 +161,7 @@ fn a_refused_command_is_a_cut_and_no_way() {
 #[test]
 fn a_lost_update_is_asked_for_and_the_run_goes_on() {
     let (mut bench, first) = Bench::new();
-    bench.follower.on_plan(&plan(&first, true));
+    bench.follower.on_plan(&plan(&first, true)).unwrap();
     bench.map.advance(&[], 1);
     assert_eq!(bench.scan(2, vec![]), [Output::MapRequest]);
     let whole = bench.map.whole(2);
@@ -174,13 +174,13 @@ fn when_nothing_is_left_it_reports_and_falls_silent() {
     let (mut bench, first) = Bench::new();
     let asked = bench.follow(&plan(&first, true));
     let done = Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) };
-    assert!(bench.follower.on_plan(&plan(&first, true)).is_empty(), "an answer to an old request");
-    let outputs = bench.follower.on_plan(&done);
+    assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty(), "an answer to an old request");
+    let outputs = bench.follower.on_plan(&done).unwrap();
     let [Output::Progress(progress), Output::Finished(report)] = &outputs[..] else { panic!("{outputs:?}") };
     assert!(progress.finished && bench.follower.finished());
     assert_eq!((report.scans, report.free), (10, 1000));
     assert!((report.path_length_m - 3.1).abs() < 1e-9);
-    assert!(bench.scan(11, vec![]).is_empty() && bench.follower.on_plan(&done).is_empty());
+    assert!(bench.scan(11, vec![]).is_empty() && bench.follower.on_plan(&done).unwrap().is_empty());
 }
 
 #[test]
@@ -189,7 +189,10 @@ fn a_successor_at_every_step_goes_the_same_way() {
         let (mut bench, first) = Bench::new();
         bench.restless = restless;
         let asked = bench.follow(&plan(&first, true));
-        let over = bench.follower.on_plan(&Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) });
+        let over = bench
+            .follower
+            .on_plan(&Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) })
+            .unwrap();
         (bench.commands, asked, over)
     };
     assert_eq!(run(true), run(false));
@@ -200,25 +203,95 @@ fn a_successor_says_again_what_was_perhaps_not_said() {
     let (mut bench, first) = Bench::new();
     assert_eq!(bench.exchange(), [Output::Request(first.clone())]);
     assert!(bench.follower.resume().is_empty(), "once");
-    let said = bench.follower.on_plan(&plan(&first, true));
+    let said = bench.follower.on_plan(&plan(&first, true)).unwrap();
     assert_eq!(bench.exchange(), said);
     let Some(Output::Command(command)) = said.last() else { panic!("{said:?}") };
-    bench.follower = Follower::successor(&bench.follower.memory(0, 0));
-    bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: command.pose });
+    bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
+    bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: command.pose }).unwrap();
     assert!(bench.follower.resume().is_empty(), "the sensor has carried it out");
     let outputs = bench.scan(2, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
     assert!(matches!(outputs[..], [Output::MapRequest]), "the map is not here yet");
     let asked = request(&bench.follower.on_map(&bench.map.whole(2)).unwrap());
     assert_eq!(asked.outcome, Outcome::Cut);
-    let over = bench.follower.on_plan(&Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) });
+    let over =
+        bench.follower.on_plan(&Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) }).unwrap();
     assert_eq!(bench.exchange(), over);
 }
 
 #[test]
 fn a_plan_waits_for_the_map_that_it_was_made_from() {
     let (mut bench, first) = Bench::new();
-    bench.follower = Follower::successor(&bench.follower.memory(0, 0));
-    assert!(bench.follower.on_plan(&plan(&first, true)).is_empty());
+    bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
+    assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty());
     let outputs = bench.follower.on_map(&bench.map.whole(1)).unwrap();
     assert!(matches!(outputs[..], [Output::Command(_)]), "{outputs:?}");
+}
+
+/// Regression: a clearance of 100 m took 4 GB, one of 1,000 m never ended, nor did a point at 10⁹ m.
+#[test]
+fn a_plan_of_another_map_is_refused_and_the_right_one_still_taken() {
+    let (mut bench, first) = Bench::new();
+    let right = plan(&first, true);
+    let with = |change: &dyn Fn(&mut Plan, &mut Path)| {
+        let mut plan = right.clone();
+        let Decision::Go(mut path) = plan.decision.clone() else { panic!() };
+        change(&mut plan, &mut path);
+        plan.decision = Decision::Go(path);
+        plan
+    };
+    let wrong = [
+        with(&|plan, _| plan.motion.clearance_m = 3.5),
+        with(&|plan, _| plan.motion.clearance_m = 1000.0),
+        with(&|_, path| path.points.push(at(300.0))),
+        with(&|_, path| path.points.push(at(1e9))),
+        with(&|_, path| path.points = (0..5000).map(|i| at(f64::from(i % 2) * 3.0)).collect()),
+        with(&|plan, _| plan.revision = 1 << 47),
+    ];
+    for plan in wrong {
+        let refused = bench.follower.on_plan(&plan);
+        assert!(matches!(refused, Err(Unfit::Path(_) | Unfit::Revision(..))), "{refused:?}");
+    }
+    assert_eq!(bench.follower.on_plan(&right).unwrap().len(), 1);
+}
+
+#[test]
+fn a_map_that_is_ahead_of_all_scans_is_refused() {
+    let (mut bench, first) = Bench::new();
+    let far = MapUpdate { revision: 1_000_000, ..bench.map.whole(1) };
+    assert!(bench.follower.on_map(&far).is_err());
+    assert_eq!(bench.follow(&plan(&first, true)).outcome, Outcome::Unresolved);
+}
+
+#[test]
+fn a_sensor_that_did_what_nobody_commanded_is_not_believed() {
+    let (mut bench, first) = Bench::new();
+    let camera = |command| CameraPose { command, pose: Pose::looking(at(0.2), Vector3::x()) };
+    assert_eq!(bench.follower.on_camera_pose(&camera(9)), Err(Unfit::Command(9, 1)));
+    let asked = bench.follow(&plan(&first, true));
+    assert_eq!(asked.outcome, Outcome::Unresolved);
+    // What stands in the way is said again and again: the way is taken back once.
+    let command = bench.commands.last().unwrap().id;
+    let length = bench.follower.memory(0, 0).path_length_m;
+    (0..9).for_each(|_| drop(bench.follower.on_camera_pose(&camera(command)).unwrap()));
+    assert!(bench.follower.memory(0, 0).path_length_m >= length - 0.4 - 1e-9);
+}
+
+/// A memory that the sensor contradicts by far is of another run, or made up.
+#[test]
+fn the_sensor_has_the_last_word_on_how_many_commands_there_were() {
+    let (bench, _) = Bench::new();
+    let mut memory = bench.follower.memory(0, 0);
+    let pose = memory.pose;
+    memory.commands = 1 << 47;
+    memory.awaited = Awaited::Map(PoseCommand { id: memory.commands, via: vec![], pose });
+    let mut successor = Follower::successor(&memory).unwrap();
+    let outputs = successor.on_camera_pose(&CameraPose { command: 7, pose }).unwrap();
+    assert_eq!(outputs, [Output::Command(PoseCommand { id: 8, via: vec![], pose })]);
+    assert!(successor.resume().is_empty());
+    // One command that was lost with its predecessor is no contradiction.
+    memory.commands = 6;
+    memory.awaited = Awaited::Map(PoseCommand { id: 6, via: vec![], pose });
+    let mut successor = Follower::successor(&memory).unwrap();
+    assert!(successor.on_camera_pose(&CameraPose { command: 7, pose }).unwrap().is_empty());
+    assert_eq!(successor.commands(), 7);
 }

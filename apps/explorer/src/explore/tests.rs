@@ -52,6 +52,8 @@ fn settings(policy: Policy) -> Settings {
         policy,
         bounds: None,
         radius_m: 0.1,
+        clearance: Clearance::new(0.1, RESOLUTION).unwrap(),
+        max_voxels: 1_000_000,
         min_frontier: 1,
         attempts: 3,
         max_scans: 500,
@@ -86,7 +88,7 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
             explorer = next;
         }
         let Decision::Go(path) = plan.decision else { break };
-        let clearance = Clearance::new(0.1, RESOLUTION);
+        let clearance = Clearance::new(0.1, RESOLUTION).unwrap();
         for pair in path.points.windows(2) {
             assert_eq!(clearance.refused(&grid, pair[0], pair[1]).next(), None, "{path:?}");
             length_m += (pair[1] - pair[0]).norm();

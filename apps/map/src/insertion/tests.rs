@@ -92,8 +92,30 @@ fn log_odds_stay_within_their_bounds() {
 #[test]
 fn beyond_the_largest_range_nothing_is_hit() {
     let mut map = OccupancyMap::new(MapConfig { resolution: 1.0, max_range: 2.5, ..MapConfig::default() });
-    map.insert(at(0.5, 0.5), [at(9.5, 0.5)]);
-    assert_eq!((map.grid().free(), map.grid().occupied()), (3, 0));
+    let seen = map.insert(at(0.5, 0.5), [at(9.5, 0.5), at(2.5, 0.5)]);
+    assert_eq!((map.grid().free(), map.grid().occupied()), (2, 1));
+    assert_eq!(map.grid().state(Voxel::new(3, 0, 0)), State::Unknown);
+    assert_eq!(seen.cut, 1, "it is counted, and so can be said");
+}
+
+/// Regression: 10,000 points at 500 m took 4 GB.
+#[test]
+fn no_more_bricks_come_into_being_than_there_is_room_for() {
+    let config = MapConfig { resolution: 1.0, max_bricks: 3, ..MapConfig::default() };
+    let mut map = OccupancyMap::new(config);
+    let near = map.insert(at(0.5, 0.5), [at(3.5, 0.5)]);
+    assert_eq!(near.dropped, Dropped::default());
+    let far = map.insert(at(0.5, 0.5), (0..100).map(|i| at(500.5, f64::from(i) * 5.0)));
+    assert!(far.dropped.no_room > 90, "{:?}", far.dropped);
+    assert_eq!((map.memory(0).bricks.len(), map.grid().bricks().len()), (3, 3));
+    let elsewhere = map.insert(at(-400.5, 0.5), [at(-402.5, 0.5)]);
+    assert_eq!((elsewhere.dropped.no_room, elsewhere.changed.len()), (1, 0));
+    let again = map.insert(at(0.5, 0.5), [at(2.5, 0.5)]);
+    assert_eq!(again.dropped, Dropped::default(), "what it has it still updates");
+    assert!(OccupancyMap::from_memory(config, &map.memory(0)).is_ok());
+    let smaller = MapConfig { max_bricks: 2, ..config };
+    assert!(OccupancyMap::from_memory(smaller, &map.memory(0)).is_err());
+    assert!(OccupancyMap::from_copy(smaller, &map.grid().whole(0)).is_err());
 }
 
 #[test]
@@ -130,10 +152,10 @@ fn what_is_no_point_is_dropped_and_counted() {
     let mut map = map(Grazing::Guard);
     let points = [at(f64::NAN, 0.0), at(f64::INFINITY, 0.0), at(0.5, 0.5), at(4e4, 0.0), at(2.5, 0.5)];
     let seen = map.insert(at(0.5, 0.5), points);
-    assert_eq!(seen.dropped, Dropped { invalid: 3, out_of_range: 1 });
+    assert_eq!(seen.dropped, Dropped { invalid: 3, out_of_range: 1, no_room: 0 });
     assert_eq!(seen.changed.len(), 3);
     let nowhere = map.insert(at(1e9, 0.5), points);
-    assert_eq!(nowhere.dropped, Dropped { invalid: 0, out_of_range: 5 });
+    assert_eq!(nowhere.dropped, Dropped { invalid: 0, out_of_range: 5, no_room: 0 });
 }
 
 #[test]
@@ -143,7 +165,7 @@ fn the_update_carries_what_the_scan_changed() {
     for (scan, y) in [(1, 0.5), (2, 9.5), (3, -20.5)] {
         let mut changed = map.insert(at(0.5, 0.5), [at(6.5, y)]).changed;
         let update = map.advance(&changed, scan);
-        let mut read = reader.apply(&update).unwrap();
+        let mut read: Vec<Voxel> = reader.apply(&update).unwrap().voxels().collect();
         changed.sort();
         read.sort();
         assert_eq!(read, changed);

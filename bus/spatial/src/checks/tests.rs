@@ -1,0 +1,139 @@
+use elk_bus::ValueRef;
+use serde_json::{Value, json};
+
+use super::*;
+use crate::catalogue::{CATALOGUE, PayloadType};
+
+/// What no field of eight or of four bytes may take: as numbers NaN, infinities, far too much and the most negative, and
+/// all of what is beyond 2^48.
+fn hostile() -> Vec<Vec<u8>> {
+    let doubles = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, -1.0, 0.0];
+    let eight = doubles.into_iter().map(f64::to_bits).chain([u64::MAX, 1 << 63, 1 << 48]);
+    let singles = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX];
+    let four = singles.into_iter().map(f32::to_bits).chain([i32::MIN as u32, i32::MAX as u32, u32::MAX]);
+    eight.map(|word| word.to_le_bytes().to_vec()).chain(four.map(|word| word.to_le_bytes().to_vec())).collect()
+}
+
+/// The example of a type with a hostile number at every place of its bytes in turn.
+fn spoilt(payload: &PayloadType) -> impl Iterator<Item = Vec<u8>> {
+    let example: Value = serde_json::from_str(payload.example).unwrap();
+    let bytes = payload.from_json(&example).unwrap();
+    let words = hostile();
+    (0..bytes.len()).flat_map(move |at| {
+        let (bytes, words) = (bytes.clone(), words.clone());
+        words.into_iter().filter_map(move |word| {
+            let mut spoilt = bytes.clone();
+            spoilt.get_mut(at..at + word.len())?.copy_from_slice(&word);
+            Some(spoilt)
+        })
+    })
+}
+
+fn ends(value: &Value, each: &mut impl FnMut(&Value)) {
+    match value {
+        Value::Array(entries) => entries.iter().for_each(|entry| ends(entry, each)),
+        Value::Object(fields) => fields.values().for_each(|field| ends(field, each)),
+        end => each(end),
+    }
+}
+
+#[test]
+fn examples_are_believed() {
+    for payload in CATALOGUE {
+        let bytes = payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap();
+        payload.check(&bytes).unwrap_or_else(|error| panic!("{}: {error}", payload.name));
+    }
+}
+
+/// Whatever stands where, what is believed is finite, and what is counted stays far from the end of its bits.
+#[test]
+fn what_is_believed_is_finite_and_within_what_a_mission_can_mean() {
+    let (mut refused, mut believed) = (0, 0);
+    for payload in CATALOGUE.iter().filter(|payload| payload.name != "Scan") {
+        for bytes in spoilt(payload) {
+            if payload.check(&bytes).is_err() {
+                refused += 1;
+                continue;
+            }
+            believed += 1;
+            let json = payload.to_json(&bytes, usize::MAX).unwrap();
+            // JSON has no NaN and no infinity: they would be null, as what is not there at all is.
+            let absent = ["leg", "report"].iter().filter(|field| json.get(**field) == Some(&Value::Null)).count();
+            let mut nulls = 0;
+            ends(&json, &mut |end| {
+                nulls += usize::from(end.is_null());
+                let bits = end.as_u64().is_some_and(|n| n > MAX_COUNT) && payload.name != "MapMemory";
+                assert!(!bits && end.as_f64().is_none_or(|n| n.abs() < 1e20), "{}: {json}", payload.name);
+            });
+            assert_eq!(nulls, absent, "{}: {json}", payload.name);
+        }
+    }
+    assert!(refused > 1000 && believed > 100, "{refused} refused, {believed} believed");
+}
+
+fn invalid(name: &str, change: impl Fn(&mut Value)) -> String {
+    let payload = crate::catalogue::named(name).unwrap();
+    let mut json: Value = serde_json::from_str(payload.example).unwrap();
+    change(&mut json);
+    payload.check(&payload.from_json(&json).unwrap()).unwrap_err().to_string()
+}
+
+#[test]
+fn what_cannot_be_is_named_with_its_way_and_what_is_right() {
+    let said = invalid("Plan", |plan| plan["motion"]["clearance_m"] = json!(100.0));
+    assert_eq!(said, "Plan.motion.clearance_m is 100; it has to be 0 to 10 m");
+    let said = invalid("Plan", |plan| plan["motion"]["scan_spacing_m"] = json!(0.0));
+    assert_eq!(said, "Plan.motion.scan_spacing_m is 0; it has to be 0.01 to 1000 m");
+    let said = invalid("Plan", |plan| plan["decision"]["Go"]["points"] = json!([[0.0, 0.0, 0.0], [1e9, 0.0, 0.0]]));
+    assert_eq!(said, "Plan.decision.points[1].x is 1000000000; it has to be -327680 to 327680 m");
+    let said = invalid("ExplorerMemory", |memory| memory["trail"][0]["y"] = json!(i32::MIN));
+    assert!(said.starts_with("ExplorerMemory.trail[0] is a voxel with index -2147483648"), "{said}");
+    let said = invalid("SensorReport", |report| report["scans"] = json!(u64::MAX));
+    assert_eq!(said, "SensorReport.scans is 18446744073709551615; it has to be below 2^48");
+    let said = invalid("MapMemory", |memory| memory["bricks"][0]["known"][0] = json!(7));
+    assert!(said.contains("MapMemory.bricks[0].log_odds is a list of 2"), "{said}");
+    let said = invalid("CameraPose", |camera| camera["pose"]["rotation"] = json!([0.0, 0.0, 0.0, 2.0]));
+    assert!(said.contains("CameraPose.pose.rotation is a quaternion of length 2"), "{said}");
+    let said = invalid("ExplorationReport", |report| report["reason"] = json!("\u{1b}[2J"));
+    assert!(said.contains("reason is a text with '\\u{1b}'"), "{said}");
+}
+
+#[test]
+fn a_leg_is_looked_at_in_voxels_before_anybody_walks_it() {
+    let said = invalid("MotionMemory", |memory| memory["leg"]["plan"]["motion"]["clearance_m"] = json!(9.0));
+    assert!(
+        said.contains("leg.plan.decision.clearance_m is 90 voxels; it has to be at most 32 voxels of 0.1 m"),
+        "{said}"
+    );
+    let far = json!([[0.0, 0.0, 0.0], [3e5, 0.0, 0.0]]);
+    let said = invalid("MotionMemory", |memory| memory["leg"]["plan"]["decision"]["Go"]["points"] = far.clone());
+    assert!(said.contains("leg.plan.decision.points is 3000000"), "{said}");
+}
+
+#[test]
+fn a_scan_is_checked_where_it_lies() {
+    let payload = crate::catalogue::named("Scan").unwrap();
+    let bytes = payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap();
+    let mut spoilt = bytes.clone();
+    spoilt[16..24].copy_from_slice(&f64::NAN.to_le_bytes());
+    let value = |bytes| ValueRef::Binary { type_name: payload.name, layout: payload.layout, bytes };
+    assert!(value(&bytes).decode(&crate::keys::SCAN).is_ok());
+    let said = value(&spoilt).decode(&crate::keys::SCAN).unwrap_err().to_string();
+    assert!(said.starts_with("Scan.pose.rotation"), "{said}");
+}
+
+#[test]
+fn a_path_is_held_against_the_map() {
+    let mut grid = OccupancyGrid::new(0.1);
+    (0..40).for_each(|x| assert!(grid.set(Voxel::new(x, 0, 0), crate::State::Free)));
+    let at = |x: f64| Point3::new(x, 0.05, 0.05);
+    let path = |points: Vec<Point3<f64>>| Path { points, target: Voxel::new(9, 0, 0), unknown: vec![], looks: vec![] };
+    assert_eq!(path_in(&grid, &path(vec![at(0.0), at(3.9)]), 0.1), Ok(()));
+    let far = path_in(&grid, &path(vec![at(0.0), at(9.0)]), 0.1).unwrap_err();
+    assert_eq!(far.to_string(), "points[1] is (9.00; 0.05; 0.05); it has to be near what is known of the map");
+    let wide = path_in(&grid, &path(vec![at(0.0)]), 3.3).unwrap_err();
+    assert_eq!(wide.to_string(), "clearance_m is 33 voxels; it has to be at most 32 voxels of 0.1 m");
+    let zigzag = (0..1000).map(|i| at(f64::from(i % 2) * 3.0)).collect();
+    let long = path_in(&grid, &path(zigzag), 0.1).unwrap_err();
+    assert!(long.to_string().contains("m of way in a map of this size"), "{long}");
+}

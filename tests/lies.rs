@@ -1,0 +1,423 @@
+//! Apps among liars: every variable that elk's apps hear carries what cannot be true, live and as what whoever starts is
+//! given first. Nobody ends, nobody hangs, and what is true is still heard.
+//!
+//! All apps take turns on one thread, as in `successors.rs`. What an app cannot use it passes over as the framework has it
+//! (see `elk_bus::Rejection`); any other failure fails the test.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Duration;
+
+use elk_bus::codec::encode_onto;
+use elk_bus::memory::MemoryBroker;
+use elk_bus::{
+    App, BrokerConfig, Client, Clock, Comms, Community, DecodeError, Key, Mail, Origin, Payload, Rejection, Value,
+};
+use elk_mission::{Mission, Program, Registry};
+use elk_spatial::catalogue::{PayloadType, named};
+use elk_spatial::keys::*;
+use elk_spatial::map::MapUpdate;
+use elk_spatial::messages::*;
+use elk_spatial::{OccupancyGrid, Pose, Scan, State, Voxel};
+use nalgebra::{Point3, Vector3};
+
+/// The middle of the car's interior, with few and coarse pixels and voxels: a mission of 17 scans.
+const MISSION: &str = r#"
+<Scenario name="Car, coarse">
+    <Sensor type="Simulator">
+        <Width>24</Width> <Height>24</Height> <Start> 0.0; 0.0; 0.8 </Start> <StartPitch> -15 deg </StartPitch>
+    </Sensor>
+    <Filter type="Distance"/>
+    <Map type="OctoMap"> <Res> 0.25 m </Res> </Map>
+    <Explorer type="ClosestFrontier"> <Res> 0.25 m </Res> <Mid> 0.0; 0.0; 0.5 </Mid> <Dim> 3; 3; 3 </Dim> </Explorer>
+    <Controller type="MOOSSim"/>
+</Scenario>"#;
+
+/// The clock runs fast, so that nobody has to wait for a patience to run out.
+const WARP: f64 = 1000.0;
+/// Rounds in which nothing moves after which somebody hangs.
+const PATIENCE_ROUNDS: usize = 1000;
+
+/// What each variable carries.
+const CARRIED: &[(&str, &str)] = &[
+    ("POSE_COMMAND", "PoseCommand"),
+    ("SIM_SENSOR", "CameraPose"),
+    ("SCAN", "Scan"),
+    ("SCAN_1", "Scan"),
+    ("MAP_UPDATE", "MapUpdate"),
+    ("MAP", "MapUpdate"),
+    ("MAP_KNOWN", "MapStatus"),
+    ("MAP_MEMORY", "MapMemory"),
+    ("PLAN_REQUEST", "PlanRequest"),
+    ("PLAN", "Plan"),
+    ("PROGRESS", "Progress"),
+    ("MOTION_MEMORY", "MotionMemory"),
+    ("EXPLORER_MEMORY", "ExplorerMemory"),
+    ("SENSOR_REPORT", "SensorReport"),
+    ("ACCURACY_REPORT", "AccuracyReport"),
+];
+/// Variables that carry a number or a word.
+const PLAIN: &[&str] = &["MAP_RECALL", "MAP_REQUEST", "STEP", "MOTION"];
+
+/// Bytes that are no number anybody could mean, for fields of eight and of four bytes.
+fn words() -> Vec<Vec<u8>> {
+    let doubles = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0, 1e300, -1e300];
+    let eight = doubles.into_iter().map(f64::to_bits).chain([u64::MAX, (1 << 47) - 1, 1_000_000]);
+    let four = [f32::NAN, f32::INFINITY, -1e30].into_iter().map(f32::to_bits).chain([i32::MIN as u32, u32::MAX]);
+    eight.map(|word| word.to_le_bytes().to_vec()).chain(four.map(|word| word.to_le_bytes().to_vec())).collect()
+}
+
+/// A type's example with one word after the other at each place, and cut off there.
+fn spoilt(payload: &'static PayloadType) -> Vec<Vec<u8>> {
+    let bytes = payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap();
+    let mut all = Vec::new();
+    for at in 0..bytes.len() {
+        all.push(bytes[..at].to_vec());
+        for word in words() {
+            let mut spoilt = bytes.clone();
+            if let Some(place) = spoilt.get_mut(at..at + word.len()) {
+                place.copy_from_slice(&word);
+                all.push(spoilt);
+            }
+        }
+    }
+    all
+}
+
+fn payload(variable: &str) -> &'static PayloadType {
+    let (_, name) = CARRIED.iter().find(|(key, _)| *key == variable).unwrap();
+    named(name).unwrap()
+}
+
+/// All lies about one variable; of the believable ones among them only those that `also` names are told.
+fn lies(variable: &'static str, believable: bool) -> Vec<(&'static str, Value)> {
+    let payload = payload(variable);
+    let told = spoilt(payload).into_iter().filter(|bytes| believable || payload.check(bytes).is_err());
+    told.map(|bytes| (variable, binary(payload.name, payload.layout, bytes))).collect()
+}
+
+fn binary(type_name: &str, layout: u64, bytes: Vec<u8>) -> Value {
+    Value::Binary { type_name: type_name.to_owned(), layout, bytes }
+}
+
+/// A value of a type, whether it can be true or not.
+fn value<T: Payload>(key: &Key<T>, value: &T::View<'_>) -> (String, Value) {
+    let mut bytes = Vec::new();
+    encode_onto(value, &mut bytes).unwrap();
+    (key.name().to_owned(), binary(T::NAME, T::LAYOUT, bytes))
+}
+
+fn say(client: &mut Client, key: &str, value: &Value) {
+    client.comms.publish_value(key, value.as_ref(), Origin::default()).unwrap();
+}
+
+/// An app at its place, and what it passed over.
+struct Seat {
+    app: Box<dyn App>,
+    client: Client,
+    rejected: BTreeMap<String, usize>,
+}
+
+impl Seat {
+    /// Takes what has come; whether there was anything.
+    fn turn(&mut self) -> bool {
+        let Self { app, client, rejected } = self;
+        let give = |comms: &mut Comms, mail: &Mail<'_>| match app.on_new_mail(comms, mail) {
+            Err(failure) if failure.is::<Rejection>() || failure.is::<DecodeError>() => {
+                assert!(!failure.to_string().is_empty());
+                *rejected.entry(mail.key().to_owned()).or_default() += 1;
+                Ok(())
+            }
+            done => done,
+        };
+        let taken = client.inbox.receive(&mut client.comms, Duration::ZERO, give).unwrap();
+        app.iterate(&mut client.comms).unwrap();
+        client.comms.flush().unwrap();
+        taken > 0
+    }
+}
+
+fn mission() -> Mission {
+    let types = [elk_sensor::TYPES, elk_filter::TYPES, elk_map::TYPES, elk_explorer::TYPES, elk_controller::TYPES];
+    Mission::parse(MISSION, Path::new("lies.xml"), &Registry::new(&types), &[]).unwrap()
+}
+
+fn join(broker: &MemoryBroker, name: &str) -> Client {
+    Client::over(broker.connect(name).unwrap(), name, &Community::new("lies").unwrap())
+}
+
+fn broker() -> MemoryBroker {
+    MemoryBroker::new(BrokerConfig::new("lies"), Clock::new(WARP))
+}
+
+/// The mission's app of this element.
+fn seat(broker: &MemoryBroker, element: &str) -> Seat {
+    let spec = mission().apps.into_iter().find(|app| app.element == element).unwrap();
+    let Program::Builtin(app_type, params) = &spec.program else { panic!("{spec:?}") };
+    let mut seat =
+        Seat { app: (app_type.build)(params).unwrap(), client: join(broker, element), rejected: BTreeMap::new() };
+    seat.app.on_start_up(&mut seat.client.comms).unwrap();
+    seat.client.comms.flush().unwrap();
+    seat
+}
+
+/// What others hear of an app.
+#[derive(Default)]
+struct Heard {
+    camera: Option<CameraPose>,
+    scans: u64,
+    revision: u64,
+    known: u64,
+    plans: u64,
+    map: Option<MapUpdate>,
+    asked_for_map: bool,
+}
+
+/// Everybody else in the community of one app.
+struct Others {
+    client: Client,
+    heard: Heard,
+    /// The map as it is in truth, of the mission's resolution.
+    map: OccupancyGrid,
+}
+
+fn at(x: f64) -> Pose {
+    Pose::looking(Point3::new(x, 0.0, 0.8), Vector3::x())
+}
+
+impl Others {
+    fn new(broker: &MemoryBroker) -> Self {
+        let mut client = join(broker, "others");
+        for key in ["SIM_SENSOR", "SCAN", "MAP_UPDATE", "MAP_KNOWN", "PLAN", "MAP", MAP_REQUEST] {
+            client.comms.register_variable(key, 0.0).unwrap();
+        }
+        client.comms.flush().unwrap();
+        let mut map = OccupancyGrid::new(0.25);
+        for cell in 0..1000 {
+            map.set(Voxel::new(cell % 10 - 5, cell / 10 % 10 - 5, cell / 100), State::Free);
+        }
+        Self { client, heard: Heard::default(), map }
+    }
+
+    /// Hears what the app says; what somebody else made up is none of it.
+    fn listen(&mut self, app: &str) {
+        let heard = &mut self.heard;
+        let note = |mail: &Mail<'_>| {
+            // A sensor that believes where it is said to be has nothing to add.
+            if mail.key() == "SIM_SENSOR" {
+                heard.camera = mail.decode(&camera_pose("SIM_SENSOR")).ok().or(heard.camera.take());
+            }
+            if mail.source() != app {
+                return;
+            }
+            match mail.key() {
+                "SIM_SENSOR" => {}
+                "SCAN" => heard.scans += 1,
+                "MAP_UPDATE" => heard.revision = mail.decode(&MAP_UPDATE).unwrap().revision,
+                "MAP_KNOWN" => heard.known = mail.decode(&MAP_KNOWN).unwrap().free,
+                "PLAN" => heard.plans = mail.decode(&PLAN).unwrap().request,
+                "MAP" => heard.map = Some(mail.decode(&MAP).unwrap()),
+                _ => heard.asked_for_map = true,
+            }
+        };
+        self.client.receive(Duration::ZERO, note).unwrap();
+    }
+
+    fn publish<T: Payload>(&mut self, key: &Key<T>, value: &T::View<'_>) {
+        self.client.comms.publish(key, value).unwrap();
+    }
+
+    /// The map takes a scan that teaches nothing, and answers whoever asks for all of it.
+    fn map_goes_on(&mut self, seat: &mut Seat, app: &str) {
+        let update = self.map.advance(&[], 0);
+        self.publish(&MAP_UPDATE, &update);
+        for _ in 0..4 {
+            self.settle(seat, app);
+            if std::mem::take(&mut self.heard.asked_for_map) {
+                let whole = self.map.whole(0);
+                self.publish(&MAP, &whole);
+            }
+        }
+    }
+
+    fn settle(&mut self, seat: &mut Seat, app: &str) {
+        self.client.comms.flush().unwrap();
+        while seat.turn() {}
+        self.listen(app);
+    }
+}
+
+/// Puts something true before an app and sees that it does what it is there for.
+fn assert_well(element: &str, seat: &mut Seat, others: &mut Others) {
+    others.settle(seat, element);
+    match element {
+        "Sensor" => {
+            let (id, scans) = (others.heard.camera.as_ref().unwrap().command + 1, others.heard.scans);
+            others.publish(&POSE_COMMAND, &PoseCommand { id, via: vec![], pose: at(0.1) });
+            others.settle(seat, element);
+            assert_eq!((others.heard.camera.as_ref().unwrap().command, others.heard.scans), (id, scans + 1));
+        }
+        "Filter" => {
+            let scan =
+                Scan { id: 1, command: 1, pose: at(0.0), points: [Point3::new(0.0, 0.0, 1.0)].into_iter().collect() };
+            let before = seat.client.comms.rejected();
+            others.client.comms.register_variable("SCAN_1", 0.0).unwrap();
+            others.publish(&SCAN, &scan);
+            others.settle(seat, element);
+            let mut through = 0;
+            others.publish(&SCAN, &scan);
+            others.client.comms.flush().unwrap();
+            seat.turn();
+            let note = |mail: &Mail<'_>| through += u64::from(mail.key() == "SCAN_1" && mail.source() == "Filter");
+            others.client.receive(Duration::ZERO, note).unwrap();
+            assert_eq!((through, seat.client.comms.rejected()), (1, before));
+        }
+        "Map" => {
+            let revision = others.heard.revision;
+            for id in [7_000_001, 7_000_002] {
+                let points = [Point3::new(0.0, 0.0, 1.0)].into_iter().collect();
+                others.publish(&Key::<Scan<'static>>::new("SCAN_1"), &Scan { id, command: 1, pose: at(0.0), points });
+            }
+            wait(|| {
+                others.settle(seat, element);
+                others.heard.revision >= revision + 2
+            });
+            assert!(others.heard.known > 2);
+        }
+        "Explorer" => {
+            others.map_goes_on(seat, element);
+            let (id, revision) = (7_000_000 + others.map.revision(), others.map.revision());
+            others.publish(&PLAN_REQUEST, &PlanRequest { id, pose: at(0.0), revision, outcome: Outcome::First });
+            // If its map is ahead of the request it asks for the true one.
+            for _ in 0..3 {
+                others.settle(seat, element);
+                if std::mem::take(&mut others.heard.asked_for_map) {
+                    let whole = others.map.whole(0);
+                    others.publish(&MAP, &whole);
+                }
+            }
+            assert_eq!(others.heard.plans, id);
+        }
+        _ => {
+            others.publish(&camera_pose("SIM_SENSOR"), &CameraPose { command: 0, pose: at(0.0) });
+            others.map_goes_on(seat, element);
+            others.map_goes_on(seat, element);
+            others.client.comms.notify(MAP_RECALL, 0.0).unwrap();
+            others.settle(seat, element);
+            let copy = others.heard.map.take().unwrap();
+            assert_eq!((copy.revision, copy.resolution), (others.map.revision(), 0.25));
+        }
+    }
+}
+
+fn wait(mut done: impl FnMut() -> bool) {
+    for _ in 0..20_000 {
+        if done() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    panic!("it hangs");
+}
+
+/// Words where numbers belong and numbers where words do.
+fn plain_lies() -> Vec<(&'static str, Value)> {
+    let values = [f64::NAN, f64::INFINITY, -1.0, 1e300, 0.0].map(Value::Double);
+    let values = values.into_iter().chain(["", "walk", "1e9"].map(Value::from));
+    let values: Vec<Value> = values.chain([Value::Text("x".repeat(1_000_000))]).collect();
+    PLAIN.iter().flat_map(|key| values.iter().map(|value| (*key, value.clone()))).collect()
+}
+
+/// Every lie, believable or not, to an app that runs.
+fn live(element: &str) {
+    let broker = broker();
+    let (mut others, mut seat) = (Others::new(&broker), seat(&broker, element));
+    let mut liar = join(&broker, "liar");
+    assert_well(element, &mut seat, &mut others);
+    let mut told = 0;
+    for (variable, _) in CARRIED {
+        // Every third: their places differ from type to type, their kinds do not.
+        for (key, lie) in lies(variable, true).iter().step_by(3) {
+            say(&mut liar, key, lie);
+            told += 1;
+            if told % 64 == 0 {
+                liar.comms.flush().unwrap();
+                seat.turn();
+            }
+        }
+        liar.comms.flush().unwrap();
+        while seat.turn() {}
+    }
+    for (key, lie) in plain_lies() {
+        say(&mut liar, key, &lie);
+        liar.comms.flush().unwrap();
+        while seat.turn() {}
+    }
+    assert!(told > 1000 && !seat.rejected.is_empty(), "{told} told, {:?}", seat.rejected);
+    assert_well(element, &mut seat, &mut others);
+}
+
+/// Lies that are there before an app is: some of each variable at once, again and again.
+fn before_start(element: &str) {
+    for round in 0..40 {
+        let broker = broker();
+        let mut liar = join(&broker, "liar");
+        for (variable, _) in CARRIED {
+            // What somebody else says is heard by none of its own name.
+            let all = lies(variable, true);
+            let (key, lie) = &all[round * all.len() / 40];
+            say(&mut liar, key, lie);
+        }
+        // Of another kind nobody could write them any more: the first value makes a variable what it is.
+        let right = |(key, value): &(&str, Value)| matches!(value, Value::Double(_)) == (*key != MOTION);
+        let plain: Vec<_> = plain_lies().into_iter().filter(right).collect();
+        plain.iter().skip(round % 5).step_by(5).for_each(|(key, lie)| say(&mut liar, key, lie));
+        liar.comms.flush().unwrap();
+        let (mut others, mut seat) = (Others::new(&broker), seat(&broker, element));
+        wait(|| {
+            others.settle(&mut seat, element);
+            element != "Sensor" || others.heard.camera.is_some()
+        });
+        assert_well(element, &mut seat, &mut others);
+    }
+}
+
+/// A text, and a number where a word belongs, that were written first.
+#[test]
+fn who_starts_with_values_of_another_type_passes_them_over() {
+    for element in ["Sensor", "Filter", "Map", "Explorer", "Controller"] {
+        let broker = broker();
+        let mut liar = join(&broker, "liar");
+        CARRIED.iter().for_each(|(key, _)| say(&mut liar, key, &Value::from("what")));
+        PLAIN.iter().filter(|key| **key != MOTION).for_each(|key| say(&mut liar, key, &Value::from("what")));
+        say(&mut liar, MOTION, &Value::Double(1.0));
+        liar.comms.flush().unwrap();
+        let (mut others, mut seat) = (Others::new(&broker), seat(&broker, element));
+        others.settle(&mut seat, element);
+        let heard = if element == "Filter" { 1 } else { 3 };
+        assert!(seat.rejected.len() >= heard, "{element}: {:?}", seat.rejected);
+        seat.app.on_stop(&mut seat.client.comms).unwrap();
+    }
+}
+
+macro_rules! apps {
+    ($($live:ident, $before:ident: $element:literal;)*) => {$(
+        #[test]
+        fn $live() {
+            live($element);
+        }
+
+        #[test]
+        fn $before() {
+            before_start($element);
+        }
+    )*};
+}
+
+apps! {
+    a_sensor_among_liars, a_sensor_that_starts_with_lies: "Sensor";
+    a_filter_among_liars, a_filter_that_starts_with_lies: "Filter";
+    a_map_among_liars, a_map_that_starts_with_lies: "Map";
+    an_explorer_among_liars, an_explorer_that_starts_with_lies: "Explorer";
+    a_controller_among_liars, a_controller_that_starts_with_lies: "Controller";
+}
