@@ -16,8 +16,8 @@ use super::place::{self, failed};
 use crate::community::Community;
 use crate::link::LinkError;
 
-/// The flavour of iceoryx2 services: between processes, each port used by one thread.
-pub type Service = iceoryx2::prelude::ipc::Service;
+pub use super::service::Service;
+
 /// A received batch.
 pub type LaneSample = Sample<Service, [u8], ()>;
 

@@ -19,6 +19,7 @@ mod place;
 mod places;
 mod running;
 mod server;
+mod service;
 
 pub use client::{ConnectError, connect};
 pub use running::{Running, running};

@@ -16,9 +16,10 @@ const SCARCE_MB: u64 = 64;
 /// With less than this left (kB), nobody can join: a client's lanes cost as much.
 const LEAST_KB: u64 = 1024;
 
-/// What the names of a community's shared-memory files begin with.
+/// What the names of a community's shared-memory files begin with. No name of a community holds a `=`: so no prefix is
+/// the beginning of another community's files, however alike their names are.
 pub fn prefix(community: &Community) -> String {
-    format!("elk_{community}_")
+    format!("elk_{community}=")
 }
 
 /// The folder of a community's other files.
