@@ -50,7 +50,7 @@ pub use key::{Key, Payload, fnv1a};
 pub use mail::Mail;
 pub use recall::Recall;
 pub use rejection::Rejection;
-pub use shm::{ConnectError, Running, ServeError, running};
+pub use shm::{ConnectError, Fault, FolderError, Running, ServeError, running};
 pub use value::{Value, ValueRef};
 pub use words::tell;
 

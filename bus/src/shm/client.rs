@@ -12,9 +12,11 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 
 use super::bulk::{self, BulkReader, BulkWriter};
+use super::folder::FolderError;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
+use super::place::Place;
 use crate::broker::Introduction;
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
@@ -64,6 +66,14 @@ pub enum ConnectError {
         /// What the socket says.
         source: std::io::Error,
     },
+    /// The community's folder is not safe, or not to be seen from here.
+    #[error("community {community}: {source}")]
+    Folder {
+        /// The community.
+        community: Community,
+        /// What is wrong with it.
+        source: FolderError,
+    },
     /// Shared memory failed.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -82,8 +92,8 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let hello = Hello { protocol: handshake::PROTOCOL, name: name.into(), lease_secs, succeeds, returns };
     handshake::send(&stream, &hello, &[]).map_err(broken)?;
     let (answer, files) = handshake::receive(&stream).map_err(broken)?;
-    let (id, epoch, clock) = match answer {
-        Answer::Welcome { id, epoch, warp, dial } => (id, epoch, Clock::new(warp).driven(dial)),
+    let (id, epoch, clock, folder) = match answer {
+        Answer::Welcome { id, epoch, warp, dial, folder } => (id, epoch, Clock::new(warp).driven(dial), folder),
         Answer::Refused { reason } => {
             return Err(ConnectError::Refused { community: community.clone(), reason });
         }
@@ -93,7 +103,11 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let (broker, page) = (Page::open(broker_page).map_err(broken)?, Page::open(page).map_err(broken)?);
     let page = Arc::new(page);
     watch(&stream, &page).map_err(broken)?;
-    let (community, node) = (community.clone(), lane::node(community)?);
+    let unusable = |source| ConnectError::Folder { community: community.clone(), source };
+    let place = Place::open(community, &folder).map_err(unusable)?;
+    let node = lane::node(&place)?;
+    place.close_to_others().map_err(unusable)?;
+    let community = community.clone();
     let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
     open_lanes(line, back, clock).map_err(ConnectError::from)

@@ -8,10 +8,9 @@ use rustix::process::Pid;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::place;
+use super::place::Place as Home;
 use crate::broker::{Legacy, Place};
 use crate::codec;
-use crate::community::Community;
 
 /// A client's place and its process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -24,39 +23,35 @@ const PLACES: &str = "places";
 const LEGACIES: &str = "legacies";
 
 /// Writes who is there.
-pub fn write(community: &Community, all: &[Occupied]) -> std::io::Result<()> {
-    write_file(community, PLACES, &all)
+pub fn write(home: &Home, all: &[Occupied]) -> std::io::Result<()> {
+    write_file(home, PLACES, &all)
 }
 
 /// Writes what those have left who are gone.
-pub fn write_legacies(community: &Community, all: &[Legacy]) -> std::io::Result<()> {
-    write_file(community, LEGACIES, &all)
+pub fn write_legacies(home: &Home, all: &[Legacy]) -> std::io::Result<()> {
+    write_file(home, LEGACIES, &all)
 }
 
 /// Who was there when the last broker of the community died; nobody, if none of them lives.
-pub fn read(community: &Community) -> Vec<Occupied> {
-    let all: Vec<Occupied> = read_file(community, PLACES);
+pub fn read(home: &Home) -> Vec<Occupied> {
+    let all: Vec<Occupied> = read_file(home, PLACES);
     if all.iter().any(|one| lives(one.process)) { all } else { Vec::new() }
 }
 
 /// What those had left who were gone by then.
-pub fn read_legacies(community: &Community) -> Vec<Legacy> {
-    read_file(community, LEGACIES)
+pub fn read_legacies(home: &Home) -> Vec<Legacy> {
+    read_file(home, LEGACIES)
 }
 
-fn write_file<T: Serialize>(community: &Community, name: &str, all: &T) -> std::io::Result<()> {
-    let folder = place::root(community);
-    let fresh = folder.join(format!("{name}.new"));
+fn write_file<T: Serialize>(home: &Home, name: &str, all: &T) -> std::io::Result<()> {
     let mut bytes = Vec::new();
     codec::encode_onto(all, &mut bytes).map_err(std::io::Error::other)?;
-    std::fs::create_dir_all(&folder)?;
-    std::fs::write(&fresh, bytes)?;
-    std::fs::rename(fresh, folder.join(name))
+    home.folder().write(name, &bytes)
 }
 
 /// A file that cannot be read is of another version of elk, whose clients could not be served anyway.
-fn read_file<T: DeserializeOwned + Default>(community: &Community, name: &'static str) -> T {
-    let bytes = std::fs::read(place::root(community).join(name));
+fn read_file<T: DeserializeOwned + Default>(home: &Home, name: &'static str) -> T {
+    let bytes = home.folder().read(name);
     bytes.ok().and_then(|bytes| codec::decode_owned(&bytes, name).ok()).unwrap_or_default()
 }
 

@@ -16,9 +16,11 @@ use iceoryx2::node::Node;
 
 use super::bulk::Shelf;
 use super::client::lane_name;
+use super::folder::FolderError;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
+use super::place::Place;
 use super::{leftovers, places};
 use crate::broker::{Broker, BrokerConfig, ClientId, Reached};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
@@ -64,6 +66,14 @@ pub enum ServeError {
         /// Why.
         source: std::io::Error,
     },
+    /// The community's folder is not safe.
+    #[error("community {community} cannot be served: {source}")]
+    Folder {
+        /// The community.
+        community: Community,
+        /// What is wrong with it.
+        source: FolderError,
+    },
     /// Shared memory failed.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -80,6 +90,7 @@ enum Event {
 /// The broker of a community, with its transport.
 pub struct Server {
     community: Community,
+    place: Place,
     clock: Clock,
     epoch: u64,
     broker: Broker,
@@ -130,12 +141,17 @@ impl Server {
         let io = |source| ServeError::Io { community: community.clone(), source };
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
-        let found = places::read(&community);
+        let unusable = |source| ServeError::Folder { community: community.clone(), source };
+        let mut place = Place::make(&community).map_err(unusable)?;
+        let found = places::read(&place);
         if found.is_empty() {
-            leftovers::remove(&community);
+            leftovers::remove(&place);
+            place = Place::make(&community).map_err(unusable)?;
         }
         let page = Arc::new(Page::<BrokerPage>::create("elk-broker").map_err(io)?);
-        let node = lane::node(&community)?;
+        let node = lane::node(&place)?;
+        place.close_to_others().map_err(unusable)?;
+        leftovers::close_to_others(&place).map_err(io)?;
         let (sender, events) = channel();
         let bell = page.clone();
         std::thread::Builder::new()
@@ -145,11 +161,12 @@ impl Server {
         let awaited: BTreeMap<String, u32> = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
             true => Broker::new(config, clock.now()),
-            false => admission::recover(&community, config, clock.now(), found),
+            false => admission::recover(&place, config, clock.now(), found),
         };
         let epoch = monotonic_nanos();
         Ok(Self {
             community,
+            place,
             clock,
             epoch,
             broker,
@@ -380,7 +397,7 @@ impl Server {
         }
         self.peers.clear();
         self.node = None;
-        leftovers::remove(&self.community);
+        leftovers::remove(&self.place);
     }
 }
 

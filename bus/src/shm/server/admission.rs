@@ -6,12 +6,12 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
 use std::sync::mpsc::Sender;
 
+use super::Place;
 use super::{
     Answer, BTreeMap, Broker, BrokerConfig, BrokerPage, ClientId, ClientPage, Event, Hello, LaneReader, LaneWriter,
-    LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, monotonic_nanos, places,
+    LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, leftovers, monotonic_nanos, places,
 };
 use crate::broker::Introduction;
-use crate::community::Community;
 use crate::wire::BulkRef;
 use crate::words::tell;
 use places::Occupied;
@@ -31,12 +31,12 @@ pub(super) struct Handover {
 }
 
 /// A broker in the place of one that died.
-pub(super) fn recover(community: &Community, config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
+pub(super) fn recover(place: &Place, config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
     let clients = found.len();
     tell(format_args!("elk db: the broker before this one died; the places of its {clients} clients are kept"));
     let places = found.into_iter().map(|one| (one.place, places::lives(one.process)));
     let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
-    broker.inherit(now, &places::read_legacies(community));
+    broker.inherit(now, &places::read_legacies(place));
     broker
 }
 
@@ -77,8 +77,9 @@ impl Server {
         match peer {
             Ok((id, peer)) => {
                 let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
-                let welcome =
-                    Answer::Welcome { id, epoch: self.epoch, warp: self.clock.warp(), dial: self.broker.dial() };
+                let (warp, dial) = (self.clock.warp(), self.broker.dial());
+                let folder = self.place.folder().path().to_owned();
+                let welcome = Answer::Welcome { id, epoch: self.epoch, warp, dial, folder };
                 // Who hung up meanwhile is noticed by the connection's own thread.
                 let _ = handshake::send(&stream, &welcome, &files);
                 self.peers.insert(id, peer);
@@ -118,7 +119,7 @@ impl Server {
             return Err(LinkError::BrokerGone(self.community.to_string()));
         };
         let system = |e: std::io::Error| LinkError::SharedMemory(e.to_string());
-        Ok(Peer {
+        let peer = Peer {
             connection,
             process: handshake::peer(stream).map_err(system)?.0,
             stream: stream.try_clone().map_err(system)?,
@@ -128,7 +129,9 @@ impl Server {
             down: LaneWriter::open(node, &lane_name(self.epoch, "down", id))?,
             bulk: None,
             attached: BTreeMap::new(),
-        })
+        };
+        leftovers::close_to_others(&self.place).map_err(system)?;
+        Ok(peer)
     }
 
     pub(super) fn let_go(&mut self, now: f64, id: ClientId) {
@@ -171,7 +174,7 @@ impl Server {
         }
         let bulk = |reference: BulkRef| self.departed.get(&reference.client)?.get(reference.sample).map(<[u8]>::to_vec);
         if let Some(legacies) = self.broker.take_legacies(bulk)
-            && let Err(error) = places::write_legacies(&self.community, &legacies)
+            && let Err(error) = places::write_legacies(&self.place, &legacies)
         {
             tell(format_args!(
                 "elk db: should this broker die, what was left by clients that are gone is lost: {error}"
@@ -215,7 +218,7 @@ impl Server {
         };
         let occupied = |place: crate::broker::Place| Occupied { process: process(&place.name), place };
         let all: Vec<Occupied> = places.into_iter().map(occupied).collect();
-        if let Err(error) = places::write(&self.community, &all) {
+        if let Err(error) = places::write(&self.place, &all) {
             tell(format_args!("elk db: should this broker die, its clients are not known to the next: {error}"));
         }
     }
