@@ -3,12 +3,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Clock, Community, ConnectError, LEASE, SUCCEED};
+use elk_bus::{Client, Clock, Community, ConnectError, LEASE, ProcessId, SUCCEED};
 use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, instead};
 use rustix::event::{PollFd, PollFlags};
 
@@ -16,7 +16,7 @@ use crate::control::{AppRow, Request};
 use crate::crew::Crew;
 use crate::error::LaunchError;
 use crate::guard::Guard;
-use crate::launch_state::{AppState, LaunchState, ProcessState};
+use crate::launch_state::{AppState, LaunchState};
 use crate::listener::Join;
 use crate::observer::News;
 use crate::process::{Bond, Process};
@@ -111,7 +111,7 @@ impl Processes {
         let folder = yard.place.folder.clone();
         let mut all = Self::new(mission, yard)?;
         all.explorers.clone_from(&state.explorers);
-        all.posts[BROKER].holder = state.broker.and_then(|broker| broker.adopt(DB, &folder));
+        all.posts[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log_of(&folder, DB)));
         all.supervisor.adopt(BROKER, State::Running, Duration::ZERO);
         for (place, app) in (BROKER + 1..).zip(&state.apps) {
             all.adopt_app(place, app);
@@ -120,7 +120,8 @@ impl Processes {
     }
 
     fn adopt_app(&mut self, place: usize, app: &AppState) {
-        let adopt = |process: Option<ProcessState>| process?.adopt(&app.name, &self.yard.place.folder);
+        let log = log_of(&self.yard.place.folder, &app.name);
+        let adopt = |process: Option<ProcessId>| Process::adopt(process?, &log);
         // In the midst of a swap there may be two; who has the name goes on.
         let (holder, successor) = (adopt(app.process), adopt(app.successor));
         let holder = match (holder, successor) {
@@ -255,7 +256,7 @@ impl Processes {
     }
 
     fn spawn(&mut self, name: &str, command: Command) -> Result<Process, LaunchError> {
-        let log = self.yard.place.folder.join(format!("{name}.log"));
+        let log = log_of(&self.yard.place.folder, name);
         if log.metadata().is_ok_and(|found| found.len() > 0)
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)
         {
@@ -420,8 +421,8 @@ impl Processes {
             *state = AppState::of(app);
         }
         state.idle = matches!(unit.state, State::Idle | State::Stopping { .. } | State::Stopped | State::Over);
-        state.process = post.holder.as_ref().and_then(ProcessState::of);
-        state.successor = post.successor.as_ref().and_then(ProcessState::of);
+        state.process = post.holder.as_ref().and_then(Process::id);
+        state.successor = post.successor.as_ref().and_then(Process::id);
         state.restarts = unit.restarts;
         state.swaps = unit.swaps;
         state.last_exit.clone_from(&unit.last_exit);
@@ -535,7 +536,7 @@ impl Crew for Processes {
     }
 
     fn note_state(&self, state: &mut LaunchState) -> bool {
-        state.broker = self.posts[BROKER].holder.as_ref().and_then(ProcessState::of);
+        state.broker = self.posts[BROKER].holder.as_ref().and_then(Process::id);
         state.explorers.clone_from(&self.explorers);
         for (place, app) in (BROKER + 1..).zip(&mut state.apps) {
             self.note_app(place, app);
@@ -577,6 +578,11 @@ impl Drop for Processes {
             process.stop(STOP_PATIENCE);
         }
     }
+}
+
+/// The text log of the broker or an app. Names of apps have a grammar (see `elk_mission`): none is a path.
+fn log_of(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{name}.log"))
 }
 
 /// Another broker of the same community would make ours end, or be taken for it.

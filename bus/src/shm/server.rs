@@ -27,6 +27,7 @@ use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
 use crate::limits;
 use crate::link::LinkError;
+use crate::process_id::ProcessId;
 use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
 use crate::words::tell;
 
@@ -101,7 +102,7 @@ pub struct Server {
     /// Bulk values of publishers that are gone, as far as they are some variable's latest.
     departed: BTreeMap<ClientId, Shelf>,
     /// The processes of clients of the broker that died before this one, by name, until they are back.
-    awaited: BTreeMap<String, u32>,
+    awaited: BTreeMap<String, Option<ProcessId>>,
     /// Handovers whose end is not seen yet.
     handovers: Vec<admission::Handover>,
     /// Buffers for batches of mail.
@@ -111,7 +112,7 @@ pub struct Server {
 /// A connected client.
 struct Peer {
     connection: u64,
-    process: u32,
+    process: Option<ProcessId>,
     stream: UnixStream,
     /// The client is gone; what it sent may still wait in its lane.
     hung_up: bool,
@@ -158,7 +159,7 @@ impl Server {
             .name("listener".into())
             .spawn(move || admission::accept_all(&listener, &sender, &bell))
             .map_err(io)?;
-        let awaited: BTreeMap<String, u32> = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
+        let awaited = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
             true => Broker::new(config, clock.now()),
             false => admission::recover(&place, config, clock.now(), found),

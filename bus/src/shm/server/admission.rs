@@ -12,6 +12,7 @@ use super::{
     LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, leftovers, monotonic_nanos, places,
 };
 use crate::broker::Introduction;
+use crate::process_id::ProcessId;
 use crate::wire::BulkRef;
 use crate::words::tell;
 use places::Occupied;
@@ -34,7 +35,10 @@ pub(super) struct Handover {
 pub(super) fn recover(place: &Place, config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
     let clients = found.len();
     tell(format_args!("elk db: the broker before this one died; the places of its {clients} clients are kept"));
-    let places = found.into_iter().map(|one| (one.place, places::lives(one.process)));
+    let places = found.into_iter().map(|one| {
+        let alive = one.is_alive();
+        (one.place, alive)
+    });
     let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
     broker.inherit(now, &places::read_legacies(place));
     broker
@@ -100,7 +104,7 @@ impl Server {
             while self.peers.get(&id).is_some_and(Peer::has_sent) && self.take_batch(now, id) {}
             self.let_go(now, id);
         }
-        if self.awaited.get(name).is_some_and(|process| !places::lives(*process)) {
+        if self.awaited.get(name).is_some_and(|process| !process.is_some_and(|process| process.lives())) {
             self.awaited.remove(name);
             self.broker.expect_no_return(name);
         }
@@ -121,7 +125,7 @@ impl Server {
         let system = |e: std::io::Error| LinkError::SharedMemory(e.to_string());
         let peer = Peer {
             connection,
-            process: handshake::peer(stream).map_err(system)?.0,
+            process: ProcessId::of(handshake::peer(stream).map_err(system)?.0 as i32),
             stream: stream.try_clone().map_err(system)?,
             hung_up: false,
             page: Page::<ClientPage>::create("elk-client").map_err(system)?,
@@ -214,7 +218,7 @@ impl Server {
     fn write_places(&self, places: Vec<crate::broker::Place>) {
         let process = |name: &str| {
             let holder = self.broker.client_named(name).and_then(|id| self.peers.get(&id));
-            holder.map(|peer| peer.process).or_else(|| self.awaited.get(name).copied()).unwrap_or(0)
+            holder.map(|peer| peer.process).or_else(|| self.awaited.get(name).copied()).flatten()
         };
         let occupied = |place: crate::broker::Place| Occupied { process: process(&place.name), place };
         let all: Vec<Occupied> = places.into_iter().map(occupied).collect();
