@@ -33,6 +33,9 @@ const REJOIN_PATIENCE: Duration = Duration::from_secs(10);
 /// How often it looks whether that is there.
 const REJOIN_EVERY: Duration = Duration::from_millis(3);
 
+/// How often it is tried again to open a bulk service that could not be opened.
+const REATTACH_EVERY: Duration = Duration::from_secs(5);
+
 /// How long a client that leaves waits for the broker to take its last words.
 const LINGER: Duration = Duration::from_secs(10);
 
@@ -119,8 +122,9 @@ fn open_lanes(line: Rc<Line>, back: ShmBack, clock: Clock) -> Result<Link, LinkE
     line.page.ready.store(1, Release);
     line.broker.bell.ring();
     let epoch = line.epoch;
-    let up = Box::new(ShmUp { lane: up, bulk: None, own_batch: None, line: line.clone() });
-    let down = Box::new(ShmDown { lane: down, received: 0, taken: Rc::new(Cell::new(0)), bulk: BTreeMap::new(), line });
+    let up = Box::new(ShmUp { lane: up, bulk: None, bulk_failed: false, own_batch: None, line: line.clone() });
+    let (taken, bulk, refused) = (Rc::new(Cell::new(0)), BTreeMap::new(), BTreeMap::new());
+    let down = Box::new(ShmDown { lane: down, received: 0, taken, bulk, refused, line });
     Ok(Link { up, down, back: Box::new(back), clock, epoch })
 }
 
@@ -232,15 +236,29 @@ impl Line {
 struct ShmUp {
     lane: LaneWriter,
     bulk: Option<BulkWriter>,
+    /// The bulk service could not be opened, at one end or the other.
+    bulk_failed: bool,
     /// The number of the batch that this end sent by itself: nobody else counts it.
     own_batch: Option<u64>,
     line: Rc<Line>,
 }
 
 impl ShmUp {
-    fn open_bulk(&mut self, len: usize) -> Result<BulkWriter, LinkError> {
+    /// `None`: there is no bulk service for this client, and its values travel in batches from now on.
+    fn try_open_bulk(&mut self, len: usize) -> Result<Option<BulkWriter>, LinkError> {
         let name = lane_name(self.line.epoch, "bulk", self.line.id);
-        let writer = BulkWriter::open(&self.line.node, &name, len)?;
+        let opened = match BulkWriter::open(&self.line.node, &name, len) {
+            Ok(writer) => self.introduce(writer)?,
+            Err(error) => Err(error.to_string()),
+        };
+        self.bulk_failed = opened.is_err();
+        Ok(opened
+            .map_err(|why| tell(format_args!("values of 16 KiB and more take the long way, as copies: {why}")))
+            .ok())
+    }
+
+    /// Has the broker open the receiving end; the inner error is why it could not.
+    fn introduce(&mut self, writer: BulkWriter) -> Result<Result<BulkWriter, String>, LinkError> {
         // The broker attaches first: it keeps latest values, and copies for those who come later.
         let mut frame = Vec::new();
         let header = Header { source: self.line.id, ..Header::new(FrameKind::Attached) };
@@ -248,7 +266,10 @@ impl ShmUp {
         self.send(&frame)?;
         self.own_batch = Some(self.line.page.up_sent.load(Relaxed));
         self.line.wait_until(|page| page.attachments.load(Acquire) > 0)?;
-        Ok(writer)
+        match self.line.page.bulk_refused.load(Acquire) {
+            0 => Ok(Ok(writer)),
+            _ => Ok(Err("the broker could not open this client's bulk service; its log says why".to_owned())),
+        }
     }
 }
 
@@ -256,25 +277,25 @@ impl Uplink for ShmUp {
     fn send(&mut self, batch: &[u8]) -> Result<(), LinkError> {
         let page = &self.line.page;
         let sent = page.up_sent.load(Relaxed);
-        self.line.wait_until(|page| sent - page.up_taken.load(Acquire) < DEPTH)?;
+        self.line.wait_until(|page| sent.saturating_sub(page.up_taken.load(Acquire)) < DEPTH)?;
         if page.closed.load(Acquire) != OPEN {
             self.line.check()?;
         }
         if !page.up.put(sent, batch) {
             self.lane.send(batch)?;
         }
-        page.up_sent.store(sent + 1, Release);
+        page.up_sent.store(sent.wrapping_add(1), Release);
         self.line.broker.bell.ring();
         Ok(())
     }
 
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError> {
-        if self.bulk.is_none() {
-            self.bulk = Some(self.open_bulk(len)?);
+        if self.bulk.is_none() && !self.bulk_failed {
+            self.bulk = self.try_open_bulk(len)?;
         }
         let Some(writer) = &mut self.bulk else { return Ok(None) };
         let sent = writer.sent;
-        self.line.wait_until(|page| sent - page.bulk_settled.load(Acquire) < bulk::DEPTH)?;
+        self.line.wait_until(|page| sent.saturating_sub(page.bulk_settled.load(Acquire)) < bulk::DEPTH)?;
         // Read before sending: whoever attached by now is reached by this very sample.
         let generation = self.line.page.attachments.load(Acquire);
         let sample = writer.send(len, fill)?;
@@ -320,6 +341,8 @@ struct ShmDown {
     received: u64,
     taken: Rc<Cell<u64>>,
     bulk: BTreeMap<u32, BulkReader>,
+    /// Publishers whose bulk service could not be opened, and since when.
+    refused: BTreeMap<u32, Stopwatch>,
     line: Rc<Line>,
 }
 
@@ -384,8 +407,23 @@ impl Downlink for ShmDown {
         if self.bulk.contains_key(&publisher) {
             return false; // told twice: the first word is still on its way up
         }
-        let opened = BulkReader::open(&self.line.node, &lane_name(self.line.epoch, "bulk", publisher));
-        opened.map(|reader| self.bulk.insert(publisher, reader)).is_ok()
+        if self.refused.get(&publisher).is_some_and(|since| since.elapsed() < REATTACH_EVERY) {
+            return false;
+        }
+        match BulkReader::open(&self.line.node, &lane_name(self.line.epoch, "bulk", publisher)) {
+            Ok(reader) => {
+                self.bulk.insert(publisher, reader);
+                self.refused.remove(&publisher);
+                true
+            }
+            Err(error) => {
+                // The broker goes on to send copies, and hints, as long as it is not told otherwise.
+                if self.refused.insert(publisher, Stopwatch::start()).is_none() {
+                    tell(format_args!("large values come as copies, their shared memory cannot be opened: {error}"));
+                }
+                false
+            }
+        }
     }
 }
 

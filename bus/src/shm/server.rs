@@ -3,6 +3,7 @@
 //! One thread does all of it; a thread a connection only waits for the client's first word and for its end.
 
 mod admission;
+mod lobby;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::os::unix::net::UnixStream;
@@ -21,7 +22,7 @@ use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
 use super::place::Place;
-use super::{leftovers, places};
+use super::{leftovers, places, scarce};
 use crate::broker::{Broker, BrokerConfig, ClientId, Reached};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
@@ -83,7 +84,7 @@ pub enum ServeError {
 /// What the connections' threads tell the broker's.
 enum Event {
     /// Somebody wants in.
-    Hello(u64, UnixStream, Hello),
+    Hello(u64, Arc<UnixStream>, Hello),
     /// A connection ended.
     HungUp(u64),
 }
@@ -113,7 +114,7 @@ pub struct Server {
 struct Peer {
     connection: u64,
     process: Option<ProcessId>,
-    stream: UnixStream,
+    stream: Arc<UnixStream>,
     /// The client is gone; what it sent may still wait in its lane.
     hung_up: bool,
     page: Page<ClientPage>,
@@ -157,7 +158,7 @@ impl Server {
         let bell = page.clone();
         std::thread::Builder::new()
             .name("listener".into())
-            .spawn(move || admission::accept_all(&listener, &sender, &bell))
+            .spawn(move || admission::accept_all(listener, &sender, &bell))
             .map_err(io)?;
         let awaited = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
@@ -188,8 +189,11 @@ impl Server {
             let rings = self.page.bell.rings();
             let now = self.clock.now();
             self.broker.tick(now);
-            let moved =
-                self.take_events(now) | self.take_batches(now) | self.let_go_of_the_gone(now) | self.hand_out(now);
+            let moved = self.take_events(now)
+                | self.let_go_of_liars(now)
+                | self.take_batches(now)
+                | self.let_go_of_the_gone(now)
+                | self.hand_out(now);
             self.follow_up(now);
             if !moved {
                 let until_next = self.clock.real(self.broker.next_deadline() - now);
@@ -287,7 +291,7 @@ impl Server {
             if receiver == publisher {
                 self.open_bulk_of(publisher);
             } else if let Some(page) = self.peers.get(&publisher).map(|p| &p.page) {
-                let generation = page.attachments.fetch_add(1, SeqCst) + 1;
+                let generation = page.attachments.fetch_add(1, SeqCst).wrapping_add(1);
                 if let Some(peer) = self.peers.get_mut(&receiver) {
                     peer.attached.insert(publisher, generation);
                 }
@@ -301,8 +305,12 @@ impl Server {
         };
         match Shelf::open(node, &lane_name(self.epoch, "bulk", publisher)) {
             Ok(shelf) => peer.bulk = Some(Held { shelf, under_way: VecDeque::new(), routed: 0 }),
-            // The values will be missed and counted by their receivers; the reason stands in the broker's log.
-            Err(error) => tell(format_args!("elk db: {error}")),
+            // Its values travel in batches then.
+            Err(error) => {
+                peer.page.bulk_refused.store(1, Release);
+                let name = self.broker.client_name(publisher).unwrap_or("?");
+                tell(format_args!("elk db: large values of client {name} are copied: {error}"));
+            }
         }
         peer.page.attachments.fetch_add(1, SeqCst);
     }
@@ -470,11 +478,11 @@ impl Peer {
     }
 
     fn has_sent(&self) -> bool {
-        self.page.up_sent.load(Acquire) > self.page.up_taken.load(Relaxed)
+        (1..=DEPTH).contains(&self.page.on_the_way_up())
     }
 
     fn has_room(&self) -> bool {
-        self.page.down_sent.load(Relaxed) - self.page.down_taken.load(SeqCst) < DEPTH
+        self.page.on_the_way_down() < DEPTH
     }
 }
 

@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
 use std::sync::mpsc::Sender;
 
 use super::Place;
+use super::lobby::{Door, Lobby};
 use super::{
     Answer, BTreeMap, Broker, BrokerConfig, BrokerPage, ClientId, ClientPage, Event, Hello, LaneReader, LaneWriter,
     LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, leftovers, monotonic_nanos, places,
@@ -61,7 +62,7 @@ impl Server {
         any
     }
 
-    fn let_in(&mut self, now: f64, connection: u64, stream: UnixStream, hello: &Hello) {
+    fn let_in(&mut self, now: f64, connection: u64, stream: Arc<UnixStream>, hello: &Hello) {
         self.free_name_of_the_dead(now, &hello.name);
         let Hello { protocol, name, lease_secs, succeeds, returns } = hello;
         let who = Introduction { name, lease_secs: *lease_secs, succeeds: *succeeds, returns: *returns };
@@ -118,7 +119,17 @@ impl Server {
         !gone.is_empty()
     }
 
-    fn open_lanes(&self, connection: u64, stream: &UnixStream, id: ClientId) -> Result<Peer, LinkError> {
+    /// Lets go of clients that have written over their pages.
+    pub(super) fn let_go_of_liars(&mut self, now: f64) -> bool {
+        let faults = self.peers.iter().filter_map(|(id, peer)| Some((*id, peer.page.fault()?)));
+        let liars: Vec<_> = faults.collect();
+        for (id, fault) in &liars {
+            self.expel(now, *id, &format_args!("its page cannot be true: {fault}"));
+        }
+        !liars.is_empty()
+    }
+
+    fn open_lanes(&self, connection: u64, stream: &Arc<UnixStream>, id: ClientId) -> Result<Peer, LinkError> {
         let Some(node) = &self.node else {
             return Err(LinkError::BrokerGone(self.community.to_string()));
         };
@@ -126,7 +137,7 @@ impl Server {
         let peer = Peer {
             connection,
             process: ProcessId::of(handshake::peer(stream).map_err(system)?.0 as i32),
-            stream: stream.try_clone().map_err(system)?,
+            stream: stream.clone(),
             hung_up: false,
             page: Page::<ClientPage>::create("elk-client").map_err(system)?,
             up: LaneReader::open(node, &lane_name(self.epoch, "up", id))?,
@@ -229,40 +240,48 @@ impl Server {
 }
 
 /// Lets the connections of all who dial in have their first word.
-pub(super) fn accept_all(listener: &UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
-    for (connection, stream) in (0_u64..).zip(listener.incoming()) {
-        let Ok(stream) = stream else { continue };
-        let (events, page) = (events.clone(), page.clone());
-        let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(move || {
-            let tell = |event| {
-                // The broker may be gone already; then nobody needs the news.
-                let _ = events.send(event);
-                page.bell.ring();
-            };
-            if let Some((stream, hello)) = first_word(stream) {
-                let Ok(watched) = stream.try_clone() else {
-                    return;
+pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
+    let (mut door, lobby) = (Door::new(listener), Arc::new(Lobby::default()));
+    for connection in 0_u64.. {
+        let stream = Arc::new(door.next());
+        lobby.enter(connection, &stream);
+        let (events, page, lobby) = (events.clone(), page.clone(), lobby.clone());
+        let serve = {
+            let (stream, lobby) = (stream.clone(), lobby.clone());
+            move || {
+                let tell = |event| {
+                    // The broker may be gone already; then nobody needs the news.
+                    let _ = events.send(event);
+                    page.bell.ring();
                 };
-                tell(Event::Hello(connection, stream, hello));
-                handshake::wait_for_end(&watched);
-                tell(Event::HungUp(connection));
+                let hello = first_word(&stream);
+                lobby.leave(connection);
+                if let Some(hello) = hello {
+                    tell(Event::Hello(connection, stream.clone(), hello));
+                    handshake::wait_for_end(&stream);
+                    tell(Event::HungUp(connection));
+                }
             }
-        });
+        };
+        let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(serve);
         if let Err(error) = spawned {
-            tell(format_args!("elk db: a client was turned away, no thread for it: {error}"));
+            let reason = format!("the broker has no thread for another client: {error}");
+            tell(format_args!("elk db: a client was turned away: {reason}"));
+            let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
+            lobby.leave(connection);
         }
     }
 }
 
-fn first_word(stream: UnixStream) -> Option<(UnixStream, Hello)> {
-    let (_, user) = handshake::peer(&stream).ok()?;
+fn first_word(stream: &UnixStream) -> Option<Hello> {
+    let (_, user) = handshake::peer(stream).ok()?;
     if user != handshake::own_user() {
         let reason = format!("this community belongs to user {}", handshake::own_user());
-        let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
+        let _ = handshake::send(stream, &Answer::Refused { reason }, &[]);
         return None;
     }
     stream.set_read_timeout(Some(handshake::PATIENCE)).ok()?;
-    let (hello, _) = handshake::receive::<Hello>(&stream).ok()?;
+    let (hello, _) = handshake::receive::<Hello>(stream).ok()?;
     stream.set_read_timeout(None).ok()?;
-    Some((stream, hello))
+    Some(hello)
 }
