@@ -162,12 +162,12 @@ const COUNTLESS: u64 = 1 << 48;
 impl ClientPage {
     /// Batches that the client has sent and the broker has not taken; more than [`DEPTH`] if the counters cannot be true.
     pub fn on_the_way_up(&self) -> u64 {
-        self.up_sent.load(Ordering::Acquire).wrapping_sub(self.up_taken.load(Ordering::Relaxed))
+        ahead(self.up_sent.load(Ordering::Acquire), self.up_taken.load(Ordering::Relaxed))
     }
 
     /// Batches that the broker has sent and the client is not done with; as above.
     pub fn on_the_way_down(&self) -> u64 {
-        self.down_sent.load(Ordering::Relaxed).wrapping_sub(self.down_taken.load(Ordering::SeqCst))
+        ahead(self.down_sent.load(Ordering::Relaxed), self.down_taken.load(Ordering::SeqCst))
     }
 
     /// What cannot be true of the counters, seen from the broker, which writes one of each pair and is never overtaken by
@@ -184,6 +184,11 @@ impl ClientPage {
             None
         }
     }
+}
+
+/// How far one counter is ahead of another that cannot be ahead of it.
+fn ahead(one: u64, other: u64) -> u64 {
+    one.checked_sub(other).unwrap_or(u64::MAX)
 }
 
 /// The connection is open.
