@@ -11,22 +11,37 @@ use crate::link::LinkError;
 const SCARCE_MB: u64 = 64;
 /// With less than this left (kB), nobody can join: a client's lanes cost as much.
 const LEAST_KB: u64 = 1024;
-/// With fewer descriptors left, an error of shared memory is most likely for want of them: iceoryx2 gives back those that
-/// it had when it failed.
+/// With fewer descriptors left nobody can join, and an error of shared memory is most likely for want of them: iceoryx2
+/// gives back those that it had when it failed.
 const SCARCE_DESCRIPTORS: u64 = 24;
 /// A number of descriptors that does for every mission.
 const ENOUGH_DESCRIPTORS: u64 = 1024;
 /// With fewer files left that can be made, an error is most likely for want of them.
 const SCARCE_FILES: u64 = 32;
 
-/// Sees that there is room for one more client. It is refused then; later there would only be a SIGBUS.
+/// Sees that there is room for one more client, at either end. It is refused then, with the reason; later there would be
+/// a SIGBUS, or nothing left for those who are there.
 pub fn room() -> Result<(), LinkError> {
-    match free_kb() {
-        Some(free_kb) if free_kb < LEAST_KB => {
-            Err(LinkError::SharedMemory(format!("there is no room for one more client{}", hint())))
-        }
-        _ => Ok(()),
+    let no_memory = free_kb().is_some_and(|free_kb| free_kb < LEAST_KB);
+    match no_memory || !has_descriptors() {
+        true => Err(LinkError::SharedMemory(format!("there is no room for one more client{}", hint()))),
+        false => Ok(()),
     }
+}
+
+/// Whether a client's worth of descriptors is left. The system gives out the lowest number that is free: if one of the
+/// highest is, those above it are, too; only if not, they are counted.
+fn has_descriptors() -> bool {
+    let Some(allowed) = getrlimit(Resource::Nofile).current else { return true };
+    let high = i32::try_from(allowed.saturating_sub(SCARCE_DESCRIPTORS)).unwrap_or(i32::MAX);
+    rustix::io::fcntl_dupfd_cloexec(std::io::stderr(), high).is_ok()
+        || allowed.saturating_sub(open(allowed)) >= SCARCE_DESCRIPTORS
+}
+
+/// The number of descriptors that are open.
+fn open(allowed: u64) -> u64 {
+    // A process that cannot even open that folder has none left.
+    std::fs::read_dir("/proc/self/fd").map_or(allowed, |entries| entries.count() as u64)
 }
 
 /// What is scarce, and what to do, in parentheses behind an error; empty if nothing is.
@@ -41,8 +56,7 @@ pub fn hint() -> String {
 
 fn descriptors() -> Option<String> {
     let allowed = getrlimit(Resource::Nofile).current?;
-    // A process that cannot even open that folder has none left.
-    let open = std::fs::read_dir("/proc/self/fd").map_or(allowed, |entries| entries.count() as u64);
+    let open = open(allowed);
     let scarce = allowed.saturating_sub(open) < SCARCE_DESCRIPTORS;
     scarce.then(|| {
         let more = ENOUGH_DESCRIPTORS.max(4 * allowed);

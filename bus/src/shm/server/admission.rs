@@ -10,7 +10,7 @@ use super::Place;
 use super::lobby::{Door, Lobby};
 use super::{
     Answer, BTreeMap, Broker, BrokerConfig, BrokerPage, ClientId, ClientPage, Event, Hello, LaneReader, LaneWriter,
-    LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, leftovers, monotonic_nanos, places,
+    LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, leftovers, monotonic_nanos, places, scarce,
 };
 use crate::broker::Introduction;
 use crate::process_id::ProcessId;
@@ -133,7 +133,8 @@ impl Server {
         let Some(node) = &self.node else {
             return Err(LinkError::BrokerGone(self.community.to_string()));
         };
-        let system = |e: std::io::Error| LinkError::SharedMemory(e.to_string());
+        scarce::room()?;
+        let system = |e: std::io::Error| LinkError::SharedMemory(format!("{e}{}", scarce::hint()));
         let peer = Peer {
             connection,
             process: ProcessId::of(handshake::peer(stream).map_err(system)?.0 as i32),
@@ -234,7 +235,10 @@ impl Server {
         let occupied = |place: crate::broker::Place| Occupied { process: process(&place.name), place };
         let all: Vec<Occupied> = places.into_iter().map(occupied).collect();
         if let Err(error) = places::write(&self.place, &all) {
-            tell(format_args!("elk db: should this broker die, its clients are not known to the next: {error}"));
+            tell(format_args!(
+                "elk db: should this broker die, its clients are not known to the next: {error}{}",
+                scarce::hint()
+            ));
         }
     }
 }
