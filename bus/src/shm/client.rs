@@ -17,6 +17,7 @@ use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
 use super::place::Place;
+use super::scarce;
 use crate::broker::Introduction;
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
@@ -247,7 +248,7 @@ impl ShmUp {
     /// `None`: there is no bulk service for this client, and its values travel in batches from now on.
     fn try_open_bulk(&mut self, len: usize) -> Result<Option<BulkWriter>, LinkError> {
         let name = lane_name(self.line.epoch, "bulk", self.line.id);
-        let opened = match BulkWriter::open(&self.line.node, &name, len) {
+        let opened = match scarce::room().and_then(|()| BulkWriter::open(&self.line.node, &name, len)) {
             Ok(writer) => self.introduce(writer)?,
             Err(error) => Err(error.to_string()),
         };
@@ -281,8 +282,11 @@ impl Uplink for ShmUp {
         if page.closed.load(Acquire) != OPEN {
             self.line.check()?;
         }
-        if !page.up.put(sent, batch) {
-            self.lane.send(batch)?;
+        if !page.up.put(sent, batch)
+            && let Err(error) = self.lane.send(batch)
+        {
+            // A broker that died can be the reason.
+            return Err(self.line.check().err().unwrap_or(error));
         }
         page.up_sent.store(sent.wrapping_add(1), Release);
         self.line.broker.bell.ring();
@@ -410,7 +414,8 @@ impl Downlink for ShmDown {
         if self.refused.get(&publisher).is_some_and(|since| since.elapsed() < REATTACH_EVERY) {
             return false;
         }
-        match BulkReader::open(&self.line.node, &lane_name(self.line.epoch, "bulk", publisher)) {
+        let name = lane_name(self.line.epoch, "bulk", publisher);
+        match scarce::room().and_then(|()| BulkReader::open(&self.line.node, &name)) {
             Ok(reader) => {
                 self.bulk.insert(publisher, reader);
                 self.refused.remove(&publisher);

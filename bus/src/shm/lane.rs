@@ -71,10 +71,14 @@ impl LaneWriter {
             .map_err(failed(format_args!("writing to lane {name}")))
     }
 
-    /// Sends a batch.
+    /// Sends a batch. That nobody is there to read it is an error: iceoryx2 passes over a reader whose memory it cannot
+    /// open, and the reader would wait for ever.
     pub fn send(&self, batch: &[u8]) -> Result<(), LinkError> {
         let sample = self.0.loan_slice_uninit(batch.len()).map_err(failed("room for a batch"))?;
-        sample.write_from_slice(batch).send().map(|_| ()).map_err(failed("sending a batch"))
+        match sample.write_from_slice(batch).send().map_err(failed("sending a batch"))? {
+            0 => Err(failed("sending a batch")("it reached nobody")),
+            _ => Ok(()),
+        }
     }
 }
 

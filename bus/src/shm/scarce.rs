@@ -1,6 +1,7 @@
 //! What a process has run out of, or nearly: the resources behind errors that name none, and what to do about each.
 
 use std::fmt::Write;
+use std::os::fd::AsRawFd;
 
 use rustix::process::{Resource, getrlimit};
 
@@ -29,13 +30,13 @@ pub fn room() -> Result<(), LinkError> {
     }
 }
 
-/// Whether a client's worth of descriptors is left. The system gives out the lowest number that is free: if one of the
-/// highest is, those above it are, too; only if not, they are counted.
+/// Whether a client's worth of descriptors is left. The system gives out the lowest number that is free: where that many
+/// numbers below the limit none is taken, none above it is, most likely; else they are counted.
 fn has_descriptors() -> bool {
     let Some(allowed) = getrlimit(Resource::Nofile).current else { return true };
     let high = i32::try_from(allowed.saturating_sub(SCARCE_DESCRIPTORS)).unwrap_or(i32::MAX);
-    rustix::io::fcntl_dupfd_cloexec(std::io::stderr(), high).is_ok()
-        || allowed.saturating_sub(open(allowed)) >= SCARCE_DESCRIPTORS
+    let free = rustix::io::fcntl_dupfd_cloexec(std::io::stderr(), high);
+    free.is_ok_and(|free| free.as_raw_fd() == high) || allowed.saturating_sub(open(allowed)) >= SCARCE_DESCRIPTORS
 }
 
 /// The number of descriptors that are open.

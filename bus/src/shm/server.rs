@@ -258,6 +258,12 @@ impl Server {
     }
 
     fn expel(&mut self, now: f64, id: ClientId, why: &dyn std::fmt::Display) -> bool {
+        let gone = |peer: &&mut Peer| !peer.hung_up && handshake::hung_up(&peer.stream);
+        if let Some(peer) = self.peers.get_mut(&id).filter(gone) {
+            // That is why; its last words are taken before it is let go of.
+            peer.hung_up = true;
+            return true;
+        }
         let name = self.broker.client_name(id).unwrap_or("?").to_owned();
         tell(format_args!("elk db: letting go of client {name}: {why}"));
         self.let_go(now, id);
@@ -303,7 +309,7 @@ impl Server {
         let (Some(node), Some(peer)) = (&self.node, self.peers.get_mut(&publisher)) else {
             return;
         };
-        match Shelf::open(node, &lane_name(self.epoch, "bulk", publisher)) {
+        match scarce::room().and_then(|()| Shelf::open(node, &lane_name(self.epoch, "bulk", publisher))) {
             Ok(shelf) => peer.bulk = Some(Held { shelf, under_way: VecDeque::new(), routed: 0 }),
             // Its values travel in batches then.
             Err(error) => {
