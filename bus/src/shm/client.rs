@@ -360,11 +360,13 @@ impl Downlink for ShmDown {
                 let number = self.received;
                 let small = page.down.get(number).is_some();
                 let sample = if small { None } else { self.lane.receive()? };
-                if small || sample.is_some() {
-                    self.received += 1;
-                    let (taken, line) = (self.taken.clone(), self.line.clone());
-                    return Ok(Some(Batch(Box::new(Taken { number, sample, taken, line }))));
+                if !small && sample.is_none() {
+                    // What a broker that is gone has taken along is said again by the next.
+                    return Err(self.line.check().err().unwrap_or_else(lane::lost));
                 }
+                self.received += 1;
+                let (taken, line) = (self.taken.clone(), self.line.clone());
+                return Ok(Some(Batch(Box::new(Taken { number, sample, taken, line }))));
             }
             if page.closed.load(Acquire) != OPEN {
                 self.line.check()?;

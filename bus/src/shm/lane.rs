@@ -82,6 +82,12 @@ impl LaneWriter {
     }
 }
 
+/// What to say of a batch that was announced and cannot be read: iceoryx2 passes over what lies in memory that it cannot
+/// open.
+pub fn lost() -> LinkError {
+    failed("receiving a batch")("it lies in memory that cannot be opened")
+}
+
 /// The reading end.
 pub struct LaneReader(Subscriber<Service, [u8], ()>);
 

@@ -227,7 +227,7 @@ impl Server {
                 peer.page.up_taken.fetch_add(1, SeqCst);
                 return true;
             }
-            Ok(None) => return false,
+            Ok(None) => return self.expel(now, id, &lane::lost()),
             Err(error) => return self.expel(now, id, &error),
         };
         if let Some(held) = &mut peer.bulk {
