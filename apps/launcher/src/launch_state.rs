@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, Community, ConnectError, ProcessId};
-use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart};
+use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, is_app_name};
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
@@ -111,7 +111,12 @@ impl LaunchState {
     }
 
     /// The mission, checked against the registry as its file was.
-    pub fn mission(&self, registry: &Registry) -> Result<Mission, LaunchError> {
+    pub fn mission(&self, community: &Community, registry: &Registry) -> Result<Mission, LaunchError> {
+        // They name files.
+        if let Some(odd) = self.apps.iter().find(|app| !is_app_name(&app.name)) {
+            let why = format!("what its launcher left word of names an app {:?}, which is no name for one", odd.name);
+            return Err(LaunchError::Attach { community: community.clone(), why });
+        }
         let apps = self.apps.iter().map(|app| app.spec(registry)).collect::<Result<_, _>>()?;
         Ok(Mission {
             name: self.name.clone(),

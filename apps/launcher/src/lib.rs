@@ -152,7 +152,7 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let server = Server::listen(community)?;
     let stop = person::stop_signals(true)?;
     let state = LaunchState::read(community)?;
-    let mission = state.mission(registry)?;
+    let mission = state.mission(community, registry)?;
     let folder = state.folder.clone();
     put(&format!("{}: attached to run {}\n", mission.name, folder.display()));
 
