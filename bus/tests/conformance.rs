@@ -113,7 +113,7 @@ impl Transport for Shm {
         let mut broker = self.broker.lock().unwrap();
         rustix::process::kill_process(Pid::from_child(&broker), Signal::TERM).unwrap();
         assert!(broker.wait().unwrap().success());
-        let prefix = format!("elk_{}_", self.community);
+        let prefix = format!("elk_{}=", self.community);
         let left: Vec<_> = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|f| f.file_name()).collect();
         assert!(!left.iter().any(|f| f.to_string_lossy().starts_with(&prefix)), "left in /dev/shm: {left:?}");
     }

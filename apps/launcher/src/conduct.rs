@@ -149,6 +149,7 @@ impl Conduct<'_> {
         while !self.crew.ended() {
             self.round_to_the_end();
         }
+        self.crew.end_strays();
         // Nobody is on the bus any more when the broker goes.
         self.listener.leave();
         while !self.listener.has_left() {

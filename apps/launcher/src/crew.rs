@@ -57,6 +57,9 @@ pub(crate) trait Crew {
     /// The explorers that ran, in the order in which they came.
     fn explorers(&self) -> Vec<String>;
 
+    /// Ends what apps have started and left behind, once they have ended; waits a moment for those that do not listen.
+    fn end_strays(&mut self) {}
+
     /// Begins to end the apps, in the order in which nobody misses anybody.
     fn end_apps(&mut self);
 

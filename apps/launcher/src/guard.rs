@@ -4,17 +4,19 @@
 //! listen, and for children's children. It knows the process groups from a pipe, and that the launcher is gone from the
 //! pipe's end.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::io::{self, BufRead, Write};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::time::Duration;
 
+use elk_bus::ProcessId;
 use elk_bus::clock::Stopwatch;
 use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 
 use crate::error::LaunchError;
+use crate::strays::{self, Sight, outside};
 
 /// How long groups may take to end before they are killed: two seconds after the launcher, nobody is left.
 const PATIENCE: Duration = Duration::from_millis(1500);
@@ -49,6 +51,22 @@ impl Guard {
         self.say('-', group);
     }
 
+    /// From now on this process, which is of no group that is watched, ends with the launcher; or it has ended.
+    pub fn note(&mut self, sight: &Sight) {
+        let (what, id) = match sight {
+            Sight::Found(id) => ('>', id),
+            Sight::Lost(id) => ('<', id),
+        };
+        if let (Some(pipe), Ok(id)) = (&mut self.pipe, serde_json::to_string(id)) {
+            let _ = writeln!(pipe, "{what}{id}");
+        }
+    }
+
+    /// The guard's own process.
+    pub fn pid(&self) -> i32 {
+        self.child.id() as i32
+    }
+
     /// A guard that is gone is no reason to end the mission: the kernel's signal remains.
     fn say(&mut self, what: char, group: Pid) {
         if let Some(pipe) = &mut self.pipe {
@@ -69,37 +87,57 @@ impl Drop for Guard {
 /// # Errors
 /// The pipe cannot be read; what is left is ended all the same.
 pub fn guard(launcher: impl BufRead) -> io::Result<()> {
-    let mut groups = BTreeSet::new();
-    let read = follow(launcher, &mut groups);
-    end(&groups);
+    let mut watched = Watched::default();
+    let read = watched.follow(launcher);
+    watched.end();
     read
 }
 
-fn follow(launcher: impl BufRead, groups: &mut BTreeSet<i32>) -> io::Result<()> {
-    for line in launcher.lines() {
-        let line = line?;
-        let group = |text: &str| text.parse::<i32>().ok().filter(|group| *group > 1);
-        if let Some(group) = line.strip_prefix('+').and_then(group) {
-            groups.insert(group);
-        } else if let Some(group) = line.strip_prefix('-').and_then(group) {
-            groups.remove(&group);
-        }
-    }
-    Ok(())
+/// Who is to end with the launcher.
+#[derive(Default)]
+struct Watched {
+    groups: BTreeSet<i32>,
+    strays: HashSet<ProcessId>,
 }
 
-fn end(groups: &BTreeSet<i32>) {
-    let groups: Vec<Pid> = groups.iter().filter_map(|group| Pid::from_raw(*group)).collect();
-    let clock = Stopwatch::start();
-    for group in &groups {
-        let _ = kill_process_group(*group, Signal::TERM);
+impl Watched {
+    fn follow(&mut self, launcher: impl BufRead) -> io::Result<()> {
+        for line in launcher.lines() {
+            let line = line?;
+            let Some((what, text)) = line.split_at_checked(1) else { continue };
+            let group = || text.parse::<i32>().ok().filter(|group| *group > 1);
+            let stray = || serde_json::from_str(text).ok();
+            match what {
+                "+" => self.groups.extend(group()),
+                "-" => drop(group().map(|group| self.groups.remove(&group))),
+                ">" => self.strays.extend(stray()),
+                "<" => drop(stray().map(|stray: ProcessId| self.strays.remove(&stray))),
+                _ => {}
+            }
+        }
+        Ok(())
     }
-    let alive = || groups.iter().any(|group| test_kill_process_group(*group).is_ok());
-    while alive() && clock.elapsed() < PATIENCE {
-        std::thread::sleep(LOOK_EVERY);
-    }
-    for group in &groups {
-        let _ = kill_process_group(*group, Signal::KILL);
+
+    fn end(&mut self) {
+        let groups: Vec<Pid> = self.groups.iter().filter_map(|group| Pid::from_raw(*group)).collect();
+        // Those that the launcher did not live to see; their parents are still there, if only just.
+        let unseen = groups.iter().flat_map(|group| outside(*group)).filter_map(ProcessId::of);
+        self.strays.extend(unseen);
+        let all = |signal| {
+            for group in &groups {
+                // That it has gone meanwhile is no failure.
+                let _ = kill_process_group(*group, signal);
+            }
+            self.strays.iter().for_each(|stray| strays::signal(stray, signal));
+        };
+        let clock = Stopwatch::start();
+        all(Signal::TERM);
+        let group_lives = |group: &Pid| test_kill_process_group(*group).is_ok();
+        let alive = || groups.iter().any(group_lives) || self.strays.iter().any(ProcessId::lives);
+        while alive() && clock.elapsed() < PATIENCE {
+            std::thread::sleep(LOOK_EVERY);
+        }
+        all(Signal::KILL);
     }
 }
 

@@ -5,19 +5,16 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Community, ConnectError};
-use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart};
-use rustix::process::Pid;
+use elk_bus::{Client, Community, ConnectError, ProcessId};
+use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, is_app_name};
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
-use crate::process::Process;
-use crate::usage::Usage;
 
 /// The variable.
 pub(crate) const KEY: &str = "LAUNCH_STATE";
 /// Counts up when the words change.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// How long the broker may take to say the variable's value.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often it is asked.
@@ -40,15 +37,8 @@ pub(crate) struct LaunchState {
     /// The explorers that ran, in their order.
     pub explorers: Vec<String>,
     broker_policy: PolicyState,
-    pub broker: Option<ProcessState>,
+    pub broker: Option<ProcessId>,
     pub apps: Vec<AppState>,
-}
-
-/// A process, and when it was started (ticks since the machine was): its number alone may become another's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct ProcessState {
-    pub pid: i32,
-    pub started: u64,
 }
 
 /// An app of it.
@@ -64,9 +54,9 @@ pub(crate) struct AppState {
     policy: PolicyState,
     /// Whether it is stopped, or has ended well.
     pub idle: bool,
-    pub process: Option<ProcessState>,
+    pub process: Option<ProcessId>,
     /// The process that is to take its place, in the midst of a swap.
-    pub successor: Option<ProcessState>,
+    pub successor: Option<ProcessId>,
     pub restarts: u32,
     pub swaps: u32,
     pub last_exit: Option<String>,
@@ -121,7 +111,12 @@ impl LaunchState {
     }
 
     /// The mission, checked against the registry as its file was.
-    pub fn mission(&self, registry: &Registry) -> Result<Mission, LaunchError> {
+    pub fn mission(&self, community: &Community, registry: &Registry) -> Result<Mission, LaunchError> {
+        // They name files.
+        if let Some(odd) = self.apps.iter().find(|app| !is_app_name(&app.name)) {
+            let why = format!("what its launcher left word of names an app {:?}, which is no name for one", odd.name);
+            return Err(LaunchError::Attach { community: community.clone(), why });
+        }
         let apps = self.apps.iter().map(|app| app.spec(registry)).collect::<Result<_, _>>()?;
         Ok(Mission {
             name: self.name.clone(),
@@ -141,19 +136,6 @@ fn join(community: &Community) -> Result<Client, ConnectError> {
             Err(ConnectError::Refused { .. }) if clock.elapsed() < PATIENCE => std::thread::sleep(ASK_EVERY),
             joined => return joined,
         }
-    }
-}
-
-impl ProcessState {
-    /// That of a process that runs.
-    pub fn of(process: &Process) -> Option<Self> {
-        let started = Usage::of(process.pid())?.started;
-        Some(Self { pid: process.pid().as_raw_nonzero().get(), started })
-    }
-
-    /// The process, if it is still the one that was meant.
-    pub fn adopt(self, name: &str, folder: &Path) -> Option<Process> {
-        Process::adopt(Pid::from_raw(self.pid)?, self.started, &folder.join(format!("{name}.log")))
     }
 }
 

@@ -5,7 +5,7 @@
 //! | `conduct` | a mission from its first app to its last word |
 //! | `crew` | those who carry it out: `processes`, or `threads` of this process |
 //! | `supervisor` | who is to run, who does, and what to do about it: a state machine without processes, bus or clock |
-//! | `process`, `guard`, `usage` | one process that inherits nothing and ends for certain; what ends the rest when the launcher dies; what they use |
+//! | `process`, `strays`, `guard`, `usage` | one process that inherits nothing and ends for certain; what it has started elsewhere; what ends the rest when the launcher dies; what they use |
 //! | `listener` | the launcher's place on the bus, a thread of its own |
 //! | `observer`, `steps` | what the mission says of itself there; where the time of a step goes |
 //! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
@@ -28,6 +28,7 @@ mod progress;
 mod run_folder;
 mod run_place;
 mod steps;
+mod strays;
 mod summary;
 mod supervisor;
 mod threads;
@@ -151,7 +152,7 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let server = Server::listen(community)?;
     let stop = person::stop_signals(true)?;
     let state = LaunchState::read(community)?;
-    let mission = state.mission(registry)?;
+    let mission = state.mission(community, registry)?;
     let folder = state.folder.clone();
     put(&format!("{}: attached to run {}\n", mission.name, folder.display()));
 

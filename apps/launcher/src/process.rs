@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
+use elk_bus::ProcessId;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, getppid, kill_process_group, pidfd_open};
 
 use crate::error::LaunchError;
 use crate::supervisor::Exit;
-use crate::usage::Usage;
 
 /// Lines of a dead app's log that its obituary quotes.
 const TAIL_LINES: usize = 5;
@@ -65,12 +65,12 @@ impl Process {
         Ok(Self { log, child: Some(child), pid, pidfd, log_from, exit: None })
     }
 
-    /// Takes over a process that was started `started` ticks after the machine; `None`: it is gone, and its number may be
-    /// another's.
-    pub fn adopt(pid: Pid, started: u64, log: &Path) -> Option<Self> {
+    /// Takes over a process; `None`: it is gone, and its number may be another's.
+    pub fn adopt(id: ProcessId, log: &Path) -> Option<Self> {
+        let pid = Pid::from_raw(id.pid)?;
         let pidfd = pidfd_open(pid, PidfdFlags::empty()).ok()?;
         // Looked at behind the handle: a number that changes hands from here on is not mistaken.
-        if Usage::of(pid)?.started != started {
+        if !id.lives() {
             return None;
         }
         let log = log.to_owned();
@@ -81,6 +81,11 @@ impl Process {
     /// The process, which is also its group.
     pub fn pid(&self) -> Pid {
         self.pid
+    }
+
+    /// What tells it from others that had or will have its number.
+    pub fn id(&self) -> Option<ProcessId> {
+        ProcessId::of(self.pid.as_raw_nonzero().get())
     }
 
     /// Becomes readable when it ends.
@@ -328,9 +333,11 @@ mod tests {
             }
             std::thread::yield_now();
         };
-        let started = Usage::of(pid).unwrap().started;
-        assert!(Process::adopt(pid, started + 1, &parent.log).is_none());
-        let mut sleep = Process::adopt(pid, started, &parent.log).unwrap();
+        let id = ProcessId::of(pid.as_raw_nonzero().get()).unwrap();
+        let mut other = id;
+        other.started += 1;
+        assert!(Process::adopt(other, &parent.log).is_none());
+        let mut sleep = Process::adopt(id, &parent.log).unwrap();
         assert!(sleep.is_adopted() && sleep.ended().is_none());
         parent.kill();
         assert!(sleep.wait(PATIENCE));

@@ -3,25 +3,27 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Clock, Community, ConnectError, LEASE, SUCCEED};
+use elk_bus::{Client, Clock, Community, ConnectError, LEASE, ProcessId, SUCCEED};
 use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, instead};
 use rustix::event::{PollFd, PollFlags};
+use rustix::process::Pid;
 
 use crate::control::{AppRow, Request};
 use crate::crew::Crew;
 use crate::error::LaunchError;
 use crate::guard::Guard;
-use crate::launch_state::{AppState, LaunchState, ProcessState};
+use crate::launch_state::{AppState, LaunchState};
 use crate::listener::Join;
 use crate::observer::News;
 use crate::process::{Bond, Process};
 use crate::run_folder::stamp;
 use crate::run_place::RunPlace;
+use crate::strays::{Sight, Strays};
 use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Supervisor, Ticket, UnitSpec, Word};
 use crate::usage::{Samples, Usage};
 
@@ -33,6 +35,10 @@ const LEASE_SECS: u32 = 15;
 
 /// How long a broker that is only to put things away may take to answer.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
+/// How long the end of a mission waits for processes that apps had started elsewhere: they have been killed long before.
+const STRAYS_PATIENCE: Duration = Duration::from_secs(10);
+/// How often it is looked whether those have ended that apps had started elsewhere.
+const STRAYS_EVERY: Duration = Duration::from_millis(5);
 /// How often it is asked.
 const ASK_EVERY: Duration = Duration::from_millis(5);
 
@@ -56,6 +62,8 @@ pub(crate) struct Processes {
     /// Holders that were relieved and have until then to end.
     retiring: Vec<(Process, Duration)>,
     guard: Option<Guard>,
+    /// What apps have started outside of their groups.
+    strays: Strays,
     /// What ended the mission, until somebody asks.
     failed: Option<LaunchError>,
     sayings: Vec<String>,
@@ -83,6 +91,7 @@ impl Processes {
             true => None,
             false => Some(Guard::start(&yard.program)?),
         };
+        Strays::gather_orphans();
         let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
         let units = mission.apps.iter().map(|app| UnitSpec::new(&app.name, &app.element, &app.policy));
         let apps = mission.apps.iter().map(|app| Post { app: Some(app.clone()), ..Post::default() });
@@ -92,6 +101,7 @@ impl Processes {
             posts: std::iter::once(Post::default()).chain(apps).collect(),
             retiring: Vec::new(),
             guard,
+            strays: Strays::default(),
             failed: None,
             sayings: Vec::new(),
             words: Vec::new(),
@@ -111,7 +121,7 @@ impl Processes {
         let folder = yard.place.folder.clone();
         let mut all = Self::new(mission, yard)?;
         all.explorers.clone_from(&state.explorers);
-        all.posts[BROKER].holder = state.broker.and_then(|broker| broker.adopt(DB, &folder));
+        all.posts[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log_of(&folder, DB)));
         all.supervisor.adopt(BROKER, State::Running, Duration::ZERO);
         for (place, app) in (BROKER + 1..).zip(&state.apps) {
             all.adopt_app(place, app);
@@ -120,7 +130,8 @@ impl Processes {
     }
 
     fn adopt_app(&mut self, place: usize, app: &AppState) {
-        let adopt = |process: Option<ProcessState>| process?.adopt(&app.name, &self.yard.place.folder);
+        let log = log_of(&self.yard.place.folder, &app.name);
+        let adopt = |process: Option<ProcessId>| Process::adopt(process?, &log);
         // In the midst of a swap there may be two; who has the name goes on.
         let (holder, successor) = (adopt(app.process), adopt(app.successor));
         let holder = match (holder, successor) {
@@ -171,12 +182,15 @@ impl Processes {
                 }
             }
         }
-        let guard = &mut self.guard;
+        let (guard, strays) = (&mut self.guard, &mut self.strays);
         self.retiring.retain_mut(|(process, until)| {
             if *until <= now {
                 process.kill();
             }
             let ended = process.ended().is_some();
+            if ended {
+                strays.dismiss(Some(process.pid()), now);
+            }
             if let Some(guard) = guard.as_mut().filter(|_| ended) {
                 guard.forget(process.pid());
             }
@@ -184,6 +198,36 @@ impl Processes {
         });
         let processes = self.posts.iter().flat_map(Post::processes).map(Process::pid);
         self.samples.take(now, processes);
+        self.reap_strays(now);
+    }
+
+    fn reap_strays(&mut self, now: Duration) {
+        let (apps, ours) = self.started();
+        let mut sights = self.strays.look(now, &apps, &ours);
+        sights.extend(self.strays.reap(now));
+        self.note(&sights);
+    }
+
+    /// Sees who descends from whom before anybody ends: afterwards it cannot be told any more.
+    fn look_for_strays(&mut self) {
+        let (apps, ours) = self.started();
+        let sights = self.strays.look_now(self.now(), &apps, &ours);
+        self.note(&sights);
+    }
+
+    fn note(&mut self, sights: &[Sight]) {
+        if let Some(guard) = &mut self.guard {
+            sights.iter().for_each(|sight| guard.note(sight));
+        }
+    }
+
+    /// The processes that were started and not waited for; and, with the guard, their numbers.
+    fn started(&self) -> (Vec<Pid>, BTreeSet<i32>) {
+        let retiring = self.retiring.iter().map(|(process, _)| process);
+        let apps: Vec<Pid> = self.posts.iter().flat_map(Post::processes).chain(retiring).map(Process::pid).collect();
+        let numbers = apps.iter().map(|pid| pid.as_raw_nonzero().get());
+        let ours = numbers.chain(self.guard.as_ref().map(Guard::pid)).collect();
+        (apps, ours)
     }
 
     fn act_all(&mut self) {
@@ -205,6 +249,7 @@ impl Processes {
         }
         let exit = process.as_mut()?.ended()?.clone();
         let process = process.take()?;
+        self.strays.dismiss(Some(process.pid()), self.clock.elapsed());
         if let Some(guard) = &mut self.guard {
             guard.forget(process.pid());
         }
@@ -255,7 +300,7 @@ impl Processes {
     }
 
     fn spawn(&mut self, name: &str, command: Command) -> Result<Process, LaunchError> {
-        let log = self.yard.place.folder.join(format!("{name}.log"));
+        let log = log_of(&self.yard.place.folder, name);
         if log.metadata().is_ok_and(|found| found.len() > 0)
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)
         {
@@ -420,8 +465,8 @@ impl Processes {
             *state = AppState::of(app);
         }
         state.idle = matches!(unit.state, State::Idle | State::Stopping { .. } | State::Stopped | State::Over);
-        state.process = post.holder.as_ref().and_then(ProcessState::of);
-        state.successor = post.successor.as_ref().and_then(ProcessState::of);
+        state.process = post.holder.as_ref().and_then(Process::id);
+        state.successor = post.successor.as_ref().and_then(Process::id);
         state.restarts = unit.restarts;
         state.swaps = unit.swaps;
         state.last_exit.clone_from(&unit.last_exit);
@@ -495,7 +540,8 @@ impl Crew for Processes {
     }
 
     fn patience(&self) -> Option<Duration> {
-        Some(self.supervisor.deadline()?.saturating_sub(self.now()))
+        let deadlines = self.supervisor.deadline().into_iter().chain(self.strays.deadline());
+        Some(deadlines.min()?.saturating_sub(self.now()))
     }
 
     fn sayings(&mut self) -> Vec<String> {
@@ -535,7 +581,7 @@ impl Crew for Processes {
     }
 
     fn note_state(&self, state: &mut LaunchState) -> bool {
-        state.broker = self.posts[BROKER].holder.as_ref().and_then(ProcessState::of);
+        state.broker = self.posts[BROKER].holder.as_ref().and_then(Process::id);
         state.explorers.clone_from(&self.explorers);
         for (place, app) in (BROKER + 1..).zip(&mut state.apps) {
             self.note_app(place, app);
@@ -548,6 +594,7 @@ impl Crew for Processes {
     }
 
     fn end_apps(&mut self) {
+        self.look_for_strays();
         let now = self.now();
         self.supervisor.end(now);
         self.work();
@@ -555,6 +602,24 @@ impl Crew for Processes {
 
     fn ended(&self) -> bool {
         self.supervisor.all_ended() && self.retiring.is_empty()
+    }
+
+    fn end_strays(&mut self) {
+        let clock = Stopwatch::start();
+        loop {
+            // Whoever was the child of one that has ended just now is an orphan.
+            self.look_for_strays();
+            self.strays.dismiss(None, self.now());
+            let sights = self.strays.reap(self.now());
+            self.note(&sights);
+            if self.strays.is_empty() {
+                return;
+            }
+            if clock.elapsed() > STRAYS_PATIENCE {
+                return self.sayings.push("processes that apps had started elsewhere could not be ended".to_owned());
+            }
+            std::thread::sleep(STRAYS_EVERY);
+        }
     }
 
     fn stop_broker(&mut self) {
@@ -568,6 +633,7 @@ impl Crew for Processes {
 /// Whoever leaves early, by an error or a panic, leaves nobody behind.
 impl Drop for Processes {
     fn drop(&mut self) {
+        self.look_for_strays();
         let posts = self.posts.iter_mut().rev();
         for process in posts.flat_map(|post| post.successor.take().into_iter().chain(post.holder.take())) {
             let mut process = process;
@@ -576,7 +642,13 @@ impl Drop for Processes {
         for (process, _) in &mut self.retiring {
             process.stop(STOP_PATIENCE);
         }
+        self.end_strays();
     }
+}
+
+/// The text log of the broker or an app. Names of apps have a grammar (see `elk_mission`): none is a path.
+fn log_of(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{name}.log"))
 }
 
 /// Another broker of the same community would make ours end, or be taken for it.

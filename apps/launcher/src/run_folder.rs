@@ -1,5 +1,6 @@
 //! The folder that a run leaves behind: `logs/<mission>-<YYYYMMDD-HHMMSS>`.
 
+use std::ffi::OsStr;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -9,12 +10,13 @@ use crate::error::LaunchError;
 
 /// Runs that can start in the same second before one is refused.
 const TRIES: u32 = 1000;
+/// The longest name that is taken over from a mission (bytes).
+const LONGEST: usize = 100;
 
 /// Makes the folder of a run of `mission` that starts at `now` (s since 1970, UTC); a second one of the same second is
 /// numbered.
 pub(crate) fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, LaunchError> {
-    let stem = mission.file_stem().unwrap_or_default().to_string_lossy();
-    let name = format!("{stem}-{}", stamp(now));
+    let name = format!("{}-{}", plain(mission.file_stem()), stamp(now));
     let unwritable = |source| LaunchError::Folder { folder: logs.to_owned(), source };
     std::fs::create_dir_all(logs).map_err(unwritable)?;
     let logs = std::path::absolute(logs).map_err(unwritable)?;
@@ -28,6 +30,22 @@ pub(crate) fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, L
         }
     }
     Err(unwritable(ErrorKind::AlreadyExists.into()))
+}
+
+/// A name for a file of the run that is one step of a path, no hidden file and no option of a command, whatever the name
+/// is that it is made of.
+fn plain(name: Option<&OsStr>) -> String {
+    let name = name.unwrap_or_default().to_string_lossy();
+    let good = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let name: String = name.chars().map(good).collect();
+    let name: String = name.trim_start_matches(['.', '-', '_']).chars().take(LONGEST).collect();
+    if name.is_empty() { "mission".to_owned() } else { name }
+}
+
+/// What the copy of a mission file is called that the run keeps: its own name, and `.xml` behind it, so that it is no
+/// name of a file that the run writes.
+pub(crate) fn copy_name(mission: &Path) -> String {
+    format!("{}.xml", plain(mission.file_stem()))
 }
 
 /// `20261123-224512`, UTC.
@@ -61,6 +79,22 @@ mod tests {
         let names: Vec<String> = (0..3).map(name).collect();
         let first = "apartment-19700101-000000";
         assert_eq!(names, [first, &format!("{first}-2"), &format!("{first}-3")]);
+    }
+
+    #[test]
+    fn a_mission_s_name_makes_one_plain_folder_in_the_logs() {
+        let logs = tempfile::tempdir().unwrap();
+        let long = format!("{}.xml", "x".repeat(250));
+        for name in ["..xml", ".xml", "--help.xml", "a b\n.xml", "..", "", "ä*?.xml", "log.mcap", &long] {
+            let folder = create(logs.path(), Path::new(name), 0.0).unwrap();
+            let made = folder.file_name().unwrap().to_str().unwrap();
+            assert_eq!(folder.parent(), Some(logs.path()));
+            assert!(made.starts_with(|c: char| c.is_ascii_alphanumeric()), "{made:?}");
+            assert!(made.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c)), "{made:?}");
+            let copy = copy_name(Path::new(name));
+            assert!(copy.ends_with(".xml") && !copy.starts_with(['.', '-']) && !copy.contains('/'), "{copy:?}");
+        }
+        assert_eq!(copy_name(Path::new("missions/apartment.xml")), "apartment.xml");
     }
 
     #[test]

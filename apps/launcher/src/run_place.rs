@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use elk_mission::{AppSpec, Mission, Program};
 
 use crate::error::LaunchError;
+use crate::run_folder::copy_name;
 use crate::summary;
 
 /// Where a run is kept.
@@ -23,10 +24,9 @@ pub(crate) struct RunPlace {
 impl RunPlace {
     /// That of a mission in `folder`.
     pub fn new(mission: &Mission, folder: &Path, manual: bool) -> Self {
-        let file_name = mission.file.file_name().unwrap_or_default();
         let seed = summary::seed(mission).unwrap_or_default().to_string();
         let world = mission.of_element("Sensor").find_map(|sensor| sensor.setting("World")).unwrap_or_default();
-        let (folder, mission_copy) = (folder.to_owned(), folder.join(file_name));
+        let (folder, mission_copy) = (folder.to_owned(), folder.join(copy_name(&mission.file)));
         Self { folder, mission_copy, seed, world: world.to_owned(), manual }
     }
 

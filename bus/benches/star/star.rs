@@ -193,7 +193,7 @@ impl Place {
 
     fn prefix(&self) -> String {
         match self.way {
-            Way::Elk => format!("elk_{}_", self.name),
+            Way::Elk => format!("elk_{}=", self.name),
             _ => bare_iceoryx2::prefix(&self.name),
         }
     }

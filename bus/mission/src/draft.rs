@@ -3,6 +3,7 @@
 use roxmltree::{Attribute, Node};
 
 use crate::mission::{AppSpec, Program};
+use crate::name::{APP_NAMES, is_app_name};
 use crate::nearest::{instead, nearest};
 use crate::params::ParamValue;
 use crate::policy::{self, Said};
@@ -140,11 +141,8 @@ impl Draft {
         let value = attribute.value().trim();
         match attribute.name() {
             "type" | "exec" | "args" => {}
-            "name" if is_name(value) => self.named = Some((value.to_owned(), value_place)),
-            "name" => problems.add(
-                &value_place,
-                format!("{value:?} is no name for an app; right are 1 to 48 letters, digits, '-' or '_'"),
-            ),
+            "name" if is_app_name(value) => self.named = Some((value.to_owned(), value_place)),
+            "name" => problems.add(&value_place, format!("{value:?} is no name for an app; right are {APP_NAMES}")),
             name => match (self.policy.take(name, value), policy::meant(name)) {
                 (Some(taken), _) => {
                     if let Err(error) = taken {
@@ -292,12 +290,6 @@ pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scena
 
 fn is_command_line(place: &Place) -> bool {
     matches!(place, Place::CommandLine(_))
-}
-
-/// Names are names of clients, of log files, and stand before a `.` in `--set`.
-fn is_name(text: &str) -> bool {
-    let good = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    (1..=48).contains(&text.len()) && text.chars().all(good)
 }
 
 /// A path with a folder is looked for from the mission's folder, a bare name in `PATH`.

@@ -383,7 +383,7 @@ fn every_mistake_has_its_place_and_says_what_would_be_right() {
         ),
         (
             "<Filter type=\"Distance\" name=\"a b\"/>",
-            "m.xml:7:31: \"a b\" is no name for an app; right are 1 to 48 letters, digits, '-' or '_'",
+            "m.xml:7:31: \"a b\" is no name for an app; right are 1 to 48 letters, digits, '-' or '_', the first a letter or a digit",
         ),
         (
             "<Filter type=\"Distance\" restart=\"allways\"/>",

@@ -12,9 +12,12 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 
 use super::bulk::{self, BulkReader, BulkWriter};
+use super::folder::FolderError;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
+use super::place::Place;
+use super::scarce;
 use crate::broker::Introduction;
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
@@ -33,6 +36,8 @@ const REJOIN_EVERY: Duration = Duration::from_millis(3);
 
 /// A value of at most so many bytes travels in a batch if there is no chunk of shared memory for it.
 const LONGEST_IN_BATCH: usize = wire::MAX_MESSAGE - wire::HEADER - wire::MAX_NAME - 8;
+/// How often it is tried again to open a bulk service that could not be opened.
+const REATTACH_EVERY: Duration = Duration::from_secs(5);
 
 /// How long a client that leaves waits for the broker to take its last words.
 const LINGER: Duration = Duration::from_secs(10);
@@ -67,6 +72,14 @@ pub enum ConnectError {
         /// What the socket says.
         source: std::io::Error,
     },
+    /// The community's folder is not safe, or not to be seen from here.
+    #[error("community {community}: {source}")]
+    Folder {
+        /// The community.
+        community: Community,
+        /// What is wrong with it.
+        source: FolderError,
+    },
     /// Shared memory failed.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -85,8 +98,8 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let hello = Hello { protocol: handshake::PROTOCOL, name: name.into(), lease_secs, succeeds, returns };
     handshake::send(&stream, &hello, &[]).map_err(broken)?;
     let (answer, files) = handshake::receive(&stream).map_err(broken)?;
-    let (id, epoch, clock) = match answer {
-        Answer::Welcome { id, epoch, warp, dial } => (id, epoch, Clock::new(warp).driven(dial)),
+    let (id, epoch, clock, folder) = match answer {
+        Answer::Welcome { id, epoch, warp, dial, folder } => (id, epoch, Clock::new(warp).driven(dial), folder),
         Answer::Refused { reason } => {
             return Err(ConnectError::Refused { community: community.clone(), reason });
         }
@@ -96,7 +109,11 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let (broker, page) = (Page::open(broker_page).map_err(broken)?, Page::open(page).map_err(broken)?);
     let page = Arc::new(page);
     watch(&stream, &page).map_err(broken)?;
-    let (community, node) = (community.clone(), lane::node(community)?);
+    let unusable = |source| ConnectError::Folder { community: community.clone(), source };
+    let place = Place::open(community, &folder).map_err(unusable)?;
+    let node = lane::node(&place)?;
+    place.close_to_others().map_err(unusable)?;
+    let community = community.clone();
     let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
     open_lanes(line, back, clock).map_err(ConnectError::from)
@@ -108,8 +125,9 @@ fn open_lanes(line: Rc<Line>, back: ShmBack, clock: Clock) -> Result<Link, LinkE
     line.page.ready.store(1, Release);
     line.broker.bell.ring();
     let epoch = line.epoch;
-    let up = Box::new(ShmUp { lane: up, bulk: None, own_batch: None, line: line.clone() });
-    let down = Box::new(ShmDown { lane: down, received: 0, taken: Rc::new(Cell::new(0)), bulk: BTreeMap::new(), line });
+    let up = Box::new(ShmUp { lane: up, bulk: None, bulk_failed: false, own_batch: None, line: line.clone() });
+    let (taken, bulk, refused) = (Rc::new(Cell::new(0)), BTreeMap::new(), BTreeMap::new());
+    let down = Box::new(ShmDown { lane: down, received: 0, taken, bulk, refused, line });
     Ok(Link { up, down, back: Box::new(back), clock, epoch })
 }
 
@@ -221,15 +239,29 @@ impl Line {
 struct ShmUp {
     lane: LaneWriter,
     bulk: Option<BulkWriter>,
+    /// The bulk service could not be opened, at one end or the other.
+    bulk_failed: bool,
     /// The number of the batch that this end sent by itself: nobody else counts it.
     own_batch: Option<u64>,
     line: Rc<Line>,
 }
 
 impl ShmUp {
-    fn open_bulk(&mut self, len: usize) -> Result<BulkWriter, LinkError> {
+    /// `None`: there is no bulk service for this client, and its values travel in batches from now on.
+    fn try_open_bulk(&mut self, len: usize) -> Result<Option<BulkWriter>, LinkError> {
         let name = lane_name(self.line.epoch, "bulk", self.line.id);
-        let writer = BulkWriter::open(&self.line.node, &name, len)?;
+        let opened = match scarce::room().and_then(|()| BulkWriter::open(&self.line.node, &name, len)) {
+            Ok(writer) => self.introduce(writer)?,
+            Err(error) => Err(error.to_string()),
+        };
+        self.bulk_failed = opened.is_err();
+        Ok(opened
+            .map_err(|why| tell(format_args!("values of 16 KiB and more take the long way, as copies: {why}")))
+            .ok())
+    }
+
+    /// Has the broker open the receiving end; the inner error is why it could not.
+    fn introduce(&mut self, writer: BulkWriter) -> Result<Result<BulkWriter, String>, LinkError> {
         // The broker attaches first: it keeps latest values, and copies for those who come later.
         let mut frame = Vec::new();
         let header = Header { source: self.line.id, ..Header::new(FrameKind::Attached) };
@@ -237,7 +269,10 @@ impl ShmUp {
         self.send(&frame)?;
         self.own_batch = Some(self.line.page.up_sent.load(Relaxed));
         self.line.wait_until(|page| page.attachments.load(Acquire) > 0)?;
-        Ok(writer)
+        match self.line.page.bulk_refused.load(Acquire) {
+            0 => Ok(Ok(writer)),
+            _ => Ok(Err("the broker could not open this client's bulk service; its log says why".to_owned())),
+        }
     }
 }
 
@@ -245,25 +280,28 @@ impl Uplink for ShmUp {
     fn send(&mut self, batch: &[u8]) -> Result<(), LinkError> {
         let page = &self.line.page;
         let sent = page.up_sent.load(Relaxed);
-        self.line.wait_until(|page| sent - page.up_taken.load(Acquire) < DEPTH)?;
+        self.line.wait_until(|page| sent.saturating_sub(page.up_taken.load(Acquire)) < DEPTH)?;
         if page.closed.load(Acquire) != OPEN {
             self.line.check()?;
         }
-        if !page.up.put(sent, batch) {
-            self.lane.send(batch)?;
+        if !page.up.put(sent, batch)
+            && let Err(error) = self.lane.send(batch)
+        {
+            // A broker that died can be the reason.
+            return Err(self.line.check().err().unwrap_or(error));
         }
-        page.up_sent.store(sent + 1, Release);
+        page.up_sent.store(sent.wrapping_add(1), Release);
         self.line.broker.bell.ring();
         Ok(())
     }
 
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError> {
-        if self.bulk.is_none() {
-            self.bulk = Some(self.open_bulk(len)?);
+        if self.bulk.is_none() && !self.bulk_failed {
+            self.bulk = self.try_open_bulk(len)?;
         }
         let Some(writer) = &mut self.bulk else { return Ok(None) };
         let sent = writer.sent;
-        self.line.wait_until(|page| sent - page.bulk_settled.load(Acquire) < bulk::DEPTH)?;
+        self.line.wait_until(|page| sent.saturating_sub(page.bulk_settled.load(Acquire)) < bulk::DEPTH)?;
         // Read before sending: whoever attached by now is reached by this very sample.
         let generation = self.line.page.attachments.load(Acquire);
         let mut sample = writer.send(len, fill)?;
@@ -322,6 +360,8 @@ struct ShmDown {
     received: u64,
     taken: Rc<Cell<u64>>,
     bulk: BTreeMap<u32, BulkReader>,
+    /// Publishers whose bulk service could not be opened, and since when.
+    refused: BTreeMap<u32, Stopwatch>,
     line: Rc<Line>,
 }
 
@@ -335,11 +375,13 @@ impl Downlink for ShmDown {
                 let number = self.received;
                 let small = page.down.get(number).is_some();
                 let sample = if small { None } else { self.lane.receive()? };
-                if small || sample.is_some() {
-                    self.received += 1;
-                    let (taken, line) = (self.taken.clone(), self.line.clone());
-                    return Ok(Some(Batch(Box::new(Taken { number, sample, taken, line }))));
+                if !small && sample.is_none() {
+                    // What a broker that is gone has taken along is said again by the next.
+                    return Err(self.line.check().err().unwrap_or_else(lane::lost));
                 }
+                self.received += 1;
+                let (taken, line) = (self.taken.clone(), self.line.clone());
+                return Ok(Some(Batch(Box::new(Taken { number, sample, taken, line }))));
             }
             if page.closed.load(Acquire) != OPEN {
                 self.line.check()?;
@@ -386,8 +428,24 @@ impl Downlink for ShmDown {
         if self.bulk.contains_key(&publisher) {
             return false; // told twice: the first word is still on its way up
         }
-        let opened = BulkReader::open(&self.line.node, &lane_name(self.line.epoch, "bulk", publisher));
-        opened.map(|reader| self.bulk.insert(publisher, reader)).is_ok()
+        if self.refused.get(&publisher).is_some_and(|since| since.elapsed() < REATTACH_EVERY) {
+            return false;
+        }
+        let name = lane_name(self.line.epoch, "bulk", publisher);
+        match scarce::room().and_then(|()| BulkReader::open(&self.line.node, &name)) {
+            Ok(reader) => {
+                self.bulk.insert(publisher, reader);
+                self.refused.remove(&publisher);
+                true
+            }
+            Err(error) => {
+                // The broker goes on to send copies, and hints, as long as it is not told otherwise.
+                if self.refused.insert(publisher, Stopwatch::start()).is_none() {
+                    tell(format_args!("large values come as copies, their shared memory cannot be opened: {error}"));
+                }
+                false
+            }
+        }
     }
 }
 

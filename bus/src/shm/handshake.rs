@@ -6,6 +6,7 @@ use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixListener, UnixStream};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use rustix::net::{
@@ -18,7 +19,7 @@ use crate::codec;
 use crate::community::Community;
 
 /// Counts up whenever lanes, pages or frames change.
-pub const PROTOCOL: u32 = 4;
+pub const PROTOCOL: u32 = 5;
 /// How long either side waits for the other's word.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 /// The longest message of the handshake (bytes).
@@ -44,6 +45,8 @@ pub enum Answer {
         warp: f64,
         /// What the community's clock is set to, if somebody drives it.
         dial: Option<Dial>,
+        /// Where the community's files are, whatever the client's environment says of places.
+        folder: PathBuf,
     },
     Refused {
         reason: String,

@@ -12,12 +12,12 @@ use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::full;
-use super::place::{self, failed};
-use crate::community::Community;
+use super::place::{Place, failed};
+use super::scarce;
 use crate::link::LinkError;
 
-/// The flavour of iceoryx2 services: between processes, each port used by one thread.
-pub type Service = iceoryx2::prelude::ipc::Service;
+pub use super::service::Service;
+
 /// A received batch.
 pub type LaneSample = Sample<Service, [u8], ()>;
 
@@ -28,13 +28,13 @@ const BORROWED: usize = 4;
 /// What a lane is made for at first (bytes a batch); it grows.
 const FIRST_BATCH_BYTES: usize = 4096;
 
-/// This process' node in a community; refused where shared memory is all but full.
-pub fn node(community: &Community) -> Result<Node<Service>, LinkError> {
+/// This process' node in a community's place; refused where shared memory is all but full.
+pub fn node(place: &Place) -> Result<Node<Service>, LinkError> {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
     full::say_why();
-    place::room()?;
+    scarce::room()?;
     NodeBuilder::new()
-        .config(&place::config(community)?)
+        .config(&place.config()?)
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Service>()
         .map_err(failed("joining the community's shared memory"))
@@ -71,11 +71,21 @@ impl LaneWriter {
             .map_err(failed(format_args!("writing to lane {name}")))
     }
 
-    /// Sends a batch.
+    /// Sends a batch. That nobody is there to read it is an error: iceoryx2 passes over a reader whose memory it cannot
+    /// open, and the reader would wait for ever.
     pub fn send(&self, batch: &[u8]) -> Result<(), LinkError> {
         let sample = self.0.loan_slice_uninit(batch.len()).map_err(failed("room for a batch"))?;
-        sample.write_from_slice(batch).send().map(|_| ()).map_err(failed("sending a batch"))
+        match sample.write_from_slice(batch).send().map_err(failed("sending a batch"))? {
+            0 => Err(failed("sending a batch")("it reached nobody")),
+            _ => Ok(()),
+        }
     }
+}
+
+/// What to say of a batch that was announced and cannot be read: iceoryx2 passes over what lies in memory that it cannot
+/// open.
+pub fn lost() -> LinkError {
+    failed("receiving a batch")("it lies in memory that cannot be opened")
 }
 
 /// The reading end.

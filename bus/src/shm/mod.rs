@@ -10,6 +10,7 @@
 
 mod bulk;
 mod client;
+mod folder;
 mod full;
 mod handshake;
 mod lane;
@@ -18,8 +19,11 @@ mod page;
 mod place;
 mod places;
 mod running;
+mod scarce;
 mod server;
+mod service;
 
 pub use client::{ConnectError, connect};
+pub use folder::{Fault, FolderError};
 pub use running::{Running, running};
 pub use server::{ServeError, Server};

@@ -6,7 +6,7 @@ use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::time::Duration;
 
-use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
+use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, ftruncate, memfd_create};
 use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
@@ -128,6 +128,8 @@ pub struct ClientPage {
     pub goodbye: AtomicU32,
     /// How many clients have attached to this client's bulk service. Written by the broker.
     pub attachments: AtomicU32,
+    /// 1: the broker cannot open this client's bulk service. Written by the broker.
+    pub bulk_refused: AtomicU32,
     /// Batches sent up. Written by the client.
     pub up_sent: AtomicU64,
     /// Batches taken by the broker.
@@ -154,12 +156,50 @@ pub struct ClientPage {
     pub down: Slots,
 }
 
+/// More messages than any client can have been given.
+const COUNTLESS: u64 = 1 << 48;
+
+impl ClientPage {
+    /// Batches that the client has sent and the broker has not taken; more than [`DEPTH`] if the counters cannot be true.
+    pub fn on_the_way_up(&self) -> u64 {
+        ahead(self.up_sent.load(Ordering::Acquire), self.up_taken.load(Ordering::Relaxed))
+    }
+
+    /// Batches that the broker has sent and the client is not done with; as above.
+    pub fn on_the_way_down(&self) -> u64 {
+        ahead(self.down_sent.load(Ordering::Relaxed), self.down_taken.load(Ordering::SeqCst))
+    }
+
+    /// What cannot be true of the counters, seen from the broker, which writes one of each pair and is never overtaken by
+    /// an honest client: whoever has written over its page is not served on.
+    pub fn fault(&self) -> Option<&'static str> {
+        let too_many = |counter: &AtomicU64| counter.load(Ordering::Relaxed) > COUNTLESS;
+        if self.on_the_way_up() > DEPTH {
+            Some("it has sent more batches than there is room for, or fewer than were taken")
+        } else if self.on_the_way_down() > DEPTH {
+            Some("it has taken more batches than it was sent")
+        } else if too_many(&self.handled) || too_many(&self.missed) {
+            Some("it has handled or missed more messages than there can have been")
+        } else {
+            None
+        }
+    }
+}
+
+/// How far one counter is ahead of another that cannot be ahead of it.
+fn ahead(one: u64, other: u64) -> u64 {
+    one.checked_sub(other).unwrap_or(u64::MAX)
+}
+
 /// The connection is open.
 pub const OPEN: u32 = 0;
 /// The broker is on its way out, or has let go of this client. Written by the broker.
 pub const SENT_AWAY: u32 = 1;
 /// The broker's process is gone. Written by the client's own watch.
 pub const BROKER_DIED: u32 = 2;
+
+/// What is sealed of a page.
+const SIZED: SealFlags = SealFlags::SHRINK.union(SealFlags::GROW);
 
 /// A shared mapping of a `T` that consists of atomics.
 pub struct Page<T> {
@@ -179,13 +219,23 @@ impl Shareable for ClientPage {}
 impl<T: Shareable> Page<T> {
     /// A fresh page, all zero.
     pub fn create(name: &str) -> std::io::Result<Self> {
-        let file = memfd_create(name, MemfdFlags::CLOEXEC)?;
+        let file = memfd_create(name, MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING)?;
         ftruncate(&file, size_of::<T>() as u64)?;
+        fcntl_add_seals(&file, SIZED | SealFlags::SEAL)?;
         Self::open(file)
     }
 
-    /// The page that another process created.
+    /// The page that another process created. Its size is sealed: a page that the other end could shrink would end
+    /// whoever touches it (SIGBUS).
     pub fn open(file: OwnedFd) -> std::io::Result<Self> {
+        match fcntl_get_seals(&file) {
+            Ok(seals) if seals.contains(SIZED) => Self::map(file),
+            _ => Err(std::io::Error::other("the shared page's size is not sealed")),
+        }
+    }
+
+    /// The page in a file of whatever kind.
+    pub(super) fn map(file: OwnedFd) -> std::io::Result<Self> {
         let length = rustix::fs::fstat(&file)?.st_size;
         if (length as usize) < size_of::<T>() {
             return Err(std::io::Error::other(format!(
@@ -262,8 +312,45 @@ mod tests {
     }
 
     #[test]
-    fn a_short_file_is_refused() {
-        let file = memfd_create("elk-test", MemfdFlags::CLOEXEC).unwrap();
-        assert!(Page::<ClientPage>::open(file).is_err());
+    fn a_page_s_size_is_sealed_and_one_whose_is_not_is_refused() {
+        let page = Page::<ClientPage>::create("elk-test").unwrap();
+        for size in [0, 1 << 20] {
+            assert_eq!(ftruncate(page.file(), size), Err(Errno::PERM));
+        }
+        assert_eq!(fcntl_add_seals(page.file(), SealFlags::FUTURE_WRITE), Err(Errno::PERM));
+        let open = memfd_create("elk-test", MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING).unwrap();
+        ftruncate(&open, size_of::<ClientPage>() as u64).unwrap();
+        assert!(Page::<ClientPage>::open(open).is_err());
+        let short = memfd_create("elk-test", MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING).unwrap();
+        fcntl_add_seals(&short, SIZED).unwrap();
+        assert!(Page::<ClientPage>::open(short).is_err());
+    }
+
+    #[test]
+    fn counters_that_cannot_be_true_are_noticed() {
+        let page = Page::<ClientPage>::create("elk-test").unwrap();
+        let honest = |page: &ClientPage| {
+            page.up_taken.store(3, Ordering::Relaxed);
+            page.up_sent.store(3 + DEPTH, Ordering::Relaxed);
+            page.down_sent.store(5, Ordering::Relaxed);
+            page.down_taken.store(5, Ordering::Relaxed);
+            page.handled.store(7, Ordering::Relaxed);
+            page.missed.store(0, Ordering::Relaxed);
+        };
+        honest(&page);
+        assert_eq!(page.fault(), None);
+        let lies: [(&AtomicU64, &[u64]); 4] = [
+            (&page.up_sent, &[0, 2, 4 + DEPTH, 1 << 63, u64::MAX]),
+            (&page.down_taken, &[6, 1 << 63, u64::MAX]),
+            (&page.handled, &[1 << 63, u64::MAX]),
+            (&page.missed, &[u64::MAX]),
+        ];
+        for (counter, values) in lies {
+            for value in values {
+                counter.store(*value, Ordering::Relaxed);
+                assert!(page.fault().is_some(), "{value}");
+                honest(&page);
+            }
+        }
     }
 }

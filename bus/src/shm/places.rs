@@ -4,67 +4,89 @@
 //! one goes. They need not reach the disk: they outlive processes, not machines. A broker that finds a living process in
 //! them takes the place of a broker that died; any other is a leftover.
 
-use rustix::process::Pid;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::place;
 use crate::broker::{Legacy, Place};
 use crate::codec;
-use crate::community::Community;
+use crate::process_id::ProcessId;
 
 /// A client's place and its process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Occupied {
     pub place: Place,
-    pub process: u32,
+    /// `None`: the client was gone already, or cannot be seen from here.
+    pub process: Option<ProcessId>,
+}
+
+impl Occupied {
+    /// Whether its process lives: that one, and not another that has its number by now.
+    pub fn is_alive(&self) -> bool {
+        self.process.is_some_and(|process| process.lives())
+    }
 }
 
 const PLACES: &str = "places";
 const LEGACIES: &str = "legacies";
 
 /// Writes who is there.
-pub fn write(community: &Community, all: &[Occupied]) -> std::io::Result<()> {
-    write_file(community, PLACES, &all)
+pub fn write(at: &place::Place, all: &[Occupied]) -> std::io::Result<()> {
+    write_file(at, PLACES, &all)
 }
 
 /// Writes what those have left who are gone.
-pub fn write_legacies(community: &Community, all: &[Legacy]) -> std::io::Result<()> {
-    write_file(community, LEGACIES, &all)
+pub fn write_legacies(at: &place::Place, all: &[Legacy]) -> std::io::Result<()> {
+    write_file(at, LEGACIES, &all)
 }
 
 /// Who was there when the last broker of the community died; nobody, if none of them lives.
-pub fn read(community: &Community) -> Vec<Occupied> {
-    let all: Vec<Occupied> = read_file(community, PLACES);
-    if all.iter().any(|one| lives(one.process)) { all } else { Vec::new() }
+pub fn read(at: &place::Place) -> Vec<Occupied> {
+    let all: Vec<Occupied> = read_file(at, PLACES);
+    if all.iter().any(Occupied::is_alive) { all } else { Vec::new() }
 }
 
 /// What those had left who were gone by then.
-pub fn read_legacies(community: &Community) -> Vec<Legacy> {
-    read_file(community, LEGACIES)
+pub fn read_legacies(at: &place::Place) -> Vec<Legacy> {
+    read_file(at, LEGACIES)
 }
 
-fn write_file<T: Serialize>(community: &Community, name: &str, all: &T) -> std::io::Result<()> {
-    let folder = place::root(community);
-    let fresh = folder.join(format!("{name}.new"));
+fn write_file<T: Serialize>(at: &place::Place, name: &str, all: &T) -> std::io::Result<()> {
     let mut bytes = Vec::new();
     codec::encode_onto(all, &mut bytes).map_err(std::io::Error::other)?;
-    std::fs::create_dir_all(&folder)?;
-    std::fs::write(&fresh, bytes)?;
-    std::fs::rename(fresh, folder.join(name))
+    at.folder().write(name, &bytes)
 }
 
 /// A file that cannot be read is of another version of elk, whose clients could not be served anyway.
-fn read_file<T: DeserializeOwned + Default>(community: &Community, name: &'static str) -> T {
-    let bytes = std::fs::read(place::root(community).join(name));
+fn read_file<T: DeserializeOwned + Default>(at: &place::Place, name: &'static str) -> T {
+    let bytes = at.folder().read(name);
     bytes.ok().and_then(|bytes| codec::decode_owned(&bytes, name).ok()).unwrap_or_default()
 }
 
-/// Whether a process is there and has not ended.
-pub fn lives(process: u32) -> bool {
-    let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) else { return false };
-    // One that nobody has waited for yet answers signals, but it is dead.
-    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
-    let state = stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next());
-    rustix::process::test_kill_process(pid).is_ok() && !matches!(state, Some('Z' | 'X'))
+#[cfg(test)]
+mod tests {
+    use super::super::folder::Folder;
+    use super::*;
+    use crate::community::Community;
+
+    /// A container that was killed and started again over the same folder finds its own numbers in it.
+    #[test]
+    fn a_living_process_with_the_number_of_a_dead_one_holds_no_place() {
+        let shared = tempfile::tempdir().unwrap();
+        let home = Folder::make(&shared.path().join("home")).unwrap();
+        let community = Community::new("lab").unwrap();
+        home.make_child("lab").unwrap().write("made-by-elk", b"lab").unwrap();
+        let at = place::Place::open_in(&home, &community).unwrap();
+        let own = ProcessId::of(std::process::id() as i32).unwrap();
+        let mut before = own;
+        before.started -= 1;
+        let launcher = |process| {
+            let place = Place { name: "launcher".into(), lease_secs: 15.0, registrations: Vec::new() };
+            vec![Occupied { place, process }]
+        };
+        for (process, found) in [(Some(own), 1), (Some(before), 0), (None, 0)] {
+            write(&at, &launcher(process)).unwrap();
+            assert_eq!(read(&at).len(), found, "{process:?}");
+        }
+    }
 }

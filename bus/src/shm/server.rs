@@ -3,6 +3,7 @@
 //! One thread does all of it; a thread a connection only waits for the client's first word and for its end.
 
 mod admission;
+mod lobby;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::os::unix::net::UnixStream;
@@ -17,15 +18,18 @@ use iceoryx2::node::Node;
 
 use super::bulk::{Budget, Shelf};
 use super::client::lane_name;
+use super::folder::FolderError;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
-use super::{leftovers, places};
+use super::place::Place;
+use super::{leftovers, places, scarce};
 use crate::broker::{Broker, BrokerConfig, ClientId, Reached};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
 use crate::limits;
 use crate::link::LinkError;
+use crate::process_id::ProcessId;
 use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
 use crate::words::tell;
 
@@ -65,6 +69,14 @@ pub enum ServeError {
         /// Why.
         source: std::io::Error,
     },
+    /// The community's folder is not safe.
+    #[error("community {community} cannot be served: {source}")]
+    Folder {
+        /// The community.
+        community: Community,
+        /// What is wrong with it.
+        source: FolderError,
+    },
     /// Shared memory failed.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -73,7 +85,7 @@ pub enum ServeError {
 /// What the connections' threads tell the broker's.
 enum Event {
     /// Somebody wants in.
-    Hello(u64, UnixStream, Hello),
+    Hello(u64, Arc<UnixStream>, Hello),
     /// A connection ended.
     HungUp(u64),
 }
@@ -81,6 +93,7 @@ enum Event {
 /// The broker of a community, with its transport.
 pub struct Server {
     community: Community,
+    place: Place,
     clock: Clock,
     epoch: u64,
     broker: Broker,
@@ -91,7 +104,7 @@ pub struct Server {
     /// Bulk values of publishers that are gone, as far as they are some variable's latest.
     departed: BTreeMap<ClientId, Shelf>,
     /// The processes of clients of the broker that died before this one, by name, until they are back.
-    awaited: BTreeMap<String, u32>,
+    awaited: BTreeMap<String, Option<ProcessId>>,
     /// Handovers whose end is not seen yet.
     handovers: Vec<admission::Handover>,
     /// Buffers for batches of mail.
@@ -103,8 +116,8 @@ pub struct Server {
 /// A connected client.
 struct Peer {
     connection: u64,
-    process: u32,
-    stream: UnixStream,
+    process: Option<ProcessId>,
+    stream: Arc<UnixStream>,
     /// The client is gone; what it sent may still wait in its lane.
     hung_up: bool,
     page: Page<ClientPage>,
@@ -133,27 +146,33 @@ impl Server {
         let io = |source| ServeError::Io { community: community.clone(), source };
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
-        let found = places::read(&community);
+        let unusable = |source| ServeError::Folder { community: community.clone(), source };
+        let mut place = Place::make(&community).map_err(unusable)?;
+        let found = places::read(&place);
         if found.is_empty() {
-            leftovers::remove(&community);
+            leftovers::remove(&place);
+            place = Place::make(&community).map_err(unusable)?;
         }
         let page = Arc::new(Page::<BrokerPage>::create("elk-broker").map_err(io)?);
-        let node = lane::node(&community)?;
+        let node = lane::node(&place)?;
+        place.close_to_others().map_err(unusable)?;
+        leftovers::close_to_others(&place).map_err(io)?;
         let (sender, events) = channel();
         let bell = page.clone();
         std::thread::Builder::new()
             .name("listener".into())
-            .spawn(move || admission::accept_all(&listener, &sender, &bell))
+            .spawn(move || admission::accept_all(listener, &sender, &bell))
             .map_err(io)?;
         let copies = Budget::of(config.limits.copied_bytes);
-        let awaited: BTreeMap<String, u32> = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
+        let awaited = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
             true => Broker::new(config, clock.now()),
-            false => admission::recover(&community, config, clock.now(), found),
+            false => admission::recover(&place, config, clock.now(), found),
         };
         let epoch = monotonic_nanos();
         Ok(Self {
             community,
+            place,
             clock,
             epoch,
             broker,
@@ -175,8 +194,11 @@ impl Server {
             let rings = self.page.bell.rings();
             let now = self.clock.now();
             self.broker.tick(now);
-            let moved =
-                self.take_events(now) | self.take_batches(now) | self.let_go_of_the_gone(now) | self.hand_out(now);
+            let moved = self.take_events(now)
+                | self.let_go_of_liars(now)
+                | self.take_batches(now)
+                | self.let_go_of_the_gone(now)
+                | self.hand_out(now);
             self.follow_up(now);
             if !moved {
                 let until_next = self.clock.real(self.broker.next_deadline() - now);
@@ -210,7 +232,7 @@ impl Server {
                 peer.page.up_taken.fetch_add(1, SeqCst);
                 return true;
             }
-            Ok(None) => return false,
+            Ok(None) => return self.expel(now, id, &lane::lost()),
             Err(error) => return self.expel(now, id, &error),
         };
         if let Some(held) = &mut peer.bulk {
@@ -277,6 +299,12 @@ impl Server {
     }
 
     fn expel(&mut self, now: f64, id: ClientId, why: &dyn std::fmt::Display) -> bool {
+        let gone = |peer: &&mut Peer| !peer.hung_up && handshake::hung_up(&peer.stream);
+        if let Some(peer) = self.peers.get_mut(&id).filter(gone) {
+            // That is why; its last words are taken before it is let go of.
+            peer.hung_up = true;
+            return true;
+        }
         let name = self.broker.client_name(id).unwrap_or("?").to_owned();
         tell(format_args!("elk db: letting go of client {name}: {why}"));
         self.let_go(now, id);
@@ -310,7 +338,7 @@ impl Server {
             if receiver == publisher {
                 self.open_bulk_of(publisher);
             } else if let Some(page) = self.peers.get(&publisher).map(|p| &p.page) {
-                let generation = page.attachments.fetch_add(1, SeqCst) + 1;
+                let generation = page.attachments.fetch_add(1, SeqCst).wrapping_add(1);
                 if let Some(peer) = self.peers.get_mut(&receiver) {
                     peer.attached.insert(publisher, generation);
                 }
@@ -322,10 +350,15 @@ impl Server {
         let (Some(node), Some(peer)) = (&self.node, self.peers.get_mut(&publisher)) else {
             return;
         };
-        match Shelf::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies) {
+        let shelf = || Shelf::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies);
+        match scarce::room().and_then(|()| shelf()) {
             Ok(shelf) => peer.bulk = Some(Held { shelf, under_way: VecDeque::new(), routed: 0 }),
-            // The values will be missed and counted by their receivers; the reason stands in the broker's log.
-            Err(error) => tell(format_args!("elk db: {error}")),
+            // Its values travel in batches then.
+            Err(error) => {
+                peer.page.bulk_refused.store(1, Release);
+                let name = self.broker.client_name(publisher).unwrap_or("?");
+                tell(format_args!("elk db: large values of client {name} are copied: {error}"));
+            }
         }
         peer.page.attachments.fetch_add(1, SeqCst);
     }
@@ -430,7 +463,7 @@ impl Server {
         }
         self.peers.clear();
         self.node = None;
-        leftovers::remove(&self.community);
+        leftovers::remove(&self.place);
     }
 }
 
@@ -516,11 +549,11 @@ impl Peer {
     }
 
     fn has_sent(&self) -> bool {
-        self.page.up_sent.load(Acquire) > self.page.up_taken.load(Relaxed)
+        (1..=DEPTH).contains(&self.page.on_the_way_up())
     }
 
     fn has_room(&self) -> bool {
-        self.page.down_sent.load(Relaxed) - self.page.down_taken.load(SeqCst) < DEPTH
+        self.page.on_the_way_down() < DEPTH
     }
 }
 

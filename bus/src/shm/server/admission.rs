@@ -6,12 +6,14 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
 use std::sync::mpsc::Sender;
 
+use super::Place;
+use super::lobby::{Door, Lobby};
 use super::{
     Answer, BTreeMap, Broker, BrokerConfig, BrokerPage, ClientId, ClientPage, Event, Hello, LaneReader, LaneWriter,
-    LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, monotonic_nanos, places,
+    LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, leftovers, monotonic_nanos, places, scarce,
 };
 use crate::broker::Introduction;
-use crate::community::Community;
+use crate::process_id::ProcessId;
 use crate::wire::BulkRef;
 use crate::words::tell;
 use places::Occupied;
@@ -31,12 +33,15 @@ pub(super) struct Handover {
 }
 
 /// A broker in the place of one that died.
-pub(super) fn recover(community: &Community, config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
+pub(super) fn recover(place: &Place, config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
     let clients = found.len();
     tell(format_args!("elk db: the broker before this one died; the places of its {clients} clients are kept"));
-    let places = found.into_iter().map(|one| (one.place, places::lives(one.process)));
+    let places = found.into_iter().map(|one| {
+        let alive = one.is_alive();
+        (one.place, alive)
+    });
     let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
-    broker.inherit(now, &places::read_legacies(community));
+    broker.inherit(now, &places::read_legacies(place));
     broker
 }
 
@@ -57,7 +62,7 @@ impl Server {
         any
     }
 
-    fn let_in(&mut self, now: f64, connection: u64, stream: UnixStream, hello: &Hello) {
+    fn let_in(&mut self, now: f64, connection: u64, stream: Arc<UnixStream>, hello: &Hello) {
         self.free_name_of_the_dead(now, &hello.name);
         let Hello { protocol, name, lease_secs, succeeds, returns } = hello;
         let who = Introduction { name, lease_secs: *lease_secs, succeeds: *succeeds, returns: *returns };
@@ -77,8 +82,9 @@ impl Server {
         match peer {
             Ok((id, peer)) => {
                 let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
-                let welcome =
-                    Answer::Welcome { id, epoch: self.epoch, warp: self.clock.warp(), dial: self.broker.dial() };
+                let (warp, dial) = (self.clock.warp(), self.broker.dial());
+                let folder = self.place.folder().path().to_owned();
+                let welcome = Answer::Welcome { id, epoch: self.epoch, warp, dial, folder };
                 // Who hung up meanwhile is noticed by the connection's own thread.
                 let _ = handshake::send(&stream, &welcome, &files);
                 self.peers.insert(id, peer);
@@ -99,7 +105,7 @@ impl Server {
             while self.peers.get(&id).is_some_and(Peer::has_sent) && self.take_batch(now, id) {}
             self.let_go(now, id);
         }
-        if self.awaited.get(name).is_some_and(|process| !places::lives(*process)) {
+        if self.awaited.get(name).is_some_and(|process| !process.is_some_and(|process| process.lives())) {
             self.awaited.remove(name);
             self.broker.expect_no_return(name);
         }
@@ -113,22 +119,35 @@ impl Server {
         !gone.is_empty()
     }
 
-    fn open_lanes(&self, connection: u64, stream: &UnixStream, id: ClientId) -> Result<Peer, LinkError> {
+    /// Lets go of clients that have written over their pages.
+    pub(super) fn let_go_of_liars(&mut self, now: f64) -> bool {
+        let faults = self.peers.iter().filter_map(|(id, peer)| Some((*id, peer.page.fault()?)));
+        let liars: Vec<_> = faults.collect();
+        for (id, fault) in &liars {
+            self.expel(now, *id, &format_args!("its page cannot be true: {fault}"));
+        }
+        !liars.is_empty()
+    }
+
+    fn open_lanes(&self, connection: u64, stream: &Arc<UnixStream>, id: ClientId) -> Result<Peer, LinkError> {
         let Some(node) = &self.node else {
             return Err(LinkError::BrokerGone(self.community.to_string()));
         };
-        let system = |e: std::io::Error| LinkError::SharedMemory(e.to_string());
-        Ok(Peer {
+        scarce::room()?;
+        let system = |e: std::io::Error| LinkError::SharedMemory(format!("{e}{}", scarce::hint()));
+        let peer = Peer {
             connection,
-            process: handshake::peer(stream).map_err(system)?.0,
-            stream: stream.try_clone().map_err(system)?,
+            process: ProcessId::of(handshake::peer(stream).map_err(system)?.0 as i32),
+            stream: stream.clone(),
             hung_up: false,
             page: Page::<ClientPage>::create("elk-client").map_err(system)?,
             up: LaneReader::open(node, &lane_name(self.epoch, "up", id))?,
             down: LaneWriter::open(node, &lane_name(self.epoch, "down", id))?,
             bulk: None,
             attached: BTreeMap::new(),
-        })
+        };
+        leftovers::close_to_others(&self.place).map_err(system)?;
+        Ok(peer)
     }
 
     pub(super) fn let_go(&mut self, now: f64, id: ClientId) {
@@ -173,7 +192,7 @@ impl Server {
         }
         let bulk = |reference: BulkRef| self.departed.get(&reference.client)?.get(reference.sample);
         if let Some(legacies) = self.broker.take_legacies(bulk)
-            && let Err(error) = places::write_legacies(&self.community, &legacies)
+            && let Err(error) = places::write_legacies(&self.place, &legacies)
         {
             tell(format_args!(
                 "elk db: should this broker die, what was left by clients that are gone is lost: {error}"
@@ -213,51 +232,62 @@ impl Server {
     fn write_places(&self, places: Vec<crate::broker::Place>) {
         let process = |name: &str| {
             let holder = self.broker.client_named(name).and_then(|id| self.peers.get(&id));
-            holder.map(|peer| peer.process).or_else(|| self.awaited.get(name).copied()).unwrap_or(0)
+            holder.map(|peer| peer.process).or_else(|| self.awaited.get(name).copied()).flatten()
         };
         let occupied = |place: crate::broker::Place| Occupied { process: process(&place.name), place };
         let all: Vec<Occupied> = places.into_iter().map(occupied).collect();
-        if let Err(error) = places::write(&self.community, &all) {
-            tell(format_args!("elk db: should this broker die, its clients are not known to the next: {error}"));
+        if let Err(error) = places::write(&self.place, &all) {
+            tell(format_args!(
+                "elk db: should this broker die, its clients are not known to the next: {error}{}",
+                scarce::hint()
+            ));
         }
     }
 }
 
 /// Lets the connections of all who dial in have their first word.
-pub(super) fn accept_all(listener: &UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
-    for (connection, stream) in (0_u64..).zip(listener.incoming()) {
-        let Ok(stream) = stream else { continue };
-        let (events, page) = (events.clone(), page.clone());
-        let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(move || {
-            let tell = |event| {
-                // The broker may be gone already; then nobody needs the news.
-                let _ = events.send(event);
-                page.bell.ring();
-            };
-            if let Some((stream, hello)) = first_word(stream) {
-                let Ok(watched) = stream.try_clone() else {
-                    return;
+pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
+    let (mut door, lobby) = (Door::new(listener), Arc::new(Lobby::default()));
+    for connection in 0_u64.. {
+        let stream = Arc::new(door.next());
+        lobby.enter(connection, &stream);
+        let (events, page, lobby) = (events.clone(), page.clone(), lobby.clone());
+        let serve = {
+            let (stream, lobby) = (stream.clone(), lobby.clone());
+            move || {
+                let tell = |event| {
+                    // The broker may be gone already; then nobody needs the news.
+                    let _ = events.send(event);
+                    page.bell.ring();
                 };
-                tell(Event::Hello(connection, stream, hello));
-                handshake::wait_for_end(&watched);
-                tell(Event::HungUp(connection));
+                let hello = first_word(&stream);
+                lobby.leave(connection);
+                if let Some(hello) = hello {
+                    tell(Event::Hello(connection, stream.clone(), hello));
+                    handshake::wait_for_end(&stream);
+                    tell(Event::HungUp(connection));
+                }
             }
-        });
+        };
+        let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(serve);
         if let Err(error) = spawned {
-            tell(format_args!("elk db: a client was turned away, no thread for it: {error}"));
+            let reason = format!("the broker has no thread for another client: {error}");
+            tell(format_args!("elk db: a client was turned away: {reason}"));
+            let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
+            lobby.leave(connection);
         }
     }
 }
 
-fn first_word(stream: UnixStream) -> Option<(UnixStream, Hello)> {
-    let (_, user) = handshake::peer(&stream).ok()?;
+fn first_word(stream: &UnixStream) -> Option<Hello> {
+    let (_, user) = handshake::peer(stream).ok()?;
     if user != handshake::own_user() {
         let reason = format!("this community belongs to user {}", handshake::own_user());
-        let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
+        let _ = handshake::send(stream, &Answer::Refused { reason }, &[]);
         return None;
     }
     stream.set_read_timeout(Some(handshake::PATIENCE)).ok()?;
-    let (hello, _) = handshake::receive::<Hello>(&stream).ok()?;
+    let (hello, _) = handshake::receive::<Hello>(stream).ok()?;
     stream.set_read_timeout(None).ok()?;
-    Some((stream, hello))
+    Some(hello)
 }

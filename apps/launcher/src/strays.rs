@@ -1,0 +1,208 @@
+//! Processes that apps have started outside of their process groups: in a session of their own (`setsid`), say. A group's
+//! signals do not reach them, and they outlive whoever started them; here it is kept in mind whose they are.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use elk_bus::ProcessId;
+use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, getpgid, getpid, pidfd_open, pidfd_send_signal, waitpid};
+
+/// How long a stray may take to end when its app has.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(2);
+/// How often it is looked for new ones.
+const PERIOD: Duration = Duration::from_secs(1);
+
+/// The strays of a mission's apps, by number.
+#[derive(Default)]
+pub(crate) struct Strays {
+    known: BTreeMap<i32, Stray>,
+    looked: Option<Duration>,
+}
+
+struct Stray {
+    id: ProcessId,
+    /// The app that it descends from; `None`: it came to the launcher, as orphans do, before it was seen whose it was.
+    app: Option<Pid>,
+    /// When it is killed: its app has ended, and it was asked to end, too.
+    until: Option<Duration>,
+}
+
+/// What has become known of strays.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Sight {
+    /// There is one.
+    Found(ProcessId),
+    /// It has ended.
+    Lost(ProcessId),
+}
+
+impl Strays {
+    /// Has orphans come to this process, instead of to the machine's first one, and so remain within reach.
+    pub fn gather_orphans() {
+        // Where the system has no such thing, those are found that were seen while their parents lived.
+        let _ = rustix::process::set_child_subreaper(Some(getpid()));
+    }
+
+    /// Looks who is there, if it is time: descendants of `apps`, and orphans; `ours` are children that this process has
+    /// started itself.
+    pub fn look(&mut self, now: Duration, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sight> {
+        if self.looked.is_some_and(|then| now < then + PERIOD) {
+            return Vec::new();
+        }
+        self.look_now(now, apps, ours)
+    }
+
+    /// As [`Strays::look`], whatever the time.
+    pub fn look_now(&mut self, now: Duration, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sight> {
+        self.looked = Some(now);
+        let of_apps = apps.iter().flat_map(|app| outside(*app).into_iter().map(|pid| (pid, Some(*app))));
+        let mut seen: Vec<(i32, Option<Pid>)> = of_apps.collect();
+        // What the program around the launcher has started itself is of its own group.
+        let own_group = getpgid(None).ok();
+        let orphans = children(getpid().as_raw_nonzero().get()).into_iter().filter(|pid| !ours.contains(pid));
+        seen.extend(orphans.filter(|pid| group(*pid) != own_group).map(|pid| (pid, None)));
+        let mut sights = Vec::new();
+        for (pid, app) in seen {
+            match ProcessId::of(pid) {
+                Some(id) if self.known.get(&pid).is_none_or(|known| known.id != id) => {
+                    self.known.insert(pid, Stray { id, app, until: None });
+                    sights.push(Sight::Found(id));
+                }
+                Some(_) => {}
+                None => bury(pid),
+            }
+        }
+        sights
+    }
+
+    /// An app has ended: what it has started is asked to end as well. `None`: all have.
+    pub fn dismiss(&mut self, app: Option<Pid>, now: Duration) {
+        let meant = |stray: &&mut Stray| stray.until.is_none() && (app.is_none() || stray.app == app);
+        for stray in self.known.values_mut().filter(meant) {
+            signal(&stray.id, Signal::TERM);
+            stray.until = Some(now + PATIENCE);
+        }
+    }
+
+    /// Kills those whose time is over, and forgets those that have ended.
+    pub fn reap(&mut self, now: Duration) -> Vec<Sight> {
+        let mut sights = Vec::new();
+        self.known.retain(|pid, stray| {
+            if stray.until.is_some_and(|until| until <= now) {
+                signal(&stray.id, Signal::KILL);
+            }
+            let lives = stray.id.lives();
+            if !lives {
+                bury(*pid);
+                sights.push(Sight::Lost(stray.id));
+            }
+            lives
+        });
+        sights
+    }
+
+    /// When the next one is to be killed.
+    pub fn deadline(&self) -> Option<Duration> {
+        self.known.values().filter_map(|stray| stray.until).min()
+    }
+
+    /// Whether nobody is left.
+    pub fn is_empty(&self) -> bool {
+        self.known.is_empty()
+    }
+}
+
+/// Sends a signal to a process, if it is still the one that is meant.
+pub(crate) fn signal(id: &ProcessId, signal: Signal) {
+    let handle = Pid::from_raw(id.pid).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
+    // Looked at behind the handle: a number that changes hands from here on is not mistaken.
+    if let Some(handle) = handle.filter(|_| id.lives()) {
+        // That it has gone meanwhile is no failure.
+        let _ = pidfd_send_signal(handle, signal);
+    }
+}
+
+/// Waits for a child that has ended; whoever is no child of ours is waited for by somebody else.
+fn bury(pid: i32) {
+    let _ = waitpid(Pid::from_raw(pid), WaitOptions::NOHANG);
+}
+
+/// The descendants of a process that are not of its group.
+pub(crate) fn outside(leader: Pid) -> Vec<i32> {
+    let mut found = vec![leader.as_raw_nonzero().get()];
+    let mut next = 0;
+    while let Some(parent) = found.get(next) {
+        let more: Vec<i32> = children(*parent).into_iter().filter(|pid| !found.contains(pid)).collect();
+        found.extend(more);
+        next += 1;
+    }
+    found.split_off(1).into_iter().filter(|pid| group(*pid) != Some(leader)).collect()
+}
+
+fn group(pid: i32) -> Option<Pid> {
+    getpgid(Some(Pid::from_raw(pid)?)).ok()
+}
+
+/// The children of all threads of a process.
+fn children(pid: i32) -> Vec<i32> {
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
+    let lists = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
+    let all: Vec<String> = lists.collect();
+    all.iter().flat_map(|list| list.split_whitespace()).filter_map(|pid| pid.parse().ok()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{BufRead, BufReader};
+    use std::os::unix::process::CommandExt;
+    use std::process::{Child, Command, Stdio};
+
+    use super::*;
+
+    /// A shell, leader of its group, with a child in a session of its own: both, and the child's number.
+    fn shell_with_stray(script: &str) -> (Child, i32) {
+        let mut command = Command::new("sh");
+        let mut shell = command.args(["-c", script]).process_group(0).stdout(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(shell.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        (shell, line.trim().parse().unwrap())
+    }
+
+    #[test]
+    fn a_child_in_a_session_of_its_own_is_found_asked_and_killed() {
+        let (mut shell, stray) =
+            shell_with_stray("setsid sh -c 'trap \"\" TERM; echo $$; exec sleep 1000' & sleep 1000");
+        let app = Pid::from_child(&shell);
+        let id = ProcessId::of(stray).unwrap();
+        let mut strays = Strays::default();
+        let ours = BTreeSet::from([shell.id() as i32]);
+        let found = strays.look(Duration::ZERO, &[app], &ours);
+        assert!(found.contains(&Sight::Found(id)), "{found:?}");
+        assert!(strays.look(PERIOD / 2, &[app], &ours).is_empty());
+        assert!(strays.look(PERIOD, &[app], &ours).is_empty());
+        let killed = rustix::process::kill_process_group(app, Signal::KILL);
+        killed.unwrap();
+        shell.wait().unwrap();
+        assert!(id.lives());
+        strays.dismiss(Some(app), PERIOD);
+        assert!(strays.reap(PERIOD).is_empty() && id.lives());
+        assert_eq!(strays.deadline(), Some(PERIOD + PATIENCE));
+        strays.reap(PERIOD + PATIENCE);
+        while id.lives() {
+            std::thread::yield_now();
+        }
+        strays.reap(PERIOD + PATIENCE);
+        assert!(strays.is_empty());
+    }
+
+    #[test]
+    fn a_process_that_has_a_stray_s_number_by_now_is_left_alone() {
+        let mut child = Command::new("sleep").arg("1000").spawn().unwrap();
+        let mut other = ProcessId::of(child.id() as i32).unwrap();
+        other.started -= 1;
+        signal(&other, Signal::KILL);
+        assert!(child.try_wait().unwrap().is_none());
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+}

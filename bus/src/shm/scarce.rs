@@ -1,0 +1,97 @@
+//! What a process has run out of, or nearly: the resources behind errors that name none, and what to do about each.
+
+use std::fmt::Write;
+use std::os::fd::AsRawFd;
+
+use rustix::process::{Resource, getrlimit};
+
+use super::place::SHARED_MEMORY;
+use crate::link::LinkError;
+
+/// With less than this left (MB), an error of shared memory is most likely for want of room.
+const SCARCE_MB: u64 = 64;
+/// With less than this left (kB), nobody can join: a client's lanes cost as much.
+const LEAST_KB: u64 = 1024;
+/// With fewer descriptors left nobody can join, and an error of shared memory is most likely for want of them: iceoryx2
+/// gives back those that it had when it failed.
+const SCARCE_DESCRIPTORS: u64 = 24;
+/// A number of descriptors that does for every mission.
+const ENOUGH_DESCRIPTORS: u64 = 1024;
+/// With fewer files left that can be made, an error is most likely for want of them.
+const SCARCE_FILES: u64 = 32;
+
+/// Sees that there is room for one more client, at either end. It is refused then, with the reason; later there would be
+/// a SIGBUS, or nothing left for those who are there.
+pub fn room() -> Result<(), LinkError> {
+    let no_memory = free_kb().is_some_and(|free_kb| free_kb < LEAST_KB);
+    match no_memory || !has_descriptors() {
+        true => Err(LinkError::SharedMemory(format!("there is no room for one more client{}", hint()))),
+        false => Ok(()),
+    }
+}
+
+/// Whether a client's worth of descriptors is left. The system gives out the lowest number that is free: where that many
+/// numbers below the limit none is taken, none above it is, most likely; else they are counted.
+fn has_descriptors() -> bool {
+    let Some(allowed) = getrlimit(Resource::Nofile).current else { return true };
+    let high = i32::try_from(allowed.saturating_sub(SCARCE_DESCRIPTORS)).unwrap_or(i32::MAX);
+    let free = rustix::io::fcntl_dupfd_cloexec(std::io::stderr(), high);
+    free.is_ok_and(|free| free.as_raw_fd() == high) || allowed.saturating_sub(open(allowed)) >= SCARCE_DESCRIPTORS
+}
+
+/// The number of descriptors that are open.
+fn open(allowed: u64) -> u64 {
+    // A process that cannot even open that folder has none left.
+    std::fs::read_dir("/proc/self/fd").map_or(allowed, |entries| entries.count() as u64)
+}
+
+/// What is scarce, and what to do, in parentheses behind an error; empty if nothing is.
+pub fn hint() -> String {
+    let mut all = String::new();
+    for found in [descriptors(), memory(), files()].into_iter().flatten() {
+        // Writing to a String cannot fail.
+        let _ = write!(all, " ({found})");
+    }
+    all
+}
+
+fn descriptors() -> Option<String> {
+    let allowed = getrlimit(Resource::Nofile).current?;
+    let open = open(allowed);
+    let scarce = allowed.saturating_sub(open) < SCARCE_DESCRIPTORS;
+    scarce.then(|| {
+        let more = ENOUGH_DESCRIPTORS.max(4 * allowed);
+        format!(
+            "{open} descriptors are open and only {allowed} are allowed: raise that with `ulimit -n {more}`; in a \
+             container, --ulimit nofile={more}"
+        )
+    })
+}
+
+fn free_kb() -> Option<u64> {
+    let stat = rustix::fs::statvfs(SHARED_MEMORY).ok()?;
+    Some((stat.f_bavail * stat.f_frsize) >> 10)
+}
+
+fn memory() -> Option<String> {
+    let free_mb = free_kb()? >> 10;
+    (free_mb < SCARCE_MB).then(|| {
+        format!(
+            "{SHARED_MEMORY} has only {free_mb} MB left: remove what fills it, or enlarge it with \
+             `mount -o remount,size=… {SHARED_MEMORY}`; in a container, --shm-size"
+        )
+    })
+}
+
+fn files() -> Option<String> {
+    let stat = rustix::fs::statvfs(SHARED_MEMORY).ok()?;
+    // A file system that does not count its files says that it has none.
+    let scarce = stat.f_files > 0 && stat.f_favail < SCARCE_FILES;
+    scarce.then(|| {
+        format!(
+            "{SHARED_MEMORY} can hold only {} more files: remove what is left over there, or allow more with \
+             `mount -o remount,nr_inodes=… {SHARED_MEMORY}`",
+            stat.f_favail
+        )
+    })
+}
