@@ -136,14 +136,16 @@ pub fn apps(arguments: &AppsArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-const HEADS: [&str; 12] =
-    ["NAME", "ELEMENT", "TYPE", "PID", "STATE", "SINCE", "CPU", "NOW", "MEMORY", "DROPPED", "RESTARTS", "SWAPS"];
+const HEADS: [&str; 13] = [
+    "NAME", "ELEMENT", "TYPE", "PID", "STATE", "SINCE", "CPU", "NOW", "MEMORY", "DROPPED", "REJECTED", "RESTARTS",
+    "SWAPS",
+];
 /// Columns that are numbers, and so stand at the right.
-const NUMBERS: std::ops::RangeInclusive<usize> = 5..=11;
+const NUMBERS: std::ops::RangeInclusive<usize> = 5..=12;
 
 /// The rows under their heads, each column as wide as it has to be; how an app last ended comes last.
 fn table(rows: &[AppRow]) -> String {
-    let cells: Vec<[String; 12]> = std::iter::once(HEADS.map(str::to_owned)).chain(rows.iter().map(cells)).collect();
+    let cells: Vec<[String; 13]> = std::iter::once(HEADS.map(str::to_owned)).chain(rows.iter().map(cells)).collect();
     let width = |column: usize| cells.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..HEADS.len()).map(width).collect();
     let exits = std::iter::once("LAST EXIT").chain(rows.iter().map(|row| row.last_exit.as_deref().unwrap_or("-")));
@@ -161,7 +163,7 @@ fn table(rows: &[AppRow]) -> String {
     text
 }
 
-fn cells(row: &AppRow) -> [String; 12] {
+fn cells(row: &AppRow) -> [String; 13] {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
     let percent = |share: Option<f64>| or_dash(share.map(|share| format!("{share:.0} %")));
     let element = if row.element.is_empty() { "-".to_owned() } else { row.element.clone() };
@@ -176,6 +178,7 @@ fn cells(row: &AppRow) -> [String; 12] {
         percent(row.cpu_percent_now),
         or_dash(row.resident_bytes.map(|bytes| format!("{:.1} MB", bytes as f64 / 1e6))),
         or_dash(row.dropped.map(|count| count.to_string())),
+        or_dash(row.rejected.map(|count| count.to_string())),
         row.restarts.to_string(),
         row.swaps.to_string(),
     ]
@@ -207,6 +210,7 @@ mod tests {
             cpu_percent_now: None,
             resident_bytes: Some(12_345_678),
             dropped: Some(3),
+            rejected: Some(12),
             restarts: 1,
             swaps: 0,
             last_exit: Some("signal 9 (SIGKILL)".into()),
@@ -216,8 +220,8 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "NAME  ELEMENT  TYPE     PID   STATE    SINCE   CPU  NOW   MEMORY  DROPPED  RESTARTS  SWAPS  LAST EXIT",
-                "Map   Map      OctoMap  4711  running  2 min  12 %    -  12.3 MB        3         1      0  signal 9 (SIGKILL)",
+                "NAME  ELEMENT  TYPE     PID   STATE    SINCE   CPU  NOW   MEMORY  DROPPED  REJECTED  RESTARTS  SWAPS  LAST EXIT",
+                "Map   Map      OctoMap  4711  running  2 min  12 %    -  12.3 MB        3        12         1      0  signal 9 (SIGKILL)",
             ]
         );
     }

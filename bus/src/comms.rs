@@ -105,9 +105,11 @@ struct Asked {
     number: u64,
     interval_secs: f64,
     flags: u16,
-    /// The number of the type that is expected, with [`TYPED`].
-    type_: u32,
+    expects: Expects,
 }
+
+/// What a registration expects to read, with the number of a binary value's type.
+type Expects = Option<(ValueKind, u32)>;
 
 impl Comms {
     /// The saying end of a client called `name`, over a transport's link, and the link's way down.
@@ -223,10 +225,20 @@ impl Comms {
     pub fn register<T: Payload>(&mut self, key: &Key<T>) -> Result<(), CommsError> {
         name(key.name())?;
         let type_ = self.types.number(&mut self.batch, T::NAME, T::LAYOUT);
-        self.registration(FrameKind::Register, key.name(), "*", 0.0, TYPED, type_)
+        self.registration(FrameKind::Register, key.name(), "*", 0.0, 0, Some((ValueKind::Binary, type_)))
     }
 
-    /// Registers for a variable by name, at most one message in `min_interval_secs` (0: all); the last one of a burst
+    /// Registers for a variable as a reader of numbers, as [`Comms::register`] does for a type.
+    pub fn register_number(&mut self, key: &str) -> Result<(), CommsError> {
+        self.registration(FrameKind::Register, key, "*", 0.0, 0, Some((ValueKind::Double, 0)))
+    }
+
+    /// Registers for a variable as a reader of texts, as [`Comms::register`] does for a type.
+    pub fn register_text(&mut self, key: &str) -> Result<(), CommsError> {
+        self.registration(FrameKind::Register, key, "*", 0.0, 0, Some((ValueKind::Text, 0)))
+    }
+
+    /// Registers for a variable by name, whatever it carries, at most one message in `min_interval_secs` (0: all); the last one of a burst
     /// always comes.
     pub fn register_variable(&mut self, key: &str, min_interval_secs: f64) -> Result<(), CommsError> {
         self.register_wildcard(key, "*", min_interval_secs)
@@ -240,17 +252,17 @@ impl Comms {
         source_pattern: &str,
         min_interval_secs: f64,
     ) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0, 0)
+        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0, None)
     }
 
     /// Registers so that nothing is dropped: publishers wait if this client does not keep up (with limited patience).
     pub fn register_lossless(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS, 0)
+        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS, None)
     }
 
     /// Takes back the registration that was made with these patterns.
     pub fn unregister(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0, 0)
+        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0, None)
     }
 
     fn registration(
@@ -260,13 +272,13 @@ impl Comms {
         source_pattern: &str,
         interval_secs: f64,
         flags: u16,
-        type_: u32,
+        expects: Expects,
     ) -> Result<(), CommsError> {
         name(key_pattern)?;
         name(source_pattern)?;
         let patterns = (key_pattern.to_owned(), source_pattern.to_owned());
         self.registered += 1;
-        let asked = Asked { number: self.registered, interval_secs, flags, type_ };
+        let asked = Asked { number: self.registered, interval_secs, flags, expects };
         let header = asked.header(kind);
         match kind {
             FrameKind::Register => self.registrations.insert(patterns, asked),
@@ -523,7 +535,11 @@ impl Drop for Comms {
 
 impl Asked {
     fn header(&self, kind: FrameKind) -> Header {
-        Header { flags: self.flags, type_: self.type_, time: self.interval_secs, ..Header::new(kind) }
+        let header = Header { flags: self.flags, time: self.interval_secs, ..Header::new(kind) };
+        match self.expects {
+            None => header,
+            Some((value_kind, type_)) => Header { flags: self.flags | TYPED, value_kind, type_, ..header },
+        }
     }
 }
 

@@ -31,7 +31,7 @@ pub enum FrameKind {
     /// A message.
     Notify = 1,
     /// Up: register. `aux` is the key's pattern, the value the source's; `time` the minimum interval (s); with [`TYPED`],
-    /// `type_` the type that is expected.
+    /// the kind of value that is expected, and `type_` the type of a binary one.
     Register = 2,
     /// Up: take back registrations with these two patterns.
     Unregister = 3,
@@ -88,7 +88,7 @@ pub const LOSSLESS: u16 = 8;
 /// Flag of a message or a registration that a broker before this one was sent already.
 pub const RESENT: u16 = 16;
 
-/// Flag of a registration that names the type that its client expects.
+/// Flag of a registration that says what its client expects.
 pub const TYPED: u16 = 32;
 
 /// A sequence holds the publisher's count of its messages in this many low bits, and above them its life: what tells a

@@ -167,12 +167,12 @@ fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
 impl App for ControllerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.recall.ask(comms, &MOTION_MEMORY)?;
-        comms.register_variable(MOTION, 0.0)?;
-        comms.register_variable(STEP, 0.0)?;
+        comms.register_text(MOTION)?;
+        comms.register_number(STEP)?;
         comms.register(&self.camera_pose)?;
         comms.register(&MAP)?;
         comms.register(&MAP_UPDATE)?;
-        comms.register_variable(MAP_RECALL, 0.0)?;
+        comms.register_number(MAP_RECALL)?;
         comms.register(&PLAN)?;
         // Behind all that there is to tell.
         Ok(Recall::ask_for_mark(comms)?)

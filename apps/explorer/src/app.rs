@@ -331,7 +331,7 @@ impl App for ExplorerApp {
         self.recall.ask(comms, &EXPLORER_MEMORY)?;
         comms.register(&MAP)?;
         comms.register(&MAP_UPDATE)?;
-        comms.register_variable(MAP_RECALL, 0.0)?;
+        comms.register_number(MAP_RECALL)?;
         comms.register(&PLAN_REQUEST)?;
         Ok(())
     }

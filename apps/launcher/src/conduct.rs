@@ -278,9 +278,9 @@ impl Conduct<'_> {
     }
 
     fn rows(&mut self) -> Vec<AppRow> {
-        let dropped = self.listener.observer().dropped.clone();
-        let mut rows = vec![launcher_row(self.running, dropped.get(crate::NAME).copied())];
-        rows.extend(self.crew.rows(&dropped));
+        let losses = self.listener.observer().losses.clone();
+        let mut rows = vec![launcher_row(self.running, losses.dropped.get(crate::NAME).copied())];
+        rows.extend(self.crew.rows(&losses));
         rows
     }
 
@@ -340,6 +340,7 @@ fn launcher_row(running: Stopwatch, dropped: Option<u64>) -> AppRow {
         cpu_percent_now: None,
         resident_bytes: usage.map(|usage| usage.resident),
         dropped,
+        rejected: None,
         restarts: 0,
         swaps: 0,
         last_exit: None,

@@ -1,6 +1,6 @@
 //! Those who carry out a mission: a broker and apps, whether they are processes or threads.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use rustix::event::PollFd;
@@ -9,7 +9,7 @@ use crate::control::{AppRow, Request};
 use crate::error::LaunchError;
 use crate::launch_state::LaunchState;
 use crate::listener::Join;
-use crate::observer::News;
+use crate::observer::{Losses, News};
 use crate::supervisor::{Ticket, Word};
 
 /// A broker and the apps of a mission.
@@ -49,7 +49,7 @@ pub(crate) trait Crew {
     fn words(&mut self) -> Vec<(Ticket, Word)>;
 
     /// Broker and apps, for people.
-    fn rows(&mut self, dropped: &BTreeMap<String, u64>) -> Vec<AppRow>;
+    fn rows(&mut self, losses: &Losses) -> Vec<AppRow>;
 
     /// Puts into `state` who runs. Whether that is of use to another launcher.
     fn note_state(&self, state: &mut LaunchState) -> bool;

@@ -92,7 +92,7 @@ impl LaunchState {
     pub fn read(community: &Community) -> Result<Self, LaunchError> {
         let refused = |why: String| LaunchError::Attach { community: community.clone(), why };
         let mut client = join(community)?;
-        client.comms.register_variable(KEY, 0.0)?;
+        client.comms.register_text(KEY)?;
         let clock = Stopwatch::start();
         let mut found = None;
         while found.is_none() && clock.elapsed() < PATIENCE {

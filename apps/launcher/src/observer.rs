@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use elk_bus::rejection::REJECTED;
 use elk_bus::{Comms, CommsError, DecodeError, Key, Mail, Payload};
 use elk_mission::Mission;
 use elk_spatial::keys::{
@@ -23,9 +24,12 @@ const DB_EVENT: &str = "DB_EVENT";
 const DB_DROPS: &str = "DB_DROPS";
 /// What every app says of itself every two seconds, from its run loop.
 const STATUS: &str = "*_STATUS";
+const STATUS_SUFFIX: &str = "_STATUS";
 
 /// Complaints of the logger that are said; of what is no report, one a variable and writer is.
 const LOGGER_COMPLAINTS: usize = 16;
+/// What each app says of messages that it rejects; its own text log has more.
+const REJECTION_COMPLAINTS: usize = 8;
 /// Pairs of variable and writer that are complained of.
 const COMPLAINED_OF: usize = 64;
 /// Characters of a complaint.
@@ -46,6 +50,28 @@ pub(crate) enum News {
     Report,
 }
 
+/// Messages that clients have not made use of, by their names.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Losses {
+    /// Missed, because a client did not keep up.
+    pub dropped: BTreeMap<String, u64>,
+    /// Passed over, because an app could not use them.
+    pub rejected: BTreeMap<String, u64>,
+}
+
+impl Losses {
+    /// An app's word of itself: `…,rejected=3,MOOSName=Map`. Nobody else's.
+    fn note_status(&mut self, mail: &Mail<'_>) {
+        let text = mail.as_text().unwrap_or_default();
+        let said = |name: &str| text.split(',').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
+        if let (Some(name), Some(Ok(count))) = (said("MOOSName"), said("rejected").map(str::parse))
+            && name == mail.source()
+        {
+            self.rejected.insert(name.to_owned(), count);
+        }
+    }
+}
+
 /// Everything that was heard.
 #[derive(Debug, Default)]
 pub(crate) struct Observer {
@@ -53,8 +79,8 @@ pub(crate) struct Observer {
     pub news: Vec<News>,
     /// Who was heard since this was last taken.
     pub signs: BTreeSet<String>,
-    /// Messages that each client has missed.
-    pub dropped: BTreeMap<String, u64>,
+    /// What each client has not made use of.
+    pub losses: Losses,
     /// Names of the clients of the community.
     pub clients: BTreeSet<String>,
     pub progress: Option<Progress>,
@@ -88,11 +114,8 @@ impl Observer {
 
     /// Registers for all that it understands.
     pub fn register(&self, comms: &mut Comms) -> Result<(), CommsError> {
-        for key in
-            [DB_EVENT, DB_CLIENTS, DB_DROPS, LOGGER_ERROR].into_iter().chain(self.chain.iter().map(String::as_str))
-        {
-            comms.register_variable(key, 0.0)?;
-        }
+        [DB_EVENT, DB_CLIENTS, DB_DROPS, LOGGER_ERROR, REJECTED].iter().try_for_each(|key| comms.register_text(key))?;
+        self.chain.iter().try_for_each(|key| comms.register_variable(key, 0.0))?;
         comms.register_variable(STATUS, 0.0)?;
         comms.register(&POSE_COMMAND)?;
         comms.register(&PROGRESS)?;
@@ -142,8 +165,10 @@ impl Observer {
         match mail.key() {
             DB_EVENT => self.news.extend(mail.as_text().and_then(event)),
             DB_CLIENTS => self.note_clients(mail.as_text().unwrap_or_default()),
-            DB_DROPS => self.dropped = drops(mail.as_text().unwrap_or_default()),
-            LOGGER_ERROR => self.note_logger(mail),
+            DB_DROPS => self.losses.dropped = drops(mail.as_text().unwrap_or_default()),
+            LOGGER_ERROR => self.note_trouble(mail, LOGGER_COMPLAINTS),
+            REJECTED => self.note_trouble(mail, REJECTION_COMPLAINTS),
+            key if key.ends_with(STATUS_SUFFIX) => self.losses.note_status(mail),
             _ => {}
         }
         if mail.is(&EXPLORATION_REPORT) || mail.is(&MOTION_REPORT) || mail.is(&ACCURACY_REPORT) {
@@ -164,9 +189,10 @@ impl Observer {
         self.clients = names;
     }
 
-    fn note_logger(&mut self, mail: &Mail<'_>) {
+    /// What an app says of its own trouble; nothing, when it is over.
+    fn note_trouble(&mut self, mail: &Mail<'_>, most: usize) {
         if let Some(trouble) = mail.as_text().filter(|trouble| !trouble.is_empty()) {
-            self.complain(mail, trouble.to_owned(), LOGGER_COMPLAINTS);
+            self.complain(mail, trouble.to_owned(), most);
         }
     }
 

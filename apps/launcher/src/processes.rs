@@ -1,7 +1,7 @@
 //! The crew as operating-system processes: `elk db`, `elk sensor`, …, or any other executable. The thin shell around
 //! [`Supervisor`], which says what is to be done with them.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,7 +19,7 @@ use crate::error::LaunchError;
 use crate::guard::Guard;
 use crate::launch_state::{AppState, LaunchState};
 use crate::listener::Join;
-use crate::observer::News;
+use crate::observer::{Losses, News};
 use crate::process::{Bond, Process};
 use crate::run_folder::stamp;
 use crate::run_place::RunPlace;
@@ -437,7 +437,7 @@ impl Processes {
         false
     }
 
-    fn row(&self, place: usize, dropped: &BTreeMap<String, u64>) -> AppRow {
+    fn row(&self, place: usize, losses: &Losses) -> AppRow {
         let (post, unit, now) = (&self.posts[place], &self.supervisor.units[place], self.now());
         let pid = post.holder.as_ref().map(Process::pid);
         let usage = pid.and_then(Usage::of);
@@ -452,7 +452,8 @@ impl Processes {
             cpu_percent: usage.and_then(|usage| usage.cpu_percent()),
             cpu_percent_now: pid.zip(usage).and_then(|(pid, usage)| self.samples.cpu_percent(pid, &usage, now)),
             resident_bytes: usage.map(|usage| usage.resident),
-            dropped: dropped.get(&unit.spec.name).copied(),
+            dropped: losses.dropped.get(&unit.spec.name).copied(),
+            rejected: losses.rejected.get(&unit.spec.name).copied(),
             restarts: unit.restarts,
             swaps: unit.swaps,
             last_exit: unit.last_exit.clone(),
@@ -576,8 +577,8 @@ impl Crew for Processes {
         std::mem::take(&mut self.words)
     }
 
-    fn rows(&mut self, dropped: &BTreeMap<String, u64>) -> Vec<AppRow> {
-        (0..self.posts.len()).map(|place| self.row(place, dropped)).collect()
+    fn rows(&mut self, losses: &Losses) -> Vec<AppRow> {
+        (0..self.posts.len()).map(|place| self.row(place, losses)).collect()
     }
 
     fn note_state(&self, state: &mut LaunchState) -> bool {

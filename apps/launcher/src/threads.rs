@@ -1,6 +1,6 @@
 //! The crew as threads of this process, around a broker in memory: for tests, and where a mission is to be one process.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -17,7 +17,7 @@ use crate::crew::{Crew, stop_order};
 use crate::error::LaunchError;
 use crate::launch_state::LaunchState;
 use crate::listener::Join;
-use crate::observer::News;
+use crate::observer::{Losses, News};
 use crate::supervisor::{Ticket, Word};
 
 /// Threads of one community.
@@ -154,7 +154,7 @@ impl Crew for Threads {
         std::mem::take(&mut self.words)
     }
 
-    fn rows(&mut self, dropped: &BTreeMap<String, u64>) -> Vec<AppRow> {
+    fn rows(&mut self, losses: &Losses) -> Vec<AppRow> {
         let secs = self.running.elapsed().as_secs_f64();
         let row = |started: &Started| AppRow {
             name: started.app.name.clone(),
@@ -167,7 +167,8 @@ impl Crew for Threads {
             cpu_percent: None,
             cpu_percent_now: None,
             resident_bytes: None,
-            dropped: dropped.get(&started.app.name).copied(),
+            dropped: losses.dropped.get(&started.app.name).copied(),
+            rejected: losses.rejected.get(&started.app.name).copied(),
             restarts: 0,
             swaps: 0,
             last_exit: None,

@@ -430,7 +430,7 @@ impl App for MapApp {
         self.recall.ask(comms, &PLAN)?;
         Recall::ask_for_mark(comms)?;
         comms.register(&self.input)?;
-        comms.register_variable(MAP_REQUEST, 0.0)?;
+        comms.register_number(MAP_REQUEST)?;
         Ok(())
     }
 

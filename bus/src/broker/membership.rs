@@ -343,7 +343,7 @@ impl Broker {
         self.set_standing(id, Standing::Present);
         self.places_changed = true;
         let asked = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
-        let change = |frame: Frame<'_>| Change::read(&frame, self.expected_type(id, &frame).ok()?).ok();
+        let change = |frame: Frame<'_>| Change::read(&frame, self.expected(id, &frame).ok()?).ok();
         let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(change).collect();
         let mut registrations = Vec::new();
         changes.iter().for_each(|change| change.apply(&mut registrations));

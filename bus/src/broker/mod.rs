@@ -22,6 +22,7 @@ mod variable;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::wire::{self, BULK, Frame, FrameKind, Header, Named, RESENT, ValueKind, WireError};
+pub use expectation::Expected;
 use interner::Interner;
 pub use legacy::Legacy;
 pub use limits::Limits;

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
+use super::expectation::Expected;
 use super::message::Message;
 use super::variable::Delivery;
 use super::{Broker, ClientId};
@@ -26,8 +27,8 @@ pub struct Registration {
     pub lossless: bool,
     /// The client had it before, under the broker before this one.
     pub again: bool,
-    /// The type that the client expects, by name and layout.
-    pub expects: Option<(String, u64)>,
+    /// What the client reads there; `None`: whatever comes.
+    pub expects: Option<Expected>,
 }
 
 impl Registration {
@@ -43,7 +44,7 @@ impl Registration {
         self.key_pattern == other.key_pattern && self.source_pattern == other.source_pattern
     }
 
-    fn read(frame: &Frame<'_>, expects: Option<(String, u64)>) -> Result<Self, &'static str> {
+    fn read(frame: &Frame<'_>, expects: Option<Expected>) -> Result<Self, &'static str> {
         let text = |bytes| std::str::from_utf8(bytes).map(str::to_owned).map_err(|_| "a pattern is not UTF-8");
         let interval = frame.header.time;
         Ok(Self {
@@ -67,8 +68,8 @@ pub(super) enum Change {
 }
 
 impl Change {
-    /// What a frame asks for; `expects` is the type that it names, if it names one.
-    pub fn read(frame: &Frame<'_>, expects: Option<(String, u64)>) -> Result<Self, &'static str> {
+    /// What a frame asks for; `expects` is what its client reads, if it says so.
+    pub fn read(frame: &Frame<'_>, expects: Option<Expected>) -> Result<Self, &'static str> {
         let registration = Registration::read(frame, expects)?;
         Ok(match frame.header.kind {
             FrameKind::Unregister => Change::Remove(registration),
@@ -105,7 +106,7 @@ impl Broker {
         from: ClientId,
         frame: &Frame<'_>,
     ) -> Result<(), &'static str> {
-        let change = Change::read(frame, self.expected_type(from, frame)?)?;
+        let change = Change::read(frame, self.expected(from, frame)?)?;
         if let Some(reason) = self.registration_refusal(frame) {
             return self.refuse(from, &String::from_utf8_lossy(frame.aux), 0, &reason);
         }

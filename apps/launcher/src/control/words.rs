@@ -102,6 +102,8 @@ pub struct AppRow {
     pub resident_bytes: Option<u64>,
     /// Messages that it has missed, because it did not keep up.
     pub dropped: Option<u64>,
+    /// Messages that it was given and could not use.
+    pub rejected: Option<u64>,
     /// How often it was started again after it had ended.
     pub restarts: u32,
     /// How often it was swapped.

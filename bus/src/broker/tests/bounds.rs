@@ -14,7 +14,7 @@ impl Speaker {
     fn expect(&self, broker: &mut Broker, key: &str, name: &str) {
         let mut batch = Vec::new();
         put_definition(&mut batch, Named::Type, 0, name, 7);
-        let header = Header { flags: TYPED, ..Header::new(FrameKind::Register) };
+        let header = Header { flags: TYPED, value_kind: ValueKind::Binary, ..Header::new(FrameKind::Register) };
         put(&mut batch, &header, key.as_bytes(), b"*");
         broker.receive(0.0, self.id, &batch).unwrap();
     }
@@ -241,7 +241,7 @@ fn a_text_that_was_first_yields_to_a_reader_with_a_type_and_both_ends_are_told()
 }
 
 #[test]
-fn a_type_yields_to_no_other_and_a_text_not_if_others_ask_for_it() {
+fn what_a_reader_expects_yields_to_no_other_and_a_type_to_none() {
     let b = &mut broker();
     let mut writer = Speaker::new(b, 0.0, "writer");
     writer.typed(b, "PLAN", "Plan");
@@ -252,10 +252,14 @@ fn a_type_yields_to_no_other_and_a_text_not_if_others_ask_for_it() {
     writer.say(b, 0.0, "PLAN", ValueKind::Binary, b"value");
     assert!(writer.hear(b, 0.0).2.is_empty());
 
-    writer.text(b, 0.0, "MOTION", "pause");
     let mut person = Speaker::new(b, 0.0, "person");
-    person.register(b, 0.0, "MOTION", "*", 0.0);
-    reader.keys.clear();
+    let texts = Header { flags: TYPED, value_kind: ValueKind::Text, ..Header::new(FrameKind::Register) };
+    let mut batch = Vec::new();
+    put(&mut batch, &texts, b"MOTION", b"*");
+    b.receive(0.0, person.id, &batch).unwrap();
+    writer.say(b, 0.0, "MOTION", ValueKind::Double, &[0; 8]);
+    assert_eq!(writer.hear(b, 0.0).2, ["person reads MOTION as texts; numbers was refused"]);
+    writer.text(b, 0.0, "MOTION", "pause");
     let stranger = Speaker::new(b, 0.0, "stranger");
     stranger.expect(b, "MOTION", "Motion");
     writer.text(b, 0.0, "MOTION", "run");
