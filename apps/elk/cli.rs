@@ -63,7 +63,7 @@ pub enum Command {
     },
     /// Serve a community: the broker by itself
     #[command(after_help = "Example: elk db --community lab")]
-    Db(CommunityArgs),
+    Db(BrokerArgs),
     /// Run a sensor by itself
     #[command(after_help = "Example: elk sensor --type Simulator World=mission-files/worlds/car.obj")]
     Sensor(AppArgs),
@@ -112,6 +112,17 @@ pub struct CommunityArgs {
     /// The community's name; communities of one machine do not hear each other
     #[arg(long, default_value = "elk")]
     pub community: Community,
+}
+
+/// A broker.
+#[derive(Debug, Args)]
+pub struct BrokerArgs {
+    /// Which community.
+    #[command(flatten)]
+    pub community: CommunityArgs,
+    /// Mail that is kept for each client, and for one that died and is started again (MB)
+    #[arg(long, value_name = "MB", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub mailbox: u32,
 }
 
 /// Which mission, and what to change in it.

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, anyhow, bail};
-use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker};
+use elk_bus::{BrokerConfig, Clock, RunOptions, run_app, serve_broker};
 use elk_launcher::{AttachOptions, LaunchOptions, Outcome};
 use elk_mission::{AppType, Mission, Registry, describe, instead};
 
-use crate::cli::{AppArgs, AttachArgs, LaunchArgs, MissionArgs};
+use crate::cli::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs};
 use crate::registry::registry;
 
 /// `elk launch`
@@ -98,8 +98,9 @@ fn of_element(registry: &Registry, element: &str) -> Result<Registry> {
 }
 
 /// `elk db`
-pub fn db(community: Community) -> Result<ExitCode> {
-    let config = BrokerConfig::new(community.as_str());
+pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
+    let community = arguments.community.community;
+    let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((arguments.mailbox as usize) << 20);
     serve_broker(community, config, Clock::new(1.0))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -31,7 +31,7 @@ fn main() -> ExitCode {
         Command::Step(arguments) => control::motion(&arguments.community, &Request::Step),
         Command::Check(arguments) => commands::check(&arguments),
         Command::Types { element } => commands::types(element.as_deref()),
-        Command::Db(arguments) => commands::db(arguments.community),
+        Command::Db(arguments) => commands::db(arguments),
         Command::Sensor(app) => commands::app("Sensor", app),
         Command::Filter(app) => commands::app("Filter", app),
         Command::Map(app) => commands::app("Map", app),

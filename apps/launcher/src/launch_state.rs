@@ -14,7 +14,7 @@ use crate::error::LaunchError;
 /// The variable.
 pub(crate) const KEY: &str = "LAUNCH_STATE";
 /// Counts up when the words change.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// How long the broker may take to say the variable's value.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often it is asked.
@@ -37,6 +37,7 @@ pub(crate) struct LaunchState {
     /// The explorers that ran, in their order.
     pub explorers: Vec<String>,
     broker_policy: PolicyState,
+    mailbox_mb: u32,
     pub broker: Option<ProcessId>,
     pub apps: Vec<AppState>,
 }
@@ -83,6 +84,7 @@ impl LaunchState {
             first_command: None,
             explorers: Vec::new(),
             broker_policy: PolicyState::of(&mission.broker),
+            mailbox_mb: mission.mailbox_mb,
             broker: None,
             apps: mission.apps.iter().map(AppState::of).collect(),
         }
@@ -123,6 +125,7 @@ impl LaunchState {
             file: self.file.clone(),
             mode: if self.manual { Mode::Manual } else { Mode::Auto },
             broker: self.broker_policy.policy(),
+            mailbox_mb: self.mailbox_mb,
             apps,
         })
     }

@@ -130,7 +130,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let LaunchOptions { program, community, headless, registry, detached, .. } = options;
     let state = LaunchState::of(&mission, &folder, manual);
     let crew: Box<dyn Crew> = match options.in_process {
-        true => Box::new(threads::Threads::new(community, &mission.apps)),
+        true => Box::new(threads::Threads::new(community, &mission)),
         false => {
             let (program, community, registry) = (program.clone(), community.clone(), registry.clone());
             Box::new(Processes::new(&mission, Yard { program, community, place, registry, detached: *detached })?)

@@ -56,6 +56,7 @@ pub(crate) struct Yard {
 /// Processes of one community.
 pub(crate) struct Processes {
     yard: Yard,
+    mailbox_mb: u32,
     supervisor: Supervisor,
     /// The broker's, then those of the apps, in the supervisor's order.
     posts: Vec<Post>,
@@ -97,6 +98,7 @@ impl Processes {
         let apps = mission.apps.iter().map(|app| Post { app: Some(app.clone()), ..Post::default() });
         let mut all = Self {
             yard,
+            mailbox_mb: mission.mailbox_mb,
             supervisor: Supervisor::new(broker, units),
             posts: std::iter::once(Post::default()).chain(apps).collect(),
             retiring: Vec::new(),
@@ -318,6 +320,7 @@ impl Processes {
     fn broker_command(&self) -> Command {
         let mut command = Command::new(&self.yard.program);
         command.arg("db").args(["--community", self.yard.community.as_str()]);
+        command.args(["--mailbox", &self.mailbox_mb.to_string()]);
         command
     }
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{App, BrokerConfig, Client, Clock, Community, ConnectError, run_app_on};
-use elk_mission::{AppSpec, Program};
+use elk_mission::{AppSpec, Mission, Program};
 use rustix::event::PollFd;
 
 use crate::control::{AppRow, Request};
@@ -39,10 +39,11 @@ struct Started {
 }
 
 impl Threads {
-    /// The crew of `apps`.
-    pub fn new(community: &Community, apps: &[AppSpec]) -> Self {
-        let broker = MemoryBroker::new(BrokerConfig::new(community.as_str()), Clock::new(1.0));
-        let (community, apps) = (community.clone(), apps.to_owned());
+    /// The crew of a mission.
+    pub fn new(community: &Community, mission: &Mission) -> Self {
+        let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((mission.mailbox_mb as usize) << 20);
+        let broker = MemoryBroker::new(config, Clock::new(1.0));
+        let (community, apps) = (community.clone(), mission.apps.clone());
         let (started, complaints, words) = (Vec::new(), Vec::new(), Vec::new());
         Self { broker, community, apps, started, running: Stopwatch::start(), complaints, words }
     }

@@ -16,7 +16,7 @@ pub fn describe(registry: &Registry) -> String {
 fn describe_attributes() -> String {
     let mut text = "Attributes of every app's element: what happens when it dies or hangs.\n".to_owned();
     describe_policy(&mut text, &OF_APP);
-    text += "\nAttributes of the Scenario: what happens when its broker dies.\n";
+    text += "\nAttributes of the Scenario: what its broker keeps, and what happens when it dies.\n";
     describe_policy(&mut text, &OF_BROKER);
     text
 }

@@ -24,6 +24,8 @@ pub struct Mission {
     pub mode: Mode,
     /// What happens when its broker dies.
     pub broker: Policy,
+    /// Mail that its broker keeps for each client (MB).
+    pub mailbox_mb: u32,
     /// Its apps, in the order of the file; a logger that the file does not name comes last.
     pub apps: Vec<AppSpec>,
 }

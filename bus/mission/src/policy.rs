@@ -48,6 +48,9 @@ impl Policy {
 /// after half a minute does hang.
 const HEALTH_SECS: f64 = 30.0;
 
+/// Mail that a broker keeps for each client, if the mission does not say (MB).
+const MAILBOX_MB: u32 = 4;
+
 /// One of the attributes that make up a policy.
 pub(crate) struct Attribute {
     pub name: &'static str,
@@ -63,6 +66,7 @@ const RESTART: [(&str, Restart); 3] =
 const OFF: &str = "off";
 
 const COUNT: Kind = Kind::Integer { min: 1, max: 1_000_000 };
+const MAILBOX: Kind = Kind::Integer { min: 1, max: 1024 };
 const SPAN: Kind = Kind::Number { unit: "s", min: 1.0, max: 86_400.0 };
 
 /// The attributes of an app's element that make up its policy.
@@ -89,7 +93,7 @@ pub(crate) const OF_APP: [Attribute; 4] = [
 ];
 
 /// The attributes of a Scenario that make up its broker's policy.
-pub(crate) const OF_BROKER: [Attribute; 2] = [
+pub(crate) const OF_BROKER: [Attribute; 3] = [
     Attribute {
         name: "broker-restarts",
         kind: COUNT,
@@ -97,6 +101,12 @@ pub(crate) const OF_BROKER: [Attribute; 2] = [
         doc: "How often the broker is started again within broker-window; once more, and the mission fails.",
     },
     Attribute { name: "broker-window", kind: SPAN, default: "60", doc: "The window in which they are counted." },
+    Attribute {
+        name: "mailbox",
+        kind: MAILBOX,
+        default: "4",
+        doc: "Mail that the broker keeps for each client, and for one that died and is started again.",
+    },
 ];
 
 /// What an app's element says of its policy, as far as it has been read.
@@ -107,6 +117,7 @@ pub(crate) struct Said {
     window_secs: Option<f64>,
     /// `Some(None)`: off.
     health_secs: Option<Option<f64>>,
+    mailbox_mb: Option<u32>,
 }
 
 impl Said {
@@ -116,6 +127,7 @@ impl Said {
             "restart" => Some(restart(value).map(|restart| self.restart = Some(restart))),
             "restarts" | "broker-restarts" => Some(count(value).map(|count| self.restarts = Some(count))),
             "restart-window" | "broker-window" => Some(span(value).map(|secs| self.window_secs = Some(secs))),
+            "mailbox" => Some(integer(MAILBOX, value, MAILBOX_MB).map(|mb| self.mailbox_mb = Some(mb))),
             "health" if value == OFF => {
                 self.health_secs = Some(None);
                 Some(Ok(()))
@@ -152,6 +164,11 @@ impl Said {
     pub fn broker(&self) -> Policy {
         Policy { restart: Policy::BROKER.restart, health_secs: None, ..self.policy(false) }
     }
+
+    /// Mail that the broker keeps for each client (MB).
+    pub fn mailbox_mb(&self) -> u32 {
+        self.mailbox_mb.unwrap_or(MAILBOX_MB)
+    }
 }
 
 /// The attribute of a policy that `name` is most likely a slip of.
@@ -169,9 +186,13 @@ fn restart(value: &str) -> Result<Restart, ValueError> {
 }
 
 fn count(value: &str) -> Result<u32, ValueError> {
-    match COUNT.parse(value, Path::new(""))? {
+    integer(COUNT, value, Policy::default().restarts)
+}
+
+fn integer(kind: Kind, value: &str, default: u32) -> Result<u32, ValueError> {
+    match kind.parse(value, Path::new(""))? {
         ParamValue::Integer(count) => Ok(u32::try_from(count).unwrap_or(u32::MAX)),
-        _ => Ok(Policy::default().restarts),
+        _ => Ok(default),
     }
 }
 

@@ -8,7 +8,7 @@ use roxmltree::{Document, Node};
 use crate::draft::Draft;
 use crate::mission::{AppSpec, Mission, Mode};
 use crate::nearest::instead;
-use crate::policy::{self, Policy, Said};
+use crate::policy::{self, Said};
 use crate::problem::{Place, Problems};
 use crate::registry::Registry;
 use crate::setting::Override;
@@ -84,7 +84,8 @@ pub(crate) fn check(
     wiring::connect(&mut drafts, problems);
     let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
     let file = file.to_owned();
-    Some(Mission { name, file, mode, broker, apps })
+    let (broker, mailbox_mb) = (broker.broker(), broker.mailbox_mb());
+    Some(Mission { name, file, mode, broker, mailbox_mb, apps })
 }
 
 fn no_xml(error: &roxmltree::Error, problems: &mut Problems) {
@@ -96,7 +97,7 @@ fn no_xml(error: &roxmltree::Error, problems: &mut Problems) {
 }
 
 /// The Scenario's own attributes.
-fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems) -> (String, Mode, Policy) {
+fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems) -> (String, Mode, Said) {
     let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let mut name = stem.unwrap_or_else(|| "mission".to_owned());
     let mut mode = Mode::Auto;
@@ -130,7 +131,7 @@ fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems)
             }
         }
     }
-    (name, mode, broker.broker())
+    (name, mode, broker)
 }
 
 fn drafts(context: &Context, scenario: Node, problems: &mut Problems) -> Vec<Draft> {

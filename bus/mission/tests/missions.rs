@@ -183,9 +183,10 @@ fn what_happens_to_those_who_die_or_hang_is_said_in_attributes() {
     assert_eq!(policy(r#"<Filter exec="x" restart="always"/>"#), Policy { restart, ..Policy::default() });
     assert_eq!(policy(r#"<Filter exec="x" health="7"/>"#), Policy { health_secs: Some(7.0), ..Policy::default() });
 
-    let text = with("").replace("type=\"auto\"", "broker-restarts=\"1000\" broker-window=\"3600\"");
-    let broker = parse(&text, &[]).unwrap().broker;
-    assert_eq!(broker, Policy { restarts: 1000, window_secs: 3600.0, ..Policy::BROKER });
+    let text = with("").replace("type=\"auto\"", "broker-restarts=\"1000\" broker-window=\"3600\" mailbox=\"64\"");
+    let mission = parse(&text, &[]).unwrap();
+    assert_eq!(mission.broker, Policy { restarts: 1000, window_secs: 3600.0, ..Policy::BROKER });
+    assert_eq!((mission.mailbox_mb, parse(&with(""), &[]).unwrap().mailbox_mb), (64, 4));
     let text = with("").replace("type=\"auto\"", "broker-restarts=\"some\"");
     let said = "m.xml:1:37: broker-restarts \"some\" is no whole number; right is a whole number from 1 to 1000000";
     assert_eq!(parse(&text, &[]).unwrap_err(), said);
@@ -442,7 +443,7 @@ fn all_mistakes_are_reported_together_in_the_order_of_the_file() {
         "m.xml:1:1: the Scenario has no <Map>; right is one\n\
          m.xml:1:1: the Scenario has no <Controller>; right is one\n\
          m.xml:1:17: a Scenario of type \"atuo\" is unknown; did you mean auto?\n\
-         m.xml:1:23: Scenario has no attribute vers; known: name, type, version, broker-restarts, broker-window\n\
+         m.xml:1:23: Scenario has no attribute vers; known: name, type, version, broker-restarts, broker-window, mailbox\n\
          m.xml:1:41: version \"2\" is unknown; right is \"1\"\n\
          m.xml:3:3: Explorer Potential needs the parameter Dim; right is three numbers \"x; y; z\", in m\n\
          m.xml:3:35: Mid: \"0;0\" has 2 numbers; right is three numbers \"x; y; z\", in m\n\
