@@ -381,6 +381,98 @@ fn before_start(element: &str) {
     }
 }
 
+/// Lists of a million entries, empty ones, and maps that reach as far as there are voxels.
+fn long_lies() -> Vec<(String, Value)> {
+    const MANY: usize = 1_000_000;
+    let here = Point3::new(0.0, 0.0, 0.8);
+    let path = |points| messages::Path { points, target: Voxel::new(0, 0, 0), unknown: vec![], looks: vec![] };
+    let motion = || MotionPolicy {
+        name: String::new(),
+        scan_spacing_m: 0.01,
+        early_stop: false,
+        look_at_target: false,
+        clearance_m: 0.0,
+    };
+    let plan = |points| Plan {
+        request: 1,
+        revision: 1,
+        decision: Decision::Go(path(points)),
+        motion: motion(),
+        cpu_secs: 0.0,
+    };
+    let bricks = |count| vec![elk_spatial::map::BrickStates { brick: [0; 3], states: vec![] }; count];
+    let map = |bricks| MapUpdate { revision: 2, since: 0, scan: 2, resolution: 0.25, bricks };
+    // Far apart, and each of them full of free voxels.
+    let spread =
+        |i: i16| elk_spatial::map::BrickStates { brick: [i % 90 * 40, i / 90 * 40, 0], states: vec![0x55; 128] };
+    let far = |z: f32| (0..MANY).map(move |i| Point3::new(i as f32 % 1000.0, i as f32 / 1000.0, z)).collect();
+    let scan = |id, points| Scan { id, command: 1, pose: at(0.0), points };
+    let memory = |trail: Vec<Voxel>| ExplorerMemory {
+        plan: plan(vec![here]),
+        report: None,
+        plans: 1,
+        stalls: 0,
+        fallbacks: 0,
+        iterations: 0,
+        cpu_secs: vec![],
+        hidden: trail.clone(),
+        targets: vec![],
+        trail,
+        standing: Standing::default(),
+        progress_at: 0,
+    };
+    let sample = CoverageSample { free: 1, path_length_m: 0.0 };
+    let over = |samples| MotionMemory {
+        pose: at(0.0),
+        awaited: Awaited::Start,
+        commands: 0,
+        allowed: 0,
+        steps: 0,
+        requests: 0,
+        path_length_m: 0.0,
+        leg: None,
+        samples,
+    };
+    vec![
+        value(&PLAN, &plan(vec![here; MANY])),
+        value(&PLAN, &plan(vec![])),
+        value(&POSE_COMMAND, &PoseCommand { id: 1, via: vec![here; MANY], pose: at(0.0) }),
+        value(&MAP_UPDATE, &map(bricks(MANY))),
+        value(&MAP_UPDATE, &map(vec![])),
+        value(&MAP, &map((0..8100).map(spread).collect())),
+        value(&MAP_MEMORY, &MapMemory { revision: 1, scan: 1, resolution: 0.25, bricks: vec![] }),
+        value(&SCAN, &scan(1, far(3000.0))),
+        value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(2, far(3000.0))),
+        value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(3, far(f32::NAN))),
+        value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(4, [].into_iter().collect())),
+        value(&EXPLORER_MEMORY, &memory((0..MANY as i32).map(|i| Voxel::new(i % 30_000, i / 30_000, 0)).collect())),
+        value(&EXPLORER_MEMORY, &memory(vec![])),
+        value(&MOTION_MEMORY, &over(vec![sample; MANY])),
+        value(&MOTION_MEMORY, &over(vec![])),
+    ]
+}
+
+#[test]
+fn what_is_long_or_empty_or_far_is_survived_live_and_before_the_start() {
+    for element in ["Sensor", "Filter", "Map", "Explorer", "Controller"] {
+        for live in [true, false] {
+            let broker = broker();
+            let mut liar = join(&broker, "liar");
+            let sitting = live.then(|| (Others::new(&broker), seat(&broker, element)));
+            for (key, lie) in long_lies() {
+                say(&mut liar, &key, &lie);
+                liar.comms.flush().unwrap();
+            }
+            let (mut others, mut seat) = sitting.unwrap_or_else(|| (Others::new(&broker), seat(&broker, element)));
+            wait(|| {
+                others.settle(&mut seat, element);
+                element != "Sensor" || others.heard.camera.is_some()
+            });
+            assert_well(element, &mut seat, &mut others);
+        }
+    }
+}
+
 /// A text, and a number where a word belongs, that were written first.
 #[test]
 fn who_starts_with_values_of_another_type_passes_them_over() {
