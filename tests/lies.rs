@@ -5,7 +5,6 @@
 //! (see `elk_bus::Rejection`); any other failure fails the test.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::time::Duration;
 
 use elk_bus::codec::encode_onto;
@@ -17,7 +16,7 @@ use elk_mission::{Mission, Program, Registry};
 use elk_spatial::catalogue::{PayloadType, named};
 use elk_spatial::keys::*;
 use elk_spatial::map::MapUpdate;
-use elk_spatial::messages::*;
+use elk_spatial::messages::{self, *};
 use elk_spatial::{OccupancyGrid, Pose, Scan, State, Voxel};
 use nalgebra::{Point3, Vector3};
 
@@ -139,7 +138,7 @@ impl Seat {
 
 fn mission() -> Mission {
     let types = [elk_sensor::TYPES, elk_filter::TYPES, elk_map::TYPES, elk_explorer::TYPES, elk_controller::TYPES];
-    Mission::parse(MISSION, Path::new("lies.xml"), &Registry::new(&types), &[]).unwrap()
+    Mission::parse(MISSION, std::path::Path::new("lies.xml"), &Registry::new(&types), &[]).unwrap()
 }
 
 fn join(broker: &MemoryBroker, name: &str) -> Client {
@@ -382,6 +381,98 @@ fn before_start(element: &str) {
     }
 }
 
+/// Lists of a million entries, empty ones, and maps that reach as far as there are voxels.
+fn long_lies() -> Vec<(String, Value)> {
+    const MANY: usize = 1_000_000;
+    let here = Point3::new(0.0, 0.0, 0.8);
+    let path = |points| messages::Path { points, target: Voxel::new(0, 0, 0), unknown: vec![], looks: vec![] };
+    let motion = || MotionPolicy {
+        name: String::new(),
+        scan_spacing_m: 0.01,
+        early_stop: false,
+        look_at_target: false,
+        clearance_m: 0.0,
+    };
+    let plan = |points| Plan {
+        request: 1,
+        revision: 1,
+        decision: Decision::Go(path(points)),
+        motion: motion(),
+        cpu_secs: 0.0,
+    };
+    let bricks = |count| vec![elk_spatial::map::BrickStates { brick: [0; 3], states: vec![] }; count];
+    let map = |bricks| MapUpdate { revision: 2, since: 0, scan: 2, resolution: 0.25, bricks };
+    // Far apart, and each of them full of free voxels.
+    let spread =
+        |i: i16| elk_spatial::map::BrickStates { brick: [i % 90 * 40, i / 90 * 40, 0], states: vec![0x55; 128] };
+    let far = |z: f32| (0..MANY).map(move |i| Point3::new(i as f32 % 1000.0, i as f32 / 1000.0, z)).collect();
+    let scan = |id, points| Scan { id, command: 1, pose: at(0.0), points };
+    let memory = |trail: Vec<Voxel>| ExplorerMemory {
+        plan: plan(vec![here]),
+        report: None,
+        plans: 1,
+        stalls: 0,
+        fallbacks: 0,
+        iterations: 0,
+        cpu_secs: vec![],
+        hidden: trail.clone(),
+        targets: vec![],
+        trail,
+        standing: Standing::default(),
+        progress_at: 0,
+    };
+    let sample = CoverageSample { free: 1, path_length_m: 0.0 };
+    let over = |samples| MotionMemory {
+        pose: at(0.0),
+        awaited: Awaited::Start,
+        commands: 0,
+        allowed: 0,
+        steps: 0,
+        requests: 0,
+        path_length_m: 0.0,
+        leg: None,
+        samples,
+    };
+    vec![
+        value(&PLAN, &plan(vec![here; MANY])),
+        value(&PLAN, &plan(vec![])),
+        value(&POSE_COMMAND, &PoseCommand { id: 1, via: vec![here; MANY], pose: at(0.0) }),
+        value(&MAP_UPDATE, &map(bricks(MANY))),
+        value(&MAP_UPDATE, &map(vec![])),
+        value(&MAP, &map((0..8100).map(spread).collect())),
+        value(&MAP_MEMORY, &MapMemory { revision: 1, scan: 1, resolution: 0.25, bricks: vec![] }),
+        value(&SCAN, &scan(1, far(3000.0))),
+        value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(2, far(3000.0))),
+        value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(3, far(f32::NAN))),
+        value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(4, [].into_iter().collect())),
+        value(&EXPLORER_MEMORY, &memory((0..MANY as i32).map(|i| Voxel::new(i % 30_000, i / 30_000, 0)).collect())),
+        value(&EXPLORER_MEMORY, &memory(vec![])),
+        value(&MOTION_MEMORY, &over(vec![sample; MANY])),
+        value(&MOTION_MEMORY, &over(vec![])),
+    ]
+}
+
+#[test]
+fn what_is_long_or_empty_or_far_is_survived_live_and_before_the_start() {
+    for element in ["Sensor", "Filter", "Map", "Explorer", "Controller"] {
+        for live in [true, false] {
+            let broker = broker();
+            let mut liar = join(&broker, "liar");
+            let sitting = live.then(|| (Others::new(&broker), seat(&broker, element)));
+            for (key, lie) in long_lies() {
+                say(&mut liar, &key, &lie);
+                liar.comms.flush().unwrap();
+            }
+            let (mut others, mut seat) = sitting.unwrap_or_else(|| (Others::new(&broker), seat(&broker, element)));
+            wait(|| {
+                others.settle(&mut seat, element);
+                element != "Sensor" || others.heard.camera.is_some()
+            });
+            assert_well(element, &mut seat, &mut others);
+        }
+    }
+}
+
 /// A text, and a number where a word belongs, that were written first.
 #[test]
 fn who_starts_with_values_of_another_type_passes_them_over() {
@@ -420,4 +511,154 @@ apps! {
     a_map_among_liars, a_map_that_starts_with_lies: "Map";
     an_explorer_among_liars, an_explorer_that_starts_with_lies: "Explorer";
     a_controller_among_liars, a_controller_that_starts_with_lies: "Controller";
+}
+
+/// A whole mission, with somebody in it who lies.
+struct Round {
+    seats: Vec<Seat>,
+    probe: Client,
+    liar: Client,
+    /// The last request of the controller, and the last command.
+    request: u64,
+    command: u64,
+    motion: Option<MotionReport>,
+    exploration: Option<ExplorationReport>,
+    sensor: Option<SensorReport>,
+}
+
+impl Round {
+    /// Everybody sits down; `first` is said before anybody is there.
+    fn new(first: impl IntoIterator<Item = (String, Value)>) -> Self {
+        let broker = broker();
+        let mut liar = join(&broker, "liar");
+        first.into_iter().for_each(|(key, lie)| say(&mut liar, &key, &lie));
+        liar.comms.flush().unwrap();
+        let mut probe = join(&broker, "probe");
+        for key in ["MOTION_REPORT", "EXPLORATION_REPORT", "SENSOR_REPORT", "PLAN_REQUEST", "POSE_COMMAND"] {
+            probe.comms.register_variable(key, 0.0).unwrap();
+        }
+        probe.comms.flush().unwrap();
+        let seats = ["Sensor", "Filter", "Map", "Explorer", "Controller"].map(|element| seat(&broker, element)).into();
+        Self { seats, probe, liar, request: 0, command: 0, motion: None, exploration: None, sensor: None }
+    }
+
+    /// Runs to the end; `lies` has what is said in each round. What it came to: ways, voxels, scans and contacts.
+    fn run(mut self, lies: impl Fn(usize, &Self) -> Vec<(String, Value)>) -> (MotionReport, bool, u64, usize) {
+        let mut idle = 0;
+        for round in 0.. {
+            for (key, lie) in lies(round, &self) {
+                say(&mut self.liar, &key, &lie);
+            }
+            self.liar.comms.flush().unwrap();
+            let before = self.command;
+            for seat in &mut self.seats {
+                seat.turn();
+            }
+            self.listen();
+            idle = if self.command > before { 0 } else { idle + 1 };
+            if self.motion.is_some() && self.exploration.is_some() {
+                break;
+            }
+            if idle > 20 {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            assert!(idle < PATIENCE_ROUNDS, "nothing moves any more: {:?}", self.rejected());
+        }
+        let rejected = self.rejected().values().sum();
+        let contacts = self.sensor.unwrap().contacts;
+        (self.motion.unwrap(), self.exploration.unwrap().complete, contacts, rejected)
+    }
+
+    fn rejected(&self) -> BTreeMap<&str, usize> {
+        let mut all = BTreeMap::new();
+        for (key, count) in self.seats.iter().flat_map(|seat| &seat.rejected) {
+            *all.entry(key.as_str()).or_default() += count;
+        }
+        all
+    }
+
+    fn listen(&mut self) {
+        let Self { probe, motion, exploration, sensor, request, command, .. } = self;
+        let note = |mail: &Mail<'_>| match (mail.source(), mail.key()) {
+            ("Controller", "MOTION_REPORT") => *motion = Some(mail.decode(&MOTION_REPORT).unwrap()),
+            ("Explorer", "EXPLORATION_REPORT") => *exploration = Some(mail.decode(&EXPLORATION_REPORT).unwrap()),
+            ("Sensor", "SENSOR_REPORT") => *sensor = Some(mail.decode(&SENSOR_REPORT).unwrap()),
+            ("Controller", "PLAN_REQUEST") => *request = mail.decode(&PLAN_REQUEST).unwrap().id,
+            ("Controller", "POSE_COMMAND") => *command = mail.decode(&POSE_COMMAND).unwrap().id,
+            _ => {}
+        };
+        probe.receive(Duration::ZERO, note).unwrap();
+    }
+}
+
+/// What decodes, and contradicts what somebody knows.
+fn contradictions(request: u64, command: u64) -> Vec<(String, Value)> {
+    let mut stray = OccupancyGrid::new(0.25);
+    stray.set(Voxel::new(12_000, 12_000, 12_000), State::Free);
+    let mut coarse = OccupancyGrid::new(0.5);
+    coarse.set(Voxel::new(0, 0, 0), State::Free);
+    let far = MapUpdate { revision: 1_000_000, ..stray.whole(1) };
+    let plan = |points: Vec<Point3<f64>>, clearance_m: f64, revision: u64| {
+        let path = messages::Path { points, target: Voxel::new(0, 0, 3), unknown: vec![], looks: vec![] };
+        let scan_spacing_m = 0.01;
+        let motion =
+            MotionPolicy { name: "liar".into(), scan_spacing_m, early_stop: false, look_at_target: false, clearance_m };
+        value(&PLAN, &Plan { request, revision, decision: Decision::Go(path), motion, cpu_secs: 0.0 })
+    };
+    let here = Point3::new(0.0, 0.0, 0.8);
+    let there = Point3::new(3e5, 0.0, 0.8);
+    let zigzag = (0..100_000).map(|i| here + Vector3::x() * f64::from(i % 2)).collect();
+    let ask = |pose, revision| PlanRequest { id: 1 << 40, pose, revision, outcome: Outcome::Unresolved };
+    vec![
+        value(&MAP_UPDATE, &MapUpdate { revision: 3, ..coarse.whole(1) }),
+        value(&MAP, &MapUpdate { revision: 1_000_000, ..coarse.whole(1) }),
+        value(&MAP_UPDATE, &far),
+        value(&MAP, &MapUpdate { revision: (1 << 48) - 1, ..far.clone() }),
+        plan(vec![here], 9.0, 1),
+        plan(vec![here, there], 0.1, 1),
+        plan(zigzag, 0.1, 1),
+        plan(vec![here], 0.1, 1 << 47),
+        value(&POSE_COMMAND, &PoseCommand { id: command + 1000, via: vec![], pose: at(0.1) }),
+        value(&camera_pose("SIM_SENSOR"), &CameraPose { command: 1 << 47, pose: at(0.1) }),
+        value(&PLAN_REQUEST, &ask(at(3000.0), 1)),
+        value(&PLAN_REQUEST, &ask(at(0.0), 1 << 47)),
+    ]
+}
+
+/// Whatever is said that cannot be true, a mission goes the very way that it goes alone.
+#[test]
+fn a_mission_among_liars_goes_the_way_that_it_goes_alone() {
+    let alone = Round::new([]).run(|_, _| vec![]);
+    assert!(alone.1 && alone.2 == 0 && alone.3 == 0, "{alone:?}");
+    let incredible: Vec<(String, Value)> = CARRIED
+        .iter()
+        .flat_map(|(variable, _)| lies(variable, false).into_iter().step_by(41))
+        .map(|(key, lie)| (key.to_owned(), lie))
+        .collect();
+    let among = Round::new([])
+        .run(|round, _| incredible.iter().cycle().skip(round * 25 % incredible.len()).take(25).cloned().collect());
+    assert_eq!((&among.0, among.1, among.2), (&alone.0, true, 0));
+    assert!(among.3 > 500, "{} rejected", among.3);
+    // A contradiction costs a question for the whole map, not more; once there is a map to be contradicted.
+    let contradicted = Round::new([]).run(|round, mission| match (mission.request, round % 5) {
+        (1.., 0) => contradictions(mission.request, mission.command),
+        _ => vec![],
+    });
+    assert_eq!((&contradicted.0, contradicted.1, contradicted.2), (&alone.0, true, 0));
+    assert!(contradicted.3 > 20, "{} rejected", contradicted.3);
+}
+
+/// Whoever starts is given lies first: each by itself, and all of what is incredible.
+#[test]
+fn a_mission_that_begins_with_lies_is_completed() {
+    let incredible = CARRIED.iter().map(|(variable, _)| lies(variable, false).remove(7));
+    let incredible: Vec<(String, Value)> = incredible.map(|(key, lie)| (key.to_owned(), lie)).collect();
+    let alone = contradictions(1, 0).into_iter().map(|lie| vec![lie]);
+    for first in alone.chain([incredible]) {
+        let (key, lie) = &first[0];
+        let mut words = format!("{key} {lie:?}");
+        words.truncate(200);
+        let (motion, complete, contacts, _) = Round::new(first.clone()).run(|_, _| vec![]);
+        assert!(complete && contacts == 0 && motion.scans > 5, "{words}: {motion:?}, {contacts} contacts");
+    }
 }

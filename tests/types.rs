@@ -65,3 +65,29 @@ fn one_app_by_itself_checks_its_parameters() {
     assert!(!right);
     assert_eq!(said, "elk: Treshold=1: Filter Distance has no parameter Treshold; did you mean Threshold?\n");
 }
+
+/// Regression: a radius of very many voxels took all memory when the explorer started.
+#[test]
+fn a_radius_that_nobody_can_look_after_is_found_before_anything_starts() {
+    let mission = "mission-files/apartment.xml";
+    let (right, said) = elk(&["check", mission, "--set", "Explorer.Radius=3.3"]);
+    assert!(!right && said.contains("Radius 3.3 m are more than 32 voxels of 0.1 m (Res)"), "{said}");
+    let (right, said) = elk(&["check", mission, "--set", "Map.Res=0.003"]);
+    assert!(!right && said.contains("Radius 0.1 m are more than 32 voxels of 0.003 m (Res)"), "{said}");
+    let (right, said) = elk(&["check", mission, "--set", "Explorer.Radius=3.2"]);
+    assert!(right, "{said}");
+}
+
+#[test]
+fn the_bounds_of_the_map_are_shown_and_common_to_map_and_explorer() {
+    let (_, map) = elk(&["types", "Map"]);
+    assert!(
+        map.contains("MaxRange") && map.contains("30") && map.contains("MaxBricks") && map.contains("65536"),
+        "{map}"
+    );
+    let (_, explorer) = elk(&["types", "Explorer"]);
+    assert!(explorer.contains("MaxBricks") && explorer.contains("MaxVoxels"), "{explorer}");
+    let set = ["--set", "Map.MaxBricks=100", "--set", "Explorer.MaxBricks=200"];
+    let (right, said) = elk(&[&["check", "mission-files/apartment.xml"], &set[..]].concat());
+    assert!(!right && said.contains("MaxBricks"), "{said}");
+}

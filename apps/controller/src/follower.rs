@@ -170,7 +170,7 @@ impl Follower {
             // The sensor has the last word: what was remembered is of another run, or made up.
             *self = Self { replica: self.replica.clone(), ..Self::default() };
         }
-        if self.awaited == Awaited::Start {
+        if self.awaited == Awaited::Start || self.began_beside(camera) {
             self.carried_out = camera.command;
             self.commands = camera.command;
             return Ok(vec![self.command(camera.pose, vec![])]);
@@ -192,6 +192,12 @@ impl Follower {
             }
         }
         Ok(vec![])
+    }
+
+    /// Whether the run has hardly begun, and from another command than the sensor's last: of the two the sensor knows.
+    fn began_beside(&self, camera: &CameraPose) -> bool {
+        let hardly = self.record.samples().is_empty() && matches!(self.awaited, Awaited::Map(_)) && !self.inherited;
+        hardly && !(camera.command..=camera.command + 1).contains(&self.commands)
     }
 
     /// The map has changed, or it is here whole.

@@ -1,5 +1,7 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
+use std::collections::BTreeMap;
+
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
@@ -152,7 +154,7 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         explorer,
         // The table keeps the number of bricks positive.
         replica: Replica::new(Some(params.number("Res")), params.integer("MaxBricks") as usize),
-        request: None,
+        requests: BTreeMap::new(),
         recall: Recall::default(),
         plan: None,
         scope: Scope::default(),
@@ -202,13 +204,16 @@ fn potential(params: &Params) -> Potential {
     Potential { start, solver, tolerance }
 }
 
+/// Clients that may wait for a plan at once.
+const MOST_ASKERS: usize = 8;
+
 /// An [`Explorer`] on the bus.
 pub struct ExplorerApp {
     explorer: Explorer,
     replica: Replica,
     frontier: FrontierSet,
-    /// A request whose revision of the map is not here yet.
-    request: Option<PlanRequest>,
+    /// Requests whose revision of the map is not here yet, by who asks: nobody can take back what another one has asked.
+    requests: BTreeMap<String, PlanRequest>,
     recall: Recall,
     /// The last plan, to be given again if it is asked for again.
     plan: Option<Plan>,
@@ -222,16 +227,19 @@ impl ExplorerApp {
         self.plan = Some(left.plan);
     }
 
-    fn on_request(&mut self, comms: &mut Comms, request: PlanRequest) -> Result<(), AppError> {
+    fn on_request(&mut self, comms: &mut Comms, asker: &str, request: PlanRequest) -> Result<(), AppError> {
         let revision = self.replica.grid().revision();
         if revision > 0 && request.revision > revision + LEAP {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: request.revision }).into());
         }
-        self.look_at_place(&request)?;
         if self.replica.hear_of(request.revision) {
             comms.notify(MAP_REQUEST, 1.0)?;
         }
-        self.request = Some(request);
+        self.look_at_place(&request)?;
+        if self.requests.len() >= MOST_ASKERS && !self.requests.contains_key(asker) {
+            return Err(Rejection::new(format_args!("{MOST_ASKERS} others wait for a plan already")).into());
+        }
+        self.requests.insert(asker.to_owned(), request);
         self.answer(comms)
     }
 
@@ -243,7 +251,7 @@ impl ExplorerApp {
         let brick = brick_of(robot);
         let is_known = |brick| grid.bricks().brick(brick).is_some();
         let inside = robot.to_array().iter().all(|c| INDEX_RANGE.contains(c));
-        let unheard_of = grid.bricks().is_empty() || request.revision > grid.revision();
+        let unheard_of = self.replica.is_doubtful() || grid.bricks().is_empty() || request.revision > grid.revision();
         if inside && (unheard_of || std::iter::once(brick).chain(brick.neighbours()).any(is_known)) {
             return Ok(());
         }
@@ -266,15 +274,21 @@ impl ExplorerApp {
         self.answer(comms)
     }
 
-    /// Answers the request that waits, once the map is there for it, and nothing speaks against that map.
+    /// Answers the requests that wait, once the map is there for them, and nothing speaks against that map.
     fn answer(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        let revision = self.replica.grid().revision();
         if self.replica.is_doubtful() {
             return Ok(());
         }
-        let Some(request) = self.request.take_if(|r| r.revision <= revision) else {
-            return Ok(());
-        };
+        let revision = self.replica.grid().revision();
+        // Whoever asks has the map, too: one that is far ahead of it is not the map.
+        let is_due = |request: &PlanRequest| (request.revision..=request.revision + LEAP).contains(&revision);
+        let all = std::mem::take(&mut self.requests).into_iter();
+        let (here, later): (BTreeMap<_, _>, _) = all.partition(|(_, request)| is_due(request));
+        self.requests = later;
+        here.into_values().try_for_each(|request| self.answer_one(comms, request))
+    }
+
+    fn answer_one(&mut self, comms: &mut Comms, request: PlanRequest) -> Result<(), AppError> {
         if let Err(rejection) = self.look_at_place(&request) {
             tell(format_args!("{}: no plan for request {}: {rejection}", comms.name(), request.id));
             return Ok(());
@@ -343,7 +357,7 @@ impl App for ExplorerApp {
         } else if mail.is(&MAP) {
             self.on_map(comms, &mail.decode(&MAP)?)
         } else if mail.is(&PLAN_REQUEST) {
-            self.on_request(comms, mail.decode(&PLAN_REQUEST)?)
+            self.on_request(comms, mail.source(), mail.decode(&PLAN_REQUEST)?)
         } else if mail.key() == MAP_RECALL {
             let revision = mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
             let copy = self.replica.copy_of(revision);

@@ -209,10 +209,11 @@ impl SimulatorApp {
     /// publish.
     fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         let Past { pose, report, scan } = std::mem::take(&mut self.past);
-        let Some(pose) = pose else {
+        // Scans and commands go together: what is far from all else that was left is not of this run.
+        let others = report.as_ref().map_or(scan, |report| report.scans.max(scan));
+        let Some(pose) = pose.filter(|pose| pose.command <= others + LEAP) else {
             return self.publish_pose(comms);
         };
-        // Scans and commands are counted by one another: a report that is far from both is no report of this run.
         let report = report.filter(|report| report.scans <= scan.max(pose.command) + LEAP);
         let (scans, contacts, cpu_secs) = report.map_or((scan, 0, 0.0), |r| (r.scans, r.contacts, r.cpu_secs));
         if let Err(refusal) = self.simulator.succeed(&pose, scans, contacts) {
@@ -238,10 +239,15 @@ impl SimulatorApp {
             // The last one comes again when the controller or the sensor was exchanged; an older one is a mistake.
             if command.id < last {
                 tell(format_args!("pose command {} ignored: {last} is already carried out", command.id));
+                return self.publish_pose(comms);
             }
             return Ok(());
         }
-        self.look_at_number(command)?;
+        if let Err(foreign) = self.look_at_number(command) {
+            // Whoever counts otherwise learns from it how many there were.
+            self.publish_pose(comms)?;
+            return Err(foreign.into());
+        }
         if self.simulator.command() == 0 && command.id > 1 {
             self.find_robot(comms.name(), command);
         }
@@ -484,12 +490,17 @@ mod tests {
     /// A report that speaks of far more scans than there were commands is of another run, or made up.
     #[test]
     fn a_report_that_the_pose_contradicts_is_not_believed() {
-        let (mut app, broker) = (app(), MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0)));
+        let (mut app, broker) = (self::app(), MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0)));
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
         app.past.pose = Some(CameraPose { command: 5, pose });
         app.past.scan = 5;
         app.past.report = Some(SensorReport { scans: 1 << 47, contacts: 9, scan: 1 << 47, cpu_secs: 0.0 });
         app.begin(&mut join(&broker, "Simulator").comms).unwrap();
         assert_eq!((app.simulator.scans(), app.simulator.contacts()), (5, 0));
+        // Nor is a pose after commands of which nobody has seen a scan.
+        let mut app = self::app();
+        app.past.pose = Some(CameraPose { command: 1 << 47, pose });
+        app.begin(&mut join(&broker, "Another").comms).unwrap();
+        assert_eq!((app.simulator.command(), app.simulator.scans()), (0, 0));
     }
 }

@@ -137,14 +137,6 @@ pub enum UpdateError {
         /// The update's revision.
         update: u64,
     },
-    /// A map that is behind what was heard of it.
-    #[error("its revision {update} is behind {have}: not believed without asking for the whole map")]
-    Behind {
-        /// The reader's revision.
-        have: u64,
-        /// The update's revision.
-        update: u64,
-    },
     /// More bricks than a reader keeps.
     #[error("with its bricks there would be {bricks} of them; at most {most} are kept (MaxBricks)")]
     TooMany {

@@ -9,7 +9,8 @@ pub enum Arrival {
     Applied(Changes),
     /// It says nothing that is not known, or the whole map is on its way.
     Old,
-    /// Updates before it are missing, and nobody has asked for the whole map yet: ask for it ([`crate::keys::MAP_REQUEST`]).
+    /// Updates before it are missing, or it is older than what is known, and nobody has asked for the whole map yet: ask for
+    /// it ([`crate::keys::MAP_REQUEST`]).
     Gap,
 }
 
@@ -67,17 +68,21 @@ impl Replica {
     }
 
     /// The whole map, for a map that was killed and asks who has a copy of `revision` or a later one
-    /// ([`crate::keys::MAP_RECALL`]); `None`: this one is older.
+    /// ([`crate::keys::MAP_RECALL`]); `None`: this one is older, or of nothing.
     pub fn copy_of(&self, revision: f64) -> Option<MapUpdate> {
-        (self.grid.revision() as f64 >= revision).then(|| self.grid.whole(self.scan))
+        let own = self.grid.revision();
+        (own > 0 && own as f64 >= revision).then(|| self.grid.whole(self.scan))
     }
 
     /// Takes note that the map is at `revision` for somebody else; whether to ask for the whole map, as this one is ahead.
     pub fn hear_of(&mut self, revision: u64) -> bool {
-        let doubt = self.grid.revision() > revision && !self.asked;
-        self.asked |= doubt;
-        self.doubtful |= doubt;
-        doubt
+        self.grid.revision() > revision && self.doubt_own()
+    }
+
+    /// Doubts what is known; whether to ask for the whole map now.
+    fn doubt_own(&mut self) -> bool {
+        self.doubtful = true;
+        !std::mem::replace(&mut self.asked, true)
     }
 
     /// Takes an update, or the whole map.
@@ -97,7 +102,8 @@ impl Replica {
             true if update.revision > have + LEAP => {
                 Err(self.doubt(UpdateError::Ahead { have, update: update.revision }))
             }
-            _ if update.revision < have => Err(self.doubt(UpdateError::Behind { have, update: update.revision })),
+            // Said before what is known, and given late; or what is known is not the map.
+            _ if update.revision < have => Ok(if self.doubt_own() { Arrival::Gap } else { Arrival::Old }),
             _ if update.revision == have => Ok(Arrival::Old),
             true => self.believe(update),
             false if update.since == have => self.believe(update),
@@ -123,8 +129,7 @@ impl Replica {
     }
 
     fn doubt(&mut self, why: UpdateError) -> Misfit {
-        self.doubtful = true;
-        Misfit { why, ask: !std::mem::replace(&mut self.asked, true) }
+        Misfit { why, ask: self.doubt_own() }
     }
 
     fn look_at_size(&self, update: &MapUpdate) -> Result<(), UpdateError> {
