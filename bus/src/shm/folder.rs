@@ -13,6 +13,7 @@ use rustix::fs::{
 };
 
 use super::handshake::own_user;
+use super::scarce;
 
 /// Bits of a mode that let others write.
 const WRITABLE: u32 = 0o022;
@@ -51,7 +52,9 @@ pub enum FolderError {
         folder: PathBuf,
     },
     /// The operating system refused.
-    #[error("the folder {}: {source}; XDG_RUNTIME_DIR or TMPDIR says where else it is to be", .folder.display())]
+    #[error(
+        "the folder {}: {source}{}; XDG_RUNTIME_DIR or TMPDIR says where else it is to be", .folder.display(), scarce::hint()
+    )]
     Io {
         /// The folder.
         folder: PathBuf,
