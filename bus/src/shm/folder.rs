@@ -216,6 +216,16 @@ impl Folder {
         Ok(())
     }
 
+    /// Sees that nobody else could read or write a file in it, were it somewhere else.
+    pub fn close_file(&self, name: &str) -> std::io::Result<()> {
+        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let file = openat(&self.descriptor, name, flags, Mode::empty())?;
+        match fstat(&file)?.st_mode {
+            mode if mode & OTHERS != 0 => Ok(fchmod(&file, Mode::from_raw_mode(mode & 0o700))?),
+            _ => Ok(()),
+        }
+    }
+
     /// A path that leads through the descriptor: to this very folder, whatever is put in its place meanwhile.
     fn through_descriptor(&self) -> PathBuf {
         PathBuf::from(format!("/proc/self/fd/{}", self.descriptor.as_raw_fd()))
