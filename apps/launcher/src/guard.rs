@@ -16,7 +16,7 @@ use elk_bus::clock::Stopwatch;
 use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 
 use crate::error::LaunchError;
-use crate::strays::{self, Sight, outside};
+use crate::strays::{self, RUN, Sight};
 
 /// How long groups may take to end before they are killed: two seconds after the launcher, nobody is left.
 const PATIENCE: Duration = Duration::from_millis(1500);
@@ -30,10 +30,10 @@ pub(crate) struct Guard {
 }
 
 impl Guard {
-    /// Starts the guard: `program guard`.
-    pub fn start(program: &Path) -> Result<Self, LaunchError> {
+    /// Starts the guard: `program guard`. By `run` it knows those of whom the launcher did not live to tell.
+    pub fn start(program: &Path, run: &str) -> Result<Self, LaunchError> {
         let mut command = Command::new(program);
-        command.arg("guard").stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
+        command.arg("guard").env(RUN, run).stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
         let failed =
             |source| LaunchError::CannotStart { app: "the guard".to_owned(), program: program.to_owned(), source };
         let mut child = command.spawn().map_err(failed)?;
@@ -89,7 +89,7 @@ impl Drop for Guard {
 pub fn guard(launcher: impl BufRead) -> io::Result<()> {
     let mut watched = Watched::default();
     let read = watched.follow(launcher);
-    watched.end();
+    watched.end(&std::env::var(RUN).unwrap_or_default());
     read
 }
 
@@ -118,11 +118,10 @@ impl Watched {
         Ok(())
     }
 
-    fn end(&mut self) {
+    fn end(&mut self, run: &str) {
         let groups: Vec<Pid> = self.groups.iter().filter_map(|group| Pid::from_raw(*group)).collect();
-        // Those that the launcher did not live to see; their parents are still there, if only just.
-        let unseen = groups.iter().flat_map(|group| outside(*group)).filter_map(ProcessId::of);
-        self.strays.extend(unseen);
+        // Those that the launcher did not live to see.
+        self.strays.extend(strays::of_run(run));
         let all = |signal| {
             for group in &groups {
                 // That it has gone meanwhile is no failure.

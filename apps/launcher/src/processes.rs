@@ -23,7 +23,7 @@ use crate::observer::{Losses, News};
 use crate::process::{Bond, Process};
 use crate::run_folder::stamp;
 use crate::run_place::RunPlace;
-use crate::strays::{Sight, Strays};
+use crate::strays::{RUN, Sight, Strays, fresh_run};
 use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Supervisor, Ticket, UnitSpec, Word};
 use crate::usage::{Samples, Usage};
 
@@ -62,6 +62,8 @@ pub(crate) struct Processes {
     posts: Vec<Post>,
     /// Holders that were relieved and have until then to end.
     retiring: Vec<(Process, Duration)>,
+    /// What tells the descendants of these processes from all others.
+    run: String,
     guard: Option<Guard>,
     /// What apps have started outside of their groups.
     strays: Strays,
@@ -88,9 +90,10 @@ struct Post {
 impl Processes {
     /// The crew of a mission. Nothing but the guard is started yet.
     pub fn new(mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
+        let run = fresh_run();
         let guard = match yard.detached {
             true => None,
-            false => Some(Guard::start(&yard.program)?),
+            false => Some(Guard::start(&yard.program, &run)?),
         };
         Strays::gather_orphans();
         let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
@@ -102,6 +105,7 @@ impl Processes {
             supervisor: Supervisor::new(broker, units),
             posts: std::iter::once(Post::default()).chain(apps).collect(),
             retiring: Vec::new(),
+            run,
             guard,
             strays: Strays::default(),
             failed: None,
@@ -301,7 +305,8 @@ impl Processes {
         Ok(())
     }
 
-    fn spawn(&mut self, name: &str, command: Command) -> Result<Process, LaunchError> {
+    fn spawn(&mut self, name: &str, mut command: Command) -> Result<Process, LaunchError> {
+        command.env(RUN, &self.run);
         let log = log_of(&self.yard.place.folder, name);
         if log.metadata().is_ok_and(|found| found.len() > 0)
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)

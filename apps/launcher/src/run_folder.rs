@@ -1,7 +1,9 @@
 //! The folder that a run leaves behind: `logs/<mission>-<YYYYMMDD-HHMMSS>`.
 
 use std::ffi::OsStr;
+use std::fs::DirBuilder;
 use std::io::ErrorKind;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::Date;
@@ -13,7 +15,7 @@ const TRIES: u32 = 1000;
 /// The longest name that is taken over from a mission (bytes).
 const LONGEST: usize = 100;
 
-/// Makes the folder of a run of `mission` that starts at `now` (s since 1970, UTC); a second one of the same second is
+/// Makes, for its owner alone, the folder of a run of `mission` that starts at `now` (s since 1970, UTC); a second one of the same second is
 /// numbered.
 pub(crate) fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, LaunchError> {
     let name = format!("{}-{}", plain(mission.file_stem()), stamp(now));
@@ -23,7 +25,7 @@ pub(crate) fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, L
     for n in 1..TRIES {
         let numbered = if n == 1 { name.clone() } else { format!("{name}-{n}") };
         let folder = logs.join(numbered);
-        match std::fs::create_dir(&folder) {
+        match DirBuilder::new().mode(0o700).create(&folder) {
             Ok(()) => return Ok(folder),
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             Err(source) => return Err(LaunchError::Folder { folder, source }),

@@ -5,12 +5,34 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use elk_bus::ProcessId;
-use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, getpgid, getpid, pidfd_open, pidfd_send_signal, waitpid};
+use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, getpid, pidfd_open, pidfd_send_signal, waitpid};
 
 /// How long a stray may take to end when its app has.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(2);
 /// How often it is looked for new ones.
 const PERIOD: Duration = Duration::from_secs(1);
+
+/// The environment variable by which whoever descends from a launcher's apps is known, whoever its parent is by now: it
+/// holds a number that no other launcher has.
+pub(crate) const RUN: &str = "ELK_RUN";
+
+/// A number for [`RUN`].
+pub(crate) fn fresh_run() -> String {
+    std::fs::read_to_string("/proc/sys/kernel/random/uuid").unwrap_or_default().trim().to_owned()
+}
+
+/// All processes of this user, but this one, that have this number of a run.
+pub(crate) fn of_run(run: &str) -> Vec<ProcessId> {
+    let said = format!("{RUN}={run}");
+    let has_it = |pid: &i32| {
+        let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+        environment.split(|byte| *byte == 0).any(|one| one == said.as_bytes())
+    };
+    let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    let all = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+    let own = getpid().as_raw_nonzero().get();
+    all.filter(|pid| *pid != own && !run.is_empty() && has_it(pid)).filter_map(ProcessId::of).collect()
+}
 
 /// The strays of a mission's apps, by number.
 #[derive(Default)]
@@ -58,8 +80,9 @@ impl Strays {
         let of_apps = apps.iter().flat_map(|app| outside(*app).into_iter().map(|pid| (pid, Some(*app))));
         let mut seen: Vec<(i32, Option<Pid>)> = of_apps.collect();
         // What the program around the launcher has started itself is of its own group.
-        let own_group = getpgid(None).ok();
-        let orphans = children(getpid().as_raw_nonzero().get()).into_iter().filter(|pid| !ours.contains(pid));
+        let own = getpid().as_raw_nonzero().get();
+        let own_group = group(own);
+        let orphans = children(own).into_iter().filter(|pid| !ours.contains(pid));
         seen.extend(orphans.filter(|pid| group(*pid) != own_group).map(|pid| (pid, None)));
         let mut sights = Vec::new();
         for (pid, app) in seen {
@@ -128,8 +151,9 @@ fn bury(pid: i32) {
 }
 
 /// The descendants of a process that are not of its group.
-pub(crate) fn outside(leader: Pid) -> Vec<i32> {
-    let mut found = vec![leader.as_raw_nonzero().get()];
+fn outside(leader: Pid) -> Vec<i32> {
+    let leader = leader.as_raw_nonzero().get();
+    let mut found = vec![leader];
     let mut next = 0;
     while let Some(parent) = found.get(next) {
         let more: Vec<i32> = children(*parent).into_iter().filter(|pid| !found.contains(pid)).collect();
@@ -139,8 +163,10 @@ pub(crate) fn outside(leader: Pid) -> Vec<i32> {
     found.split_off(1).into_iter().filter(|pid| group(*pid) != Some(leader)).collect()
 }
 
-fn group(pid: i32) -> Option<Pid> {
-    getpgid(Some(Pid::from_raw(pid)?)).ok()
+/// The number of a process' group; 0: its leader is not of this container (for which `getpgid` of rustix has no word).
+fn group(pid: i32) -> Option<i32> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    stat.rsplit_once(") ")?.1.split(' ').nth(2)?.parse().ok()
 }
 
 /// The children of all threads of a process.

@@ -13,6 +13,7 @@ use rustix::fs::{
 };
 
 use super::handshake::own_user;
+use super::scarce;
 
 /// Bits of a mode that let others write.
 const WRITABLE: u32 = 0o022;
@@ -51,7 +52,9 @@ pub enum FolderError {
         folder: PathBuf,
     },
     /// The operating system refused.
-    #[error("the folder {}: {source}; XDG_RUNTIME_DIR or TMPDIR says where else it is to be", .folder.display())]
+    #[error(
+        "the folder {}: {source}{}; XDG_RUNTIME_DIR or TMPDIR says where else it is to be", .folder.display(), scarce::hint()
+    )]
     Io {
         /// The folder.
         folder: PathBuf,
@@ -211,6 +214,16 @@ impl Folder {
             }
         }
         Ok(())
+    }
+
+    /// Sees that nobody else could read or write a file in it, were it somewhere else.
+    pub fn close_file(&self, name: &str) -> std::io::Result<()> {
+        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let file = openat(&self.descriptor, name, flags, Mode::empty())?;
+        match fstat(&file)?.st_mode {
+            mode if mode & OTHERS != 0 => Ok(fchmod(&file, Mode::from_raw_mode(mode & 0o700))?),
+            _ => Ok(()),
+        }
     }
 
     /// A path that leads through the descriptor: to this very folder, whatever is put in its place meanwhile.

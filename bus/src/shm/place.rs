@@ -21,6 +21,9 @@ const LONGEST_ENDING: usize = 100;
 const MARK: &str = "made-by-elk";
 /// How often a folder is made anew that the last community to leave has removed in the same moment.
 const TRIES: u32 = 5;
+/// What the name of iceoryx2's counter of nodes ends with: it is made for everybody to write to, in a folder that nobody
+/// else can enter.
+const COUNTER: &str = ".global_mgmt";
 /// The folder in which iceoryx2 keeps one for each of its nodes.
 const NODES: &str = "nodes";
 
@@ -97,6 +100,11 @@ impl Place {
 
     /// Sees that nobody else can enter what iceoryx2 has made in the folder: it makes some for its group as well.
     pub fn close_to_others(&self) -> Result<(), FolderError> {
+        let failed = |source| FolderError::Io { folder: self.folder.path().to_owned(), source };
+        let names = self.folder.names().map_err(failed)?;
+        for counter in names.iter().filter_map(|name| name.to_str()).filter(|name| name.ends_with(COUNTER)) {
+            self.folder.close_file(counter).map_err(failed)?;
+        }
         self.folder.close_children()?;
         match self.folder.child(NODES) {
             Err(FolderError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(()),
