@@ -118,6 +118,9 @@ mod tests {
         assert_eq!(read(&path, 64_000_000).unwrap_err().to_string(), "it is longer than 64 MB");
         std::fs::write(&path, b"elk \xff").unwrap();
         assert_eq!(said(&path), "it is no text: byte 5 is not UTF-8");
-        assert!(read(Path::new("/proc/self/status"), 1 << 20).unwrap().starts_with(b"Name:"), "a file without a length");
+        assert!(
+            read(Path::new("/proc/self/status"), 1 << 20).unwrap().starts_with(b"Name:"),
+            "a file without a length"
+        );
     }
 }
