@@ -40,6 +40,7 @@ use std::sync::atomic::AtomicBool;
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Clock, Community};
 use elk_mission::{Mission, Mode, Registry};
+use elk_outside::text;
 
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
@@ -124,7 +125,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let place = RunPlace::new(&mission, &folder, manual);
     place.keep(&mission)?;
     mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
-    put(&format!("{}: run {}\n", mission.name, folder.display()));
+    put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));
 
     let LaunchOptions { program, community, headless, registry, detached, .. } = options;
     let state = LaunchState::of(&mission, &folder, manual);
@@ -153,7 +154,7 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let state = LaunchState::read(community)?;
     let mission = state.mission(registry)?;
     let folder = state.folder.clone();
-    put(&format!("{}: attached to run {}\n", mission.name, folder.display()));
+    put(&text::printable_lines(&format!("{}: attached to run {}\n", mission.name, folder.display())));
 
     let place = RunPlace::new(&mission, &folder, state.manual);
     let (yard_program, community, registry) = (program.clone(), community.clone(), registry.clone());

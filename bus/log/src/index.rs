@@ -95,7 +95,8 @@ impl Index {
     pub fn span(&self) -> Option<(f64, f64)> {
         let start = self.segments.iter().filter_map(|segment| segment.start).min()?;
         let end = self.segments.iter().filter_map(|segment| segment.end).max()?;
-        Some((seconds(start), seconds(end)))
+        // A file may say that its last message came before its first.
+        Some((seconds(start), seconds(end.max(start))))
     }
 
     /// Every variable with its sources, by name.

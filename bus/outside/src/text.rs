@@ -13,6 +13,24 @@ pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |character| character != '\n' && rules(character))
 }
 
+/// A JSON text that a terminal shows as it is: what [`printable`] escapes is escaped as JSON does, which is the same text to
+/// whoever parses it. Line feeds between its parts stay.
+pub fn printable_json(json: &str) -> Cow<'_, str> {
+    let is_escaped = |character: char| character != '\n' && rules(character);
+    if !json.contains(is_escaped) {
+        return Cow::Borrowed(json);
+    }
+    let mut shown = String::with_capacity(json.len() + 16);
+    for character in json.chars() {
+        match is_escaped(character) {
+            // All of these have four digits.
+            true => shown.push_str(&format!("\\u{:04x}", u32::from(character))),
+            false => shown.push(character),
+        }
+    }
+    Cow::Owned(shown)
+}
+
 fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
     if !text.contains(&is_escaped) {
         return Cow::Borrowed(text);
@@ -77,6 +95,7 @@ mod tests {
     fn a_text_cannot_rule_a_terminal() {
         assert_eq!(printable("a\x1b[2J\nb„ä“'"), "a\\u{1b}[2J\\nb„ä“'");
         assert_eq!(printable("\u{9b}31m \u{202e}gpj.exe\u{2028}"), "\\u{9b}31m \\u{202e}gpj.exe\\u{2028}");
+        assert_eq!(printable_json("{\n\"a\": \"\u{9b}\u{202e}ä\"}"), "{\n\"a\": \"\\u009b\\u202eä\"}");
         assert_eq!(printable_lines("one\n\ttwo\r"), "one\n\\ttwo\\r");
     }
 
