@@ -125,6 +125,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let place = RunPlace::new(&mission, &folder, manual);
     place.keep(&mission)?;
     mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
+    mission.apps.iter().try_for_each(run_place::check_files)?;
     put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));
 
     let LaunchOptions { program, community, headless, registry, detached, .. } = options;
@@ -211,8 +212,9 @@ impl Stage<'_> {
             said_state: String::new(),
             running: Stopwatch::start(),
         };
-        let error = begin(&mut conduct).and_then(|()| conduct.run()).err();
-        conduct.end();
+        let failed = begin(&mut conduct).and_then(|()| conduct.run()).err();
+        let unfinished = conduct.end();
+        let error = failed.or(unfinished);
         let explorers = conduct.crew.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
         let unwritten = summary.write(folder).err();

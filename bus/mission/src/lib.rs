@@ -22,6 +22,7 @@
 mod describe;
 mod draft;
 mod exchange;
+mod lines;
 mod mission;
 mod nearest;
 mod params;
@@ -33,6 +34,7 @@ mod scenario;
 mod setting;
 mod spec;
 mod value;
+mod variables;
 mod wiring;
 
 pub use describe::describe;

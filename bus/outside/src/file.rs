@@ -1,7 +1,7 @@
 //! Files that somebody names: a FIFO, a device or a folder in their place is an error at once, and nothing waits for it.
 
 use std::fs::{File, Metadata, OpenOptions};
-use std::io::{Error, ErrorKind, Read, Result};
+use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
@@ -59,6 +59,33 @@ pub fn read_text(path: &Path, most: u64) -> Result<String> {
     })
 }
 
+/// Writes an ordinary file, in place of one that is there; its folder is made.
+///
+/// # Errors
+/// The folder cannot be made, or the file not written, or it is no ordinary file.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = writable(path)?;
+    file.set_len(0)?;
+    file.write_all(bytes)
+}
+
+/// Sees that [`write`] could write a file there, which need not be there yet: its folder is made.
+///
+/// # Errors
+/// As [`write`].
+pub fn try_write(path: &Path) -> Result<()> {
+    let new = !path.exists();
+    writable(path)?;
+    if new { std::fs::remove_file(path) } else { Ok(()) }
+}
+
+fn writable(path: &Path) -> Result<File> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    opened(OpenOptions::new().write(true).create(true).truncate(false), path)
+}
+
 /// Whether `found` is that of an ordinary file; the error says what it is instead.
 fn ordinary(found: &Metadata) -> Result<()> {
     let kind = found.file_type();
@@ -105,6 +132,22 @@ mod tests {
         assert!(open(&folder.path().join("socket")).is_err());
         let writer = opened(OpenOptions::new().write(true), &fifo).unwrap_err();
         assert_eq!(writer.raw_os_error(), Some(rustix::io::Errno::NXIO.raw_os_error()), "nobody reads it");
+    }
+
+    #[test]
+    fn what_can_be_written_is_known_before_and_nothing_is_changed_to_know_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("runs/1/map.bt");
+        try_write(&path).unwrap();
+        assert!(!path.exists() && path.parent().unwrap().is_dir());
+        write(&path, b"a map").unwrap();
+        try_write(&path).unwrap();
+        assert_eq!(read(&path, 100).unwrap(), b"a map");
+        write(&path, b"map").unwrap();
+        assert_eq!(read(&path, 100).unwrap(), b"map");
+        for wrong in [folder.path(), &path.join("more"), Path::new("/proc/self/map.bt"), Path::new("/dev/full")] {
+            assert!(try_write(wrong).is_err() && write(wrong, b"").is_err(), "{}", wrong.display());
+        }
     }
 
     #[test]
