@@ -14,7 +14,7 @@ use crate::spec::Kind;
 use crate::wiring::SCAN;
 
 /// Variables of an exploration that carry texts and numbers. Those that carry a type are in [`catalogue`].
-const PLAIN: [&str; 5] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE"];
+const PLAIN: [&str; 7] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE", "LOGGER_ERROR", "MAIL_REJECTED"];
 /// What every app says of itself is called after it.
 const STATUS: &str = "_STATUS";
 
