@@ -8,6 +8,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::{BrokerConfig, Clock, RunOptions, run_app, serve_broker};
 use elk_launcher::{AttachOptions, LaunchOptions, Outcome};
 use elk_mission::{AppType, Mission, Registry, describe, instead};
+use elk_outside::text;
 
 use crate::cli::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs};
 use crate::registry::registry;
@@ -136,9 +137,9 @@ pub fn guard() -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes to standard output; a reader that has gone (`elk types | head`) is no failure.
+/// Writes lines to standard output, which the terminal only shows, whatever names are in them; a reader that has gone (`elk types | head`) is no failure.
 pub fn say(text: &str) -> Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
+    match std::io::stdout().write_all(text::printable_lines(text).as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }

@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use elk_bus::Community;
+use elk_bus::{Community, tell};
 use elk_launcher::{Answer, AppRow, Request, ask};
+use elk_outside::{text, time};
 
 use crate::cli::{CommunityArgs, setting};
 use crate::commands::say;
@@ -78,7 +79,7 @@ pub fn stop(arguments: StopArgs) -> Result<ExitCode> {
 /// `elk start`
 pub fn start(arguments: StartArgs) -> Result<ExitCode> {
     let StartArgs { app, limit: limit_secs, community } = arguments;
-    order(&community.community, &Request::Start { app, limit_secs }, Duration::from_secs_f64(limit_secs))
+    order(&community.community, &Request::Start { app, limit_secs }, time::duration(limit_secs))
 }
 
 /// `elk swap`
@@ -106,7 +107,7 @@ pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
     let exec = exec.map(|exec| (exec, args));
     let folder = std::env::current_dir().context("files are looked for from the working directory, and it is gone")?;
     let wanted = Request::Swap { app, type_name, exec, params, folder, limit_secs };
-    order(&community.community, &wanted, Duration::from_secs_f64(limit_secs))
+    order(&community.community, &wanted, time::duration(limit_secs))
 }
 
 /// `elk pause`, `elk resume`, `elk step`
@@ -115,7 +116,7 @@ pub fn motion(community: &Community, wanted: &Request) -> Result<ExitCode> {
 }
 
 fn order(community: &Community, wanted: &Request, limit: Duration) -> Result<ExitCode> {
-    let answer = ask(community, wanted, PATIENCE + limit, |progress| eprintln!("{progress}"))?;
+    let answer = ask(community, wanted, PATIENCE + limit, |progress| tell(text::printable(progress)))?;
     match answer {
         Answer::Failed { text } => bail!(text),
         Answer::Done { text } | Answer::Progress { text } => say(&format!("{text}\n"))?,
@@ -128,7 +129,9 @@ fn order(community: &Community, wanted: &Request, limit: Duration) -> Result<Exi
 pub fn apps(arguments: &AppsArgs) -> Result<ExitCode> {
     let community = &arguments.community.community;
     match ask(community, &Request::Apps, PATIENCE, |_| {})? {
-        Answer::Apps { rows } if arguments.json => say(&(serde_json::to_string_pretty(&rows)? + "\n"))?,
+        Answer::Apps { rows } if arguments.json => {
+            say(&(text::printable_json(&serde_json::to_string_pretty(&rows)?) + "\n"))?
+        }
         Answer::Apps { rows } => say(&table(&rows))?,
         Answer::Failed { text } => bail!(text),
         Answer::Done { .. } | Answer::Progress { .. } => bail!("the launcher answered another question"),
@@ -149,30 +152,28 @@ fn table(rows: &[AppRow]) -> String {
     let width = |column: usize| cells.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..HEADS.len()).map(width).collect();
     let exits = std::iter::once("LAST EXIT").chain(rows.iter().map(|row| row.last_exit.as_deref().unwrap_or("-")));
-    let mut text = String::new();
+    let mut table = String::new();
     for (row, exit) in cells.iter().zip(exits) {
         for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
-            text += &match NUMBERS.contains(&column) {
-                true => format!("{cell:>width$}  "),
-                false => format!("{cell:<width$}  "),
-            };
+            text::put_cell(&mut table, cell, *width, NUMBERS.contains(&column));
+            table += "  ";
         }
-        text += exit;
-        text.push('\n');
+        table += &text::printable(exit);
+        table.push('\n');
     }
-    text
+    table
 }
 
 fn cells(row: &AppRow) -> [String; 13] {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
     let percent = |share: Option<f64>| or_dash(share.map(|share| format!("{share:.0} %")));
-    let element = if row.element.is_empty() { "-".to_owned() } else { row.element.clone() };
+    let element = if row.element.is_empty() { "-".to_owned() } else { text::name(&row.element).into_owned() };
     [
-        row.name.clone(),
+        text::name(&row.name).into_owned(),
         element,
-        row.type_name.clone(),
+        text::name(&row.type_name).into_owned(),
         or_dash(row.pid.map(|pid| pid.to_string())),
-        row.state.clone(),
+        text::name(&row.state).into_owned(),
         span(row.state_secs),
         percent(row.cpu_percent),
         percent(row.cpu_percent_now),

@@ -17,10 +17,15 @@ use elk_log::diff::{Diff, DiffOptions, Difference, diff};
 use elk_log::selection::Place;
 use elk_log::{Compression, Index, LogOptions, LogReader, Metadata, Record, RecordRef, Selection};
 use elk_logger::{Logger, Recorder};
+use elk_outside::{text, time};
 use elk_spatial::catalogue;
 use serde_json::{Value as Json, json};
 
 use crate::cli::CommunityArgs;
+use crate::complain;
+
+/// So many messages that cannot be read are each complained of; the others are counted.
+const MOST_COMPLAINTS: u64 = 20;
 
 /// A list in a value that is shown has at most so many entries; longer ones are counted.
 const LONGEST_LIST: usize = 16;
@@ -130,10 +135,10 @@ pub struct SelectionArgs {
     #[command(flatten)]
     patterns: PatternArgs,
     /// Begin so many seconds after the first message
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = time::parse_seconds)]
     from: Option<f64>,
     /// End so many seconds after the first message
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = time::parse_seconds)]
     to: Option<f64>,
 }
 
@@ -230,8 +235,9 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
 }
 
-fn say(text: &str) -> Result<()> {
-    Ok(std::io::stdout().write_all(text.as_bytes())?)
+/// Writes lines to standard output. Names and values of a log are anybody's: the terminal only shows them.
+fn say(lines: &str) -> Result<()> {
+    Ok(std::io::stdout().write_all(text::printable_lines(lines).as_bytes())?)
 }
 
 /// Says on a terminal how far reading has come, and leaves no trace of it; is silent in a pipe.
@@ -266,8 +272,7 @@ pub fn draw(text: &str) {
 /// `elk log info`
 fn info(log: &Path, as_json: bool) -> Result<ExitCode> {
     let index = Index::read(log, &mut progress("reading a log without an index:"))?;
-    let text = if as_json { info_json(&index)? } else { info_text(&index) };
-    say(&text)?;
+    say(&if as_json { info_json(&index)? } else { info_text(&index) })?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -297,47 +302,48 @@ fn info_json(index: &Index) -> Result<String> {
         "world": world,
         "world_checksum": world_checksum,
     });
-    Ok(serde_json::to_string_pretty(&info)? + "\n")
+    Ok(text::printable_json(&serde_json::to_string_pretty(&info)?).into_owned() + "\n")
 }
 
 fn info_text(index: &Index) -> String {
-    let mut text = String::new();
+    let mut said = String::new();
     let Metadata { mission_name, version, seed, world, world_checksum, .. } = &index.metadata;
     for file in index.files() {
-        let _ = writeln!(text, "{}", file.display());
+        let _ = writeln!(said, "{}", file.display());
     }
     if !mission_name.is_empty() {
-        let _ = writeln!(text, "  mission {mission_name}, seed {seed}, world {world} {world_checksum}, elk {version}");
+        let _ = writeln!(said, "  mission {mission_name}, seed {seed}, world {world} {world_checksum}, elk {version}");
     }
     let secs = index.span().map_or(0.0, |(start, end)| end - start);
     let bytes = index.bytes() as f64 / 1e6;
-    let _ = writeln!(text, "  {} messages in {secs:.3} s, {bytes:.1} MB", index.messages());
+    let _ = writeln!(said, "  {} messages in {secs:.3} s, {bytes:.1} MB", index.messages());
     match index.dropped() {
         0 => {}
-        dropped => text += &format!("  {dropped} messages are missing: the logger did not keep up\n"),
+        dropped => said += &format!("  {dropped} messages are missing: the logger did not keep up\n"),
     }
     match index.whole() {
-        true => text += "  whole\n",
-        false => index.damage().for_each(|reason| text += &format!("  NOT whole: {reason}\n")),
+        true => said += "  whole\n",
+        false => index.damage().for_each(|reason| said += &format!("  NOT whole: {reason}\n")),
     }
-    let _ = writeln!(text, "  {:<24} {:<16} {:<20} {:>10}", "variable", "source", "type", "messages");
+    let _ = writeln!(said, "  {:<24} {:<16} {:<20} {:>10}", "variable", "source", "type", "messages");
     for topic in index.topics() {
-        let elk_log::Topic { name, source, type_name, count, .. } = topic;
-        let _ = writeln!(text, "  {name:<24} {source:<16} {type_name:<20} {count:>10}");
+        let elk_log::Topic { name, source, type_name, count, .. } = &topic;
+        let (name, source, type_name) = (text::name(name), text::name(source), text::name(type_name));
+        let _ = writeln!(said, "  {name:<24} {source:<16} {type_name:<20} {count:>10}");
     }
-    text
+    said
 }
 
 /// `elk log check`
 fn check_log(log: &Path) -> Result<ExitCode> {
     let checked = check(log, &mut progress("checking"))?;
-    let mut text = format!("{}: {} messages", log.display(), checked.messages);
+    let mut said = format!("{}: {} messages", log.display(), checked.messages);
     if checked.dropped > 0 {
-        let _ = write!(text, ", {} more that the logger missed", checked.dropped);
+        let _ = write!(said, ", {} more that the logger missed", checked.dropped);
     }
-    text += if checked.damage.is_empty() { ", whole\n" } else { ", NOT whole:\n" };
-    checked.damage.iter().for_each(|reason| text += &format!("  {reason}\n"));
-    say(&text)?;
+    said += if checked.damage.is_empty() { ", whole\n" } else { ", NOT whole:\n" };
+    checked.damage.iter().for_each(|reason| said += &format!("  {reason}\n"));
+    say(&said)?;
     Ok(if checked.damage.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -370,7 +376,7 @@ fn say_copied(copied: &Copied, to: &Path) -> Result<()> {
 
 fn warn_of(damage: &[String]) {
     for reason in damage {
-        eprintln!("elk: the log is not whole: {reason}");
+        complain(&format!("the log is not whole: {reason}"));
     }
 }
 
@@ -381,12 +387,15 @@ fn for_each_record(
     mut each: impl FnMut(f64, &RecordRef<'_>) -> Result<()>,
 ) -> Result<()> {
     let mut log = LogReader::open(log)?;
-    let mut start = None;
+    let (mut start, mut unreadable) = (None, 0_u64);
     while let Some(next) = log.next_ref() {
         let record = match next {
             Ok(record) => record,
             Err(error) => {
-                eprintln!("elk: {error}");
+                unreadable += 1;
+                if unreadable <= MOST_COMPLAINTS {
+                    complain(&error.to_string());
+                }
                 continue;
             }
         };
@@ -397,6 +406,9 @@ fn for_each_record(
             Place::Within | Place::Before => {}
         }
     }
+    if unreadable > MOST_COMPLAINTS {
+        complain(&format!("and {} messages more cannot be read", unreadable - MOST_COMPLAINTS));
+    }
     warn_of(log.damage());
     Ok(())
 }
@@ -406,10 +418,11 @@ fn cat(log: &Path, selection: &Selection, as_json: bool) -> Result<ExitCode> {
     let mut out = BufWriter::new(std::io::stdout().lock());
     for_each_record(log, selection, |secs, record| {
         let line = match as_json {
-            true => record_json(record).to_string(),
+            true => text::printable_json(&record_json(record).to_string()).into_owned(),
             false => {
-                let value = shown(record.value, LONGEST_LIST);
-                format!("{secs:<11.6} {:<24} {:<16} {value}", record.key, record.source)
+                let value = shown(record.value, LONGEST_LIST).to_string();
+                let (key, source) = (text::name(record.key), text::name(record.source));
+                format!("{secs:<11.6} {key:<24} {source:<16} {}", text::printable_json(&value))
             }
         };
         Ok(writeln!(out, "{line}")?)
@@ -454,19 +467,21 @@ fn compare(first: &Path, second: &Path, options: &DiffOptions) -> Result<ExitCod
         }
         return Ok(ExitCode::SUCCESS);
     };
-    let mut text = format!("different, after {same} messages that are the same\n");
+    let mut said = format!("different, after {same} messages that are the same\n");
     let Difference { key, source, number, first: one, second: other, place } = earliest;
-    let _ = writeln!(text, "first: {key} by {source}, its message {number}, at {:.6} s", earliest.time());
+    let (key, source) = (text::name(key), text::name(source));
+    let _ = writeln!(said, "first: {key} by {source}, its message {number}, at {:.6} s", earliest.time());
     if let Some(place) = place {
         let at = if place.path.is_empty() { "value" } else { &place.path };
-        let _ = writeln!(text, "  {at}: {} became {}", brief(&place.first), brief(&place.second));
+        let _ = writeln!(said, "  {at}: {} became {}", brief(&place.first), brief(&place.second));
     }
-    let _ = writeln!(text, "  {}: {}", first.display(), side(one.as_ref()));
-    let _ = writeln!(text, "  {}: {}", second.display(), side(other.as_ref()));
+    let _ = writeln!(said, "  {}: {}", first.display(), side(one.as_ref()));
+    let _ = writeln!(said, "  {}: {}", second.display(), side(other.as_ref()));
     for Difference { key, source, number, .. } in others {
-        let _ = writeln!(text, "later: {key} by {source}, its message {number}");
+        let (key, source) = (text::name(key), text::name(source));
+        let _ = writeln!(said, "later: {key} by {source}, its message {number}");
     }
-    say(&text)?;
+    say(&said)?;
     Ok(ExitCode::FAILURE)
 }
 

@@ -15,6 +15,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use elk_bus::tell;
 use elk_launcher::Request;
+use elk_outside::text;
 
 use cli::{Cli, Command};
 
@@ -47,10 +48,17 @@ fn main() -> ExitCode {
     match done {
         Ok(code) => code,
         Err(error) => {
-            tell(format_args!("elk: {}", in_one_line(&error)));
+            complain(&in_one_line(&error));
             ExitCode::FAILURE
         }
     }
+}
+
+/// Says what is wrong on standard error. Names of files and of other people's apps may be in it: the terminal only shows
+/// them, and only as much as is of use.
+fn complain(words: &str) {
+    const MOST: usize = 16_000;
+    tell(format_args!("elk: {}", text::printable_lines(&text::clipped(words, MOST))));
 }
 
 /// An error and its causes; a cause that an error quotes itself is not said again.

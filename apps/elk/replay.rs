@@ -1,6 +1,6 @@
 //! `elk replay`: yesterday's run, onto the bus or into today's apps.
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use elk_bus::{Client, stop_on_signals, tell};
 use elk_mission::{Mission, Override};
+use elk_outside::text;
 use elk_replay::keyboard::{self, Keyboard};
 use elk_replay::{
     Console, PlayOptions, Played, Player, Press, Progress, Rate, ReproduceOptions, Reproduced, Tape, reproduce,
@@ -15,6 +16,7 @@ use elk_replay::{
 use rustix::termios::tcgetwinsize;
 
 use crate::cli::CommunityArgs;
+use crate::commands::say;
 use crate::log::{SelectionArgs, draw, progress};
 use crate::registry::registry;
 
@@ -111,23 +113,23 @@ fn report(log: &Path, played: &Played) -> Result<ExitCode> {
         bail!("{}", elk_replay::ReplayError::Nothing(log.into()));
     }
     let secs = took.as_secs_f64();
-    let mut text = format!("{messages} messages, {:.1} MB, in {secs:.3} s", *bytes as f64 / 1e6);
+    let mut said = format!("{messages} messages, {:.1} MB, in {secs:.3} s", *bytes as f64 / 1e6);
     if lateness.total() > 0 {
         let micros = |share| lateness.quantile(share).as_secs_f64() * 1e6;
-        text += &format!("; late by {:.0} µs (half of them), {:.0} µs (99 %)", micros(0.5), micros(0.99));
+        said += &format!("; late by {:.0} µs (half of them), {:.0} µs (99 %)", micros(0.5), micros(0.99));
     }
-    text += &format!("; {dropped} dropped by clients that did not keep up");
+    said += &format!("; {dropped} dropped by clients that did not keep up");
     if let Some((client, unread)) = behind {
-        text += &format!("; {client} has {unread} still to read");
+        said += &format!("; {} has {unread} still to read", text::name(client));
     }
-    text += "\n";
+    said += "\n";
     if *refused > 0 {
-        text += &format!("{refused} refused by the broker; the first: {}\n", refusal.as_deref().unwrap_or_default());
+        said += &format!("{refused} refused by the broker; the first: {}\n", refusal.as_deref().unwrap_or_default());
     }
     if *unreadable > 0 {
-        text += &format!("{unreadable} could not be read\n");
+        said += &format!("{unreadable} could not be read\n");
     }
-    say(&text)?;
+    say(&said)?;
     Ok(if *refused > 0 || *unreadable > 0 { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
@@ -146,24 +148,18 @@ fn report_reproduced(log: &Path, done: &Reproduced) -> Result<ExitCode> {
     if *played == 0 {
         bail!("{}", elk_replay::ReplayError::Nothing(log.into()));
     }
-    let mut text = format!("{played} recorded messages played; said by the live apps:\n");
+    let mut said = format!("{played} recorded messages played; said by the live apps:\n");
     for output in outputs {
         let elk_replay::reproduce::Output { key, source, recorded, live } = output;
-        text += &format!("  {key:<20} {source:<12} {live:>7} of {recorded}\n");
+        let (key, source) = (text::name(key), text::name(source));
+        said += &format!("  {key:<20} {source:<12} {live:>7} of {recorded}\n");
     }
-    text += &format!("the new run is in {}\n", folder.display());
+    said += &format!("the new run is in {}\n", folder.display());
     let keys: Vec<String> = outputs.iter().map(|output| format!(" --keys {}", output.key)).collect();
-    text += &format!("compare: elk log diff {} {}{}\n", log.display(), folder.display(), keys.concat());
-    say(&text)?;
+    said += &format!("compare: elk log diff {} {}{}\n", log.display(), folder.display(), keys.concat());
+    say(&said)?;
     let complete = outputs.iter().all(|output| output.live == output.recorded);
     Ok(if complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
-}
-
-fn say(text: &str) -> Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
 }
 
 /// A terminal with a bar and keys; in a pipe, a line every tenth of the way, and for each client that is waited for.
@@ -212,7 +208,7 @@ impl Console for Screen {
 
     fn tell(&mut self, words: &str) {
         let before = if self.is_drawn_on() { "\r\x1b[K" } else { "" };
-        tell(format_args!("{before}{words}"));
+        tell(format_args!("{before}{}", text::printable_lines(words)));
     }
 
     fn suspend(&mut self) {
@@ -239,7 +235,7 @@ fn share(progress: &Progress) -> f64 {
 fn words(progress: &Progress) -> String {
     let Progress { secs, of_secs, messages, rate, paused, waits_for } = progress;
     let paused = if *paused { ", paused" } else { "" };
-    let waits = waits_for.as_ref().map(|client| format!(", waits for {client}")).unwrap_or_default();
+    let waits = waits_for.as_ref().map(|client| format!(", waits for {}", text::name(client))).unwrap_or_default();
     format!("{secs:.1} / {of_secs:.1} s at {rate}{paused}{waits}, {messages} messages")
 }
 

@@ -17,6 +17,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use crate::cli::CommunityArgs;
+use crate::complain;
 
 /// What looks into a running community.
 #[derive(Debug, Subcommand)]
@@ -211,7 +212,7 @@ fn join(command: &str, look: &LookArgs) -> Result<Scope, ScopeError> {
 
 /// A variable that nobody has written yet may still come.
 fn wait_for(unwritten: &ScopeError) {
-    eprintln!("elk: {unwritten} (waiting for it)");
+    complain(&format!("{unwritten} (waiting for it)"));
 }
 
 /// For a command that goes on until Ctrl-C: that is its good end, even while it cannot write because nobody reads.

@@ -30,6 +30,8 @@ const JUDGE_PATIENCE: Duration = Duration::from_secs(60);
 /// How long a step may take, of which everybody says that they are well, before the mission counts as stuck: far longer
 /// than any explorer thinks.
 const STEP_PATIENCE: Duration = Duration::from_secs(300);
+/// When somebody ends who is asked to.
+const ENDING: &str = "while the mission ended";
 /// How long nobody is looked at if nothing happens.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -142,30 +144,33 @@ impl Conduct<'_> {
         Ok(())
     }
 
-    /// Ends the apps, then leaves the bus, then ends the broker.
-    pub fn end(&mut self) {
+    /// Ends the apps, then leaves the bus, then ends the broker. Answers what somebody could not do at the end.
+    pub fn end(&mut self) -> Option<LaunchError> {
         self.display.clear();
         self.crew.end_apps();
+        let mut unfinished = self.crew.check(ENDING).err();
         while !self.crew.ended() {
-            self.round_to_the_end();
+            self.round_to_the_end(&mut unfinished);
         }
         self.crew.end_strays();
         // Nobody is on the bus any more when the broker goes.
         self.listener.leave();
         while !self.listener.has_left() {
-            self.round_to_the_end();
+            self.round_to_the_end(&mut unfinished);
         }
         self.crew.stop_broker();
         self.pass_words_on();
         if let Some(server) = &mut self.server {
             server.finish();
         }
+        unfinished
     }
 
-    /// What fails now is only said.
-    fn round_to_the_end(&mut self) {
-        if let Err(error) = self.round("while the mission ended") {
+    /// What fails now is said; the first failure is the mission's.
+    fn round_to_the_end(&mut self, unfinished: &mut Option<LaunchError>) {
+        if let Err(error) = self.round(ENDING) {
             self.display.say(&error.to_string());
+            unfinished.get_or_insert(error);
         }
     }
 

@@ -81,6 +81,30 @@ pub enum LaunchError {
         /// Why not.
         why: String,
     },
+    /// The mission was over, and what an app had yet to do it could not.
+    #[error("{app} could not end in good order: {how}{}", log_lines(.log, .tail))]
+    Unfinished {
+        /// The app.
+        app: String,
+        /// Its exit code or signal.
+        how: String,
+        /// Its text log.
+        log: PathBuf,
+        /// The log's last lines.
+        tail: Vec<String>,
+    },
+    /// A file that an app writes at the end cannot be written.
+    #[error("{app} cannot write {param}={}: {source}; choose another one", .file.display())]
+    Unwritable {
+        /// The app.
+        app: String,
+        /// The parameter that names the file.
+        param: &'static str,
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
     /// As [`LaunchError::Died`], of an app that is a thread.
     #[error("{app} ended {when}: {how}")]
     ThreadEnded {

@@ -41,6 +41,7 @@ use std::sync::atomic::AtomicBool;
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Clock, Community};
 use elk_mission::{Mission, Mode, Registry};
+use elk_outside::text;
 
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
@@ -125,7 +126,8 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let place = RunPlace::new(&mission, &folder, manual);
     place.keep(&mission)?;
     mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
-    put(&format!("{}: run {}\n", mission.name, folder.display()));
+    mission.apps.iter().try_for_each(run_place::check_files)?;
+    put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));
 
     let LaunchOptions { program, community, headless, registry, detached, .. } = options;
     let state = LaunchState::of(&mission, &folder, manual);
@@ -154,7 +156,7 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let state = LaunchState::read(community)?;
     let mission = state.mission(community, registry)?;
     let folder = state.folder.clone();
-    put(&format!("{}: attached to run {}\n", mission.name, folder.display()));
+    put(&text::printable_lines(&format!("{}: attached to run {}\n", mission.name, folder.display())));
 
     let place = RunPlace::new(&mission, &folder, state.manual);
     let (yard_program, community, registry) = (program.clone(), community.clone(), registry.clone());
@@ -211,11 +213,12 @@ impl Stage<'_> {
             said_state: String::new(),
             running: Stopwatch::start(),
         };
-        let error = begin(&mut conduct).and_then(|()| conduct.run()).err();
-        conduct.end();
+        let failed = begin(&mut conduct).and_then(|()| conduct.run()).err();
+        let unfinished = conduct.end();
         for words in conduct.listener.observer().unsaid() {
             conduct.display.say(&words);
         }
+        let error = failed.or(unfinished);
         let explorers = conduct.crew.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
         let unwritten = summary.write(folder).err();

@@ -10,6 +10,7 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, Clock, Community, ConnectError, LEASE, ProcessId, SUCCEED};
 use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, instead};
+use elk_outside::time;
 use rustix::event::{PollFd, PollFlags};
 use rustix::process::Pid;
 
@@ -670,5 +671,5 @@ fn free_of_brokers(community: &Community) -> Result<(), LaunchError> {
 }
 
 fn limit(secs: f64) -> Duration {
-    Duration::try_from_secs_f64(secs).unwrap_or(Duration::MAX)
+    time::duration(secs)
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::tell;
+use elk_outside::text;
 
 use crate::observer::Observer;
 
@@ -40,7 +41,7 @@ impl Display {
     /// Says something that is to stay.
     pub fn say(&self, words: &str) {
         self.clear();
-        tell(words);
+        tell(text::printable_lines(words));
     }
 
     /// Shows what there is to be seen, if it is time.
@@ -53,7 +54,7 @@ impl Display {
         if self.since_last.is_none_or(|since| since.elapsed() >= period) {
             self.since_last = Some(Stopwatch::start());
             let paused = if paused { "paused | " } else { "" };
-            self.write(&format!("{paused}{}", line(observed)));
+            self.write(&text::printable(&format!("{paused}{}", line(observed))));
         }
     }
 

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use elk_mission::{AppSpec, Mission, Program};
+use elk_mission::{AppSpec, Mission};
+use elk_outside::file;
 
 use crate::error::LaunchError;
 use crate::run_folder::copy_name;
@@ -41,7 +42,8 @@ impl RunPlace {
         let in_folder = |name: &str| self.folder.join(name).to_string_lossy().into_owned();
         match app.element.as_str() {
             "Map" => suppose(app, "File", &in_folder("map.bt")),
-            "Controller" if self.manual => suppose(app, "Manual", "true"),
+            // Said by the mission or by its controller's own parameter, it means the same to both, and to the launcher.
+            "Controller" => settle(app, "Manual", if self.manual { "true" } else { "false" }),
             "Logger" => {
                 suppose(app, "File", &in_folder("log.mcap"))?;
                 suppose(app, "MissionFile", &self.mission_copy.to_string_lossy())?;
@@ -55,11 +57,26 @@ impl RunPlace {
 
 /// Sets a parameter that the mission left at its default.
 fn suppose(app: &mut AppSpec, param: &str, text: &str) -> Result<(), LaunchError> {
-    let Program::Builtin(app_type, _) = app.program else {
-        return Ok(());
-    };
-    match app_type.param(param) {
-        Some(_) if !app.said.contains(param) => Ok(app.set(param, text)?),
+    if app.said.contains(param) { Ok(()) } else { settle(app, param, text) }
+}
+
+/// Sets a parameter, if the app's type has it and it is another one.
+fn settle(app: &mut AppSpec, param: &str, text: &str) -> Result<(), LaunchError> {
+    let known = app.is_builtin() && app.takes(param);
+    if known && app.setting(param) != Some(text) { Ok(app.set(param, text)?) } else { Ok(()) }
+}
+
+/// Sees that an app can write what it is to write when the mission is over; hours may lie before that.
+pub(crate) fn check_files(app: &AppSpec) -> Result<(), LaunchError> {
+    const PARAM: &str = "File";
+    match app.setting(PARAM) {
+        Some(file) if app.element == "Map" && app.is_builtin() && !file.is_empty() => {
+            let unwritable = |source| {
+                let (app, file) = (app.name.clone(), file.into());
+                LaunchError::Unwritable { app, param: PARAM, file, source }
+            };
+            file::try_write(Path::new(file)).map_err(unwritable)
+        }
         _ => Ok(()),
     }
 }

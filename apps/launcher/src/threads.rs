@@ -27,7 +27,8 @@ pub(crate) struct Threads {
     apps: Vec<AppSpec>,
     started: Vec<Started>,
     running: Stopwatch,
-    complaints: Vec<String>,
+    /// What an app could not do at the end, until somebody asks.
+    failed: Option<LaunchError>,
     words: Vec<(Ticket, Word)>,
 }
 
@@ -44,8 +45,8 @@ impl Threads {
         let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((mission.mailbox_mb as usize) << 20);
         let broker = MemoryBroker::new(config, Clock::new(1.0));
         let (community, apps) = (community.clone(), mission.apps.clone());
-        let (started, complaints, words) = (Vec::new(), Vec::new(), Vec::new());
-        Self { broker, community, apps, started, running: Stopwatch::start(), complaints, words }
+        let (started, words) = (Vec::new(), Vec::new());
+        Self { broker, community, apps, started, running: Stopwatch::start(), failed: None, words }
     }
 
     fn start(&self, app: AppSpec) -> Result<Started, LaunchError> {
@@ -131,6 +132,7 @@ impl Crew for Threads {
     fn hear(&mut self, _: &[News], _: &BTreeSet<String>) {}
 
     fn check(&mut self, when: &'static str) -> Result<(), LaunchError> {
+        self.failed.take().map_or(Ok(()), Err)?;
         self.started.iter_mut().try_for_each(|started| started.check(when))
     }
 
@@ -142,7 +144,7 @@ impl Crew for Threads {
     }
 
     fn sayings(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.complaints)
+        Vec::new()
     }
 
     fn order(&mut self, ticket: Ticket, _: Request) {
@@ -191,8 +193,9 @@ impl Crew for Threads {
         for number in order {
             let started = &mut self.started[number];
             started.stop.store(true, Ordering::Relaxed);
-            if let Err(error) = started.join() {
-                self.complaints.push(format!("{}: {error}", started.app.name));
+            if let Err(how) = started.join() {
+                let (app, when) = (started.app.name.clone(), "and could not do what it had yet to do");
+                self.failed.get_or_insert(LaunchError::ThreadEnded { app, when, how });
             }
         }
         self.started.clear();

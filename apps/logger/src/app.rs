@@ -1,5 +1,6 @@
 //! The logger on the bus.
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::time::Duration;
 
@@ -7,6 +8,7 @@ use elk_bus::clock::{Clock, Stopwatch};
 use elk_bus::{App, AppError, Comms, Mail, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_outside::file;
 
 use crate::recorder::Recorder;
 
@@ -250,16 +252,19 @@ fn options(params: &Params) -> LogOptions {
     }
 }
 
+/// The longest mission file that is kept in a log (bytes): no longer one is launched.
+const MAX_MISSION_BYTES: u64 = 1 << 20;
+
 fn metadata(params: &Params) -> Result<Metadata, AppError> {
     let mission_file = params.text("MissionFile");
     let unreadable = |error| format!("cannot read the mission file {mission_file}: {error}");
     let mission = match mission_file {
         "" => String::new(),
-        file => std::fs::read_to_string(file).map_err(unreadable)?,
+        file => file::read_text(Path::new(file), MAX_MISSION_BYTES).map_err(unreadable)?,
     };
     let world = params.text("World");
     // A world that is no file is built into the program, whose version is noted.
-    let world_checksum = std::fs::read(world).map(|bytes| format!("{:016x}", checksum(&bytes))).unwrap_or_default();
+    let world_checksum = checksum(Path::new(world)).map(|sum| format!("{sum:016x}")).unwrap_or_default();
     Ok(Metadata {
         mission_name: file_name(mission_file),
         mission,
@@ -275,9 +280,19 @@ fn file_name(path: &str) -> String {
     Path::new(path).file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// FNV-1a.
-fn checksum(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+/// FNV-1a of a file, however large it is.
+fn checksum(path: &Path) -> std::io::Result<u64> {
+    let mut file = BufReader::new(file::open(path)?);
+    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+    loop {
+        let bytes = file.fill_buf()?;
+        if bytes.is_empty() {
+            return Ok(hash);
+        }
+        hash = bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3));
+        let count = bytes.len();
+        file.consume(count);
+    }
 }
 
 #[cfg(test)]
@@ -286,6 +301,10 @@ mod tests {
 
     #[test]
     fn the_checksum_is_fnv_1a() {
-        assert_eq!(checksum(b"foobar"), elk_bus::fnv1a("foobar"));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("world.obj");
+        std::fs::write(&path, "foobar").unwrap();
+        assert_eq!(checksum(&path).unwrap(), elk_bus::fnv1a("foobar"));
+        assert!(checksum(folder.path()).is_err() && checksum(Path::new("/dev/zero")).is_err());
     }
 }

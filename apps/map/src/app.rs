@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_outside::file;
 use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS};
 use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
@@ -408,12 +409,9 @@ impl MapApp {
 
     fn save(&self, path: &Path) -> Result<(), AppError> {
         let write = || {
-            if let Some(folder) = path.parent() {
-                std::fs::create_dir_all(folder)?;
-            }
             let mut bytes = Vec::new();
             write_bt(&mut bytes, &self.map.occupancy_tree(), self.map.config().resolution)?;
-            std::fs::write(path, bytes)
+            file::write(path, &bytes)
         };
         let name = path.display();
         write().map_err(|e| format!("cannot write the map to {name}: {e}; choose another File").into())

@@ -11,6 +11,7 @@ use elk_bus::pattern::matches;
 use elk_bus::{Client, Origin};
 use elk_log::selection::Place;
 use elk_log::{RecordRef, Selection};
+use elk_outside::time;
 
 use crate::error::ReplayError;
 use crate::lateness::Lateness;
@@ -338,7 +339,7 @@ impl<'a> Player<'a> {
             match wait {
                 Wait::Now => {
                     if let Some(due) = self.schedule.due(time) {
-                        self.played.lateness.note(now - due);
+                        self.played.lateness.note(now.saturating_sub(due));
                     }
                     return Ok(Turn::Say);
                 }
@@ -390,7 +391,8 @@ impl<'a> Player<'a> {
                 Press::Skip(secs) => {
                     let begin = self.origin + self.options.selection.from_secs.unwrap_or(0.0);
                     let here = self.schedule.position(now).unwrap_or(begin);
-                    self.go_to((here + secs).clamp(begin, self.end))?;
+                    // A part that begins behind the end has nothing before its beginning.
+                    self.go_to((here + secs).min(self.end).max(begin))?;
                     turn = Some(Turn::Moved);
                 }
             }
@@ -422,7 +424,7 @@ impl<'a> Player<'a> {
     fn progress(&self) -> Progress {
         let here = self.schedule.position(self.clock.elapsed()).unwrap_or(self.origin);
         Progress {
-            secs: (here - self.origin).clamp(0.0, self.end - self.origin),
+            secs: (here - self.origin).min(self.end - self.origin).max(0.0),
             of_secs: self.end - self.origin,
             messages: self.played.messages,
             rate: self.schedule.rate(),
@@ -447,7 +449,7 @@ impl<'a> Player<'a> {
         let RecordRef { key, value, .. } = record;
         let key = renamed(&self.options.remap, key);
         // Beside a clock that shows another time, a recorded one would only confuse.
-        let time = self.options.clock.then_some(record.time);
+        let time = self.options.clock.then_some(record.time).and_then(time::seconds);
         self.client.comms.publish_value(key, value, Origin { time, ..origin(&record) })?;
         let bytes = value.byte_len();
         self.played.messages += 1;
@@ -513,5 +515,5 @@ fn renamed<'a>(remap: &'a [(String, String)], key: &'a str) -> &'a str {
 pub(crate) fn origin<'a>(record: &RecordRef<'a>) -> Origin<'a> {
     // A source without a name (an .alog can have one) is this program itself.
     let source = Some(record.source).filter(|source| !source.is_empty());
-    Origin { source, source_aux: record.source_aux, time: Some(record.time) }
+    Origin { source, source_aux: record.source_aux, time: time::seconds(record.time) }
 }

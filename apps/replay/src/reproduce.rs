@@ -21,6 +21,7 @@ use elk_log::diff::VOLATILE_KEYS;
 use elk_log::selection::Place;
 use elk_log::{LogReader, Selection};
 use elk_mission::{AppSpec, Mission, Program};
+use elk_outside::time;
 
 use crate::error::ReplayError;
 use crate::live::Live;
@@ -291,7 +292,9 @@ impl Stage {
         };
         let record = record?;
         // The live apps' time is that of their input, however long they take over it.
-        self.client.comms.drive_clock(record.received, 0.0)?;
+        if let Some(time) = time::seconds(record.received) {
+            self.client.comms.drive_clock(time, 0.0)?;
+        }
         self.client.comms.publish_value(record.key, record.value, origin(&record))?;
         self.client.comms.flush()?;
         self.played += 1;

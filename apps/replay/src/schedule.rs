@@ -5,6 +5,8 @@
 use std::str::FromStr;
 use std::time::Duration;
 
+use elk_outside::time;
+
 /// A step back in recorded time by more than this (s) is not waited for: what follows is played at its own pace.
 const STEP_BACK_SECS: f64 = 1.0;
 /// The slowest rate.
@@ -117,8 +119,7 @@ impl Schedule {
         let ((start, origin), Rate::Times(times)) = (self.anchor?, self.rate) else {
             return None;
         };
-        let after = Duration::try_from_secs_f64(((recorded - origin) / times).max(0.0)).unwrap_or(Duration::MAX);
-        Some(start.saturating_add(after))
+        Some(start.saturating_add(time::duration((recorded - origin) / times)))
     }
 
     /// The recorded time (s) at `now`; nothing: no message was asked for yet.
@@ -156,7 +157,7 @@ impl Schedule {
 
     /// So much real time has passed that is no recorded time.
     pub fn pass_over(&mut self, time: Duration) {
-        self.anchor = self.anchor.map(|(start, origin)| (start + time, origin));
+        self.anchor = self.anchor.map(|(start, origin)| (start.saturating_add(time), origin));
     }
 
     /// Goes on from the recorded time `to` (s).

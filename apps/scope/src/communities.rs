@@ -21,11 +21,10 @@ type Seen = (Running, Option<CommunityTable>);
 pub fn communities(output: &mut Output<'_>, json: bool) -> Result<(), ScopeError> {
     let found = running().map_err(ScopeError::Sockets)?;
     let seen = look_into_all(found);
-    let lines = match json {
-        true => vec![json!({"communities": seen.iter().map(as_json).collect::<Vec<_>>()}).to_string()],
-        false => as_text(&seen),
-    };
-    lines.iter().try_for_each(|line| output.line(line))?;
+    match json {
+        true => output.json(&json!({"communities": seen.iter().map(as_json).collect::<Vec<_>>()}))?,
+        false => as_text(&seen).iter().try_for_each(|line| output.line(line))?,
+    }
     output.flush()
 }
 
@@ -55,7 +54,7 @@ fn as_text(seen: &[Seen]) -> Vec<String> {
 
 fn row((one, table): &Seen) -> Vec<String> {
     let (up, clients) = match table {
-        Some(table) => (show::duration(table.time - table.started), names(table).join(" ")),
+        Some(table) => (show::duration(table.time - table.started), show::names(&names(table), " ")),
         None if one.own => ("-".to_owned(), "(it does not answer)".to_owned()),
         None => ("-".to_owned(), "(another user's: only that user can join)".to_owned()),
     };

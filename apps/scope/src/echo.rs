@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use elk_bus::Mail;
 use elk_bus::clock::Stopwatch;
+use elk_outside::text::name;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -138,19 +139,21 @@ impl Writer<'_, '_> {
             return Ok(());
         }
         self.shown += 1;
-        let line = if self.echo.json { self.for_programs(mail) } else { self.for_people(mail) };
-        self.output.line(&line)
+        match self.echo.json {
+            true => self.for_programs(mail),
+            false => self.output.line(&self.for_people(mail)),
+        }
     }
 
     fn for_people(&self, mail: &Mail<'_>) -> String {
         let since = mail.time() - if mail.time() >= self.started { self.started } else { 0.0 };
-        let (key, source, value) = (show::printable(mail.key()), mail.source(), show::value_for_people(mail.value()));
+        let (key, source, value) = (name(mail.key()), name(mail.source()), show::value_for_people(mail.value()));
         format!("{since:.6}  {key:<16} {source:<12} {value}")
     }
 
-    fn for_programs(&self, mail: &Mail<'_>) -> String {
+    fn for_programs(&mut self, mail: &Mail<'_>) -> Result<(), ScopeError> {
         let value = mail.value();
-        let line = Line {
+        self.output.json(&Line {
             time: mail.time(),
             key: mail.key(),
             source: mail.source(),
@@ -158,9 +161,7 @@ impl Writer<'_, '_> {
             latest: mail.is_latest(),
             type_name: show::type_name(&value),
             value: show::value_for_programs(value),
-        };
-        // Names, numbers and JSON can always be written as JSON.
-        serde_json::to_string(&line).unwrap_or_default()
+        })
     }
 
     fn say_what_was_missed(&mut self, dropped: u64) -> Result<(), ScopeError> {
@@ -170,7 +171,7 @@ impl Writer<'_, '_> {
         let since = missed.saturating_sub(std::mem::replace(&mut self.told, missed));
         match self.echo.json {
             _ if since == 0 => Ok(()),
-            true => self.output.line(&json!({"missed": since}).to_string()),
+            true => self.output.json(&json!({"missed": since})),
             false => self.output.line(&format!("… {since} messages missed")),
         }
     }

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use elk_bus::broker::table::CommunityTable;
+use elk_outside::text::name;
 use serde_json::{Value, json};
 
 use crate::error::ScopeError;
 use crate::info::or_nobody;
 use crate::output::{Output, in_columns};
 use crate::session::Scope;
-use crate::show;
 
 /// How to draw it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,13 +34,18 @@ struct Saying {
 pub fn graph(scope: &mut Scope, output: &mut Output<'_>, drawing: Drawing) -> Result<(), ScopeError> {
     let table = scope.table()?;
     let sayings = sayings(&table);
-    let lines = match drawing {
-        Drawing::Text => as_text(&table, &sayings),
-        Drawing::Dot => as_dot(&table, &sayings),
-        Drawing::Json => vec![as_json(&table, &sayings).to_string()],
-    };
-    lines.iter().try_for_each(|line| output.line(line))?;
+    match drawing {
+        Drawing::Text => as_text(&table, &sayings).iter().try_for_each(|line| output.line(line))?,
+        Drawing::Dot => as_dot(&table, &sayings).iter().try_for_each(|line| output.line(line))?,
+        Drawing::Json => output.json(&as_json(&table, &sayings))?,
+    }
     output.flush()
+}
+
+#[cfg(test)]
+pub(crate) fn drawn(table: &CommunityTable) -> Vec<String> {
+    let sayings = sayings(table);
+    [as_text(table, &sayings), as_dot(table, &sayings)].concat()
 }
 
 /// By writer, then by variable.
@@ -69,13 +74,12 @@ fn as_text(table: &CommunityTable, sayings: &[Saying]) -> Vec<String> {
     let mut lines = Vec::new();
     for of_one in sayings.chunk_by(|one, other| one.writer == other.writer) {
         let gone = if is_there(table, &of_one[0].writer) { "" } else { " (gone)" };
-        lines.push(format!("{}{gone}", of_one[0].writer));
-        let rows =
-            of_one.iter().map(|one| vec![show::printable(&one.variable), format!("→ {}", or_nobody(&one.readers))]);
+        lines.push(format!("{}{gone}", name(&of_one[0].writer)));
+        let rows = of_one.iter().map(|one| vec![one.variable.clone(), format!("→ {}", or_nobody(&one.readers))]);
         lines.extend(in_columns(&rows.collect::<Vec<_>>(), &[]).into_iter().map(|row| format!("  {row}")));
     }
     let silent = table.clients.iter().filter(|client| !sayings.iter().any(|one| one.writer == client.name));
-    lines.extend(silent.map(|client| format!("{} says nothing", client.name)));
+    lines.extend(silent.map(|client| format!("{} says nothing", name(&client.name))));
     if lines.is_empty() {
         lines.push("nobody has said anything yet".to_owned());
     }

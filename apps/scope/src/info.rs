@@ -8,6 +8,7 @@ use elk_bus::broker::table::{
     ClientEntry, CommunityTable, LONGEST_VALUE, RegistrationEntry, VariableEntry, VariableKind,
 };
 use elk_bus::clock::Stopwatch;
+use elk_outside::text::name;
 use elk_spatial::catalogue;
 use serde_json::{Value, json};
 
@@ -16,7 +17,7 @@ use crate::list::variable_as_json;
 use crate::output::Output;
 use crate::pattern::Pattern;
 use crate::session::{LOOK_EVERY, Scope, unknown};
-use crate::show;
+use crate::show::{self, names};
 
 /// How long the latest value is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -53,7 +54,7 @@ impl Info {
         for name in self.names(&table)? {
             let known = Known::of(&table, name, scope)?;
             if self.json {
-                output.line(&known.as_json(&table).to_string())?;
+                output.json(&known.as_json(&table))?;
                 continue;
             }
             if !std::mem::take(&mut first) {
@@ -96,8 +97,8 @@ impl<'a> Known<'a> {
         if lines.is_empty() {
             lines.push(format!(
                 "{}: nobody has written it yet; waiting for it: {}",
-                self.name,
-                self.waiting.join(", ")
+                name(self.name),
+                names(&self.waiting, ", ")
             ));
         }
         lines
@@ -150,11 +151,11 @@ fn reads<'a>(table: &'a CommunityTable, client: &str) -> Vec<&'a str> {
     table.variables.iter().filter(told).map(|variable| variable.name.as_str()).collect()
 }
 
-fn client_as_text(table: &CommunityTable, client: &ClientEntry, status: Option<&str>) -> Vec<String> {
+pub(crate) fn client_as_text(table: &CommunityTable, client: &ClientEntry, status: Option<&str>) -> Vec<String> {
     let ms = |secs: f64| format!("{:.3} ms", secs * 1e3);
     let latency = client.latency;
     let mut lines = vec![
-        format!("{}: a client of community {}", client.name, table.community),
+        format!("{}: a client of community {}", name(&client.name), table.community),
         format!("  writes      {}", or_nothing(&client.writes)),
         format!("  registered  {}", or_nothing(&client.registrations.iter().map(registration).collect::<Vec<_>>())),
         format!("  reads       {}", or_nothing(&reads(table, &client.name))),
@@ -191,10 +192,10 @@ fn registration(one: &RegistrationEntry) -> String {
     text
 }
 
-fn or_nothing<T: AsRef<str>>(names: &[T]) -> String {
-    match names {
+fn or_nothing<T: AsRef<str>>(some: &[T]) -> String {
+    match some {
         [] => "nothing".to_owned(),
-        names => names.iter().map(AsRef::as_ref).collect::<Vec<_>>().join(", "),
+        some => names(some, ", "),
     }
 }
 
@@ -202,25 +203,29 @@ fn carries(kind: &VariableKind) -> String {
     match kind {
         VariableKind::Number => "numbers".to_owned(),
         VariableKind::Text => "texts".to_owned(),
-        VariableKind::Typed { name, layout } => {
-            let known = match catalogue::named(name) {
+        VariableKind::Typed { name: type_name, layout } => {
+            let known = match catalogue::named(type_name) {
                 Some(known) if known.layout == *layout => "",
                 Some(_) => "; another version's",
                 None => "; none of elk's own types",
             };
-            format!("{name} (layout {layout:016x}{known})")
+            format!("{} (layout {layout:016x}{known})", name(type_name))
         }
     }
 }
 
-fn variable_as_text(table: &CommunityTable, variable: &VariableEntry, value: Option<&BusValue>) -> Vec<String> {
+pub(crate) fn variable_as_text(
+    table: &CommunityTable,
+    variable: &VariableEntry,
+    value: Option<&BusValue>,
+) -> Vec<String> {
     let mut lines = vec![
-        format!("{}: a variable of community {}", variable.name, table.community),
+        format!("{}: a variable of community {}", name(&variable.name), table.community),
         format!("  carries     {}", carries(&variable.kind)),
         format!(
             "  written     {}, last by {} {} ago, {}",
             if variable.messages == 1 { "once".to_owned() } else { format!("{} times", variable.messages) },
-            variable.writer,
+            name(&variable.writer),
             show::duration(table.time - variable.written),
             show::hertz(variable.rate_hz)
         ),
@@ -231,7 +236,7 @@ fn variable_as_text(table: &CommunityTable, variable: &VariableEntry, value: Opt
         ),
     ];
     for route in &variable.routes {
-        lines.push(format!("  {} tells {}", route.source, or_nobody(&route.readers)));
+        lines.push(format!("  {} tells {}", name(&route.source), or_nobody(&route.readers)));
     }
     let value = value.map_or("could not be read in time".to_owned(), |value| show::value_for_people(value.as_ref()));
     lines.push(format!("  latest      {value}"));
@@ -239,8 +244,8 @@ fn variable_as_text(table: &CommunityTable, variable: &VariableEntry, value: Opt
 }
 
 /// Names, or that there are none.
-pub(crate) fn or_nobody(names: &[String]) -> String {
-    if names.is_empty() { "nobody".to_owned() } else { names.join(", ") }
+pub(crate) fn or_nobody(readers: &[String]) -> String {
+    if readers.is_empty() { "nobody".to_owned() } else { names(readers, ", ") }
 }
 
 fn client_as_json(table: &CommunityTable, client: &ClientEntry, status: Option<&str>) -> Value {

@@ -1,13 +1,14 @@
 //! `elk list`: who is there, and what was said.
 
 use elk_bus::broker::table::{CommunityTable, VariableEntry};
+use elk_outside::text;
 use serde_json::{Value, json};
 
 use crate::error::ScopeError;
 use crate::output::{Output, in_columns};
 use crate::pattern::Pattern;
 use crate::session::{Scope, matching};
-use crate::show;
+use crate::show::{self, names};
 
 /// Characters of a value that a table shows.
 const VALUE_CHARACTERS: usize = 60;
@@ -30,18 +31,18 @@ impl List {
         let table = scope.table()?;
         let variables = matching(&table, &self.pattern)?;
         match self.json {
-            true => output.line(&as_json(&table, &variables).to_string())?,
+            true => output.json(&as_json(&table, &variables))?,
             false => as_text(&table, &variables).iter().try_for_each(|line| output.line(line))?,
         }
         output.flush()
     }
 }
 
-fn as_text(table: &CommunityTable, variables: &[&VariableEntry]) -> Vec<String> {
+pub(crate) fn as_text(table: &CommunityTable, variables: &[&VariableEntry]) -> Vec<String> {
     let clients: Vec<&str> = table.clients.iter().map(|client| client.name.as_str()).collect();
     let head = match clients.as_slice() {
         [] => format!("community {}: no clients", table.community),
-        some => format!("community {}: clients {}", table.community, some.join(" ")),
+        some => format!("community {}: clients {}", table.community, names(some, " ")),
     };
     let mut rows = vec![["VARIABLE", "TYPE", "WRITER", "AGE", "RATE", "VALUE"].map(str::to_owned).to_vec()];
     rows.extend(variables.iter().map(|variable| row(table.time, variable)));
@@ -56,7 +57,7 @@ fn as_text(table: &CommunityTable, variables: &[&VariableEntry]) -> Vec<String> 
 
 fn row(now: f64, variable: &VariableEntry) -> Vec<String> {
     vec![
-        show::printable(&variable.name),
+        variable.name.clone(),
         show::kind_name(&variable.kind).to_owned(),
         variable.writer.clone(),
         show::duration(now - variable.written),
@@ -68,7 +69,7 @@ fn row(now: f64, variable: &VariableEntry) -> Vec<String> {
 /// A variable's latest value in a few words.
 pub(crate) fn value(variable: &VariableEntry) -> String {
     match show::latest(variable) {
-        Some(value) => show::beginning(&show::value_for_people(value.as_ref()), VALUE_CHARACTERS),
+        Some(value) => text::clipped(&show::value_for_people(value.as_ref()), VALUE_CHARACTERS).into_owned(),
         None => format!("({})", show::bytes(variable.latest_bytes as f64)),
     }
 }

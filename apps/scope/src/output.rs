@@ -2,6 +2,9 @@
 
 use std::io::{IsTerminal, Write};
 
+use elk_outside::text;
+use serde::Serialize;
+
 use crate::error::ScopeError;
 
 /// The size of a terminal, in characters.
@@ -44,8 +47,19 @@ impl<'a> Output<'a> {
         self.screen.is_some()
     }
 
-    /// Writes a line; it need not arrive before [`Output::flush`].
+    /// Writes a line; it need not arrive before [`Output::flush`]. Whatever names and values are in it, it is one line, and
+    /// the terminal only shows it.
     pub fn line(&mut self, line: &str) -> Result<(), ScopeError> {
+        self.raw_line(&text::printable(line))
+    }
+
+    /// Writes a line of JSON.
+    pub fn json(&mut self, json: &impl Serialize) -> Result<(), ScopeError> {
+        // Names, numbers and JSON can always be written as JSON.
+        self.raw_line(&text::printable_json(&serde_json::to_string(json).unwrap_or_default()))
+    }
+
+    fn raw_line(&mut self, line: &str) -> Result<(), ScopeError> {
         self.to.write_all(line.as_bytes())?;
         Ok(self.to.write_all(b"\n")?)
     }
@@ -55,9 +69,9 @@ impl<'a> Output<'a> {
         Ok(self.to.flush()?)
     }
 
-    /// Writes a line, and lets it arrive.
-    pub fn whole_line(&mut self, line: &str) -> Result<(), ScopeError> {
-        self.line(line)?;
+    /// Writes a line of JSON, and lets it arrive.
+    pub fn whole_json(&mut self, json: &impl Serialize) -> Result<(), ScopeError> {
+        self.json(json)?;
         self.flush()
     }
 
@@ -82,7 +96,8 @@ impl<'a> Output<'a> {
         // The last line of a screen stays free for the cursor: a line feed there would scroll the page away.
         let shown = lines.len().min(screen.rows - 1);
         for line in &lines[..shown] {
-            let cut: String = line.chars().take(screen.columns).collect();
+            let shown = text::printable(line);
+            let cut: String = shown.chars().take(screen.columns).collect();
             write!(self.to, "\r\x1b[2K{cut}\n")?;
         }
         self.standing = shown;
@@ -90,17 +105,26 @@ impl<'a> Output<'a> {
     }
 }
 
-/// Rows of cells as lines: each column as wide as it has to be, those that `right` names flush right, the last one free.
+/// Rows of cells as lines: each column as wide as it has to be for what people read of a name, those that `right` names flush
+/// right, the last one free.
 pub fn in_columns(rows: &[Vec<String>], right: &[usize]) -> Vec<String> {
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count()).max();
-    let widths: Vec<usize> = (0..columns).map(|column| width(column).unwrap_or(0)).collect();
-    let cell = |(column, text): (usize, &String)| match right.contains(&column) {
-        true => format!("{text:>width$}", width = widths[column]),
-        false => format!("{text:<width$}", width = widths[column]),
+    let last = rows.iter().map(Vec::len).max().unwrap_or(0).saturating_sub(1);
+    let cell = |(column, cell): (usize, &String)| match column == last {
+        true => text::printable(cell).into_owned(),
+        false => text::name(cell).into_owned(),
     };
-    let line = |row: &Vec<String>| row.iter().enumerate().map(cell).collect::<Vec<_>>().join("  ");
-    rows.iter().map(|row| line(row).trim_end().to_owned()).collect()
+    let rows: Vec<Vec<String>> = rows.iter().map(|row| row.iter().enumerate().map(cell).collect()).collect();
+    let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count()).max();
+    let widths: Vec<usize> = (0..=last).map(|column| width(column).unwrap_or(0)).collect();
+    let line = |row: &Vec<String>| {
+        let mut line = String::new();
+        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            line += if column > 0 { "  " } else { "" };
+            text::put_cell(&mut line, cell, *width, right.contains(&column));
+        }
+        line.trim_end().to_owned()
+    };
+    rows.iter().map(line).collect()
 }
 
 #[cfg(test)]
@@ -147,5 +171,25 @@ mod tests {
         let rows =
             [vec!["NAME".to_owned(), "RATE".into(), "VALUE".into()], vec!["Größe".into(), "7".into(), "".into()]];
         assert_eq!(in_columns(&rows, &[1]), ["NAME   RATE  VALUE", "Größe     7"]);
+    }
+
+    #[test]
+    fn a_name_of_any_length_and_of_any_characters_is_a_cell_like_others() {
+        let rows = [
+            vec!["x".repeat(66_000), "1".into(), "value\x1b[2J".into()],
+            vec!["\x1b]0;mine\x07".into(), "2".repeat(70_000), "v".repeat(70_000)],
+            vec!["\u{9b}2J\u{202e}".into()],
+        ];
+        let lines = in_columns(&rows, &[1]);
+        assert_eq!(lines[0], format!("{}…  {:>64}  value\\u{{1b}}[2J", "x".repeat(63), 1));
+        assert!(lines[1].starts_with("\\u{1b}]0;mine\\u{7} ") && lines[1].chars().count() < 70_200);
+        assert_eq!(lines[2], "\\u{9b}2J\\u{202e}");
+        let written = written(Some(Screen { columns: 80, rows: 24 }), &[&["\x1b[31m\u{9b}"]]);
+        assert_eq!(written, "\r\x1b[2K\\u{1b}[31m\\u{9b}\n\x1b[J");
+        let mut to = Vec::new();
+        let mut output = Output::new(&mut to, None);
+        output.line("two\nlines\x1bc").unwrap();
+        output.json(&serde_json::json!({"\x1b": "\u{9b}"})).unwrap();
+        assert_eq!(String::from_utf8(to).unwrap(), "two\\nlines\\u{1b}c\n{\"\\u001b\":\"\\u009b\"}\n");
     }
 }

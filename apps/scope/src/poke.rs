@@ -132,7 +132,7 @@ impl Poke {
         let table = scope.table()?;
         let value = self.value(&table)?;
         let after = self.write(scope, &value)?;
-        output.line(&self.report(scope.name(), &after, value.as_ref()))?;
+        self.report(scope.name(), &after, value.as_ref(), output)?;
         output.flush()
     }
 
@@ -241,17 +241,23 @@ impl Poke {
         }
     }
 
-    fn report(&self, own_name: &str, table: &CommunityTable, value: ValueRef<'_>) -> String {
+    fn report(
+        &self,
+        own_name: &str,
+        table: &CommunityTable,
+        value: ValueRef<'_>,
+        output: &mut Output<'_>,
+    ) -> Result<(), ScopeError> {
         let variable = table.variables.iter().find(|variable| variable.name == self.name);
         let routes = variable.iter().flat_map(|variable| &variable.routes);
         let readers = routes.filter(|route| route.source == own_name).flat_map(|route| route.readers.clone());
         let readers: Vec<String> = readers.collect();
         if self.json {
             let value = (show::type_name(&value), show::value_for_programs(value));
-            return json!({"key": self.name, "type": value.0, "value": value.1, "readers": readers}).to_string();
+            return output.json(&json!({"key": self.name, "type": value.0, "value": value.1, "readers": readers}));
         }
         let (type_name, value) = (show::type_name(&value), show::value_for_people(value));
-        format!("{} = {value} ({type_name}), heard by {}", self.name, or_nobody(&readers))
+        output.line(&format!("{} = {value} ({type_name}), heard by {}", self.name, or_nobody(&readers)))
     }
 }
 

@@ -62,7 +62,7 @@ impl Rates {
             if clock.elapsed() >= next {
                 meter.tick();
                 match self.json {
-                    true => output.whole_line(&self.as_json(&meter, scope.client.comms.time(), scope.missed()))?,
+                    true => output.whole_json(&self.as_json(&meter, scope.client.comms.time(), scope.missed()))?,
                     false => output.page(&self.as_text(&meter, scope.missed()))?,
                 }
                 pages += 1;
@@ -73,10 +73,10 @@ impl Rates {
         Ok(())
     }
 
-    fn as_json(&self, meter: &Meter, time: f64, missed: u64) -> String {
+    fn as_json(&self, meter: &Meter, time: f64, missed: u64) -> Value {
         let secs = meter.ticks() as f64 * PERIOD.as_secs_f64();
         let sources: Vec<Value> = meter.counts().map(|one| self.pair_as_json(secs, one)).collect();
-        json!({"time": time, "window_secs": secs, "missed": missed, "sources": sources}).to_string()
+        json!({"time": time, "window_secs": secs, "missed": missed, "sources": sources})
     }
 
     fn as_text(&self, meter: &Meter, missed: u64) -> Vec<String> {
@@ -98,7 +98,7 @@ impl Rates {
     }
 
     fn row(&self, secs: f64, (key, source, count): (&str, &str, Count)) -> Vec<String> {
-        let mut row = vec![show::printable(key), source.to_owned(), count.sizes.count.to_string()];
+        let mut row = vec![key.to_owned(), source.to_owned(), count.sizes.count.to_string()];
         let known = |count: u64, figure: String| if count > 0 { figure } else { "-".to_owned() };
         match self.quantity {
             Quantity::Rate => {
@@ -162,7 +162,7 @@ mod tests {
         meter.tick();
         let patterns = vec![Pattern::any()];
         let rates = Rates { quantity, patterns, window_secs: 10, count: None, json: false };
-        (rates.as_text(&meter, 7), serde_json::from_str(&rates.as_json(&meter, 2.0, 7)).unwrap())
+        (rates.as_text(&meter, 7), rates.as_json(&meter, 2.0, 7))
     }
 
     #[test]

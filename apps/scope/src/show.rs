@@ -3,6 +3,7 @@
 use elk_bus::broker::table::{ClockEntry, CommunityTable, LatestValue, VariableEntry, VariableKind};
 use elk_bus::clock::Date;
 use elk_bus::{Value as BusValue, ValueRef};
+use elk_outside::text::{name, printable};
 use elk_spatial::catalogue;
 use serde_json::{Map, Value, json};
 
@@ -19,7 +20,7 @@ const BYTES_FOR_PROGRAMS: usize = 64 << 10;
 pub fn value_for_people(value: ValueRef<'_>) -> String {
     match value {
         ValueRef::Double(number) => number.to_string(),
-        ValueRef::Text(text) => printable(text),
+        ValueRef::Text(text) => printable(text).into_owned(),
         ValueRef::Binary { type_name, layout, bytes } => {
             match catalogue::to_json(type_name, layout, bytes, LONGEST_FOR_PEOPLE) {
                 Ok(Value::Object(fields)) => in_words(&fields),
@@ -57,6 +58,7 @@ pub fn clock(table: &CommunityTable) -> Option<String> {
     let ClockEntry { driver, time, rate } = table.clock.as_ref()?;
     let Date { year, month, day, hour, minute, second, .. } = Date::of(*time);
     let pace = if *rate == 0.0 { "standing still".to_owned() } else { format!("running at {rate}x") };
+    let driver = name(driver);
     Some(format!(
         "time is driven by {driver}: {year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC, {pace}"
     ))
@@ -91,30 +93,15 @@ pub fn latest(variable: &VariableEntry) -> Option<BusValue> {
     }
 }
 
-/// A text in one line, without what would move the cursor or colour the terminal.
-pub fn printable(text: &str) -> String {
-    let mut line = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character.is_control() {
-            true => line.extend(character.escape_debug()),
-            false => line.push(character),
-        }
-    }
-    line
-}
-
-/// The beginning of a text, at most `longest` characters.
-pub fn beginning(text: &str, longest: usize) -> String {
-    match text.chars().count() > longest {
-        true => text.chars().take(longest.saturating_sub(1)).chain(['…']).collect(),
-        false => text.to_owned(),
-    }
+/// Names in a line, each as much as people read of it.
+pub fn names<T: AsRef<str>>(names: &[T], between: &str) -> String {
+    names.iter().map(|one| name(one.as_ref())).collect::<Vec<_>>().join(between)
 }
 
 fn raw(type_name: &str, layout: u64, bytes: &[u8]) -> String {
     let first: Vec<String> = bytes.iter().take(BYTES_FOR_PEOPLE).map(|byte| format!("{byte:02x}")).collect();
     let more = if bytes.len() > BYTES_FOR_PEOPLE { " …" } else { "" };
-    format!("{} (layout {layout:016x}), {} bytes: {}{more}", printable(type_name), bytes.len(), first.join(" "))
+    format!("{} (layout {layout:016x}), {} bytes: {}{more}", name(type_name), bytes.len(), first.join(" "))
 }
 
 fn in_words(fields: &Map<String, Value>) -> String {
@@ -126,7 +113,7 @@ fn json_in_words(value: &Value) -> String {
     match value {
         Value::Object(fields) => format!("{{{}}}", in_words(fields)),
         Value::Array(entries) => format!("[{}]", entries.iter().map(json_in_words).collect::<Vec<_>>().join(", ")),
-        Value::String(text) => printable(text),
+        Value::String(text) => printable(text).into_owned(),
         Value::Number(number) => match number.as_f64().filter(|_| number.is_f64()) {
             Some(real) => rounded(real),
             None => number.to_string(),

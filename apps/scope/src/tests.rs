@@ -2,6 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
+use elk_bus::broker::table::{ClockEntry, VariableKind};
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, ValueRef};
 use serde_json::{Value, json};
@@ -242,4 +243,51 @@ fn top_shows_what_happened_since_the_page_before() {
     let top = Top { count: Some(1), json: false };
     let page = said(|output| top.run(&mut lab.scope("once"), output, &never())).unwrap();
     assert!(page.starts_with("community lab, up") && page.contains("\nSensor ") && page.contains("\nSCAN "), "{page}");
+}
+
+/// A broker of another version, or one that is none, may say anything: 66,000 characters once ended `list`, `graph` and `top`.
+#[test]
+fn names_that_no_broker_should_give_end_nobody_and_reach_no_terminal() {
+    let lab = Lab::new();
+    let _apps = lab.with_two_apps();
+    let before = lab.scope("list").table().unwrap();
+    for bad in ["x".repeat(66_000), "\x1b[2J\u{9b}31m\u{202e}\n".into(), "ä".repeat(70_000), String::new()] {
+        let mut table = before.clone();
+        table.community.clone_from(&bad);
+        for client in &mut table.clients {
+            client.name.clone_from(&bad);
+            client.writes = vec![bad.clone(); 3];
+            client.latency.mean_secs = f64::NAN;
+        }
+        for variable in &mut table.variables {
+            variable.name.clone_from(&bad);
+            variable.writer.clone_from(&bad);
+            variable.kind = VariableKind::Typed { name: bad.clone(), layout: 7 };
+            (variable.rate_hz, variable.written) = (f64::INFINITY, -1e308);
+            for route in &mut variable.routes {
+                (route.source, route.readers) = (bad.clone(), vec![bad.clone(); 3]);
+            }
+        }
+        table.clock = Some(ClockEntry { driver: bad.clone(), time: 1e300, rate: f64::NAN });
+        let variables: Vec<_> = table.variables.iter().collect();
+        let pages = [
+            crate::list::as_text(&table, &variables),
+            crate::graph::drawn(&table),
+            crate::top::change_as_text(&before, &table),
+            crate::info::client_as_text(&table, &table.clients[0], Some(&bad)),
+            crate::info::variable_as_text(&table, variables[0], None),
+        ];
+        for page in pages {
+            let mut to = Vec::new();
+            Output::new(&mut to, Some(Screen { columns: 80, rows: 100 })).page(&page).unwrap();
+            let mut piped = Vec::new();
+            Output::new(&mut piped, None).page(&page).unwrap();
+            let shown = String::from_utf8(to).unwrap().replace("\r\x1b[2K", "").replace("\x1b[J", "");
+            let piped = String::from_utf8(piped).unwrap();
+            for text in [shown, piped] {
+                let ruled = text.chars().find(|c| *c != '\n' && (c.is_control() || *c == '\u{202e}'));
+                assert!(ruled.is_none() && text.lines().count() == page.len(), "{ruled:?} in {text}");
+            }
+        }
+    }
 }

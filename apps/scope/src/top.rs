@@ -37,7 +37,7 @@ impl Top {
             let now = scope.table()?;
             let change = Change::between(&before, &now);
             match self.json {
-                true => output.whole_line(&change.as_json().to_string())?,
+                true => output.whole_json(&change.as_json())?,
                 false => output.page(&change.as_text())?,
             }
             before = now;
@@ -50,6 +50,11 @@ impl Top {
 #[cfg(test)]
 pub(crate) fn change_as_json(before: &CommunityTable, now: &CommunityTable) -> Value {
     Change::between(before, now).as_json()
+}
+
+#[cfg(test)]
+pub(crate) fn change_as_text(before: &CommunityTable, now: &CommunityTable) -> Vec<String> {
+    Change::between(before, now).as_text()
 }
 
 /// Waits for the next page; `false`: there is to be none.
@@ -159,7 +164,7 @@ impl<'a> Change<'a> {
 impl VariableChange<'_> {
     fn row(&self) -> Vec<String> {
         vec![
-            show::printable(&self.variable.name),
+            self.variable.name.clone(),
             show::kind_name(&self.variable.kind).to_owned(),
             self.variable.writer.clone(),
             show::hertz(self.rate_hz),

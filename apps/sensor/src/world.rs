@@ -1,8 +1,9 @@
 //! The true world: surfaces from an OBJ file, and what is free between them.
 
 use std::io::Cursor;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use elk_outside::file;
 use elk_spatial::Bounds;
 use nalgebra::{Point3, Vector3};
 
@@ -24,6 +25,9 @@ const PROBES: [[f64; 3]; 5] = [
     [-0.3541, -0.6037, -0.7143],
     [0.1973, 0.9041, -0.3791],
 ];
+
+/// The largest file that is read (bytes): some five million triangles, which take a gigabyte.
+const MAX_FILE_BYTES: u64 = 256 << 20;
 
 /// Tries before a world counts as too narrow for a random start.
 const START_TRIES: u32 = 100_000;
@@ -88,17 +92,23 @@ impl World {
         if name == CAR_INTERIOR {
             return Self::from_obj(name, CAR_INTERIOR_OBJ);
         }
-        let text = std::fs::read_to_string(name).map_err(|source| WorldError::Read { path: name.into(), source })?;
-        Self::from_obj(name, &text)
+        let read = file::read(Path::new(name), MAX_FILE_BYTES);
+        let bytes = read.map_err(|source| WorldError::Read { path: name.into(), source })?;
+        Self::from_bytes(name, &bytes)
     }
 
     /// The world that `text`, in OBJ format, describes; polygons are cut into fans. `name` is for error messages.
     pub fn from_obj(name: &str, text: &str) -> Result<Self, WorldError> {
+        Self::from_bytes(name, text.as_bytes())
+    }
+
+    /// As [`World::from_obj`], from the bytes of a file, whatever they are.
+    pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, WorldError> {
         let options =
             tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
         // Materials have no depth: a missing material library is no error.
         let no_materials = |_: &std::path::Path| Err(tobj::LoadError::OpenFileFailed);
-        let (models, _) = tobj::load_obj_buf(&mut Cursor::new(text), &options, no_materials)
+        let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
             .map_err(|source| WorldError::Parse { name: name.into(), source })?;
         Self::from_triangles(name, models.iter().flat_map(|m| triangles_of(&m.mesh)).collect())
     }

@@ -172,3 +172,43 @@ fn solids_and_the_outside_are_not_free() {
         assert!(!world.is_free(outside));
     }
 }
+
+#[test]
+fn what_is_no_file_is_no_world_and_nobody_waits_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let fifo = folder.path().join("fifo.obj");
+    assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let hole = folder.path().join("hole.obj");
+    std::fs::File::create(&hole).unwrap().set_len(1 << 40).unwrap();
+    let said = |path: &std::path::Path| World::load(path.to_str().unwrap()).unwrap_err().to_string();
+    for (path, words) in [
+        (fifo.as_path(), "it is a FIFO; right is an ordinary file"),
+        (folder.path(), "it is a folder; right is a file"),
+        (std::path::Path::new("/dev/zero"), "it is a device; right is an ordinary file"),
+        (hole.as_path(), "it is longer than 268 MB"),
+    ] {
+        assert!(said(path).contains(words), "{}", said(path));
+    }
+}
+
+/// Bytes that are no text, indices that no vertex has, numbers that are none.
+#[test]
+fn whatever_a_file_holds_is_a_world_or_an_error() {
+    let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    for wrong in [
+        "f 1 2 9",
+        "f -9 -8 -7",
+        "f 0 0 0",
+        "f",
+        "f 1",
+        "f 1 2",
+        "v 1 2",
+        "v nan 1e39 -inf\nf 1 2 4",
+        "f 99999999999999999999 1 2",
+        "f -9223372036854775808 1 2",
+    ] {
+        let text = format!("{vertices}{wrong}\n");
+        assert!(World::from_obj("wrong.obj", &text).is_err(), "{wrong}");
+    }
+    assert!(World::from_bytes("bytes.obj", &[0xff; 1000]).is_err());
+}

@@ -10,14 +10,16 @@ use std::io::{BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::Date;
+use elk_bus::codec::MAX_VALUE_BYTES;
 use elk_bus::{Value, ValueRef};
+use elk_outside::{file, text, time};
 
 use crate::error::LogError;
 use crate::record::{Record, RecordRef};
 
 /// The line above and below the banner.
 const RULE: &str = "%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%";
-/// The longest line that is read (bytes); the rest of a longer one is passed over.
+/// The longest line, and the longest text of several, that is read (bytes); the rest of a longer one is passed over.
 const MAX_LINE_BYTES: u64 = 16 << 20;
 /// What stands for a binary value.
 const BINARY: (&str, &str) = ("<MOOS_BINARY>", "</MOOS_BINARY>");
@@ -143,7 +145,7 @@ impl AlogReader {
     /// It cannot be read, or has no line of an `.alog` among its first.
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let read = |source| LogError::Read { path: path.into(), source };
-        let file = File::open(path).map_err(read)?;
+        let file = file::open(path).map_err(read)?;
         let length = file.metadata().map_err(read)?.len();
         let mut log = Self {
             path: path.into(),
@@ -190,11 +192,12 @@ impl AlogReader {
     fn next_message(&mut self) -> Result<Option<Record>, LogError> {
         while let Some(line) = self.line()? {
             if line.starts_with("%%") {
-                self.banner(&line);
+                self.banner(&line)?;
             } else if let Some(record) = self.message(&line) {
                 return Ok(Some(record));
             } else if !line.trim().is_empty()
                 && let Some(Record { value: Value::Text(text), .. }) = &mut self.ahead
+                && text.len() + line.len() < MAX_LINE_BYTES as usize
             {
                 text.push('\n');
                 text.push_str(line.trim_end());
@@ -203,20 +206,32 @@ impl AlogReader {
         Ok(None)
     }
 
-    fn banner(&mut self, line: &str) {
+    fn banner(&mut self, line: &str) -> Result<(), LogError> {
         let mut words = line.trim_start_matches('%').split_whitespace();
         match words.next() {
-            Some("LOGSTART") => self.start = words.next().and_then(|word| word.parse().ok()).unwrap_or(0.0),
+            Some("LOGSTART") => self.start = self.log_start(words.next().unwrap_or_default())?,
             Some("DATATYPE") => self.marked = line.contains(" ON"),
             _ => {}
         }
+        Ok(())
+    }
+
+    /// When the run started. All times count from there: without it there are none.
+    fn log_start(&self, said: &str) -> Result<f64, LogError> {
+        let start = number(said).filter(|start| (0.0..=time::LAST).contains(start));
+        start.ok_or_else(|| {
+            let said = text::clipped(said, 40);
+            let reason = format!("its LOGSTART is {said:?}; right is the run's start in seconds since 1970");
+            LogError::NoLog { path: self.path.clone(), reason }
+        })
     }
 
     fn message(&mut self, line: &str) -> Option<Record> {
         let (time, rest) = word(line)?;
         let (key, rest) = word(rest)?;
         let (source, rest) = word(rest)?;
-        let time: f64 = number(time)?;
+        // What is no moment begins no message.
+        let time = time::seconds(number(time)?)?;
         let value = rest.trim();
         let (source, community) = source.split_once('@').unwrap_or((source, ""));
         let (source, source_aux) = source.split_once(':').unwrap_or((source, ""));
@@ -257,15 +272,15 @@ impl AlogReader {
         let file = self.path.with_file_name(Path::new(field("File")?).file_name()?);
         let blog = match self.blog.take() {
             Some(blog) => blog,
-            None => File::open(file).ok()?,
+            None => file::open(&file).ok()?,
         };
         let blog = self.blog.insert(blog);
-        if offset.checked_add(length)? > blog.metadata().ok()?.len() {
+        if length > MAX_VALUE_BYTES as u64 || offset.checked_add(length)? > blog.metadata().ok()?.len() {
             return None;
         }
-        let mut bytes = vec![0; usize::try_from(length).ok()?];
+        let mut bytes = Vec::new();
         blog.seek(SeekFrom::Start(offset)).ok()?;
-        blog.read_exact(&mut bytes).ok()?;
+        blog.take(length).read_to_end(&mut bytes).ok().filter(|read| *read as u64 == length)?;
         let layout = field("Layout").and_then(|layout| u64::from_str_radix(layout, 16).ok()).unwrap_or_default();
         Some(Value::Binary { type_name: field("Type").unwrap_or(MOOS_BINARY).into(), layout, bytes })
     }

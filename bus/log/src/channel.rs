@@ -47,6 +47,12 @@ impl Channel {
         }
     }
 
+    /// Bytes of all that is kept of its names.
+    pub fn names_bytes(&self) -> usize {
+        let Self { key, source, community, schema, .. } = self;
+        [key, source, community, schema].map(String::len).iter().sum::<usize>() + self.type_name().len()
+    }
+
     /// What its values are, as the bus calls it: `double`, `text`, or the type's name.
     pub fn type_name(&self) -> &str {
         match &self.kind {

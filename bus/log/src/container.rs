@@ -3,28 +3,29 @@
 //! The crate `mcap` reads files that are right, and stops at the first thing that is not. A log of a robot that lost its
 //! power is not right, so this reader is told apart: every length is held against the file before memory is set aside,
 //! a chunk whose checksum is wrong is passed over, and what is left of the last chunk is given message by message.
+//!
+//! A log may also be a trap: 33 kB that claim to be a gigabyte, and are, of zeros. So no chunk unpacks to more than it can
+//! honestly hold (`chunk.rs`), memory grows only as bytes come that are records, and nothing that is kept for the whole
+//! file grows with what the file says of itself.
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use elk_outside::file;
 use mcap::records::op;
 
+use crate::chunk::{Chunk, ChunkHead, HEAD_BYTES, Unpacked};
 use crate::error::LogError;
+use crate::summary::TAIL_BYTES;
 
 /// Bytes that are read from the file at once.
 const READ_BYTES: usize = 1 << 20;
 /// Opcode and length of a record.
-const RECORD_HEAD: u64 = 9;
-/// A chunk's header without the name of its compression.
-const CHUNK_HEAD: usize = 40;
-/// No chunk is larger, compressed or not: the largest value of the bus, and a chunk's worth of others.
-const MAX_CHUNK_BYTES: u64 = (1 << 30) + (64 << 20);
-/// No schema, channel, metadata or attachment that elk writes is larger.
-const MAX_RECORD_BYTES: u64 = 64 << 20;
-/// Opcode, length and body of the footer, and the magic behind it.
-const TAIL_BYTES: u64 = RECORD_HEAD + 20 + 8;
+pub(crate) const RECORD_HEAD: u64 = 9;
+/// No schema, channel or metadata is larger, and no attachment that elk has a use for.
+pub(crate) const MAX_RECORD_BYTES: u64 = 64 << 20;
 
 /// What was found next.
 #[derive(Debug)]
@@ -55,28 +56,26 @@ pub(crate) struct Container {
     at: u64,
     place: Place,
     body: Vec<u8>,
-    chunk: Vec<u8>,
-    /// Where in `chunk` the next record begins.
-    rest: usize,
+    chunk: Chunk,
     /// Where in `chunk` the record that was found last lies; nothing: in `body`.
     found: Option<Range<usize>>,
-    /// Why the file ends with this chunk.
-    cut: Option<String>,
+    /// What is said behind the last record of the chunk, if that is not its proper end.
+    ending: Option<Ending>,
 }
 
-/// The sizes that a chunk gives itself.
-struct ChunkHead {
-    uncompressed: u64,
-    crc: u32,
-    compression: String,
-    compressed: u64,
+/// How a chunk ends whose end is not there.
+enum Ending {
+    /// The file ends with it.
+    Cut(String),
+    /// What follows in it is not read; the next chunk may be.
+    Broken(String),
 }
 
 impl Container {
     /// Opens a file that begins as MCAP does.
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let read = |source| LogError::Read { path: path.into(), source };
-        let mut file = File::open(path).map_err(read)?;
+        let mut file = file::open(path).map_err(read)?;
         let length = file.metadata().map_err(read)?.len();
         check_magic(&mut file, path)?;
         let magic = mcap::MAGIC.len() as u64;
@@ -87,10 +86,9 @@ impl Container {
             at: magic,
             place: Place::File,
             body: Vec::new(),
-            chunk: Vec::new(),
-            rest: 0,
+            chunk: Chunk::default(),
             found: None,
-            cut: None,
+            ending: None,
         })
     }
 
@@ -107,13 +105,13 @@ impl Container {
     /// Goes on at the record that begins at `offset`.
     pub fn seek(&mut self, offset: u64) -> Result<(), LogError> {
         self.file.seek(SeekFrom::Start(offset)).map_err(|source| read_error(&self.path, source))?;
-        (self.at, self.place, self.rest) = (offset, Place::File, self.chunk.len());
+        (self.at, self.place, self.ending) = (offset, Place::File, None);
         Ok(())
     }
 
     /// The bytes of the record that was found last.
     pub fn body(&self) -> &[u8] {
-        self.found.as_ref().map_or(&self.body, |range| &self.chunk[range.clone()])
+        self.found.as_ref().map_or(&self.body, |range| self.chunk.bytes(range))
     }
 
     /// Whether the record that was found last lies in a chunk.
@@ -138,21 +136,15 @@ impl Container {
 
     /// The next record of the chunk; nothing at its end.
     fn record_of_chunk(&mut self) -> Option<Found> {
-        match (record_in(&self.chunk, &mut self.rest), self.cut.take()) {
-            (Some(Ok((opcode, body))), cut) => {
-                (self.found, self.cut) = (Some(body), cut);
-                Some(Found::Record(opcode))
-            }
-            (_, Some(cut)) => Some(self.over(cut)),
-            (Some(Err(reason)), None) => {
-                self.place = Place::File;
-                Some(Found::Damaged(reason))
-            }
-            (None, None) => {
-                self.place = Place::File;
-                None
-            }
+        if let Some((opcode, body)) = self.chunk.next() {
+            self.found = Some(body);
+            return Some(Found::Record(opcode));
         }
+        self.place = Place::File;
+        self.ending.take().map(|ending| match ending {
+            Ending::Cut(reason) => self.over(reason),
+            Ending::Broken(reason) => Found::Damaged(reason),
+        })
     }
 
     /// The next record of the file itself; nothing for those that are passed over, and for chunks that can be read.
@@ -174,15 +166,25 @@ impl Container {
             let reason = format!("the record at byte {} has {length} bytes, but the file ends after {left}", self.at);
             return Ok(Some(self.over(reason)));
         }
+        let start = self.at;
         self.at += RECORD_HEAD + length;
         match opcode {
             op::DATA_END => Ok(Some(self.end(length)?)),
             op::MESSAGE_INDEX => self.skip(length),
-            _ if length > MAX_RECORD_BYTES => self.skip(length),
+            op::ATTACHMENT if length > MAX_RECORD_BYTES => self.skip(length),
+            _ if length > longest(opcode) => {
+                self.skip(length)?;
+                let most = longest(opcode);
+                let reason = format!("the record at byte {start} has {length} bytes; more than {most} are not read");
+                Ok(Some(Found::Damaged(reason)))
+            }
             _ => {
-                self.body.resize(length as usize, 0);
-                read_exact(&mut self.file, &self.path, &mut self.body)?;
-                Ok(Some(Found::Record(opcode)))
+                self.body.clear();
+                let read = (&mut self.file).take(length).read_to_end(&mut self.body);
+                match read.map_err(|source| read_error(&self.path, source))? as u64 == length {
+                    true => Ok(Some(Found::Record(opcode))),
+                    false => Err(read_error(&self.path, ErrorKind::UnexpectedEof.into())),
+                }
             }
         }
     }
@@ -205,29 +207,34 @@ impl Container {
             Ok(head) => head,
             Err(reason) => return Ok(Some(self.over(format!("the chunk at byte {start} {reason}")))),
         };
-        let head_bytes = (CHUNK_HEAD + head.compression.len()) as u64;
-        let there = head.compressed.min(left - head_bytes);
-        self.at = start + RECORD_HEAD + head_bytes + there;
-        let target = if head.compression.is_empty() { &mut self.chunk } else { &mut self.body };
-        target.resize(there as usize, 0);
-        read_exact(&mut self.file, &self.path, target)?;
-        self.rest = 0;
+        let there = head.compressed.min(left - head.bytes());
+        let end = start + RECORD_HEAD + head.bytes() + there;
+        let mut packed = (&mut self.file).take(there);
+        let unpacked = match head.believable() {
+            Ok(()) => self.chunk.unpack(&head, &mut packed),
+            Err(reason) => Ok(Unpacked::Lost(reason)),
+        };
+        let unread = packed.limit().cast_signed();
+        let passed = unpacked.and_then(|unpacked| self.file.seek_relative(unread).map(|()| unpacked));
+        let unpacked = passed.map_err(|source| read_error(&self.path, source))?;
+        (self.at, self.place) = (end, Place::Chunk);
         let cut = there < head.compressed;
-        let unpacked = unpack(&head, &self.body, &mut self.chunk);
-        if cut {
-            self.cut = Some(format!("the chunk at byte {start} is cut short by the end of the file"));
-        } else if let Err(reason) = unpacked.and_then(|()| head.verify(&self.chunk)) {
-            self.rest = self.chunk.len();
-            return Ok(Some(Found::Damaged(format!("the chunk at byte {start} {reason}; its messages are lost"))));
-        }
-        self.place = Place::Chunk;
+        self.ending = match unpacked {
+            _ if cut => Some(Ending::Cut(format!("the chunk at byte {start} is cut short by the end of the file"))),
+            Unpacked::Whole => None,
+            Unpacked::Broken(reason) => Some(Ending::Broken(format!("the chunk at byte {start} {reason}"))),
+            Unpacked::Lost(reason) => {
+                self.chunk.clear();
+                Some(Ending::Broken(format!("the chunk at byte {start} {reason}; its messages are lost")))
+            }
+        };
         Ok(None)
     }
 
     /// The chunk's header, held against the length of its record; else what is wrong with it.
     fn chunk_head(&mut self, length: u64, left: u64) -> Result<Result<ChunkHead, String>, LogError> {
         let mut fixed = [0; 32];
-        if left < CHUNK_HEAD as u64 + 8 {
+        if left < HEAD_BYTES + 8 {
             return Ok(Err("is cut short by the end of the file".into()));
         }
         self.read_exact(&mut fixed)?;
@@ -264,76 +271,9 @@ impl Container {
     }
 }
 
-impl ChunkHead {
-    /// Whether the sizes agree with each other and with the record's `length`: a flipped bit in one of them is found
-    /// here, before it is believed.
-    fn check(&self, length: u64) -> Result<(), String> {
-        let head = (CHUNK_HEAD + self.compression.len()) as u64;
-        if head.checked_add(self.compressed) != Some(length) {
-            let said = self.compressed;
-            return Err(format!("has {length} bytes, its header says {head} and {said}: one of them is damaged"));
-        }
-        if self.compression.is_empty() && self.compressed != self.uncompressed {
-            return Err("is not compressed, but has two sizes: its header is damaged".into());
-        }
-        let largest = self.compressed.max(self.uncompressed);
-        if largest > MAX_CHUNK_BYTES {
-            return Err(format!("has {largest} bytes; more than {MAX_CHUNK_BYTES} are not read"));
-        }
-        Ok(())
-    }
-
-    fn verify(&self, chunk: &[u8]) -> Result<(), String> {
-        if chunk.len() as u64 != self.uncompressed {
-            return Err(format!("unpacks to {} bytes instead of {}", chunk.len(), self.uncompressed));
-        }
-        match self.crc {
-            0 => Ok(()), // its writer did not calculate any
-            crc if crc32fast::hash(chunk) == crc => Ok(()),
-            _ => Err("does not agree with its checksum".into()),
-        }
-    }
-}
-
-/// Unpacks `packed`, as far as it goes; a chunk that is not compressed is where it should be already.
-fn unpack(head: &ChunkHead, packed: &[u8], chunk: &mut Vec<u8>) -> Result<(), String> {
-    if head.compression.is_empty() {
-        return Ok(());
-    }
-    chunk.clear();
-    let failed = |error: std::io::Error| format!("does not unpack: {error}");
-    // One byte more than there should be: a chunk that goes on is found by its length.
-    let most = head.uncompressed + 1;
-    let unpacked = match head.compression.as_str() {
-        "lz4" => lz4::Decoder::new(packed).and_then(|decoder| decoder.take(most).read_to_end(chunk)),
-        "zstd" => zstd::Decoder::new(packed).and_then(|decoder| decoder.take(most).read_to_end(chunk)),
-        other => return Err(format!("is compressed with {other:?}; known are lz4 and zstd")),
-    };
-    unpacked.map(drop).map_err(failed)
-}
-
-/// The record of `chunk` that begins at `rest`, which then is the next one's place.
-fn record_in(chunk: &[u8], rest: &mut usize) -> Option<Result<(u8, Range<usize>), String>> {
-    let left = &chunk[*rest..];
-    if left.is_empty() {
-        return None;
-    }
-    let broken = |what: &str| Some(Err(format!("a chunk breaks off in the middle of {what}")));
-    let Some(head) = left.get(..RECORD_HEAD as usize) else {
-        *rest = chunk.len();
-        return broken("a record's length");
-    };
-    let start = *rest + RECORD_HEAD as usize;
-    match usize::try_from(word(&head[1..])).ok().and_then(|length| start.checked_add(length)) {
-        Some(end) if end <= chunk.len() => {
-            *rest = end;
-            Some(Ok((head[0], start..end)))
-        }
-        _ => {
-            *rest = chunk.len();
-            broken("a record")
-        }
-    }
+/// The most bytes that a record of this kind has.
+fn longest(opcode: u8) -> u64 {
+    if opcode == op::MESSAGE { crate::chunk::MAX_BYTES } else { MAX_RECORD_BYTES }
 }
 
 /// Understands a record. The crate `mcap` sets memory aside for as many bytes as a text says it has, up to 4 GiB: so texts
@@ -421,6 +361,6 @@ fn read_error(path: &Path, source: std::io::Error) -> LogError {
 }
 
 /// A little-endian number of 64 bits; there are at least eight bytes.
-fn word(bytes: &[u8]) -> u64 {
+pub(crate) fn word(bytes: &[u8]) -> u64 {
     bytes.iter().take(8).rev().fold(0, |word, byte| word << 8 | u64::from(*byte))
 }

@@ -24,6 +24,9 @@ pub const VOLATILE_FIELDS: [&str; 1] = ["cpu_secs"];
 /// what was asked for from outside.
 pub const VOLATILE_KEYS: [&str; 2] = ["DB_*", "*_STATUS"];
 
+/// Messages that wait for their counterpart in the other log take at most so much memory (bytes).
+const MAX_WAITING_BYTES: usize = 512 << 20;
+
 /// What is compared.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DiffOptions {
@@ -79,6 +82,14 @@ impl Difference {
     }
 }
 
+/// How far both logs are.
+struct Sides {
+    /// Which are read on.
+    reading: [bool; 2],
+    /// Bytes of all messages that wait for their counterpart.
+    waiting: usize,
+}
+
 /// One source's messages on one variable.
 #[derive(Default)]
 struct Stream {
@@ -98,23 +109,25 @@ pub fn diff(first: &Path, second: &Path, options: &DiffOptions) -> Result<Diff, 
     let mut starts = [None; 2];
     let mut streams: BTreeMap<(String, String), Stream> = BTreeMap::new();
     let mut diff = Diff { same: 0, differences: Vec::new(), damage: Vec::new() };
-    let mut reading = [true; 2];
-    while reading != [false; 2] {
-        // In turns: what waits for its counterpart stays little if the logs are alike.
-        for side in 0..2 {
-            reading[side] = reading[side]
-                && match next_of(&mut logs[side], &mut starts[side], options)? {
-                    None => false,
-                    Some(record) => {
-                        let stream = streams.entry((record.key.clone(), record.source.clone())).or_default();
-                        stream.take(side, record, options.exact, &mut diff);
-                        true
-                    }
-                };
+    let mut sides = Sides { reading: [true; 2], waiting: 0 };
+    // In turns: what waits for its counterpart stays little if the logs are alike.
+    for side in [0, 1].into_iter().cycle() {
+        if sides.reading == [false; 2] {
+            break;
+        }
+        let next = if sides.reading[side] { next_of(&mut logs[side], &mut starts[side], options)? } else { None };
+        let Some(record) = next else {
+            sides.reading[side] = false;
+            continue;
+        };
+        let stream = streams.entry((record.key.clone(), record.source.clone())).or_default();
+        stream.take(side, record, &mut sides, options.exact, &mut diff);
+        if sides.waiting > MAX_WAITING_BYTES {
+            return Err(LogError::TooDifferent { first: first.into(), second: second.into(), most: MAX_WAITING_BYTES });
         }
     }
     for (_, mut stream) in streams {
-        stream.end(&mut diff);
+        stream.end(&mut sides, &mut diff);
     }
     diff.differences.sort_by(|one, other| one.time().total_cmp(&other.time()));
     diff.damage = logs.iter().flat_map(|log| log.damage()).cloned().collect();
@@ -145,40 +158,68 @@ fn is_volatile(key: &str) -> bool {
 
 impl Stream {
     /// Takes a message of one log, and compares it if the other's is there.
-    fn take(&mut self, side: usize, record: Record, exact: bool, diff: &mut Diff) {
+    fn take(&mut self, side: usize, record: Record, sides: &mut Sides, exact: bool, diff: &mut Diff) {
         if self.over {
             return;
         }
         let Some(other) = self.ahead[1 - side].pop_front() else {
-            return self.ahead[side].push_back(record);
+            sides.waiting += weight(&record);
+            self.ahead[side].push_back(record);
+            if !sides.reading[1 - side] {
+                self.end(sides, diff);
+            }
+            return;
         };
+        sides.waiting -= weight(&other);
         let (first, second) = if side == 0 { (record, other) } else { (other, record) };
         match compare(&first.value, &second.value, exact) {
             Comparison::Same => {
                 diff.same += 1;
                 self.compared += 1;
             }
-            Comparison::Different(place) => self.differ(Some(first), Some(second), place, diff),
+            Comparison::Different(place) => self.differ(Some(first), Some(second), place, sides, diff),
         }
     }
 
-    /// Both logs are over: what is left has no counterpart.
-    fn end(&mut self, diff: &mut Diff) {
-        let [first, second] = &mut self.ahead;
-        let (first, second) = (first.pop_front(), second.pop_front());
+    /// One log is over: what is left of the other has no counterpart.
+    fn end(&mut self, sides: &mut Sides, diff: &mut Diff) {
+        let [first, second] = self.ahead.each_mut().map(VecDeque::pop_front);
+        sides.waiting -= first.iter().chain(&second).map(weight).sum::<usize>();
         if !self.over && (first.is_some() || second.is_some()) {
-            self.differ(first, second, None, diff);
+            self.differ(first, second, None, sides, diff);
         }
     }
 
-    fn differ(&mut self, first: Option<Record>, second: Option<Record>, place: Option<Divergence>, diff: &mut Diff) {
+    fn differ(
+        &mut self,
+        first: Option<Record>,
+        second: Option<Record>,
+        place: Option<Divergence>,
+        sides: &mut Sides,
+        diff: &mut Diff,
+    ) {
         self.over = true;
-        self.ahead = Default::default();
+        sides.waiting -= std::mem::take(&mut self.ahead).iter().flatten().map(weight).sum::<usize>();
         if let Some(Record { key, source, .. }) = first.as_ref().or(second.as_ref()) {
             let (key, source, number) = (key.clone(), source.clone(), self.compared);
             diff.differences.push(Difference { key, source, number, first, second, place });
         }
     }
+}
+
+/// What a record takes of memory (bytes), about.
+fn weight(record: &Record) -> usize {
+    let value = match &record.value {
+        Value::Double(_) => 0,
+        Value::Text(text) => text.len(),
+        Value::Binary { type_name, bytes, .. } => type_name.len() + bytes.len(),
+    };
+    size_of::<Record>()
+        + record.key.len()
+        + record.source.len()
+        + record.source_aux.len()
+        + record.community.len()
+        + value
 }
 
 enum Comparison {

@@ -85,4 +85,17 @@ pub enum LogError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Two logs have too much of which the other one has nothing.
+    #[error(
+        "{} and {} cannot be compared: more than {} MB of messages wait for their counterparts; choose some variables with \
+         --keys, or a part with --from and --to", first.display(), second.display(), most / 1_000_000
+    )]
+    TooDifferent {
+        /// A log.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+        /// The most that may wait (bytes).
+        most: usize,
+    },
 }

@@ -11,7 +11,8 @@
 //! | module | one idea |
 //! |---|---|
 //! | `writer`, `staging` | a log that grows, over a disk that may be full |
-//! | `reader`, `segment`, `container` | a run's records; one file's messages; one file's bytes, whole or not |
+//! | `reader`, `segment` | a run's records; one file's messages |
+//! | `container`, `chunk`, `summary` | one file's bytes, whole or not, honest or not; what is packed; what its end says |
 //! | [`segments()`] | which files are one run's log |
 //! | [`index`] | what is in a log, and where, without reading it |
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
@@ -21,9 +22,11 @@
 pub mod alog;
 mod channel;
 pub mod check;
+mod chunk;
 mod container;
 pub mod copy;
 pub mod csv;
+mod damage;
 pub mod diff;
 mod encoding;
 mod error;
@@ -40,6 +43,7 @@ mod segments;
 pub mod selection;
 mod spatial;
 mod staging;
+mod summary;
 mod writer;
 
 pub use error::LogError;

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
+use crate::damage::Damage;
 use crate::encoding::{Scratch, nanoseconds, seconds};
 use crate::error::LogError;
 use crate::index::Index;
@@ -20,7 +21,7 @@ pub struct LogReader {
     segments: VecDeque<PathBuf>,
     current: Option<Segment>,
     metadata: Metadata,
-    damage: Vec<String>,
+    damage: Damage,
     /// Losses of the segments before, and of this one so far.
     dropped: (u64, u64),
     /// Bytes of the segments read before, and of all.
@@ -41,7 +42,7 @@ impl LogReader {
             segments: paths.into(),
             current: None,
             metadata,
-            damage: Vec::new(),
+            damage: Damage::default(),
             dropped: (0, 0),
             bytes: (0, length),
             scratch: Scratch::default(),
@@ -55,12 +56,12 @@ impl LogReader {
 
     /// Whether the log was read to its proper end, and nothing in it is damaged. False as long as records are left.
     pub fn whole(&self) -> bool {
-        self.current.is_none() && self.segments.is_empty() && self.damage.is_empty()
+        self.current.is_none() && self.segments.is_empty() && self.damage.reasons().is_empty()
     }
 
-    /// What was found to be damaged or cut short so far, in words.
+    /// What was found to be damaged or cut short so far, in words; beyond a thousand places the rest is counted.
     pub fn damage(&self) -> &[String] {
-        &self.damage
+        self.damage.reasons()
     }
 
     /// Messages that the logger missed, as far as the log has been read.
@@ -105,7 +106,7 @@ impl LogReader {
         let found = self.find();
         if let Err(error) = &found {
             // What cannot be read at all is not tried again; the next segment may be better.
-            self.damage.push(error.to_string());
+            self.damage.note(|| error.to_string());
             self.leave_segment();
         }
         found
@@ -123,7 +124,7 @@ impl LogReader {
             match segment.next()? {
                 Next::Message => return Ok(true),
                 Next::Dropped(total) => self.dropped.1 = total,
-                Next::Damage(reason) => self.damage.push(reason),
+                Next::Damage(reason) => self.damage.note(|| reason),
                 Next::End => self.leave_segment(),
             }
         }

@@ -1,19 +1,21 @@
 //! One file of a log, message by message.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mcap::records::{self, Record as McapRecord, op};
+use mcap::records::{self, ChunkIndex, Record as McapRecord, Statistics, op};
 
 use crate::channel::{Channel, ChannelKind, text};
+use crate::chunk::MESSAGE_HEAD;
 use crate::container::{self, Container, Found};
 use crate::encoding::{self, Decoded, Scratch};
 use crate::error::LogError;
 use crate::record::{Metadata, RecordRef};
 
-/// Channel, sequence, and two times, before a message's own bytes.
-const MESSAGE_HEAD: usize = 22;
+/// Names, sources and types of all channels of a file take at most so many bytes; what is announced beyond is not known.
+const MAX_NAMES_BYTES: usize = 64 << 20;
 
 /// One file of a log.
 pub(crate) struct Segment {
@@ -21,10 +23,22 @@ pub(crate) struct Segment {
     container: Container,
     schemas: BTreeMap<u16, String>,
     channels: Vec<Option<Arc<Channel>>>,
+    /// Bytes of all names that were kept.
+    names_bytes: usize,
+    /// Channels of messages that were never announced, each of which is said once.
+    unknown: BTreeSet<u16>,
     messages: u64,
     /// Messages that were recorded before are passed over (ns).
     from: u64,
     metadata: Metadata,
+}
+
+/// What the end of a file says of it.
+pub(crate) enum Said {
+    /// A chunk, and whether it tells of losses.
+    Chunk(ChunkIndex, bool),
+    /// All messages.
+    Statistics(Statistics),
 }
 
 /// What comes next in a segment.
@@ -43,9 +57,17 @@ impl Segment {
     /// Opens a file.
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let container = Container::open(path)?;
-        let (schemas, channels) = (BTreeMap::new(), Vec::new());
-        let metadata = Metadata::default();
-        Ok(Self { path: path.into(), container, schemas, channels, messages: 0, from: 0, metadata })
+        Ok(Self {
+            path: path.into(),
+            container,
+            schemas: BTreeMap::new(),
+            channels: Vec::new(),
+            names_bytes: 0,
+            unknown: BTreeSet::new(),
+            messages: 0,
+            from: 0,
+            metadata: Metadata::default(),
+        })
     }
 
     /// Where the run came from, as far as a file says so before its first message.
@@ -73,6 +95,39 @@ impl Segment {
         }
         self.from = from;
         offset.map_or(Ok(()), |offset| self.container.seek(offset))
+    }
+
+    /// Reads what the end of the file, at `place`, says of it; channels are announced as ever. The inner error is what is
+    /// wrong with it.
+    pub fn summary(&mut self, place: Range<u64>, mut said: impl FnMut(Said)) -> Result<Result<(), String>, LogError> {
+        self.container.seek(place.start)?;
+        while self.container.position() < place.end {
+            let opcode = match self.container.next()? {
+                Found::Record(opcode) if !self.container.in_chunk() => opcode,
+                Found::Record(_) | Found::End => return Ok(Err("it holds data".into())),
+                Found::Damaged(reason) | Found::Cut(reason) => return Ok(Err(reason)),
+            };
+            let noted = match opcode {
+                op::CHUNK_INDEX | op::STATISTICS => self.read_said(opcode).map(&mut said),
+                _ => self.note(opcode)?,
+            };
+            if let Err(reason) = noted {
+                return Ok(Err(reason));
+            }
+        }
+        Ok(Ok(()))
+    }
+
+    fn read_said(&self, opcode: u8) -> Result<Said, String> {
+        match container::parse(opcode, self.container.body())? {
+            McapRecord::ChunkIndex(chunk) => {
+                let tells = |id: &u16| self.channel(*id).is_some_and(|channel| channel.kind == ChannelKind::Dropped);
+                let drops = chunk.message_index_offsets.keys().any(tells);
+                Ok(Said::Chunk(chunk, drops))
+            }
+            McapRecord::Statistics(said) => Ok(Said::Statistics(said)),
+            _ => Err(format!("a record of kind {opcode} is another one")),
+        }
     }
 
     /// How much of the file has been read (bytes).
@@ -142,10 +197,10 @@ impl Segment {
                     Err(reason) => Next::Damage(self.of_this_file(&format!("message {number}: {reason}"))),
                 })
             }
-            None => {
+            None => self.unknown.insert(id).then(|| {
                 let reason = format!("the channel {id} of message {number} was never announced; it is passed over");
-                Some(Next::Damage(self.of_this_file(&reason)))
-            }
+                Next::Damage(self.of_this_file(&reason))
+            }),
         }
     }
 
@@ -190,12 +245,23 @@ impl Segment {
             Err(reason) => return Ok(Err(reason)),
         };
         match record {
-            McapRecord::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name)),
+            // What is said again is not kept again.
+            McapRecord::Schema { header, .. } if self.schemas.get(&header.id) == Some(&header.name) => {}
+            McapRecord::Schema { header, .. } => {
+                if let Err(reason) = self.keep_names(header.name.len()) {
+                    return Ok(Err(reason));
+                }
+                self.schemas.insert(header.id, header.name);
+            }
+            McapRecord::Channel(channel) if self.channel(channel.id).is_some() => {}
             McapRecord::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
                 let id = channel.id;
-                let channel = Arc::new(Channel::announced(channel, schema));
-                self.announce(id, channel);
+                let channel = Channel::announced(channel, schema);
+                if let Err(reason) = self.keep_names(channel.names_bytes()) {
+                    return Ok(Err(reason));
+                }
+                self.announce(id, Arc::new(channel));
             }
             McapRecord::Metadata(metadata) if metadata.name == encoding::ELK => self.note_metadata(&metadata)?,
             McapRecord::Attachment { header, data, crc } if header.name == self.metadata.mission_name => {
@@ -207,6 +273,16 @@ impl Segment {
             _ => {}
         }
         Ok(Ok(()))
+    }
+
+    /// Whether names of so many bytes more can be kept.
+    fn keep_names(&mut self, bytes: usize) -> Result<(), String> {
+        let all = self.names_bytes.saturating_add(bytes);
+        if all > MAX_NAMES_BYTES {
+            return Err(format!("the names of its channels take more than {MAX_NAMES_BYTES} bytes; no more are kept"));
+        }
+        self.names_bytes = all;
+        Ok(())
     }
 
     fn announce(&mut self, id: u16, channel: Arc<Channel>) {

@@ -5,7 +5,10 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::ErrorKind;
+use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
+
+use elk_outside::file;
 
 use crate::error::LogError;
 
@@ -67,12 +70,19 @@ fn segment(path: &Path, number: u64) -> PathBuf {
 }
 
 /// Creates the first segment of the log at `path`, from number `from` on, that is not there yet; answers its number too.
-/// What is no ordinary file (a device) is opened as it is.
+/// A device (`/dev/full`) is opened as it is; a FIFO or a socket is not waited for.
 pub(crate) fn create(path: &Path, from: u64) -> Result<(File, PathBuf, u64), LogError> {
-    if path.metadata().is_ok_and(|there| !there.is_file() && !there.is_dir()) {
-        let opened = OpenOptions::new().write(true).open(path);
-        let file = opened.map_err(|source| LogError::Create { path: path.into(), source })?;
-        return Ok((file, path.into(), from));
+    let failed = |source| LogError::Create { path: path.into(), source };
+    match path.metadata().map(|there| there.file_type()) {
+        Ok(kind) if kind.is_char_device() => {
+            let file = OpenOptions::new().write(true).open(path).map_err(failed)?;
+            return Ok((file, path.into(), from));
+        }
+        // The error says what it is.
+        Ok(kind) if !kind.is_file() && !kind.is_dir() => {
+            file::opened(OpenOptions::new().write(true), path).map_err(failed)?;
+        }
+        _ => {}
     }
     for number in from.. {
         let path = segment(path, number);

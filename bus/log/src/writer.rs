@@ -10,6 +10,7 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Attachment, WriteOptions, Writer};
 
+use crate::chunk;
 use crate::encoding::{self, Announcement, nanoseconds};
 use crate::error::LogError;
 use crate::record::{Metadata, RecordRef};
@@ -146,6 +147,11 @@ impl LogWriter {
             |reason: String| LogError::Record { key: record.key.into(), source_name: record.source.into(), reason };
         self.buffer.clear();
         encoding::encode(record, &mut self.buffer).map_err(refused)?;
+        if self.options.compression == Compression::Zstd && packs_too_tightly(&self.buffer) {
+            self.options.compression = Compression::None;
+            self.rotate();
+        }
+        let segment = &mut self.segment;
         let header = MessageHeader {
             channel_id: segment.channel(record).map_err(|error| refused(error.to_string()))?,
             sequence: record.sequence as u32, // MCAP has 32 bits; the whole number is in the message
@@ -203,6 +209,31 @@ impl LogWriter {
     /// Bytes that wait in memory for the disk.
     pub fn waiting(&self) -> usize {
         self.segment.staging.len()
+    }
+}
+
+/// Whether Zstandard makes so little of a large message that no reader would believe what it unpacks to. Such a message,
+/// and all that follow, are written as they are, in the next segment.
+fn packs_too_tightly(message: &[u8]) -> bool {
+    let large = message.len() as u64 + 2 * CHUNK_BYTES > chunk::ALWAYS_BYTES;
+    let mut packed = Counter(0);
+    // The fastest level packs least; twice as tightly is left to the one that chunks are packed with.
+    large
+        && zstd::stream::copy_encode(message, &mut packed, 1).is_ok()
+        && packed.0.saturating_mul(chunk::MAX_RATIO / 2) < message.len() as u64
+}
+
+/// Counts what is written to it.
+struct Counter(u64);
+
+impl std::io::Write for Counter {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0 += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
     }
 }
 

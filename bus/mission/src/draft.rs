@@ -209,17 +209,28 @@ impl Draft {
         matches!(self.runs, Runs::Builtin(_))
     }
 
+    /// Whether all that it can do is in the registry's table, or it does nothing.
+    pub fn is_known(&self) -> bool {
+        matches!(self.runs, Runs::Builtin(_) | Runs::Nothing)
+    }
+
+    /// Where the value of a parameter is said; the app's own place, if it is not.
+    pub fn value_place(&self, param: &str) -> &Place {
+        let given = self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param));
+        given.map_or(&self.place, |given| &given.value_place)
+    }
+
     /// What was said of a parameter.
     pub fn said(&self, param: &str) -> Option<&str> {
         let mut given = self.given.iter();
-        given.find(|given| given.name == param).map(|given| given.text.as_str())
+        given.find(|given| given.name.eq_ignore_ascii_case(param)).map(|given| given.text.as_str())
     }
 
     /// What was said of a parameter of its type, if that is right, and where.
     pub fn value(&self, param: &str) -> Option<(ParamValue, &Given)> {
         let Runs::Builtin(app_type) = &self.runs else { return None };
         let spec = app_type.param(param)?;
-        let given = self.given.iter().find(|given| given.name == param)?;
+        let given = self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param))?;
         Some((spec.kind.parse(&given.text, &given.folder).ok()?, given))
     }
 

@@ -22,6 +22,7 @@
 mod describe;
 mod draft;
 mod exchange;
+mod lines;
 mod mission;
 mod name;
 mod nearest;
@@ -34,6 +35,7 @@ mod scenario;
 mod setting;
 mod spec;
 mod value;
+mod variables;
 mod wiring;
 
 pub use describe::describe;

@@ -1,9 +1,9 @@
 //! A mission, checked: what a launcher starts.
 
 use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
+
+use elk_outside::file;
 
 use crate::params::Params;
 use crate::policy::Policy;
@@ -20,7 +20,7 @@ pub struct Mission {
     pub name: String,
     /// The file that it was read from.
     pub file: PathBuf,
-    /// Whether it waits for a person before each step.
+    /// Whether it waits for a person before each step: as `Manual` of its controller says, else as the Scenario's type does.
     pub mode: Mode,
     /// What happens when its broker dies.
     pub broker: Policy,
@@ -86,8 +86,8 @@ pub enum MissionError {
     Wrong(#[from] Problems),
 }
 
-/// The longest mission file (bytes).
-const LONGEST: u64 = 10_000_000;
+/// The longest mission file (bytes); one of a thousand apps is shorter.
+const LONGEST: u64 = 512_000;
 
 impl Mission {
     /// Reads and checks a mission file, changed by `overrides`.
@@ -96,7 +96,7 @@ impl Mission {
     /// The file cannot be read, or everything that is wrong with it.
     pub fn load(file: &Path, registry: &Registry, overrides: &[Override]) -> Result<Self, MissionError> {
         let unreadable = |source| MissionError::Unreadable { file: file.to_owned(), source };
-        let text = read(file).map_err(unreadable)?;
+        let text = file::read_text(file, LONGEST).map_err(unreadable)?;
         Ok(Self::parse(&text, file, registry, overrides)?)
     }
 
@@ -118,17 +118,6 @@ impl Mission {
     pub fn of_element(&self, element: &str) -> impl Iterator<Item = &AppSpec> {
         self.apps.iter().filter(move |app| app.element == element)
     }
-}
-
-/// The text of a file that may turn out to be a device without an end.
-fn read(file: &Path) -> std::io::Result<String> {
-    let mut text = String::new();
-    let length = File::open(file)?.take(LONGEST + 1).read_to_string(&mut text)?;
-    if length as u64 > LONGEST {
-        let why = format!("it is longer than {} MB; right is a file of XML", LONGEST / 1_000_000);
-        return Err(std::io::Error::new(std::io::ErrorKind::FileTooLarge, why));
-    }
-    Ok(text)
 }
 
 impl AppSpec {
@@ -162,6 +151,11 @@ impl AppSpec {
         self.settings = settings;
         self.said.insert(name.to_owned());
         Ok(())
+    }
+
+    /// Whether it is one of the registry's types.
+    pub fn is_builtin(&self) -> bool {
+        matches!(self.program, Program::Builtin(..))
     }
 
     /// Whether its type has a parameter of this name; another executable has whatever it is given.

@@ -1,11 +1,15 @@
 //! "Did you mean": the known name that a misspelt one is nearest to.
 
+/// Longer names than anybody types are near to nothing (bytes).
+const LONGEST: usize = 256;
+
 /// The candidate that `found` is most likely a slip of, if one is near enough: by edit distance, letter case ignored.
 pub fn nearest<'a>(found: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let found = found.to_lowercase();
     let allowed = (found.chars().count() / 3).clamp(1, 3);
     candidates
         .into_iter()
+        .filter(|candidate| found.len().max(candidate.len()) <= LONGEST)
         .map(|candidate| (distance(&found, &candidate.to_lowercase()), candidate))
         .filter(|(distance, _)| *distance <= allowed)
         .min_by_key(|(distance, _)| *distance)

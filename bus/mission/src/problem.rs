@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use elk_outside::text;
+
 /// Where something was said.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
@@ -41,9 +43,17 @@ impl Problems {
         Self { file, list }
     }
 
+    /// Notes a problem; beyond the first hundred nobody reads them, and only the last of the list says that there are more.
     pub(crate) fn add(&mut self, place: &Place, message: impl Into<String>) {
-        let (place, message) = (place.clone(), message.into());
-        self.list.push(Problem { place, message });
+        const MOST: usize = 100;
+        /// Characters of a message: it quotes what was found, which may be anything.
+        const LONGEST: usize = 2000;
+        let message = match self.list.len() {
+            0..MOST => text::clipped(&message.into(), LONGEST).into_owned(),
+            MOST => "and there is more that is wrong".to_owned(),
+            _ => return,
+        };
+        self.list.push(Problem { place: place.clone(), message });
     }
 
     pub(crate) fn sort(&mut self) {

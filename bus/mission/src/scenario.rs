@@ -3,16 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use roxmltree::{Document, Node};
+use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::draft::Draft;
+use crate::lines::Lines;
 use crate::mission::{AppSpec, Mission, Mode};
 use crate::nearest::instead;
 use crate::policy::{self, Said};
 use crate::problem::{Place, Problems};
 use crate::registry::Registry;
 use crate::setting::Override;
-use crate::wiring;
+use crate::{variables, wiring};
 
 /// The elements of a Scenario; how many of each a mission has.
 const ELEMENTS: [(&str, Count); 7] = [
@@ -32,12 +33,17 @@ enum Count {
     Any,
 }
 
+/// The most apps of a mission: each is a process.
+const MOST_APPS: usize = 1000;
+/// The most elements, texts and comments of a file.
+const MOST_NODES: u32 = 100_000;
+
 /// Names on the bus that no app can have: the broker's own, and the launcher's.
 const RESERVED: [&str; 2] = ["db", "launcher"];
 
 /// What every part of the check needs.
 pub(crate) struct Context<'a> {
-    pub document: &'a Document<'a>,
+    pub lines: Lines<'a>,
     pub registry: &'a Registry,
     /// Where relative files are looked for.
     pub folder: &'a Path,
@@ -46,8 +52,7 @@ pub(crate) struct Context<'a> {
 impl Context<'_> {
     /// Where a byte of the file stands.
     pub fn place(&self, byte: usize) -> Place {
-        let position = self.document.text_pos_at(byte);
-        Place::File { line: position.row, column: position.col }
+        self.lines.place(byte)
     }
 }
 
@@ -59,7 +64,8 @@ pub(crate) fn check(
     overrides: &[Override],
     problems: &mut Problems,
 ) -> Option<Mission> {
-    let document = match Document::parse(text) {
+    let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    let document = match Document::parse_with_options(text, options) {
         Ok(document) => document,
         Err(error) => {
             no_xml(&error, problems);
@@ -67,7 +73,7 @@ pub(crate) fn check(
         }
     };
     let folder = file.parent().unwrap_or(Path::new(""));
-    let context = Context { document: &document, registry, folder };
+    let context = Context { lines: Lines::of(text), registry, folder };
     let scenario = document.root_element();
     let place = context.place(scenario.range().start);
     if scenario.tag_name().name() != "Scenario" {
@@ -75,13 +81,15 @@ pub(crate) fn check(
         problems.add(&place, format!("the mission is a <{found}>; right is <Scenario>"));
         return None;
     }
-    let (name, mode, broker) = head(&context, scenario, file, problems);
+    let (name, said_mode, broker) = head(&context, scenario, file, problems);
     let mut drafts = drafts(&context, scenario, problems);
     count(&drafts, &place, problems);
     crate::draft::default_logger(&mut drafts, registry, &place);
     names(&mut drafts, problems);
     apply(overrides, &mut drafts, registry, problems);
     wiring::connect(&mut drafts, problems);
+    variables::check(&drafts, problems);
+    let mode = wiring::manual(&drafts).unwrap_or(said_mode);
     let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
     let file = file.to_owned();
     let (broker, mailbox_mb) = (broker.broker(), broker.mailbox_mb());
@@ -139,6 +147,11 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Problems) -> Vec<Dra
     let mut drafts = Vec::new();
     for node in scenario.children().filter(Node::is_element) {
         let element = node.tag_name().name();
+        if drafts.len() == MOST_APPS {
+            let place = context.place(node.range().start);
+            problems.add(&place, format!("one app more than {MOST_APPS}; right is a mission of at most so many"));
+            break;
+        }
         if ELEMENTS.iter().any(|(known, _)| *known == element) {
             drafts.push(Draft::read(context, node, problems));
         } else {

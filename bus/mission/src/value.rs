@@ -5,6 +5,10 @@ use std::path::Path;
 use crate::nearest::instead;
 use crate::params::ParamValue;
 use crate::spec::Kind;
+use crate::variables;
+
+/// The longest name of a variable (bytes).
+const LONGEST_VARIABLE: usize = 256;
 
 /// What is wrong with a parameter's text: what was found, and what would be right.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -164,8 +168,12 @@ fn choice(text: &str, words: &[&str]) -> Result<ParamValue, ValueError> {
 
 fn variable(text: &str, kind: &Kind) -> Result<ParamValue, ValueError> {
     let odd = |c: char| c.is_whitespace() || c.is_control() || ",*?".contains(c);
-    match text.is_empty() || text.contains(odd) {
+    match text.is_empty() || text.contains(odd) || text.len() > LONGEST_VARIABLE {
         true => Err(wrong(format!("{text:?} is no name of a variable"), kind)),
+        false if variables::is_of_the_broker(text) => {
+            let found = format!("{text} is a variable that the broker writes itself, as all of DB_*");
+            Err(ValueError { found, right: "right is another name".to_owned() })
+        }
         false => Ok(ParamValue::Text(text.to_owned())),
     }
 }

@@ -2,8 +2,10 @@
 //! two apps have to have in common.
 
 use crate::draft::Draft;
+use crate::mission::Mode;
 use crate::params::ParamValue;
 use crate::problem::Problems;
+use crate::variables;
 
 /// Parameters that are the same for both elements: said of one, they hold for the other.
 const COMMON: [(&str, [&str; 2]); 3] =
@@ -13,7 +15,7 @@ const COMMON: [(&str, [&str; 2]); 3] =
 const MAX_RADIUS_VOXELS: f64 = 32.0;
 
 /// What the sensor publishes its scans under, if its type does not say.
-const SCAN: &str = "SCAN";
+pub(crate) const SCAN: &str = "SCAN";
 
 /// Sets `Input` and `Output` of the filters and `Input` of the map: the first filter reads what the sensor publishes and
 /// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim` of
@@ -22,12 +24,13 @@ const SCAN: &str = "SCAN";
 pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Problems) {
     let sensor = drafts.iter().find(|draft| draft.element == "Sensor");
     let published = sensor.and_then(|sensor| sensor.said_or_default("Output"));
-    let mut last = published.unwrap_or(SCAN).to_owned();
+    // What is no variable's name is a problem where it stands, and not of those who would read it.
+    let mut last = published.filter(|name| variables::is_name(name)).unwrap_or(SCAN).to_owned();
     let filters = drafts.iter_mut().filter(|draft| draft.element == "Filter");
     for (k, filter) in (1..).zip(filters) {
         filter.suppose("Input", &last);
         filter.suppose("Output", &format!("{SCAN}_{k}"));
-        last = filter.said("Output").unwrap_or(&last).to_owned();
+        last = filter.said("Output").filter(|name| variables::is_name(name)).unwrap_or(&last).to_owned();
     }
     for map in drafts.iter_mut().filter(|draft| draft.element == "Map") {
         map.suppose("Input", &last);
@@ -59,6 +62,16 @@ fn affordable(draft: &Draft, problems: &mut Problems) {
             "Radius {radius} m are more than {most} voxels of {res} m (Res); right is a smaller Radius or a larger Res"
         );
         problems.add(&given.value_place, said);
+    }
+}
+
+/// What the controller is told of waiting for a person, if it is: that holds whatever the Scenario's type says.
+pub(crate) fn manual(drafts: &[Draft]) -> Option<Mode> {
+    let mut controllers = drafts.iter().filter(|draft| draft.element == "Controller");
+    match controllers.find_map(|draft| draft.value("Manual"))? {
+        (ParamValue::Flag(true), _) => Some(Mode::Manual),
+        (ParamValue::Flag(false), _) => Some(Mode::Auto),
+        _ => None,
     }
 }
 

@@ -518,3 +518,150 @@ proptest! {
         prop_assert_eq!(params.point("Mid"), [x, y, 0.0]);
     }
 }
+
+/// A controller that can be told to wait.
+static WAITING: &[AppType] = &[AppType {
+    element: "Controller",
+    name: "MOOSSim",
+    summary: "Commands poses.",
+    params: &[param("Manual", Kind::Flag, Some("false"), "Pause.")],
+    build: unbuilt,
+}];
+
+/// A registry whose sensor says where its scans go, and whose controller waits.
+fn wired(line: &str, sets: &[&str]) -> Result<Mission, String> {
+    static TYPES: &[AppType] = &[AppType {
+        element: "Sensor",
+        name: "Simulator",
+        summary: "A depth camera.",
+        params: &[
+            param("Output", Kind::Variable, Some("SCAN"), "Scans to publish."),
+            param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "Variable of its pose."),
+        ],
+        build: unbuilt,
+    }];
+    let rest: Registry = registry().types().filter(|one| !["Sensor", "Controller"].contains(&one.element)).collect();
+    let registry: Registry = TYPES.iter().chain(WAITING).chain(rest.types()).collect();
+    let overrides: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
+    Mission::parse(&with(line), Path::new("m.xml"), &registry, &overrides).map_err(|e| e.to_string())
+}
+
+#[test]
+fn what_the_broker_writes_is_nobody_elses_to_write_or_to_read() {
+    let broker = "is a variable that the broker writes itself, as all of DB_*; right is another name";
+    let said = |set: &str| wired("", &[set]).unwrap_err();
+    assert_eq!(
+        said("Sensor.Output=DB_CLIENTS"),
+        format!("--set Sensor.Output=DB_CLIENTS: Output: DB_CLIENTS {broker}")
+    );
+    assert_eq!(
+        said("Sensor.MOOSPoseVarName=DB_X"),
+        format!("--set Sensor.MOOSPoseVarName=DB_X: MOOSPoseVarName: DB_X {broker}")
+    );
+    assert_eq!(said("Map.Input=DB_TABLE"), format!("--set Map.Input=DB_TABLE: Input: DB_TABLE {broker}"));
+    let line = "<Filter type=\"Distance\"><Output>DB_TIME</Output></Filter>";
+    assert_eq!(wired(line, &[]).unwrap_err(), format!("m.xml:7:33: Output: DB_TIME {broker}"));
+    assert!(said(&format!("Sensor.Output={}", "x".repeat(257))).contains("is no name of a variable"));
+}
+
+#[test]
+fn one_variable_carries_one_thing_and_has_one_writer() {
+    let said = |line: &str, sets: &[&str]| wired(line, sets).unwrap_err();
+    let of_plan = "Output: PLAN carries Plan values in every mission; right is a name of its own";
+    assert_eq!(said("", &["Sensor.Output=PLAN"]), format!("--set Sensor.Output=PLAN: {of_plan}"));
+    // As in MOOS, the case of a parameter's name does not count.
+    assert_eq!(said("", &["Sensor.output=PLAN"]), format!("--set Sensor.output=PLAN: {of_plan}"));
+    for (set, carried) in [
+        ("Sensor.Output=MAP_UPDATE", "MapUpdate values"),
+        ("Sensor.Output=SIM_SENSOR", "CameraPose values"),
+        ("Sensor.Output=MOTION", "what apps say to each other"),
+        ("Sensor.Output=MAP_STATUS", "what apps say to each other"),
+        ("Sensor.MOOSPoseVarName=SCAN_7", "Scan values"),
+        ("Sensor.MOOSPoseVarName=LAUNCH_STATE", "what apps say to each other"),
+    ] {
+        let name = set.split_once('=').unwrap().1;
+        let found = said("", &[set]);
+        assert!(found.contains(&format!("{name} carries {carried} in every mission")), "{set}: {found}");
+    }
+    let line = "<Filter type=\"Distance\" Output=\"SCAN\"/>";
+    let twice = "m.xml:7:33: Output: SCAN is written by Sensor (Output) already; right is another name";
+    assert_eq!(said(line, &[]), twice);
+    let twice = said("<Filter type=\"Distance\"/><Filter type=\"Distance\" Output=\"SCAN_1\"/>", &[]);
+    assert!(twice.contains("SCAN_1 is written by Filter (Output) already"), "{twice}");
+    assert!(said("", &["Sensor.Output=POSE", "Sensor.MOOSPoseVarName=POSE"]).contains("POSE is written by Sensor"));
+    let mission = wired("", &["Sensor.Output=DEPTH", "Sensor.MOOSPoseVarName=CAMERA"]).unwrap();
+    assert_eq!(settings(&mission, "Map"), "Res=0.1 Input=DEPTH");
+}
+
+#[test]
+fn what_is_read_somebody_publishes() {
+    let said = |line: &str, sets: &[&str]| wired(line, sets).unwrap_err();
+    assert_eq!(
+        said("", &["Map.Input=SCAN_9"]),
+        "--set Map.Input=SCAN_9: Input: nobody in the mission publishes SCAN_9; published are SCAN"
+    );
+    let filter = "<Filter type=\"Distance\"><Input>SCN</Input></Filter>";
+    assert_eq!(said(filter, &[]), "m.xml:7:32: Input: nobody in the mission publishes SCN; published are SCAN, SCAN_1");
+    // Somebody else's program may publish it.
+    assert!(wired("<App exec=\"./mine\"/>", &["Map.Input=SCAN_9"]).is_ok());
+}
+
+#[test]
+fn a_mission_waits_for_a_person_if_its_controller_is_told_so_wherever_that_is_said() {
+    let mode = |sets: &[&str]| wired("", sets).unwrap().mode;
+    assert_eq!(
+        [mode(&[]), mode(&["Controller.Manual=true"]), mode(&["Controller.Manual=false"])],
+        [Mode::Auto, Mode::Manual, Mode::Auto]
+    );
+    // In the file, and against the Scenario's type: the parameter says it more exactly.
+    let file = |scenario: &str, manual: &str| {
+        let text = with("").replace("type=\"auto\"", scenario).replace("<Controller type=\"MOOSSim\"/>", manual);
+        let rest: Registry = registry().types().filter(|one| one.element != "Controller").collect();
+        let registry: Registry = WAITING.iter().chain(rest.types()).collect();
+        Mission::parse(&text, Path::new("m.xml"), &registry, &[]).unwrap().mode
+    };
+    let said = |value: &str| format!("<Controller type=\"MOOSSim\"><Manual>{value}</Manual></Controller>");
+    assert_eq!(file("type=\"manual\"", "<Controller type=\"MOOSSim\"/>"), Mode::Manual);
+    assert_eq!(file("type=\"manual\"", &said("false")), Mode::Auto);
+    assert_eq!(file("type=\"auto\"", &said("true")), Mode::Manual);
+}
+
+/// None of these may take long, nor much memory; each is answered, with its place.
+#[test]
+fn files_that_are_made_to_be_too_much_are_refused() {
+    let said = |text: &str| parse(text, &[]).unwrap_err();
+    let many = format!("<Scenario>\n{}</Scenario>", "<App exec=\"x\"/>\n".repeat(20_000));
+    let many = said(&many);
+    assert!(many.contains("m.xml:1002:1: one app more than 1000; right is a mission of at most so many"), "{many}");
+    let deep = said(&format!("{}{}", "<a>".repeat(40_000), "</a>".repeat(40_000)));
+    assert_eq!(deep, "m.xml:1:1: the mission is a <a>; right is <Scenario>");
+    assert!(said(&format!("<Scenario>{}</Scenario>", "<a/>".repeat(110_000))).contains("this is no well-formed XML"));
+    // Of what is wrong a hundred thousand times, the first hundred are told.
+    let wrong = said(&format!("<Scenario>{}</Scenario>", "<x/>y".repeat(40_000)));
+    assert_eq!((wrong.lines().count(), wrong.lines().last().unwrap().contains("there is more")), (101, true));
+    // Names that are as long as the file, in one line of half a megabyte.
+    let long = "n".repeat(200_000);
+    let wrong = said(&format!("<Scenario {long}=\"{long}\"><Filter type=\"{long}\"/></Scenario>"));
+    assert!(wrong.len() < 20_000, "{} bytes", wrong.len());
+    let attributes: String = (0..8_000).map(|n| format!(" a{n}=\"{n}\"")).collect();
+    let wrong = said(&format!("<Scenario><Filter type=\"Distance\"{attributes}/></Scenario>"));
+    assert_eq!(wrong.lines().count(), 101);
+    let laughs: String =
+        (1..10).map(|n| format!("<!ENTITY l{n} \"{}\">", format!("&l{};", n - 1).repeat(10))).collect();
+    let wrong = said(&format!("<!DOCTYPE a [<!ENTITY l0 \"ha\">{laughs}]><Scenario>&l9;</Scenario>"));
+    assert!(wrong.starts_with("m.xml:1:") && wrong.contains("this is no well-formed XML"), "{wrong}");
+}
+
+#[test]
+fn what_is_no_file_is_no_mission_and_nobody_waits_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let fifo = folder.path().join("mission.xml");
+    assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let said = |path: &Path| Mission::load(path, &registry(), &[]).unwrap_err().to_string();
+    assert!(said(&fifo).ends_with("mission.xml: it is a FIFO; right is an ordinary file"), "{}", said(&fifo));
+    assert!(said(folder.path()).ends_with(": it is a folder; right is a file"));
+    assert!(said(Path::new("/dev/zero")).ends_with("/dev/zero: it is a device; right is an ordinary file"));
+    let long = folder.path().join("long.xml");
+    std::fs::File::create(&long).unwrap().set_len(1 << 40).unwrap();
+    assert!(said(&long).ends_with("long.xml: it is longer than 512 kB"), "{}", said(&long));
+}

@@ -258,6 +258,11 @@ impl Supervisor {
         self.enter(place, State::Stopped, now);
         if !killed && !exit.fine && !exit.asked {
             self.say(format!("{name} stopped with {}; see {}", exit.how, exit.log.display()));
+            // What an app of the mission does at its end is part of it: the map is written then.
+            if self.ending.is_some() && !self.units[place].spec.may_finish {
+                let Exit { how, log, tail, .. } = exit.clone();
+                self.actions.push(Action::Fail(LaunchError::Unfinished { app: name.clone(), how, log, tail }));
+            }
         }
         self.tell(ticket, failed.map_or_else(|| Word::Done(format!("{name} is stopped")), Word::Failed));
     }

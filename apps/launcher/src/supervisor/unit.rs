@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use elk_mission::{Policy, Restart};
+use elk_outside::time;
 
 use super::{Exit, Ticket};
 
@@ -214,7 +215,7 @@ impl Unit {
 
 /// What is no span of time is one without end.
 fn span(secs: f64) -> Duration {
-    Duration::try_from_secs_f64(secs).unwrap_or(Duration::MAX)
+    time::duration(secs)
 }
 
 /// The pause before the restart that follows `count` others.

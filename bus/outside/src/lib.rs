@@ -1,0 +1,14 @@
+//! What comes from outside, taken with care: files that are files, texts that a terminal can show, numbers that are times.
+//!
+//! Arguments, missions, worlds, logs and the names and values of other clients are made by anybody. Whoever takes them in
+//! takes them through here, so that none of them hangs, floods or breaks a program.
+//!
+//! | module | one idea |
+//! |---|---|
+//! | [`file`] | a file is opened without waiting, and read only if it is a file, and not too large |
+//! | [`text`] | a text is shown without what would rule a terminal, and only as much of it as is of use |
+//! | [`time`] | a number of seconds is a time only if it is one |
+
+pub mod file;
+pub mod text;
+pub mod time;

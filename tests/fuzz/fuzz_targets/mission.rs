@@ -1,0 +1,30 @@
+//! Any text as a mission file, held against the tables of all apps; a mission that is right can be set and exchanged.
+#![no_main]
+
+use std::path::Path;
+
+use elk_mission::{Exchange, Mission, Registry};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|text: &str| {
+    let registry = Registry::new(&[
+        elk_sensor::TYPES,
+        elk_filter::TYPES,
+        elk_map::TYPES,
+        elk_explorer::TYPES,
+        elk_controller::TYPES,
+        elk_logger::TYPES,
+    ]);
+    // The last line may say parameters as a command line does.
+    let (text, sets) = text.rsplit_once("\n--set").unwrap_or((text, ""));
+    let overrides: Vec<_> = sets.split("--set").filter_map(|set| set.trim().parse().ok()).collect();
+    match Mission::parse(text, Path::new("/nowhere/m.xml"), &registry, &overrides) {
+        Err(problems) => assert!(!problems.to_string().is_empty()),
+        Ok(mission) => {
+            for app in mission.apps {
+                let same = app.exchange(&Exchange::default(), &registry).expect("what was right is right");
+                assert_eq!(same.app.name, app.name);
+            }
+        }
+    }
+});
