@@ -82,7 +82,7 @@ fn a_radius_that_nobody_can_look_after_is_found_before_anything_starts() {
 fn the_bounds_of_the_map_are_shown_and_common_to_map_and_explorer() {
     let (_, map) = elk(&["types", "Map"]);
     assert!(
-        map.contains("MaxRange") && map.contains("30") && map.contains("MaxBricks") && map.contains("65536"),
+        map.contains("MaxRange") && map.contains("30") && map.contains("MaxBricks") && map.contains("32768"),
         "{map}"
     );
     let (_, explorer) = elk(&["types", "Explorer"]);

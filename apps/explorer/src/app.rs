@@ -103,7 +103,7 @@ const TOLERANCE: ParamSpec = param(
 const MAX_BRICKS_PARAM: ParamSpec = param(
     "MaxBricks",
     Kind::Integer { min: 64, max: MAX_BRICKS as i64 },
-    "65536",
+    "32768",
     "Bricks of 8x8x8 voxels that the map may have: the map's.",
 );
 const MAX_VOXELS: ParamSpec = param(

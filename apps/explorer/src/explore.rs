@@ -203,7 +203,7 @@ impl Explorer {
             let space = Space::around(&volume, start, clearance, memory.trail(), back_off);
             let mut scene = Scene { volume, space, targets: Vec::new(), left: FrontiersLeft::default(), beyond: 0 };
             scene.sort_out(frontier, memory, settings);
-            scene.leave_out(frontier, &extent, robot);
+            scene.leave_out(frontier, &extent);
             (scene, extent.scope)
         });
         self.scope = scene.1;
@@ -338,7 +338,9 @@ impl Scene {
         self.left.unreachable = apart.len() as u64;
         let (large, small) = by_cluster_size(connected, settings.min_frontier);
         self.left.too_small = small as u64;
-        for voxel in large {
+        let (near, far) = nearest(large, self.volume.voxel(self.space.start()));
+        self.beyond = far as u64;
+        for voxel in near {
             let tried = memory.tried(voxel);
             if memory.gave_up(voxel, settings.attempts) {
                 self.left.unresolved += 1;
@@ -351,18 +353,25 @@ impl Scene {
 }
 
 impl Scene {
-    /// Counts what lies beyond the extent of the plan, and keeps of the targets those that are nearest to the robot.
-    fn leave_out(&mut self, frontier: &FrontierSet, extent: &Extent, robot: Voxel) {
+    /// Counts what the robot could get to, and what lies beyond the extent of the plan.
+    fn leave_out(&mut self, frontier: &FrontierSet, extent: &Extent) {
         if extent.scope == Scope::Near {
-            self.beyond = frontier.iter().filter(|v| extent.leaves_out(*v)).count() as u64;
-            self.left.unreachable -= self.beyond;
-        }
-        if self.targets.len() > MAX_TARGETS {
-            self.targets.sort_by(|a, b| a.voxel.distance(robot).total_cmp(&b.voxel.distance(robot)));
-            self.beyond += (self.targets.len() - MAX_TARGETS) as u64;
-            self.targets.truncate(MAX_TARGETS);
+            let beyond = frontier.iter().filter(|v| extent.leaves_out(*v)).count() as u64;
+            self.left.unreachable -= beyond;
+            self.beyond += beyond;
         }
     }
+}
+
+/// The [`MAX_TARGETS`] voxels that are nearest to the robot, in order, and the number of the others.
+fn nearest(mut voxels: Vec<Voxel>, robot: Voxel) -> (Vec<Voxel>, usize) {
+    let far = voxels.len().saturating_sub(MAX_TARGETS);
+    if far > 0 {
+        voxels.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
+        voxels.truncate(MAX_TARGETS);
+        voxels.sort_unstable();
+    }
+    (voxels, far)
 }
 
 /// The voxels in clusters (connected over 26 neighbours) of at least `min`, in order, and the number of the others.

@@ -65,7 +65,7 @@ const PARAMS: &[ParamSpec] = &[
     ParamSpec {
         name: "MaxBricks",
         kind: Kind::Integer { min: 64, max: MAX_BRICKS as i64 },
-        default: Some("65536"),
+        default: Some("32768"),
         doc: "Bricks of 8x8x8 voxels that the map may have, 3 kB each; what lies beyond them is left out.",
     },
     point("Mid", Kind::Point { unit: "m" }, "Middle of the volume in which frontiers count."),

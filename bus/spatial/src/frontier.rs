@@ -3,6 +3,7 @@
 use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
+use crate::bricks::Bricks;
 use crate::map::{OccupancyGrid, State};
 use crate::voxel::{Bounds, Voxel};
 
@@ -31,13 +32,13 @@ impl FrontierSet {
 
     /// Takes note that these voxels of `grid` changed.
     pub fn update(&mut self, grid: &OccupancyGrid, changed: impl IntoIterator<Item = impl Borrow<Voxel>>) {
+        // Each voxel is looked at once, however many of its neighbours changed.
+        let mut touched: Bricks<bool> = Bricks::new();
         for voxel in changed {
             let voxel = *voxel.borrow();
-            self.revise(grid, voxel);
-            for neighbour in voxel.face_neighbours() {
-                self.revise(grid, neighbour);
-            }
+            std::iter::once(voxel).chain(voxel.face_neighbours()).for_each(|near| *touched.get_mut(near) = true);
         }
+        touched.voxels().filter(|(_, touched)| *touched).for_each(|(voxel, _)| self.revise(grid, voxel));
     }
 
     fn revise(&mut self, grid: &OccupancyGrid, voxel: Voxel) {
