@@ -289,7 +289,7 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     // By their modes, too, whatever folder they are in.
     let open = |path: &&PathBuf| path.symlink_metadata().is_ok_and(|found| found.permissions().mode() & 0o077 != 0);
     let ours = made.iter().filter(|path| !path.starts_with(elk.folder().join("logs")));
-    assert_eq!(ours.filter(open).collect::<Vec<_>>(), [&PathBuf::new(); 0]);
+    assert_eq!(ours.filter(open).collect::<Vec<_>>(), Vec::<&PathBuf>::new());
 
     for arguments in [["list", "--community"], ["apps", "--community"]] {
         let mut other = Command::new(&program);
