@@ -69,10 +69,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     file.write_all(bytes)
 }
 
-/// Sees that [`write`] could write a file there, which need not be there yet: its folder is made.
+/// Sees that [`write()`] could write a file there, which need not be there yet: its folder is made.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn try_write(path: &Path) -> Result<()> {
     let new = !path.exists();
     writable(path)?;

@@ -5,7 +5,7 @@
 //!
 //! | module | one idea |
 //! |---|---|
-//! | [`file`] | a file is opened without waiting, and read only if it is a file, and not too large |
+//! | [`mod@file`] | a file is opened without waiting, and read only if it is a file, and not too large |
 //! | [`text`] | a text is shown without what would rule a terminal, and only as much of it as is of use |
 //! | [`time`] | a number of seconds is a time only if it is one |
 

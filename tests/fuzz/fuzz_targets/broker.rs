@@ -1,13 +1,14 @@
 //! The broker, among clients that say anything, come, go, die, and read or do not.
 #![no_main]
 
+use elk_bus::Introduction;
 use elk_bus::broker::{Broker, BrokerConfig, ClientId};
 use elk_bus::wire::{self, BulkRef, FrameKind, Header, Named, ValueKind};
-use elk_bus::Introduction;
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
 
-const NAMES: [&str; 6] = ["a", "b", "Map", "*", "", "a very long name that no client has, of more than sixty-four characters in all"];
+const NAMES: [&str; 6] =
+    ["a", "b", "Map", "*", "", "a very long name that no client has, of more than sixty-four characters in all"];
 const KEYS: [&str; 8] = ["A", "B", "SCAN", "DB_TABLE_REQUEST", "DB_CLIENTS", "*", "", "A_STATUS"];
 /// All memory that the broker may take for what one input says of it.
 const MAILBOX: usize = 1 << 12;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use elk_bus::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use elk_bus::wire::{self, BulkRef, FrameKind, Header, Named, ValueKind};
-use elk_bus::{Client, Clock, Community, CommsError};
+use elk_bus::{Client, Clock, CommsError, Community};
 use elk_spatial::catalogue::{self, CATALOGUE};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
