@@ -144,9 +144,12 @@ impl Server {
     pub fn start(community: Community, config: BrokerConfig, clock: Clock) -> Result<Self, ServeError> {
         limits::raise_descriptors();
         let io = |source| ServeError::Io { community: community.clone(), source };
+        let unusable = |source| ServeError::Folder { community: community.clone(), source };
+        // What is wrong with this place is said before anybody can dial in: whoever has would hear a mere hanging up.
+        scarce::room()?;
+        Place::make(&community).map_err(unusable)?;
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
-        let unusable = |source| ServeError::Folder { community: community.clone(), source };
         let mut place = Place::make(&community).map_err(unusable)?;
         let found = places::read(&place);
         if found.is_empty() {
