@@ -276,14 +276,14 @@ fn longest(opcode: u8) -> u64 {
     if opcode == op::MESSAGE { crate::chunk::MAX_BYTES } else { MAX_RECORD_BYTES }
 }
 
-/// Understands a record. The crate `mcap` sets memory aside for as many bytes as a text says it has, up to 4 GiB: so texts
-/// are held against the record first.
+/// Understands a record. The crate `mcap` sets memory aside for as many bytes as a text says it has, up to 4 GiB, and relies
+/// on what follows the texts being there: so all of it is held against the record first.
 pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<mcap::records::Record<'static>, String> {
-    texts_fit(opcode, body).ok_or("a text in it is longer than its record")?;
+    texts_fit(opcode, body).ok_or("what it says to hold is longer than it is")?;
     mcap::parse_record(opcode, body).map(mcap::records::Record::into_owned).map_err(|error| error.to_string())
 }
 
-/// Whether all texts of a record end within it.
+/// Whether all texts of a record, and what follows them, end within it.
 fn texts_fit(opcode: u8, mut body: &[u8]) -> Option<()> {
     let rest = &mut body;
     match opcode {
@@ -302,7 +302,9 @@ fn texts_fit(opcode: u8, mut body: &[u8]) -> Option<()> {
         }
         op::ATTACHMENT => {
             skip(rest, 16)?;
-            texts(rest, 2)
+            texts(rest, 2)?;
+            // The length of the data, and behind these a checksum: `mcap` panics where there is no room for it.
+            skip(rest, 8 + 4).map(drop)
         }
         op::CHUNK_INDEX => {
             skip(rest, 32)?;

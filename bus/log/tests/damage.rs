@@ -162,6 +162,29 @@ fn a_text_that_is_longer_than_its_record_is_said_and_not_waited_for() {
     assert!(peak.parse::<u64>().unwrap() < 3_000_000, "{peak} kB");
 }
 
+/// Found by the fuzz target: an attachment without room for its checksum, at which the crate `mcap` panics.
+#[test]
+fn records_that_end_too_early_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("early.mcap");
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+    let attachment = [vec![0; 16], text("m.xml"), text("application/xml"), vec![0; 8], vec![0; 4]].concat();
+    let schema = [vec![1, 0], text("S"), text("jsonschema"), text("{}")].concat();
+    let channel = [vec![0, 0, 1, 0], text("KEY"), text("json"), text("")].concat();
+    let metadata = [text("other"), text("")].concat();
+    for (opcode, body) in [(9_u8, attachment), (3, schema), (4, channel), (12, metadata)] {
+        for length in 0..=body.len() {
+            let record = [&[opcode][..], &(length as u64).to_le_bytes(), &body[..length]].concat();
+            std::fs::write(&path, [&b"\x89MCAP0\r\n"[..], &record].concat()).unwrap();
+            assert_eq!(read_log(&path), 0);
+            let mut log = LogReader::open(&path).unwrap();
+            // The file has no end either.
+            let expected = 1 + usize::from(length < body.len());
+            assert!(log.next_ref().is_none() && log.damage().len() == expected, "{opcode}: {:?}", log.damage());
+        }
+    }
+}
+
 #[test]
 fn any_bytes_behind_the_magic_are_an_error_or_a_log() {
     let folder = tempfile::tempdir().unwrap();
