@@ -38,6 +38,9 @@ pub struct Refused {
     pub reason: String,
 }
 
+/// Names of one kind that a client takes in; a broker has fewer (see [`crate::broker::Limits`]).
+const MOST_NAMES: usize = 1 << 20;
+
 /// Refusals that are kept for who asks for them; of more the oldest go.
 const MOST_REFUSALS: usize = 1000;
 
@@ -54,6 +57,9 @@ impl Names {
         };
         let table = &mut self.tables[what as usize];
         let number = frame.header.key as usize;
+        if number >= MOST_NAMES {
+            return; // no broker has so many: whoever sent this is none
+        }
         if table.len() <= number {
             table.resize(number + 1, (String::new(), 0));
         }
@@ -116,7 +122,8 @@ impl Inbox {
         let names = std::mem::take(&mut self.names);
         self.seen.renumber(|key, source| (names.get(Named::Key, key).0, names.get(Named::Source, source).0));
         self.handled = 0;
-        self.dropped_before += std::mem::take(&mut self.dropped) + std::mem::take(&mut self.missed_bulk);
+        self.dropped_before = self.dropped();
+        (self.dropped, self.missed_bulk) = (0, 0);
         Ok(())
     }
 
@@ -217,7 +224,7 @@ impl Inbox {
 
     /// Messages that this client will never see, because it did not read in time.
     pub fn dropped(&self) -> u64 {
-        self.dropped_before + self.dropped + self.missed_bulk
+        self.dropped_before.saturating_add(self.dropped).saturating_add(self.missed_bulk)
     }
 
     /// Whether this client is to leave, because its successor is ready: it gets no more mail, its successor does.

@@ -41,6 +41,8 @@ mod words;
 
 use std::sync::atomic::AtomicBool;
 
+use elk_outside::time::parse_seconds;
+
 pub use app::{App, AppError, RunError, run_app_on};
 pub use broker::{BrokerConfig, Introduction};
 pub use client::Client;
@@ -82,7 +84,8 @@ impl RunOptions {
     /// [`LEASE`] and [`SUCCEED`].
     pub fn as_launched(mut self) -> Self {
         let said = |name: &str| std::env::var(name).ok();
-        self.lease_secs = said(LEASE).and_then(|secs| secs.parse().ok()).unwrap_or(self.lease_secs);
+        let lease = said(LEASE).and_then(|secs| parse_seconds(&secs).ok());
+        self.lease_secs = lease.unwrap_or(self.lease_secs);
         self.succeeds |= said(SUCCEED).is_some_and(|word| word == "1");
         self
     }

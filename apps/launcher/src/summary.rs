@@ -117,6 +117,7 @@ impl Summary {
 /// Whether the mission is complete, and why it ended.
 fn outcome(observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
     match (ended, &observed.exploration, observed.contacts()) {
+        (Some(error), Some(report), _) if report.complete => (false, format!("{}, but {error}", report.reason)),
         (Some(error), _, _) => (false, error.to_string()),
         (None, None, _) => (false, "the explorer did not say why it ended".to_owned()),
         (None, Some(report), _) if !report.complete => (false, report.reason.clone()),

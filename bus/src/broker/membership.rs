@@ -77,6 +77,9 @@ pub struct Place {
 /// again what they know (s).
 const RETURN_PATIENCE_SECS: f64 = 2.0;
 
+/// The longest that a place is kept (s): a day.
+const LONGEST_LEASE_SECS: f64 = 86_400.0;
+
 const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
 
 impl Broker {
@@ -145,7 +148,7 @@ impl Broker {
     fn add_client(&mut self, now: f64, name: &str, lease_secs: f64) -> ClientId {
         let id = self.next_client;
         self.next_client += 1;
-        let lease_secs = if lease_secs.is_finite() { lease_secs.max(0.0) } else { 0.0 };
+        let lease_secs = if lease_secs.is_finite() { lease_secs.clamp(0.0, LONGEST_LEASE_SECS) } else { 0.0 };
         self.clients.insert(id, Client::new(name, lease_secs, self.config.mailbox_bytes, now));
         self.share_out_mail();
         id
