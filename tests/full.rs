@@ -43,7 +43,8 @@ fn a_full_disk_is_reported_and_stops_no_mission() {
     let Some((code, said)) = launch_with_little_room(&elk, test, "logs", "64k") else { return };
     assert!(said.contains("cannot write to the log"), "{said}");
     // The whole world was explored, but its map could not be kept.
-    let explored = "Small: NOT complete: every frontier that can be reached and seen is resolved, but Map could not end";
+    let explored =
+        "Small: NOT complete: every frontier that can be reached and seen is resolved, but Map could not end";
     assert!(said.contains(explored), "{said}");
     // Whoever reads `summary.json` is not to take the run for one that left it.
     assert!(said.contains("summary.json: No space left on device"), "{said}");

@@ -285,7 +285,8 @@ mod tests {
             liar.comms.publish(&PROGRESS, &Progress { scans: u64::MAX, ..right.clone() }).unwrap();
             liar.comms.publish(&PROGRESS, &Progress { path_length_m: f64::NAN, ..right.clone() }).unwrap();
         }
-        liar.comms.notify(SENSOR_REPORT.name(), "what").unwrap();
+        let report = SensorReport { scans: u64::MAX, contacts: 0, scan: 0, cpu_secs: 0.0 };
+        liar.comms.publish(&SENSOR_REPORT, &report).unwrap();
         (0..100).for_each(|n| liar.comms.notify(LOGGER_ERROR, format!("disk {n}").as_str()).unwrap());
         liar.comms.publish(&PROGRESS, &right).unwrap();
         liar.comms.flush().unwrap();

@@ -22,6 +22,9 @@ const GRACE: Duration = Duration::from_secs(1);
 /// How long it is waited, when connections cannot be taken at all, before the next try.
 const PAUSE: Duration = Duration::from_millis(100);
 
+/// How often it is said that nobody can come in.
+const COMPLAIN_EVERY: Duration = Duration::from_secs(60);
+
 /// Connections that have not said anything yet.
 #[derive(Default)]
 pub(super) struct Lobby {
@@ -64,24 +67,21 @@ pub(super) struct Door {
     listener: UnixListener,
     /// A descriptor that is given up to tell somebody that there is none left.
     spare: Option<File>,
-    /// Whether it was said that nobody can come in.
-    complained: bool,
+    /// Since it was said last that nobody can come in.
+    complained: Option<Stopwatch>,
 }
 
 impl Door {
     /// The door behind a listener.
     pub fn new(listener: UnixListener) -> Self {
-        Self { listener, spare: spare(), complained: false }
+        Self { listener, spare: spare(), complained: None }
     }
 
     /// The next connection.
     pub fn next(&mut self) -> UnixStream {
         loop {
             match self.listener.accept() {
-                Ok((stream, _)) => {
-                    self.complained = false;
-                    return stream;
-                }
+                Ok((stream, _)) => return stream,
                 Err(error) if matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionAborted) => {}
                 Err(error) => self.turn_away(&error),
             }
@@ -92,8 +92,9 @@ impl Door {
     /// connection would look for it again at once, and for ever.
     fn turn_away(&mut self, error: &std::io::Error) {
         let reason = format!("the broker cannot take another connection: {error}{}", super::scarce::hint());
-        if !std::mem::replace(&mut self.complained, true) {
+        if self.complained.is_none_or(|since| since.elapsed() > COMPLAIN_EVERY) {
             tell(format_args!("elk db: {reason}"));
+            self.complained = Some(Stopwatch::start());
         }
         let of_descriptors = [Errno::MFILE, Errno::NFILE].map(|errno| Some(errno.raw_os_error()));
         if of_descriptors.contains(&error.raw_os_error()) && self.spare.take().is_some() {
