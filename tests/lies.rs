@@ -4,9 +4,13 @@
 //! All apps take turns on one thread, as in `successors.rs`. What an app cannot use it passes over as the framework has it
 //! (see `elk_bus::Rejection`); any other failure fails the test.
 
+#[path = "common/coarse.rs"]
+mod coarse;
+
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use coarse::MISSION;
 use elk_bus::codec::encode_onto;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{
@@ -19,18 +23,6 @@ use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{self, *};
 use elk_spatial::{OccupancyGrid, Pose, Scan, State, Voxel};
 use nalgebra::{Point3, Vector3};
-
-/// The middle of the car's interior, with few and coarse pixels and voxels: a mission of 17 scans.
-const MISSION: &str = r#"
-<Scenario name="Car, coarse">
-    <Sensor type="Simulator">
-        <Width>24</Width> <Height>24</Height> <Start> 0.0; 0.0; 0.8 </Start> <StartPitch> -15 deg </StartPitch>
-    </Sensor>
-    <Filter type="Distance"/>
-    <Map type="OctoMap"> <Res> 0.25 m </Res> </Map>
-    <Explorer type="ClosestFrontier"> <Res> 0.25 m </Res> <Mid> 0.0; 0.0; 0.5 </Mid> <Dim> 3; 3; 3 </Dim> </Explorer>
-    <Controller type="MOOSSim"/>
-</Scenario>"#;
 
 /// The clock runs fast, so that nobody has to wait for a patience to run out.
 const WARP: f64 = 1000.0;

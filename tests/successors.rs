@@ -7,12 +7,16 @@
 //! was killed may go another way, since how sure it was of its voxels is lost; it still has to explore everything, without a
 //! contact.
 
+#[path = "common/coarse.rs"]
+mod coarse;
+
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
 
+use coarse::MISSION;
 use elk_bus::broker::Introduction;
 use elk_bus::link::{Fill, LinkError, Uplink};
 use elk_bus::memory::MemoryBroker;
@@ -22,18 +26,6 @@ use elk_mission::{AppSpec, Mission, Program, Registry};
 use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_REQUEST, MOTION_REPORT, SENSOR_REPORT};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{ExplorationReport, MotionReport, SensorReport};
-
-/// The middle of the car's interior, with few and coarse pixels and voxels: a mission of 17 scans.
-const MISSION: &str = r#"
-<Scenario name="Car, coarse">
-    <Sensor type="Simulator">
-        <Width>24</Width> <Height>24</Height> <Start> 0.0; 0.0; 0.8 </Start> <StartPitch> -15 deg </StartPitch>
-    </Sensor>
-    <Filter type="Distance"/>
-    <Map type="OctoMap"> <Res> 0.25 m </Res> </Map>
-    <Explorer type="ClosestFrontier"> <Res> 0.25 m </Res> <Mid> 0.0; 0.0; 0.5 </Mid> <Dim> 3; 3; 3 </Dim> </Explorer>
-    <Controller type="MOOSSim"/>
-</Scenario>"#;
 
 /// The places of apps of [`MISSION`].
 const FILTER: usize = 1;

@@ -114,37 +114,18 @@ const MAX_VOXELS: ParamSpec = param(
      the robot can get to, or, if that is too much, what of it is near.",
 );
 
-const COMMON: &[ParamSpec] = &[
-    MID,
-    DIM,
-    RES,
-    POLICY,
-    RADIUS,
-    SPACING,
-    MIN_FRONTIER,
-    ATTEMPTS,
-    MAX_SCANS,
-    PATIENCE,
-    MAX_BRICKS_PARAM,
-    MAX_VOXELS,
-];
-const POTENTIAL: &[ParamSpec] = &[
-    MID,
-    DIM,
-    RES,
-    POLICY,
-    RADIUS,
-    SPACING,
-    MIN_FRONTIER,
-    ATTEMPTS,
-    MAX_SCANS,
-    PATIENCE,
-    MAX_BRICKS_PARAM,
-    MAX_VOXELS,
-    START,
-    SOLVER,
-    TOLERANCE,
-];
+/// The parameters that all explorers share, and those of one.
+macro_rules! params {
+    ($($own:expr),*) => {
+        &[
+            MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE, MAX_BRICKS_PARAM, MAX_VOXELS,
+            $($own),*
+        ]
+    };
+}
+
+const COMMON: &[ParamSpec] = params![];
+const POTENTIAL: &[ParamSpec] = params![START, SOLVER, TOLERANCE];
 
 /// An explorer of any strategy with the parameters that all share.
 pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>, AppError> {

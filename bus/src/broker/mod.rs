@@ -13,6 +13,7 @@ mod limits;
 mod mailbox;
 mod membership;
 mod message;
+mod naming;
 mod registration;
 mod summary;
 pub mod table;
@@ -31,6 +32,7 @@ pub use mailbox::Mailbox;
 use membership::Standing;
 pub use membership::{Introduction, Place, Refusal};
 use message::{Message, bulk_of};
+use naming::{Names, OWN_PREFIX};
 pub use registration::Registration;
 pub use time::CLOCK;
 use variable::{TypeLock, Variable};
@@ -341,68 +343,6 @@ impl Broker {
         client.unhandled.front().map_or(client.taken, |(batch, _)| batch - 1)
     }
 
-    /// The broker's number of a name; a new one is given the next. `layout` counts for types only.
-    fn number(&mut self, what: Named, name: &str, layout: u64) -> u32 {
-        let number = match what {
-            Named::Key => self.keys.number(name, 0),
-            Named::Source => self.sources.number(name, 0),
-            Named::Type => self.types.number(name, layout),
-            Named::Community => self.communities.number(name, 0),
-        };
-        self.make_room_for_variables();
-        number
-    }
-
-    fn make_room_for_variables(&mut self) {
-        for key in self.variables.len()..self.keys.len() {
-            let is_own = self.keys.name(key as u32).starts_with(OWN_PREFIX);
-            self.variables.push(Variable { is_own, ..Variable::default() });
-        }
-    }
-
-    /// The broker's number of a name that a client came with, or why it has none.
-    fn admit_name(&mut self, from: ClientId, what: Named, name: &str, layout: u64) -> Result<u32, String> {
-        let (names, layout) = match what {
-            Named::Key => (&self.keys, 0),
-            Named::Source => (&self.sources, 0),
-            Named::Type => (&self.types, layout),
-            Named::Community => (&self.communities, 0),
-        };
-        match names.known(name, layout) {
-            Some(number) => Ok(number),
-            None => match self.name_refusal(from, what, name) {
-                Some(reason) => Err(reason),
-                None => {
-                    self.clients.entry(from).and_modify(|client| client.brought += 1);
-                    Ok(self.number(what, name, layout))
-                }
-            },
-        }
-    }
-
-    fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
-        let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
-        let number = match self.admit_name(from, what, name, frame.header.sequence) {
-            Ok(number) => number,
-            Err(reason) => {
-                self.refuse(from, name, 0, &reason)?;
-                REFUSED
-            }
-        };
-        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
-        let numbers = &mut client.numbers[what as usize];
-        match numbers.get(frame.header.key as usize) {
-            // A client that returns introduces all names again; some may stand in its next batch once more.
-            Some(known) if *known == number || number == REFUSED => Ok(()),
-            None if numbers.len() == frame.header.key as usize => {
-                numbers.push(number);
-                Ok(())
-            }
-            _ => Err("the definitions are not numbered in order"),
-        }
-    }
-
     fn notify(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let header = &frame.header;
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
@@ -446,21 +386,6 @@ impl Broker {
         }
         self.store_and_deliver(now, Some(from), &Message::new(header, frame.bytes));
         Ok(())
-    }
-
-    /// The number of a client as a source of messages, from its first message on: whoever only listens needs none.
-    fn name_source(&mut self, id: ClientId) -> Result<u32, &'static str> {
-        let name = self.client_name(id).unwrap_or_default().to_owned();
-        let number = match self.admit_name(id, Named::Source, &name, 0) {
-            Ok(number) => number,
-            Err(reason) => {
-                self.refuse(id, &name, 0, &reason)?;
-                return Err("the community has no room for another source of messages");
-            }
-        };
-        let client = self.clients.get_mut(&id).ok_or("the client is not connected")?;
-        client.numbers[Named::Source as usize][0] = number;
-        Ok(number)
     }
 
     /// Why a client's message of so many bytes is not taken, if so.
@@ -803,34 +728,6 @@ impl Broker {
     /// Number of connected clients.
     pub fn clients(&self) -> usize {
         self.clients.values().filter(|c| c.standing == Standing::Present).count()
-    }
-}
-
-/// What the names of the broker's own variables begin with.
-const OWN_PREFIX: &str = "DB_";
-
-/// The broker's tables, as a mailbox needs them.
-struct Names<'a> {
-    keys: &'a Interner,
-    sources: &'a Interner,
-    types: &'a Interner,
-    communities: &'a Interner,
-    variables: &'a [Variable],
-}
-
-impl mailbox::Table for Names<'_> {
-    fn name(&self, what: Named, number: u32) -> (&str, u64) {
-        let names = match what {
-            Named::Key => self.keys,
-            Named::Source => self.sources,
-            Named::Type => self.types,
-            Named::Community => self.communities,
-        };
-        (names.name(number), names.layout(number))
-    }
-
-    fn latest(&self, key: u32, flags: u16) -> Option<Message<'_>> {
-        self.variables.get(key as usize)?.latest_message(flags)
     }
 }
 

@@ -12,7 +12,7 @@ use super::variable::{TypeLock, Variable};
 use super::{Broker, Client, ClientId};
 use crate::codec;
 use crate::key::{Key, Payload};
-use crate::wire::{self, BULK, FrameKind, Header, ValueKind};
+use crate::wire::{self, BULK, FrameKind, Header, Named, ValueKind};
 
 /// Write to it (any value) to be answered with the table. It is a question and no variable: nobody else hears of it.
 pub const REQUEST: &str = "DB_TABLE_REQUEST";
@@ -177,10 +177,7 @@ impl Broker {
         if codec::encode_onto(&self.table(now), &mut bytes).is_err() {
             return; // names and numbers can always be encoded
         }
-        let key = self.keys.number(TABLE.name(), 0);
-        while self.variables.len() < self.keys.len() {
-            self.variables.push(Variable::default());
-        }
+        let key = self.number(Named::Key, TABLE.name(), 0);
         self.own_sequence += 1;
         let header = Header {
             value_kind: ValueKind::Binary,
