@@ -12,6 +12,8 @@ mod bulk;
 mod client;
 mod folder;
 mod full;
+#[doc(hidden)]
+pub mod fuzzing;
 mod handshake;
 mod lane;
 mod leftovers;
