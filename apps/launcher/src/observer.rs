@@ -35,6 +35,16 @@ const COMPLAINED_OF: usize = 64;
 /// Characters of a complaint.
 const COMPLAINT_LENGTH: usize = 1000;
 
+/// Whose reports sum a mission up, by the element of its apps.
+const REPORTS: [(&str, &str); 6] = [
+    ("PROGRESS", "Controller"),
+    ("MOTION_REPORT", "Controller"),
+    ("EXPLORATION_REPORT", "Explorer"),
+    ("MAP_KNOWN", "Map"),
+    ("SENSOR_REPORT", "Sensor"),
+    ("ACCURACY_REPORT", "Sensor"),
+];
+
 /// What the launcher has to do something about.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum News {
@@ -100,6 +110,8 @@ pub(crate) struct Observer {
     complained: BTreeMap<(String, String), usize>,
     /// The variables of one step, in their order, after the pose command.
     chain: Vec<String>,
+    /// The reports that a mission's end hangs on, with the names of the apps whose they are.
+    reporters: BTreeMap<&'static str, Vec<String>>,
 }
 
 impl Observer {
@@ -109,7 +121,9 @@ impl Observer {
         let mut chain: Vec<String> =
             outputs.map(|app| app.setting("Output").unwrap_or(SCAN.name()).to_owned()).collect();
         chain.extend([MAP_UPDATE.name(), PLAN_REQUEST.name(), PLAN.name()].map(str::to_owned));
-        Self { chain, ..Self::default() }
+        let named = |element: &str| mission.of_element(element).map(|app| app.name.clone()).collect();
+        let reporters = REPORTS.iter().map(|(key, element)| (*key, named(element))).collect();
+        Self { chain, reporters, ..Self::default() }
     }
 
     /// Registers for all that it understands.
@@ -171,6 +185,11 @@ impl Observer {
             key if key.ends_with(STATUS_SUFFIX) => self.losses.note_status(mail),
             _ => {}
         }
+        if self.is_of_a_stranger(mail) {
+            let words = format!("{} by {}: it is not the mission's, and counts for nothing", mail.key(), mail.source());
+            self.complain(mail, words, 1);
+            return Ok(());
+        }
         if mail.is(&EXPLORATION_REPORT) || mail.is(&MOTION_REPORT) || mail.is(&ACCURACY_REPORT) {
             self.news.push(News::Report);
         }
@@ -180,6 +199,12 @@ impl Observer {
         keep(mail, &EXPLORATION_REPORT, &mut self.exploration)?;
         keep(mail, &MOTION_REPORT, &mut self.motion)?;
         keep(mail, &ACCURACY_REPORT, &mut self.accuracy)
+    }
+
+    /// Whether a report comes from somebody else than the mission's app whose it is.
+    fn is_of_a_stranger(&self, mail: &Mail<'_>) -> bool {
+        let own = self.reporters.get(mail.key());
+        own.is_some_and(|names| !names.iter().any(|name| name == mail.source()))
     }
 
     fn note_clients(&mut self, names: &str) {
@@ -296,6 +321,27 @@ mod tests {
         assert_eq!((of("PROGRESS by liar"), of("SENSOR_REPORT by liar"), of("disk")), (1, 1, LOGGER_COMPLAINTS));
         let unsaid: Vec<String> = observer.unsaid().collect();
         assert!(unsaid.contains(&"PROGRESS by liar: 200 such messages in all".to_owned()), "{unsaid:?}");
+    }
+
+    /// Regression: anybody's word that all is explored ended the mission as complete.
+    #[test]
+    fn reports_of_strangers_count_for_nothing() {
+        let broker = MemoryBroker::new(BrokerConfig::new("strangers"), Clock::new(1.0));
+        let community = Community::new("strangers").unwrap();
+        let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
+        let (mut launcher, mut liar, mut controller) = (join("launcher"), join("liar"), join("Controller"));
+        let reporters = [("MOTION_REPORT", vec!["Controller".to_owned()])].into();
+        let mut observer = Observer { reporters, ..Observer::default() };
+        observer.register(&mut launcher.comms).unwrap();
+        launcher.comms.flush().unwrap();
+        let report = |scans| MotionReport { scans, path_length_m: 1.0, free: 9, marks: vec![] };
+        for (client, scans) in [(&mut controller, 7), (&mut liar, 3)] {
+            client.comms.publish(&MOTION_REPORT, &report(scans)).unwrap();
+            client.comms.flush().unwrap();
+        }
+        launcher.receive(std::time::Duration::ZERO, |mail| observer.note(mail)).unwrap();
+        assert_eq!(observer.motion, Some(report(7)));
+        assert_eq!(observer.complaints, ["MOTION_REPORT by liar: it is not the mission's, and counts for nothing"]);
     }
 
     #[test]

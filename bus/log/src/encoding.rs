@@ -196,6 +196,9 @@ fn known(type_name: &str, layout: u64) -> Option<&'static PayloadType> {
     catalogue::named(type_name).filter(|known| known.layout == layout)
 }
 
+/// Values of elk's own types are shown with their fields up to this length (bytes).
+const LONGEST_SHOWN: usize = 4 << 20;
+
 fn encode_known(buffer: &mut Vec<u8>, record: &RecordRef<'_>, known: &PayloadType, bytes: &[u8]) -> Result<(), String> {
     const DIGITS: &[u8; 16] = b"0123456789abcdef";
     buffer.extend_from_slice(b"{\"elk\":\"");
@@ -204,8 +207,10 @@ fn encode_known(buffer: &mut Vec<u8>, record: &RecordRef<'_>, known: &PayloadTyp
     buffer.push(b'"');
     put_envelope_fields(buffer, record)?;
     buffer.extend_from_slice(b",\"value\":");
-    // What is not what its type says has no fields to show; it is stored all the same.
-    let mut fields = known.to_json(bytes, usize::MAX).unwrap_or_else(|_| serde_json::json!({}));
+    // What is not what its type says has no fields to show, and what is very long none that anybody looks at, at ten times
+    // its memory; both are stored all the same.
+    let shown = (bytes.len() <= LONGEST_SHOWN).then(|| known.to_json(bytes, usize::MAX).ok()).flatten();
+    let mut fields = shown.unwrap_or_else(|| serde_json::json!({}));
     schema::leave_out_nulls(&mut fields);
     serde_json::to_writer(&mut *buffer, &fields).map_err(|error| error.to_string())?;
     buffer.push(b'}');

@@ -114,9 +114,12 @@ fn put_map(out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
     foxglove::put_pose(out, &Isometry3::identity());
     foxglove::put_point_fields(out);
     let centers = update.bricks.iter().flat_map(|brick| occupied_centers(brick, update.resolution));
-    out.bytes(DATA, &centers.flatten().collect::<Vec<u8>>());
+    out.bytes(DATA, &centers.take(MOST_SHOWN).flatten().collect::<Vec<u8>>());
     None
 }
+
+/// Occupied voxels of one update that a viewer is shown; the update itself is stored whole.
+const MOST_SHOWN: usize = 1 << 20;
 
 fn occupied_centers(brick: &BrickStates, resolution: f64) -> impl Iterator<Item = [u8; 12]> {
     let cells = (0..elk_spatial::bricks::BRICK_CELLS).filter(|cell| brick.state(*cell) == State::Occupied);

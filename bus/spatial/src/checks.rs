@@ -46,7 +46,7 @@ pub const MAX_CORNERS: usize = 1 << 17;
 /// Poses to look from at the end of a path.
 pub const MAX_LOOKS: usize = 64;
 /// Entries of the lists in which apps remember voxels, targets and scans.
-pub const MAX_REMEMBERED: usize = 1 << 22;
+pub const MAX_REMEMBERED: usize = 1 << 17;
 /// Phases whose CPU time is told apart.
 pub const MAX_PHASES: usize = 64;
 /// Bytes of a text for people.

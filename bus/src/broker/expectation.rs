@@ -1,9 +1,9 @@
 //! What readers expect of a variable: writer and reader that mean different things are told when they meet, at both ends.
 //!
-//! A variable's type is fixed by its first write, as in MOOS, unless somebody has registered for it who has said what it
-//! reads there: then that is its type. Where the first write came first and is something else, both are told. A number or a
-//! text that nobody has said to read yields: a person's slip, or a writer that was first with a name, does not take the
-//! variable from those whose it is.
+//! A variable's type is fixed by its first write, as in MOOS. But a number or a text is not taken where all who have said
+//! what they read there read something else, and one that was first yields to such a reader: a person's slip, or a writer
+//! that was first with a name, does not take the variable from those whose it is. Two types that contradict each other are
+//! for people to sort out: the first write stands, and a reader with another type is told, as its writers are.
 
 use std::fmt;
 
@@ -53,12 +53,31 @@ impl Broker {
         }))
     }
 
-    /// Why the first write to a variable contradicts those who have registered for it, if so.
+    /// Why the first write to a variable, of a number or a text, contradicts all who have registered for it, if so. A typed
+    /// value is no slip: readers that expect something else have to see to it themselves.
     pub(super) fn contradicts_readers(&self, key: u32, lock: TypeLock) -> Option<String> {
         let name = self.keys.name(key);
         let (reader, expected) = self.expectations(name).next()?;
-        let what = self.describe(lock);
-        (!self.is(lock, expected)).then(|| format!("{reader} reads {name} as {expected}; {what} was refused"))
+        let nobody = lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.is(lock, other));
+        nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.describe(lock)))
+    }
+
+    /// A variable was written for the first time: those who read something else there are told.
+    pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
+        let Some(lock) = self.variables[key as usize].lock else { return };
+        let name = self.keys.name(key).to_owned();
+        let reads_else = |client: &super::Client| {
+            let expected =
+                client.registrations.iter().filter(|r| r.key_pattern == name).find_map(|r| r.expects.as_ref());
+            expected.is_some_and(|expected| !self.is(lock, expected))
+        };
+        let readers: Vec<ClientId> = self.clients.iter().filter(|(_, c)| reads_else(c)).map(|(id, _)| *id).collect();
+        let writer = self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source));
+        let said = format!("{name} carries {}, by {writer}: this reader cannot read it", self.describe(lock));
+        for reader in readers {
+            // Whoever has gone meanwhile need not be told.
+            let _ = self.refuse(reader, &name, 0, &said);
+        }
     }
 
     /// Who expects what of a variable.
@@ -90,7 +109,7 @@ impl Broker {
         let what_follows = if yields {
             "what was written is forgotten, and no more of it is taken"
         } else {
-            "nothing of it reaches this reader: build both from one version, or give one of them another variable"
+            "this reader cannot read it: build both from one version, or give one of them another variable"
         };
         let reader = self.client_name(id).unwrap_or_default();
         let writer = self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source));

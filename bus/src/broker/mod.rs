@@ -384,7 +384,11 @@ impl Broker {
             let name = self.keys.name(key).to_owned();
             return self.refuse(from, &name, header.sequence, &reason);
         }
+        let is_first = self.variables[key as usize].lock.is_none();
         self.store_and_deliver(now, Some(from), &Message::new(header, frame.bytes));
+        if is_first {
+            self.tell_those_who_expect_else(key);
+        }
         Ok(())
     }
 

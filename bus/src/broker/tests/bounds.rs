@@ -246,8 +246,17 @@ fn what_a_reader_expects_yields_to_no_other_and_a_type_to_none() {
     let mut writer = Speaker::new(b, 0.0, "writer");
     writer.typed(b, "PLAN", "Plan");
     let mut reader = Speaker::new(b, 0.0, "reader");
+    let mut early = Speaker::new(b, 0.0, "early");
+    early.expect(b, "NEW_PLAN", "OldPlan");
+    writer.typed(b, "NEW_PLAN", "Plan");
+    assert!(writer.hear(b, 0.0).2.is_empty(), "who was there first with a wrong idea keeps nobody from writing");
+    let told = early.hear(b, 0.0).2;
+    assert!(
+        told[0].contains("NEW_PLAN carries Plan (layout") && told[0].contains("by writer: this reader cannot read it"),
+        "{told:?}"
+    );
     reader.expect(b, "PLAN", "OldPlan");
-    let (told, said) = (reader.hear(b, 0.0).2, "nothing of it reaches this reader: build both from one version");
+    let (told, said) = (reader.hear(b, 0.0).2, "this reader cannot read it: build both from one version");
     assert!(told[0].contains(said) && writer.hear(b, 0.0).2[0].contains(said), "{told:?}");
     writer.say(b, 0.0, "PLAN", ValueKind::Binary, b"value");
     assert!(writer.hear(b, 0.0).2.is_empty());
