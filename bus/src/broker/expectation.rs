@@ -2,8 +2,9 @@
 //!
 //! A variable's type is fixed by its first write, as in MOOS. But a number or a text is not taken where all who have said
 //! what they read there read something else, and one that was first yields to such a reader: a person's slip, or a writer
-//! that was first with a name, does not take the variable from those whose it is. Two types that contradict each other are
-//! for people to sort out: the first write stands, and a reader with another type is told, as its writers are.
+//! that was first with a name, does not take the variable from those whose it is. A type that nobody
+//! reads yields as soon as another is written that somebody reads: so neither a writer nor a reader alone can take a
+//! variable. Where both types are read, the first write stands, and both ends are told: that is for people to sort out.
 
 use std::fmt;
 
@@ -62,7 +63,14 @@ impl Broker {
         nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.describe(lock)))
     }
 
-    /// A variable was written for the first time: those who read something else there are told.
+    /// Whether a write of another type takes the variable over: somebody reads it as that, and nobody as what it carries.
+    pub(super) fn changes_over(&self, key: u32, lock: TypeLock) -> bool {
+        let name = self.keys.name(key);
+        let is_read_as = |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.is(lock, expected));
+        is_read_as(lock) && !self.variables[key as usize].lock.is_some_and(is_read_as)
+    }
+
+    /// A variable was written with a type that it did not have before: those who read something else there are told.
     pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
         let Some(lock) = self.variables[key as usize].lock else { return };
         let name = self.keys.name(key).to_owned();

@@ -384,9 +384,9 @@ impl Broker {
             let name = self.keys.name(key).to_owned();
             return self.refuse(from, &name, header.sequence, &reason);
         }
-        let is_first = self.variables[key as usize].lock.is_none();
+        let is_as_before = self.variables[key as usize].lock == Some(TypeLock::of(&header));
         self.store_and_deliver(now, Some(from), &Message::new(header, frame.bytes));
-        if is_first {
+        if !is_as_before {
             self.tell_those_who_expect_else(key);
         }
         Ok(())
@@ -412,7 +412,7 @@ impl Broker {
         let lock = TypeLock::of(header);
         match variable.lock {
             None => self.contradicts_readers(header.key, lock),
-            Some(_) => self.type_conflict(header.key, lock),
+            Some(_) => self.type_conflict(header.key, lock).filter(|_| !self.changes_over(header.key, lock)),
         }
         .or_else(|| self.latest_refusal(variable.latest.len(), bytes))
     }

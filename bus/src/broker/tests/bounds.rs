@@ -261,6 +261,19 @@ fn what_a_reader_expects_yields_to_no_other_and_a_type_to_none() {
     writer.say(b, 0.0, "PLAN", ValueKind::Binary, b"value");
     assert!(writer.hear(b, 0.0).2.is_empty());
 
+    // A writer and a reader who agree take a variable over that nobody reads as it is.
+    let (mut honest, mut sensor) = (Speaker::new(b, 0.0, "honest"), Speaker::new(b, 0.0, "sensor"));
+    let mut stranger = Speaker::new(b, 0.0, "stranger");
+    stranger.typed(b, "POSE", "Stranger");
+    honest.typed(b, "POSE", "Pose");
+    assert!(honest.hear(b, 0.0).2[0].contains("POSE carries Stranger (layout"));
+    sensor.expect(b, "POSE", "Pose");
+    sensor.hear(b, 0.0);
+    honest.say(b, 0.0, "POSE", ValueKind::Binary, b"value");
+    assert_eq!((sensor.hear(b, 0.0).0.len(), honest.hear(b, 0.0).2.len()), (1, 0));
+    stranger.say(b, 0.0, "POSE", ValueKind::Binary, b"value");
+    assert!(stranger.hear(b, 0.0).2.iter().any(|said| said.contains("POSE carries Pose (layout")));
+
     let mut person = Speaker::new(b, 0.0, "person");
     let texts = Header { flags: TYPED, value_kind: ValueKind::Text, ..Header::new(FrameKind::Register) };
     let mut batch = Vec::new();
@@ -269,8 +282,8 @@ fn what_a_reader_expects_yields_to_no_other_and_a_type_to_none() {
     writer.say(b, 0.0, "MOTION", ValueKind::Double, &[0; 8]);
     assert_eq!(writer.hear(b, 0.0).2, ["person reads MOTION as texts; numbers was refused"]);
     writer.text(b, 0.0, "MOTION", "pause");
-    let stranger = Speaker::new(b, 0.0, "stranger");
-    stranger.expect(b, "MOTION", "Motion");
+    let reader = Speaker::new(b, 0.0, "late");
+    reader.expect(b, "MOTION", "Motion");
     writer.text(b, 0.0, "MOTION", "run");
     assert_eq!(person.texts(b, 0.0), ["pause", "run"]);
 }
