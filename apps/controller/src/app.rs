@@ -84,7 +84,7 @@ impl ControllerApp {
         if self.follower.commands() < before {
             (self.allowed, self.steps) = (0, 0);
             tell(format_args!(
-                "{name}: its predecessor's memory speaks of {before} commands, the sensor of {}: it begins anew from there",
+                "{name}: {before} commands were counted here, {} by the sensor, which knows: it goes on from there",
                 camera.command
             ));
         }

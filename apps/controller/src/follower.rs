@@ -58,7 +58,7 @@ pub enum Unfit {
     Clearance(#[from] TooWide),
 }
 
-/// Commands that a predecessor made and a sensor knows nothing of: more than get lost when several die at once.
+/// Commands by which the sensor's count may differ from the one here: more than get lost when several die at once.
 const LOST_COMMANDS: u64 = 16;
 
 /// A path on the way, with what follows from it.
@@ -80,6 +80,8 @@ pub struct Follower {
     awaited: Awaited,
     underway: Option<Underway>,
     commands: u64,
+    /// The last command that was made here, or by a predecessor; `commands` is as the sensor counts.
+    made: u64,
     /// The last command that the sensor has carried out.
     carried_out: u64,
     requests: u64,
@@ -100,6 +102,7 @@ impl Default for Follower {
             awaited: Awaited::Start,
             underway: None,
             commands: 0,
+            made: 0,
             carried_out: 0,
             requests: 0,
             path_length_m: 0.0,
@@ -122,6 +125,7 @@ impl Follower {
             awaited: memory.awaited.clone(),
             underway: underway.flatten(),
             commands: memory.commands,
+            made: memory.commands,
             requests: memory.requests,
             path_length_m: memory.path_length_m,
             record: Record::from(memory.samples.clone()),
@@ -179,19 +183,59 @@ impl Follower {
             // What the predecessor commanded last it perhaps died of, and its word of it is lost.
             self.commands = camera.command;
         }
-        if camera.command > self.commands {
-            return Err(Unfit::Command(camera.command, self.commands));
+        if self.counts_otherwise(camera) {
+            let leap = camera.command.abs_diff(self.made);
+            return match leap > LOST_COMMANDS {
+                true if camera.command > self.commands => Err(Unfit::Command(camera.command, self.commands)),
+                true => Ok(vec![]),
+                false => Ok(self.go_on_from(camera)),
+            };
         }
         self.carried_out = self.carried_out.max(camera.command);
-        if camera.command == self.commands && camera.pose != self.pose {
-            self.pose = camera.pose;
-            if let Some(Underway { leg, .. }) = &mut self.underway {
-                // Of the step that it did not take, once.
-                self.path_length_m -= std::mem::take(&mut leg.step_m);
-                leg.blocked = true;
-            }
+        match camera.command == self.commands && camera.pose != self.pose {
+            true => Ok(self.go_on_from(camera)),
+            false => Ok(vec![]),
         }
-        Ok(vec![])
+    }
+
+    /// Whether the sensor has carried out other commands than those that were made here. It may be behind by the one that
+    /// is under way; one that has carried out none at all has lost its memory, and learns from the next command.
+    fn counts_otherwise(&self, camera: &CameraPose) -> bool {
+        let under_way = matches!(&self.awaited, Awaited::Map(command) if command.id == self.commands);
+        let behind = camera.command < self.commands && camera.command > 0 && !self.inherited;
+        let expected = under_way && camera.command + 1 == self.commands;
+        camera.command > self.commands || (behind && !expected)
+    }
+
+    /// Takes the sensor's word for where the camera is and after how many commands. The leg ends there, and what was asked
+    /// is asked anew from there.
+    fn go_on_from(&mut self, camera: &CameraPose) -> Vec<Output> {
+        (self.pose, self.commands) = match &self.awaited {
+            // Its last word before the command that is under way.
+            Awaited::Map(command) if command.id == camera.command + 1 => (command.pose, command.id),
+            _ => (camera.pose, camera.command),
+        };
+        self.carried_out = camera.command;
+        if let Some(Underway { leg, .. }) = &mut self.underway {
+            // Of the step that it did not take, once.
+            self.path_length_m -= std::mem::take(&mut leg.step_m);
+            leg.blocked = true;
+        }
+        match &self.awaited {
+            Awaited::Plan(request) => self.ask_anew(request.clone()),
+            // The scan from there came before the sensor's word of it.
+            Awaited::Map(_) if self.replica.scan() >= self.commands => self.scanned(),
+            _ => vec![],
+        }
+    }
+
+    /// The request that was made from a wrong place, from the right one; a successor says it when it resumes.
+    fn ask_anew(&mut self, asked: PlanRequest) -> Vec<Output> {
+        self.requests += 1;
+        let revision = asked.revision.max(self.replica.grid().revision());
+        let request = PlanRequest { id: self.requests, pose: self.pose, revision, ..asked };
+        self.awaited = Awaited::Plan(request.clone());
+        if self.inherited { vec![] } else { vec![Output::Request(request)] }
     }
 
     /// Whether the run has hardly begun, and from another command than the sensor's last: of the two the sensor knows.
@@ -220,8 +264,13 @@ impl Follower {
         if !matches!(self.awaited, Awaited::Map(_)) || update.scan < self.commands {
             return Ok(vec![]);
         }
+        Ok(self.scanned())
+    }
+
+    /// The scan that was waited for is in the map.
+    fn scanned(&mut self) -> Vec<Output> {
         self.record.add(self.replica.grid().free() as u64, self.path_length_m);
-        Ok(vec![Output::Progress(self.progress(update.scan, false)), self.go_on()])
+        vec![Output::Progress(self.progress(self.replica.scan(), false)), self.go_on()]
     }
 
     /// The explorer's answer.
@@ -297,6 +346,7 @@ impl Follower {
 
     fn command(&mut self, pose: Pose, via: Vec<Point3<f64>>) -> Output {
         self.commands += 1;
+        self.made = self.commands;
         self.pose = pose;
         let command = PoseCommand { id: self.commands, via, pose };
         self.awaited = Awaited::Map(command.clone());

@@ -1,7 +1,7 @@
 //! The simulator as an app: pose commands in, poses and scans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
+use elk_bus::{App, AppError, Comms, DecodeError, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::checks::MAX_POINTS;
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
@@ -107,7 +107,8 @@ pub struct SimulatorApp {
     /// CPU spent on scans so far (s).
     cpu_secs: f64,
     recall: Recall,
-    past: Past,
+    /// Until it has begun.
+    past: Option<Past>,
     /// What it knows of commands is a predecessor's word, which perhaps missed some.
     inherited: bool,
     /// The last judgement of a map.
@@ -126,6 +127,17 @@ struct Past {
     scan: u64,
 }
 
+impl Past {
+    fn take_note(&mut self, mail: &Mail<'_>, scan: &Key<Scan<'static>>) -> Result<(), DecodeError> {
+        if mail.is(&SENSOR_REPORT) {
+            self.report = Some(mail.decode(&SENSOR_REPORT)?);
+        } else if mail.is(scan) {
+            self.scan = mail.decode(scan)?.id;
+        }
+        Ok(())
+    }
+}
+
 fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
     let pixels = params.integer("Width") * params.integer("Height");
     if pixels > MAX_POINTS as i64 {
@@ -141,7 +153,7 @@ fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
         camera_pose: camera_pose(params.text("MOOSPoseVarName")),
         cpu_secs: 0.0,
         recall: Recall::default(),
-        past: Past::default(),
+        past: Some(Past::default()),
         inherited: false,
         judged: None,
     }))
@@ -186,19 +198,19 @@ impl App for SimulatorApp {
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         if self.recall.ends_with(comms, mail)? {
             self.begin(comms)?;
+            // What others say of it; its own word is out by now.
+            comms.register(&self.camera_pose)?;
         }
         if mail.is(&POSE_COMMAND) {
             self.on_command(comms, &mail.decode(&POSE_COMMAND)?)?;
         } else if mail.is(&MAP) {
             self.on_map(comms, &mail.decode(&MAP)?)?;
-        } else if mail.is(&self.camera_pose) {
-            self.past.pose = Some(mail.decode(&self.camera_pose)?);
-        } else if mail.is(&SENSOR_REPORT) {
-            self.past.report = Some(mail.decode(&SENSOR_REPORT)?);
-        } else if mail.is(&self.scan) {
-            self.past.scan = mail.decode(&self.scan)?.id;
         } else if mail.is(&ACCURACY_REPORT) {
             self.judged = Some(mail.decode(&ACCURACY_REPORT)?);
+        } else if mail.is(&self.camera_pose) {
+            self.on_camera_pose(comms, mail)?;
+        } else if let Some(past) = &mut self.past {
+            past.take_note(mail, &self.scan)?;
         }
         Ok(())
     }
@@ -208,7 +220,7 @@ impl SimulatorApp {
     /// Says where the camera is, or goes on where a predecessor stopped: takes the scan again that it did not come to
     /// publish.
     fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        let Past { pose, report, scan } = std::mem::take(&mut self.past);
+        let Past { pose, report, scan } = self.past.take().unwrap_or_default();
         // Scans and commands go together: what is far from all else that was left is not of this run.
         let others = report.as_ref().map_or(scan, |report| report.scans.max(scan));
         let Some(pose) = pose.filter(|pose| pose.command <= others + LEAP) else {
@@ -291,9 +303,36 @@ impl SimulatorApp {
         }
     }
 
+    fn place(&self) -> CameraPose {
+        CameraPose { command: self.simulator.command(), pose: self.simulator.pose() }
+    }
+
     fn publish_pose(&self, comms: &mut Comms) -> Result<(), AppError> {
-        let pose = CameraPose { command: self.simulator.command(), pose: self.simulator.pose() };
-        Ok(comms.publish(&self.camera_pose, &pose)?)
+        Ok(comms.publish(&self.camera_pose, &self.place())?)
+    }
+
+    /// Where a predecessor was; later where somebody else says that the camera is: nobody but the sensor knows, and it has
+    /// the last word.
+    fn on_camera_pose(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+        let said = mail.decode(&self.camera_pose);
+        if let Some(past) = &mut self.past {
+            past.pose = Some(said?);
+            return Ok(());
+        }
+        let place = self.place();
+        if mail.source() == comms.name() || said.as_ref().is_ok_and(|said| *said == place) {
+            return Ok(());
+        }
+        self.publish_pose(comms)?;
+        let said = said?;
+        let which = if said.command == place.command { "pose" } else { "command" };
+        Err(Rejection::new(format_args!(
+            "{which} is not the camera's, as {} knows, whose variable this is: its last command is {}, not {}",
+            comms.name(),
+            place.command,
+            said.command
+        ))
+        .into())
     }
 
     fn report(&self) -> SensorReport {
@@ -350,7 +389,7 @@ mod tests {
             camera_pose: camera_pose("SIM_SENSOR"),
             cpu_secs: 0.0,
             recall: Recall::default(),
-            past: Past::default(),
+            past: Some(Past::default()),
             inherited: false,
             judged: None,
         }
@@ -366,6 +405,23 @@ mod tests {
         let (comms, inbox) = (&mut client.comms, &mut client.inbox);
         while inbox.receive(comms, Duration::ZERO, |comms, mail| app.on_new_mail(comms, mail)).unwrap() > 0 {}
         comms.flush().unwrap();
+    }
+
+    /// As [`serve`], until nothing comes any more; the number of rejections.
+    fn rejections(app: &mut SimulatorApp, client: &mut Client) -> usize {
+        let (comms, inbox) = (&mut client.comms, &mut client.inbox);
+        let mut count = 0;
+        let mut give = |comms: &mut Comms, mail: &Mail<'_>| match app.on_new_mail(comms, mail) {
+            Err(failure) if failure.is::<Rejection>() => {
+                count += 1;
+                Ok::<(), AppError>(())
+            }
+            done => done,
+        };
+        while inbox.receive(comms, Duration::ZERO, &mut give).unwrap() > 0 {
+            comms.flush().unwrap();
+        }
+        count
     }
 
     /// What the probe has been sent, as key and the command, scan or revision that it carries.
@@ -487,19 +543,58 @@ mod tests {
         assert!(app.on_command(&mut sensor.comms, &command(6)).is_err());
     }
 
+    /// Regression: nobody contradicted a pose that somebody made up, and the controller stood there for ever.
+    #[test]
+    fn a_pose_that_is_not_the_sensors_own_is_answered_by_the_true_one() {
+        let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
+        let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
+        let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
+        let memory = CameraPose { command: 3, pose };
+        probe.comms.publish(&app.camera_pose, &memory).unwrap();
+        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.flush().unwrap();
+        app.on_start_up(&mut sensor.comms).unwrap();
+        assert_eq!(rejections(&mut app, &mut sensor), 0, "what was left is memory");
+        assert_eq!((app.place(), heard(&mut probe)), (memory.clone(), vec![]));
+        let elsewhere = Pose::from_yaw_pitch(Point3::new(0.6, 0.2, 0.8), 1.0, 0.0);
+        let lies = [CameraPose { command: 3, pose: elsewhere }, CameraPose { command: 4, pose }];
+        for (said, rejected) in [(&memory, 0), (&lies[0], 1), (&lies[1], 1)] {
+            probe.comms.publish(&app.camera_pose, said).unwrap();
+            probe.comms.flush().unwrap();
+            assert_eq!(rejections(&mut app, &mut sensor), rejected);
+            assert_eq!(heard(&mut probe), vec![("SIM_SENSOR".to_owned(), 3); rejected]);
+        }
+    }
+
+    #[test]
+    fn whoever_counts_fewer_commands_is_told_how_many_there_were() {
+        let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
+        let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
+        let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
+        let command = |id| PoseCommand { id, via: Vec::new(), pose };
+        app.on_command(&mut sensor.comms, &command(1)).unwrap();
+        app.on_command(&mut sensor.comms, &command(2)).unwrap();
+        sensor.comms.flush().unwrap();
+        probe.comms.register_wildcard("SIM_SENSOR", "Simulator", 0.0).unwrap();
+        probe.comms.flush().unwrap();
+        assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 2)]);
+        app.on_command(&mut sensor.comms, &command(1)).unwrap();
+        sensor.comms.flush().unwrap();
+        assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 2)]);
+    }
+
     /// A report that speaks of far more scans than there were commands is of another run, or made up.
     #[test]
     fn a_report_that_the_pose_contradicts_is_not_believed() {
         let (mut app, broker) = (self::app(), MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0)));
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
-        app.past.pose = Some(CameraPose { command: 5, pose });
-        app.past.scan = 5;
-        app.past.report = Some(SensorReport { scans: 1 << 47, contacts: 9, scan: 1 << 47, cpu_secs: 0.0 });
+        let report = Some(SensorReport { scans: 1 << 47, contacts: 9, scan: 1 << 47, cpu_secs: 0.0 });
+        app.past = Some(Past { pose: Some(CameraPose { command: 5, pose }), report, scan: 5 });
         app.begin(&mut join(&broker, "Simulator").comms).unwrap();
         assert_eq!((app.simulator.scans(), app.simulator.contacts()), (5, 0));
         // Nor is a pose after commands of which nobody has seen a scan.
         let mut app = self::app();
-        app.past.pose = Some(CameraPose { command: 1 << 47, pose });
+        app.past = Some(Past { pose: Some(CameraPose { command: 1 << 47, pose }), ..Past::default() });
         app.begin(&mut join(&broker, "Another").comms).unwrap();
         assert_eq!((app.simulator.command(), app.simulator.scans()), (0, 0));
     }

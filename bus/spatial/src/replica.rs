@@ -1,6 +1,6 @@
 //! A reader's copy of the map, kept up to date with what the map publishes.
 
-use crate::map::{Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError};
+use crate::map::{BrickStates, Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError};
 
 /// What came of an update.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,6 +47,8 @@ pub struct Replica {
     doubtful: bool,
     /// The last scan in it.
     scan: u64,
+    /// What the last update continued; 0: it was the whole map.
+    since: u64,
 }
 
 impl Replica {
@@ -54,12 +56,17 @@ impl Replica {
     /// voxels the map has.
     pub fn new(resolution: Option<f64>, max_bricks: usize) -> Self {
         let grid = OccupancyGrid::new(resolution.unwrap_or(1.0));
-        Self { grid, given: resolution, max_bricks, asked: false, doubtful: false, scan: 0 }
+        Self { grid, given: resolution, max_bricks, asked: false, doubtful: false, scan: 0, since: 0 }
     }
 
     /// The map as far as it is known.
     pub fn grid(&self) -> &OccupancyGrid {
         &self.grid
+    }
+
+    /// The last scan in it.
+    pub fn scan(&self) -> u64 {
+        self.scan
     }
 
     /// Whether what is known was contradicted, and the whole map has not come yet that decides.
@@ -102,9 +109,10 @@ impl Replica {
             true if update.revision > have + LEAP => {
                 Err(self.doubt(UpdateError::Ahead { have, update: update.revision }))
             }
+            // The update that was taken, or the map that it led to.
+            _ if update.revision == have && self.agrees_with(update) => Ok(Arrival::Old),
             // Said before what is known, and given late; or what is known is not the map.
-            _ if update.revision < have => Ok(if self.doubt_own() { Arrival::Gap } else { Arrival::Old }),
-            _ if update.revision == have => Ok(Arrival::Old),
+            _ if update.revision <= have => Ok(if self.doubt_own() { Arrival::Gap } else { Arrival::Old }),
             true => self.believe(update),
             false if update.since == have => self.believe(update),
             // Once asked, the answer is on its way.
@@ -121,11 +129,21 @@ impl Replica {
             self.grid = OccupancyGrid::new(update.resolution);
         }
         let changes = self.grid.apply(update)?;
-        self.scan = update.scan;
+        (self.scan, self.since) = (update.scan, update.since);
         if update.since == 0 {
             (self.asked, self.doubtful) = (false, false);
         }
         Ok(Arrival::Applied(changes))
+    }
+
+    /// Whether an update of the revision that is known says what is known; the whole map leads where the update before led.
+    fn agrees_with(&self, update: &MapUpdate) -> bool {
+        let same_step = update.since == self.since || update.since == 0 || self.since == 0;
+        let known = |packed: &BrickStates| {
+            let cells = self.grid.bricks().brick(packed.position());
+            cells.is_some_and(|cells| BrickStates::pack(packed.position(), cells) == *packed)
+        };
+        same_step && update.scan == self.scan && update.bricks.iter().all(known)
     }
 
     fn doubt(&mut self, why: UpdateError) -> Misfit {
@@ -232,6 +250,38 @@ mod tests {
                 assert_eq!(Some(known), whole, "{lie:?} before: {before}");
                 assert!(!replica.is_doubtful());
             }
+        }
+    }
+
+    /// Regression: a liar's next revision was taken, the map's own one was old for ever.
+    #[test]
+    fn another_update_of_the_revision_that_is_known_is_asked_about() {
+        let (mut map, voxels) =
+            (OccupancyGrid::new(0.2), [Voxel::new(0, 0, 0), Voxel::new(9, 0, 0), Voxel::new(0, 9, 0)]);
+        let mut publish = |voxel: Voxel, scan| {
+            map.set(voxel, State::Free);
+            (map.advance(&[voxel], scan), map.whole(scan))
+        };
+        let first = publish(voxels[0], 1).0;
+        let (second, whole) = publish(voxels[1], 2);
+        let third = publish(voxels[2], 3).0;
+        let lies = [
+            MapUpdate { scan: 1, ..second.clone() },
+            MapUpdate { scan: 1, ..whole.clone() },
+            MapUpdate { bricks: first.bricks.clone(), ..second.clone() },
+        ];
+        for lie in lies {
+            let mut replica = Replica::new(None, 9);
+            [&first, &lie].into_iter().for_each(|update| drop(replica.take(update).unwrap()));
+            assert_eq!(replica.take(&lie), Ok(Arrival::Old), "the same again");
+            assert_eq!(replica.take(&second), Ok(Arrival::Gap));
+            assert_eq!(replica.take(&second), Ok(Arrival::Old), "asked once");
+            assert!(replica.is_doubtful() && matches!(replica.take(&whole), Ok(Arrival::Applied(_))));
+            assert_eq!((replica.copy_of(2.0), replica.scan()), (Some(whole.clone()), 2));
+            for old in [&second, &whole] {
+                assert_eq!(replica.take(old), Ok(Arrival::Old));
+            }
+            assert_eq!(applied(replica.take(&third)), 1);
         }
     }
 

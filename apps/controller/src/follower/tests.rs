@@ -266,7 +266,7 @@ fn a_map_that_is_ahead_of_all_scans_is_refused() {
 fn a_sensor_that_did_what_nobody_commanded_is_not_believed() {
     let (mut bench, first) = Bench::new();
     let camera = |command| CameraPose { command, pose: Pose::looking(at(0.2), Vector3::x()) };
-    assert_eq!(bench.follower.on_camera_pose(&camera(9)), Err(Unfit::Command(9, 1)));
+    assert_eq!(bench.follower.on_camera_pose(&camera(18)), Err(Unfit::Command(18, 1)));
     let asked = bench.follow(&plan(&first, true));
     assert_eq!(asked.outcome, Outcome::Unresolved);
     // What stands in the way is said again and again: the way is taken back once.
@@ -274,6 +274,75 @@ fn a_sensor_that_did_what_nobody_commanded_is_not_believed() {
     let length = bench.follower.memory(0, 0).path_length_m;
     (0..9).for_each(|_| drop(bench.follower.on_camera_pose(&camera(command)).unwrap()));
     assert!(bench.follower.memory(0, 0).path_length_m >= length - 0.4 - 1e-9);
+}
+
+/// Regression: the plan for a place where the robot was not was followed, and refused by the sensor.
+#[test]
+fn a_request_from_a_wrong_place_is_made_anew_from_the_right_one() {
+    let (mut bench, first) = Bench::new();
+    let mut outputs = vec![];
+    for (id, pose) in [(2, Pose::looking(at(0.9), Vector3::y())), (3, first.pose)] {
+        outputs = bench.follower.on_camera_pose(&CameraPose { command: 1, pose }).unwrap();
+        assert_eq!(outputs, [Output::Request(PlanRequest { id, pose, ..first.clone() })]);
+    }
+    assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty(), "it is not the last request's");
+    assert_eq!(bench.follow(&plan(&request(&outputs), true)).outcome, Outcome::Unresolved);
+    // A successor says what its predecessor would have said, once.
+    let (mut bench, first) = Bench::new();
+    bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
+    let pose = Pose::looking(at(0.9), Vector3::y());
+    assert!(bench.follower.on_camera_pose(&CameraPose { command: 1, pose }).unwrap().is_empty());
+    assert_eq!(bench.follower.resume(), [Output::Request(PlanRequest { id: 2, pose, ..first })]);
+}
+
+/// Regression: it refused the sensor's word for ever, and the sensor its commands.
+#[test]
+fn after_somebody_elses_commands_it_goes_on_from_where_the_sensor_is() {
+    let elsewhere = Pose::looking(at(0.9), Vector3::y());
+    let (mut bench, first) = Bench::new();
+    bench.follower.on_plan(&plan(&first, true)).unwrap();
+    let foreign = CameraPose { command: 4, pose: elsewhere };
+    assert!(bench.follower.on_camera_pose(&foreign).unwrap().is_empty());
+    assert!(bench.scan(2, vec![]).is_empty() && bench.scan(3, vec![]).is_empty());
+    let asked = request(&bench.scan(4, vec![]));
+    assert_eq!((asked.outcome, asked.pose), (Outcome::Cut, elsewhere));
+    let next = bench.follower.on_plan(&plan(&asked, true)).unwrap();
+    assert!(matches!(&next[..], [Output::Command(command)] if command.id == 5), "{next:?}");
+    // While it waits for a plan it asks for another one at once.
+    let (mut bench, _) = Bench::new();
+    let asked = request(&bench.follower.on_camera_pose(&CameraPose { command: 2, pose: elsewhere }).unwrap());
+    assert_eq!((asked.id, asked.pose, bench.follower.commands()), (2, elsewhere, 2));
+}
+
+/// Whatever somebody made up, before or after the command is carried out and its scan is in the map.
+#[test]
+fn a_count_that_was_made_up_is_taken_back_when_the_sensor_says_the_true_one() {
+    let elsewhere = Pose::looking(at(0.9), Vector3::y());
+    for made_up in [1, 2, 3, 18] {
+        for (carried_out, scanned) in [(false, false), (true, false), (true, true)] {
+            let (mut bench, first) = Bench::new();
+            let outputs = bench.follower.on_plan(&plan(&first, true)).unwrap();
+            let [Output::Command(command)] = &outputs[..] else { panic!("{outputs:?}") };
+            let done = CameraPose { command: 2, pose: command.pose };
+            let truth = if carried_out { done.clone() } else { CameraPose { command: 1, pose: first.pose } };
+            let mut said = bench.follower.on_camera_pose(&CameraPose { command: made_up, pose: elsewhere }).unwrap();
+            if scanned {
+                said.extend(bench.scan(2, vec![]));
+            }
+            said.extend(bench.follower.on_camera_pose(&truth).unwrap());
+            if !scanned {
+                said.extend(bench.follower.on_camera_pose(&done).unwrap());
+                said.extend(bench.scan(2, vec![]));
+            }
+            let why = format!("{made_up} {carried_out} {scanned}: {said:?}");
+            assert_eq!(bench.follower.commands(), if said.iter().any(is_third) { 3 } else { 2 }, "{why}");
+            assert!(said.iter().any(is_third) || request(&said).pose == done.pose, "{why}");
+        }
+    }
+}
+
+fn is_third(output: &Output) -> bool {
+    matches!(output, Output::Command(command) if command.id == 3)
 }
 
 /// A memory that the sensor contradicts by far is of another run, or made up.
