@@ -244,8 +244,8 @@ fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
             assert!(said.contains(&format!("{key} by hostile: ")), "{said}");
         }
         for said in of_key {
-            let names_field =
-                said.contains("; it has to be ") || said.contains("the bytes are no ") || said.contains(" is ");
+            let reasons = ["; it has to be ", "the bytes are no ", " is ", " has ", " have ", " carries "];
+            let names_field = reasons.iter().any(|reason| said.contains(reason));
             // What a lie has made an app say may be rejected as well.
             let writer =
                 said.contains(" by hostile: ") || APPS.iter().any(|app| said.contains(&format!(" by {app}: ")));
