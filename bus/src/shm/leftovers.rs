@@ -3,6 +3,7 @@
 
 use std::ffi::OsString;
 use std::fs::{Permissions, set_permissions};
+use std::io::ErrorKind;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
 
@@ -22,13 +23,18 @@ pub fn sweep() {
     };
     let names = home.names().unwrap_or_default();
     let communities = names.into_iter().filter_map(|name| Community::new(name.into_string().ok()?).ok());
-    for community in communities.filter(|community| handshake::dial(community).is_err()) {
+    for community in communities.filter(nobody_listens) {
         if let Ok(place) = Place::open_in(&home, &community)
             && !anyone_lives(&place)
         {
             remove(&place);
         }
     }
+}
+
+/// Whether nobody has the community's name. Whoever has it need not take anybody in.
+fn nobody_listens(community: &Community) -> bool {
+    handshake::knock(community).is_err_and(|error| error.kind() == ErrorKind::ConnectionRefused)
 }
 
 fn anyone_lives(place: &Place) -> bool {

@@ -6,6 +6,7 @@ mod admission;
 mod lobby;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::io::ErrorKind;
 use std::os::unix::net::UnixStream;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -585,9 +586,12 @@ impl Held {
 }
 
 fn taken(community: &Community, source: std::io::Error) -> ServeError {
-    let other = handshake::dial(community).and_then(|stream| handshake::peer(&stream));
+    let other = handshake::knock(community).and_then(|stream| handshake::peer(&stream));
     match other {
         Ok((process, user)) => ServeError::Taken { community: community.clone(), process, user },
+        Err(full) if full.kind() == ErrorKind::WouldBlock => {
+            ServeError::Io { community: community.clone(), source: full }
+        }
         Err(_) => ServeError::Io { community: community.clone(), source },
     }
 }
