@@ -69,6 +69,11 @@ pub fn knock(community: &Community) -> std::io::Result<UnixStream> {
     door::knock(&name(community))
 }
 
+/// Whether nobody has the community's name. Whoever has it need not take anybody in.
+pub fn nobody_listens(community: &Community) -> bool {
+    knock(community).is_err_and(|error| error.kind() == std::io::ErrorKind::ConnectionRefused)
+}
+
 /// Connects to the community's broker, and waits for a while if too many others do.
 pub fn dial(community: &Community) -> std::io::Result<UnixStream> {
     let stream = door::wait_at(&name(community), PATIENCE)?;
