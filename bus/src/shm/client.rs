@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::ops::Deref;
 use std::os::unix::net::UnixStream;
 use std::rc::Rc;
@@ -89,7 +90,10 @@ pub enum ConnectError {
 pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, ConnectError> {
     limits::raise_descriptors();
     let broken = |source| ConnectError::Handshake { community: community.clone(), source };
-    let stream = handshake::dial(community).map_err(|_| ConnectError::NoBroker(community.clone()))?;
+    let stream = handshake::dial(community).map_err(|error| match error.kind() {
+        ErrorKind::WouldBlock => broken(error),
+        _ => ConnectError::NoBroker(community.clone()),
+    })?;
     let (_, user) = handshake::peer(&stream).map_err(broken)?;
     if user != handshake::own_user() {
         return Err(ConnectError::ForeignUser { community: community.clone(), user });
@@ -160,8 +164,13 @@ impl Rejoin for ShmBack {
         loop {
             match connect(community, &who) {
                 Ok(link) => return Ok(link),
-                Err(ConnectError::NoBroker(_) | ConnectError::Handshake { .. } | ConnectError::Link(_))
-                    if waited.elapsed() < REJOIN_PATIENCE => {}
+                // Another user can have the name only for as long as no broker has it.
+                Err(
+                    ConnectError::NoBroker(_)
+                    | ConnectError::ForeignUser { .. }
+                    | ConnectError::Handshake { .. }
+                    | ConnectError::Link(_),
+                ) if waited.elapsed() < REJOIN_PATIENCE => {}
                 Err(error) => {
                     tell(format_args!("{name}: the broker died, and there is no way back: {error}"));
                     return Err(LinkError::BrokerGone(community.to_string()));

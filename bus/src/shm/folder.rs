@@ -9,7 +9,8 @@ use std::os::fd::{AsRawFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{
-    AtFlags, CWD, FileType, Mode, OFlags, Stat, fchmod, fstat, mkdirat, openat, renameat, statat, unlinkat,
+    AtFlags, CWD, FileType, FlockOperation, Mode, OFlags, Stat, fchmod, flock, fstat, mkdirat, openat, renameat,
+    statat, unlinkat,
 };
 
 use super::handshake::own_user;
@@ -39,6 +40,15 @@ pub enum FolderError {
          another --community", .folder.display()
     )]
     Unmarked {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// Somebody has it, or clears it away.
+    #[error(
+        "the folder {} is in use by another broker, perhaps one in another container or network namespace that shares it: \
+         stop that one, or choose another --community", .folder.display()
+    )]
+    Held {
         /// The folder.
         folder: PathBuf,
     },
@@ -191,8 +201,33 @@ impl Folder {
         let fresh = format!("{name}.new");
         let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let file = openat(&self.descriptor, &fresh, flags, Mode::RUSR | Mode::WUSR)?;
-        File::from(file).write_all(bytes)?;
-        Ok(renameat(&self.descriptor, &fresh, &self.descriptor, name)?)
+        let written = File::from(file)
+            .write_all(bytes)
+            .and_then(|()| Ok(renameat(&self.descriptor, &fresh, &self.descriptor, name)?));
+        if written.is_err() {
+            // What is half written is of no use to anybody.
+            let _ = unlinkat(&self.descriptor, &fresh, AtFlags::empty());
+        }
+        written
+    }
+
+    /// Locks a file in it, made if it is not there, until the file is closed; `None` if somebody else has locked it.
+    ///
+    /// # Errors
+    /// The system's; that it is not found means that it was removed in the same moment.
+    pub fn lock(&self, name: &str) -> std::io::Result<Option<File>> {
+        let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let file = openat(&self.descriptor, name, flags, Mode::RUSR | Mode::WUSR)?;
+        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Err(rustix::io::Errno::AGAIN) => return Ok(None),
+            locked => locked?,
+        }
+        // A lock on a file that has been removed meanwhile keeps nobody out.
+        let (locked, found) = (fstat(&file)?, statat(&self.descriptor, name, AtFlags::SYMLINK_NOFOLLOW)?);
+        match (locked.st_dev, locked.st_ino) == (found.st_dev, found.st_ino) {
+            true => Ok(Some(file.into())),
+            false => Err(ErrorKind::NotFound.into()),
+        }
     }
 
     /// Removes a folder in it with everything that is in there; of links only the link.
@@ -344,6 +379,16 @@ mod tests {
         symlink(&elsewhere, home.path().join("child")).unwrap();
         assert_eq!(fault(home.child("child")), Fault::Link);
         assert_eq!(std::fs::read_to_string(elsewhere.join("file")).unwrap(), "mine");
+    }
+
+    #[test]
+    fn what_could_not_be_written_is_not_left_there() {
+        let shared = tempfile::tempdir().unwrap();
+        let home = Folder::make(&shared.path().join("home")).unwrap();
+        // A file cannot take a folder's place.
+        home.make_child("places").unwrap();
+        assert!(home.write("places", b"new").is_err());
+        assert_eq!(home.names().unwrap(), ["places"]);
     }
 
     #[test]

@@ -14,6 +14,7 @@ use rustix::net::{
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
+use super::door;
 use crate::clock::Dial;
 use crate::codec;
 use crate::community::Community;
@@ -53,19 +54,29 @@ pub enum Answer {
     },
 }
 
-/// The address that the broker of a community listens on.
-fn address(community: &Community) -> std::io::Result<SocketAddr> {
-    SocketAddr::from_abstract_name(format!("elk/{community}"))
+/// The name of the abstract socket that the broker of a community listens on.
+fn name(community: &Community) -> String {
+    format!("elk/{community}")
 }
 
 /// Takes the community's name, if nobody has it.
 pub fn listen(community: &Community) -> std::io::Result<UnixListener> {
-    UnixListener::bind_addr(&address(community)?)
+    UnixListener::bind_addr(&SocketAddr::from_abstract_name(name(community))?)
 }
 
-/// Connects to the community's broker.
+/// Connects to the community's broker, if it takes one more at once.
+pub fn knock(community: &Community) -> std::io::Result<UnixStream> {
+    door::knock(&name(community))
+}
+
+/// Whether nobody has the community's name. Whoever has it need not take anybody in.
+pub fn nobody_listens(community: &Community) -> bool {
+    knock(community).is_err_and(|error| error.kind() == std::io::ErrorKind::ConnectionRefused)
+}
+
+/// Connects to the community's broker, and waits for a while if too many others do.
 pub fn dial(community: &Community) -> std::io::Result<UnixStream> {
-    let stream = UnixStream::connect_addr(&address(community)?)?;
+    let stream = door::wait_at(&name(community), PATIENCE)?;
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     Ok(stream)

@@ -10,20 +10,20 @@ use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::CallbackProgression;
 
 use super::folder::Folder;
-use super::place::{Place, SHARED_MEMORY, home, prefix};
+use super::place::{HeldPlace, Place, SHARED_MEMORY, home, prefix};
 use super::{handshake, lane};
 use crate::community::Community;
 
 /// Clears away what dead communities of this user left. A community is dead when nobody listens in its name and none
-/// of its processes lives.
+/// of its processes lives; nor, where others share the folder but not the network, anybody holds its place.
 pub fn sweep() {
     let Ok(home) = Folder::open(&home()) else {
         return;
     };
     let names = home.names().unwrap_or_default();
     let communities = names.into_iter().filter_map(|name| Community::new(name.into_string().ok()?).ok());
-    for community in communities.filter(|community| handshake::dial(community).is_err()) {
-        if let Ok(place) = Place::open_in(&home, &community)
+    for community in communities.filter(handshake::nobody_listens) {
+        if let Ok(place) = Place::open_in(&home, &community).and_then(Place::hold)
             && !anyone_lives(&place)
         {
             remove(&place);
@@ -43,8 +43,8 @@ fn anyone_lives(place: &Place) -> bool {
     alive || listed.is_err()
 }
 
-/// Removes all files of a community, whose name the caller holds or nobody does.
-pub fn remove(place: &Place) {
+/// Removes all files of a community.
+pub fn remove(place: &HeldPlace) {
     for name in shared_memory_of(place.community()) {
         // What cannot be removed is left to the next one who comes by.
         let _ = std::fs::remove_file(Path::new(SHARED_MEMORY).join(name));

@@ -10,6 +10,8 @@
 
 mod bulk;
 mod client;
+#[doc(hidden)]
+pub mod door;
 mod folder;
 mod full;
 #[doc(hidden)]

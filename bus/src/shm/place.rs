@@ -1,5 +1,8 @@
 //! Where a community's shared memory lies, and what to say when there is trouble with it.
 
+use std::fs::File;
+use std::io::Write;
+use std::ops::Deref;
 use std::path::{Path as FilePath, PathBuf};
 
 use iceoryx2::config::Config;
@@ -19,6 +22,8 @@ const LONGEST_PATH: usize = 255;
 const LONGEST_ENDING: usize = 100;
 /// A file that says of a folder that elk made it, for a community. Nothing is removed from a folder without it.
 const MARK: &str = "made-by-elk";
+/// What the mark was called while earlier versions wrote it.
+const HALF_MARK: &str = "made-by-elk.new";
 /// How often a folder is made anew that the last community to leave has removed in the same moment.
 const TRIES: u32 = 5;
 /// What the name of iceoryx2's counter of nodes ends with: it is made for everybody to write to, in a folder that nobody
@@ -40,13 +45,40 @@ pub struct Place {
     folder: Folder,
 }
 
+/// A place that this process alone may clear away: it has locked the mark. Whoever shares the folder but not the network
+/// namespace, and so not the sockets' names, is kept out by that. The kernel frees the lock with its process.
+#[derive(Debug)]
+pub struct HeldPlace {
+    place: Place,
+    lock: File,
+}
+
+impl HeldPlace {
+    /// Sees that the folder is marked. Whoever holds the mark writes it, in place: another file in its place would be
+    /// anybody's to lock.
+    fn mark(&self) -> std::io::Result<()> {
+        if is_marked(&self.folder, &self.community) {
+            return Ok(());
+        }
+        self.lock.set_len(0)?;
+        (&self.lock).write_all(self.community.as_str().as_bytes())
+    }
+}
+
+impl Deref for HeldPlace {
+    type Target = Place;
+    fn deref(&self) -> &Place {
+        &self.place
+    }
+}
+
 impl Place {
-    /// Makes the folder of a community whose name the caller holds, or takes the one that the last broker left.
-    pub fn make(community: &Community) -> Result<Self, FolderError> {
+    /// Makes the folder of a community, or takes the one that the last broker left, and holds it.
+    pub fn make(community: &Community) -> Result<HeldPlace, FolderError> {
         let mut tries = 0;
         loop {
             tries += 1;
-            match Self::try_to_make(community) {
+            match Self::try_to_make(&home(), community) {
                 Err(FolderError::Io { source, .. })
                     if source.kind() == std::io::ErrorKind::NotFound && tries < TRIES => {}
                 made => return made,
@@ -54,20 +86,28 @@ impl Place {
         }
     }
 
-    fn try_to_make(community: &Community) -> Result<Self, FolderError> {
-        let path = home().join(community.as_str());
+    fn try_to_make(home: &FilePath, community: &Community) -> Result<HeldPlace, FolderError> {
+        let path = home.join(community.as_str());
         if !can_be_named(&path, community) {
             return Err(FolderError::Unspeakable { folder: path });
         }
-        let folder = Folder::make(&home())?.make_child(community.as_str())?;
+        let folder = Folder::make(home)?.make_child(community.as_str())?;
         let failed = |source| FolderError::Io { folder: path.clone(), source };
-        let names = folder.names().map_err(failed)?;
-        if names.is_empty() {
-            folder.write(MARK, community.as_str().as_bytes()).map_err(failed)?;
-        } else if !is_marked(&folder, community) {
+        if !is_marked(&folder, community) && !holds_nothing(&folder, community).map_err(failed)? {
             return Err(FolderError::Unmarked { folder: path });
         }
-        Ok(Self { community: community.clone(), folder })
+        let place = Self { community: community.clone(), folder }.hold()?;
+        place.mark().map_err(failed)?;
+        Ok(place)
+    }
+
+    /// Holds it, if nobody does.
+    pub fn hold(self) -> Result<HeldPlace, FolderError> {
+        let folder = || self.folder.path().to_owned();
+        match self.folder.lock(MARK).map_err(|source| FolderError::Io { folder: folder(), source })? {
+            Some(lock) => Ok(HeldPlace { place: self, lock }),
+            None => Err(FolderError::Held { folder: folder() }),
+        }
     }
 
     /// The folder that a community's broker says it has, looked at in the same way.
@@ -127,6 +167,18 @@ impl Place {
 
 fn is_marked(folder: &Folder, community: &Community) -> bool {
     folder.read(MARK).is_ok_and(|marked| marked == community.as_str().as_bytes())
+}
+
+/// Whether there is nothing in a folder, or only a mark that was not written to its end.
+fn holds_nothing(folder: &Folder, community: &Community) -> std::io::Result<bool> {
+    let names = folder.names()?;
+    let ours = |name: &std::ffi::OsString| {
+        name.to_str().is_some_and(|name| {
+            [MARK, HALF_MARK].contains(&name)
+                && folder.read(name).is_ok_and(|written| community.as_str().as_bytes().starts_with(&written))
+        })
+    };
+    Ok(names.iter().all(ours))
 }
 
 /// Whether iceoryx2 can name what it keeps in a community's folder.
@@ -196,6 +248,41 @@ mod tests {
         assert_eq!(Place::open(&community, folder.path()).unwrap().folder().path(), folder.path());
         let other = Community::new("other").unwrap();
         assert!(matches!(Place::open(&other, folder.path()), Err(FolderError::Unspeakable { .. })));
+    }
+
+    #[test]
+    fn a_place_that_somebody_holds_is_neither_taken_nor_cleared_away() {
+        let shared = tempfile::tempdir().unwrap();
+        let (home, community) = (shared.path().join("home"), Community::new("lab").unwrap());
+        let first = Place::try_to_make(&home, &community).unwrap();
+        first.folder().write("places", b"mine").unwrap();
+        let error = Place::try_to_make(&home, &community).unwrap_err();
+        assert!(
+            matches!(error, FolderError::Held { .. }) && error.to_string().contains("another container"),
+            "{error}"
+        );
+        let looked_at = Place::open_in(&Folder::open(&home).unwrap(), &community).unwrap();
+        assert!(matches!(looked_at.hold(), Err(FolderError::Held { .. })));
+        assert_eq!(first.folder().read("places").unwrap(), b"mine");
+        // The next one finds what was left, and takes it.
+        drop(first);
+        assert_eq!(Place::try_to_make(&home, &community).unwrap().folder().read("places").unwrap(), b"mine");
+    }
+
+    #[test]
+    fn a_mark_that_was_not_written_to_its_end_keeps_nobody_out() {
+        let shared = tempfile::tempdir().unwrap();
+        let (home, community) = (shared.path().join("home"), Community::new("lab").unwrap());
+        let folder = Folder::make(&home).unwrap().make_child("lab").unwrap();
+        for (name, written) in [(HALF_MARK, ""), (HALF_MARK, "lab"), (MARK, ""), (MARK, "la")] {
+            std::fs::write(folder.path().join(name), written).unwrap();
+            Place::try_to_make(&home, &community).unwrap();
+            assert_eq!(folder.read(MARK).unwrap(), b"lab", "{name}: {written}");
+            std::fs::remove_file(folder.path().join(MARK)).unwrap();
+        }
+        // Somebody else's file is no mark.
+        std::fs::write(folder.path().join(MARK), "thesis").unwrap();
+        assert!(matches!(Place::try_to_make(&home, &community), Err(FolderError::Unmarked { .. })));
     }
 
     #[test]

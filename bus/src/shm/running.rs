@@ -1,6 +1,7 @@
 //! Which communities run on this machine: the kernel lists the sockets that brokers listen on.
 
 use std::collections::BTreeSet;
+use std::io::ErrorKind;
 
 use super::handshake;
 use crate::community::Community;
@@ -10,9 +11,9 @@ use crate::community::Community;
 pub struct Running {
     /// The community.
     pub community: Community,
-    /// The broker's process.
+    /// The broker's process; 0 if it lets nobody in who could ask.
     pub process: u32,
-    /// The user that the broker runs as.
+    /// The user that the broker runs as; [`u32::MAX`] if it lets nobody in who could ask.
     pub user: u32,
     /// Whether this process runs as the same user, and so can join.
     pub own: bool,
@@ -26,7 +27,13 @@ pub fn running() -> std::io::Result<Vec<Running>> {
 
 /// `None`: the broker has stopped since the kernel listed it.
 fn ask(community: Community) -> Option<Running> {
-    let stream = handshake::dial(&community).ok()?;
+    let stream = match handshake::knock(&community) {
+        Ok(stream) => stream,
+        Err(error) if error.kind() == ErrorKind::WouldBlock => {
+            return Some(Running { community, process: 0, user: u32::MAX, own: false });
+        }
+        Err(_) => return None,
+    };
     let (process, user) = handshake::peer(&stream).ok()?;
     Some(Running { community, process, user, own: user == handshake::own_user() })
 }
@@ -67,5 +74,15 @@ mod tests {
         let found = running().unwrap().into_iter().find(|one| one.community == community);
         let user = handshake::own_user();
         assert_eq!(found, Some(Running { community, process: std::process::id(), user, own: true }));
+    }
+
+    #[test]
+    fn a_community_whose_door_is_full_is_there_and_holds_nobody_up() {
+        let community = Community::new(format!("crowded-{}", std::process::id())).unwrap();
+        let socket = handshake::listen(&community).unwrap();
+        rustix::net::listen(&socket, 0).unwrap();
+        let _queue: Vec<_> = std::iter::from_fn(|| handshake::knock(&community).ok()).collect();
+        let found = running().unwrap().into_iter().find(|one| one.community == community);
+        assert_eq!(found, Some(Running { community, process: 0, user: u32::MAX, own: false }));
     }
 }

@@ -6,6 +6,7 @@ mod admission;
 mod lobby;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::io::ErrorKind;
 use std::os::unix::net::UnixStream;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -22,7 +23,7 @@ use super::folder::FolderError;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
-use super::place::Place;
+use super::place::{HeldPlace, Place};
 use super::{leftovers, places, scarce};
 use crate::broker::{Broker, BrokerConfig, ClientId, Reached};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
@@ -42,6 +43,8 @@ const SPARE_BUFFERS: usize = 16;
 /// Bulk values of a publisher that are kept for those who have not handled them; more are kept for lossless receivers
 /// only, who are never so far behind.
 const UNDER_WAY: usize = 8;
+/// How long somebody who clears away what is left over may have a community's place.
+const MOMENT: Duration = Duration::from_secs(1);
 /// How long clients get to leave when the broker stops.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -93,7 +96,7 @@ enum Event {
 /// The broker of a community, with its transport.
 pub struct Server {
     community: Community,
-    place: Place,
+    place: HeldPlace,
     clock: Clock,
     epoch: u64,
     broker: Broker,
@@ -147,14 +150,13 @@ impl Server {
         let unusable = |source| ServeError::Folder { community: community.clone(), source };
         // What is wrong with this place is said before anybody can dial in: whoever has would hear a mere hanging up.
         scarce::room()?;
-        Place::make(&community).map_err(unusable)?;
+        let mut place = hold(&community)?;
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
-        let mut place = Place::make(&community).map_err(unusable)?;
         let found = places::read(&place);
         if found.is_empty() {
             leftovers::remove(&place);
-            place = Place::make(&community).map_err(unusable)?;
+            place = hold(&community)?;
         }
         let page = Arc::new(Page::<BrokerPage>::create("elk-broker").map_err(io)?);
         let node = lane::node(&place)?;
@@ -584,10 +586,53 @@ impl Held {
     }
 }
 
+/// Takes the community's place, unless another broker has it.
+fn hold(community: &Community) -> Result<HeldPlace, ServeError> {
+    let waited = Stopwatch::start();
+    loop {
+        match Place::make(community) {
+            // Whoever clears away what is left over has it for a moment.
+            Err(FolderError::Held { .. }) if waited.elapsed() < MOMENT && handshake::nobody_listens(community) => {
+                std::thread::sleep(Duration::from_millis(3));
+            }
+            Err(FolderError::Held { .. }) if !handshake::nobody_listens(community) => {
+                return Err(taken(community, ErrorKind::AddrInUse.into()));
+            }
+            made => return made.map_err(|source| ServeError::Folder { community: community.clone(), source }),
+        }
+    }
+}
+
 fn taken(community: &Community, source: std::io::Error) -> ServeError {
-    let other = handshake::dial(community).and_then(|stream| handshake::peer(&stream));
+    let other = handshake::knock(community).and_then(|stream| handshake::peer(&stream));
     match other {
         Ok((process, user)) => ServeError::Taken { community: community.clone(), process, user },
+        Err(full) if full.kind() == ErrorKind::WouldBlock => {
+            ServeError::Io { community: community.clone(), source: full }
+        }
         Err(_) => ServeError::Io { community: community.clone(), source },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two containers can share the folders, and not the network that the sockets' names belong to.
+    #[test]
+    fn a_community_whose_folder_somebody_holds_is_not_served_and_keeps_its_files() {
+        let community = Community::new(format!("held-{}", std::process::id())).unwrap();
+        let first = Place::make(&community).unwrap();
+        first.folder().write("places", b"first").unwrap();
+        let start = || Server::start(community.clone(), BrokerConfig::new(community.to_string()), Clock::new(1.0));
+        let error = start().err().unwrap();
+        assert!(matches!(&error, ServeError::Folder { source: FolderError::Held { .. }, .. }), "{error}");
+        assert_eq!(first.folder().read("places").unwrap(), b"first");
+        // With a listening broker behind it, that one is named.
+        let listener = handshake::listen(&community).unwrap();
+        assert!(matches!(start().err(), Some(ServeError::Taken { .. })));
+        drop(listener);
+        leftovers::remove(&first);
+        assert!(!first.folder().path().exists());
     }
 }

@@ -5,9 +5,13 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use elk_bus::Community;
+use elk_bus::shm::door;
 
 use super::words::{Answer, Request};
-use super::{MAX_ANSWER, address, own_user};
+use super::{MAX_ANSWER, name, own_user};
+
+/// How long a launcher may take to take one more in.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Why a question has no answer.
 #[derive(Debug, thiserror::Error)]
@@ -81,8 +85,10 @@ pub fn ask(
 
 fn dial(community: &Community, patience: Duration) -> Result<UnixStream, AskError> {
     let broken = |error: std::io::Error| AskError::Broken { community: community.clone(), why: error.to_string() };
-    let address = address(community).map_err(broken)?;
-    let stream = UnixStream::connect_addr(&address).map_err(|_| AskError::NoLauncher(community.clone()))?;
+    let stream = door::wait_at(&name(community), patience.min(PATIENCE)).map_err(|error| match error.kind() {
+        ErrorKind::WouldBlock => broken(error),
+        _ => AskError::NoLauncher(community.clone()),
+    })?;
     let user = rustix::net::sockopt::socket_peercred(&stream).map_err(|error| broken(error.into()))?.uid.as_raw();
     if user != own_user() {
         return Err(AskError::ForeignUser { community: community.clone(), user });

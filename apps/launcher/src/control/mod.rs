@@ -21,8 +21,12 @@ const MAX_QUESTION: usize = 64 << 10;
 /// The longest answer (bytes).
 const MAX_ANSWER: u64 = 16 << 20;
 
+fn name(community: &Community) -> String {
+    format!("elk-launcher/{community}")
+}
+
 fn address(community: &Community) -> std::io::Result<SocketAddr> {
-    SocketAddr::from_abstract_name(format!("elk-launcher/{community}"))
+    SocketAddr::from_abstract_name(name(community))
 }
 
 fn own_user() -> u32 {

@@ -7,10 +7,11 @@ use std::time::Duration;
 
 use elk_bus::Community;
 use elk_bus::clock::Stopwatch;
+use elk_bus::shm::door;
 use rustix::event::{PollFd, PollFlags};
 
 use super::words::{Answer, Request};
-use super::{MAX_ANSWER, MAX_QUESTION, address, own_user};
+use super::{MAX_ANSWER, MAX_QUESTION, address, name, own_user};
 use crate::error::LaunchError;
 use crate::supervisor::Ticket;
 
@@ -19,9 +20,14 @@ const MAX_ASKERS: usize = 32;
 /// How long a question may take to be said, and an answer to be heard.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// How long nobody is taken in after the system refused to.
+const REST: Duration = Duration::from_millis(100);
+
 /// The socket, and those who ask.
 pub(crate) struct Server {
     listener: UnixListener,
+    /// Since when nobody can be taken in, for want of descriptors.
+    full: Option<Stopwatch>,
     askers: Vec<Asker>,
     next_ticket: Ticket,
 }
@@ -53,7 +59,7 @@ impl Server {
         let address = address(community).map_err(failed)?;
         let listener = UnixListener::bind_addr(&address).map_err(|error| match error.kind() {
             ErrorKind::AddrInUse => {
-                let other = UnixStream::connect_addr(&address).ok();
+                let other = door::knock(&name(community)).ok();
                 let credentials = other.and_then(|stream| rustix::net::sockopt::socket_peercred(stream).ok());
                 let process = credentials.map_or(0, |found| found.pid.as_raw_nonzero().get() as u32);
                 LaunchError::Launched { community: community.clone(), process }
@@ -61,12 +67,12 @@ impl Server {
             _ => failed(error),
         })?;
         listener.set_nonblocking(true).map_err(failed)?;
-        Ok(Self { listener, askers: Vec::new(), next_ticket: 1 })
+        Ok(Self { listener, full: None, askers: Vec::new(), next_ticket: 1 })
     }
 
     /// What has to be watched for something to happen here.
     pub fn watch<'a>(&'a self, watched: &mut Vec<PollFd<'a>>) {
-        if self.askers.len() < MAX_ASKERS {
+        if self.takes_in() {
             watched.push(PollFd::from_borrowed_fd(self.listener.as_fd(), PollFlags::IN));
         }
         for asker in &self.askers {
@@ -91,10 +97,22 @@ impl Server {
         questions
     }
 
+    /// Whether one more can be taken in. Whoever cannot be waits in the socket's queue, and would wake the launcher over
+    /// and over.
+    fn takes_in(&self) -> bool {
+        self.askers.len() < MAX_ASKERS && self.full.as_ref().is_none_or(|since| since.elapsed() >= REST)
+    }
+
     fn accept(&mut self) {
-        while self.askers.len() < MAX_ASKERS
-            && let Ok((stream, _)) = self.listener.accept()
-        {
+        while self.takes_in() {
+            let stream = match self.listener.accept() {
+                Ok((stream, _)) => stream,
+                Err(error) if matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionAborted) => continue,
+                Err(error) => {
+                    self.full = (error.kind() != ErrorKind::WouldBlock).then(Stopwatch::start);
+                    return;
+                }
+            };
             let user = rustix::net::sockopt::socket_peercred(&stream).map(|found| found.uid.as_raw());
             // Whoever is somebody else gives no orders here.
             if user == Ok(own_user()) && stream.set_nonblocking(true).is_ok() {
@@ -250,6 +268,38 @@ mod tests {
         let error = Server::listen(&community).err().unwrap().to_string();
         let own = std::process::id();
         assert!(error.contains(&format!("is launched already, by process {own}: choose another")), "{error}");
+    }
+
+    #[test]
+    fn a_launcher_that_takes_nobody_in_holds_nobody_up() {
+        let community = community("crowded");
+        let first = Server::listen(&community).unwrap();
+        rustix::net::listen(&first.listener, 0).unwrap();
+        let _queue: Vec<_> = std::iter::from_fn(|| door::knock(&name(&community)).ok()).collect();
+        let error = Server::listen(&community).err().unwrap();
+        assert!(matches!(error, LaunchError::Launched { process: 0, .. }), "{error}");
+        let error = ask(&community, &Request::Pause, Duration::from_millis(50), |_| {}).unwrap_err().to_string();
+        assert!(error.contains("its door is full"), "{error}");
+    }
+
+    #[test]
+    fn a_launcher_without_descriptors_rests_before_it_takes_anybody_in() {
+        let community = community("scarce");
+        let mut server = Server::listen(&community).unwrap();
+        server.full = Some(Stopwatch::start());
+        let watches = |server: &Server| {
+            let mut watched = Vec::new();
+            server.watch(&mut watched);
+            watched.len()
+        };
+        assert_eq!(watches(&server), 0);
+        while !server.takes_in() {
+            std::thread::yield_now();
+        }
+        assert_eq!(watches(&server), 1);
+        // What no longer refuses is as before.
+        server.questions();
+        assert!(server.full.is_none());
     }
 
     #[test]
