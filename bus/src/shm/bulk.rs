@@ -16,7 +16,9 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::lane::Service;
 use super::place::failed;
+use super::scarce;
 use crate::link::{Fill, LinkError};
+use crate::words::tell;
 
 /// A received bulk value; its header is the sample's number, from 1.
 pub type BulkSample = Sample<Service, [u8], u64>;
@@ -114,6 +116,9 @@ impl Write for Slot<'_> {
 pub struct BulkReader {
     subscriber: Subscriber<Service, [u8], u64>,
     current: Option<BulkSample>,
+    name: String,
+    /// It has been said that values cannot be read.
+    said: Cell<bool>,
 }
 
 impl BulkReader {
@@ -123,12 +128,21 @@ impl BulkReader {
             .subscriber_builder()
             .create()
             .map_err(failed(format_args!("reading bulk service {name}")))?;
-        Ok(Self { subscriber, current: None })
+        Ok(Self { subscriber, current: None, name: name.to_owned(), said: Cell::new(false) })
     }
 
-    /// The next value that came, whichever it is.
+    /// The next value that came, whichever it is. Why one cannot be read is said once.
     pub fn next(&self) -> Option<BulkSample> {
-        self.subscriber.receive().ok().flatten()
+        match self.subscriber.receive() {
+            Ok(sample) => sample,
+            Err(error) => {
+                if !self.said.replace(true) {
+                    let (name, hint) = (&self.name, scarce::hint());
+                    tell(format_args!("values of bulk service {name} are lost, they cannot be read: {error:?}{hint}"));
+                }
+                None
+            }
+        }
     }
 
     /// Value number `wanted`, in place; lets go of all before it. `None` if it was overwritten.
