@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::registration::Registration;
 use super::variable::TypeLock;
-use super::{Broker, ClientId, bulk_of};
+use super::{Broker, ClientId};
 use crate::wire::{Frame, Named, TYPED, ValueKind};
 
 /// What a reader expects.
@@ -132,14 +132,5 @@ impl Broker {
         if yields {
             self.forget_value(key);
         }
-    }
-
-    fn forget_value(&mut self, key: u32) {
-        let variable = &mut self.variables[key as usize];
-        if let Some(bulk) = bulk_of(&variable.latest) {
-            self.latest_bulk.remove(&(bulk.client, bulk.sample));
-        }
-        self.latest_bytes -= variable.latest.len();
-        (variable.lock, variable.latest) = (None, Vec::new());
     }
 }
