@@ -5,22 +5,41 @@ use super::{Broker, ClientId};
 use crate::wire::{self, RESENT};
 
 impl Broker {
+    /// Keeps a message of client `from` as its variable's latest value; `None`: of the broker, or of somebody who is gone.
     pub(super) fn keep_as_latest(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
-        let variable = &mut self.variables[message.header.key as usize];
+        let key = message.header.key;
         // What is sent again after a broker's death is not newer for that.
-        let resent = message.header.flags & RESENT != 0;
-        if resent && wire::first_frame(&variable.latest).is_ok_and(|f| f.header.time > message.header.time) {
+        let is_older = |latest: &[u8]| wire::first_frame(latest).is_ok_and(|f| f.header.time > message.header.time);
+        if message.header.flags & RESENT != 0 && is_older(&self.variables[key as usize].latest) {
             return;
         }
-        if let Some(old) = bulk_of(&variable.latest) {
-            self.latest_bulk.remove(&(old.client, old.sample));
-        }
-        self.latest_bytes += message.len();
-        self.latest_bytes -= variable.latest.len();
+        self.release_latest(key);
+        let variable = &mut self.variables[key as usize];
         variable.keep(now, from, message);
-        if let Some(new) = bulk_of(&variable.latest) {
-            self.latest_bulk.insert((new.client, new.sample));
+        self.latest_bytes += variable.latest.len();
+        if let Some(bulk) = bulk_of(&variable.latest) {
+            self.latest_bulk.insert((bulk.client, bulk.sample, key));
         }
+    }
+
+    /// The latest value of a variable is about to go: it no longer counts.
+    fn release_latest(&mut self, key: u32) {
+        let latest = &self.variables[key as usize].latest;
+        self.latest_bytes -= latest.len();
+        if let Some(bulk) = bulk_of(latest) {
+            self.latest_bulk.remove(&(bulk.client, bulk.sample, key));
+        }
+    }
+
+    fn forget_latest(&mut self, key: u32) {
+        self.release_latest(key);
+        self.variables[key as usize].latest = Vec::new();
+    }
+
+    /// What was written to a variable is forgotten, its type with it.
+    pub(super) fn forget_value(&mut self, key: u32) {
+        self.forget_latest(key);
+        self.variables[key as usize].lock = None;
     }
 
     /// The latest value of a variable is about to be another one. Whoever is still owed it is given the new one, and who is
@@ -42,32 +61,17 @@ impl Broker {
 
     /// The value of a bulk sample is gone: the variables whose latest value it was have none. Answers their names.
     pub fn forget_latest_bulk(&mut self, client: ClientId, sample: u64) -> Vec<String> {
-        if !self.latest_bulk.remove(&(client, sample)) {
-            return Vec::new();
-        }
-        let mut names = Vec::new();
-        for (key, variable) in (0..).zip(&mut self.variables) {
-            if bulk_of(&variable.latest).is_some_and(|bulk| (bulk.client, bulk.sample) == (client, sample)) {
-                self.latest_bytes -= variable.latest.len();
-                variable.latest = Vec::new();
-                names.push(self.keys.name(key).to_owned());
-            }
-        }
-        names
+        let keys: Vec<u32> = self.variables_with_bulk(client, sample).collect();
+        keys.iter().for_each(|key| self.forget_latest(*key));
+        keys.iter().map(|key| self.keys.name(*key).to_owned()).collect()
     }
 
     /// Whether a bulk sample is some variable's latest value, so that late registrants will want it.
     pub fn is_latest_bulk(&self, client: ClientId, sample: u64) -> bool {
-        self.latest_bulk.contains(&(client, sample))
+        self.variables_with_bulk(client, sample).next().is_some()
     }
 
-    /// What was written to a variable is forgotten, its type with it.
-    pub(super) fn forget_value(&mut self, key: u32) {
-        let variable = &mut self.variables[key as usize];
-        if let Some(bulk) = bulk_of(&variable.latest) {
-            self.latest_bulk.remove(&(bulk.client, bulk.sample));
-        }
-        self.latest_bytes -= variable.latest.len();
-        (variable.lock, variable.latest) = (None, Vec::new());
+    fn variables_with_bulk(&self, client: ClientId, sample: u64) -> impl Iterator<Item = u32> {
+        self.latest_bulk.range((client, sample, 0)..=(client, sample, u32::MAX)).map(|(.., key)| *key)
     }
 }

@@ -96,8 +96,8 @@ pub struct Broker {
     routes: usize,
     /// Throttled values that wait for their time: (due, variable, client).
     due: BTreeSet<(Due, u32, ClientId)>,
-    /// The bulk samples that are some variable's latest value.
-    latest_bulk: BTreeSet<(ClientId, u64)>,
+    /// The latest values that lie in shared memory: (publisher, sample, variable).
+    latest_bulk: BTreeSet<(ClientId, u64, u32)>,
     attached: Vec<(ClientId, ClientId)>,
     /// Orphans whose mail refers to values in shared memory.
     to_resolve: BTreeSet<ClientId>,
