@@ -8,6 +8,7 @@ use super::mailbox::Mailbox;
 use super::membership::Standing;
 use super::registration::Registration;
 use super::{ClientId, summary};
+use crate::wire::{BULK, Header, Named, RESENT, ValueKind};
 
 /// A client.
 pub(super) struct Client {
@@ -56,6 +57,21 @@ impl Client {
             last_published: None,
             latency: summary::Latency::default(),
         }
+    }
+
+    /// The header of one of the client's messages in the broker's numbers.
+    pub fn renumber(&self, header: &Header) -> Result<Header, &'static str> {
+        let number = |what: Named, number: u32| {
+            self.numbers[what as usize].get(number as usize).copied().ok_or("a number was used before its definition")
+        };
+        Ok(Header {
+            flags: header.flags & (BULK | RESENT),
+            key: number(Named::Key, header.key)?,
+            source: number(Named::Source, header.source)?,
+            type_: if header.value_kind == ValueKind::Binary { number(Named::Type, header.type_)? } else { 0 },
+            community: number(Named::Community, header.community)?,
+            ..*header
+        })
     }
 
     pub fn is_joining(&self) -> bool {

@@ -5,51 +5,40 @@ use super::message::Message;
 use super::naming::OWN_PREFIX;
 use super::variable::TypeLock;
 use super::{Broker, ClientId, table};
-use crate::wire::{self, BULK, Frame, FrameKind, Header, Named, RESENT, ValueKind};
+use crate::wire::{self, Frame, FrameKind, Header, ValueKind};
 
 impl Broker {
+    /// Takes in a message, in the numbers of its client.
     pub(super) fn notify(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let header = &frame.header;
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
-        let translate = |what: Named, number: u32| {
-            client.numbers[what as usize].get(number as usize).copied().ok_or("a number was used before its definition")
-        };
-        let key = translate(Named::Key, header.key)?;
-        let mut source = translate(Named::Source, header.source)?;
-        let community = translate(Named::Community, header.community)?;
-        let type_ = match header.value_kind {
-            ValueKind::Binary => translate(Named::Type, header.type_)?,
-            _ => 0,
-        };
-        if [key, source, community, type_].contains(&REFUSED) {
+        let header = client.renumber(&frame.header)?;
+        let Header { key, source, .. } = header;
+        if [key, source, header.type_, header.community].contains(&REFUSED) {
             return Ok(()); // the client was told when it named it
         }
         if client.is_joining() {
             Self::hold(client, frame);
             return Ok(());
         }
-        if self.keys.name(key) == table::REQUEST {
+        let variable = &mut self.variables[key as usize];
+        if variable.is_own && self.keys.name(key) == table::REQUEST {
             self.answer_with_table(now, from);
             return Ok(());
         }
         if source == UNNAMED {
-            source = self.name_source(from)?;
+            self.name_source(from)?;
+            return self.notify(now, from, frame);
         }
-        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         // A driven clock, which may have been set meanwhile, tells nothing of how long a message took.
         client.latency.note(self.driver.is_none().then_some(now - header.time));
-        if client.last_published != Some(key) {
-            client.last_published = Some(key);
-            if client.published.insert(key) {
-                self.variables[key as usize].writers.insert(source);
-            }
+        if client.last_published.replace(key) != Some(key) && client.published.insert(key) {
+            variable.writers.insert(source);
         }
-        let header = Header { flags: header.flags & (BULK | RESENT), key, source, type_, community, ..*header };
+        let is_as_before = variable.lock == Some(TypeLock::of(&header));
         if let Some(reason) = self.refusal(&header, frame.bytes.len()) {
             let name = self.keys.name(key).to_owned();
             return self.refuse(from, &name, header.sequence, &reason);
         }
-        let is_as_before = self.variables[key as usize].lock == Some(TypeLock::of(&header));
         self.store_and_deliver(now, Some(from), &Message::new(header, frame.bytes));
         if !is_as_before {
             self.tell_those_who_expect_else(key);
@@ -69,9 +58,8 @@ impl Broker {
                 self.config.limits.message_bytes
             ));
         }
-        let is_new =
-            self.routes >= self.config.limits.routes && !variable.routes.iter().any(|r| r.source == header.source);
-        if is_new {
+        let is_known = || variable.routes.iter().any(|route| route.source == header.source);
+        if self.routes >= self.config.limits.routes && !is_known() {
             return Some(format!("the community has {} pairs of variable and source already", self.routes));
         }
         let lock = TypeLock::of(header);
