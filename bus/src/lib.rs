@@ -56,7 +56,7 @@ pub use mail::Mail;
 pub use process_id::ProcessId;
 pub use recall::Recall;
 pub use rejection::Rejection;
-pub use shm::{ConnectError, Fault, FolderError, Running, ServeError, running};
+pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, running};
 pub use stop::stop_on_signals;
 pub use value::{Value, ValueRef};
 pub use words::tell;

@@ -116,7 +116,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let unusable = |source| ConnectError::Folder { community: community.clone(), source };
     let place = Place::open(community, &folder).map_err(unusable)?;
     let node = lane::node(&place)?;
-    place.close_to_others().map_err(unusable)?;
+    place.close_folder().map_err(unusable)?;
     let community = community.clone();
     let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });

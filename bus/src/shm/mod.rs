@@ -29,5 +29,5 @@ mod service;
 
 pub use client::{ConnectError, connect};
 pub use folder::{Fault, FolderError};
-pub use running::{Running, running};
+pub use running::{Owner, Running, running};
 pub use server::{ServeError, Server};

@@ -45,6 +45,8 @@ const SPARE_BUFFERS: usize = 16;
 const UNDER_WAY: usize = 8;
 /// How long somebody who clears away what is left over may have a community's place.
 const MOMENT: Duration = Duration::from_secs(1);
+/// How often it is tried again meanwhile.
+const AGAIN_EVERY: Duration = Duration::from_millis(3);
 /// How long clients get to leave when the broker stops.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -160,8 +162,8 @@ impl Server {
         }
         let page = Arc::new(Page::<BrokerPage>::create("elk-broker").map_err(io)?);
         let node = lane::node(&place)?;
-        place.close_to_others().map_err(unusable)?;
-        leftovers::close_to_others(&place).map_err(io)?;
+        place.close_folder().map_err(unusable)?;
+        leftovers::close_shared_memory(&place).map_err(io)?;
         let (sender, events) = channel();
         let bell = page.clone();
         std::thread::Builder::new()
@@ -199,11 +201,8 @@ impl Server {
             let rings = self.page.bell.rings();
             let now = self.clock.now();
             self.broker.tick(now);
-            let moved = self.take_events(now)
-                | self.let_go_of_liars(now)
-                | self.take_batches(now)
-                | self.let_go_of_the_gone(now)
-                | self.hand_out(now);
+            let moved =
+                self.take_events(now) | self.take_batches(now) | self.let_go_of_the_gone(now) | self.hand_out(now);
             self.follow_up(now);
             if !moved {
                 let until_next = self.clock.real(self.broker.next_deadline() - now);
@@ -213,14 +212,14 @@ impl Server {
         self.part();
     }
 
-    /// One batch from each client that has sent any.
+    /// One batch from each client that has sent any; whoever has written over its page is let go of.
     fn take_batches(&mut self, now: f64) -> bool {
-        let ids: Vec<ClientId> = self.peers.iter().filter(|(_, p)| p.has_sent()).map(|(id, _)| *id).collect();
         let mut any = false;
-        for id in ids {
-            if !self.broker.holds_back(now, id) {
-                any |= self.take_batch(now, id);
-            }
+        for (id, fault) in self.peers.iter().filter_map(Peer::is_due).collect::<Vec<_>>() {
+            any |= match fault {
+                Some(fault) => self.expel(now, id, &format_args!("its page cannot be true: {fault}")),
+                None => !self.broker.holds_back(now, id) && self.take_batch(now, id),
+            };
         }
         any
     }
@@ -553,6 +552,12 @@ impl Peer {
         }
     }
 
+    /// Who has sent something, or has written over its page, and how.
+    fn is_due((id, peer): (&ClientId, &Self)) -> Option<(ClientId, Option<&'static str>)> {
+        let fault = peer.page.fault();
+        (fault.is_some() || peer.has_sent()).then_some((*id, fault))
+    }
+
     fn has_sent(&self) -> bool {
         (1..=DEPTH).contains(&self.page.on_the_way_up())
     }
@@ -590,16 +595,19 @@ impl Held {
 fn hold(community: &Community) -> Result<HeldPlace, ServeError> {
     let waited = Stopwatch::start();
     loop {
-        match Place::make(community) {
-            // Whoever clears away what is left over has it for a moment.
-            Err(FolderError::Held { .. }) if waited.elapsed() < MOMENT && handshake::nobody_listens(community) => {
-                std::thread::sleep(Duration::from_millis(3));
-            }
-            Err(FolderError::Held { .. }) if !handshake::nobody_listens(community) => {
-                return Err(taken(community, ErrorKind::AddrInUse.into()));
-            }
-            made => return made.map_err(|source| ServeError::Folder { community: community.clone(), source }),
+        let source = match Place::make(community) {
+            Ok(place) => return Ok(place),
+            Err(source) => source,
+        };
+        let held = matches!(source, FolderError::Held { .. });
+        if held && !handshake::nobody_listens(community) {
+            return Err(taken(community, ErrorKind::AddrInUse.into()));
         }
+        if !held || waited.elapsed() >= MOMENT {
+            return Err(ServeError::Folder { community: community.clone(), source });
+        }
+        // Whoever clears away what is left over has it for a moment.
+        std::thread::sleep(AGAIN_EVERY);
     }
 }
 

@@ -119,16 +119,6 @@ impl Server {
         !gone.is_empty()
     }
 
-    /// Lets go of clients that have written over their pages.
-    pub(super) fn let_go_of_liars(&mut self, now: f64) -> bool {
-        let faults = self.peers.iter().filter_map(|(id, peer)| Some((*id, peer.page.fault()?)));
-        let liars: Vec<_> = faults.collect();
-        for (id, fault) in &liars {
-            self.expel(now, *id, &format_args!("its page cannot be true: {fault}"));
-        }
-        !liars.is_empty()
-    }
-
     fn open_lanes(&self, connection: u64, stream: &Arc<UnixStream>, id: ClientId) -> Result<Peer, LinkError> {
         let Some(node) = &self.node else {
             return Err(LinkError::BrokerGone(self.community.to_string()));
@@ -146,7 +136,7 @@ impl Server {
             bulk: None,
             attached: BTreeMap::new(),
         };
-        leftovers::close_to_others(&self.place).map_err(system)?;
+        leftovers::close_shared_memory(&self.place).map_err(system)?;
         Ok(peer)
     }
 
