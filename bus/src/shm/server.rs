@@ -3,9 +3,10 @@
 //! One thread does all of it; a thread a connection only waits for the client's first word and for its end.
 
 mod admission;
+mod bulk_values;
 mod lobby;
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
 use std::os::unix::net::UnixStream;
 use std::rc::Rc;
@@ -25,14 +26,15 @@ use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
 use super::place::{HeldPlace, Place};
 use super::{leftovers, places, scarce};
-use crate::broker::{Broker, BrokerConfig, ClientId, Reached};
+use crate::broker::{Broker, BrokerConfig, ClientId};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
 use crate::limits;
 use crate::link::LinkError;
 use crate::process_id::ProcessId;
-use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
+use crate::wire::{self, BULK, Frame};
 use crate::words::tell;
+use bulk_values::{Held, bulk_values_of, kept, place_bulk};
 
 /// A batch of mail is closed when it holds this many bytes.
 const BATCH_BYTES: usize = 64 << 10;
@@ -40,9 +42,6 @@ const BATCH_BYTES: usize = 64 << 10;
 const LONGEST_SLEEP: Duration = Duration::from_secs(1);
 /// Buffers for batches of mail that are kept for the next ones.
 const SPARE_BUFFERS: usize = 16;
-/// Bulk values of a publisher that are kept for those who have not handled them; more are kept for lossless receivers
-/// only, who are never so far behind.
-const UNDER_WAY: usize = 8;
 /// How long somebody who clears away what is left over may have a community's place.
 const MOMENT: Duration = Duration::from_secs(1);
 /// How often it is tried again meanwhile.
@@ -132,15 +131,6 @@ struct Peer {
     bulk: Option<Held>,
     /// The publishers whose bulk service the client has open, and since which generation.
     attached: BTreeMap<ClientId, u32>,
-}
-
-/// A publisher's bulk values that are still wanted.
-struct Held {
-    shelf: Shelf,
-    /// Values that not all who got them have handled: (sample, who).
-    under_way: VecDeque<(u64, Vec<Reached>)>,
-    /// The newest value that was referred to.
-    routed: u64,
 }
 
 impl Server {
@@ -320,20 +310,14 @@ impl Server {
         let Some(held) = self.peers.get_mut(&publisher).and_then(|peer| peer.bulk.as_mut()) else {
             return;
         };
-        held.routed = sample;
-        held.under_way.push_back((sample, self.broker.reached()));
-        if held.under_way.len() > UNDER_WAY {
-            held.under_way.pop_front();
-        }
+        held.note_under_way(sample, self.broker.reached());
     }
 
     /// Whoever took over mail with bulk values in it is who has to handle them.
     fn note_successions(&mut self) {
         for succession in self.broker.take_successions() {
-            for held in self.peers.values_mut().filter_map(|peer| peer.bulk.as_mut()) {
-                let reached = held.under_way.iter_mut().flat_map(|(_, reached)| reached);
-                reached.for_each(|reached| reached.follow(&succession));
-            }
+            let held = self.peers.values_mut().filter_map(|peer| peer.bulk.as_mut());
+            held.for_each(|held| held.follow(&succession));
         }
     }
 
@@ -356,7 +340,7 @@ impl Server {
         };
         let shelf = || Shelf::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies);
         match scarce::room().and_then(|()| shelf()) {
-            Ok(shelf) => peer.bulk = Some(Held { shelf, under_way: VecDeque::new(), routed: 0 }),
+            Ok(shelf) => peer.bulk = Some(Held::new(shelf)),
             // Its values travel in batches then.
             Err(error) => {
                 peer.page.bulk_refused.store(1, Release);
@@ -430,7 +414,7 @@ impl Server {
         for (id, peer) in &self.peers {
             peer.page.up_handled.store(self.broker.handled_batches(*id), Release);
         }
-        if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(|held| held.under_way.is_empty())) {
+        if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(Held::is_settled)) {
             return false;
         }
         let mut awaited = BTreeSet::new();
@@ -468,58 +452,6 @@ impl Server {
         self.peers.clear();
         self.node = None;
         leftovers::remove(&self.place);
-    }
-}
-
-/// The client's own bulk values that a batch of it refers to. (The newest that has come may belong to a batch that has
-/// not.)
-fn bulk_values_of(batch: &[u8], client: ClientId) -> impl Iterator<Item = u64> + '_ {
-    let frames = wire::frames(batch).map_while(Result::ok).filter(|frame| wire::is_bulk(frame.bytes));
-    let references = frames.filter_map(|frame| BulkRef::from_bytes(frame.value));
-    references.filter(move |reference| reference.client == client).map(|reference| reference.sample)
-}
-
-/// The value that a reference stands for, as far as the broker has kept it.
-fn kept<'a>(
-    peers: &'a BTreeMap<ClientId, Peer>,
-    departed: &'a BTreeMap<ClientId, Shelf>,
-    frame: &Frame<'_>,
-) -> Option<&'a [u8]> {
-    let reference = BulkRef::from_bytes(frame.value)?;
-    let here = |client| peers.get(client).and_then(|peer| Some(&peer.bulk.as_ref()?.shelf));
-    let shelf = here(&reference.client).or_else(|| departed.get(&reference.client));
-    shelf?.get(reference.sample)
-}
-
-/// What a receiver can use of a message whose value lies in shared memory: the reference, if the value reached its own
-/// end of the bulk service; else a copy, with the hint to open one.
-fn place_bulk(
-    (peers, departed): (&BTreeMap<ClientId, Peer>, &BTreeMap<ClientId, Shelf>),
-    (id, to): (ClientId, &Peer),
-    largest: usize,
-    frame: &Frame<'_>,
-    batch: &mut Vec<u8>,
-) {
-    let Some(reference) = BulkRef::from_bytes(frame.value) else {
-        return;
-    };
-    let reached = to.attached.get(&reference.client).is_some_and(|since| *since <= reference.generation);
-    let in_place = reached && frame.header.flags & LATEST == 0;
-    match kept(peers, departed, frame).filter(|_| !in_place) {
-        Some(kept) => {
-            // Of a publisher's own service its `Attached` says that it is there.
-            let others = reference.client != id && peers.contains_key(&reference.client);
-            let tell = others && !to.attached.contains_key(&reference.client);
-            let attach = if tell { ATTACH } else { 0 };
-            let publisher = reference.client.to_le_bytes();
-            let aux: &[u8] = if tell { &publisher } else { frame.aux };
-            // Too large to be copied: the receiver counts it as missed, and finds the next one in place.
-            let (bulk, value) = if kept.len() > largest { (BULK, frame.value) } else { (0, kept) };
-            let flags = frame.header.flags & !BULK | bulk | attach;
-            wire::put(batch, &wire::Header { flags, ..frame.header }, aux, value);
-        }
-        // In place; or gone before it could be copied: then the receiver finds nothing behind the reference, and counts.
-        None => batch.extend_from_slice(frame.bytes),
     }
 }
 
@@ -564,30 +496,6 @@ impl Peer {
 
     fn has_room(&self) -> bool {
         self.page.on_the_way_down() < DEPTH
-    }
-}
-
-impl Held {
-    /// The sample up to which nobody is behind whom publishers wait for; those who are go to `awaited`.
-    fn settled(&mut self, now: f64, broker: &Broker, awaited: &mut BTreeSet<ClientId>) -> Option<u64> {
-        let behind = |r: &Reached| broker.mail_done(r.client).is_some_and(|done| done < r.position);
-        let mut settled = None;
-        while let Some((sample, _)) = self.under_way.pop_front_if(|(_, reached)| !reached.iter().any(behind)) {
-            settled = Some(sample);
-        }
-        let waited_for = |r: &&Reached| r.lossless && behind(r) && broker.waits_for(now, r.client);
-        let rest = self.under_way.iter().take_while(|(_, reached)| !reached.iter().any(|r| waited_for(&r))).last();
-        let waiting = self.under_way.iter().flat_map(|(_, reached)| reached).filter(waited_for);
-        awaited.extend(waiting.map(|r| r.client));
-        rest.map(|(sample, _)| *sample).or(settled)
-    }
-
-    /// Keeps the newest, those that not everybody is done with, and those that are a variable's latest value.
-    fn let_go_of_unwanted(&mut self, is_latest: impl Fn(u64) -> bool) {
-        // What has come and is not referred to yet stays as well.
-        let next = self.routed + 1;
-        let oldest = self.under_way.front().map_or(next, |(sample, _)| *sample);
-        self.shelf.let_go(oldest, is_latest);
     }
 }
 
