@@ -21,7 +21,8 @@ pub const MAX_FRAME: usize = 1 << 30;
 /// The longest message that travels in a batch between processes (bytes, the frame whole); a larger value lies in its
 /// publisher's shared memory.
 pub const MAX_MESSAGE: usize = 1 << 20;
-/// The longest name of a variable, source, type or community, and the longest pattern (bytes).
+/// The longest name of a variable, source, type or community, the longest pattern, and the longest word about a source
+/// (bytes).
 pub const MAX_NAME: usize = 256;
 
 /// What a frame is for.

@@ -314,7 +314,7 @@ impl Uplink for ShmUp {
         // Read before sending: whoever attached by now is reached by this very sample.
         let generation = self.line.page.attachments.load(Acquire);
         let mut sample = writer.send(len, fill)?;
-        // What is too long for a batch has to wait until a reader lets go of a chunk.
+        // What is too long for a batch has to wait until a reader lets go of a chunk, of which nothing tells.
         let waited = Stopwatch::start();
         while sample.is_none() && len > LONGEST_IN_BATCH {
             if waited.elapsed() > LINGER {
