@@ -270,7 +270,7 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     let arguments = ["launch", "mission.xml", "--headless", "--community", elk.community()];
     let launcher = Broker(in_place(&elk, &arguments, &temporary).stdout(Stdio::null()).spawn().unwrap());
     // Every app has lanes by then.
-    let places = home(&temporary).join(elk.community()).join("places");
+    let places = home(&temporary).join(elk.community()).join("sessions");
     let known = || String::from_utf8_lossy(&std::fs::read(&places).unwrap_or_default()).into_owned();
     wait_until(WATCHDOG, "all apps", || {
         ["Sensor", "Map", "Explorer", "Controller"].iter().all(|app| known().contains(app))
@@ -323,7 +323,7 @@ fn a_container_that_starts_again_does_not_find_itself_there_already() {
         return;
     }
     let launch = format!("{program} launch mission.xml --headless --community {}", elk.community());
-    let places = home(&temporary).join(elk.community()).join("places");
+    let places = home(&temporary).join(elk.community()).join("sessions");
     let wait = format!("for try in $(seq 600); do grep -qs Controller {} && break; sleep 0.1; done", places.display());
     // The shell is the first process: with it, all others are killed.
     let first = contained(&format!("{launch} >first.txt 2>&1 & {wait}; kill -9 -1; exit 0")).unwrap();

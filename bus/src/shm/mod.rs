@@ -21,11 +21,11 @@ mod lane;
 mod leftovers;
 mod page;
 mod place;
-mod places;
 mod running;
 mod scarce;
 mod server;
 mod service;
+mod sessions;
 
 pub use client::{ConnectError, connect};
 pub use folder::{Fault, FolderError};

@@ -18,14 +18,14 @@ use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use super::bulk::{Budget, Shelf};
+use super::bulk::{Budget, Samples};
 use super::client::lane_name;
 use super::folder::FolderError;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
 use super::place::{HeldPlace, Place};
-use super::{leftovers, places, scarce};
+use super::{leftovers, scarce, sessions};
 use crate::broker::{Broker, BrokerConfig, ClientId};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
@@ -106,7 +106,7 @@ pub struct Server {
     events: Receiver<Event>,
     node: Option<Node<Service>>,
     /// Bulk values of publishers that are gone, as far as they are some variable's latest.
-    departed: BTreeMap<ClientId, Shelf>,
+    departed: BTreeMap<ClientId, Samples>,
     /// The processes of clients of the broker that died before this one, by name, until they are back.
     awaited: BTreeMap<String, Option<ProcessId>>,
     /// Handovers whose end is not seen yet.
@@ -145,7 +145,7 @@ impl Server {
         let mut place = hold(&community)?;
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
-        let found = places::read(&place);
+        let found = sessions::read(&place);
         if found.is_empty() {
             leftovers::remove(&place);
             place = hold(&community)?;
@@ -161,7 +161,7 @@ impl Server {
             .spawn(move || admission::accept_all(listener, &sender, &bell))
             .map_err(io)?;
         let copies = Budget::of(config.limits.copied_bytes);
-        let awaited = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
+        let awaited = found.iter().map(|one| (one.session.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
             true => Broker::new(config, clock.now()),
             false => admission::recover(&place, config, clock.now(), found),
@@ -230,7 +230,7 @@ impl Server {
             Err(error) => return self.expel(now, id, &error),
         };
         if let Some(held) = &mut peer.bulk {
-            held.shelf.take_in();
+            held.samples.take_in();
         }
         let taken = self.broker.receive(now, id, &batch);
         self.resolve_mail_of_the_dead();
@@ -247,7 +247,7 @@ impl Server {
             peer.page.up_taken.fetch_add(1, SeqCst);
             if let Some(held) = &mut peer.bulk {
                 held.let_go_of_unwanted(|sample| self.broker.is_latest_bulk(id, sample));
-                lost = held.shelf.take_lost();
+                lost = held.samples.take_lost();
             }
             if peer.page.client_waits.load(SeqCst) != 0 {
                 peer.page.bell.ring();
@@ -276,7 +276,7 @@ impl Server {
 
     /// Latest values of publishers that are gone for which there was no room.
     fn note_lost(&mut self) {
-        let lost: Vec<_> = self.departed.iter_mut().map(|(id, shelf)| (*id, shelf.take_lost())).collect();
+        let lost: Vec<_> = self.departed.iter_mut().map(|(id, samples)| (*id, samples.take_lost())).collect();
         lost.into_iter().for_each(|(id, lost)| self.forget(id, lost));
     }
 
@@ -338,9 +338,9 @@ impl Server {
         let (Some(node), Some(peer)) = (&self.node, self.peers.get_mut(&publisher)) else {
             return;
         };
-        let shelf = || Shelf::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies);
-        match scarce::room().and_then(|()| shelf()) {
-            Ok(shelf) => peer.bulk = Some(Held::new(shelf)),
+        let open = || Samples::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies);
+        match scarce::room().and_then(|()| open()) {
+            Ok(samples) => peer.bulk = Some(Held::new(samples)),
             // Its values travel in batches then.
             Err(error) => {
                 peer.page.bulk_refused.store(1, Release);
@@ -539,11 +539,11 @@ mod tests {
     fn a_community_whose_folder_somebody_holds_is_not_served_and_keeps_its_files() {
         let community = Community::new(format!("held-{}", std::process::id())).unwrap();
         let first = Place::make(&community).unwrap();
-        first.folder().write("places", b"first").unwrap();
+        first.folder().write("sessions", b"first").unwrap();
         let start = || Server::start(community.clone(), BrokerConfig::new(community.to_string()), Clock::new(1.0));
         let error = start().err().unwrap();
         assert!(matches!(&error, ServeError::Folder { source: FolderError::Held { .. }, .. }), "{error}");
-        assert_eq!(first.folder().read("places").unwrap(), b"first");
+        assert_eq!(first.folder().read("sessions").unwrap(), b"first");
         // With a listening broker behind it, that one is named.
         let listener = handshake::listen(&community).unwrap();
         assert!(matches!(start().err(), Some(ServeError::Taken { .. })));

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use super::{Peer, Shelf};
+use super::{Peer, Samples};
 use crate::broker::{Broker, ClientId, Reached, Succession};
 use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
 
@@ -12,7 +12,7 @@ const UNDER_WAY: usize = 8;
 
 /// A publisher's bulk values that are still wanted.
 pub(super) struct Held {
-    pub shelf: Shelf,
+    pub samples: Samples,
     /// Values that not all who got them have handled: (sample, who).
     under_way: VecDeque<(u64, Vec<Reached>)>,
     /// The newest value that was referred to.
@@ -21,8 +21,8 @@ pub(super) struct Held {
 
 impl Held {
     /// Nothing of it has gone out yet.
-    pub fn new(shelf: Shelf) -> Self {
-        Self { shelf, under_way: VecDeque::new(), routed: 0 }
+    pub fn new(samples: Samples) -> Self {
+        Self { samples, under_way: VecDeque::new(), routed: 0 }
     }
 
     /// Notes who has a value in its mail.
@@ -64,7 +64,7 @@ impl Held {
         // What has come and is not referred to yet stays as well.
         let next = self.routed + 1;
         let oldest = self.under_way.front().map_or(next, |(sample, _)| *sample);
-        self.shelf.let_go(oldest, is_latest);
+        self.samples.let_go(oldest, is_latest);
     }
 }
 
@@ -79,19 +79,19 @@ pub(super) fn bulk_values_of(batch: &[u8], client: ClientId) -> impl Iterator<It
 /// The value that a reference stands for, as far as the broker has kept it.
 pub(super) fn kept<'a>(
     peers: &'a BTreeMap<ClientId, Peer>,
-    departed: &'a BTreeMap<ClientId, Shelf>,
+    departed: &'a BTreeMap<ClientId, Samples>,
     frame: &Frame<'_>,
 ) -> Option<&'a [u8]> {
     let reference = BulkRef::from_bytes(frame.value)?;
-    let here = |client| peers.get(client).and_then(|peer| Some(&peer.bulk.as_ref()?.shelf));
-    let shelf = here(&reference.client).or_else(|| departed.get(&reference.client));
-    shelf?.get(reference.sample)
+    let here = |client| peers.get(client).and_then(|peer| Some(&peer.bulk.as_ref()?.samples));
+    let samples = here(&reference.client).or_else(|| departed.get(&reference.client));
+    samples?.get(reference.sample)
 }
 
 /// What a receiver can use of a message whose value lies in shared memory: the reference, if the value reached its own
 /// end of the bulk service; else a copy, with the hint to open one.
 pub(super) fn place_bulk(
-    (peers, departed): (&BTreeMap<ClientId, Peer>, &BTreeMap<ClientId, Shelf>),
+    (peers, departed): (&BTreeMap<ClientId, Peer>, &BTreeMap<ClientId, Samples>),
     (id, to): (ClientId, &Peer),
     largest: usize,
     frame: &Frame<'_>,
