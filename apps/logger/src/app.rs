@@ -8,7 +8,7 @@ use elk_bus::clock::{Clock, Stopwatch};
 use elk_bus::key::fnv1a_on;
 use elk_bus::{App, AppError, Comms, Mail, fnv1a, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
-use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_mission::{AppType, Kind, Mission, ParamSpec, Params};
 use elk_outside::file;
 
 use crate::recorder::Recorder;
@@ -253,15 +253,12 @@ fn options(params: &Params) -> LogOptions {
     }
 }
 
-/// The longest mission file that is kept in a log (bytes): no longer one is launched.
-const MAX_MISSION_BYTES: u64 = 1 << 20;
-
 fn metadata(params: &Params) -> Result<Metadata, AppError> {
     let mission_file = params.text("MissionFile");
     let unreadable = |error| format!("cannot read the mission file {mission_file}: {error}");
     let mission = match mission_file {
         "" => String::new(),
-        file => file::read_text(Path::new(file), MAX_MISSION_BYTES).map_err(unreadable)?,
+        file => file::read_text(Path::new(file), Mission::LONGEST).map_err(unreadable)?,
     };
     let world = params.text("World");
     // A world that is no file is built into the program, whose version is noted.
