@@ -35,10 +35,14 @@ pub struct Checked {
 pub fn check(path: &Path, on_progress: OnProgress<'_>) -> Result<Checked, LogError> {
     let mut log = LogReader::open(path)?;
     let (mut messages, mut damage, mut told) = (0, Damage::default(), 0);
-    while let Some(next) = log.next_ref() {
-        match next {
-            Ok(_) => messages += 1,
-            Err(error) => damage.note(|| error.to_string()),
+    loop {
+        match log.advance() {
+            Ok(false) => break,
+            Ok(true) => match log.record() {
+                Some(Err(error)) => damage.note(error.to_string()),
+                record => messages += u64::from(record.is_some()),
+            },
+            Err(_) => {} // the reader takes note of it, and goes on
         }
         let (done, all) = log.progress();
         if done != told {
@@ -46,19 +50,20 @@ pub fn check(path: &Path, on_progress: OnProgress<'_>) -> Result<Checked, LogErr
             on_progress(done, all);
         }
     }
-    log.damage().iter().for_each(|reason| damage.note_once(reason));
+    damage.merge(log.found());
     let index = Index::read(path, on_progress)?;
-    index.damage().for_each(|reason| damage.note_once(reason));
-    if damage.reasons().is_empty() && index.messages() != messages {
+    // Whatever else is wrong the reader has found as well.
+    index.index_damage().for_each(|reason| damage.note(reason.to_owned()));
+    if damage.is_empty() && index.messages() != messages {
         let counted = index.messages();
-        damage.note(|| format!("{}: the index counts {counted} messages, there are {messages}", path.display()));
+        damage.note(format!("{}: the index counts {counted} messages, there are {messages}", path.display()));
     }
-    if damage.reasons().is_empty() {
+    if damage.is_empty() {
         for file in segments(path)? {
-            data_damage(&file)?.iter().for_each(|reason| damage.note_once(reason));
+            data_damage(&file)?.into_iter().for_each(|reason| damage.note(reason));
         }
     }
-    Ok(Checked { messages, dropped: log.dropped(), damage: damage.reasons().to_vec() })
+    Ok(Checked { messages, dropped: log.dropped(), damage: damage.reasons() })
 }
 
 /// Holds everything before the index against its checksum; a file that has none is right.
