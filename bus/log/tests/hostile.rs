@@ -239,19 +239,48 @@ fn an_index_that_is_a_hole_is_damaged_and_not_read_into_memory() {
     assert!(memory < 16, "{memory} MiB");
 }
 
+/// A new log at `path`, packed with Zstandard.
+fn packed_log(path: &Path) -> LogWriter {
+    let options = LogOptions { compression: Compression::Zstd, ..LogOptions::default() };
+    LogWriter::create_with(path, &Metadata::default(), options).unwrap()
+}
+
+fn zeros(number: u64, bytes: u64) -> Record {
+    record(number, Value::Binary { type_name: "Zeros".into(), layout: 1, bytes: vec![0; bytes as usize] })
+}
+
 #[test]
 fn what_a_writer_writes_is_believed_however_tightly_it_packs() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
-    let options = LogOptions { compression: Compression::Zstd, ..LogOptions::default() };
-    let mut log = LogWriter::create_with(&folder.path().join("log.mcap"), &Metadata::default(), options).unwrap();
-    let zeros = |bytes: u64| Value::Binary { type_name: "Zeros".into(), layout: 1, bytes: vec![0; bytes as usize] };
-    let records = [1.0.into(), zeros(30 * MB), zeros(70 * MB), 2.0.into(), zeros(80 * MB)];
-    let records: Vec<Record> = (0..).zip(records).map(|(number, value)| record(number, value)).collect();
+    let mut log = packed_log(&folder.path().join("log.mcap"));
+    let records =
+        [record(0, 1.0.into()), zeros(1, 30 * MB), zeros(2, 70 * MB), record(3, 2.0.into()), zeros(4, 80 * MB)];
     for record in &records {
         log.append(&record.as_ref()).unwrap();
         log.flush().unwrap();
     }
+    log.finish().unwrap();
+    let mut log = LogReader::open(folder.path()).unwrap();
+    assert!(log.by_ref().map(Result::unwrap).eq(records) && log.whole(), "{:?}", log.damage());
+}
+
+#[test]
+fn what_packs_too_tightly_is_refused_where_there_is_no_room_for_another_segment() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir().unwrap();
+    let next = folder.path().join("log.1.mcap");
+    std::fs::create_dir(&next).unwrap();
+    let mut log = packed_log(&folder.path().join("log.mcap"));
+    let records = [record(0, 1.0.into()), record(1, 2.0.into()), zeros(2, 70 * MB), record(3, 3.0.into())];
+    log.append(&records[0].as_ref()).unwrap();
+    for _ in 0..2 {
+        let refused = log.append(&zeros(9, 70 * MB).as_ref()).unwrap_err().to_string();
+        assert!(refused.contains("log.1.mcap"), "{refused}");
+    }
+    log.append(&records[1].as_ref()).unwrap();
+    std::fs::remove_dir(&next).unwrap();
+    records[2..].iter().for_each(|record| log.append(&record.as_ref()).unwrap());
     log.finish().unwrap();
     let mut log = LogReader::open(folder.path()).unwrap();
     assert!(log.by_ref().map(Result::unwrap).eq(records) && log.whole(), "{:?}", log.damage());
