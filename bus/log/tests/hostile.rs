@@ -205,7 +205,7 @@ fn what_is_wrong_a_million_times_is_kept_a_thousand_times() {
     }
 }
 
-/// As `names` claims: names of a gigabyte in all, packed into little.
+/// 300 names of a megabyte each, which pack into little.
 #[test]
 fn names_of_channels_are_kept_up_to_a_bound() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
