@@ -5,9 +5,9 @@ use std::path::Path;
 
 use elk_outside::file;
 
-use crate::container::word;
 use crate::damage::Damage;
 use crate::error::LogError;
+use crate::head::word;
 use crate::index::{Index, OnProgress};
 use crate::reader::LogReader;
 use crate::segments::segments;

@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `writer`, `staging` | a log that grows, over a disk that may be full |
 //! | `reader`, `segment` | a run's records; one file's messages |
-//! | `container`, `chunk`, `summary` | one file's bytes, whole or not, honest or not; what is packed; what its end says |
+//! | `container`, `chunk`, `summary`, `head` | one file's bytes, whole or not, honest or not; what is packed; what its end says; what stands before each record |
 //! | [`segments()`] | which files are one run's log |
 //! | [`index`] | what is in a log, and where, without reading it |
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
@@ -33,6 +33,7 @@ mod error;
 mod foxglove;
 #[doc(hidden)]
 pub mod fuzzing;
+mod head;
 pub mod index;
 mod protobuf;
 mod reader;

@@ -6,10 +6,10 @@ use std::ops::Range;
 
 use mcap::records::op;
 
-use crate::container::{RECORD_HEAD, word};
+use crate::head::{Head, word};
 
 /// Opcode, length and body of the footer, and the magic behind it.
-pub(crate) const TAIL_BYTES: u64 = RECORD_HEAD + 20 + 8;
+pub(crate) const TAIL_BYTES: u64 = Head::BYTES as u64 + 20 + 8;
 /// An index that claims to be larger is taken for damaged (bytes).
 const MAX_SUMMARY_BYTES: u64 = 256 << 20;
 /// Bytes that are read from the file at once.
@@ -35,7 +35,7 @@ impl Summary {
         };
         file.seek(SeekFrom::Start(end))?;
         file.read_exact(&mut tail)?;
-        let start = word(&tail[RECORD_HEAD as usize..]);
+        let start = word(&tail[Head::BYTES..]);
         if tail[0] != op::FOOTER || !tail.ends_with(mcap::MAGIC) || start == 0 {
             return Ok(Self::Missing);
         }
@@ -44,7 +44,7 @@ impl Summary {
         }
         let mut crc = checksum(file, start..end)?;
         // The footer up to the checksum itself is part of what it covers.
-        let (covered, said) = tail[..RECORD_HEAD as usize + 20].split_at(RECORD_HEAD as usize + 16);
+        let (covered, said) = tail[..Head::BYTES + 20].split_at(Head::BYTES + 16);
         crc.update(covered);
         match said == [0; 4] || said == crc.finalize().to_le_bytes() {
             true => Ok(Self::Found(start..end)),
