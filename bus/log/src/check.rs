@@ -7,14 +7,15 @@ use elk_outside::file;
 
 use crate::damage::Damage;
 use crate::error::LogError;
-use crate::head::word;
+use crate::footer::Footer;
+use crate::head::Head;
 use crate::index::{Index, OnProgress};
 use crate::reader::LogReader;
 use crate::segments::segments;
-use crate::summary::{TAIL_BYTES, checksum};
+use crate::summary::checksum;
 
 /// The last record before the index: opcode, length, checksum.
-const DATA_END_BYTES: u64 = 9 + 4;
+const DATA_END_BYTES: u64 = Head::BYTES as u64 + 4;
 
 /// What a check found.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -69,18 +70,15 @@ pub fn check(path: &Path, on_progress: OnProgress<'_>) -> Result<Checked, LogErr
 /// Holds everything before the index against its checksum; a file that has none is right.
 fn data_damage(path: &Path) -> Result<Option<String>, LogError> {
     let read = |source| LogError::Read { path: path.into(), source };
-    let mut file = file::open(path).map_err(read)?;
-    let length = file.metadata().map_err(read)?.len();
-    let mut tail = [0; TAIL_BYTES as usize];
-    file.read_exact_at(&mut tail, length.saturating_sub(TAIL_BYTES)).map_err(read)?;
-    let summary = word(&tail[9..]);
-    let index_start = if summary == 0 { length.saturating_sub(TAIL_BYTES) } else { summary };
-    let Some(data_end) = index_start.checked_sub(DATA_END_BYTES) else {
+    let file = file::open(path).map_err(read)?;
+    let footer = Footer::read(&file).map_err(read)?;
+    let index = footer.map(|footer| footer.index.unwrap_or(footer.start));
+    let Some(data_end) = index.and_then(|index| index.checked_sub(DATA_END_BYTES)) else {
         return Ok(Some(format!("{}: its end is damaged", path.display())));
     };
     let mut said = [0; 4];
-    file.read_exact_at(&mut said, data_end + 9).map_err(read)?;
+    file.read_exact_at(&mut said, data_end + Head::BYTES as u64).map_err(read)?;
     let said = u32::from_le_bytes(said);
-    let right = said == 0 || said == checksum(&mut file, 0..data_end).map_err(read)?.finalize();
+    let right = said == 0 || said == checksum(&file, 0..data_end).map_err(read)?.finalize();
     Ok((!right).then(|| format!("{}: its data do not agree with their checksum", path.display())))
 }

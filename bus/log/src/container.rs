@@ -18,8 +18,8 @@ use mcap::records::op;
 
 use crate::chunk::{self, Chunk, ChunkHead, Unpacked};
 use crate::error::LogError;
+use crate::footer::{Footer, TAIL_BYTES};
 use crate::head::{Head, MAX_RECORD_BYTES, word};
-use crate::summary::TAIL_BYTES;
 
 /// Bytes that are read from the file at once.
 const READ_BYTES: usize = 1 << 20;
@@ -253,14 +253,13 @@ impl Container {
     /// The data are over: sees that the end is all there.
     fn end(&mut self, length: u64) -> Result<Found, LogError> {
         self.place = Place::Over;
-        if length != 4 || self.length < self.at + TAIL_BYTES {
+        if length != 4 || self.length < self.at + TAIL_BYTES as u64 {
             return Ok(Found::Cut("the end of the file, with its index, is cut short".into()));
         }
-        let mut tail = [0; TAIL_BYTES as usize];
-        self.file.seek(SeekFrom::End(-(TAIL_BYTES as i64))).map_err(|source| read_error(&self.path, source))?;
-        self.read_exact(&mut tail)?;
-        let footer = tail[0] == op::FOOTER && word(&tail[1..]) == 20 && tail.ends_with(mcap::MAGIC);
-        Ok(if footer { Found::End } else { Found::Cut("the end of the file, with its index, is damaged".into()) })
+        match Footer::read(self.file.get_ref()).map_err(|source| read_error(&self.path, source))? {
+            Some(_) => Ok(Found::End),
+            None => Ok(Found::Cut("the end of the file, with its index, is damaged".into())),
+        }
     }
 
     fn read_exact(&mut self, bytes: &mut [u8]) -> Result<(), LogError> {

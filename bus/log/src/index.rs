@@ -154,8 +154,8 @@ fn topic(channel: &Channel) -> Topic {
 impl SegmentIndex {
     fn read(path: &Path, on_progress: OnProgress<'_>) -> Result<Self, LogError> {
         let read = |source| LogError::Read { path: path.into(), source };
-        let mut file = file::open(path).map_err(read)?;
-        let reason = match Summary::find(&mut file).map_err(read)? {
+        let file = file::open(path).map_err(read)?;
+        let reason = match Summary::find(&file).map_err(read)? {
             Summary::Missing => return Self::by_reading(path, on_progress),
             Summary::Found(place) => match Self::from_summary(path, place)? {
                 Ok(index) => return Ok(index),
