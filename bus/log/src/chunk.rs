@@ -17,8 +17,8 @@ pub(crate) const HEAD_BYTES: u64 = 40;
 pub(crate) const MAX_BYTES: u64 = (1 << 30) + (64 << 20);
 /// A chunk of at most so many bytes may be packed as tightly as its compression can.
 pub(crate) const ALWAYS_BYTES: u64 = 64 << 20;
-/// A larger one unpacks to at most so many times its size: LZ4 cannot pack tighter, and Zstandard does so only where hardly
-/// anything but one byte is repeated. The writer sees to it that what it writes can be read (`writer.rs`).
+/// A larger one unpacks to at most so many times its size: LZ4 cannot pack tighter, as a byte of its lengths stands for 255 at
+/// most. Zstandard can; the writer sees to it that what it writes can be read (`writer.rs`).
 pub(crate) const MAX_RATIO: u64 = 256;
 /// Bytes that are unpacked at once: at most so many are in memory that turn out to be no records.
 const PIECE_BYTES: usize = 1 << 20;

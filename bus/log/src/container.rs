@@ -4,9 +4,9 @@
 //! power is not right, so this reader is told apart: every length is held against the file before memory is set aside,
 //! a chunk whose checksum is wrong is passed over, and what is left of the last chunk is given message by message.
 //!
-//! A log may also be a trap: 33 kB that claim to be a gigabyte, and are, of zeros. So no chunk unpacks to more than it can
-//! honestly hold (`chunk.rs`), memory grows only as bytes come that are records, and nothing that is kept for the whole
-//! file grows with what the file says of itself.
+//! A log may also be a trap: a chunk that claims to be a gigabyte, and is, of zeros, packed into next to nothing. So no
+//! chunk unpacks to more than it can honestly hold (`chunk.rs`), memory grows only as bytes come that are records, and
+//! nothing that is kept for the whole file grows with what the file says of itself.
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
