@@ -8,6 +8,8 @@ use clap::Args;
 use elk_bus::{Community, tell};
 use elk_launcher::{Answer, AppRow, Request, ask};
 use elk_outside::{text, time};
+use elk_scope::output::in_columns;
+use elk_scope::show::duration;
 
 use crate::cli::{CommunityArgs, setting};
 use crate::commands::say;
@@ -139,42 +141,42 @@ pub fn apps(arguments: &AppsArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-const HEADS: [&str; 13] = [
-    "NAME", "ELEMENT", "TYPE", "PID", "STATE", "SINCE", "CPU", "NOW", "MEMORY", "DROPPED", "REJECTED", "RESTARTS",
+const HEADS: [&str; 14] = [
+    "NAME",
+    "ELEMENT",
+    "TYPE",
+    "PID",
+    "STATE",
+    "SINCE",
+    "CPU",
+    "NOW",
+    "MEMORY",
+    "DROPPED",
+    "REJECTED",
+    "RESTARTS",
     "SWAPS",
+    "LAST EXIT",
 ];
-/// Columns that are numbers, and so stand at the right.
-const NUMBERS: std::ops::RangeInclusive<usize> = 5..=12;
+/// Columns that are numbers, and so stand at the right: from SINCE to SWAPS.
+const NUMBERS: [usize; 8] = [5, 6, 7, 8, 9, 10, 11, 12];
 
-/// The rows under their heads, each column as wide as it has to be; how an app last ended comes last.
+/// The rows under their heads; how an app last ended comes last, as long as it is.
 fn table(rows: &[AppRow]) -> String {
-    let cells: Vec<[String; 13]> = std::iter::once(HEADS.map(str::to_owned)).chain(rows.iter().map(cells)).collect();
-    let width = |column: usize| cells.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..HEADS.len()).map(width).collect();
-    let exits = std::iter::once("LAST EXIT").chain(rows.iter().map(|row| row.last_exit.as_deref().unwrap_or("-")));
-    let mut table = String::new();
-    for (row, exit) in cells.iter().zip(exits) {
-        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
-            text::put_cell(&mut table, cell, *width, NUMBERS.contains(&column));
-            table += "  ";
-        }
-        table += &text::printable(exit);
-        table.push('\n');
-    }
-    table
+    let heads = HEADS.map(str::to_owned).to_vec();
+    let rows: Vec<Vec<String>> = std::iter::once(heads).chain(rows.iter().map(cells)).collect();
+    in_columns(&rows, &NUMBERS).join("\n") + "\n"
 }
 
-fn cells(row: &AppRow) -> [String; 13] {
+fn cells(row: &AppRow) -> Vec<String> {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
     let percent = |share: Option<f64>| or_dash(share.map(|share| format!("{share:.0} %")));
-    let element = if row.element.is_empty() { "-".to_owned() } else { text::name(&row.element).into_owned() };
-    [
-        text::name(&row.name).into_owned(),
-        element,
-        text::name(&row.type_name).into_owned(),
+    vec![
+        row.name.clone(),
+        or_dash(Some(row.element.clone()).filter(|element| !element.is_empty())),
+        row.type_name.clone(),
         or_dash(row.pid.map(|pid| pid.to_string())),
-        text::name(&row.state).into_owned(),
-        span(row.state_secs),
+        row.state.clone(),
+        duration(row.state_secs),
         percent(row.cpu_percent),
         percent(row.cpu_percent_now),
         or_dash(row.resident_bytes.map(|bytes| format!("{:.1} MB", bytes as f64 / 1e6))),
@@ -182,16 +184,8 @@ fn cells(row: &AppRow) -> [String; 13] {
         or_dash(row.rejected.map(|count| count.to_string())),
         row.restarts.to_string(),
         row.swaps.to_string(),
+        or_dash(row.last_exit.clone()),
     ]
-}
-
-/// `7 s`, `3 min`, `2.5 h`
-fn span(secs: f64) -> String {
-    match secs {
-        secs if secs < 120.0 => format!("{secs:.0} s"),
-        secs if secs < 7200.0 => format!("{:.0} min", secs / 60.0),
-        secs => format!("{:.1} h", secs / 3600.0),
-    }
 }
 
 #[cfg(test)]
@@ -200,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_table_has_its_columns_under_their_heads() {
-        let row = AppRow {
+        let mut row = AppRow {
             name: "Map".into(),
             element: "Map".into(),
             type_name: "OctoMap".into(),
@@ -216,19 +210,20 @@ mod tests {
             swaps: 0,
             last_exit: Some("signal 9 (SIGKILL)".into()),
         };
-        let text = table(&[row]);
+        let text = table(std::slice::from_ref(&row));
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(
             lines,
             [
-                "NAME  ELEMENT  TYPE     PID   STATE    SINCE   CPU  NOW   MEMORY  DROPPED  REJECTED  RESTARTS  SWAPS  LAST EXIT",
-                "Map   Map      OctoMap  4711  running  2 min  12 %    -  12.3 MB        3        12         1      0  signal 9 (SIGKILL)",
+                "NAME  ELEMENT  TYPE     PID   STATE       SINCE   CPU  NOW   MEMORY  DROPPED  REJECTED  RESTARTS  SWAPS  LAST EXIT",
+                "Map   Map      OctoMap  4711  running  2.50 min  12 %    -  12.3 MB        3        12         1      0  signal 9 (SIGKILL)",
             ]
         );
-    }
-
-    #[test]
-    fn spans_are_told_in_the_unit_that_fits() {
-        assert_eq!([7.2, 150.0, 9000.0].map(span), ["7 s", "2 min", "2.5 h"]);
+        // A name is cut to what people read of one, how an app ended is not; neither sends the terminal a command.
+        let end = "x".repeat(100) + "\x1b[2J";
+        (row.name, row.element, row.last_exit) = ("n".repeat(100), String::new(), Some(end));
+        let text = table(&[row]);
+        assert!(text.contains(&format!("\n{}…  -        OctoMap  ", "n".repeat(63))), "{text}");
+        assert!(text.ends_with(&format!("  {}\\u{{1b}}[2J\n", "x".repeat(100))), "{text}");
     }
 }

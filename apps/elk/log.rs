@@ -293,7 +293,7 @@ fn info_json(index: &Index) -> Result<String> {
         "start": span.map(|(start, _)| start),
         "end": span.map(|(_, end)| end),
         "whole": index.whole(),
-        "damage": index.damage().collect::<Vec<_>>(),
+        "damage": index.damage(),
         "dropped": index.dropped(),
         "mission": mission_name,
         "seed": seed,
@@ -323,7 +323,7 @@ fn info_text(index: &Index) -> String {
     }
     match index.whole() {
         true => said += "  whole\n",
-        false => index.damage().for_each(|reason| said += &format!("  NOT whole: {reason}\n")),
+        false => index.damage().iter().for_each(|reason| said += &format!("  NOT whole: {reason}\n")),
     }
     let _ = writeln!(said, "  {:<24} {:<16} {:<20} {:>10}", "variable", "source", "type", "messages");
     for topic in index.topics() {
@@ -409,7 +409,7 @@ fn for_each_record(
     if unreadable > MOST_COMPLAINTS {
         complain(&format!("and {} messages more cannot be read", unreadable - MOST_COMPLAINTS));
     }
-    warn_of(log.damage());
+    warn_of(&log.damage());
     Ok(())
 }
 

@@ -58,7 +58,7 @@ fn main() -> ExitCode {
 /// them, and only as much as is of use.
 fn complain(words: &str) {
     const MOST: usize = 16_000;
-    tell(format_args!("elk: {}", text::printable_lines(&text::clipped(words, MOST))));
+    tell(format_args!("elk: {}", text::clipped(words, MOST)));
 }
 
 /// An error and its causes; a cause that an error quotes itself is not said again.

@@ -207,8 +207,10 @@ impl Console for Screen {
     }
 
     fn tell(&mut self, words: &str) {
-        let before = if self.is_drawn_on() { "\r\x1b[K" } else { "" };
-        tell(format_args!("{before}{}", text::printable_lines(words)));
+        if self.is_drawn_on() {
+            draw("\r\x1b[K");
+        }
+        tell(words);
     }
 
     fn suspend(&mut self) {

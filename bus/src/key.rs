@@ -82,8 +82,11 @@ impl<T: Payload> std::fmt::Debug for Key<T> {
 
 /// FNV-1a, usable in constants: the layout hash of [`payload!`](crate::payload).
 pub const fn fnv1a(text: &str) -> u64 {
-    let bytes = text.as_bytes();
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    fnv1a_on(0xcbf2_9ce4_8422_2325, text.as_bytes())
+}
+
+/// Goes on with [`fnv1a`], whose value so far is `hash`, over more bytes: what is hashed in pieces is hashed as a whole.
+pub const fn fnv1a_on(mut hash: u64, bytes: &[u8]) -> u64 {
     let mut i = 0;
     while i < bytes.len() {
         hash = (hash ^ bytes[i] as u64).wrapping_mul(0x0100_0000_01b3);

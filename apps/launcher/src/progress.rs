@@ -41,7 +41,7 @@ impl Display {
     /// Says something that is to stay.
     pub fn say(&self, words: &str) {
         self.clear();
-        tell(text::printable_lines(words));
+        tell(words);
     }
 
     /// Shows what there is to be seen, if it is time.

@@ -5,9 +5,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use elk_bus::clock::{Clock, Stopwatch};
-use elk_bus::{App, AppError, Comms, Mail, tell};
+use elk_bus::key::fnv1a_on;
+use elk_bus::{App, AppError, Comms, Mail, fnv1a, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
-use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_mission::{AppType, Kind, Mission, ParamSpec, Params};
 use elk_outside::file;
 
 use crate::recorder::Recorder;
@@ -252,15 +253,12 @@ fn options(params: &Params) -> LogOptions {
     }
 }
 
-/// The longest mission file that is kept in a log (bytes): no longer one is launched.
-const MAX_MISSION_BYTES: u64 = 1 << 20;
-
 fn metadata(params: &Params) -> Result<Metadata, AppError> {
     let mission_file = params.text("MissionFile");
     let unreadable = |error| format!("cannot read the mission file {mission_file}: {error}");
     let mission = match mission_file {
         "" => String::new(),
-        file => file::read_text(Path::new(file), MAX_MISSION_BYTES).map_err(unreadable)?,
+        file => file::read_text(Path::new(file), Mission::LONGEST).map_err(unreadable)?,
     };
     let world = params.text("World");
     // A world that is no file is built into the program, whose version is noted.
@@ -283,13 +281,13 @@ fn file_name(path: &str) -> String {
 /// FNV-1a of a file, however large it is.
 fn checksum(path: &Path) -> std::io::Result<u64> {
     let mut file = BufReader::new(file::open(path)?);
-    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+    let mut hash = fnv1a("");
     loop {
         let bytes = file.fill_buf()?;
         if bytes.is_empty() {
             return Ok(hash);
         }
-        hash = bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3));
+        hash = fnv1a_on(hash, bytes);
         let count = bytes.len();
         file.consume(count);
     }
@@ -304,7 +302,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("world.obj");
         std::fs::write(&path, "foobar").unwrap();
-        assert_eq!(checksum(&path).unwrap(), elk_bus::fnv1a("foobar"));
+        assert_eq!(checksum(&path).unwrap(), 0x8594_4171_f739_67e8, "as its authors give it");
+        // Longer than what is read at once.
+        let long = "v 0 0 0\n".repeat(5000);
+        std::fs::write(&path, &long).unwrap();
+        assert_eq!(checksum(&path).unwrap(), fnv1a(&long));
         assert!(checksum(folder.path()).is_err() && checksum(Path::new("/dev/zero")).is_err());
     }
 }

@@ -88,10 +88,10 @@ impl Tape {
     }
 
     /// What was found to be damaged or cut short so far, in words.
-    pub fn damage(&self) -> &[String] {
+    pub fn damage(&self) -> Vec<String> {
         match &self.0 {
             Kind::Log { reader, .. } => reader.damage(),
-            Kind::Alog(_) => &[],
+            Kind::Alog(_) => Vec::new(),
         }
     }
 }

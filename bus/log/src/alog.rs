@@ -118,7 +118,7 @@ fn date(secs: f64) -> String {
     const DAYS: [&str; 7] = ["Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"];
     const MONTHS: [&str; 12] = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
     // Before 1970 and after 9999 there is no run; times of a warped clock may lie there.
-    let Date { year, month, day, hour, minute, second, weekday } = Date::of(secs.clamp(0.0, 253_402_300_799.0));
+    let Date { year, month, day, hour, minute, second, weekday } = Date::of(secs.clamp(0.0, time::LAST));
     let (weekday, month) = (DAYS[weekday as usize], MONTHS[month as usize - 1]);
     format!("{weekday} {month} {day:2} {hour:02}:{minute:02}:{second:02} {year}")
 }

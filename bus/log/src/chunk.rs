@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use mcap::records::op;
 
-use crate::container::{MAX_RECORD_BYTES, RECORD_HEAD, word};
+use crate::head::{Head, MAX_RECORD_BYTES, MESSAGE_HEAD};
 
 /// A chunk's header without the name of its compression.
 pub(crate) const HEAD_BYTES: u64 = 40;
@@ -17,13 +17,11 @@ pub(crate) const HEAD_BYTES: u64 = 40;
 pub(crate) const MAX_BYTES: u64 = (1 << 30) + (64 << 20);
 /// A chunk of at most so many bytes may be packed as tightly as its compression can.
 pub(crate) const ALWAYS_BYTES: u64 = 64 << 20;
-/// A larger one unpacks to at most so many times its size: LZ4 cannot pack tighter, and Zstandard does so only where hardly
-/// anything but one byte is repeated. The writer sees to it that what it writes can be read (`writer.rs`).
+/// A larger one unpacks to at most so many times its size: LZ4 cannot pack tighter, as a byte of its lengths stands for 255 at
+/// most. Zstandard can; the writer sees to it that what it writes can be read (`writer.rs`).
 pub(crate) const MAX_RATIO: u64 = 256;
 /// Bytes that are unpacked at once: at most so many are in memory that turn out to be no records.
 const PIECE_BYTES: usize = 1 << 20;
-/// Channel, sequence, and two times, before a message's own bytes.
-pub(crate) const MESSAGE_HEAD: usize = 22;
 
 /// The sizes that a chunk gives itself.
 #[derive(Debug)]
@@ -143,12 +141,11 @@ impl Chunk {
     fn see_records(&mut self, length: u64) -> Result<(), String> {
         while let Some(left) = self.bytes.get(self.end..).filter(|left| !left.is_empty()) {
             let from = self.end as u64;
-            let Some(head) = left.get(..RECORD_HEAD as usize) else {
-                return if length - from.min(length) < RECORD_HEAD { Err(breaks_off()) } else { Ok(()) };
+            let Some(head) = left.first_chunk().map(Head::of) else {
+                return if length.saturating_sub(from) < Head::BYTES as u64 { Err(breaks_off()) } else { Ok(()) };
             };
-            let (opcode, size) = (head[0], word(&head[1..]));
-            plausible(opcode, size)?;
-            let end = from.saturating_add(RECORD_HEAD).saturating_add(size);
+            plausible(head)?;
+            let end = head.end(from);
             if end > length {
                 return Err(breaks_off());
             }
@@ -168,11 +165,10 @@ impl Chunk {
 
     /// The next record: its opcode, and where its body lies.
     pub fn next(&mut self) -> Option<(u8, Range<usize>)> {
-        let head = self.bytes.get(self.next..self.end)?.get(..RECORD_HEAD as usize)?;
-        let start = self.next + RECORD_HEAD as usize;
-        let end = start + word(&head[1..]) as usize;
-        self.next = end;
-        Some((head[0], start..end))
+        let head = self.bytes.get(self.next..self.end)?.first_chunk().map(Head::of)?;
+        let start = self.next + Head::BYTES;
+        self.next = start + head.length as usize;
+        Some((head.opcode, start..self.next))
     }
 
     /// The bytes of a record that was given.
@@ -182,7 +178,7 @@ impl Chunk {
 }
 
 /// Whether a chunk may hold a record of this kind and size: a schema, a channel, a message, or another program's own.
-fn plausible(opcode: u8, size: u64) -> Result<(), String> {
+fn plausible(Head { opcode, length: size }: Head) -> Result<(), String> {
     match opcode {
         op::MESSAGE if size < MESSAGE_HEAD as u64 => Err(format!("holds a message of {size} bytes, which is none")),
         op::MESSAGE => Ok(()),

@@ -4,9 +4,9 @@
 //! power is not right, so this reader is told apart: every length is held against the file before memory is set aside,
 //! a chunk whose checksum is wrong is passed over, and what is left of the last chunk is given message by message.
 //!
-//! A log may also be a trap: 33 kB that claim to be a gigabyte, and are, of zeros. So no chunk unpacks to more than it can
-//! honestly hold (`chunk.rs`), memory grows only as bytes come that are records, and nothing that is kept for the whole
-//! file grows with what the file says of itself.
+//! A log may also be a trap: a chunk that claims to be a gigabyte, and is, of zeros, packed into next to nothing. So no
+//! chunk unpacks to more than it can honestly hold (`chunk.rs`), memory grows only as bytes come that are records, and
+//! nothing that is kept for the whole file grows with what the file says of itself.
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
@@ -16,16 +16,13 @@ use std::path::{Path, PathBuf};
 use elk_outside::file;
 use mcap::records::op;
 
-use crate::chunk::{Chunk, ChunkHead, HEAD_BYTES, Unpacked};
+use crate::chunk::{self, Chunk, ChunkHead, Unpacked};
 use crate::error::LogError;
-use crate::summary::TAIL_BYTES;
+use crate::footer::{Footer, TAIL_BYTES};
+use crate::head::{Head, MAX_RECORD_BYTES, word};
 
 /// Bytes that are read from the file at once.
 const READ_BYTES: usize = 1 << 20;
-/// Opcode and length of a record.
-pub(crate) const RECORD_HEAD: u64 = 9;
-/// No schema, channel or metadata is larger, and no attachment that elk has a use for.
-pub(crate) const MAX_RECORD_BYTES: u64 = 64 << 20;
 
 /// What was found next.
 #[derive(Debug)]
@@ -149,13 +146,13 @@ impl Container {
 
     /// The next record of the file itself; nothing for those that are passed over, and for chunks that can be read.
     fn record_of_file(&mut self) -> Result<Option<Found>, LogError> {
-        let mut head = [0; RECORD_HEAD as usize];
-        if self.length.saturating_sub(self.at) < RECORD_HEAD {
+        let Some(left) = self.length.saturating_sub(self.at).checked_sub(Head::BYTES as u64) else {
             return Ok(Some(self.over(format!("it ends after {} bytes, in the middle of the data", self.length))));
-        }
+        };
+        let mut head = [0; Head::BYTES];
         self.read_exact(&mut head)?;
-        let (opcode, length) = (head[0], word(&head[1..]));
-        let left = self.length - self.at - RECORD_HEAD;
+        let head = Head::of(&head);
+        let Head { opcode, length } = head;
         if opcode == 0 || opcode == op::FOOTER {
             return Ok(Some(self.over(format!("there is no record at byte {}", self.at))));
         }
@@ -167,7 +164,7 @@ impl Container {
             return Ok(Some(self.over(reason)));
         }
         let start = self.at;
-        self.at += RECORD_HEAD + length;
+        self.at = head.end(start);
         match opcode {
             op::DATA_END => Ok(Some(self.end(length)?)),
             op::MESSAGE_INDEX => self.skip(length),
@@ -208,7 +205,7 @@ impl Container {
             Err(reason) => return Ok(Some(self.over(format!("the chunk at byte {start} {reason}")))),
         };
         let there = head.compressed.min(left - head.bytes());
-        let end = start + RECORD_HEAD + head.bytes() + there;
+        let end = start + Head::BYTES as u64 + head.bytes() + there;
         let mut packed = (&mut self.file).take(there);
         let unpacked = match head.believable() {
             Ok(()) => self.chunk.unpack(&head, &mut packed),
@@ -234,7 +231,7 @@ impl Container {
     /// The chunk's header, held against the length of its record; else what is wrong with it.
     fn chunk_head(&mut self, length: u64, left: u64) -> Result<Result<ChunkHead, String>, LogError> {
         let mut fixed = [0; 32];
-        if left < HEAD_BYTES + 8 {
+        if left < chunk::HEAD_BYTES + 8 {
             return Ok(Err("is cut short by the end of the file".into()));
         }
         self.read_exact(&mut fixed)?;
@@ -256,14 +253,13 @@ impl Container {
     /// The data are over: sees that the end is all there.
     fn end(&mut self, length: u64) -> Result<Found, LogError> {
         self.place = Place::Over;
-        if length != 4 || self.length < self.at + TAIL_BYTES {
+        if length != 4 || self.length < self.at + TAIL_BYTES as u64 {
             return Ok(Found::Cut("the end of the file, with its index, is cut short".into()));
         }
-        let mut tail = [0; TAIL_BYTES as usize];
-        self.file.seek(SeekFrom::End(-(TAIL_BYTES as i64))).map_err(|source| read_error(&self.path, source))?;
-        self.read_exact(&mut tail)?;
-        let footer = tail[0] == op::FOOTER && word(&tail[1..]) == 20 && tail.ends_with(mcap::MAGIC);
-        Ok(if footer { Found::End } else { Found::Cut("the end of the file, with its index, is damaged".into()) })
+        match Footer::read(self.file.get_ref()).map_err(|source| read_error(&self.path, source))? {
+            Some(_) => Ok(Found::End),
+            None => Ok(Found::Cut("the end of the file, with its index, is damaged".into())),
+        }
     }
 
     fn read_exact(&mut self, bytes: &mut [u8]) -> Result<(), LogError> {
@@ -273,7 +269,7 @@ impl Container {
 
 /// The most bytes that a record of this kind has.
 fn longest(opcode: u8) -> u64 {
-    if opcode == op::MESSAGE { crate::chunk::MAX_BYTES } else { MAX_RECORD_BYTES }
+    if opcode == op::MESSAGE { chunk::MAX_BYTES } else { MAX_RECORD_BYTES }
 }
 
 /// Understands a record. The crate `mcap` sets memory aside for as many bytes as a text says it has, up to 4 GiB, and relies
@@ -360,9 +356,4 @@ fn read_exact(file: &mut BufReader<File>, path: &Path, bytes: &mut [u8]) -> Resu
 
 fn read_error(path: &Path, source: std::io::Error) -> LogError {
     LogError::Read { path: path.into(), source }
-}
-
-/// A little-endian number of 64 bits; there are at least eight bytes.
-pub(crate) fn word(bytes: &[u8]) -> u64 {
-    bytes.iter().take(8).rev().fold(0, |word, byte| word << 8 | u64::from(*byte))
 }

@@ -70,6 +70,6 @@ pub fn copy(
         copy.note_dropped(log.dropped(), last)?;
     }
     copy.finish()?;
-    copied.damage = log.damage().to_vec();
+    copied.damage = log.damage();
     Ok(copied)
 }

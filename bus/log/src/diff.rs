@@ -130,7 +130,7 @@ pub fn diff(first: &Path, second: &Path, options: &DiffOptions) -> Result<Diff, 
         stream.end(&mut sides, &mut diff);
     }
     diff.differences.sort_by(|one, other| one.time().total_cmp(&other.time()));
-    diff.damage = logs.iter().flat_map(|log| log.damage()).cloned().collect();
+    diff.damage = logs.iter().flat_map(LogReader::damage).collect();
     Ok(diff)
 }
 

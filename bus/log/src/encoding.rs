@@ -207,8 +207,8 @@ fn encode_known(buffer: &mut Vec<u8>, record: &RecordRef<'_>, known: &PayloadTyp
     buffer.push(b'"');
     put_envelope_fields(buffer, record)?;
     buffer.extend_from_slice(b",\"value\":");
-    // What is not what its type says has no fields to show, and what is very long none that anybody looks at, at ten times
-    // its memory; both are stored all the same.
+    // What is not what its type says has no fields to show, and what is very long none that anybody looks at, for many
+    // times its memory; both are stored all the same.
     let shown = (bytes.len() <= LONGEST_SHOWN).then(|| known.to_json(bytes, usize::MAX).ok()).flatten();
     let mut fields = shown.unwrap_or_else(|| serde_json::json!({}));
     schema::leave_out_nulls(&mut fields);

@@ -42,7 +42,10 @@ pub(crate) struct SegmentIndex {
     /// When each chunk's last message was recorded (ns), and where in the file it begins.
     chunks: Vec<(u64, u64)>,
     dropped: u64,
+    /// What was found where the file had to be read.
     damage: Damage,
+    /// Why its own index is not relied on.
+    index_damage: Option<String>,
 }
 
 /// One variable of a log, from one source.
@@ -120,12 +123,20 @@ impl Index {
 
     /// Whether every file has its proper end, as far as that can be said without reading it.
     pub fn whole(&self) -> bool {
-        self.damage().next().is_none()
+        self.segments.iter().all(|segment| segment.damage.is_empty() && segment.index_damage.is_none())
     }
 
-    /// What was found to be damaged or cut short, in words; beyond a thousand places in a file the rest is counted.
-    pub fn damage(&self) -> impl Iterator<Item = &str> {
-        self.segments.iter().flat_map(|segment| segment.damage.reasons().iter().map(String::as_str))
+    /// What was found to be damaged or cut short, in words; beyond a thousand places the rest is counted.
+    pub fn damage(&self) -> Vec<String> {
+        let mut all = Damage::default();
+        self.segments.iter().for_each(|segment| all.merge(&segment.damage));
+        self.index_damage().for_each(|reason| all.note(reason.to_owned()));
+        all.reasons()
+    }
+
+    /// Which files' own indexes are not relied on, and why: what nobody sees who only reads the messages.
+    pub(crate) fn index_damage(&self) -> impl Iterator<Item = &str> {
+        self.segments.iter().filter_map(|segment| segment.index_damage.as_deref())
     }
 }
 
@@ -143,8 +154,8 @@ fn topic(channel: &Channel) -> Topic {
 impl SegmentIndex {
     fn read(path: &Path, on_progress: OnProgress<'_>) -> Result<Self, LogError> {
         let read = |source| LogError::Read { path: path.into(), source };
-        let mut file = file::open(path).map_err(read)?;
-        let reason = match Summary::find(&mut file).map_err(read)? {
+        let file = file::open(path).map_err(read)?;
+        let reason = match Summary::find(&file).map_err(read)? {
             Summary::Missing => return Self::by_reading(path, on_progress),
             Summary::Found(place) => match Self::from_summary(path, place)? {
                 Ok(index) => return Ok(index),
@@ -152,9 +163,8 @@ impl SegmentIndex {
             },
             Summary::Damaged(reason) => reason,
         };
-        let mut index = Self::by_reading(path, on_progress)?;
-        index.damage.note(|| format!("{}: its index is damaged: {reason}", path.display()));
-        Ok(index)
+        let index_damage = Some(format!("{}: its index is damaged: {reason}", path.display()));
+        Ok(Self { index_damage, ..Self::by_reading(path, on_progress)? })
     }
 
     /// What the records at the end of the file say, in the bytes `place`; else what is wrong with them.
@@ -210,7 +220,7 @@ impl SegmentIndex {
                     index.end = Some(index.end.map_or(time, |end| end.max(time)));
                 }
                 Next::Dropped(total) => index.dropped = total,
-                Next::Damage(reason) => index.damage.note(|| reason),
+                Next::Damage(reason) => index.damage.note(reason),
                 Next::End => break,
             }
             if segment.position() != told {

@@ -12,7 +12,8 @@
 //! |---|---|
 //! | `writer`, `staging` | a log that grows, over a disk that may be full |
 //! | `reader`, `segment` | a run's records; one file's messages |
-//! | `container`, `chunk`, `summary` | one file's bytes, whole or not, honest or not; what is packed; what its end says |
+//! | `container`, `chunk` | one file's bytes, whole or not, honest or not; what is packed |
+//! | `summary`, `footer`, `head` | what a file's end says; its last record; what stands before each record |
 //! | [`segments()`] | which files are one run's log |
 //! | [`index`] | what is in a log, and where, without reading it |
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
@@ -30,9 +31,11 @@ mod damage;
 pub mod diff;
 mod encoding;
 mod error;
+mod footer;
 mod foxglove;
 #[doc(hidden)]
 pub mod fuzzing;
+mod head;
 pub mod index;
 mod protobuf;
 mod reader;

@@ -56,12 +56,17 @@ impl LogReader {
 
     /// Whether the log was read to its proper end, and nothing in it is damaged. False as long as records are left.
     pub fn whole(&self) -> bool {
-        self.current.is_none() && self.segments.is_empty() && self.damage.reasons().is_empty()
+        self.current.is_none() && self.segments.is_empty() && self.damage.is_empty()
     }
 
     /// What was found to be damaged or cut short so far, in words; beyond a thousand places the rest is counted.
-    pub fn damage(&self) -> &[String] {
+    pub fn damage(&self) -> Vec<String> {
         self.damage.reasons()
+    }
+
+    /// See [`LogReader::damage`].
+    pub(crate) fn found(&self) -> &Damage {
+        &self.damage
     }
 
     /// Messages that the logger missed, as far as the log has been read.
@@ -106,7 +111,7 @@ impl LogReader {
         let found = self.find();
         if let Err(error) = &found {
             // What cannot be read at all is not tried again; the next segment may be better.
-            self.damage.note(|| error.to_string());
+            self.damage.note(error.to_string());
             self.leave_segment();
         }
         found
@@ -124,7 +129,7 @@ impl LogReader {
             match segment.next()? {
                 Next::Message => return Ok(true),
                 Next::Dropped(total) => self.dropped.1 = total,
-                Next::Damage(reason) => self.damage.note(|| reason),
+                Next::Damage(reason) => self.damage.note(reason),
                 Next::End => self.leave_segment(),
             }
         }

@@ -8,10 +8,10 @@ use std::sync::Arc;
 use mcap::records::{self, ChunkIndex, Record as McapRecord, Statistics, op};
 
 use crate::channel::{Channel, ChannelKind, text};
-use crate::chunk::MESSAGE_HEAD;
 use crate::container::{self, Container, Found};
 use crate::encoding::{self, Decoded, Scratch};
 use crate::error::LogError;
+use crate::head::MESSAGE_HEAD;
 use crate::record::{Metadata, RecordRef};
 
 /// Names, sources and types of all channels of a file take at most so many bytes; what is announced beyond is not known.

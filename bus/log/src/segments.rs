@@ -73,16 +73,12 @@ fn segment(path: &Path, number: u64) -> PathBuf {
 /// A device (`/dev/full`) is opened as it is; a FIFO or a socket is not waited for.
 pub(crate) fn create(path: &Path, from: u64) -> Result<(File, PathBuf, u64), LogError> {
     let failed = |source| LogError::Create { path: path.into(), source };
-    match path.metadata().map(|there| there.file_type()) {
-        Ok(kind) if kind.is_char_device() => {
-            let file = OpenOptions::new().write(true).open(path).map_err(failed)?;
-            return Ok((file, path.into(), from));
-        }
-        // The error says what it is.
-        Ok(kind) if !kind.is_file() && !kind.is_dir() => {
-            file::opened(OpenOptions::new().write(true), path).map_err(failed)?;
-        }
-        _ => {}
+    let special = path.metadata().ok().map(|there| there.file_type()).filter(|kind| !kind.is_file() && !kind.is_dir());
+    if let Some(kind) = special {
+        let mut options = OpenOptions::new();
+        options.write(true);
+        let opened = if kind.is_char_device() { options.open(path) } else { file::opened(&mut options, path) };
+        return Ok((opened.map_err(failed)?, path.into(), from));
     }
     for number in from.. {
         let path = segment(path, number);

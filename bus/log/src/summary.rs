@@ -1,15 +1,12 @@
 //! The end of a file, which says what is in it: where that lies, and whether it is what was written.
 
 use std::fs::File;
-use std::io::{Read, Result, Seek, SeekFrom};
+use std::io::Result;
 use std::ops::Range;
+use std::os::unix::fs::FileExt;
 
-use mcap::records::op;
+use crate::footer::Footer;
 
-use crate::container::{RECORD_HEAD, word};
-
-/// Opcode, length and body of the footer, and the magic behind it.
-pub(crate) const TAIL_BYTES: u64 = RECORD_HEAD + 20 + 8;
 /// An index that claims to be larger is taken for damaged (bytes).
 const MAX_SUMMARY_BYTES: u64 = 256 << 20;
 /// Bytes that are read from the file at once.
@@ -27,26 +24,18 @@ pub(crate) enum Summary {
 
 impl Summary {
     /// Looks for them, and holds them against their checksum.
-    pub fn find(file: &mut File) -> Result<Self> {
-        let length = file.metadata()?.len();
-        let mut tail = [0; TAIL_BYTES as usize];
-        let Some(end) = length.checked_sub(TAIL_BYTES) else {
+    pub fn find(file: &File) -> Result<Self> {
+        let Some(footer) = Footer::read(file)? else {
             return Ok(Self::Missing);
         };
-        file.seek(SeekFrom::Start(end))?;
-        file.read_exact(&mut tail)?;
-        let start = word(&tail[RECORD_HEAD as usize..]);
-        if tail[0] != op::FOOTER || !tail.ends_with(mcap::MAGIC) || start == 0 {
+        let Some(start) = footer.index else {
             return Ok(Self::Missing);
-        }
+        };
+        let end = footer.start;
         if end.checked_sub(start).is_none_or(|size| size > MAX_SUMMARY_BYTES) {
-            return Ok(Self::Damaged(format!("it is said to begin at byte {start} of {length}")));
+            return Ok(Self::Damaged(format!("it is said to begin at byte {start} and to end at byte {end}")));
         }
-        let mut crc = checksum(file, start..end)?;
-        // The footer up to the checksum itself is part of what it covers.
-        let (covered, said) = tail[..RECORD_HEAD as usize + 20].split_at(RECORD_HEAD as usize + 16);
-        crc.update(covered);
-        match said == [0; 4] || said == crc.finalize().to_le_bytes() {
+        match footer.agrees(checksum(file, start..end)?) {
             true => Ok(Self::Found(start..end)),
             false => Ok(Self::Damaged("it does not agree with its checksum".into())),
         }
@@ -54,19 +43,17 @@ impl Summary {
 }
 
 /// The checksum of a part of a file.
-pub(crate) fn checksum(file: &mut File, place: Range<u64>) -> Result<crc32fast::Hasher> {
-    file.seek(SeekFrom::Start(place.start))?;
+pub(crate) fn checksum(file: &File, Range { start: mut at, end }: Range<u64>) -> Result<crc32fast::Hasher> {
     let mut crc = crc32fast::Hasher::new();
-    let mut left = place.end.saturating_sub(place.start);
-    let mut piece = vec![0; left.min(READ_BYTES) as usize];
-    while left > 0 {
-        let wanted = left.min(READ_BYTES) as usize;
-        let count = file.read(&mut piece[..wanted])?;
+    let mut piece = vec![0; end.saturating_sub(at).min(READ_BYTES) as usize];
+    while at < end {
+        let wanted = (end - at).min(READ_BYTES) as usize;
+        let count = file.read_at(&mut piece[..wanted], at)?;
         if count == 0 {
             break; // the file has become shorter: the checksum will not be right
         }
         crc.update(&piece[..count]);
-        left -= count as u64;
+        at += count as u64;
     }
     Ok(crc)
 }

@@ -71,6 +71,7 @@ pub struct LogWriter {
 struct Segment {
     path: PathBuf,
     number: u64,
+    compression: Compression,
     file: File,
     staging: Staging,
     format: Writer<NoSeek<Staging>>,
@@ -135,33 +136,20 @@ impl LogWriter {
     /// Records a message. It is on the disk after the next [`LogWriter::flush`] that succeeds. An error means that this
     /// message is not recorded; the log goes on.
     pub fn append(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
-        if self.rotation_is_due(record.received) {
-            self.rotate();
+        if self.rotation_is_due(record.received) && self.rotate(self.segment.compression).is_err() {
+            // The next flush says what is wrong with the disk. Until then this segment is written on, and the next
+            // rotation is a segment away.
+            (self.segment.started, self.segment.bytes) = (None, 0);
         }
-        let segment = &mut self.segment;
-        let waiting = segment.staging.len();
-        if waiting > MAX_STAGED_BYTES {
-            return Err(LogError::Full { path: segment.path.clone(), waiting });
-        }
+        self.segment.has_room()?;
         let refused =
             |reason: String| LogError::Record { key: record.key.into(), source_name: record.source.into(), reason };
         self.buffer.clear();
         encoding::encode(record, &mut self.buffer).map_err(refused)?;
-        if self.options.compression == Compression::Zstd && packs_too_tightly(&self.buffer) {
-            self.options.compression = Compression::None;
-            self.rotate();
+        if self.segment.compression == Compression::Zstd && packs_too_tightly(&self.buffer) {
+            self.rotate(Compression::None)?;
         }
-        let segment = &mut self.segment;
-        let header = MessageHeader {
-            channel_id: segment.channel(record).map_err(|error| refused(error.to_string()))?,
-            sequence: record.sequence as u32, // MCAP has 32 bits; the whole number is in the message
-            log_time: nanoseconds(record.received),
-            publish_time: nanoseconds(record.time),
-        };
-        segment.format.write_to_known_channel(&header, &self.buffer).map_err(|error| refused(error.to_string()))?;
-        segment.started.get_or_insert(record.received);
-        segment.drain_closed_chunk(waiting);
-        Ok(())
+        self.segment.append(record, &self.buffer).map_err(|error| refused(error.to_string()))
     }
 
     /// Notes in the log itself that `newly` more messages are missing from it.
@@ -176,17 +164,14 @@ impl LogWriter {
         large || old
     }
 
-    /// Begins the next segment, then ends this one. Where there is no room for another one, this one is written on.
-    fn rotate(&mut self) {
-        let next = Segment::create(&self.path, self.segment.number + 1, &self.metadata, self.options.compression);
-        let Ok(next) = next else {
-            // The next flush says what is wrong with the disk. Until then the next rotation is a segment away.
-            self.segment.started = None;
-            self.segment.bytes = 0;
-            return;
-        };
-        // A segment whose end the disk does not take is readable up to its last flush.
+    /// Ends this segment and begins the next one, packed with `compression`. An error means that there is no room for it:
+    /// this segment is the one that is written on.
+    fn rotate(&mut self, compression: Compression) -> Result<(), LogError> {
+        self.segment.flush()?;
+        let next = Segment::create(&self.path, self.segment.number + 1, &self.metadata, compression)?;
+        // If the disk does not take its end, a segment is readable up to its last flush, which was just now.
         let _ = std::mem::replace(&mut self.segment, next).finish();
+        Ok(())
     }
 
     /// Closes the chunk and writes all that waits: the file is readable up to here, whatever happens to this process.
@@ -251,9 +236,19 @@ impl Segment {
             .disable_seeking(true)
             .create(NoSeek::new(staging.clone()))
             .map_err(created)?;
-        let channels = HashMap::new();
-        let mut segment =
-            Self { path, number, file, staging, format, channels, losses: None, dropped: 0, started: None, bytes: 0 };
+        let mut segment = Self {
+            path,
+            number,
+            compression,
+            file,
+            staging,
+            format,
+            channels: HashMap::new(),
+            losses: None,
+            dropped: 0,
+            started: None,
+            bytes: 0,
+        };
         let written = segment.write_metadata(metadata);
         written
             .map_err(|error| LogError::Create { path: segment.path.clone(), source: std::io::Error::other(error) })?;
@@ -287,12 +282,31 @@ impl Segment {
         })
     }
 
-    /// A chunk that has just been closed goes to the disk at once. If the disk refuses it waits for the next flush,
-    /// which reports the failure.
-    fn drain_closed_chunk(&mut self, waited: usize) {
+    /// Whether more may wait for the disk.
+    fn has_room(&self) -> Result<(), LogError> {
+        let waiting = self.staging.len();
+        if waiting > MAX_STAGED_BYTES {
+            return Err(LogError::Full { path: self.path.clone(), waiting });
+        }
+        Ok(())
+    }
+
+    /// Takes `record`, whose message is `bytes`. A chunk that this closes goes to the disk at once; if the disk refuses, it
+    /// waits for the next flush, which reports the failure.
+    fn append(&mut self, record: &RecordRef<'_>, bytes: &[u8]) -> mcap::McapResult<()> {
+        let header = MessageHeader {
+            channel_id: self.channel(record)?,
+            sequence: record.sequence as u32, // MCAP has 32 bits; the whole number is in the message
+            log_time: nanoseconds(record.received),
+            publish_time: nanoseconds(record.time),
+        };
+        let waited = self.staging.len();
+        self.format.write_to_known_channel(&header, bytes)?;
+        self.started.get_or_insert(record.received);
         if self.staging.len() > waited {
             let _ = self.drain();
         }
+        Ok(())
     }
 
     fn drain(&mut self) -> std::io::Result<()> {

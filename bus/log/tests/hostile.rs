@@ -192,15 +192,20 @@ fn what_is_wrong_a_million_times_is_kept_a_thousand_times() {
     // A value that does not decode, of the first channel, which the writer numbers 0 or 1.
     let unreadable: Vec<u8> =
         (0..2_u16).flat_map(|id| [head(5, 22), id.to_le_bytes().to_vec(), vec![0; 20]].concat()).collect();
-    for (what, once) in [("nobody", nobody), ("others", of_others), ("empty", empty), ("unreadable", unreadable)] {
-        let length = 40 * MB / once.len() as u64 * once.len() as u64;
+    // So many places each: channels that nobody announced are said once, and the file is cut.
+    let times = |once: &[u8]| 40 * MB / once.len() as u64;
+    let places = [2, 20_001, 2, times(&unreadable) + 2];
+    for (once, places) in [nobody, of_others, empty, unreadable].into_iter().zip(places) {
+        let length = times(&once) * once.len() as u64;
         let path = trap(folder.path(), &chunk("zstd", Again::of(once), length));
         let (memory, damage) = memory_of(|| check(&path, &mut |_, _| {}).unwrap().damage);
-        assert!(memory < 100 && damage.len() <= 1001 + 2, "{what}: {memory} MiB, {} places", damage.len());
+        let more = (places > 1000).then(|| format!("and {} more", places - 1000));
+        assert_eq!(damage.get(1000), more.as_ref(), "{} of {places} places", damage.len());
+        assert!(memory < 100 && damage.len() as u64 == places.min(1001), "{memory} MiB, {} places", damage.len());
     }
 }
 
-/// As `names` claims: names of a gigabyte in all, packed into little.
+/// 300 names of a megabyte each, which pack into little.
 #[test]
 fn names_of_channels_are_kept_up_to_a_bound() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -234,19 +239,48 @@ fn an_index_that_is_a_hole_is_damaged_and_not_read_into_memory() {
     assert!(memory < 16, "{memory} MiB");
 }
 
+/// A new log at `path`, packed with Zstandard.
+fn packed_log(path: &Path) -> LogWriter {
+    let options = LogOptions { compression: Compression::Zstd, ..LogOptions::default() };
+    LogWriter::create_with(path, &Metadata::default(), options).unwrap()
+}
+
+fn zeros(number: u64, bytes: u64) -> Record {
+    record(number, Value::Binary { type_name: "Zeros".into(), layout: 1, bytes: vec![0; bytes as usize] })
+}
+
 #[test]
 fn what_a_writer_writes_is_believed_however_tightly_it_packs() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
-    let options = LogOptions { compression: Compression::Zstd, ..LogOptions::default() };
-    let mut log = LogWriter::create_with(&folder.path().join("log.mcap"), &Metadata::default(), options).unwrap();
-    let zeros = |bytes: u64| Value::Binary { type_name: "Zeros".into(), layout: 1, bytes: vec![0; bytes as usize] };
-    let records = [1.0.into(), zeros(30 * MB), zeros(70 * MB), 2.0.into(), zeros(80 * MB)];
-    let records: Vec<Record> = (0..).zip(records).map(|(number, value)| record(number, value)).collect();
+    let mut log = packed_log(&folder.path().join("log.mcap"));
+    let records =
+        [record(0, 1.0.into()), zeros(1, 30 * MB), zeros(2, 70 * MB), record(3, 2.0.into()), zeros(4, 80 * MB)];
     for record in &records {
         log.append(&record.as_ref()).unwrap();
         log.flush().unwrap();
     }
+    log.finish().unwrap();
+    let mut log = LogReader::open(folder.path()).unwrap();
+    assert!(log.by_ref().map(Result::unwrap).eq(records) && log.whole(), "{:?}", log.damage());
+}
+
+#[test]
+fn what_packs_too_tightly_is_refused_where_there_is_no_room_for_another_segment() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir().unwrap();
+    let next = folder.path().join("log.1.mcap");
+    std::fs::create_dir(&next).unwrap();
+    let mut log = packed_log(&folder.path().join("log.mcap"));
+    let records = [record(0, 1.0.into()), record(1, 2.0.into()), zeros(2, 70 * MB), record(3, 3.0.into())];
+    log.append(&records[0].as_ref()).unwrap();
+    for _ in 0..2 {
+        let refused = log.append(&zeros(9, 70 * MB).as_ref()).unwrap_err().to_string();
+        assert!(refused.contains("log.1.mcap"), "{refused}");
+    }
+    log.append(&records[1].as_ref()).unwrap();
+    std::fs::remove_dir(&next).unwrap();
+    records[2..].iter().for_each(|record| log.append(&record.as_ref()).unwrap());
     log.finish().unwrap();
     let mut log = LogReader::open(folder.path()).unwrap();
     assert!(log.by_ref().map(Result::unwrap).eq(records) && log.whole(), "{:?}", log.damage());

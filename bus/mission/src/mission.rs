@@ -86,17 +86,17 @@ pub enum MissionError {
     Wrong(#[from] Problems),
 }
 
-/// The longest mission file (bytes); one of a thousand apps is shorter.
-const LONGEST: u64 = 512_000;
-
 impl Mission {
+    /// The longest mission file that is read (bytes); one of a thousand apps is shorter.
+    pub const LONGEST: u64 = 512_000;
+
     /// Reads and checks a mission file, changed by `overrides`.
     ///
     /// # Errors
     /// The file cannot be read, or everything that is wrong with it.
     pub fn load(file: &Path, registry: &Registry, overrides: &[Override]) -> Result<Self, MissionError> {
         let unreadable = |source| MissionError::Unreadable { file: file.to_owned(), source };
-        let text = file::read_text(file, LONGEST).map_err(unreadable)?;
+        let text = file::read_text(file, Self::LONGEST).map_err(unreadable)?;
         Ok(Self::parse(&text, file, registry, overrides)?)
     }
 

@@ -5,44 +5,42 @@ use std::borrow::Cow;
 /// The text in one line, with everything escaped that would move the cursor, colour the terminal or turn the direction of
 /// writing: `"\x1b[2J"` is shown as `\u{1b}[2J`.
 pub fn printable(text: &str) -> Cow<'_, str> {
-    escaped(text, rules)
+    escaped(text, rules, put_as_rust)
 }
 
 /// As [`printable`], for texts of several lines: line feeds stay.
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
-    escaped(text, |character| character != '\n' && rules(character))
+    escaped(text, rules_in_lines, put_as_rust)
 }
 
 /// A JSON text that a terminal shows as it is: what [`printable`] escapes is escaped as JSON does, which is the same text to
 /// whoever parses it. Line feeds between its parts stay.
 pub fn printable_json(json: &str) -> Cow<'_, str> {
-    let is_escaped = |character: char| character != '\n' && rules(character);
-    if !json.contains(is_escaped) {
-        return Cow::Borrowed(json);
-    }
-    let mut shown = String::with_capacity(json.len() + 16);
-    for character in json.chars() {
-        match is_escaped(character) {
-            // All of these have four digits.
-            true => shown.push_str(&format!("\\u{:04x}", u32::from(character))),
-            false => shown.push(character),
-        }
-    }
-    Cow::Owned(shown)
+    // All of these have four digits.
+    escaped(json, rules_in_lines, |shown, character| shown.push_str(&format!("\\u{:04x}", u32::from(character))))
 }
 
-fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
+/// The text, with each character that is to be escaped put as `put` has it.
+fn escaped(text: &str, is_escaped: impl Fn(char) -> bool, put: impl Fn(&mut String, char)) -> Cow<'_, str> {
     if !text.contains(&is_escaped) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len() + 16);
     for character in text.chars() {
         match is_escaped(character) {
-            true => shown.extend(character.escape_debug()),
+            true => put(&mut shown, character),
             false => shown.push(character),
         }
     }
     Cow::Owned(shown)
+}
+
+fn put_as_rust(shown: &mut String, character: char) {
+    shown.extend(character.escape_debug());
+}
+
+fn rules_in_lines(character: char) -> bool {
+    character != '\n' && rules(character)
 }
 
 /// Whether a terminal, or the eye, obeys this character instead of showing it: controls (C0, C1), line and paragraph

@@ -1,17 +1,21 @@
 //! The broker, among clients that say anything, come, go, die, and read or do not.
 #![no_main]
 
+mod common;
+
 use elk_bus::Introduction;
 use elk_bus::broker::{Broker, BrokerConfig, ClientId};
-use elk_bus::wire::{self, BulkRef, FrameKind, Header, Named, ValueKind};
+use elk_bus::wire::{self, BulkRef, Named};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
 
 const NAMES: [&str; 6] =
     ["a", "b", "Map", "*", "", "a very long name that no client has, of more than sixty-four characters in all"];
 const KEYS: [&str; 8] = ["A", "B", "SCAN", "DB_TABLE_REQUEST", "DB_CLIENTS", "*", "", "A_STATUS"];
-/// All memory that the broker may take for what one input says of it.
+/// Bytes that wait in one client's mailbox: few, so that mailboxes overflow.
 const MAILBOX: usize = 1 << 12;
+/// All flags that a frame can have.
+const FLAGS: u16 = wire::BULK | wire::ATTACH | wire::LATEST | wire::LOSSLESS | wire::RESENT | wire::TYPED;
 
 struct Lab {
     broker: Broker,
@@ -73,25 +77,16 @@ impl Lab {
 /// A batch of a client that knows the format.
 fn batch(from: &mut Unstructured<'_>) -> Result<Vec<u8>> {
     let mut batch = Vec::new();
+    let layout = u64::from(u8::arbitrary(from)?);
     for (number, key) in (0..).zip(KEYS) {
         wire::put_definition(&mut batch, Named::Key, number, key, 0);
+        wire::put_definition(&mut batch, Named::Type, number, "Theirs", layout);
     }
-    wire::put_definition(&mut batch, Named::Type, 0, "Theirs", u64::from(u8::arbitrary(from)?));
     wire::put_definition(&mut batch, Named::Source, from.int_in_range(0..=3)?, from.choose(&NAMES)?, 0);
     for _ in 0..from.int_in_range(1..=6)? {
-        use FrameKind::{Attached, Clock, Define, Dropped, Notify, Ready, Refused, Register, Unregister};
-        let kinds = [Notify, Notify, Notify, Register, Unregister, Define, Refused, Dropped, Attached, Ready, Clock];
-        let header = Header {
-            kind: kinds[from.choose_index(kinds.len())?],
-            value_kind: [ValueKind::Double, ValueKind::Text, ValueKind::Binary][from.int_in_range(0..=2)?],
-            flags: u16::from(u8::arbitrary(from)? & 0b1_1111),
-            key: from.int_in_range(0..=9)?,
-            source: from.int_in_range(0..=5)?,
-            type_: from.int_in_range(0..=2)?,
-            community: from.int_in_range(0..=2)?,
-            sequence: u64::arbitrary(from)?,
-            time: f64::arbitrary(from)?,
-        };
+        let flags = u16::from(u8::arbitrary(from)?) & FLAGS;
+        // One key more than there is.
+        let header = common::header(from, flags, KEYS.len() as u32)?;
         let reference = BulkRef {
             client: from.int_in_range(0..=5)?,
             generation: u32::arbitrary(from)?,

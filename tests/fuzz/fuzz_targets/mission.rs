@@ -3,18 +3,14 @@
 
 use std::path::Path;
 
-use elk_mission::{Exchange, Mission, Registry};
+use elk_mission::{Exchange, Mission};
 use libfuzzer_sys::fuzz_target;
 
+#[path = "../../../apps/elk/registry.rs"]
+mod registry;
+
 fuzz_target!(|text: &str| {
-    let registry = Registry::new(&[
-        elk_sensor::TYPES,
-        elk_filter::TYPES,
-        elk_map::TYPES,
-        elk_explorer::TYPES,
-        elk_controller::TYPES,
-        elk_logger::TYPES,
-    ]);
+    let registry = registry::registry();
     // The last line may say parameters as a command line does.
     let (text, sets) = text.rsplit_once("\n--set").unwrap_or((text, ""));
     let overrides: Vec<_> = sets.split("--set").filter_map(|set| set.trim().parse().ok()).collect();

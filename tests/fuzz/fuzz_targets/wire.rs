@@ -1,12 +1,13 @@
 //! Any batch that a client may be given by a broker that is not right in the head: frames, names, mail, values.
 #![no_main]
 
-use std::ops::Deref;
+mod common;
+
 use std::time::Duration;
 
 use elk_bus::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
-use elk_bus::wire::{self, BulkRef, FrameKind, Header, Named, ValueKind};
-use elk_bus::{Client, Clock, CommsError, Community};
+use elk_bus::wire::{self, BulkRef, Named};
+use elk_bus::{Client, Clock, CommsError, Community, ValueRef};
 use elk_spatial::catalogue::{self, CATALOGUE};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
@@ -14,18 +15,9 @@ use libfuzzer_sys::fuzz_target;
 /// A transport whose broker says what the fuzzer says.
 struct Made(Vec<Vec<u8>>);
 
-struct Owned(Vec<u8>);
-
-impl Deref for Owned {
-    type Target = [u8];
-    fn deref(&self) -> &[u8] {
-        &self.0
-    }
-}
-
 impl Downlink for Made {
     fn receive(&mut self, _: Duration) -> std::result::Result<Option<Batch>, LinkError> {
-        Ok(self.0.pop().map(|bytes| Batch(Box::new(Owned(bytes)))))
+        Ok(self.0.pop().map(|bytes| Batch(Box::new(bytes))))
     }
     fn open(&self) -> bool {
         true
@@ -97,19 +89,8 @@ fn batches(from: &mut Unstructured<'_>) -> Result<Vec<Vec<u8>>> {
 }
 
 fn put_frame(from: &mut Unstructured<'_>, batch: &mut Vec<u8>) -> Result<()> {
-    use FrameKind::{Attached, Clock, Define, Dropped, Notify, Ready, Refused, Register, Unregister};
-    let kinds = [Notify, Notify, Notify, Register, Unregister, Define, Refused, Dropped, Attached, Ready, Clock];
-    let header = Header {
-        kind: kinds[from.choose_index(kinds.len())?],
-        value_kind: [ValueKind::Double, ValueKind::Text, ValueKind::Binary][from.int_in_range(0..=2)?],
-        flags: u16::arbitrary(from)?,
-        key: from.int_in_range(0..=20)?,
-        source: from.int_in_range(0..=20)?,
-        type_: from.int_in_range(0..=20)?,
-        community: from.int_in_range(0..=3)?,
-        sequence: u64::arbitrary(from)?,
-        time: f64::arbitrary(from)?,
-    };
+    let flags = u16::arbitrary(from)?;
+    let header = common::header(from, flags, 20)?;
     wire::put(batch, &header, <&[u8]>::arbitrary(from)?, <&[u8]>::arbitrary(from)?);
     Ok(())
 }
@@ -126,8 +107,11 @@ fuzz_target!(|bytes: &[u8]| {
         let Client { comms, inbox } = &mut client;
         let heard: std::result::Result<usize, CommsError> = inbox.receive(comms, Duration::ZERO, |_, mail| {
             let _ = (mail.key(), mail.source(), mail.time(), mail.sequence(), mail.is_latest());
-            // As an app that decodes it, and as one that shows it.
+            // As one that shows it, and as an app that decodes it, which holds it against the checks of its type.
             let _ = catalogue::value_to_json(mail.value(), 100);
+            if let ValueRef::Binary { type_name, bytes, .. } = mail.value() {
+                let _ = catalogue::named(type_name).map(|payload| payload.check(bytes));
+            }
             Ok(())
         });
         let _ = heard;
