@@ -8,9 +8,10 @@ mod common;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use common::{Elk, Launcher, WATCHDOG};
+use common::events::WATCHDOG;
+use common::{Elk, Launcher};
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Community, Mail, Origin, Value, ValueRef};
+use elk_bus::{Client, Mail, Origin, Value, ValueRef};
 use elk_spatial::catalogue::{self, PayloadType};
 use elk_spatial::keys::{PLAN, PLAN_REQUEST, POSE_COMMAND};
 use elk_spatial::messages::{Decision, MotionPolicy, Path, Plan};
@@ -72,21 +73,12 @@ impl Siege {
     fn lay(test: &str, mission: &str) -> Self {
         let elk = Elk::new(test);
         let launcher = elk.launch_limited(mission, &format!("ulimit -d {MEMORY_KB}"));
-        let community = Community::new(elk.community()).unwrap();
-        let mut hostile = None;
-        common::wait_until(WATCHDOG, "the community is there", || {
-            hostile = Client::connect(&community, "hostile").ok();
-            hostile.is_some()
-        });
-        let mut siege = Self { elk, launcher, hostile: hostile.unwrap(), said: Vec::new() };
+        let hostile = elk.join("hostile");
+        let mut siege = Self { elk, launcher, hostile, said: Vec::new() };
         siege.hostile.comms.register_variable("MAIL_REJECTED", 0.0).unwrap();
         siege.hostile.comms.register_variable("*_STATUS", 0.0).unwrap();
         siege.hostile.comms.register(&PLAN_REQUEST).unwrap();
         siege.hostile.comms.register(&POSE_COMMAND).unwrap();
-        common::wait_until(WATCHDOG, "all apps are there", || {
-            let rows: Vec<serde_json::Value> = serde_json::from_str(&siege.elk.obeyed(&["apps", "--json"])).unwrap();
-            APPS.iter().all(|app| rows.iter().any(|row| row["name"] == *app && row["state"] == "running"))
-        });
         siege.nobody_is_lost("before it begins");
         siege
     }

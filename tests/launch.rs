@@ -2,8 +2,8 @@
 
 mod common;
 
-use std::time::Duration;
-
+use common::events::wait_until_gone;
+use common::lab::hear;
 use common::{Elk, alive, kill, processes_of, shared_memory_of};
 use rustix::process::Signal;
 
@@ -71,10 +71,14 @@ fn a_broker_that_is_killed_is_started_again_and_everybody_comes_back() {
     assert_eq!(elk.row("db")["restarts"], 1);
     assert_eq!(["Sensor", "Map", "Explorer", "Controller"].map(|app| elk.process(app)), apps);
     // They are on the bus, and not only alive.
-    common::wait_until(Duration::from_secs(60), "everyone is back", || {
-        let clients = elk.obeyed(&["list"]);
-        ["Sensor", "Map", "Explorer", "Controller", "launcher"].iter().all(|name| clients.contains(name))
+    let mut witness = elk.join("witness");
+    witness.comms.register_text("DB_CLIENTS").unwrap();
+    hear(&mut witness, "everyone", |mail| {
+        let clients: Vec<&str> = mail.as_text()?.split(',').collect();
+        let all = ["Sensor", "Map", "Explorer", "Controller", "launcher"];
+        all.iter().all(|name| clients.contains(name)).then_some(())
     });
+    drop(witness);
     kill(launcher.id(), Signal::INT);
     let (_, said) = launcher.end();
     assert!(said.contains("NOT complete: stopped"), "{said}");
@@ -129,8 +133,7 @@ fn nobody_is_left_after_the_launcher_is_killed() {
     assert_eq!(descendants.len(), 8);
     kill(launcher.id(), Signal::KILL);
     launcher.end();
-    let gone = || !descendants.iter().any(|id| alive(*id));
-    common::wait_until(Duration::from_secs(60), "everyone is gone", gone);
+    wait_until_gone("everyone's end", || descendants.iter().copied().find(|id| alive(*id)));
     assert_nothing_is_left(&elk);
 }
 
@@ -205,7 +208,7 @@ fn a_second_launch_of_a_community_is_refused_and_the_first_goes_on() {
 fn a_broker_of_somebody_else_keeps_a_mission_from_starting() {
     let elk = Elk::new("served");
     let mut broker = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-    common::wait_until(Duration::from_secs(60), "the broker serves", || elk.order(&["list"]).0 == Some(0));
+    drop(elk.join("usher"));
     let said = elk.launch_and_fail(&idle(&elk, None));
     assert!(said.contains("is served already, by a broker that is not this mission's"), "{said}");
     assert!(broker.try_wait().unwrap().is_none());

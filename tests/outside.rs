@@ -4,11 +4,8 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use common::{Elk, processes_of};
-
-const PATIENCE: Duration = Duration::from_secs(120);
 
 fn car() -> String {
     let root = env!("CARGO_MANIFEST_DIR");
@@ -171,5 +168,5 @@ fn a_map_that_cannot_be_written_at_the_end_fails_its_mission() {
     let words = format!("cannot write the map to {}", file.display());
     assert!(reason.contains("Map could not end in good order") && reason.contains(&words), "{reason}");
     assert!(said.contains(&words) && summary["complete"] == false, "{said}");
-    common::wait_until(PATIENCE, "nobody is left", || processes_of(&elk).is_empty());
+    elk.wait_until_deserted();
 }

@@ -3,15 +3,16 @@
 
 mod common;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{Permissions, set_permissions};
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::time::Duration;
 
-use common::{Elk, WATCHDOG, alive, kill, processes_of, shared_memory_of, wait_until};
+use common::events::{Events, WATCHDOG, once_served, wait_until_gone};
+use common::lab::hear;
+use common::{Elk, alive, kill, shared_memory_of};
 use elk_bus::{Client, Community};
 use rustix::process::Signal;
 
@@ -35,7 +36,7 @@ impl Broker {
         let out = std::fs::File::create(elk.folder().join("db.txt")).unwrap();
         let mut command = in_place(elk, &["db", "--community", community], temporary);
         let broker = Self(command.stderr(out).spawn().unwrap());
-        (broker, join(community, "witness"))
+        (broker, join(community, "witness", &home(temporary)))
     }
 
     fn stop(mut self) {
@@ -44,14 +45,10 @@ impl Broker {
     }
 }
 
-fn join(community: &str, name: &str) -> Client {
+/// Joins a community that is served in this folder, as soon as it is.
+fn join(community: &str, name: &str, home: &Path) -> Client {
     let community = Community::new(community).unwrap();
-    let mut joined = None;
-    wait_until(WATCHDOG, "a broker", || {
-        joined = Client::connect(&community, name).ok();
-        joined.is_some()
-    });
-    joined.unwrap()
+    once_served(&[home.join(community.as_str())], || Client::connect(&community, name)).unwrap()
 }
 
 /// `elk` with a folder for temporary files of its own.
@@ -130,16 +127,10 @@ fn a_community_whose_name_begins_another_s_leaves_that_one_alone() {
     assert_eq!(shared_memory_of(&elk), before);
     // Too long for the page: it goes through the files that are still there.
     let words = "word ".repeat(1000);
-    let mut writer = join(&long, "writer");
+    let mut writer = join(&long, "writer", &home(&temporary));
     writer.comms.notify("WORDS", words.as_str()).unwrap();
     writer.comms.flush().unwrap();
-    let mut heard = String::new();
-    wait_until(WATCHDOG, "a long text", || {
-        client
-            .receive(Duration::from_millis(10), |mail| heard = mail.as_text().unwrap_or_default().to_owned())
-            .unwrap();
-        heard == words
-    });
+    hear(&mut client, "a long text", |mail| (mail.as_text() == Some(&words)).then_some(()));
     drop((client, writer));
     running.stop();
     assert_eq!(std::fs::read_to_string(temporary.join("thesis/chapter")).unwrap(), "years of work");
@@ -209,7 +200,7 @@ fn the_folder_of_the_session_comes_first() {
     }
     let mut command = in_place(&elk, &["db", "--community", elk.community()], &temporary);
     let broker = Broker(command.env("XDG_RUNTIME_DIR", &runtime).spawn().unwrap());
-    drop(join(elk.community(), "witness"));
+    drop(join(elk.community(), "witness", &runtime.join("elk")));
     assert!(runtime.join("elk").join(elk.community()).is_dir() && tree(&temporary).is_empty());
     broker.stop();
     assert!(tree(&runtime).is_empty());
@@ -270,11 +261,10 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     let arguments = ["launch", "mission.xml", "--headless", "--community", elk.community()];
     let launcher = Broker(in_place(&elk, &arguments, &temporary).stdout(Stdio::null()).spawn().unwrap());
     // Every app has lanes by then.
-    let places = home(&temporary).join(elk.community()).join("places");
-    let known = || String::from_utf8_lossy(&std::fs::read(&places).unwrap_or_default()).into_owned();
-    wait_until(WATCHDOG, "all apps", || {
-        ["Sensor", "Map", "Explorer", "Controller"].iter().all(|app| known().contains(app))
-    });
+    let place = home(&temporary).join(elk.community());
+    let known = || String::from_utf8_lossy(&std::fs::read(place.join("places")).unwrap_or_default()).into_owned();
+    Events::in_folders([&place])
+        .wait_until("all apps", || ["Sensor", "Map", "Explorer", "Controller"].iter().all(|app| known().contains(app)));
 
     let mut made: Vec<PathBuf> = shared_memory_of(&elk).iter().map(|name| Path::new("/dev/shm").join(name)).collect();
     made.push(home(&temporary));
@@ -289,7 +279,8 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     // By their modes, too, whatever folder they are in; what iceoryx2 makes inside is narrowed a moment later.
     let open = |path: &&PathBuf| path.symlink_metadata().is_ok_and(|found| found.permissions().mode() & 0o077 != 0);
     let mut ours = made.iter().filter(|path| !path.starts_with(elk.folder().join("logs"))).collect::<Vec<_>>();
-    wait_until(WATCHDOG, "modes for the owner alone", || {
+    let folders: BTreeSet<PathBuf> = ours.iter().filter_map(|path| path.parent()).map(Path::to_owned).collect();
+    Events::in_folders(folders).wait_until("modes for the owner alone", || {
         ours.retain(open);
         ours.is_empty()
     });
@@ -301,7 +292,7 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
         assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
     }
     kill(launcher.0.id() as i32, Signal::TERM);
-    wait_until(WATCHDOG, "the mission's end", || processes_of(&elk).is_empty());
+    elk.wait_until_deserted();
 }
 
 /// A container that is killed, and started again with the same numbers and the same folder for temporary files.
@@ -353,7 +344,7 @@ fn a_mission_with_too_few_descriptors_says_how_many_it_needs_and_one_with_few_go
         let named = all.contains(&format!("only {descriptors} are allowed")) && all.contains("`ulimit -n 1024`");
         assert!(complete || (code == Some(1) && named), "{descriptors}: {code:?} {all}");
         assert!(complete || descriptors < 110, "{descriptors}: {said}");
-        wait_until(WATCHDOG, "everybody's end", || processes_of(&elk).is_empty());
+        elk.wait_until_deserted();
     }
 }
 
@@ -371,6 +362,7 @@ fn a_broker_that_cannot_start_names_what_it_lacks() {
 
 #[test]
 fn a_broker_out_of_descriptors_turns_away_with_a_word_and_those_who_say_nothing_go() {
+    use std::io::Read;
     use std::os::linux::net::SocketAddrExt;
     use std::os::unix::net::{SocketAddr, UnixStream};
     let elk = Elk::new("silent");
@@ -378,18 +370,21 @@ fn a_broker_out_of_descriptors_turns_away_with_a_word_and_those_who_say_nothing_
     let complaints = elk.folder().join("db.txt");
     let log = std::fs::File::create(&complaints).unwrap();
     let mut broker = Broker(Command::new("sh").args(["-c", &script]).stderr(log).spawn().unwrap());
-    drop(join(elk.community(), "witness"));
+    drop(elk.join("witness"));
     let address = SocketAddr::from_abstract_name(format!("elk/{}", elk.community())).unwrap();
     let silent: Vec<_> = (0..60).map(|_| UnixStream::connect_addr(&address).unwrap()).collect();
     let words = || std::fs::read_to_string(&complaints).unwrap();
-    wait_until(WATCHDOG, "a complaint", || words().contains("the broker cannot take another connection"));
+    elk.events().wait_until("a complaint", || words().contains("the broker cannot take another connection"));
     let refused = elk.refused(&["list"]);
     assert!(refused.contains("Too many open files") || refused.contains("no room for one more client"), "{refused}");
     // They have five seconds; then there is room again, without anybody's doing.
-    wait_until(WATCHDOG, "room", || elk.order(&["list"]).0 == Some(0));
+    for mut stream in silent {
+        stream.set_read_timeout(Some(WATCHDOG)).unwrap();
+        assert_eq!(stream.read(&mut [0]).unwrap(), 0, "it is sent away");
+    }
+    elk.obeyed(&["list"]);
     assert_eq!(words().matches("the broker cannot take another connection").count(), 1, "{}", words());
     assert!(broker.0.try_wait().unwrap().is_none());
-    drop(silent);
 }
 
 #[test]
@@ -397,6 +392,7 @@ fn a_client_that_writes_over_its_page_is_let_go_of_and_nobody_else_is_harmed() {
     use std::os::unix::fs::FileExt;
     let elk = Elk::new("liar");
     let (mut broker, mut witness) = Broker::start(&elk, elk.community(), elk.folder());
+    let comes = Events::in_folders([home(elk.folder()).join(elk.community())]);
     let liar =
         Broker(elk.command(&["echo", "*", "--community", elk.community()]).stdout(Stdio::null()).spawn().unwrap());
     let page = || {
@@ -404,7 +400,7 @@ fn a_client_that_writes_over_its_page_is_let_go_of_and_nobody_else_is_harmed() {
         let is_page = |path: &PathBuf| path.to_string_lossy().contains("memfd:elk-client");
         open.map(|entry| entry.path()).find(|path| std::fs::read_link(path).is_ok_and(|link| is_page(&link)))
     };
-    wait_until(WATCHDOG, "the client's page", || page().is_some());
+    comes.wait_until("the client's page", || page().is_some());
     let page = std::fs::File::options().read(true).write(true).open(page().unwrap()).unwrap();
     assert!(page.set_len(0).is_err(), "a page can be cut off under the broker's hands");
     let length = page.metadata().unwrap().len();
@@ -412,7 +408,7 @@ fn a_client_that_writes_over_its_page_is_let_go_of_and_nobody_else_is_harmed() {
     witness.comms.notify("X", 1.0).unwrap();
     witness.comms.flush().unwrap();
     let words = || std::fs::read_to_string(elk.folder().join("db.txt")).unwrap();
-    wait_until(WATCHDOG, "a word of the broker", || words().contains("its page cannot be true"));
+    elk.events().wait_until("a word of the broker", || words().contains("its page cannot be true"));
     assert!(words().contains("letting go of client"), "{}", words());
     elk.obeyed(&["poke", "X", "2"]);
     assert!(broker.0.try_wait().unwrap().is_none());
@@ -428,20 +424,21 @@ fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
         let kind = if killed { " type=\"manual\"" } else { "" };
         let mission = SMALL.replace("MORE", "<App name=\"Daemon\" exec=\"./daemon.sh\"/>");
         let mission = mission.replace("name=\"Small\"", &format!("name=\"Small\"{kind}"));
-        let launcher = elk.launch(&mission);
+        let mut launcher = elk.launch(&mission);
         let strays = || -> Vec<i32> {
             let said = std::fs::read_to_string(elk.folder().join("strays")).unwrap_or_default();
             said.lines().filter_map(|line| line.parse().ok()).collect()
         };
-        wait_until(WATCHDOG, "two strays", || strays().len() == 2);
+        elk.events().wait_until("two strays", || strays().len() == 2);
         if killed {
-            wait_until(WATCHDOG, "a mission", || elk.order(&["step"]).0 == Some(0));
+            launcher.wait_for("Enter takes a step");
+            elk.obeyed(&["step"]);
             kill(launcher.id(), Signal::KILL);
         } else {
             let (code, said) = launcher.end();
             assert_eq!(code, Some(0), "{said}");
             assert!(!strays().into_iter().any(alive), "they outlive the mission");
         }
-        wait_until(WATCHDOG, "the strays' end", || !strays().into_iter().any(alive));
+        wait_until_gone("the strays' end", || strays().into_iter().find(|id| alive(*id)));
     }
 }
