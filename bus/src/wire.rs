@@ -346,13 +346,18 @@ pub fn publisher_to_attach(frame: &Frame<'_>) -> Option<u32> {
     (frame.header.flags & ATTACH != 0 && frame.aux.len() == 4).then(|| u32_at(frame.aux, 0))
 }
 
-/// What a whole frame refers to by number, in the order of [`Named`], if it is a message: key, source, type (of a binary
-/// value) and community.
-pub fn numbers(frame: &[u8]) -> [(Named, u32); 4] {
-    let source = u32_at(frame, 12);
-    let type_ =
-        if frame[5] == ValueKind::Binary as u8 { (Named::Type, u32_at(frame, 16)) } else { (Named::Source, source) };
-    [(Named::Key, u32_at(frame, 8)), (Named::Source, source), type_, (Named::Community, u32_at(frame, 20))]
+/// The bytes of a whole message in which it says by number what it refers to, and whether its type counts: messages in
+/// which they are the same refer to the same.
+pub fn references(frame: &[u8]) -> (bool, &[u8]) {
+    (frame[5] == ValueKind::Binary as u8, &frame[8..24])
+}
+
+/// What a whole message refers to by number: key, source, type (of a binary value) and community.
+pub fn numbers(frame: &[u8]) -> impl Iterator<Item = (Named, u32)> {
+    let (is_typed, numbers) = references(frame);
+    let type_ = is_typed.then_some((Named::Type, 8));
+    let others = [(Named::Key, 0), (Named::Source, 4), (Named::Community, 12)];
+    others.into_iter().chain(type_).map(|(what, at)| (what, u32_at(numbers, at)))
 }
 
 /// The kind that a definition's flags name.

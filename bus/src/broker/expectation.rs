@@ -2,9 +2,9 @@
 //!
 //! A variable's type is fixed by its first write, as in MOOS. But a number or a text is not taken where all who have said
 //! what they read there read something else, and one that was first yields to such a reader: a person's slip, or a writer
-//! that was first with a name, does not take the variable from those whose it is. A type that nobody
-//! reads yields as soon as another is written that somebody reads: so neither a writer nor a reader alone can take a
-//! variable. Where both types are read, the first write stands, and both ends are told: that is for people to sort out.
+//! that was first with a name, does not take the variable from those whose it is. A type that nobody reads yields as soon
+//! as another is written that somebody reads: so neither a writer nor a reader alone can take a variable. Where both types
+//! are read, the first write stands, and both ends are told: that is for people to sort out.
 
 use std::fmt;
 
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::registration::Registration;
 use super::variable::TypeLock;
-use super::{Broker, ClientId, bulk_of};
+use super::{Broker, ClientId};
 use crate::wire::{Frame, Named, TYPED, ValueKind};
 
 /// What a reader expects.
@@ -59,6 +59,7 @@ impl Broker {
     pub(super) fn contradicts_readers(&self, key: u32, lock: TypeLock) -> Option<String> {
         let name = self.keys.name(key);
         let (reader, expected) = self.expectations(name).next()?;
+        let reader = self.client_name(reader)?;
         let nobody = lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.is(lock, other));
         nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.describe(lock)))
     }
@@ -74,12 +75,8 @@ impl Broker {
     pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
         let Some(lock) = self.variables[key as usize].lock else { return };
         let name = self.keys.name(key).to_owned();
-        let reads_else = |client: &super::Client| {
-            let expected =
-                client.registrations.iter().filter(|r| r.key_pattern == name).find_map(|r| r.expects.as_ref());
-            expected.is_some_and(|expected| !self.is(lock, expected))
-        };
-        let readers: Vec<ClientId> = self.clients.iter().filter(|(_, c)| reads_else(c)).map(|(id, _)| *id).collect();
+        let reads_else = |(reader, expected)| (!self.is(lock, expected)).then_some(reader);
+        let readers: Vec<ClientId> = self.expectations(&name).filter_map(reads_else).collect();
         let writer = self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source));
         let said = format!("{name} carries {}, by {writer}: this reader cannot read it", self.describe(lock));
         for reader in readers {
@@ -89,10 +86,10 @@ impl Broker {
     }
 
     /// Who expects what of a variable.
-    fn expectations<'a>(&'a self, name: &'a str) -> impl Iterator<Item = (&'a str, &'a Expected)> {
-        self.clients.values().flat_map(move |client| {
+    fn expectations<'a>(&'a self, name: &'a str) -> impl Iterator<Item = (ClientId, &'a Expected)> {
+        self.clients.iter().flat_map(move |(id, client)| {
             let of_name = client.registrations.iter().filter(move |r| r.key_pattern == name);
-            of_name.filter_map(|r| Some((client.name.as_str(), r.expects.as_ref()?)))
+            of_name.filter_map(|r| Some((*id, r.expects.as_ref()?)))
         })
     }
 
@@ -132,14 +129,5 @@ impl Broker {
         if yields {
             self.forget_value(key);
         }
-    }
-
-    fn forget_value(&mut self, key: u32) {
-        let variable = &mut self.variables[key as usize];
-        if let Some(bulk) = bulk_of(&variable.latest) {
-            self.latest_bulk.remove(&(bulk.client, bulk.sample));
-        }
-        self.latest_bytes -= variable.latest.len();
-        (variable.lock, variable.latest) = (None, Vec::new());
     }
 }

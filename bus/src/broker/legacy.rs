@@ -76,11 +76,7 @@ impl Broker {
                 community: self.number(Named::Community, &legacy.community, 0),
                 ..frame.header
             };
-            let message = Message::new(header, frame.bytes);
-            let variable = &mut self.variables[header.key as usize];
-            self.latest_bytes += message.len();
-            self.latest_bytes -= variable.latest.len();
-            variable.keep(now, None, &message);
+            self.keep_as_latest(now, None, &Message::new(header, frame.bytes));
         }
         self.legacies_changed = !legacies.is_empty();
     }

@@ -18,8 +18,10 @@ pub struct Mailbox {
     /// What the community's clock was set to, if the client has not been told: only the last setting counts.
     clock: Option<Option<Dial>>,
     mail: Vec<u8>,
-    /// Where the oldest frame starts in `mail`.
+    /// Where the oldest frame starts in `mail`, and up to where no value in it lies in shared memory: see
+    /// [`Mailbox::resolve`].
     head: usize,
+    resolved: usize,
     limit: usize,
     /// Messages ever pushed, and those that have left again, given or dropped.
     pushed: u64,
@@ -64,6 +66,7 @@ impl Mailbox {
             clock: None,
             mail: Vec::new(),
             head: 0,
+            resolved: 0,
             limit,
             pushed: 0,
             left: 0,
@@ -111,7 +114,7 @@ impl Mailbox {
         self.owed.insert(key, flags);
     }
 
-    /// The client is no longer to be given the latest value of a variable; whether it was.
+    /// The client is no longer to be given the latest value of a variable; with which flags it was, if it was.
     pub(super) fn no_longer_owes(&mut self, key: u32) -> Option<u16> {
         if self.owed.is_empty() { None } else { self.owed.remove(&key) }
     }
@@ -195,12 +198,13 @@ impl Mailbox {
     fn reclaim(&mut self) {
         if self.head == self.mail.len() {
             self.mail.clear();
-            self.head = 0;
+            (self.head, self.resolved) = (0, 0);
             if self.mail.capacity() > self.limit {
                 self.mail.shrink_to(self.limit);
             }
         } else if self.head > self.mail.len() / 2 {
             self.mail.drain(..self.head);
+            self.resolved = self.resolved.saturating_sub(self.head);
             self.head = 0;
         }
     }
@@ -225,8 +229,9 @@ impl Mailbox {
         }
         self.take_owed(max, batch, table, &mut bulk);
         // Frames are copied in runs; a bulk one ends its run, since it may leave as something else, and so does one that
-        // uses a name which the client has not been told.
+        // uses a name which the client has not been told. Most use the names of the one before.
         let mut run = self.head;
+        let mut before = None;
         while self.waiting() > 0 {
             let rest = &self.mail[self.head..];
             let len = wire::first_len(rest);
@@ -234,11 +239,13 @@ impl Mailbox {
             if filled > 0 && filled + len > max {
                 break;
             }
-            if !knows_all(&self.known, rest) {
+            let references = Some(wire::references(rest));
+            if references != before && !knows_all(&self.known, rest) {
                 batch.extend_from_slice(&self.mail[run..self.head]);
                 run = self.head;
                 introduce(&mut self.known, rest, table, batch);
             }
+            before = references;
             if wire::is_bulk(rest) {
                 batch.extend_from_slice(&self.mail[run..self.head]);
                 if let Ok(frame) = wire::first_frame(rest) {
@@ -332,7 +339,7 @@ impl Mailbox {
         }
         mail.extend_from_slice(&self.mail[self.head..]);
         self.mail = mail;
-        self.head = 0;
+        (self.head, self.resolved) = (0, 0);
         // What was owed and given on the way has come on top; whoever waits does so rather too long than too short.
         self.left = self.left.min(self.pushed.saturating_sub(frames_of_messages(&self.mail).count() as u64));
         self.given_bytes = 0;
@@ -342,18 +349,14 @@ impl Mailbox {
 
     /// Puts what `bulk` makes of them in the place of the references in the mail that waits, as far as there is room.
     pub(super) fn resolve(&mut self, mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>)) {
-        let whole = |mail: &[u8]| !wire::frames(mail).map_while(Result::ok).any(|f| f.header.flags & BULK != 0);
-        if whole(&self.mail[self.head..]) {
-            return;
-        }
-        let mut mail = Vec::new();
-        for frame in wire::frames(&self.mail[self.head..]).map_while(Result::ok) {
+        let new = self.mail.split_off(self.resolved.max(self.head));
+        for frame in wire::frames(&new).map_while(Result::ok) {
             match frame.header.flags & BULK {
-                0 => mail.extend_from_slice(frame.bytes),
-                _ => bulk(&frame, &mut mail),
+                0 => self.mail.extend_from_slice(frame.bytes),
+                _ => bulk(&frame, &mut self.mail),
             }
         }
-        (self.mail, self.head) = (mail, 0);
+        self.resolved = self.mail.len();
         while self.waiting() > self.limit {
             self.drop_oldest();
         }
@@ -391,7 +394,7 @@ type Known = [Vec<bool>; 4];
 /// Whether the client has been told all names that a frame uses.
 fn knows_all(known: &Known, frame: &[u8]) -> bool {
     let knows = |(what, number): (Named, u32)| known[what as usize].get(number as usize) == Some(&true);
-    wire::numbers(frame).into_iter().all(knows)
+    wire::numbers(frame).all(knows)
 }
 
 /// Tells the client the names that a frame uses and that it has not been told.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::message::Message;
 use super::registration::{self, Change, Messages, Registration};
-use super::{Broker, BrokerConfig, Client, ClientId, Succession};
+use super::{Broker, BrokerConfig, Client, ClientId};
 use crate::wire::{self, ATTACH, Frame, FrameKind, Header};
 
 /// Who wants in, and how.
@@ -361,17 +361,6 @@ impl Broker {
         self.note_succession(predecessor, id);
         self.announce(now, &format!("connected={name}"));
         self.publish_held(now, id);
-    }
-
-    /// Whoever waits for the predecessor to handle its mail waits for the successor now.
-    fn note_succession(&mut self, predecessor: ClientId, successor: ClientId) {
-        let Some(client) = self.clients.get(&successor) else { return };
-        let succession = Succession { predecessor, successor, position: client.mailbox.pushed() };
-        for client in self.clients.values_mut() {
-            let reached = client.unhandled.iter_mut().flat_map(|(_, reached)| reached);
-            reached.for_each(|reached| reached.follow(&succession));
-        }
-        self.successions.push(succession);
     }
 
     /// The messages of `mail` that `registrations` ask for.

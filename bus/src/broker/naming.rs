@@ -44,47 +44,37 @@ impl Broker {
             Named::Type => self.types.number(name, layout),
             Named::Community => self.communities.number(name, 0),
         };
-        self.make_room_for_variables();
-        number
-    }
-
-    pub(super) fn make_room_for_variables(&mut self) {
         for key in self.variables.len()..self.keys.len() {
             let is_own = self.keys.name(key as u32).starts_with(OWN_PREFIX);
             self.variables.push(Variable { is_own, ..Variable::default() });
         }
+        number
     }
 
-    /// The broker's number of a name that a client came with, or why it has none.
-    fn admit_name(&mut self, from: ClientId, what: Named, name: &str, layout: u64) -> Result<u32, String> {
+    /// The broker's number of a name that a client came with; [`REFUSED`] if it is told why it cannot have one.
+    fn admit_name(&mut self, from: ClientId, what: Named, name: &str, layout: u64) -> Result<u32, &'static str> {
         let (names, layout) = match what {
             Named::Key => (&self.keys, 0),
             Named::Source => (&self.sources, 0),
             Named::Type => (&self.types, layout),
             Named::Community => (&self.communities, 0),
         };
-        match names.known(name, layout) {
-            Some(number) => Ok(number),
-            None => match self.name_refusal(from, what, name) {
-                Some(reason) => Err(reason),
-                None => {
-                    self.clients.entry(from).and_modify(|client| client.brought += 1);
-                    Ok(self.number(what, name, layout))
-                }
-            },
+        if let Some(number) = names.known(name, layout) {
+            return Ok(number);
         }
+        if let Some(reason) = self.name_refusal(from, what, name) {
+            self.refuse(from, name, 0, &reason)?;
+            return Ok(REFUSED);
+        }
+        self.clients.entry(from).and_modify(|client| client.brought += 1);
+        Ok(self.number(what, name, layout))
     }
 
+    /// A client names a number.
     pub(super) fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
         let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
-        let number = match self.admit_name(from, what, name, frame.header.sequence) {
-            Ok(number) => number,
-            Err(reason) => {
-                self.refuse(from, name, 0, &reason)?;
-                REFUSED
-            }
-        };
+        let number = self.admit_name(from, what, name, frame.header.sequence)?;
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         let numbers = &mut client.numbers[what as usize];
         match numbers.get(frame.header.key as usize) {
@@ -98,18 +88,12 @@ impl Broker {
         }
     }
 
-    /// The number of a client as a source of messages, from its first message on: whoever only listens needs none.
-    pub(super) fn name_source(&mut self, id: ClientId) -> Result<u32, &'static str> {
+    /// Gives a client a number as a source of messages, with the first of them: whoever only listens needs none.
+    pub(super) fn name_source(&mut self, id: ClientId) -> Result<(), &'static str> {
         let name = self.client_name(id).unwrap_or_default().to_owned();
-        let number = match self.admit_name(id, Named::Source, &name, 0) {
-            Ok(number) => number,
-            Err(reason) => {
-                self.refuse(id, &name, 0, &reason)?;
-                return Err("the community has no room for another source of messages");
-            }
-        };
+        let number = self.admit_name(id, Named::Source, &name, 0)?;
         let client = self.clients.get_mut(&id).ok_or("the client is not connected")?;
         client.numbers[Named::Source as usize][0] = number;
-        Ok(number)
+        Ok(())
     }
 }

@@ -94,8 +94,8 @@ pub(super) fn combine(client: ClientId, registrations: &[Registration], key: &st
     Some(Delivery { client, min_interval, lossless: matching().any(|r| r.lossless) })
 }
 
-/// Latest values that would fill this part of a mailbox are given as the client reads on, and not put into it: mail that
-/// comes meanwhile would drive them out.
+/// Latest values for which there is not room this many times over are given as the client reads on, and not put into its
+/// mailbox: mail that comes meanwhile would drive them out.
 const MANY: usize = 4;
 
 impl Broker {
@@ -208,10 +208,9 @@ impl Broker {
             self.variables[key as usize].owed = true;
             self.clients.entry(to).and_modify(|client| client.mailbox.owe(key, flags));
         } else {
-            let latest = variable.latest.clone();
-            let Some(message) = variable.latest_message(flags) else { return };
-            let header = message.header;
-            self.deliver(now, to, &Message::new(header, &latest));
+            let frame = variable.latest_message(flags).map(|message| message.to_bytes()).unwrap_or_default();
+            let Some(message) = Message::stored(&frame) else { return };
+            self.deliver(now, to, &message);
         }
         if registration.min_interval > 0.0 {
             self.variables[key as usize].throttle(to).last_sent = now;
