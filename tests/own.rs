@@ -10,7 +10,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-use common::events::{Events, WATCHDOG, once_served, wait_until_gone};
+use common::events::{Events, WATCHDOG, once_served_in, wait_until_gone};
 use common::lab::hear;
 use common::{Elk, alive, kill, shared_memory_of};
 use elk_bus::{Client, Community};
@@ -48,7 +48,7 @@ impl Broker {
 /// Joins a community that is served in this folder, as soon as it is.
 fn join(community: &str, name: &str, home: &Path) -> Client {
     let community = Community::new(community).unwrap();
-    once_served(&[home.join(community.as_str())], || Client::connect(&community, name)).unwrap()
+    once_served_in(&[home.join(community.as_str())], || Client::connect(&community, name)).unwrap()
 }
 
 /// `elk` with a folder for temporary files of its own.

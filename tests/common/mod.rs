@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use elk_bus::{Client, Community};
-use events::{Events, end_of, folders_of, once_served, wait_until_gone};
+use events::{Events, end_of, once_served, wait_until_gone};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// A folder and a community for one test.
@@ -58,7 +58,7 @@ impl Elk {
     /// Joins the community, as soon as somebody serves it.
     pub fn join(&self, name: &str) -> Client {
         let community = Community::new(self.community()).unwrap();
-        once_served(&folders_of(&community), || Client::connect(&community, name)).unwrap()
+        once_served(&community, || Client::connect(&community, name)).unwrap()
     }
 
     /// Waits until none of the test's processes is left.

@@ -4,7 +4,7 @@
 
 use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus};
 use std::time::Duration;
 
@@ -65,10 +65,8 @@ impl Events {
     fn watch(&self) {
         let what = WatchFlags::CREATE | WatchFlags::MODIFY | WatchFlags::ATTRIB | WatchFlags::MOVED_TO;
         let what = what | WatchFlags::DELETE | WatchFlags::DELETE_SELF | WatchFlags::MOVE_SELF;
-        for folder in &self.folders {
-            let mut nearest = folder.ancestors();
-            while nearest.next().is_some_and(|one| inotify::add_watch(&self.inotify, one, what).is_err()) {}
-        }
+        let add = |folder: &Path| inotify::add_watch(&self.inotify, folder, what).is_ok();
+        self.folders.iter().for_each(|folder| watch(folder, &add));
     }
 
     /// Waits until something has happened since the last call; `false`: the test has waited for too long.
@@ -94,6 +92,17 @@ impl Events {
         while !is_so() {
             assert!(self.happen(), "not within {WATCHDOG:?}: {what}");
         }
+    }
+}
+
+/// Watches a folder, or the nearest above it.
+fn watch(folder: &Path, add: &impl Fn(&Path) -> bool) {
+    if !add(folder)
+        && let Some(above) = folder.parent()
+    {
+        watch(above, add);
+        // It may have come about before the one above was watched.
+        add(folder);
     }
 }
 
@@ -145,9 +154,17 @@ pub fn folders_of(community: &Community) -> Vec<PathBuf> {
     session.into_iter().chain([temporary]).map(|home| home.join(community.as_str())).collect()
 }
 
-/// Joins a community as soon as it is served. A broker takes its socket's name, and then makes the first files in its
-/// folder.
+/// Joins a community as soon as it is served.
 pub fn once_served<T>(
+    community: &Community,
+    join: impl FnMut() -> Result<T, ConnectError>,
+) -> Result<T, ConnectError> {
+    once_served_in(&folders_of(community), join)
+}
+
+/// Joins a community as soon as it is served with its files in one of these folders. A broker takes its socket's name, and
+/// then makes the first files there.
+pub fn once_served_in<T>(
     folders: &[PathBuf],
     mut join: impl FnMut() -> Result<T, ConnectError>,
 ) -> Result<T, ConnectError> {
