@@ -2,6 +2,7 @@
 //! something has happened, and nobody waits for ever.
 #![allow(dead_code, reason = "each test program uses its part of it")]
 
+use std::fmt::Display;
 use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ impl Patience {
     }
 
     /// What is left of it; the test fails if that is nothing.
-    pub fn left(&self, what: &str) -> Duration {
+    pub fn left(&self, what: impl Display) -> Duration {
         self.rest().unwrap_or_else(|| panic!("not within {WATCHDOG:?}: {what}"))
     }
 
@@ -155,10 +156,7 @@ pub fn folders_of(community: &Community) -> Vec<PathBuf> {
 }
 
 /// Joins a community as soon as it is served.
-pub fn once_served<T>(
-    community: &Community,
-    join: impl FnMut() -> Result<T, ConnectError>,
-) -> Result<T, ConnectError> {
+pub fn once_served<T>(community: &Community, join: impl FnMut() -> Result<T, ConnectError>) -> Result<T, ConnectError> {
     once_served_in(&folders_of(community), join)
 }
 
