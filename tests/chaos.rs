@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use common::events::Patience;
-use common::lab::hear;
+use common::lab::{hear, wait_for_clients};
 use common::{Elk, Launcher, alive, kill};
 use elk_bus::{App, AppError, Client, Comms, Community, Mail, RunOptions, run_app};
 use rustix::process::Signal;
@@ -151,13 +151,10 @@ impl<'a> Troupe<'a> {
     fn start(elk: &'a Elk) -> Self {
         let mut troupe = Self { elk, members: BTreeMap::new() };
         troupe.start_one("db");
-        let mut watcher = elk.join("watcher");
-        watcher.comms.register_text("DB_CLIENTS").unwrap();
         for names in [SUBSCRIBERS, PUBLISHERS] {
             names.iter().for_each(|name| troupe.start_one(name));
-            hear(&mut watcher, &format!("all of {names:?}"), |mail| {
-                let present: Vec<&str> = mail.as_text()?.split(',').collect();
-                names.iter().all(|name| present.contains(name)).then_some(())
+            wait_for_clients(elk, &format!("all of {names:?}"), |clients| {
+                names.iter().all(|name| clients.contains(name))
             });
         }
         troupe

@@ -3,7 +3,8 @@
 mod common;
 
 use common::events::wait_until_gone;
-use common::lab::hear;
+use common::lab::wait_for_clients;
+use common::small::small;
 use common::{Elk, alive, kill, processes_of, shared_memory_of};
 use rustix::process::Signal;
 
@@ -71,14 +72,8 @@ fn a_broker_that_is_killed_is_started_again_and_everybody_comes_back() {
     assert_eq!(elk.row("db")["restarts"], 1);
     assert_eq!(["Sensor", "Map", "Explorer", "Controller"].map(|app| elk.process(app)), apps);
     // They are on the bus, and not only alive.
-    let mut witness = elk.join("witness");
-    witness.comms.register_text("DB_CLIENTS").unwrap();
-    hear(&mut witness, "everyone", |mail| {
-        let clients: Vec<&str> = mail.as_text()?.split(',').collect();
-        let all = ["Sensor", "Map", "Explorer", "Controller", "launcher"];
-        all.iter().all(|name| clients.contains(name)).then_some(())
-    });
-    drop(witness);
+    let all = ["Sensor", "Map", "Explorer", "Controller", "launcher"];
+    wait_for_clients(&elk, "everyone", |clients| all.iter().all(|name| clients.contains(name)));
     kill(launcher.id(), Signal::INT);
     let (_, said) = launcher.end();
     assert!(said.contains("NOT complete: stopped"), "{said}");
@@ -249,4 +244,31 @@ fn a_mission_that_is_wrong_starts_nothing() {
         )
     );
     assert!(!elk.folder().join("logs").exists());
+}
+
+#[test]
+fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
+    for (test, killed) in [("ends", false), ("killed", true)] {
+        let elk = Elk::new(&format!("stray-{test}"));
+        let (program, arguments) = elk.idle_client("Daemon");
+        let start = "setsid sh -c 'trap \"\" TERM; echo $$ >>strays; exec sleep 1000' &\n";
+        elk.script("daemon.sh", &format!("cd {}\n{start}{start}exec {program} {arguments}\n", elk.folder().display()));
+        let kind = if killed { "manual" } else { "auto" };
+        let mut launcher = elk.launch(&small(kind, "<App name=\"Daemon\" exec=\"./daemon.sh\"/>"));
+        let strays = || -> Vec<i32> {
+            let said = std::fs::read_to_string(elk.folder().join("strays")).unwrap_or_default();
+            said.lines().filter_map(|line| line.parse().ok()).collect()
+        };
+        elk.events().wait_until("two strays", || strays().len() == 2);
+        if killed {
+            launcher.wait_for("Enter takes a step");
+            elk.obeyed(&["step"]);
+            kill(launcher.id(), Signal::KILL);
+        } else {
+            let (code, said) = launcher.end();
+            assert_eq!(code, Some(0), "{said}");
+            assert!(!strays().into_iter().any(alive), "they outlive the mission");
+        }
+        wait_until_gone("the strays' end", || strays().into_iter().find(|id| alive(*id)));
+    }
 }

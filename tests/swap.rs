@@ -2,6 +2,7 @@
 
 mod common;
 
+use common::car::car;
 use common::events::wait_until_gone;
 use common::lab::hear;
 use common::{Elk, Launcher, alive, kill, processes_of, shared_memory_of};
@@ -10,11 +11,8 @@ use elk_spatial::keys::{MOTION_MEMORY, PROGRESS};
 use rustix::process::Signal;
 
 /// The car, all of whose apps are started again whenever they end; `kind`: `auto`, or `manual`.
-fn car(kind: &str) -> String {
-    let root = env!("CARGO_MANIFEST_DIR");
-    let text = std::fs::read_to_string(format!("{root}/mission-files/car.xml")).unwrap();
-    let text = text.replace("worlds/", &format!("{root}/mission-files/worlds/"));
-    let text = text.replace("type=\"auto\"", &format!("type=\"{kind}\" broker-restarts=\"100\""));
+fn undying(kind: &str) -> String {
+    let text = car(kind).replace("<Scenario", "<Scenario broker-restarts=\"100\"");
     let restarted = |text: String, tag: &str| text.replace(tag, &format!("{tag} restart=\"always\" restarts=\"100\""));
     let text = ["<Sensor", "<Filter", "<Map", "<Explorer", "<Controller"].into_iter().fold(text, restarted);
     text.replace("</Scenario>", "<Logger type=\"Mcap\" restart=\"always\" restarts=\"100\"/></Scenario>")
@@ -22,7 +20,7 @@ fn car(kind: &str) -> String {
 
 /// Launches the car and waits until a few scans are in the map.
 fn under_way(elk: &Elk) -> Launcher {
-    let launcher = elk.launch(&car("auto"));
+    let launcher = elk.launch(&undying("auto"));
     let mut watcher = elk.join("watcher");
     watcher.comms.register(&PROGRESS).unwrap();
     hear(&mut watcher, "a few scans", |mail| (mail.decode(&PROGRESS).unwrap().scans >= 3).then_some(()));
@@ -31,7 +29,7 @@ fn under_way(elk: &Elk) -> Launcher {
 
 /// Launches the car, which does nothing before the first step, and waits until everybody is there.
 fn at_the_start(elk: &Elk, more: &[&str]) -> Launcher {
-    let mut launcher = elk.launch_with(&car("manual"), more);
+    let mut launcher = elk.launch_with(&undying("manual"), more);
     launcher.wait_for("Enter takes a step");
     launcher
 }

@@ -1,18 +1,17 @@
 //! A community of its own, and somebody who listens to all of it.
 
-use std::process::Child;
 use std::time::Duration;
 
 use elk_bus::broker::table::{ClientEntry, CommunityTable, REQUEST, TABLE};
 use elk_bus::{Client, Community, Mail, Value};
-use rustix::process::Signal;
 
+use super::Elk;
 use super::events::{Events, Patience, folders_of};
-use super::{Elk, kill};
+use super::running::Running;
 
 /// A broker, and a client of it.
 pub struct Lab {
-    db: Db,
+    db: Running,
     pub listener: Client,
 }
 
@@ -28,7 +27,7 @@ impl Lab {
     /// With a listener that is registered for nothing.
     pub fn deaf(elk: &Elk) -> Self {
         let db = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-        Self { db: Db(db), listener: elk.join("listener") }
+        Self { db: Running(db), listener: elk.join("listener") }
     }
 
     /// Waits until the client of this name is registered for something.
@@ -62,11 +61,10 @@ impl Lab {
     }
 
     pub fn end(self) {
-        let Self { mut db, listener } = self;
+        let Self { db, listener } = self;
         // A broker that ends waits for those who do not look.
         drop(listener);
-        kill(db.0.id() as i32, Signal::TERM);
-        assert!(db.0.wait().unwrap().success());
+        db.stop();
     }
 }
 
@@ -99,20 +97,20 @@ pub fn wait_for_reader(witness: &mut Client, is_right: impl Fn(&str) -> bool) {
     events.wait_until("a reader", || table(witness).clients.iter().any(reads));
 }
 
+/// Waits until the right clients are there.
+pub fn wait_for_clients(elk: &Elk, what: &str, are_right: impl Fn(&[&str]) -> bool) {
+    let mut witness = elk.join("witness");
+    witness.comms.register_text("DB_CLIENTS").unwrap();
+    hear(&mut witness, what, |mail| {
+        let clients: Vec<&str> = mail.as_text()?.split(',').collect();
+        are_right(&clients).then_some(())
+    });
+}
+
 /// Waits until the community's time, as a client hears of it, is right.
 pub fn wait_for_time(client: &mut Client, is_right: impl Fn(f64) -> bool) {
     let patience = Patience::new();
     while !is_right(client.comms.time()) {
         client.receive(patience.left("the community's time"), |_| {}).unwrap();
-    }
-}
-
-/// A broker. Killed, should the test fail before its end.
-struct Db(Child);
-
-impl Drop for Db {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
     }
 }

@@ -3,7 +3,12 @@
 
 #[path = "../../bus/tests/common/events.rs"]
 pub mod events;
+
+pub mod car;
 pub mod lab;
+pub mod running;
+pub mod small;
+pub mod spoilt;
 pub mod terminal;
 
 use std::io::Read;
@@ -93,12 +98,16 @@ impl Elk {
 
     /// Launches a mission whose processes have the limits that a shell command sets.
     pub fn launch_limited(&self, mission: &str, limits: &str) -> Launcher {
-        let Self { community, .. } = self;
-        let (program, file) = (self.program(), self.mission_file(mission));
+        let file = self.mission_file(mission);
+        self.spawn("said.txt", self.limited(limits, &["launch", &file, "--headless", "--community", &self.community]))
+    }
+
+    /// `elk` with these arguments, in the folder, with the limits that a shell command sets.
+    pub fn limited(&self, limits: &str, arguments: &[&str]) -> Command {
         let mut command = Command::new("sh");
-        command.args(["-c", &format!("{limits} && exec {program} launch {file} --headless --community {community}")]);
+        command.args(["-c", &format!("{limits} && exec {} {}", self.program(), arguments.join(" "))]);
         command.current_dir(self.folder()).stdin(Stdio::null());
-        self.spawn("said.txt", command)
+        command
     }
 
     fn mission_file(&self, mission: &str) -> String {
