@@ -361,7 +361,7 @@ impl<'a> Witness<'a> {
                 return None;
             }
             // A broker that is gone for good has ended with its mission.
-            let left = patience.left(&format!("all of them run:\n{}", launcher.said()));
+            let left = patience.left(format_args!("all of them run:\n{}", launcher.said()));
             heard += self.client.receive(left, |_| {}).ok()? as u64;
         }
     }

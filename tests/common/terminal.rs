@@ -84,7 +84,7 @@ impl Terminal {
         let (bytes, came) = &*self.shown.bytes;
         let (mut shown, patience) = (bytes.lock().unwrap(), Patience::new());
         while !happened(&text(&shown)) {
-            let left = patience.left(&format!("{what}; what is shown: {:?}", text(&shown)));
+            let left = patience.left(format_args!("{what}; what is shown: {:?}", text(&shown)));
             shown = came.wait_timeout(shown, left).unwrap().0;
         }
     }
