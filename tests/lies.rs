@@ -612,7 +612,7 @@ fn a_mission_among_liars_goes_the_way_that_it_goes_alone() {
         .map(|(key, lie)| (key.to_owned(), lie))
         .collect();
     let among = Round::new([])
-        .run(|round, _| incredible.iter().cycle().skip(round * 25 % incredible.len()).take(25).cloned().collect());
+        .run(|round, _| incredible.iter().cycle().skip(round * 30 % incredible.len()).take(30).cloned().collect());
     assert_eq!((&among.0, among.1, among.2), (&alone.0, true, 0));
     assert!(among.3 > 500, "{} rejected", among.3);
     // A contradiction costs a question for the whole map, not more; once there is a map to be contradicted.

@@ -238,7 +238,7 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     let launcher = Running(in_place(&elk, &arguments, &temporary).stdout(Stdio::null()).spawn().unwrap());
     // Every app has lanes by then.
     let place = home(&temporary).join(elk.community());
-    let known = || String::from_utf8_lossy(&std::fs::read(place.join("places")).unwrap_or_default()).into_owned();
+    let known = || String::from_utf8_lossy(&std::fs::read(place.join("sessions")).unwrap_or_default()).into_owned();
     Events::in_folders([&place])
         .wait_until("all apps", || ["Sensor", "Map", "Explorer", "Controller"].iter().all(|app| known().contains(app)));
 
@@ -292,7 +292,7 @@ fn a_container_that_starts_again_does_not_find_itself_there_already() {
     // Everybody is there by then, and is killed.
     let kill = "case \"$line\" in *'Enter takes a step'*) kill -9 -1;; esac";
     let first = contained(&format!("{launch} 2>&1 | while read -r line; do echo \"$line\"; {kill}; done")).unwrap();
-    assert!(home(&temporary).join(elk.community()).join("places").exists(), "{}", said(&first));
+    assert!(home(&temporary).join(elk.community()).join("sessions").exists(), "{}", said(&first));
     let again = contained(&format!("{launch} --auto 2>&1")).unwrap();
     assert!(said(&again).contains("Small: complete"), "{}", said(&again));
 }

@@ -9,6 +9,7 @@ use crate::clock::{Stopwatch, process_cpu_secs};
 use crate::comms::{Comms, CommsError};
 use crate::inbox::Inbox;
 use crate::mail::Mail;
+use crate::stop::Insistence;
 use crate::wire;
 
 /// What an app may fail with.
@@ -101,35 +102,39 @@ const MUCH_MAIL: usize = 64 << 10;
 
 /// Runs an app on a connected client until it stops itself, fails, its successor is ready, or `stop` is set.
 pub fn run_app_on(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), RunError> {
-    serve(app, client, stop)?;
-    leave(app, client)
+    run(app, client, stop, None)
 }
 
-/// What an app fails with, and which one it was.
-fn failed(client: &Client) -> impl Fn(AppError) -> RunError + use<> {
-    let name = client.comms.name().to_owned();
-    move |source| match source.downcast::<CommsError>() {
+/// As [`run_app_on`]; an app that is asked to stop has no time for the message that it is at, but all it needs to leave.
+pub(crate) fn run(
+    app: &mut dyn App,
+    client: &mut Client,
+    stop: &AtomicBool,
+    insistence: Option<Insistence>,
+) -> Result<(), RunError> {
+    let served = serve(app, client, stop);
+    drop(insistence);
+    served.and_then(|()| leave(app, client)).map_err(|source| match source.downcast::<CommsError>() {
         Ok(comms) => RunError::Comms(*comms),
-        Err(source) => RunError::App { app: name.clone(), source },
-    }
+        Err(source) => RunError::App { app: client.comms.name().to_owned(), source },
+    })
 }
 
 /// Starts the app and gives it its mail, until it is to leave.
-pub(crate) fn serve(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), RunError> {
-    let failed = failed(client);
+fn serve(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), AppError> {
     client.comms.set_starting(true);
-    app.on_start_up(&mut client.comms).map_err(&failed)?;
+    app.on_start_up(&mut client.comms)?;
     client.comms.set_starting(false);
     let mut beat = Beat::new(&*app, &client.comms);
     let mut gathered = Gathered(0);
     while !stop.load(Ordering::Relaxed) && !client.comms.stopping() && !client.inbox.retiring() {
         let pause = if gathered.0 > 0 { Duration::ZERO } else { beat.pause(&client.comms) };
-        let bytes = receive(app, client, pause).map_err(&failed)?;
+        let bytes = receive(app, client, pause)?;
         if let Some(time) = app.gathering() {
             gathered.rest(bytes, time);
         }
         if beat.tick_is_due(&client.comms) {
-            app.iterate(&mut client.comms).map_err(&failed)?;
+            app.iterate(&mut client.comms)?;
         }
         for refused in client.inbox.take_refusals() {
             client.comms.note_refused(&refused)?;
@@ -140,14 +145,13 @@ pub(crate) fn serve(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -
 }
 
 /// Has the app end, while the bus is still there.
-pub(crate) fn leave(app: &mut dyn App, client: &mut Client) -> Result<(), RunError> {
-    let failed = failed(client);
+fn leave(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
     // What a retiring app has not read is its successor's.
     let rest = match app.gathering().is_some() && !client.inbox.retiring() {
-        true => read_rest(app, client).map_err(&failed),
+        true => read_rest(app, client),
         false => Ok(()),
     };
-    app.on_stop(&mut client.comms).map_err(&failed)?;
+    app.on_stop(&mut client.comms)?;
     rest?;
     Ok(client.comms.say_goodbye()?)
 }

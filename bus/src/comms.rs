@@ -9,7 +9,7 @@ use crate::community::Community;
 use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::outbox::Outbox;
-use crate::rejection::Rejections;
+use crate::rejection::Complaints;
 use crate::value::{Value, ValueRef};
 use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, RESENT, TYPED, ValueKind};
 
@@ -36,7 +36,10 @@ pub enum CommsError {
     #[error("{0:?}… is a name of {1} bytes; at most {max} are allowed", max = wire::MAX_NAME)]
     Name(String, usize),
     /// The value is too long.
-    #[error("{key}: a value of {len} bytes; at most {max} are allowed: publish it in parts, or where it lies", max = codec::MAX_VALUE_BYTES)]
+    #[error(
+        "{key}: a value of {len} bytes; at most {max} are allowed: publish it in parts, or where it lies",
+        max = codec::MAX_VALUE_BYTES
+    )]
     Value {
         /// The variable.
         key: String,
@@ -45,11 +48,11 @@ pub enum CommsError {
     },
 }
 
-/// A name or a pattern that is short enough.
-fn name(name: &str) -> Result<(), CommsError> {
-    match name.len() <= wire::MAX_NAME {
-        true => Ok(()),
-        false => Err(CommsError::Name(name.chars().take(40).collect(), name.len())),
+/// Sees that names or patterns are short enough.
+fn short<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<(), CommsError> {
+    match names.into_iter().find(|name| name.len() > wire::MAX_NAME) {
+        None => Ok(()),
+        Some(name) => Err(CommsError::Name(name.chars().take(40).collect(), name.len())),
     }
 }
 
@@ -93,8 +96,8 @@ pub struct Comms {
     /// What the inbox has counted (see [`Comms::dropped`]).
     dropped: u64,
     /// What this client's app has rejected, and what of its own the broker has refused.
-    pub(crate) rejections: Rejections,
-    pub(crate) refusals: Rejections,
+    pub(crate) rejections: Complaints,
+    pub(crate) refusals: Complaints,
     stopping: bool,
     epoch: u64,
 }
@@ -108,8 +111,15 @@ struct Asked {
     expects: Expects,
 }
 
-/// What a registration expects to read, with the number of a binary value's type.
-type Expects = Option<(ValueKind, u32)>;
+/// What a registration says that its client reads.
+#[derive(Clone, Copy)]
+enum Expects {
+    Anything,
+    Numbers,
+    Texts,
+    /// Values of the type with this number.
+    Values(u32),
+}
 
 impl Comms {
     /// The saying end of a client called `name`, over a transport's link, and the link's way down.
@@ -135,8 +145,8 @@ impl Comms {
             types: Numbering::new(Named::Type, 0),
             sequence: wire::first_sequence(monotonic_nanos() / 1_000_000),
             dropped: 0,
-            rejections: Rejections::default(),
-            refusals: Rejections::default(),
+            rejections: Complaints::default(),
+            refusals: Complaints::default(),
             stopping: false,
             epoch: link.epoch,
         };
@@ -223,23 +233,23 @@ impl Comms {
     /// Registers for a variable: its latest value comes at once, then every new one. That this client reads it as a `T` is
     /// said with it: whoever writes something else is told so, and so is this client ([`crate::Inbox::take_refusals`]).
     pub fn register<T: Payload>(&mut self, key: &Key<T>) -> Result<(), CommsError> {
-        name(key.name())?;
+        short([key.name(), T::NAME])?;
         let type_ = self.types.number(&mut self.batch, T::NAME, T::LAYOUT);
-        self.registration(FrameKind::Register, key.name(), "*", 0.0, 0, Some((ValueKind::Binary, type_)))
+        self.registration(FrameKind::Register, key.name(), "*", 0.0, 0, Expects::Values(type_))
     }
 
     /// Registers for a variable as a reader of numbers, as [`Comms::register`] does for a type.
     pub fn register_number(&mut self, key: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key, "*", 0.0, 0, Some((ValueKind::Double, 0)))
+        self.registration(FrameKind::Register, key, "*", 0.0, 0, Expects::Numbers)
     }
 
     /// Registers for a variable as a reader of texts, as [`Comms::register`] does for a type.
     pub fn register_text(&mut self, key: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key, "*", 0.0, 0, Some((ValueKind::Text, 0)))
+        self.registration(FrameKind::Register, key, "*", 0.0, 0, Expects::Texts)
     }
 
-    /// Registers for a variable by name, whatever it carries, at most one message in `min_interval_secs` (0: all); the last one of a burst
-    /// always comes.
+    /// Registers for a variable by name, whatever it carries, at most one message in `min_interval_secs` (0: all); the
+    /// last one of a burst always comes.
     pub fn register_variable(&mut self, key: &str, min_interval_secs: f64) -> Result<(), CommsError> {
         self.register_wildcard(key, "*", min_interval_secs)
     }
@@ -252,17 +262,17 @@ impl Comms {
         source_pattern: &str,
         min_interval_secs: f64,
     ) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0, None)
+        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0, Expects::Anything)
     }
 
     /// Registers so that nothing is dropped: publishers wait if this client does not keep up (with limited patience).
     pub fn register_lossless(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS, None)
+        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS, Expects::Anything)
     }
 
     /// Takes back the registration that was made with these patterns.
     pub fn unregister(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0, None)
+        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0, Expects::Anything)
     }
 
     fn registration(
@@ -274,8 +284,7 @@ impl Comms {
         flags: u16,
         expects: Expects,
     ) -> Result<(), CommsError> {
-        name(key_pattern)?;
-        name(source_pattern)?;
+        short([key_pattern, source_pattern])?;
         let patterns = (key_pattern.to_owned(), source_pattern.to_owned());
         self.registered += 1;
         let asked = Asked { number: self.registered, interval_secs, flags, expects };
@@ -373,6 +382,7 @@ impl Comms {
 
     /// Publishes a typed value. A bulky one is encoded straight into shared memory, where its readers read it.
     pub fn publish<T: Payload>(&mut self, key: &Key<T>, value: &T::View<'_>) -> Result<(), CommsError> {
+        short([key.name(), T::NAME])?;
         let bad = |source| CommsError::Encode { key: key.name().into(), source };
         let len = codec::encoded_len(value).map_err(bad)?;
         if len >= BULK_MIN_BYTES {
@@ -399,6 +409,8 @@ impl Comms {
 
     /// Publishes a value of any kind, and, for gateways and replay, in the name of another source.
     pub fn publish_value(&mut self, key: &str, value: ValueRef<'_>, origin: Origin<'_>) -> Result<(), CommsError> {
+        let type_name = if let ValueRef::Binary { type_name, .. } = value { type_name } else { "" };
+        short([key, type_name, origin.source.unwrap_or_default(), origin.source_aux])?;
         let bulky = match value {
             ValueRef::Binary { type_name, layout, bytes } => {
                 Some((ValueKind::Binary, Some((type_name, layout)), bytes))
@@ -461,7 +473,7 @@ impl Comms {
             let Some(reference) = self.on_link(|comms| comms.up.send_bulk(len, fill))? else {
                 return Ok(false);
             };
-            let header = Header { flags: BULK, ..self.header(key, kind, type_, origin)? };
+            let header = Header { flags: BULK, ..self.header(key, kind, type_, origin) };
             wire::put(&mut self.batch, &header, origin.source_aux.as_bytes(), &reference.to_bytes());
             match self.up.send(&self.batch) {
                 // The value died with the broker before anybody knew of it: it is written anew.
@@ -480,35 +492,26 @@ impl Comms {
         let aux = origin.source_aux.as_bytes();
         match value {
             ValueRef::Double(number) => {
-                let header = self.header(key, ValueKind::Double, None, origin)?;
+                let header = self.header(key, ValueKind::Double, None, origin);
                 wire::put(&mut self.batch, &header, aux, &number.to_le_bytes());
             }
             ValueRef::Text(text) => {
-                let header = self.header(key, ValueKind::Text, None, origin)?;
+                let header = self.header(key, ValueKind::Text, None, origin);
                 wire::put(&mut self.batch, &header, aux, text.as_bytes());
             }
             ValueRef::Binary { type_name, layout, bytes } => {
-                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), origin)?;
+                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), origin);
                 wire::put(&mut self.batch, &header, aux, bytes);
             }
         }
         self.flush_if_full()
     }
 
-    fn header(
-        &mut self,
-        key: &str,
-        kind: ValueKind,
-        type_: Option<(&str, u64)>,
-        origin: Origin<'_>,
-    ) -> Result<Header, CommsError> {
-        for text in [Some(key), origin.source, Some(origin.source_aux), type_.map(|(name, _)| name)] {
-            text.map_or(Ok(()), name)?;
-        }
+    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<(&str, u64)>, origin: Origin<'_>) -> Header {
         self.sequence += 1;
         let key = self.keys.number(&mut self.batch, key, 0);
         self.outbox.note(key, self.sequence);
-        Ok(Header {
+        Header {
             value_kind: kind,
             key,
             source: origin.source.map_or(0, |name| self.sources.number(&mut self.batch, name, 0)),
@@ -516,7 +519,7 @@ impl Comms {
             sequence: self.sequence,
             time: origin.time.unwrap_or_else(|| self.clock.now()),
             ..Header::new(FrameKind::Notify)
-        })
+        }
     }
 
     /// Tells the broker that the bulk service of client `publisher` is open here.
@@ -536,10 +539,13 @@ impl Drop for Comms {
 impl Asked {
     fn header(&self, kind: FrameKind) -> Header {
         let header = Header { flags: self.flags, time: self.interval_secs, ..Header::new(kind) };
-        match self.expects {
-            None => header,
-            Some((value_kind, type_)) => Header { flags: self.flags | TYPED, value_kind, type_, ..header },
-        }
+        let (value_kind, type_) = match self.expects {
+            Expects::Anything => return header,
+            Expects::Numbers => (ValueKind::Double, 0),
+            Expects::Texts => (ValueKind::Text, 0),
+            Expects::Values(type_) => (ValueKind::Binary, type_),
+        };
+        Header { flags: self.flags | TYPED, value_kind, type_, ..header }
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a client hears.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::broker::CLOCK;
@@ -24,7 +25,7 @@ pub struct Inbox {
     missed_bulk: u64,
     /// Both, of the brokers before this one.
     dropped_before: u64,
-    refusals: Vec<Refused>,
+    refusals: VecDeque<Refused>,
 }
 
 /// A message, a registration or a name of this client that the broker did not take.
@@ -32,8 +33,8 @@ pub struct Inbox {
 pub struct Refused {
     /// The variable.
     pub key: String,
-    /// The message's number (see [`Mail::sequence`]); 0: it is no message, but a registration or a name.
-    pub sequence: u64,
+    /// The message's number (see [`Mail::sequence`]); `None`: it is no message, but a registration or a name.
+    pub sequence: Option<u64>,
     /// Why.
     pub reason: String,
 }
@@ -69,6 +70,11 @@ impl Names {
     fn get(&self, what: Named, number: u32) -> (&str, u64) {
         self.tables[what as usize].get(number as usize).map_or(("", 0), |(name, layout)| (name, *layout))
     }
+
+    /// The names of a variable and a source.
+    fn of(&self, key: u32, source: u32) -> (&str, &str) {
+        (self.get(Named::Key, key).0, self.get(Named::Source, source).0)
+    }
 }
 
 impl Inbox {
@@ -82,7 +88,7 @@ impl Inbox {
             dropped: 0,
             dropped_before: 0,
             missed_bulk: 0,
-            refusals: Vec::new(),
+            refusals: VecDeque::new(),
         }
     }
 
@@ -120,7 +126,7 @@ impl Inbox {
         };
         self.down = down;
         let names = std::mem::take(&mut self.names);
-        self.seen.renumber(|key, source| (names.get(Named::Key, key).0, names.get(Named::Source, source).0));
+        self.seen.renumber(|key, source| names.of(key, source));
         self.handled = 0;
         self.dropped_before = self.dropped();
         (self.dropped, self.missed_bulk) = (0, 0);
@@ -170,9 +176,10 @@ impl Inbox {
             comms.clock_was_refused();
         }
         if self.refusals.len() >= MOST_REFUSALS {
-            self.refusals.remove(0);
+            self.refusals.pop_front();
         }
-        self.refusals.push(Refused { key, sequence: wire::count(frame.header.sequence), reason });
+        let sequence = Some(wire::count(frame.header.sequence)).filter(|sequence| *sequence != 0);
+        self.refusals.push_back(Refused { key, sequence, reason });
     }
 
     fn hand_over<E: From<CommsError>>(
@@ -194,10 +201,8 @@ impl Inbox {
                 on_mail(comms, &mail)
             }
             Err(Unreadable::Damaged(why)) => {
-                let header = &frame.header;
-                let (key, source) =
-                    (self.names.get(Named::Key, header.key).0, self.names.get(Named::Source, header.source).0);
-                Ok(comms.reject(key, source, wire::count(header.sequence), &why)?)
+                let (key, source) = self.names.of(frame.header.key, frame.header.source);
+                Ok(comms.reject(key, source, wire::count(frame.header.sequence), &why)?)
             }
             Err(Unreadable::Gone) => {
                 self.missed_bulk += u64::from(!will_be_said_again);
@@ -209,8 +214,7 @@ impl Inbox {
     }
 
     fn was_heard(&self, frame: &Frame<'_>) -> bool {
-        let (key, source) = (frame.header.key, frame.header.source);
-        let (key, source) = (self.names.get(Named::Key, key).0, self.names.get(Named::Source, source).0);
+        let (key, source) = self.names.of(frame.header.key, frame.header.source);
         self.seen.knows(&frame.header, key, source)
     }
 
@@ -234,7 +238,7 @@ impl Inbox {
 
     /// What the broker refused of this client's messages since the last call.
     pub fn take_refusals(&mut self) -> Vec<Refused> {
-        std::mem::take(&mut self.refusals)
+        std::mem::take(&mut self.refusals).into()
     }
 }
 
@@ -263,10 +267,11 @@ fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> 
         ValueKind::Text => ValueRef::Text(text(bytes)?),
         ValueKind::Binary => ValueRef::Binary { type_name, layout, bytes },
     };
+    let (key, source) = names.of(header.key, header.source);
     Ok(Mail {
         header,
-        key: names.get(Named::Key, header.key).0,
-        source: names.get(Named::Source, header.source).0,
+        key,
+        source,
         community: names.get(Named::Community, header.community).0,
         source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
         value,

@@ -56,7 +56,7 @@ pub use mail::Mail;
 pub use process_id::ProcessId;
 pub use recall::Recall;
 pub use rejection::Rejection;
-pub use shm::{ConnectError, Fault, FolderError, Running, ServeError, running};
+pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, running};
 pub use stop::stop_on_signals;
 pub use value::{Value, ValueRef};
 pub use words::tell;
@@ -111,14 +111,13 @@ impl Client {
 }
 
 /// Runs an app as this process, over shared memory, until it stops itself, fails, its successor is ready, or SIGTERM or
-/// SIGINT comes; if it is in the midst of a message then, it has [`stop::STOP_PATIENCE`] to come to its end. A launcher may have told more in the environment (see [`RunOptions::as_launched`]).
+/// SIGINT comes; if it is in the midst of a message then, it has [`stop::STOP_PATIENCE`] to come to its end. A launcher
+/// may have told more in the environment (see [`RunOptions::as_launched`]).
 pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunError> {
     let stop = stop_on_signals().map_err(RunError::Signals)?;
     let insistence = stop::Insistence::begin().map_err(RunError::Signals)?;
     let mut client = Client::join(&options.clone().as_launched())?;
-    app::serve(&mut *app, &mut client, &stop)?;
-    drop(insistence);
-    app::leave(&mut *app, &mut client)
+    app::run(&mut *app, &mut client, &stop, Some(insistence))
 }
 
 /// Serves a community as this process until SIGTERM or SIGINT.

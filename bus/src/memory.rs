@@ -8,15 +8,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Legacy, Limits, Place, Refusal};
+use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Limits, Refusal, Retained, Session};
 use crate::clock::{Clock, Stopwatch};
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::wire::BulkRef;
 
 /// How long a client waits for the next broker.
 const REJOIN_PATIENCE: Duration = Duration::from_secs(10);
-/// How long a recovered broker keeps the places of clients that do not come back (s).
-const PLACES_KEPT_SECS: f64 = 10.0;
+/// How long a recovered broker keeps the sessions of clients that do not come back (s).
+const SESSIONS_KEPT_SECS: f64 = 10.0;
 
 /// A broker that clients of the same process connect to.
 #[derive(Clone)]
@@ -33,8 +33,8 @@ struct Shared {
 struct State {
     broker: Option<Broker>,
     /// What the next broker finds, should this one die.
-    places: Vec<Place>,
-    legacies: Vec<Legacy>,
+    sessions: Vec<Session>,
+    retained: Vec<Retained>,
     /// 0: the broker has stopped in good order.
     epoch: u64,
     handled: BTreeMap<ClientId, u64>,
@@ -51,8 +51,8 @@ impl MemoryBroker {
         let config = BrokerConfig { limits, ..config };
         let state = State {
             broker: Some(Broker::new(config.clone(), clock.now())),
-            places: Vec::new(),
-            legacies: Vec::new(),
+            sessions: Vec::new(),
+            retained: Vec::new(),
             epoch: 1,
             handled: BTreeMap::new(),
             retiring: BTreeSet::new(),
@@ -106,10 +106,10 @@ impl MemoryBroker {
     pub fn recover(&self) {
         let mut state = self.0.lock();
         // They stay: this broker may die as well before anybody has come back.
-        let places = state.places.clone().into_iter().map(|place| (place, true));
+        let sessions = state.sessions.clone().into_iter().map(|session| (session, true));
         let (config, now) = (self.0.config.clone(), self.0.clock.now());
-        let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
-        broker.inherit(now, &state.legacies);
+        let mut broker = Broker::recover(config, now, sessions, SESSIONS_KEPT_SECS);
+        broker.inherit(now, &state.retained);
         state.broker = Some(broker);
         state.epoch += 1;
         self.0.changed.notify_all();
@@ -132,11 +132,11 @@ impl State {
     fn follow_up(&mut self) {
         if let Some(broker) = &mut self.broker {
             self.retiring.extend(broker.take_retiring());
-            if let Some(places) = broker.take_places() {
-                self.places = places;
+            if let Some(sessions) = broker.take_sessions() {
+                self.sessions = sessions;
             }
-            if let Some(legacies) = broker.take_legacies(|_| None) {
-                self.legacies = legacies;
+            if let Some(retained) = broker.take_retained(|_| None) {
+                self.retained = retained;
             }
         }
     }

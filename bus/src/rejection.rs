@@ -17,10 +17,10 @@ use crate::words::tell;
 /// The variable under which every app says what it has rejected: a text for people, for the log and the launcher.
 pub const REJECTED: &str = "MAIL_REJECTED";
 
-/// Rejections of one (variable, writer) that are said in full; after that one in [`SAID_EVERY`], with their number.
+/// Complaints about one (variable, writer) that are said in full; after that one in [`SAID_EVERY`], with how many were not.
 const SAID_IN_FULL: u64 = 3;
 const SAID_EVERY: Duration = Duration::from_secs(5);
-/// Pairs of variable and writer that are told apart; whoever makes up more names is counted with the last of them.
+/// Pairs of variable and writer that are told apart; of all others the words are rationed together.
 const PAIRS: usize = 256;
 
 /// Why an app cannot use a message although it decodes: it contradicts what the app knows. An app that fails with this,
@@ -38,9 +38,9 @@ impl Rejection {
     }
 }
 
-/// Rejections of one app.
+/// How often there was something to complain of, and how much of that was said.
 #[derive(Debug, Default)]
-pub(crate) struct Rejections {
+pub(crate) struct Complaints {
     count: u64,
     by_writer: BTreeMap<(String, String), Said>,
 }
@@ -52,13 +52,14 @@ struct Said {
     unsaid: u64,
 }
 
-impl Rejections {
-    /// How many messages were rejected so far.
+impl Complaints {
+    /// How often so far.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Counts a rejection of what `writer` wrote to `key`; what there is to say of it, unless that was said often enough.
+    /// Counts a complaint about what `writer` wrote to `key`. Unless enough was said of that lately: what is to be said of
+    /// those that were not.
     fn note(&mut self, key: &str, writer: &str) -> Option<String> {
         self.count += 1;
         let mut pair = (key.to_owned(), writer.to_owned());
@@ -98,7 +99,7 @@ impl Comms {
     pub(crate) fn note_refused(&mut self, refused: &Refused) -> Result<(), CommsError> {
         let Refused { key, sequence, reason } = refused;
         let Some(more) = self.refusals.note(key, "") else { return Ok(()) };
-        let number = if *sequence == 0 { String::new() } else { format!(" #{sequence}") };
+        let number = sequence.map_or_else(String::new, |sequence| format!(" #{sequence}"));
         self.say(key, format!("{}: {key}{number} was refused: {reason}{more}", self.name()))
     }
 

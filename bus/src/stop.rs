@@ -12,7 +12,7 @@ const SIGNALS: [i32; 2] = [SIGTERM, SIGINT];
 /// How long a callback of an app may go on once the app was asked to stop.
 pub const STOP_PATIENCE: Duration = Duration::from_secs(5);
 
-const LAST_WORDS: &str = "elk: asked to stop 5 s ago, and still in the midst of a message: this process ends here\n";
+const LAST_WORDS: &str = "elk: asked to stop, and still in the midst of a message: this process ends here\n";
 
 /// Sets `stop` on SIGTERM and SIGINT.
 pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
@@ -30,8 +30,7 @@ impl Insistence {
     /// From now on, [`STOP_PATIENCE`] after the first SIGTERM or SIGINT the process ends.
     pub fn begin() -> std::io::Result<Self> {
         let insists = Arc::new(AtomicBool::new(true));
-        // SAFETY: the action writes to a descriptor and ends the process; both may be done in a handler.
-        unsafe { register(SIGALRM, end)? };
+        end_saying(SIGALRM, &[LAST_WORDS])?;
         for signal in SIGNALS {
             let insists = insists.clone();
             let set = move || {
@@ -59,15 +58,30 @@ fn alarm(secs: u32) {
     unsafe { libc::alarm(secs) };
 }
 
-fn end() {
-    let _ = rustix::io::write(std::io::stderr(), LAST_WORDS.as_bytes());
-    let _ = emulate_default_handler(SIGALRM);
+/// From now on a process that this signal ends says why.
+pub(crate) fn end_saying(signal: i32, words: &'static [&'static str]) -> std::io::Result<()> {
+    let end = move || {
+        for words in words {
+            let _ = rustix::io::write(std::io::stderr(), words.as_bytes());
+        }
+        // An access that failed would be tried again for ever.
+        let _ = emulate_default_handler(signal);
+    };
+    // SAFETY: the action writes to a descriptor and ends the process; both may be done in a handler.
+    unsafe { register(signal, end)? };
+    Ok(())
+}
+
+/// Runs a test of this crate by itself, in a process that may end with it.
+#[cfg(test)]
+pub(crate) fn run_test(name: &str, variable: &str, value: &str) -> std::process::Output {
+    let mut command = std::process::Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", name, "--nocapture"]).env(variable, value).output().unwrap()
 }
 
 #[cfg(test)]
 mod tests {
     use std::os::unix::process::ExitStatusExt;
-    use std::process::Command;
 
     use rustix::process::{Signal, getpid, kill_process};
 
@@ -96,13 +110,9 @@ mod tests {
         }
     }
 
-    fn run(heeds: &str) -> std::process::Output {
-        let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "stop::tests::is_deaf", "--nocapture"]).env(DEAF, heeds).output().unwrap()
-    }
-
     #[test]
     fn who_does_not_heed_a_signal_ends_all_the_same() {
+        let run = |heeds| run_test("stop::tests::is_deaf", DEAF, heeds);
         let ended = run("no");
         assert_eq!(ended.status.signal(), Some(SIGALRM), "{ended:?}");
         let said = String::from_utf8_lossy(&ended.stderr).into_owned();

@@ -21,7 +21,8 @@ pub const MAX_FRAME: usize = 1 << 30;
 /// The longest message that travels in a batch between processes (bytes, the frame whole); a larger value lies in its
 /// publisher's shared memory.
 pub const MAX_MESSAGE: usize = 1 << 20;
-/// The longest name of a variable, source, type or community, and the longest pattern (bytes).
+/// The longest name of a variable, source, type or community, the longest pattern, and the longest word about a source
+/// (bytes).
 pub const MAX_NAME: usize = 256;
 
 /// What a frame is for.
@@ -283,6 +284,7 @@ pub fn frames(batch: &[u8]) -> impl Iterator<Item = Result<Frame<'_>, WireError>
 }
 
 /// Length of the frame that a well-formed batch begins with.
+#[inline]
 pub fn first_len(batch: &[u8]) -> usize {
     u32_at(batch, 0) as usize
 }
@@ -328,11 +330,13 @@ pub fn renumbered(fixed: &[u8], header: &Header) -> [u8; HEADER] {
 }
 
 /// Whether a well-formed frame's value lies in shared memory.
+#[inline]
 pub fn is_bulk(frame: &[u8]) -> bool {
     frame.get(6).is_some_and(|flags| u16::from(*flags) & BULK != 0)
 }
 
 /// Bytes of a well-formed frame's value, wherever it lies.
+#[inline]
 pub fn value_bytes(frame: &[u8]) -> u64 {
     let (start, len) = (HEADER + u32_at(frame, 40) as usize, u32_at(frame, 44) as usize);
     match is_bulk(frame) {
@@ -348,6 +352,7 @@ pub fn publisher_to_attach(frame: &Frame<'_>) -> Option<u32> {
 
 /// The bytes of a whole message in which it says by number what it refers to, and whether its type counts: messages in
 /// which they are the same refer to the same.
+#[inline]
 pub fn references(frame: &[u8]) -> (bool, &[u8]) {
     (frame[5] == ValueKind::Binary as u8, &frame[8..24])
 }

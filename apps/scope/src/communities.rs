@@ -39,7 +39,7 @@ fn look_into_all(found: Vec<Running>) -> Vec<Seen> {
 
 /// `None`: not this user's, or it ended just now, or does not answer; it is listed all the same.
 fn look_into(one: &Running) -> Option<CommunityTable> {
-    let mut scope = one.own.then(|| Scope::join(&one.community, "communities").ok())??;
+    let mut scope = one.is_own().then(|| Scope::join(&one.community, "communities").ok())??;
     scope.table_within(PATIENCE).ok()
 }
 
@@ -55,10 +55,19 @@ fn as_text(seen: &[Seen]) -> Vec<String> {
 fn row((one, table): &Seen) -> Vec<String> {
     let (up, clients) = match table {
         Some(table) => (show::duration(table.time - table.started), show::names(&names(table), " ")),
-        None if one.own => ("-".to_owned(), "(it does not answer)".to_owned()),
-        None => ("-".to_owned(), "(another user's: only that user can join)".to_owned()),
+        None => ("-".to_owned(), why_not(one).to_owned()),
     };
-    vec![one.community.to_string(), user_name(one.user), one.process.to_string(), up, clients]
+    let user = one.broker.map_or_else(|| "-".to_owned(), |broker| user_name(broker.user));
+    let process = one.broker.map_or_else(|| "-".to_owned(), |broker| broker.process.to_string());
+    vec![one.community.to_string(), user, process, up, clients]
+}
+
+fn why_not(one: &Running) -> &'static str {
+    match one.broker {
+        None => "(more wait at its door than it takes in)",
+        Some(_) if one.is_own() => "(it does not answer)",
+        Some(_) => "(another user's: only that user can join)",
+    }
 }
 
 fn names(table: &CommunityTable) -> Vec<&str> {
@@ -68,10 +77,10 @@ fn names(table: &CommunityTable) -> Vec<&str> {
 fn as_json((one, table): &Seen) -> Value {
     json!({
         "community": one.community.as_str(),
-        "user": user_name(one.user),
-        "user_id": one.user,
-        "own": one.own,
-        "process": one.process,
+        "user": one.broker.map(|broker| user_name(broker.user)),
+        "user_id": one.broker.map(|broker| broker.user),
+        "own": one.is_own(),
+        "process": one.broker.map(|broker| broker.process),
         "uptime_secs": table.as_ref().map(|table| table.time - table.started),
         "clients": table.as_ref().map(names),
     })
@@ -94,14 +103,14 @@ fn named_in(users: &str, user: u32) -> Option<&str> {
 
 #[cfg(test)]
 mod tests {
-    use elk_bus::Community;
+    use elk_bus::{Community, Owner};
 
     use super::*;
 
     #[test]
     fn other_users_communities_are_listed_as_such() {
-        let one =
-            |name: &str, own| Running { community: Community::new(name).unwrap(), process: 7, user: 4_000_000, own };
+        let one = |name: &str, broker| Running { community: Community::new(name).unwrap(), broker };
+        let theirs = Some(Owner { process: 7, user: 4_000_000 });
         let table = CommunityTable {
             community: "lab".into(),
             time: 90.0,
@@ -111,11 +120,13 @@ mod tests {
             variables: vec![],
             left_out: 0,
         };
-        let seen = [(one("lab", true), Some(table)), (one("theirs", false), None)];
+        let seen = [(one("lab", theirs), Some(table)), (one("theirs", theirs), None), (one("crowded", None), None)];
         let lines = as_text(&seen);
         assert_eq!(lines[1], "lab        4000000        7  90.0 s");
         assert!(lines[2].ends_with("(another user's: only that user can join)"), "{lines:?}");
         assert_eq!(as_json(&seen[1])["own"], false);
+        assert!(lines[3].ends_with("-  (more wait at its door than it takes in)"), "{lines:?}");
+        assert_eq!(as_json(&seen[2])["process"], Value::Null);
         assert!(as_text(&[])[0].contains("elk launch"));
     }
 

@@ -107,7 +107,7 @@ impl Scope {
 }
 
 fn instead_of_none(running: &[Running]) -> String {
-    let names: Vec<&str> = running.iter().filter(|one| one.own).map(|one| one.community.as_str()).collect();
+    let names: Vec<&str> = running.iter().filter(|one| one.is_own()).map(|one| one.community.as_str()).collect();
     match names.as_slice() {
         [] => "start one with `elk launch MISSION`, or a broker alone with `elk db`".to_owned(),
         names => format!("running are {} (choose one with --community)", names.join(", ")),
@@ -151,6 +151,10 @@ pub(crate) fn unknown(what: &'static str, name: &str, names: &[&str]) -> ScopeEr
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::MetadataExt;
+
+    use elk_bus::Owner;
+
     use super::*;
 
     #[test]
@@ -163,11 +167,15 @@ mod tests {
 
     #[test]
     fn the_communities_that_run_are_named_instead() {
-        let one = |name: &str, own| Running { community: Community::new(name).unwrap(), process: 1, user: 0, own };
+        let own = std::fs::metadata("/proc/self").unwrap().uid();
+        let one = |name: &str, user| Running {
+            community: Community::new(name).unwrap(),
+            broker: Some(Owner { process: 1, user }),
+        };
         assert_eq!(
-            instead_of_none(&[one("lab", true), one("theirs", false), one("kitchen", true)]),
+            instead_of_none(&[one("lab", own), one("theirs", own + 1), one("kitchen", own)]),
             "running are lab, kitchen (choose one with --community)"
         );
-        assert!(instead_of_none(&[one("theirs", false)]).contains("elk launch"));
+        assert!(instead_of_none(&[one("theirs", own + 1)]).contains("elk launch"));
     }
 }

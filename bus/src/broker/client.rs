@@ -14,7 +14,7 @@ use crate::wire::{BULK, Header, Named, RESENT, ValueKind};
 pub(super) struct Client {
     pub name: String,
     pub standing: Standing,
-    /// How long its place is kept after its death (s).
+    /// How long its session is kept after its death (s).
     pub lease_secs: f64,
     /// The client's numbers, by [`Named`], to the broker's.
     pub numbers: [Vec<u32>; 4],
@@ -23,7 +23,7 @@ pub(super) struct Client {
     pub registrations: Vec<Registration>,
     pub registered_bytes: usize,
     pub mailbox: Mailbox,
-    /// What it registered and took back, and what it published, before it had its place.
+    /// What it registered and took back, and what it published, before it had its session.
     pub asked: Vec<u8>,
     pub held: Vec<u8>,
     /// Batches taken from it.

@@ -88,7 +88,7 @@ impl Broker {
         if !self.reached.contains(&to) {
             self.reached.push(to);
         }
-        if message.header.flags & BULK != 0 && matches!(client.standing, Standing::Orphan { .. }) {
+        if message.header.flags & BULK != 0 && matches!(client.standing, Standing::Disconnected { .. }) {
             self.to_resolve.insert(to);
         }
         client.mailbox.push(now, message, self.config.lossless_patience_secs);

@@ -13,10 +13,10 @@ pub struct Reached {
     pub lossless: bool,
 }
 
-/// A client that has taken another's place, with its mail.
+/// A client that has taken over another's session, with its mail.
 #[derive(Debug, Clone, Copy)]
 pub struct Succession {
-    /// Whose place it was.
+    /// Whose session it was.
     pub predecessor: ClientId,
     /// Whose it is.
     pub successor: ClientId,
@@ -77,7 +77,7 @@ impl Broker {
         self.clients.get(&id).map(|c| c.mailbox.done())
     }
 
-    /// Who has taken whose place since the last call.
+    /// Who has taken over whose session since the last call.
     pub fn take_successions(&mut self) -> Vec<Succession> {
         std::mem::take(&mut self.successions)
     }

@@ -7,7 +7,7 @@ use crate::wire::{self, Frame, FrameKind, Named};
 /// mail is dropped, oldest first, and counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Limits {
-    /// Clients at a time, and places of clients that died.
+    /// Clients at a time, and sessions of clients that died.
     pub clients: usize,
     /// Bytes of one name: of a variable, source, type or community, and of one pattern.
     pub name_bytes: usize,

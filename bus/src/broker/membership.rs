@@ -1,11 +1,11 @@
-//! Who is there: joining, leaving, dying, and taking the place of somebody else.
+//! Who is there: joining, leaving, dying, and taking over somebody's session.
 //!
-//! A client that dies becomes an **orphan** if it had asked for a lease: its name, its registrations and its mail stay
-//! for a while. Whoever connects under that name is **joining**: what it registers is noted, what it publishes waits,
-//! and once it says that it is ready it takes the orphan's place. A successor of a client that still lives is joining in
-//! just the same way; when it is ready the holder of the name is asked to retire, and leaves an orphan for one moment.
-//! After the death of a broker, the next one begins with nothing but orphans. So one mechanism serves a swap, a restart
-//! and a recovery.
+//! A **session** is a name with its registrations and its mail. That of a client that dies is **disconnected** and stays
+//! for a while, if the client had asked for a lease. Whoever connects under that name is **joining**: what it registers is
+//! noted, what it publishes waits, and once it says that it is ready it takes the session over. A successor of a client
+//! that still lives is joining in just the same way; when it is ready the holder of the name is asked to retire, and its
+//! session is disconnected for one moment. After the death of a broker, the next one begins with disconnected sessions
+//! alone. So one mechanism serves a swap, a restart and a recovery.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,9 +19,9 @@ use crate::wire::{self, ATTACH, Frame, FrameKind, Header};
 pub struct Introduction<'a> {
     /// Its name.
     pub name: &'a str,
-    /// How long its place is kept after its death (s); 0: not at all.
+    /// How long its session is kept after its death (s); 0: not at all.
     pub lease_secs: f64,
-    /// It comes to take the place of the client that has the name.
+    /// It comes to take over the session of the client that has the name.
     pub succeeds: bool,
     /// It was here under the broker before this one.
     pub returns: bool,
@@ -56,18 +56,18 @@ pub enum Refusal {
 pub(super) enum Standing {
     /// It is there.
     Present,
-    /// Its process is gone; its place is kept until then (s). `returns`: a client that lives and will be back.
-    Orphan { until: f64, returns: bool },
-    /// It will take the place of `predecessor`. `ready`: as soon as that one makes room.
+    /// Its process is gone; its session is kept until then (s). `returns`: a client that lives and will be back.
+    Disconnected { until: f64, returns: bool },
+    /// It will take over the session of `predecessor`. `ready`: as soon as that one makes room.
     Joining { predecessor: ClientId, ready: bool },
 }
 
-/// What a broker has to know of a client to keep its place after the broker's own death.
+/// What a broker has to know of a client to keep its session after the broker's own death.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Place {
+pub struct Session {
     /// The client's name.
     pub name: String,
-    /// How long its place is kept after its death (s).
+    /// How long its session is kept after its death (s).
     pub lease_secs: f64,
     /// What it is registered for.
     pub registrations: Vec<Registration>,
@@ -77,35 +77,35 @@ pub struct Place {
 /// again what they know (s).
 const RETURN_PATIENCE_SECS: f64 = 2.0;
 
-/// The longest that a place is kept (s): a day.
+/// The longest that a session is kept (s): a day.
 const LONGEST_LEASE_SECS: f64 = 86_400.0;
 
 const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
 
 impl Broker {
-    /// A broker that takes the place of one that died: it keeps the `places` of the clients that were there, each with
+    /// A broker that takes the place of one that died: it keeps the `sessions` of the clients that were there, each with
     /// whether its process still lives and will return, for `patience` (s).
     pub fn recover(
         config: BrokerConfig,
         now: f64,
-        places: impl IntoIterator<Item = (Place, bool)>,
+        sessions: impl IntoIterator<Item = (Session, bool)>,
         patience: f64,
     ) -> Self {
         let mut broker = Self::new(config, now);
         broker.driver_awaited_until = now + patience;
         broker.returns_awaited_until = Some(now + RETURN_PATIENCE_SECS);
-        for (place, returns) in places {
-            let id = broker.add_client(now, &place.name, place.lease_secs);
+        for (session, returns) in sessions {
+            let id = broker.add_client(now, &session.name, session.lease_secs);
             let Some(client) = broker.clients.get_mut(&id) else { continue };
-            client.standing = Standing::Orphan { until: now + patience, returns };
-            client.registrations = place.registrations;
+            client.standing = Standing::Disconnected { until: now + patience, returns };
+            client.registrations = session.registrations;
             broker.mark_lossless(id);
-            broker.names.insert(place.name, id);
+            broker.names.insert(session.name, id);
         }
         broker
     }
 
-    /// Lets a client in, or says why not. One that takes another's place is there once it has said that it is ready.
+    /// Lets a client in, or says why not. One that takes over a session is there once it has said that it is ready.
     pub fn connect(&mut self, now: f64, who: &Introduction<'_>) -> Result<ClientId, Refusal> {
         let name = who.name;
         let printable = |c: char| !c.is_control() && !NAME_SEPARATORS.contains(&c);
@@ -127,7 +127,7 @@ impl Broker {
             Some(predecessor) => self.set_standing(id, Standing::Joining { predecessor, ready: false }),
             None => {
                 self.names.insert(name.into(), id);
-                self.places_changed = true;
+                self.sessions_changed = true;
                 self.announce(now, &format!("connected={name}"));
             }
         }
@@ -139,7 +139,7 @@ impl Broker {
             return Err(Refusal::SuccessorTaken(who.name.into()));
         }
         let may = match self.standing(holder) {
-            Some(Standing::Orphan { returns, .. }) => !returns || who.returns,
+            Some(Standing::Disconnected { returns, .. }) => !returns || who.returns,
             _ => who.succeeds,
         };
         if may { Ok(()) } else { Err(Refusal::NameTaken(who.name.into())) }
@@ -169,30 +169,30 @@ impl Broker {
         self.clients.iter().find(|(_, client)| succeeds(client)).map(|(id, _)| *id)
     }
 
-    /// Whether a client is on its way to the place of another.
+    /// Whether a client is on its way to the session of another.
     pub fn is_joining(&self, id: ClientId) -> bool {
         self.clients.get(&id).is_some_and(Client::is_joining)
     }
 
-    /// Whether a client is gone and its place is kept.
-    pub(super) fn is_orphan(&self, id: ClientId) -> bool {
-        matches!(self.standing(id), Some(Standing::Orphan { .. }))
+    /// Whether a client is gone and its session is kept.
+    pub(super) fn is_disconnected(&self, id: ClientId) -> bool {
+        matches!(self.standing(id), Some(Standing::Disconnected { .. }))
     }
 
-    /// Whether somebody is on the way to the place of a name, or may still come for it.
+    /// Whether somebody is on the way to the session of a name, or may still come for it.
     pub fn is_expected(&self, name: &str) -> bool {
         self.names.contains_key(name)
     }
 
-    /// The client of this name that was to return will not: anybody may come for its place.
+    /// The client of this name that was to return will not: anybody may come for its session.
     pub fn expect_no_return(&mut self, name: &str) {
         let client = self.names.get(name).and_then(|id| self.clients.get_mut(id));
-        if let Some(Standing::Orphan { returns, .. }) = client.map(|client| &mut client.standing) {
+        if let Some(Standing::Disconnected { returns, .. }) = client.map(|client| &mut client.standing) {
             *returns = false;
         }
     }
 
-    /// Whether the client's next batch has to wait until it has the place that it came for.
+    /// Whether the client's next batch has to wait until it has the session that it came for.
     pub(super) fn waits_for_its_place(client: &Client) -> bool {
         matches!(client.standing, Standing::Joining { ready: true, .. })
     }
@@ -221,12 +221,12 @@ impl Broker {
             }
             // What it asks for first is what those know who are on their way back.
             _ if self.awaits_returns(now) && !self.returning.contains(&id) => {}
-            _ => self.take_place(now, id, predecessor),
+            _ => self.take_over(now, id, predecessor),
         }
     }
 
     fn awaits_returns(&self, now: f64) -> bool {
-        let is_to_return = |c: &Client| matches!(c.standing, Standing::Orphan { returns: true, .. });
+        let is_to_return = |c: &Client| matches!(c.standing, Standing::Disconnected { returns: true, .. });
         let awaited = !self.returning.is_empty() || self.clients.values().any(is_to_return);
         awaited && self.returns_awaited_until.is_some_and(|until| now < until)
     }
@@ -238,11 +238,13 @@ impl Broker {
         }
         self.returns_awaited_until = None;
         let waits = |(id, c): (&ClientId, &Client)| match c.standing {
-            Standing::Joining { predecessor, ready: true } if self.is_orphan(predecessor) => Some((*id, predecessor)),
+            Standing::Joining { predecessor, ready: true } if self.is_disconnected(predecessor) => {
+                Some((*id, predecessor))
+            }
             _ => None,
         };
         let waiting: Vec<_> = self.clients.iter().filter_map(waits).collect();
-        waiting.into_iter().for_each(|(id, predecessor)| self.take_place(now, id, predecessor));
+        waiting.into_iter().for_each(|(id, predecessor)| self.take_over(now, id, predecessor));
     }
 
     /// The clients that are to retire since the last call, because their successor is ready.
@@ -251,12 +253,12 @@ impl Broker {
     }
 
     /// A client is gone. `handled`: how many of the messages that it was ever given it has handled; `goodbye`: it left
-    /// in good order. What it published stays; its name is free at once, unless its place is kept.
+    /// in good order. What it published stays; its name is free at once, unless its session is kept.
     pub fn disconnect(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
         self.let_go_of_clock(now, id);
         self.returning.remove(&id);
         match self.standing(id) {
-            None | Some(Standing::Orphan { .. }) => {}
+            None | Some(Standing::Disconnected { .. }) => {}
             Some(Standing::Joining { predecessor, .. }) => {
                 self.clients.remove(&id);
                 self.abandon(now, predecessor);
@@ -272,7 +274,7 @@ impl Broker {
         let name = client.name.clone();
         if successor.is_some() || (!goodbye && client.lease_secs > 0.0) {
             let until = if successor.is_some() { f64::INFINITY } else { now + client.lease_secs };
-            client.standing = Standing::Orphan { until, returns: false };
+            client.standing = Standing::Disconnected { until, returns: false };
             client.mailbox.take_back(handled);
             self.to_resolve.insert(id);
         } else {
@@ -282,28 +284,29 @@ impl Broker {
         if let Some(successor) = successor
             && let Some(Standing::Joining { ready: true, .. }) = self.standing(successor)
         {
-            self.take_place(now, successor, id);
+            self.take_over(now, successor, id);
         }
     }
 
     /// The successor of `id` is gone before it came.
     fn abandon(&mut self, now: f64, id: ClientId) {
         let Some(client) = self.clients.get_mut(&id) else { return };
-        if let Standing::Orphan { until, .. } = &mut client.standing {
+        if let Standing::Disconnected { until, .. } = &mut client.standing {
             *until = until.min(now + client.lease_secs);
         }
     }
 
-    /// Lets go of the places that nobody came for.
-    pub(super) fn expire_orphans(&mut self, now: f64) {
-        let expired = |c: &Client| matches!(c.standing, Standing::Orphan { until, .. } if until <= now);
+    /// Lets go of the sessions that nobody came for.
+    pub(super) fn expire_sessions(&mut self, now: f64) {
+        let expired = |c: &Client| matches!(c.standing, Standing::Disconnected { until, .. } if until <= now);
         let ids: Vec<ClientId> = self.clients.iter().filter(|(_, c)| expired(c)).map(|(id, _)| *id).collect();
         ids.into_iter().for_each(|id| self.forget(id));
     }
 
-    /// When the next place expires (s).
+    /// When the next session expires (s).
     pub(super) fn next_expiry(&self) -> f64 {
-        let until = |c: &Client| if let Standing::Orphan { until, .. } = c.standing { until } else { f64::INFINITY };
+        let until =
+            |c: &Client| if let Standing::Disconnected { until, .. } = c.standing { until } else { f64::INFINITY };
         self.clients.values().map(until).fold(f64::INFINITY, f64::min)
     }
 
@@ -319,20 +322,20 @@ impl Broker {
         for other in self.clients.values_mut() {
             other.feeds.remove(&id);
         }
-        self.places_changed = true;
+        self.sessions_changed = true;
         self.share_out_mail();
     }
 
-    /// Gives `id` the place of `predecessor`, which is an orphan: first the latest values of what it registered for,
+    /// Gives `id` the session of `predecessor`, which is disconnected: first the latest values of what it registered for,
     /// then the predecessor's mail as far as it wants it, then what comes. A latest value that is still among that mail
     /// comes in its place there, not twice.
-    fn take_place(&mut self, now: f64, id: ClientId, predecessor: ClientId) {
+    fn take_over(&mut self, now: f64, id: ClientId, predecessor: ClientId) {
         let name = self.client_name(id).unwrap_or_default().to_owned();
-        let orphan = self.clients.remove(&predecessor);
-        if let (Some(orphan), Some(client)) = (&orphan, self.clients.get_mut(&id)) {
-            client.mailbox.inherit_dropped(&orphan.mailbox);
+        let dead = self.clients.remove(&predecessor);
+        if let (Some(dead), Some(client)) = (&dead, self.clients.get_mut(&id)) {
+            client.mailbox.inherit_dropped(&dead.mailbox);
         }
-        let mail = orphan.map(|orphan| orphan.mailbox.into_mail()).unwrap_or_default();
+        let mail = dead.map(|dead| dead.mailbox.into_mail()).unwrap_or_default();
         for variable in &mut self.variables {
             variable.forget(predecessor);
         }
@@ -344,7 +347,7 @@ impl Broker {
         }
         self.names.insert(name.clone(), id);
         self.set_standing(id, Standing::Present);
-        self.places_changed = true;
+        self.sessions_changed = true;
         let asked = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
         let change = |frame: Frame<'_>| Change::read(&frame, self.expected(id, &frame).ok()?).ok();
         let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(change).collect();
@@ -372,7 +375,7 @@ impl Broker {
         wire::frames(mail).map_while(Result::ok).filter(wants).collect()
     }
 
-    /// What the client published before it had its place.
+    /// What the client published before it had its session.
     fn publish_held(&mut self, now: f64, id: ClientId) {
         let held = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.held)).unwrap_or_default();
         for frame in wire::frames(&held).map_while(Result::ok) {
@@ -381,24 +384,24 @@ impl Broker {
         }
     }
 
-    /// Keeps a message of a client that is joining until it has its place.
+    /// Keeps a message of a client that is joining until it has its session.
     pub(super) fn hold(client: &mut Client, frame: &Frame<'_>) {
         debug_assert_eq!(frame.header.kind, FrameKind::Notify);
         let header = Header { flags: frame.header.flags & !ATTACH, ..frame.header };
         wire::put(&mut client.held, &header, frame.aux, frame.value);
     }
 
-    /// The places of all clients, if they are others than at the last call: what has to outlive the broker.
-    pub fn take_places(&mut self) -> Option<Vec<Place>> {
-        if !std::mem::take(&mut self.places_changed) {
+    /// The sessions of all clients, if they are others than at the last call: what has to outlive the broker.
+    pub fn take_sessions(&mut self) -> Option<Vec<Session>> {
+        if !std::mem::take(&mut self.sessions_changed) {
             return None;
         }
         let holders = self.names.values().filter_map(|id| self.clients.get(id));
-        let place = |client: &Client| Place {
+        let session = |client: &Client| Session {
             name: client.name.clone(),
             lease_secs: client.lease_secs,
             registrations: client.registrations.clone(),
         };
-        Some(holders.map(place).collect())
+        Some(holders.map(session).collect())
     }
 }

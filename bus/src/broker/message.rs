@@ -28,6 +28,7 @@ impl<'a> Message<'a> {
     }
 
     /// Appends the whole frame.
+    #[inline]
     pub fn append_to(&self, buffer: &mut Vec<u8>) {
         buffer.reserve(self.len());
         buffer.extend_from_slice(&self.fixed);

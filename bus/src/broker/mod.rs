@@ -13,7 +13,6 @@ mod handling;
 mod intake;
 mod interner;
 mod latest;
-mod legacy;
 mod limits;
 mod mailbox;
 mod membership;
@@ -21,6 +20,7 @@ mod message;
 mod naming;
 mod outgoing;
 mod registration;
+mod retained;
 mod summary;
 pub mod table;
 mod time;
@@ -33,12 +33,12 @@ use delivery::Due;
 pub use expectation::Expected;
 pub use handling::{Reached, Succession};
 use interner::Interner;
-pub use legacy::Legacy;
 pub use limits::Limits;
 pub use mailbox::Mailbox;
 use membership::Standing;
-pub use membership::{Introduction, Place, Refusal};
+pub use membership::{Introduction, Refusal, Session};
 pub use registration::Registration;
+pub use retained::Retained;
 pub use time::CLOCK;
 use variable::Variable;
 
@@ -99,25 +99,25 @@ pub struct Broker {
     /// The latest values that lie in shared memory: (publisher, sample, variable).
     latest_bulk: BTreeSet<(ClientId, u64, u32)>,
     attached: Vec<(ClientId, ClientId)>,
-    /// Orphans whose mail refers to values in shared memory.
+    /// Disconnected sessions whose mail refers to values in shared memory.
     to_resolve: BTreeSet<ClientId>,
     /// Who got mail from the batch that is being taken in.
     reached: Vec<ClientId>,
     /// Holders of a name that are to make room for their successor.
     retiring: Vec<ClientId>,
-    /// Who has taken whose place, and up to where its mail is the one that it took over.
+    /// Who has taken over whose session, and up to where its mail is the one that it took over.
     successions: Vec<Succession>,
     /// Somebody who left something has gone since that was last asked for.
-    legacies_changed: bool,
-    /// The places of clients are others than when they were last asked for.
-    places_changed: bool,
+    retained_changed: bool,
+    /// The sessions of clients are others than when they were last asked for.
+    sessions_changed: bool,
     own_source: u32,
     own_sequence: u64,
     next_summary: f64,
     driver: Option<time::Driver>,
     /// Clients that have come back after a broker's death and have not yet said again all that they have to.
     returning: BTreeSet<ClientId>,
-    /// Until then (s) nobody new takes a place before they have.
+    /// Until then (s) nobody new takes over a session before they have.
     returns_awaited_until: Option<f64>,
     /// Until then (s), whoever drove the clock under the broker before this one may come back and go on.
     driver_awaited_until: f64,
@@ -150,8 +150,8 @@ impl Broker {
             reached: Vec::new(),
             retiring: Vec::new(),
             successions: Vec::new(),
-            legacies_changed: false,
-            places_changed: false,
+            retained_changed: false,
+            sessions_changed: false,
             own_source,
             // A broker that takes another's place is not to be taken for it.
             own_sequence: wire::first_sequence((now.max(0.0) * 1e3) as u64),
@@ -206,10 +206,10 @@ impl Broker {
         }
     }
 
-    /// Delivers what throttled registrations held back and whose time has come, lets go of places that nobody came for,
+    /// Delivers what throttled registrations held back and whose time has come, lets go of sessions that nobody came for,
     /// and refreshes the `DB_*` variables.
     pub fn tick(&mut self, now: f64) {
-        self.expire_orphans(now);
+        self.expire_sessions(now);
         self.await_driver(now);
         self.seat_those_who_wait(now);
         self.deliver_due(now);

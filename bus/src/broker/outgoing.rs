@@ -7,7 +7,7 @@ use crate::wire::Frame;
 
 impl Broker {
     /// Whether the client's next batch has to wait: for a lossless registrant whose mailbox is full, or until the client
-    /// has the place that it came for.
+    /// has the session that it came for.
     pub fn holds_back(&self, now: f64, from: ClientId) -> bool {
         let patience = self.config.lossless_patience_secs;
         let full = |id: &ClientId| self.clients.get(id).is_some_and(|c| c.mailbox.holds_back(now, patience));
@@ -16,16 +16,16 @@ impl Broker {
     }
 
     /// Whether publishers wait until a client has read what they sent it. One that has stopped reading is waited for with
-    /// limited patience; one that died, as long as its place is kept.
+    /// limited patience; one that died, as long as its session is kept.
     pub fn waits_for(&self, now: f64, id: ClientId) -> bool {
         let patience = self.config.lossless_patience_secs;
         let reads = |c: &Client| c.mailbox.is_waited_for(now, patience);
-        self.is_orphan(id) || self.clients.get(&id).is_some_and(reads)
+        self.is_disconnected(id) || self.clients.get(&id).is_some_and(reads)
     }
 
     /// The clients that have mail waiting, or notices, and are there to take it.
     pub fn with_mail(&self) -> impl Iterator<Item = ClientId> + '_ {
-        let present = |c: &Client| !matches!(c.standing, Standing::Orphan { .. });
+        let present = |c: &Client| !matches!(c.standing, Standing::Disconnected { .. });
         self.clients.iter().filter(move |(_, c)| !c.mailbox.is_empty() && present(c)).map(|(id, _)| *id)
     }
 

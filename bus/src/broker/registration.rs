@@ -123,7 +123,7 @@ impl Broker {
         let Some(client) = self.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
         client.registered_bytes = client.registrations.iter().map(Registration::bytes).sum();
-        self.places_changed = true;
+        self.sessions_changed = true;
         self.mark_lossless(id);
         match &change {
             Change::Add(registration) => {

@@ -55,7 +55,7 @@ pub struct BulkWriter {
     /// The number of the last value.
     pub sent: u64,
     /// What was sent and may have to be sent again.
-    pub kept: Shelf,
+    pub kept: Samples,
 }
 
 impl BulkWriter {
@@ -70,7 +70,7 @@ impl BulkWriter {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
             .map_err(failed(format_args!("writing to bulk service {name}")))?;
-        Ok(Self { publisher, sent: 0, kept: Shelf::open(node, name, &Budget::of(usize::MAX))? })
+        Ok(Self { publisher, sent: 0, kept: Samples::open(node, name, &Budget::of(usize::MAX))? })
     }
 
     /// Has a value of `len` bytes written in place and sends it; answers its number, or `None` if all chunks are held
@@ -195,7 +195,7 @@ impl Drop for Copied {
 }
 
 /// Bulk values of one publisher that are still wanted.
-pub struct Shelf {
+pub struct Samples {
     reader: Option<BulkReader>,
     values: BTreeMap<u64, Kept>,
     budget: Rc<Budget>,
@@ -218,8 +218,8 @@ impl Kept {
     }
 }
 
-impl Shelf {
-    /// An empty shelf for what is sent from now on over a client's bulk service.
+impl Samples {
+    /// None yet; for what is sent from now on over a client's bulk service.
     pub fn open(node: &Node<Service>, name: &str, budget: &Rc<Budget>) -> Result<Self, LinkError> {
         let reader = Some(BulkReader::open(node, name)?);
         Ok(Self { reader, values: BTreeMap::new(), budget: budget.clone(), lost: Vec::new() })

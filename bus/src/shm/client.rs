@@ -116,7 +116,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let unusable = |source| ConnectError::Folder { community: community.clone(), source };
     let place = Place::open(community, &folder).map_err(unusable)?;
     let node = lane::node(&place)?;
-    place.close_to_others().map_err(unusable)?;
+    place.close_folder().map_err(unusable)?;
     let community = community.clone();
     let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
@@ -314,7 +314,7 @@ impl Uplink for ShmUp {
         // Read before sending: whoever attached by now is reached by this very sample.
         let generation = self.line.page.attachments.load(Acquire);
         let mut sample = writer.send(len, fill)?;
-        // What is too long for a batch has to wait until a reader lets go of a chunk.
+        // What is too long for a batch has to wait until a reader lets go of a chunk, of which nothing tells.
         let waited = Stopwatch::start();
         while sample.is_none() && len > LONGEST_IN_BATCH {
             if waited.elapsed() > LINGER {

@@ -2,15 +2,13 @@
 //! its queue fill up.
 
 use std::io::{Error, ErrorKind, Result};
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
+use rustix::io::Errno;
+use rustix::net::sockopt::{Timeout, set_socket_timeout};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
-
-use crate::clock::Stopwatch;
-
-/// How often a full queue is tried again.
-const AGAIN_EVERY: Duration = Duration::from_millis(3);
 
 /// Connects to the abstract socket of this name, at once or not at all. The stream itself is blocking.
 ///
@@ -18,35 +16,36 @@ const AGAIN_EVERY: Duration = Duration::from_millis(3);
 /// [`ErrorKind::ConnectionRefused`]: nobody listens; [`ErrorKind::WouldBlock`]: somebody does, and more wait there than it
 /// takes in.
 pub fn knock(name: &str) -> Result<UnixStream> {
-    let address = SocketAddrUnix::new_abstract_name(name.as_bytes())?;
-    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-    let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
-    rustix::io::retry_on_intr(|| rustix::net::connect(&socket, &address)).map_err(|errno| match errno {
-        rustix::io::Errno::AGAIN => {
-            let full = "its door is full: more wait there than it takes in; try again, and if that does not help, see \
-                        with `ss -xlp` who listens";
-            Error::new(ErrorKind::WouldBlock, full)
-        }
-        other => other.into(),
-    })?;
-    let stream = UnixStream::from(socket);
+    let stream = connect(socket(SocketFlags::NONBLOCK)?, name)?;
     stream.set_nonblocking(false)?;
     Ok(stream)
 }
 
-/// Connects like [`knock`], and tries for `patience` if the queue is full.
+/// Connects like [`knock`], and waits for `patience` if the queue is full. Writing to the stream has the same patience.
 ///
 /// # Errors
 /// Those of [`knock`].
 pub fn wait_at(name: &str, patience: Duration) -> Result<UnixStream> {
-    let waited = Stopwatch::start();
-    loop {
-        match knock(name) {
-            Err(error) if error.kind() == ErrorKind::WouldBlock && waited.elapsed() < patience => {
-                std::thread::sleep(AGAIN_EVERY);
-            }
-            found => return found,
+    let socket = socket(SocketFlags::empty())?;
+    set_socket_timeout(&socket, Timeout::Send, Some(patience))?;
+    connect(socket, name)
+}
+
+fn socket(flags: SocketFlags) -> Result<OwnedFd> {
+    Ok(rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags | SocketFlags::CLOEXEC, None)?)
+}
+
+/// Connects as long as the socket itself waits: not at all, or until its timeout for sending.
+fn connect(socket: OwnedFd, name: &str) -> Result<UnixStream> {
+    let address = SocketAddrUnix::new_abstract_name(name.as_bytes())?;
+    match rustix::io::retry_on_intr(|| rustix::net::connect(&socket, &address)) {
+        Ok(()) => Ok(UnixStream::from(socket)),
+        Err(Errno::AGAIN) => {
+            let full = "its door is full: more wait there than it takes in; try again, and if that does not help, see \
+                        with `ss -xlp` who listens";
+            Err(Error::new(ErrorKind::WouldBlock, full))
         }
+        Err(other) => Err(other.into()),
     }
 }
 
@@ -65,7 +64,7 @@ mod tests {
         rustix::net::listen(&listener, 0).unwrap();
         let queue: Vec<UnixStream> = std::iter::from_fn(|| knock(&name).ok()).collect();
         assert!(!queue.is_empty());
-        let error = wait_at(&name, 4 * AGAIN_EVERY).unwrap_err();
+        let error = wait_at(&name, Duration::from_millis(12)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::WouldBlock);
         assert!(error.to_string().starts_with("its door is full:"), "{error}");
         // Whoever waits comes in when one is let in.

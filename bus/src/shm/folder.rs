@@ -371,10 +371,10 @@ mod tests {
         let home = Folder::make(&shared.path().join("home")).unwrap();
         let child = home.make_child("child").unwrap();
         symlink(&elsewhere, child.path().join("inside")).unwrap();
-        symlink(elsewhere.join("file"), child.path().join("places")).unwrap();
-        assert!(child.read("places").is_err());
-        child.write("places", b"new").unwrap();
-        assert_eq!(child.read("places").unwrap(), b"new");
+        symlink(elsewhere.join("file"), child.path().join("sessions")).unwrap();
+        assert!(child.read("sessions").is_err());
+        child.write("sessions", b"new").unwrap();
+        assert_eq!(child.read("sessions").unwrap(), b"new");
         home.remove_child("child").unwrap();
         symlink(&elsewhere, home.path().join("child")).unwrap();
         assert_eq!(fault(home.child("child")), Fault::Link);
@@ -386,9 +386,9 @@ mod tests {
         let shared = tempfile::tempdir().unwrap();
         let home = Folder::make(&shared.path().join("home")).unwrap();
         // A file cannot take a folder's place.
-        home.make_child("places").unwrap();
-        assert!(home.write("places", b"new").is_err());
-        assert_eq!(home.names().unwrap(), ["places"]);
+        home.make_child("sessions").unwrap();
+        assert!(home.write("sessions", b"new").is_err());
+        assert_eq!(home.names().unwrap(), ["sessions"]);
     }
 
     #[test]

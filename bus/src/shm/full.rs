@@ -6,12 +6,12 @@
 use std::sync::Once;
 
 use signal_hook::consts::SIGBUS;
-use signal_hook::low_level::{emulate_default_handler, register};
 
 use super::place::SHARED_MEMORY;
+use crate::stop::end_saying;
 
 /// What a process says that touches shared memory where there is none left.
-const LAST_WORDS: [&str; 3] = [
+static LAST_WORDS: [&str; 3] = [
     "elk: there was no room left in ",
     SHARED_MEMORY,
     ": remove what fills it, or enlarge it with `mount -o remount,size=…` (in a container, --shm-size), and start again\n",
@@ -21,30 +21,20 @@ const LAST_WORDS: [&str; 3] = [
 pub fn say_why() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        // SAFETY: the action does nothing but write to a descriptor and end the process; both may be done in a handler.
         // A refusal leaves the process to end without a word.
-        let _ = unsafe { register(SIGBUS, end) };
+        let _ = end_saying(SIGBUS, &LAST_WORDS);
     });
-}
-
-fn end() {
-    let stderr = std::io::stderr();
-    for words in LAST_WORDS {
-        let _ = rustix::io::write(&stderr, words.as_bytes());
-    }
-    // The access that failed would be tried again for ever.
-    let _ = emulate_default_handler(SIGBUS);
 }
 
 #[cfg(test)]
 mod tests {
     use std::os::unix::process::ExitStatusExt;
-    use std::process::Command;
 
     use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
 
     use super::super::page::{BrokerPage, Page};
     use super::*;
+    use crate::stop::run_test;
 
     const RUN_OUT: &str = "ELK_TEST_RUNS_OUT";
 
@@ -65,11 +55,7 @@ mod tests {
 
     #[test]
     fn who_runs_out_of_shared_memory_says_so() {
-        let ended = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "shm::full::tests::touches_what_is_not_there", "--nocapture"])
-            .env(RUN_OUT, "1")
-            .output()
-            .unwrap();
+        let ended = run_test("shm::full::tests::touches_what_is_not_there", RUN_OUT, "1");
         assert_eq!(ended.status.signal(), Some(SIGBUS), "{ended:?}");
         let said = String::from_utf8_lossy(&ended.stderr).into_owned();
         assert!(said.contains(&LAST_WORDS.concat()), "{said}");

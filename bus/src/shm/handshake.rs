@@ -78,7 +78,6 @@ pub fn nobody_listens(community: &Community) -> bool {
 pub fn dial(community: &Community) -> std::io::Result<UnixStream> {
     let stream = door::wait_at(&name(community), PATIENCE)?;
     stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
     Ok(stream)
 }
 

@@ -68,7 +68,7 @@ fn shared_memory_of(community: &Community) -> Vec<OsString> {
 
 /// Sees that nobody else can read or write what a community has made: iceoryx2 makes its files for their owner alone, and
 /// this is where that is held to.
-pub fn close_to_others(place: &Place) -> std::io::Result<()> {
+pub fn close_shared_memory(place: &Place) -> std::io::Result<()> {
     for name in shared_memory_of(place.community()) {
         let path = Path::new(SHARED_MEMORY).join(name);
         let Ok(found) = path.symlink_metadata() else { continue };

@@ -21,13 +21,13 @@ mod lane;
 mod leftovers;
 mod page;
 mod place;
-mod places;
 mod running;
 mod scarce;
 mod server;
 mod service;
+mod sessions;
 
 pub use client::{ConnectError, connect};
 pub use folder::{Fault, FolderError};
-pub use running::{Running, running};
+pub use running::{Owner, Running, running};
 pub use server::{ServeError, Server};

@@ -22,8 +22,6 @@ const LONGEST_PATH: usize = 255;
 const LONGEST_ENDING: usize = 100;
 /// A file that says of a folder that elk made it, for a community. Nothing is removed from a folder without it.
 const MARK: &str = "made-by-elk";
-/// What the mark was called while earlier versions wrote it.
-const HALF_MARK: &str = "made-by-elk.new";
 /// How often a folder is made anew that the last community to leave has removed in the same moment.
 const TRIES: u32 = 5;
 /// What the name of iceoryx2's counter of nodes ends with: it is made for everybody to write to, in a folder that nobody
@@ -139,7 +137,7 @@ impl Place {
     }
 
     /// Sees that nobody else can enter what iceoryx2 has made in the folder: it makes some for its group as well.
-    pub fn close_to_others(&self) -> Result<(), FolderError> {
+    pub fn close_folder(&self) -> Result<(), FolderError> {
         let failed = |source| FolderError::Io { folder: self.folder.path().to_owned(), source };
         let names = self.folder.names().map_err(failed)?;
         for counter in names.iter().filter_map(|name| name.to_str()).filter(|name| name.ends_with(COUNTER)) {
@@ -174,8 +172,7 @@ fn holds_nothing(folder: &Folder, community: &Community) -> std::io::Result<bool
     let names = folder.names()?;
     let ours = |name: &std::ffi::OsString| {
         name.to_str().is_some_and(|name| {
-            [MARK, HALF_MARK].contains(&name)
-                && folder.read(name).is_ok_and(|written| community.as_str().as_bytes().starts_with(&written))
+            name == MARK && folder.read(name).is_ok_and(|written| community.as_str().as_bytes().starts_with(&written))
         })
     };
     Ok(names.iter().all(ours))
@@ -274,10 +271,10 @@ mod tests {
         let shared = tempfile::tempdir().unwrap();
         let (home, community) = (shared.path().join("home"), Community::new("lab").unwrap());
         let folder = Folder::make(&home).unwrap().make_child("lab").unwrap();
-        for (name, written) in [(HALF_MARK, ""), (HALF_MARK, "lab"), (MARK, ""), (MARK, "la")] {
-            std::fs::write(folder.path().join(name), written).unwrap();
+        for written in ["", "la"] {
+            std::fs::write(folder.path().join(MARK), written).unwrap();
             Place::try_to_make(&home, &community).unwrap();
-            assert_eq!(folder.read(MARK).unwrap(), b"lab", "{name}: {written}");
+            assert_eq!(folder.read(MARK).unwrap(), b"lab", "{written}");
             std::fs::remove_file(folder.path().join(MARK)).unwrap();
         }
         // Somebody else's file is no mark.

@@ -11,12 +11,24 @@ use crate::community::Community;
 pub struct Running {
     /// The community.
     pub community: Community,
-    /// The broker's process; 0 if it lets nobody in who could ask.
+    /// Who serves it; `None` if more wait at its door than it takes in, so that nobody can ask.
+    pub broker: Option<Owner>,
+}
+
+/// A process and its user, as the kernel knows them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Owner {
+    /// The process' number.
     pub process: u32,
-    /// The user that the broker runs as; [`u32::MAX`] if it lets nobody in who could ask.
+    /// The user that it runs as.
     pub user: u32,
+}
+
+impl Running {
     /// Whether this process runs as the same user, and so can join.
-    pub own: bool,
+    pub fn is_own(&self) -> bool {
+        self.broker.is_some_and(|broker| broker.user == handshake::own_user())
+    }
 }
 
 /// All communities that run on this machine (in this network namespace), by name.
@@ -27,15 +39,12 @@ pub fn running() -> std::io::Result<Vec<Running>> {
 
 /// `None`: the broker has stopped since the kernel listed it.
 fn ask(community: Community) -> Option<Running> {
-    let stream = match handshake::knock(&community) {
-        Ok(stream) => stream,
-        Err(error) if error.kind() == ErrorKind::WouldBlock => {
-            return Some(Running { community, process: 0, user: u32::MAX, own: false });
-        }
+    let broker = match handshake::knock(&community) {
+        Ok(stream) => Some(handshake::peer(&stream).ok()?),
+        Err(error) if error.kind() == ErrorKind::WouldBlock => None,
         Err(_) => return None,
     };
-    let (process, user) = handshake::peer(&stream).ok()?;
-    Some(Running { community, process, user, own: user == handshake::own_user() })
+    Some(Running { community, broker: broker.map(|(process, user)| Owner { process, user }) })
 }
 
 /// The communities whose brokers' sockets listen, from the text of `/proc/net/unix`: its columns are number, references,
@@ -72,8 +81,8 @@ mod tests {
         let community = Community::new(format!("running-{}", std::process::id())).unwrap();
         let _socket = handshake::listen(&community).unwrap();
         let found = running().unwrap().into_iter().find(|one| one.community == community);
-        let user = handshake::own_user();
-        assert_eq!(found, Some(Running { community, process: std::process::id(), user, own: true }));
+        let broker = Owner { process: std::process::id(), user: handshake::own_user() };
+        assert_eq!(found, Some(Running { community, broker: Some(broker) }));
     }
 
     #[test]
@@ -83,6 +92,6 @@ mod tests {
         rustix::net::listen(&socket, 0).unwrap();
         let _queue: Vec<_> = std::iter::from_fn(|| handshake::knock(&community).ok()).collect();
         let found = running().unwrap().into_iter().find(|one| one.community == community);
-        assert_eq!(found, Some(Running { community, process: 0, user: u32::MAX, own: false }));
+        assert_eq!(found, Some(Running { community, broker: None }));
     }
 }

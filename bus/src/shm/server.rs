@@ -3,9 +3,10 @@
 //! One thread does all of it; a thread a connection only waits for the client's first word and for its end.
 
 mod admission;
+mod bulk_values;
 mod lobby;
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
 use std::os::unix::net::UnixStream;
 use std::rc::Rc;
@@ -17,22 +18,23 @@ use std::time::Duration;
 
 use iceoryx2::node::Node;
 
-use super::bulk::{Budget, Shelf};
+use super::bulk::{Budget, Samples};
 use super::client::lane_name;
 use super::folder::FolderError;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
 use super::place::{HeldPlace, Place};
-use super::{leftovers, places, scarce};
-use crate::broker::{Broker, BrokerConfig, ClientId, Reached};
+use super::{leftovers, scarce, sessions};
+use crate::broker::{Broker, BrokerConfig, ClientId};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
 use crate::limits;
 use crate::link::LinkError;
 use crate::process_id::ProcessId;
-use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
+use crate::wire::{self, BULK, Frame};
 use crate::words::tell;
+use bulk_values::{Held, bulk_values_of, kept, place_bulk};
 
 /// A batch of mail is closed when it holds this many bytes.
 const BATCH_BYTES: usize = 64 << 10;
@@ -40,11 +42,10 @@ const BATCH_BYTES: usize = 64 << 10;
 const LONGEST_SLEEP: Duration = Duration::from_secs(1);
 /// Buffers for batches of mail that are kept for the next ones.
 const SPARE_BUFFERS: usize = 16;
-/// Bulk values of a publisher that are kept for those who have not handled them; more are kept for lossless receivers
-/// only, who are never so far behind.
-const UNDER_WAY: usize = 8;
 /// How long somebody who clears away what is left over may have a community's place.
 const MOMENT: Duration = Duration::from_secs(1);
+/// How often it is tried again meanwhile.
+const AGAIN_EVERY: Duration = Duration::from_millis(3);
 /// How long clients get to leave when the broker stops.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -105,7 +106,7 @@ pub struct Server {
     events: Receiver<Event>,
     node: Option<Node<Service>>,
     /// Bulk values of publishers that are gone, as far as they are some variable's latest.
-    departed: BTreeMap<ClientId, Shelf>,
+    departed: BTreeMap<ClientId, Samples>,
     /// The processes of clients of the broker that died before this one, by name, until they are back.
     awaited: BTreeMap<String, Option<ProcessId>>,
     /// Handovers whose end is not seen yet.
@@ -132,15 +133,6 @@ struct Peer {
     attached: BTreeMap<ClientId, u32>,
 }
 
-/// A publisher's bulk values that are still wanted.
-struct Held {
-    shelf: Shelf,
-    /// Values that not all who got them have handled: (sample, who).
-    under_way: VecDeque<(u64, Vec<Reached>)>,
-    /// The newest value that was referred to.
-    routed: u64,
-}
-
 impl Server {
     /// Takes the community's name, and the place of a broker that died, if there are clients of it that live; otherwise
     /// clears away what crashed runs left.
@@ -153,15 +145,15 @@ impl Server {
         let mut place = hold(&community)?;
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
-        let found = places::read(&place);
+        let found = sessions::read(&place);
         if found.is_empty() {
             leftovers::remove(&place);
             place = hold(&community)?;
         }
         let page = Arc::new(Page::<BrokerPage>::create("elk-broker").map_err(io)?);
         let node = lane::node(&place)?;
-        place.close_to_others().map_err(unusable)?;
-        leftovers::close_to_others(&place).map_err(io)?;
+        place.close_folder().map_err(unusable)?;
+        leftovers::close_shared_memory(&place).map_err(io)?;
         let (sender, events) = channel();
         let bell = page.clone();
         std::thread::Builder::new()
@@ -169,7 +161,7 @@ impl Server {
             .spawn(move || admission::accept_all(listener, &sender, &bell))
             .map_err(io)?;
         let copies = Budget::of(config.limits.copied_bytes);
-        let awaited = found.iter().map(|one| (one.place.name.clone(), one.process)).collect();
+        let awaited = found.iter().map(|one| (one.session.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
             true => Broker::new(config, clock.now()),
             false => admission::recover(&place, config, clock.now(), found),
@@ -199,11 +191,8 @@ impl Server {
             let rings = self.page.bell.rings();
             let now = self.clock.now();
             self.broker.tick(now);
-            let moved = self.take_events(now)
-                | self.let_go_of_liars(now)
-                | self.take_batches(now)
-                | self.let_go_of_the_gone(now)
-                | self.hand_out(now);
+            let moved =
+                self.take_events(now) | self.take_batches(now) | self.let_go_of_the_gone(now) | self.hand_out(now);
             self.follow_up(now);
             if !moved {
                 let until_next = self.clock.real(self.broker.next_deadline() - now);
@@ -213,14 +202,14 @@ impl Server {
         self.part();
     }
 
-    /// One batch from each client that has sent any.
+    /// One batch from each client that has sent any; whoever has written over its page is let go of.
     fn take_batches(&mut self, now: f64) -> bool {
-        let ids: Vec<ClientId> = self.peers.iter().filter(|(_, p)| p.has_sent()).map(|(id, _)| *id).collect();
         let mut any = false;
-        for id in ids {
-            if !self.broker.holds_back(now, id) {
-                any |= self.take_batch(now, id);
-            }
+        for (id, fault) in self.peers.iter().filter_map(Peer::is_due).collect::<Vec<_>>() {
+            any |= match fault {
+                Some(fault) => self.expel(now, id, &format_args!("its page cannot be true: {fault}")),
+                None => !self.broker.holds_back(now, id) && self.take_batch(now, id),
+            };
         }
         any
     }
@@ -241,7 +230,7 @@ impl Server {
             Err(error) => return self.expel(now, id, &error),
         };
         if let Some(held) = &mut peer.bulk {
-            held.shelf.take_in();
+            held.samples.take_in();
         }
         let taken = self.broker.receive(now, id, &batch);
         self.resolve_mail_of_the_dead();
@@ -258,7 +247,7 @@ impl Server {
             peer.page.up_taken.fetch_add(1, SeqCst);
             if let Some(held) = &mut peer.bulk {
                 held.let_go_of_unwanted(|sample| self.broker.is_latest_bulk(id, sample));
-                lost = held.shelf.take_lost();
+                lost = held.samples.take_lost();
             }
             if peer.page.client_waits.load(SeqCst) != 0 {
                 peer.page.bell.ring();
@@ -287,7 +276,7 @@ impl Server {
 
     /// Latest values of publishers that are gone for which there was no room.
     fn note_lost(&mut self) {
-        let lost: Vec<_> = self.departed.iter_mut().map(|(id, shelf)| (*id, shelf.take_lost())).collect();
+        let lost: Vec<_> = self.departed.iter_mut().map(|(id, samples)| (*id, samples.take_lost())).collect();
         lost.into_iter().for_each(|(id, lost)| self.forget(id, lost));
     }
 
@@ -321,20 +310,14 @@ impl Server {
         let Some(held) = self.peers.get_mut(&publisher).and_then(|peer| peer.bulk.as_mut()) else {
             return;
         };
-        held.routed = sample;
-        held.under_way.push_back((sample, self.broker.reached()));
-        if held.under_way.len() > UNDER_WAY {
-            held.under_way.pop_front();
-        }
+        held.note_under_way(sample, self.broker.reached());
     }
 
     /// Whoever took over mail with bulk values in it is who has to handle them.
     fn note_successions(&mut self) {
         for succession in self.broker.take_successions() {
-            for held in self.peers.values_mut().filter_map(|peer| peer.bulk.as_mut()) {
-                let reached = held.under_way.iter_mut().flat_map(|(_, reached)| reached);
-                reached.for_each(|reached| reached.follow(&succession));
-            }
+            let held = self.peers.values_mut().filter_map(|peer| peer.bulk.as_mut());
+            held.for_each(|held| held.follow(&succession));
         }
     }
 
@@ -355,9 +338,9 @@ impl Server {
         let (Some(node), Some(peer)) = (&self.node, self.peers.get_mut(&publisher)) else {
             return;
         };
-        let shelf = || Shelf::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies);
-        match scarce::room().and_then(|()| shelf()) {
-            Ok(shelf) => peer.bulk = Some(Held { shelf, under_way: VecDeque::new(), routed: 0 }),
+        let open = || Samples::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies);
+        match scarce::room().and_then(|()| open()) {
+            Ok(samples) => peer.bulk = Some(Held::new(samples)),
             // Its values travel in batches then.
             Err(error) => {
                 peer.page.bulk_refused.store(1, Release);
@@ -431,7 +414,7 @@ impl Server {
         for (id, peer) in &self.peers {
             peer.page.up_handled.store(self.broker.handled_batches(*id), Release);
         }
-        if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(|held| held.under_way.is_empty())) {
+        if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(Held::is_settled)) {
             return false;
         }
         let mut awaited = BTreeSet::new();
@@ -472,58 +455,6 @@ impl Server {
     }
 }
 
-/// The client's own bulk values that a batch of it refers to. (The newest that has come may belong to a batch that has
-/// not.)
-fn bulk_values_of(batch: &[u8], client: ClientId) -> impl Iterator<Item = u64> + '_ {
-    let frames = wire::frames(batch).map_while(Result::ok).filter(|frame| wire::is_bulk(frame.bytes));
-    let references = frames.filter_map(|frame| BulkRef::from_bytes(frame.value));
-    references.filter(move |reference| reference.client == client).map(|reference| reference.sample)
-}
-
-/// The value that a reference stands for, as far as the broker has kept it.
-fn kept<'a>(
-    peers: &'a BTreeMap<ClientId, Peer>,
-    departed: &'a BTreeMap<ClientId, Shelf>,
-    frame: &Frame<'_>,
-) -> Option<&'a [u8]> {
-    let reference = BulkRef::from_bytes(frame.value)?;
-    let here = |client| peers.get(client).and_then(|peer| Some(&peer.bulk.as_ref()?.shelf));
-    let shelf = here(&reference.client).or_else(|| departed.get(&reference.client));
-    shelf?.get(reference.sample)
-}
-
-/// What a receiver can use of a message whose value lies in shared memory: the reference, if the value reached its own
-/// end of the bulk service; else a copy, with the hint to open one.
-fn place_bulk(
-    (peers, departed): (&BTreeMap<ClientId, Peer>, &BTreeMap<ClientId, Shelf>),
-    (id, to): (ClientId, &Peer),
-    largest: usize,
-    frame: &Frame<'_>,
-    batch: &mut Vec<u8>,
-) {
-    let Some(reference) = BulkRef::from_bytes(frame.value) else {
-        return;
-    };
-    let reached = to.attached.get(&reference.client).is_some_and(|since| *since <= reference.generation);
-    let in_place = reached && frame.header.flags & LATEST == 0;
-    match kept(peers, departed, frame).filter(|_| !in_place) {
-        Some(kept) => {
-            // Of a publisher's own service its `Attached` says that it is there.
-            let others = reference.client != id && peers.contains_key(&reference.client);
-            let tell = others && !to.attached.contains_key(&reference.client);
-            let attach = if tell { ATTACH } else { 0 };
-            let publisher = reference.client.to_le_bytes();
-            let aux: &[u8] = if tell { &publisher } else { frame.aux };
-            // Too large to be copied: the receiver counts it as missed, and finds the next one in place.
-            let (bulk, value) = if kept.len() > largest { (BULK, frame.value) } else { (0, kept) };
-            let flags = frame.header.flags & !BULK | bulk | attach;
-            wire::put(batch, &wire::Header { flags, ..frame.header }, aux, value);
-        }
-        // In place; or gone before it could be copied: then the receiver finds nothing behind the reference, and counts.
-        None => batch.extend_from_slice(frame.bytes),
-    }
-}
-
 /// A batch where it lies: in the lane, or, copied from the page, in a buffer.
 enum Taken<'a> {
     Small(&'a [u8]),
@@ -553,6 +484,12 @@ impl Peer {
         }
     }
 
+    /// Who has sent something, or has written over its page, and how.
+    fn is_due((id, peer): (&ClientId, &Self)) -> Option<(ClientId, Option<&'static str>)> {
+        let fault = peer.page.fault();
+        (fault.is_some() || peer.has_sent()).then_some((*id, fault))
+    }
+
     fn has_sent(&self) -> bool {
         (1..=DEPTH).contains(&self.page.on_the_way_up())
     }
@@ -562,44 +499,23 @@ impl Peer {
     }
 }
 
-impl Held {
-    /// The sample up to which nobody is behind whom publishers wait for; those who are go to `awaited`.
-    fn settled(&mut self, now: f64, broker: &Broker, awaited: &mut BTreeSet<ClientId>) -> Option<u64> {
-        let behind = |r: &Reached| broker.mail_done(r.client).is_some_and(|done| done < r.position);
-        let mut settled = None;
-        while let Some((sample, _)) = self.under_way.pop_front_if(|(_, reached)| !reached.iter().any(behind)) {
-            settled = Some(sample);
-        }
-        let waited_for = |r: &&Reached| r.lossless && behind(r) && broker.waits_for(now, r.client);
-        let rest = self.under_way.iter().take_while(|(_, reached)| !reached.iter().any(|r| waited_for(&r))).last();
-        let waiting = self.under_way.iter().flat_map(|(_, reached)| reached).filter(waited_for);
-        awaited.extend(waiting.map(|r| r.client));
-        rest.map(|(sample, _)| *sample).or(settled)
-    }
-
-    /// Keeps the newest, those that not everybody is done with, and those that are a variable's latest value.
-    fn let_go_of_unwanted(&mut self, is_latest: impl Fn(u64) -> bool) {
-        // What has come and is not referred to yet stays as well.
-        let next = self.routed + 1;
-        let oldest = self.under_way.front().map_or(next, |(sample, _)| *sample);
-        self.shelf.let_go(oldest, is_latest);
-    }
-}
-
 /// Takes the community's place, unless another broker has it.
 fn hold(community: &Community) -> Result<HeldPlace, ServeError> {
     let waited = Stopwatch::start();
     loop {
-        match Place::make(community) {
-            // Whoever clears away what is left over has it for a moment.
-            Err(FolderError::Held { .. }) if waited.elapsed() < MOMENT && handshake::nobody_listens(community) => {
-                std::thread::sleep(Duration::from_millis(3));
-            }
-            Err(FolderError::Held { .. }) if !handshake::nobody_listens(community) => {
-                return Err(taken(community, ErrorKind::AddrInUse.into()));
-            }
-            made => return made.map_err(|source| ServeError::Folder { community: community.clone(), source }),
+        let source = match Place::make(community) {
+            Ok(place) => return Ok(place),
+            Err(source) => source,
+        };
+        let held = matches!(source, FolderError::Held { .. });
+        if held && !handshake::nobody_listens(community) {
+            return Err(taken(community, ErrorKind::AddrInUse.into()));
         }
+        if !held || waited.elapsed() >= MOMENT {
+            return Err(ServeError::Folder { community: community.clone(), source });
+        }
+        // Whoever clears away what is left over has it for a moment.
+        std::thread::sleep(AGAIN_EVERY);
     }
 }
 
@@ -623,11 +539,11 @@ mod tests {
     fn a_community_whose_folder_somebody_holds_is_not_served_and_keeps_its_files() {
         let community = Community::new(format!("held-{}", std::process::id())).unwrap();
         let first = Place::make(&community).unwrap();
-        first.folder().write("places", b"first").unwrap();
+        first.folder().write("sessions", b"first").unwrap();
         let start = || Server::start(community.clone(), BrokerConfig::new(community.to_string()), Clock::new(1.0));
         let error = start().err().unwrap();
         assert!(matches!(&error, ServeError::Folder { source: FolderError::Held { .. }, .. }), "{error}");
-        assert_eq!(first.folder().read("places").unwrap(), b"first");
+        assert_eq!(first.folder().read("sessions").unwrap(), b"first");
         // With a listening broker behind it, that one is named.
         let listener = handshake::listen(&community).unwrap();
         assert!(matches!(start().err(), Some(ServeError::Taken { .. })));

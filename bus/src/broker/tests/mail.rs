@@ -81,7 +81,7 @@ fn a_batch_is_handled_when_everybody_it_reached_has_handled_it() {
     assert_eq!(b.handled_batches(a.id), 0, "d has not");
     handle(b, &mut d, 0);
     b.disconnect(0.0, d.id, 0, false);
-    assert_eq!(b.handled_batches(a.id), 0, "its place is kept, and its mail");
+    assert_eq!(b.handled_batches(a.id), 0, "its session is kept, and its mail");
     let mut next = join_ready(b, 0.0, &leased("d", 5.0));
     assert_eq!(b.handled_batches(a.id), 0);
     handle(b, &mut next, 1);

@@ -39,11 +39,11 @@ fn who_takes_a_place_is_told_what_was_dropped_of_its_mail() {
 /// Regression: a map that was killed together with the broker began before its readers had said again what they had of it.
 #[test]
 fn who_comes_for_a_dead_ones_place_waits_until_the_living_have_said_again_what_they_know() {
-    let place = |name: &str| Place { name: name.into(), lease_secs: 0.0, registrations: Vec::new() };
+    let session = |name: &str| Session { name: name.into(), lease_secs: 0.0, registrations: Vec::new() };
     let returns = |name| Introduction { returns: true, ..Introduction::new(name) };
     for (comes_back, seated_at) in [(true, 1.0), (false, 2.0)] {
-        let places = [(place("reader"), true), (place("map"), false)];
-        let b = &mut Broker::recover(BrokerConfig::new("test"), 0.0, places, 10.0);
+        let sessions = [(session("reader"), true), (session("map"), false)];
+        let b = &mut Broker::recover(BrokerConfig::new("test"), 0.0, sessions, 10.0);
         let mut map = join_ready(b, 0.5, &Introduction::new("map"));
         map.register(b, 0.5, "PLAN", "*", 0.0);
         if comes_back {
@@ -74,7 +74,7 @@ fn a_name_has_one_holder_and_one_successor_and_only_a_successor_may_come_for_it(
     assert!(b.take_retiring().is_empty() && !b.holds_back(0.0, next));
     ready(b, 0.0, next);
     assert_eq!(b.take_retiring(), [holder.id]);
-    assert!(b.holds_back(0.0, next), "what it says from now on waits until it has its place");
+    assert!(b.holds_back(0.0, next), "what it says from now on waits until it has its session");
     b.disconnect(0.0, holder.id, 0, true);
     assert!(!b.holds_back(0.0, next));
     assert_eq!(b.client_named("c"), Some(next));
@@ -85,11 +85,11 @@ fn a_recovered_broker_waits_for_those_who_live_and_gives_the_places_of_the_dead_
     let b = &mut broker();
     join_ready(b, 0.0, &leased("lives", 0.0));
     join_ready(b, 0.0, &leased("dead", 5.0));
-    let places: Vec<Place> = b.take_places().unwrap();
-    assert_eq!(places.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["dead", "lives"]);
-    assert!(b.take_places().is_none());
-    let places = places.into_iter().map(|place| (place.clone(), place.name == "lives"));
-    let b = &mut Broker::recover(BrokerConfig::new("test"), 100.0, places, 10.0);
+    let sessions: Vec<Session> = b.take_sessions().unwrap();
+    assert_eq!(sessions.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["dead", "lives"]);
+    assert!(b.take_sessions().is_none());
+    let sessions = sessions.into_iter().map(|session| (session.clone(), session.name == "lives"));
+    let b = &mut Broker::recover(BrokerConfig::new("test"), 100.0, sessions, 10.0);
     let mut a = Speaker::new(b, 100.0, "a");
     a.text(b, 100.0, "X", "before they are back");
     assert_eq!(b.connect(100.0, &Introduction::new("lives")), Err(Refusal::NameTaken("lives".into())));

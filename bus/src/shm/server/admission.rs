@@ -1,4 +1,4 @@
-//! Who comes and goes: first words, ends, places kept, handovers.
+//! Who comes and goes: first words, ends, sessions kept, handovers.
 
 use std::os::fd::AsFd;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -10,16 +10,16 @@ use super::Place;
 use super::lobby::{Door, Lobby};
 use super::{
     Answer, BTreeMap, Broker, BrokerConfig, BrokerPage, ClientId, ClientPage, Event, Hello, LaneReader, LaneWriter,
-    LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, leftovers, monotonic_nanos, places, scarce,
+    LinkError, Page, Peer, SENT_AWAY, Server, handshake, lane_name, leftovers, monotonic_nanos, scarce, sessions,
 };
 use crate::broker::Introduction;
 use crate::process_id::ProcessId;
 use crate::wire::BulkRef;
 use crate::words::tell;
-use places::Occupied;
+use sessions::Held;
 
-/// How long the places of the clients of a broker that died are kept (s).
-const PLACES_KEPT_SECS: f64 = 10.0;
+/// How long the sessions of the clients of a broker that died are kept (s).
+const SESSIONS_KEPT_SECS: f64 = 10.0;
 
 /// A handover on its way: from the moment that its holder was asked to retire.
 #[derive(Debug)]
@@ -33,15 +33,15 @@ pub(super) struct Handover {
 }
 
 /// A broker in the place of one that died.
-pub(super) fn recover(place: &Place, config: BrokerConfig, now: f64, found: Vec<Occupied>) -> Broker {
+pub(super) fn recover(place: &Place, config: BrokerConfig, now: f64, found: Vec<Held>) -> Broker {
     let clients = found.len();
-    tell(format_args!("elk db: the broker before this one died; the places of its {clients} clients are kept"));
-    let places = found.into_iter().map(|one| {
+    tell(format_args!("elk db: the broker before this one died; the sessions of its {clients} clients are kept"));
+    let sessions = found.into_iter().map(|one| {
         let alive = one.is_alive();
-        (one.place, alive)
+        (one.session, alive)
     });
-    let mut broker = Broker::recover(config, now, places, PLACES_KEPT_SECS);
-    broker.inherit(now, &places::read_legacies(place));
+    let mut broker = Broker::recover(config, now, sessions, SESSIONS_KEPT_SECS);
+    broker.inherit(now, &sessions::read_retained(place));
     broker
 }
 
@@ -119,16 +119,6 @@ impl Server {
         !gone.is_empty()
     }
 
-    /// Lets go of clients that have written over their pages.
-    pub(super) fn let_go_of_liars(&mut self, now: f64) -> bool {
-        let faults = self.peers.iter().filter_map(|(id, peer)| Some((*id, peer.page.fault()?)));
-        let liars: Vec<_> = faults.collect();
-        for (id, fault) in &liars {
-            self.expel(now, *id, &format_args!("its page cannot be true: {fault}"));
-        }
-        !liars.is_empty()
-    }
-
     fn open_lanes(&self, connection: u64, stream: &Arc<UnixStream>, id: ClientId) -> Result<Peer, LinkError> {
         let Some(node) = &self.node else {
             return Err(LinkError::BrokerGone(self.community.to_string()));
@@ -146,15 +136,15 @@ impl Server {
             bulk: None,
             attached: BTreeMap::new(),
         };
-        leftovers::close_to_others(&self.place).map_err(system)?;
+        leftovers::close_shared_memory(&self.place).map_err(system)?;
         Ok(peer)
     }
 
     pub(super) fn let_go(&mut self, now: f64, id: ClientId) {
         if let Some(mut peer) = self.peers.remove(&id) {
             if let Some(mut held) = peer.bulk.take() {
-                held.shelf.part(|sample| self.broker.is_latest_bulk(id, sample));
-                self.departed.insert(id, held.shelf);
+                held.samples.part(|sample| self.broker.is_latest_bulk(id, sample));
+                self.departed.insert(id, held.samples);
             }
             let page = &peer.page;
             for handover in self.handovers.iter_mut().filter(|handover| handover.holder == id) {
@@ -182,17 +172,17 @@ impl Server {
             peer.page.bell.ring();
         }
         self.finish_handovers(now);
-        self.departed.retain(|id, shelf| {
-            shelf.let_go(u64::MAX, |sample| self.broker.is_latest_bulk(*id, sample));
-            !shelf.is_empty()
+        self.departed.retain(|id, samples| {
+            samples.let_go(u64::MAX, |sample| self.broker.is_latest_bulk(*id, sample));
+            !samples.is_empty()
         });
         self.note_lost();
-        if let Some(places) = self.broker.take_places() {
-            self.write_places(places);
+        if let Some(sessions) = self.broker.take_sessions() {
+            self.write_sessions(sessions);
         }
         let bulk = |reference: BulkRef| self.departed.get(&reference.client)?.get(reference.sample);
-        if let Some(legacies) = self.broker.take_legacies(bulk)
-            && let Err(error) = places::write_legacies(&self.place, &legacies)
+        if let Some(retained) = self.broker.take_retained(bulk)
+            && let Err(error) = sessions::write_retained(&self.place, &retained)
         {
             tell(format_args!(
                 "elk db: should this broker die, what was left by clients that are gone is lost: {error}"
@@ -229,14 +219,14 @@ impl Server {
         self.handovers = pending;
     }
 
-    fn write_places(&self, places: Vec<crate::broker::Place>) {
+    fn write_sessions(&self, sessions: Vec<crate::broker::Session>) {
         let process = |name: &str| {
             let holder = self.broker.client_named(name).and_then(|id| self.peers.get(&id));
             holder.map(|peer| peer.process).or_else(|| self.awaited.get(name).copied()).flatten()
         };
-        let occupied = |place: crate::broker::Place| Occupied { process: process(&place.name), place };
-        let all: Vec<Occupied> = places.into_iter().map(occupied).collect();
-        if let Err(error) = places::write(&self.place, &all) {
+        let held = |session: crate::broker::Session| Held { process: process(&session.name), session };
+        let all: Vec<Held> = sessions.into_iter().map(held).collect();
+        if let Err(error) = sessions::write(&self.place, &all) {
             tell(format_args!(
                 "elk db: should this broker die, its clients are not known to the next: {error}{}",
                 scarce::hint()

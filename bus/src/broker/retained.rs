@@ -1,4 +1,4 @@
-//! What those who are gone have left: latest values that nobody would say again after the broker's death.
+//! Retained values: latest values of clients that are gone, which nobody would say again after the broker's death.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use crate::wire::{self, BULK, BulkRef, Header, Named, ValueKind};
 
 /// The latest value of a variable whose publisher is gone, with its names written out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Legacy {
+pub struct Retained {
     key: String,
     source: String,
     community: String,
@@ -21,20 +21,21 @@ pub struct Legacy {
 impl Broker {
     /// A client is gone: if it leaves anything, that has to be kept.
     pub(super) fn note_departure(&mut self, id: ClientId) {
-        self.legacies_changed |= self.variables.iter().any(|variable| variable.latest_from == Some(id));
+        self.retained_changed |= self.variables.iter().any(|variable| variable.latest_from == Some(id));
     }
 
     /// What clients have left that are gone, if one has gone since the last call. `bulk` finds values that lie in shared
     /// memory.
-    pub fn take_legacies<'a>(&mut self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Vec<Legacy>> {
-        if !std::mem::take(&mut self.legacies_changed) {
+    pub fn take_retained<'a>(&mut self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Vec<Retained>> {
+        if !std::mem::take(&mut self.retained_changed) {
             return None;
         }
-        let left = |v: &&Variable| v.latest_from.is_none_or(|id| !self.clients.contains_key(&id) || self.is_orphan(id));
-        Some(self.variables.iter().filter(left).filter_map(|variable| self.legacy(variable, &bulk)).collect())
+        let left =
+            |v: &&Variable| v.latest_from.is_none_or(|id| !self.clients.contains_key(&id) || self.is_disconnected(id));
+        Some(self.variables.iter().filter(left).filter_map(|variable| self.retained(variable, &bulk)).collect())
     }
 
-    fn legacy<'a>(&self, variable: &Variable, bulk: &impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Legacy> {
+    fn retained<'a>(&self, variable: &Variable, bulk: &impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Retained> {
         let frame = wire::first_frame(&variable.latest).ok()?;
         let header = frame.header;
         if header.source == self.own_source {
@@ -52,7 +53,7 @@ impl Broker {
             ValueKind::Binary => (self.types.name(header.type_).to_owned(), self.types.layout(header.type_)),
             _ => Default::default(),
         };
-        Some(Legacy {
+        Some(Retained {
             key: self.keys.name(header.key).to_owned(),
             source: self.sources.name(header.source).to_owned(),
             community: self.communities.name(header.community).to_owned(),
@@ -61,23 +62,23 @@ impl Broker {
         })
     }
 
-    /// Begins with what the clients of the broker before this one had left. Damaged legacies are left out.
-    pub fn inherit(&mut self, now: f64, legacies: &[Legacy]) {
-        for legacy in legacies {
-            let Ok(frame) = wire::first_frame(&legacy.frame) else { continue };
+    /// Begins with what the clients of the broker before this one had left. Damaged ones are left out.
+    pub fn inherit(&mut self, now: f64, retained: &[Retained]) {
+        for one in retained {
+            let Ok(frame) = wire::first_frame(&one.frame) else { continue };
             let header = Header {
                 flags: 0,
-                key: self.number(Named::Key, &legacy.key, 0),
-                source: self.number(Named::Source, &legacy.source, 0),
+                key: self.number(Named::Key, &one.key, 0),
+                source: self.number(Named::Source, &one.source, 0),
                 type_: match frame.header.value_kind {
-                    ValueKind::Binary => self.number(Named::Type, &legacy.type_.0, legacy.type_.1),
+                    ValueKind::Binary => self.number(Named::Type, &one.type_.0, one.type_.1),
                     _ => 0,
                 },
-                community: self.number(Named::Community, &legacy.community, 0),
+                community: self.number(Named::Community, &one.community, 0),
                 ..frame.header
             };
             self.keep_as_latest(now, None, &Message::new(header, frame.bytes));
         }
-        self.legacies_changed = !legacies.is_empty();
+        self.retained_changed = !retained.is_empty();
     }
 }

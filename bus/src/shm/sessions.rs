@@ -8,47 +8,47 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::place;
-use crate::broker::{Legacy, Place};
+use crate::broker::{Retained, Session};
 use crate::codec;
 use crate::process_id::ProcessId;
 
-/// A client's place and its process.
+/// A client's session, and the process that holds it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Occupied {
-    pub place: Place,
+pub struct Held {
+    pub session: Session,
     /// `None`: the client was gone already, or cannot be seen from here.
     pub process: Option<ProcessId>,
 }
 
-impl Occupied {
+impl Held {
     /// Whether its process lives: that one, and not another that has its number by now.
     pub fn is_alive(&self) -> bool {
         self.process.is_some_and(|process| process.lives())
     }
 }
 
-const PLACES: &str = "places";
-const LEGACIES: &str = "legacies";
+const SESSIONS: &str = "sessions";
+const RETAINED: &str = "retained";
 
 /// Writes who is there.
-pub fn write(at: &place::Place, all: &[Occupied]) -> std::io::Result<()> {
-    write_file(at, PLACES, &all)
+pub fn write(at: &place::Place, all: &[Held]) -> std::io::Result<()> {
+    write_file(at, SESSIONS, &all)
 }
 
 /// Writes what those have left who are gone.
-pub fn write_legacies(at: &place::Place, all: &[Legacy]) -> std::io::Result<()> {
-    write_file(at, LEGACIES, &all)
+pub fn write_retained(at: &place::Place, all: &[Retained]) -> std::io::Result<()> {
+    write_file(at, RETAINED, &all)
 }
 
 /// Who was there when the last broker of the community died; nobody, if none of them lives.
-pub fn read(at: &place::Place) -> Vec<Occupied> {
-    let all: Vec<Occupied> = read_file(at, PLACES);
-    if all.iter().any(Occupied::is_alive) { all } else { Vec::new() }
+pub fn read(at: &place::Place) -> Vec<Held> {
+    let all: Vec<Held> = read_file(at, SESSIONS);
+    if all.iter().any(Held::is_alive) { all } else { Vec::new() }
 }
 
 /// What those had left who were gone by then.
-pub fn read_legacies(at: &place::Place) -> Vec<Legacy> {
-    read_file(at, LEGACIES)
+pub fn read_retained(at: &place::Place) -> Vec<Retained> {
+    read_file(at, RETAINED)
 }
 
 fn write_file<T: Serialize>(at: &place::Place, name: &str, all: &T) -> std::io::Result<()> {
@@ -71,7 +71,7 @@ mod tests {
 
     /// A container that was killed and started again over the same folder finds its own numbers in it.
     #[test]
-    fn a_living_process_with_the_number_of_a_dead_one_holds_no_place() {
+    fn a_living_process_with_the_number_of_a_dead_one_holds_no_session() {
         let shared = tempfile::tempdir().unwrap();
         let home = Folder::make(&shared.path().join("home")).unwrap();
         let community = Community::new("lab").unwrap();
@@ -81,8 +81,8 @@ mod tests {
         let mut before = own;
         before.started -= 1;
         let launcher = |process| {
-            let place = Place { name: "launcher".into(), lease_secs: 15.0, registrations: Vec::new() };
-            vec![Occupied { place, process }]
+            let session = Session { name: "launcher".into(), lease_secs: 15.0, registrations: Vec::new() };
+            vec![Held { session, process }]
         };
         for (process, found) in [(Some(own), 1), (Some(before), 0), (None, 0)] {
             write(&at, &launcher(process)).unwrap();
