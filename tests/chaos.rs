@@ -17,17 +17,17 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
 
-use common::{Elk, alive, kill};
-use elk_bus::clock::Stopwatch;
+use common::events::Patience;
+use common::lab::{hear, wait_for_clients};
+use common::{Elk, Launcher, alive, kill};
 use elk_bus::{App, AppError, Client, Comms, Community, Mail, RunOptions, run_app};
 use rustix::process::Signal;
 
 const PUBLISHERS: [&str; 3] = ["p1", "p2", "p3"];
 const SUBSCRIBERS: [&str; 3] = ["s1", "s2", "s3"];
-/// How long anything may take on a busy machine.
-const WATCHDOG: Duration = Duration::from_secs(60);
+/// What the first publisher says.
+const NUMBERS: &str = "P1";
 
 fn setting(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().map_or(default, |text| text.parse().expect("a whole number"))
@@ -150,11 +150,12 @@ struct Troupe<'a> {
 impl<'a> Troupe<'a> {
     fn start(elk: &'a Elk) -> Self {
         let mut troupe = Self { elk, members: BTreeMap::new() };
-        let mut watcher = None;
-        for names in [&["db"][..], &SUBSCRIBERS, &PUBLISHERS] {
+        troupe.start_one("db");
+        for names in [SUBSCRIBERS, PUBLISHERS] {
             names.iter().for_each(|name| troupe.start_one(name));
-            let watcher = watcher.get_or_insert_with(|| troupe.watcher());
-            until_all_are_there(watcher, names);
+            wait_for_clients(elk, &format!("all of {names:?}"), |clients| {
+                names.iter().all(|name| clients.contains(name))
+            });
         }
         troupe
     }
@@ -171,21 +172,6 @@ impl<'a> Troupe<'a> {
         };
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
         self.members.insert(name, child);
-    }
-
-    fn watcher(&self) -> Client {
-        let community = Community::new(self.elk.community()).unwrap();
-        let clock = Stopwatch::start();
-        loop {
-            match Client::connect(&community, "watcher") {
-                Ok(mut client) => {
-                    client.comms.register_variable("DB_CLIENTS", 0.0).unwrap();
-                    return client;
-                }
-                Err(error) => assert!(clock.elapsed() < WATCHDOG, "{error}"),
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
     }
 
     fn kill(&mut self, name: &'static str) {
@@ -205,21 +191,6 @@ impl Drop for Troupe<'_> {
     }
 }
 
-/// Waits until the broker's newest list of clients has all of these names.
-fn until_all_are_there(watcher: &mut Client, names: &[&str]) {
-    let clock = Stopwatch::start();
-    let mut present = Vec::new();
-    let apps: Vec<&&str> = names.iter().filter(|name| **name != "db").collect();
-    while !apps.iter().all(|name| present.iter().any(|one| one == **name)) {
-        assert!(clock.elapsed() < WATCHDOG, "only {present:?} are there");
-        watcher
-            .receive(Duration::from_millis(20), |mail| {
-                present = mail.as_text().unwrap_or_default().split(',').map(str::to_owned).collect();
-            })
-            .unwrap();
-    }
-}
-
 #[test]
 fn a_stream_of_numbers_survives_the_death_of_anyone() {
     let elk = Elk::new("chaos-stream");
@@ -227,9 +198,9 @@ fn a_stream_of_numbers_survives_the_death_of_anyone() {
     let mut troupe = Troupe::start(&elk);
     let names: Vec<&'static str> = ["db"].into_iter().chain(PUBLISHERS).chain(SUBSCRIBERS).collect();
     let mut killed: BTreeMap<&str, u64> = BTreeMap::new();
-    let mut watcher = troupe.watcher_again();
+    let mut watcher = Watcher::of(&elk);
     for _ in 0..kills() {
-        std::thread::sleep(Duration::from_millis(30 + random.below(200)));
+        watcher.hear_numbers(30 + random.below(200));
         let name = names[random.below(names.len() as u64) as usize];
         troupe.kill(name);
         *killed.entry(name).or_default() += 1;
@@ -239,15 +210,12 @@ fn a_stream_of_numbers_survives_the_death_of_anyone() {
     }
     let enough = elk.folder().join("enough");
     std::fs::write(&enough, "").unwrap();
-    let last: Vec<u64> = PUBLISHERS.iter().map(|name| last_said(&enough, &name.to_uppercase())).collect();
+    let last: Vec<u64> = PUBLISHERS.iter().map(|name| last_said(&elk, &enough, &name.to_uppercase())).collect();
     let total: u64 = last.iter().sum();
     for subscriber in SUBSCRIBERS {
         let record = elk.folder().join(subscriber);
-        let clock = Stopwatch::start();
         let heard = || std::fs::read_to_string(&record).unwrap_or_default();
-        while (heard().lines().count() as u64) < total && clock.elapsed() < WATCHDOG {
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        elk.events().wait_until("all numbers", || heard().lines().count() as u64 >= total);
         let heard = heard();
         for (publisher, last) in PUBLISHERS.iter().zip(&last) {
             let key = publisher.to_uppercase();
@@ -261,44 +229,42 @@ fn a_stream_of_numbers_survives_the_death_of_anyone() {
 }
 
 /// What a publisher says that it has said.
-fn last_said(enough: &Path, key: &str) -> u64 {
-    let clock = Stopwatch::start();
-    loop {
-        if let Some(last) = std::fs::read_to_string(enough.with_extension(key)).ok().and_then(|t| t.parse().ok()) {
-            return last;
-        }
-        assert!(clock.elapsed() < WATCHDOG, "{key} did not come to an end");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+fn last_said(elk: &Elk, enough: &Path, key: &str) -> u64 {
+    let (file, mut last) = (enough.with_extension(key), None);
+    elk.events().wait_until(&format!("the end of {key}"), || {
+        last = std::fs::read_to_string(&file).ok().and_then(|text| text.parse().ok());
+        last.is_some()
+    });
+    last.unwrap()
 }
 
-/// Hears who comes.
+/// Hears who comes, and what the first of the publishers says.
 struct Watcher(Client);
 
-impl Troupe<'_> {
-    fn watcher_again(&self) -> Watcher {
-        let community = Community::new(self.elk.community()).unwrap();
-        let mut client = Client::connect(&community, "usher").unwrap();
-        client.comms.register_variable("DB_EVENT", 0.0).unwrap();
-        client.receive(Duration::from_millis(100), |_| {}).unwrap();
-        Watcher(client)
-    }
-}
-
 impl Watcher {
+    fn of(elk: &Elk) -> Self {
+        let mut client = elk.join("usher");
+        client.comms.register_text("DB_EVENT").unwrap();
+        client.comms.register_number(NUMBERS).unwrap();
+        Self(client)
+    }
+
+    /// Waits for so many more numbers.
+    fn hear_numbers(&mut self, mut count: u64) {
+        hear(&mut self.0, "more numbers", |mail| {
+            count -= u64::from(mail.key() == NUMBERS).min(count);
+            (count == 0).then_some(())
+        });
+    }
+
     /// Waits until each of these has been let in again.
     fn until_back(&mut self, names: &[&'static str]) {
-        let clock = Stopwatch::start();
         let mut missing: Vec<&str> = names.iter().copied().filter(|name| *name != "db").collect();
-        while !missing.is_empty() {
-            assert!(clock.elapsed() < WATCHDOG, "{missing:?} did not come back");
-            self.0
-                .receive(Duration::from_millis(20), |mail| {
-                    let event = mail.as_text().unwrap_or_default();
-                    missing.retain(|name| event.strip_prefix("connected=") != Some(name));
-                })
-                .unwrap();
-        }
+        hear(&mut self.0, &format!("that {names:?} are back"), |mail| {
+            let event = mail.as_text().unwrap_or_default();
+            missing.retain(|name| event.strip_prefix("connected=") != Some(name));
+            missing.is_empty().then_some(())
+        });
     }
 }
 
@@ -326,9 +292,9 @@ fn missions_survive_the_death_of_anyone() {
         missions += 1;
         let elk = Elk::new(&format!("chaos-{missions}"));
         let mut launcher = elk.launch(MISSION);
+        let mut witness = Witness::of(&elk);
         while done < kills() {
-            std::thread::sleep(Duration::from_millis(30 + random.below(300)));
-            let Some(processes) = all_running(&elk, &mut launcher) else { break };
+            let Some(processes) = witness.processes_after(5 + random.below(40), &mut launcher) else { break };
             let (name, id) = &processes[random.below(processes.len() as u64) as usize];
             if alive(*id) {
                 let _ = rustix::process::kill_process(rustix::process::Pid::from_raw(*id).unwrap(), Signal::KILL);
@@ -336,6 +302,7 @@ fn missions_survive_the_death_of_anyone() {
                 done += 1;
             }
         }
+        drop(witness);
         let (code, said) = launcher.end();
         assert_eq!(code, Some(0), "killed so far: {killed:?}\n{said}");
         assert!(said.contains("contacts 0"), "{said}");
@@ -351,8 +318,7 @@ fn missions_survive_several_deaths_at_once() {
     while done < kills() {
         let elk = Elk::new(&format!("chaos-at-once-{done}"));
         let mut launcher = elk.launch(MISSION);
-        let mut processes = all_running(&elk, &mut launcher).unwrap();
-        std::thread::sleep(Duration::from_millis(100 + random.below(700)));
+        let mut processes = Witness::of(&elk).processes_after(20 + random.below(100), &mut launcher).unwrap();
         let mut victims = Vec::new();
         for _ in 0..2 + random.below(3) {
             victims.push(processes.swap_remove(random.below(processes.len() as u64) as usize));
@@ -365,24 +331,60 @@ fn missions_survive_several_deaths_at_once() {
     }
 }
 
-/// The processes of the mission's apps and broker, once all of them run; `None`: the mission is over.
-fn all_running(elk: &Elk, launcher: &mut common::Launcher) -> Option<Vec<(String, i32)>> {
-    let clock = Stopwatch::start();
-    loop {
-        let output = elk.command(&["apps", "--json", "--community", elk.community()]).output().unwrap();
-        let rows: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
-        let rows = rows.as_array().cloned().unwrap_or_default();
-        let running = rows.iter().all(|row| row["state"] == "running");
-        if running && rows.len() == 8 {
-            let apps = rows.iter().filter(|row| row["name"] != "launcher");
-            let process =
-                |row: &serde_json::Value| Some((row["name"].as_str()?.to_owned(), row["pid"].as_i64()? as i32));
-            return Some(apps.filter_map(process).collect());
+/// Hears what a mission says of itself.
+struct Witness<'a> {
+    elk: &'a Elk,
+    client: Client,
+}
+
+impl<'a> Witness<'a> {
+    fn of(elk: &'a Elk) -> Self {
+        let mut client = elk.join("witness");
+        for key in ["POSE_COMMAND", "PLAN_REQUEST", "PLAN", "MAP_KNOWN", "PROGRESS", "*_STATUS", "DB_CLIENTS"] {
+            client.comms.register_variable(key, 0.0).unwrap();
         }
-        if launcher.is_over() || rows.iter().any(|row| row["state"] == "ended") {
-            return None;
-        }
-        assert!(clock.elapsed() < WATCHDOG, "they do not come back: {rows:?}\n{}", launcher.said());
-        std::thread::sleep(Duration::from_millis(20));
+        Self { elk, client }
     }
+
+    /// Waits for so many messages, and until all apps and the broker run then; their processes. `None`: the mission is over.
+    fn processes_after(&mut self, messages: u64, launcher: &mut Launcher) -> Option<Vec<(String, i32)>> {
+        let (mut heard, patience) = (0, Patience::new());
+        loop {
+            if heard >= messages {
+                match look(self.elk) {
+                    Sight::Running(processes) => return Some(processes),
+                    Sight::Over => return None,
+                    Sight::Incomplete => {}
+                }
+            }
+            if launcher.is_over() {
+                return None;
+            }
+            // A broker that is gone for good has ended with its mission.
+            let left = patience.left(format_args!("all of them run:\n{}", launcher.said()));
+            heard += self.client.receive(left, |_| {}).ok()? as u64;
+        }
+    }
+}
+
+enum Sight {
+    /// All run: their names and processes.
+    Running(Vec<(String, i32)>),
+    Incomplete,
+    Over,
+}
+
+fn look(elk: &Elk) -> Sight {
+    let output = elk.command(&["apps", "--json", "--community", elk.community()]).output().unwrap();
+    let rows: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+    let rows = rows.as_array().cloned().unwrap_or_default();
+    if rows.iter().any(|row| row["state"] == "ended") {
+        return Sight::Over;
+    }
+    if rows.len() != 8 || rows.iter().any(|row| row["state"] != "running") {
+        return Sight::Incomplete;
+    }
+    let apps = rows.iter().filter(|row| row["name"] != "launcher");
+    let process = |row: &serde_json::Value| Some((row["name"].as_str()?.to_owned(), row["pid"].as_i64()? as i32));
+    Sight::Running(apps.filter_map(process).collect())
 }

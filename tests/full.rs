@@ -1,22 +1,26 @@
-//! Missions where there is no room left: on the disk, in shared memory. The folders are made small in a mount namespace of
-//! their own; where the system allows none, the tests say so and skip.
+//! What runs out, or breaks: room on the disk and in shared memory, descriptors, a client's page. The folders are made small
+//! in a mount namespace of their own; where the system allows none, the tests say so and skip.
 
 mod common;
 
 use std::fs::File;
+use std::io::Read;
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::fs::FileExt;
+use std::os::unix::net::{SocketAddr, UnixStream};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use common::Elk;
-
-/// A small world is explored by three coarse apps: enough for scans, updates, plans and a log.
-const MISSION: &str = "<Scenario name=\"Small\"><Sensor type=\"Simulator\"/><Map type=\"OctoMap\"><Res>0.25 m</Res></Map>\
-    <Explorer type=\"ClosestFrontier\"><Mid>0; 0; 0.5</Mid><Dim>3; 3; 3</Dim></Explorer>\
-    <Controller type=\"MOOSSim\"/></Scenario>";
+use common::events::{Events, Patience, WATCHDOG, folders_of};
+use common::running::Running;
+use common::small::small;
+use elk_bus::Community;
 
 /// Launches the mission where `folder` is a file system of `size`; its exit code, and what it said. `None`: not allowed here.
 fn launch_with_little_room(elk: &Elk, test: &str, folder: &str, size: &str) -> Option<(Option<i32>, String)> {
     let mission = elk.folder().join("mission.xml");
-    std::fs::write(&mission, MISSION).unwrap();
+    std::fs::write(&mission, small("auto", "")).unwrap();
     std::fs::create_dir(elk.folder().join("logs")).unwrap();
     let inside = |script: &str| {
         let mut command = Command::new("unshare");
@@ -66,4 +70,96 @@ fn words_that_cannot_be_written_change_no_exit_code() {
     let full = File::options().write(true).open("/dev/full").unwrap();
     let ended = Elk::new("dev-full").command(&["check", "no-such-mission.xml"]).stderr(full).status().unwrap();
     assert_eq!(ended.code(), Some(1));
+}
+
+/// A broker with the limits that a shell command sets.
+fn broker(elk: &Elk, limits: &str) -> Running {
+    let words = File::create(elk.folder().join("db.txt")).unwrap();
+    Running(elk.limited(limits, &["db", "--community", elk.community()]).stderr(words).spawn().unwrap())
+}
+
+/// All that it has said.
+fn words_of_broker(elk: &Elk) -> String {
+    std::fs::read_to_string(elk.folder().join("db.txt")).unwrap()
+}
+
+#[test]
+fn a_mission_with_too_few_descriptors_says_how_many_it_needs_and_one_with_few_goes_on() {
+    for descriptors in [64, 80, 90, 100, 110, 128] {
+        let elk = Elk::new(&format!("descriptors-{descriptors}"));
+        let (code, said) = elk.launch_limited(&small("auto", ""), &format!("ulimit -n {descriptors}")).end();
+        let complete = code == Some(0) && said.contains("Small: complete");
+        let runs = std::fs::read_dir(elk.folder().join("logs")).unwrap().flatten();
+        let logs = runs.filter_map(|run| std::fs::read_to_string(run.path().join("db.log")).ok());
+        let all = format!("{said}{}", logs.collect::<String>());
+        let named = all.contains(&format!("only {descriptors} are allowed")) && all.contains("`ulimit -n 1024`");
+        assert!(complete || (code == Some(1) && named), "{descriptors}: {code:?} {all}");
+        assert!(complete || descriptors < 110, "{descriptors}: {said}");
+        elk.wait_until_deserted();
+    }
+}
+
+#[test]
+fn a_broker_that_cannot_start_names_what_it_lacks() {
+    let elk = Elk::new("start");
+    for descriptors in [6, 20] {
+        let db = ["db", "--community", elk.community()];
+        let output = elk.limited(&format!("ulimit -n {descriptors}"), &db).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains(&format!("only {descriptors} are allowed")), "{said}");
+    }
+}
+
+#[test]
+fn a_broker_out_of_descriptors_turns_away_with_a_word_and_those_who_say_nothing_go() {
+    let elk = Elk::new("silent");
+    let mut broker = broker(&elk, "ulimit -n 48");
+    drop(elk.join("witness"));
+    let address = SocketAddr::from_abstract_name(format!("elk/{}", elk.community())).unwrap();
+    let silent: Vec<_> = (0..60).map(|_| UnixStream::connect_addr(&address).unwrap()).collect();
+    let words = || words_of_broker(&elk);
+    elk.events().wait_until("a complaint", || words().contains("the broker cannot take another connection"));
+    let refused = elk.refused(&["list"]);
+    assert!(refused.contains("Too many open files") || refused.contains("no room for one more client"), "{refused}");
+    // They have five seconds; then there is room again, without anybody's doing.
+    for mut stream in silent {
+        stream.set_read_timeout(Some(WATCHDOG)).unwrap();
+        // With a word or without.
+        stream.read_to_end(&mut Vec::new()).expect("its end");
+    }
+    // Whose connection has ended holds descriptors for a moment yet; being let in is the only sign that it does not.
+    let patience = Patience::new();
+    while elk.order(&["list"]).0 != Some(0) {
+        patience.left("room");
+    }
+    assert_eq!(words().matches("the broker cannot take another connection").count(), 1, "{}", words());
+    assert!(broker.0.try_wait().unwrap().is_none());
+}
+
+#[test]
+fn a_client_that_writes_over_its_page_is_let_go_of_and_nobody_else_is_harmed() {
+    let elk = Elk::new("liar");
+    let mut broker = broker(&elk, "true");
+    let mut witness = elk.join("witness");
+    let comes = Events::in_folders(folders_of(&Community::new(elk.community()).unwrap()));
+    let liar =
+        Running(elk.command(&["echo", "*", "--community", elk.community()]).stdout(Stdio::null()).spawn().unwrap());
+    let page = || {
+        let open = std::fs::read_dir(format!("/proc/{}/fd", liar.0.id())).ok()?.flatten();
+        let is_page = |path: &PathBuf| path.to_string_lossy().contains("memfd:elk-client");
+        open.map(|entry| entry.path()).find(|path| std::fs::read_link(path).is_ok_and(|link| is_page(&link)))
+    };
+    comes.wait_until("the client's page", || page().is_some());
+    let page = File::options().read(true).write(true).open(page().unwrap()).unwrap();
+    assert!(page.set_len(0).is_err(), "a page can be cut off under the broker's hands");
+    let length = page.metadata().unwrap().len();
+    page.write_all_at(&vec![0xff; length as usize], 0).unwrap();
+    witness.comms.notify("X", 1.0).unwrap();
+    witness.comms.flush().unwrap();
+    let words = || words_of_broker(&elk);
+    elk.events().wait_until("a word of the broker", || words().contains("its page cannot be true"));
+    assert!(words().contains("letting go of client"), "{}", words());
+    elk.obeyed(&["poke", "X", "2"]);
+    assert!(broker.0.try_wait().unwrap().is_none());
 }

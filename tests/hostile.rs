@@ -8,9 +8,12 @@ mod common;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use common::{Elk, Launcher, WATCHDOG};
+use common::car::car;
+use common::events::WATCHDOG;
+use common::spoilt::spoilt;
+use common::{Elk, Launcher};
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Community, Mail, Origin, Value, ValueRef};
+use elk_bus::{Client, Mail, Origin, Value, ValueRef};
 use elk_spatial::catalogue::{self, PayloadType};
 use elk_spatial::keys::{PLAN, PLAN_REQUEST, POSE_COMMAND};
 use elk_spatial::messages::{Decision, MotionPolicy, Path, Plan};
@@ -51,14 +54,6 @@ const HEARD: &[(&str, Option<&str>)] = &[
     ("MAP_STATUS", None),
 ];
 
-/// The car, explored by apps that are not started again: whoever ends, ends the mission.
-fn car(kind: &str) -> String {
-    let root = env!("CARGO_MANIFEST_DIR");
-    let text = std::fs::read_to_string(format!("{root}/mission-files/car.xml")).unwrap();
-    let text = text.replace("worlds/", &format!("{root}/mission-files/worlds/"));
-    text.replace("type=\"auto\"", &format!("type=\"{kind}\""))
-}
-
 /// A mission whose processes may have so much memory, and somebody in its community who wishes it ill.
 struct Siege {
     elk: Elk,
@@ -72,21 +67,12 @@ impl Siege {
     fn lay(test: &str, mission: &str) -> Self {
         let elk = Elk::new(test);
         let launcher = elk.launch_limited(mission, &format!("ulimit -d {MEMORY_KB}"));
-        let community = Community::new(elk.community()).unwrap();
-        let mut hostile = None;
-        common::wait_until(WATCHDOG, "the community is there", || {
-            hostile = Client::connect(&community, "hostile").ok();
-            hostile.is_some()
-        });
-        let mut siege = Self { elk, launcher, hostile: hostile.unwrap(), said: Vec::new() };
+        let hostile = elk.join("hostile");
+        let mut siege = Self { elk, launcher, hostile, said: Vec::new() };
         siege.hostile.comms.register_variable("MAIL_REJECTED", 0.0).unwrap();
         siege.hostile.comms.register_variable("*_STATUS", 0.0).unwrap();
         siege.hostile.comms.register(&PLAN_REQUEST).unwrap();
         siege.hostile.comms.register(&POSE_COMMAND).unwrap();
-        common::wait_until(WATCHDOG, "all apps are there", || {
-            let rows: Vec<serde_json::Value> = serde_json::from_str(&siege.elk.obeyed(&["apps", "--json"])).unwrap();
-            APPS.iter().all(|app| rows.iter().any(|row| row["name"] == *app && row["state"] == "running"))
-        });
         siege.nobody_is_lost("before it begins");
         siege
     }
@@ -154,34 +140,8 @@ fn uptime(status: &str) -> Option<f64> {
     status.split(',').find_map(|part| part.strip_prefix("Uptime="))?.parse().ok()
 }
 
-/// Numbers that no field may take, of eight and of four bytes.
-fn words() -> Vec<Vec<u8>> {
-    let eight = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, -1.0, 0.0].map(f64::to_bits);
-    let eight = eight.into_iter().chain([u64::MAX, 1 << 63, 1 << 48, 1_000_000]);
-    let four = [f32::NAN.to_bits(), f32::INFINITY.to_bits(), i32::MIN as u32, i32::MAX as u32, u32::MAX];
-    eight.map(|word| word.to_le_bytes().to_vec()).chain(four.map(|word| word.to_le_bytes().to_vec())).collect()
-}
-
-/// The example of a type with one of these words at a place of its bytes, at each in turn.
-fn spoilt(payload: &PayloadType) -> impl Iterator<Item = Vec<u8>> + use<> {
-    let example: serde_json::Value = serde_json::from_str(payload.example).unwrap();
-    let bytes = payload.from_json(&example).unwrap();
-    (0..bytes.len()).flat_map(move |at| {
-        let bytes = bytes.clone();
-        words().into_iter().filter_map(move |word| {
-            let mut spoilt = bytes.clone();
-            spoilt.get_mut(at..at + word.len())?.copy_from_slice(&word);
-            Some(spoilt)
-        })
-    })
-}
-
-/// Bad values for a variable. The explorer's and the controller's last words end the mission, whoever says them: of these
-/// only such as cannot be believed.
-fn bad_values(key: &str, payload: &PayloadType) -> Vec<Vec<u8>> {
-    let last_words = ["EXPLORATION_REPORT", "MOTION_REPORT"].contains(&key);
-    let all = spoilt(payload).chain(junk());
-    all.filter(|bytes| !last_words || payload.check(bytes).is_err()).collect()
+fn bad_values(payload: &PayloadType) -> Vec<Vec<u8>> {
+    spoilt(payload).chain(junk()).collect()
 }
 
 /// The same numbers every time.
@@ -219,7 +179,7 @@ fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
         }
         siege.write(key, ValueRef::Binary { type_name: "Stranger", layout: 7, bytes: &[1, 2, 3] });
         if let Some(payload) = type_name.map(|name| catalogue::named(name).unwrap()) {
-            for bytes in bad_values(key, payload) {
+            for bytes in bad_values(payload) {
                 siege.write_typed(key, payload, &bytes);
                 sent += 1;
                 if sent % 1000 == 0 {
@@ -276,7 +236,7 @@ fn whatever_lies_there_when_they_start_all_apps_come_up() {
                 continue;
             };
             // A place that differs from key to key and from round to round.
-            let all = bad_values(key, payload);
+            let all = bad_values(payload);
             let chosen = &all[(round * 7919 + place * 104_729) % all.len()];
             siege.write_typed(key, payload, chosen);
         }

@@ -2,8 +2,9 @@
 
 mod common;
 
-use std::time::Duration;
-
+use common::events::wait_until_gone;
+use common::lab::wait_for_clients;
+use common::small::small;
 use common::{Elk, alive, kill, processes_of, shared_memory_of};
 use rustix::process::Signal;
 
@@ -71,10 +72,8 @@ fn a_broker_that_is_killed_is_started_again_and_everybody_comes_back() {
     assert_eq!(elk.row("db")["restarts"], 1);
     assert_eq!(["Sensor", "Map", "Explorer", "Controller"].map(|app| elk.process(app)), apps);
     // They are on the bus, and not only alive.
-    common::wait_until(Duration::from_secs(60), "everyone is back", || {
-        let clients = elk.obeyed(&["list"]);
-        ["Sensor", "Map", "Explorer", "Controller", "launcher"].iter().all(|name| clients.contains(name))
-    });
+    let all = ["Sensor", "Map", "Explorer", "Controller", "launcher"];
+    wait_for_clients(&elk, "everyone", |clients| all.iter().all(|name| clients.contains(name)));
     kill(launcher.id(), Signal::INT);
     let (_, said) = launcher.end();
     assert!(said.contains("NOT complete: stopped"), "{said}");
@@ -129,8 +128,7 @@ fn nobody_is_left_after_the_launcher_is_killed() {
     assert_eq!(descendants.len(), 8);
     kill(launcher.id(), Signal::KILL);
     launcher.end();
-    let gone = || !descendants.iter().any(|id| alive(*id));
-    common::wait_until(Duration::from_secs(60), "everyone is gone", gone);
+    wait_until_gone("everyone's end", || descendants.iter().copied().find(|id| alive(*id)));
     assert_nothing_is_left(&elk);
 }
 
@@ -205,7 +203,7 @@ fn a_second_launch_of_a_community_is_refused_and_the_first_goes_on() {
 fn a_broker_of_somebody_else_keeps_a_mission_from_starting() {
     let elk = Elk::new("served");
     let mut broker = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-    common::wait_until(Duration::from_secs(60), "the broker serves", || elk.order(&["list"]).0 == Some(0));
+    drop(elk.join("usher"));
     let said = elk.launch_and_fail(&idle(&elk, None));
     assert!(said.contains("is served already, by a broker that is not this mission's"), "{said}");
     assert!(broker.try_wait().unwrap().is_none());
@@ -246,4 +244,31 @@ fn a_mission_that_is_wrong_starts_nothing() {
         )
     );
     assert!(!elk.folder().join("logs").exists());
+}
+
+#[test]
+fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
+    for (test, killed) in [("ends", false), ("killed", true)] {
+        let elk = Elk::new(&format!("stray-{test}"));
+        let (program, arguments) = elk.idle_client("Daemon");
+        let start = "setsid sh -c 'trap \"\" TERM; echo $$ >>strays; exec sleep 1000' &\n";
+        elk.script("daemon.sh", &format!("cd {}\n{start}{start}exec {program} {arguments}\n", elk.folder().display()));
+        let kind = if killed { "manual" } else { "auto" };
+        let mut launcher = elk.launch(&small(kind, "<App name=\"Daemon\" exec=\"./daemon.sh\"/>"));
+        let strays = || -> Vec<i32> {
+            let said = std::fs::read_to_string(elk.folder().join("strays")).unwrap_or_default();
+            said.lines().filter_map(|line| line.parse().ok()).collect()
+        };
+        elk.events().wait_until("two strays", || strays().len() == 2);
+        if killed {
+            launcher.wait_for("Enter takes a step");
+            elk.obeyed(&["step"]);
+            kill(launcher.id(), Signal::KILL);
+        } else {
+            let (code, said) = launcher.end();
+            assert_eq!(code, Some(0), "{said}");
+            assert!(!strays().into_iter().any(alive), "they outlive the mission");
+        }
+        wait_until_gone("the strays' end", || strays().into_iter().find(|id| alive(*id)));
+    }
 }

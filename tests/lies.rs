@@ -6,26 +6,30 @@
 
 #[path = "common/coarse.rs"]
 mod coarse;
+#[path = "../apps/elk/registry.rs"]
+mod registry;
+#[path = "common/spoilt.rs"]
+mod spoilt;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use coarse::MISSION;
+use coarse::{MISSION, WARP, let_time_pass};
 use elk_bus::codec::encode_onto;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{
     App, BrokerConfig, Client, Clock, Comms, Community, DecodeError, Key, Mail, Origin, Payload, Rejection, Value,
 };
-use elk_mission::{Mission, Program, Registry};
+use elk_mission::{Mission, Program};
 use elk_spatial::catalogue::{PayloadType, named};
 use elk_spatial::keys::*;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{self, *};
 use elk_spatial::{OccupancyGrid, Pose, Scan, State, Voxel};
 use nalgebra::{Point3, Vector3};
+use registry::registry;
+use spoilt::spoilt;
 
-/// The clock runs fast, so that nobody has to wait for a patience to run out.
-const WARP: f64 = 1000.0;
 /// Rounds in which nothing moves after which somebody hangs.
 const PATIENCE_ROUNDS: usize = 1000;
 
@@ -50,40 +54,15 @@ const CARRIED: &[(&str, &str)] = &[
 /// Variables that carry a number or a word.
 const PLAIN: &[&str] = &["MAP_RECALL", "MAP_REQUEST", "STEP", "MOTION"];
 
-/// Bytes that are no number anybody could mean, for fields of eight and of four bytes.
-fn words() -> Vec<Vec<u8>> {
-    let doubles = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0, 1e300, -1e300];
-    let eight = doubles.into_iter().map(f64::to_bits).chain([u64::MAX, (1 << 47) - 1, 1_000_000]);
-    let four = [f32::NAN, f32::INFINITY, -1e30].into_iter().map(f32::to_bits).chain([i32::MIN as u32, u32::MAX]);
-    eight.map(|word| word.to_le_bytes().to_vec()).chain(four.map(|word| word.to_le_bytes().to_vec())).collect()
-}
-
-/// A type's example with one word after the other at each place, and cut off there.
-fn spoilt(payload: &'static PayloadType) -> Vec<Vec<u8>> {
-    let bytes = payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap();
-    let mut all = Vec::new();
-    for at in 0..bytes.len() {
-        all.push(bytes[..at].to_vec());
-        for word in words() {
-            let mut spoilt = bytes.clone();
-            if let Some(place) = spoilt.get_mut(at..at + word.len()) {
-                place.copy_from_slice(&word);
-                all.push(spoilt);
-            }
-        }
-    }
-    all
-}
-
 fn payload(variable: &str) -> &'static PayloadType {
     let (_, name) = CARRIED.iter().find(|(key, _)| *key == variable).unwrap();
     named(name).unwrap()
 }
 
-/// All lies about one variable; of the believable ones among them only those that `also` names are told.
+/// All lies about one variable; `believable`: also those that could be true.
 fn lies(variable: &'static str, believable: bool) -> Vec<(&'static str, Value)> {
     let payload = payload(variable);
-    let told = spoilt(payload).into_iter().filter(|bytes| believable || payload.check(bytes).is_err());
+    let told = spoilt(payload).filter(|bytes| believable || payload.check(bytes).is_err());
     told.map(|bytes| (variable, binary(payload.name, payload.layout, bytes))).collect()
 }
 
@@ -129,8 +108,7 @@ impl Seat {
 }
 
 fn mission() -> Mission {
-    let types = [elk_sensor::TYPES, elk_filter::TYPES, elk_map::TYPES, elk_explorer::TYPES, elk_controller::TYPES];
-    Mission::parse(MISSION, std::path::Path::new("lies.xml"), &Registry::new(&types), &[]).unwrap()
+    Mission::parse(MISSION, std::path::Path::new("lies.xml"), &registry(), &[]).unwrap()
 }
 
 fn join(broker: &MemoryBroker, name: &str) -> Client {
@@ -310,7 +288,7 @@ fn wait(mut done: impl FnMut() -> bool) {
         if done() {
             return;
         }
-        std::thread::sleep(Duration::from_millis(1));
+        let_time_pass();
     }
     panic!("it hangs");
 }
@@ -558,7 +536,7 @@ impl Round {
                 break;
             }
             if idle > 20 {
-                std::thread::sleep(Duration::from_millis(1));
+                let_time_pass();
             }
             assert!(idle < PATIENCE_ROUNDS, "nothing moves any more: {:?}", self.rejected());
         }
@@ -634,7 +612,7 @@ fn a_mission_among_liars_goes_the_way_that_it_goes_alone() {
         .map(|(key, lie)| (key.to_owned(), lie))
         .collect();
     let among = Round::new([])
-        .run(|round, _| incredible.iter().cycle().skip(round * 25 % incredible.len()).take(25).cloned().collect());
+        .run(|round, _| incredible.iter().cycle().skip(round * 30 % incredible.len()).take(30).cloned().collect());
     assert_eq!((&among.0, among.1, among.2), (&alone.0, true, 0));
     assert!(among.3 > 500, "{} rejected", among.3);
     // A contradiction costs a question for the whole map, not more; once there is a map to be contradicted.

@@ -4,17 +4,9 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
+use common::car::car;
 use common::{Elk, processes_of};
-
-const PATIENCE: Duration = Duration::from_secs(120);
-
-fn car() -> String {
-    let root = env!("CARGO_MANIFEST_DIR");
-    let text = std::fs::read_to_string(format!("{root}/mission-files/car.xml")).unwrap();
-    text.replace("worlds/", &format!("{root}/mission-files/worlds/"))
-}
 
 /// Runs the program with at most so much memory (MB) and for at most a minute; its exit code, and all that it said.
 fn within(elk: &Elk, megabytes: u64, arguments: &[&str]) -> (Option<i32>, String) {
@@ -80,7 +72,7 @@ fn what_is_no_file_is_said_by_every_command_and_none_waits_for_it() {
     for name in ["fifo.xml", "fifo.obj", "fifo.mcap", "fifo.alog"] {
         assert!(std::process::Command::new("mkfifo").arg(elk.folder().join(name)).status().unwrap().success());
     }
-    std::fs::write(elk.folder().join("car.xml"), car()).unwrap();
+    std::fs::write(elk.folder().join("car.xml"), car("auto")).unwrap();
     let commands: [&[&str]; 14] = [
         &["check", "fifo.xml"],
         &["launch", "fifo.xml"],
@@ -109,7 +101,7 @@ fn what_is_no_file_is_said_by_every_command_and_none_waits_for_it() {
 #[test]
 fn variables_that_cannot_be_are_found_before_anything_starts() {
     let elk = Elk::new("variables");
-    std::fs::write(elk.folder().join("car.xml"), car()).unwrap();
+    std::fs::write(elk.folder().join("car.xml"), car("auto")).unwrap();
     for (set, words) in [
         ("Sensor.Output=DB_CLIENTS", "DB_CLIENTS is a variable that the broker writes itself"),
         ("Sensor.Output=PLAN", "PLAN carries Plan values in every mission"),
@@ -127,7 +119,7 @@ fn variables_that_cannot_be_are_found_before_anything_starts() {
 #[test]
 fn a_controller_that_is_told_to_wait_can_be_told_to_go_on() {
     let elk = Elk::new("manual");
-    let mut launcher = elk.launch_with(&car(), &["--set", "Controller.Manual=true"]);
+    let mut launcher = elk.launch_with(&car("auto"), &["--set", "Controller.Manual=true"]);
     launcher.wait_for("Enter takes a step");
     assert_eq!(elk.obeyed(&["step"]), "one step\n");
     assert_eq!(elk.obeyed(&["resume"]), "resumed\n");
@@ -138,7 +130,7 @@ fn a_controller_that_is_told_to_wait_can_be_told_to_go_on() {
 #[test]
 fn a_manual_mission_that_is_to_run_through_does_wherever_it_says_that_it_is_one() {
     let elk = Elk::new("auto");
-    let (code, said) = elk.launch_with(&car(), &["--auto", "--set", "Controller.Manual=true"]).end();
+    let (code, said) = elk.launch_with(&car("auto"), &["--auto", "--set", "Controller.Manual=true"]).end();
     assert_eq!(code, Some(0), "{said}");
 }
 
@@ -147,7 +139,7 @@ fn a_map_that_could_not_be_written_is_said_before_the_world_is_explored() {
     let elk = Elk::new("nomap");
     for file in ["/proc/self/map.bt", ".", "/dev/full"] {
         let set = format!("Map.File={file}");
-        let (code, said) = elk.launch_with(&car(), &["--set", &set]).end();
+        let (code, said) = elk.launch_with(&car("auto"), &["--set", &set]).end();
         assert_eq!(code, Some(1), "{said}");
         assert!(said.contains(&format!("Map cannot write File={file}: ")) && !said.contains("alive:"), "{said}");
     }
@@ -159,7 +151,7 @@ fn a_map_that_cannot_be_written_at_the_end_fails_its_mission() {
     let elk = Elk::new("lostmap");
     let file = elk.folder().join("maps/map.bt");
     let set = format!("Map.File={}", file.display());
-    let mut launcher = elk.launch_with(&car(), &["--set", "Controller.Manual=true", "--set", &set]);
+    let mut launcher = elk.launch_with(&car("auto"), &["--set", "Controller.Manual=true", "--set", &set]);
     launcher.wait_for("Enter takes a step");
     // Meanwhile somebody puts something else there.
     std::fs::create_dir_all(&file).unwrap();
@@ -171,5 +163,5 @@ fn a_map_that_cannot_be_written_at_the_end_fails_its_mission() {
     let words = format!("cannot write the map to {}", file.display());
     assert!(reason.contains("Map could not end in good order") && reason.contains(&words), "{reason}");
     assert!(said.contains(&words) && summary["complete"] == false, "{said}");
-    common::wait_until(PATIENCE, "nobody is left", || processes_of(&elk).is_empty());
+    elk.wait_until_deserted();
 }

@@ -3,15 +3,15 @@
 mod common;
 
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use common::events::Patience;
 use common::lab::{Lab, table};
 use common::terminal::Terminal;
-use common::{Elk, WATCHDOG, kill, wait_until};
+use common::{Elk, kill};
 use elk_bus::broker::table::CommunityTable;
-use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, Community, Mail, Origin, Value};
 use elk_log::{LogReader, LogWriter, Metadata, Record};
 use rustix::process::Signal;
@@ -53,8 +53,11 @@ fn bulk(number: u64) -> Value {
 /// The numbers that a reader heard, and how many messages it missed.
 type Heard = (Vec<u64>, u64);
 
-/// A reader that takes a millisecond for a message, registered as most are. It stays until it is asked what it heard.
+/// A reader that takes a millisecond for a message until it is told to hurry, registered as most are. It stays until it is
+/// asked what it heard.
 struct SlowReader {
+    /// Closed when it is to hurry.
+    leisure: Sender<()>,
     heard: Receiver<Heard>,
     thread: JoinHandle<()>,
 }
@@ -63,6 +66,7 @@ impl SlowReader {
     /// One that reads until it has heard or missed `count` messages.
     fn new(elk: &Elk, count: u64) -> Self {
         let community = Community::new(elk.community()).unwrap();
+        let (leisure, hurry) = channel();
         let (ready, registered) = channel();
         let (tell, heard) = sync_channel(0);
         let thread = std::thread::spawn(move || {
@@ -70,28 +74,28 @@ impl SlowReader {
             client.comms.register_variable("LARGE", 0.0).unwrap();
             table(&mut client);
             ready.send(()).unwrap();
-            tell.send(read_slowly(&mut client, count)).unwrap();
+            tell.send(read_slowly(&mut client, count, &hurry)).unwrap();
         });
         registered.recv().unwrap();
-        Self { heard, thread }
+        Self { leisure, heard, thread }
     }
 
     fn end(self) -> Heard {
+        drop(self.leisure);
         let heard = self.heard.recv().unwrap();
         self.thread.join().unwrap();
         heard
     }
 }
 
-fn read_slowly(client: &mut Client, count: u64) -> Heard {
-    let (mut numbers, clock) = (Vec::new(), Stopwatch::start());
+fn read_slowly(client: &mut Client, count: u64, hurry: &Receiver<()>) -> Heard {
+    let (mut numbers, patience) = (Vec::new(), Patience::new());
     while (numbers.len() as u64) + client.inbox.dropped() < count {
-        assert!(clock.elapsed() < WATCHDOG, "only {} came", numbers.len());
         let read = |mail: &Mail<'_>| {
-            std::thread::sleep(Duration::from_millis(1));
+            let _ = hurry.recv_timeout(Duration::from_millis(1));
             numbers.push(number(&mail.value().to_value()));
         };
-        client.receive(Duration::from_millis(10), read).unwrap();
+        client.receive(patience.left("all that is played, heard or missed"), read).unwrap();
     }
     (numbers, client.inbox.dropped())
 }
@@ -220,7 +224,7 @@ fn a_reader_that_hangs_is_waited_for_until_it_reads_on_or_dies_or_the_replay_is_
         let out = std::fs::File::create(&said).unwrap();
         let mut player = replay(&elk, &["--lossless"]).stdout(out.try_clone().unwrap()).stderr(out).spawn().unwrap();
         let said = || std::fs::read_to_string(&said).unwrap();
-        wait_until(WATCHDOG, "who is waited for", || said().contains(" s at max, waits for echo"));
+        elk.events().wait_until("who is waited for", || said().contains(" s at max, waits for echo"));
         assert_eq!(player.try_wait().unwrap(), None);
         match what {
             "goes on" => stopped.goes_on(),

@@ -3,55 +3,31 @@
 
 mod common;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{Permissions, set_permissions};
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::Duration;
+use std::process::{Command, Output, Stdio};
 
-use common::{Elk, WATCHDOG, alive, kill, processes_of, shared_memory_of, wait_until};
+use common::events::{Events, once_served_in};
+use common::lab::hear;
+use common::running::Running;
+use common::small::small;
+use common::{Elk, kill, shared_memory_of};
 use elk_bus::{Client, Community};
 use rustix::process::Signal;
 
-/// A small world that three coarse apps explore in a moment.
-const SMALL: &str = "<Scenario name=\"Small\"><Sensor type=\"Simulator\"/><Map type=\"OctoMap\"><Res>0.25 m</Res></Map>\
-    <Explorer type=\"ClosestFrontier\"><Mid>0; 0; 0.5</Mid><Dim>3; 3; 3</Dim></Explorer>\
-    <Controller type=\"MOOSSim\"/>MORE</Scenario>";
-
-/// A broker, killed with its test.
-struct Broker(Child);
-
-impl Drop for Broker {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+/// Starts a community with a folder for temporary files of its own.
+fn serve(elk: &Elk, community: &str, temporary: &Path) -> (Running, Client) {
+    let broker = Running(in_place(elk, &["db", "--community", community], temporary).spawn().unwrap());
+    (broker, join(community, "witness", &home(temporary)))
 }
 
-impl Broker {
-    fn start(elk: &Elk, community: &str, temporary: &Path) -> (Self, Client) {
-        let out = std::fs::File::create(elk.folder().join("db.txt")).unwrap();
-        let mut command = in_place(elk, &["db", "--community", community], temporary);
-        let broker = Self(command.stderr(out).spawn().unwrap());
-        (broker, join(community, "witness"))
-    }
-
-    fn stop(mut self) {
-        kill(self.0.id() as i32, Signal::TERM);
-        assert!(self.0.wait().unwrap().success());
-    }
-}
-
-fn join(community: &str, name: &str) -> Client {
+/// Joins a community that is served in this folder, as soon as it is.
+fn join(community: &str, name: &str, home: &Path) -> Client {
     let community = Community::new(community).unwrap();
-    let mut joined = None;
-    wait_until(WATCHDOG, "a broker", || {
-        joined = Client::connect(&community, name).ok();
-        joined.is_some()
-    });
-    joined.unwrap()
+    once_served_in(&[home.join(community.as_str())], || Client::connect(&community, name)).unwrap()
 }
 
 /// `elk` with a folder for temporary files of its own.
@@ -121,25 +97,19 @@ fn a_community_whose_name_begins_another_s_leaves_that_one_alone() {
     let elk = Elk::new("neighbours");
     let temporary = inhabited(&elk);
     let (short, long) = (elk.community(), format!("{}_q", elk.community()));
-    let (running, mut client) = Broker::start(&elk, &long, &temporary);
+    let (running, mut client) = serve(&elk, &long, &temporary);
     client.comms.register_variable("WORDS", 0.0).unwrap();
     client.comms.flush().unwrap();
     let before = shared_memory_of(&elk);
     assert!(!before.is_empty());
-    Broker::start(&elk, short, &temporary).0.stop();
+    serve(&elk, short, &temporary).0.stop();
     assert_eq!(shared_memory_of(&elk), before);
     // Too long for the page: it goes through the files that are still there.
     let words = "word ".repeat(1000);
-    let mut writer = join(&long, "writer");
+    let mut writer = join(&long, "writer", &home(&temporary));
     writer.comms.notify("WORDS", words.as_str()).unwrap();
     writer.comms.flush().unwrap();
-    let mut heard = String::new();
-    wait_until(WATCHDOG, "a long text", || {
-        client
-            .receive(Duration::from_millis(10), |mail| heard = mail.as_text().unwrap_or_default().to_owned())
-            .unwrap();
-        heard == words
-    });
+    hear(&mut client, "a long text", |mail| (mail.as_text() == Some(&words)).then_some(()));
     drop((client, writer));
     running.stop();
     assert_eq!(std::fs::read_to_string(temporary.join("thesis/chapter")).unwrap(), "years of work");
@@ -170,7 +140,7 @@ fn links_that_somebody_has_planted_are_not_followed() {
     let output = in_place(&elk, &["db", "--community", elk.community()], &temporary).output().unwrap();
     assert!(said(&output).contains("it is a link"), "{}", said(&output));
     std::fs::remove_file(home(&temporary).join(elk.community())).unwrap();
-    Broker::start(&elk, elk.community(), &temporary).0.stop();
+    serve(&elk, elk.community(), &temporary).0.stop();
     assert_eq!(tree(&victim), before);
     assert!(home(&temporary).join("dead").is_symlink());
 }
@@ -208,8 +178,8 @@ fn the_folder_of_the_session_comes_first() {
         set_permissions(folder, Permissions::from_mode(0o700)).unwrap();
     }
     let mut command = in_place(&elk, &["db", "--community", elk.community()], &temporary);
-    let broker = Broker(command.env("XDG_RUNTIME_DIR", &runtime).spawn().unwrap());
-    drop(join(elk.community(), "witness"));
+    let broker = Running(command.env("XDG_RUNTIME_DIR", &runtime).spawn().unwrap());
+    drop(join(elk.community(), "witness", &runtime.join("elk")));
     assert!(runtime.join("elk").join(elk.community()).is_dir() && tree(&temporary).is_empty());
     broker.stop();
     assert!(tree(&runtime).is_empty());
@@ -221,7 +191,7 @@ fn a_client_with_another_temporary_folder_joins_all_the_same() {
     let (here, there) = (elk.folder().join("here"), elk.folder().join("there"));
     std::fs::create_dir(&here).unwrap();
     std::fs::create_dir(&there).unwrap();
-    let (broker, _witness) = Broker::start(&elk, elk.community(), &here);
+    let (broker, _witness) = serve(&elk, elk.community(), &here);
     let words = "word ".repeat(1000);
     let poked = in_place(&elk, &["poke", "WORDS", &words, "--community", elk.community()], &there).output().unwrap();
     assert!(poked.status.success(), "{}", said(&poked));
@@ -233,7 +203,7 @@ fn a_client_with_another_temporary_folder_joins_all_the_same() {
 fn what_is_scribbled_over_or_cut_off_in_the_community_s_folder_holds_nobody_up() {
     let elk = Elk::new("scribbled");
     let temporary = inhabited(&elk);
-    let (_broker, witness) = Broker::start(&elk, elk.community(), &temporary);
+    let (_broker, witness) = serve(&elk, elk.community(), &temporary);
     let all = tree(&home(&temporary).join(elk.community()));
     let counter =
         all.keys().find(|path| path.to_string_lossy().ends_with(".global_mgmt")).expect("the counter of nodes");
@@ -261,20 +231,16 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     for (folder, mode) in [(elk.folder(), 0o755), (&temporary, 0o1777)] {
         set_permissions(folder, Permissions::from_mode(mode)).unwrap();
     }
-    std::fs::write(elk.folder().join("mission.xml"), SMALL.replace("MORE", "")).unwrap();
+    std::fs::write(elk.folder().join("mission.xml"), small("manual", "")).unwrap();
     let program = elk.folder().join("elk");
     std::fs::copy(env!("CARGO_BIN_EXE_elk"), &program).unwrap();
-    let manual = std::fs::read_to_string(elk.folder().join("mission.xml")).unwrap();
-    let manual = manual.replace("name=\"Small\"", "name=\"Small\" type=\"manual\"");
-    std::fs::write(elk.folder().join("mission.xml"), manual).unwrap();
     let arguments = ["launch", "mission.xml", "--headless", "--community", elk.community()];
-    let launcher = Broker(in_place(&elk, &arguments, &temporary).stdout(Stdio::null()).spawn().unwrap());
+    let launcher = Running(in_place(&elk, &arguments, &temporary).stdout(Stdio::null()).spawn().unwrap());
     // Every app has lanes by then.
-    let places = home(&temporary).join(elk.community()).join("sessions");
-    let known = || String::from_utf8_lossy(&std::fs::read(&places).unwrap_or_default()).into_owned();
-    wait_until(WATCHDOG, "all apps", || {
-        ["Sensor", "Map", "Explorer", "Controller"].iter().all(|app| known().contains(app))
-    });
+    let place = home(&temporary).join(elk.community());
+    let known = || String::from_utf8_lossy(&std::fs::read(place.join("sessions")).unwrap_or_default()).into_owned();
+    Events::in_folders([&place])
+        .wait_until("all apps", || ["Sensor", "Map", "Explorer", "Controller"].iter().all(|app| known().contains(app)));
 
     let mut made: Vec<PathBuf> = shared_memory_of(&elk).iter().map(|name| Path::new("/dev/shm").join(name)).collect();
     made.push(home(&temporary));
@@ -289,7 +255,8 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     // By their modes, too, whatever folder they are in; what iceoryx2 makes inside is narrowed a moment later.
     let open = |path: &&PathBuf| path.symlink_metadata().is_ok_and(|found| found.permissions().mode() & 0o077 != 0);
     let mut ours = made.iter().filter(|path| !path.starts_with(elk.folder().join("logs"))).collect::<Vec<_>>();
-    wait_until(WATCHDOG, "modes for the owner alone", || {
+    let folders: BTreeSet<PathBuf> = ours.iter().filter_map(|path| path.parent()).map(Path::to_owned).collect();
+    Events::in_folders(folders).wait_until("modes for the owner alone", || {
         ours.retain(open);
         ours.is_empty()
     });
@@ -301,7 +268,7 @@ fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
         assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
     }
     kill(launcher.0.id() as i32, Signal::TERM);
-    wait_until(WATCHDOG, "the mission's end", || processes_of(&elk).is_empty());
+    elk.wait_until_deserted();
 }
 
 /// A container that is killed, and started again with the same numbers and the same folder for temporary files.
@@ -310,8 +277,7 @@ fn a_container_that_starts_again_does_not_find_itself_there_already() {
     let elk = Elk::new("container");
     let (temporary, program) = (elk.folder().join("temporary"), env!("CARGO_BIN_EXE_elk"));
     std::fs::create_dir(&temporary).unwrap();
-    let manual = SMALL.replace("name=\"Small\"", "name=\"Small\" type=\"manual\"").replace("MORE", "");
-    std::fs::write(elk.folder().join("mission.xml"), manual).unwrap();
+    std::fs::write(elk.folder().join("mission.xml"), small("manual", "")).unwrap();
     let contained = |script: &str| {
         let mut command = Command::new("unshare");
         command.args(["--map-root-user", "--pid", "--fork", "--mount-proc", "sh", "-c", script]);
@@ -323,125 +289,10 @@ fn a_container_that_starts_again_does_not_find_itself_there_already() {
         return;
     }
     let launch = format!("{program} launch mission.xml --headless --community {}", elk.community());
-    let places = home(&temporary).join(elk.community()).join("sessions");
-    let wait = format!("for try in $(seq 600); do grep -qs Controller {} && break; sleep 0.1; done", places.display());
-    // The shell is the first process: with it, all others are killed.
-    let first = contained(&format!("{launch} >first.txt 2>&1 & {wait}; kill -9 -1; exit 0")).unwrap();
-    assert!(places.exists(), "{}", said(&first));
+    // Everybody is there by then, and is killed.
+    let kill = "case \"$line\" in *'Enter takes a step'*) kill -9 -1;; esac";
+    let first = contained(&format!("{launch} 2>&1 | while read -r line; do echo \"$line\"; {kill}; done")).unwrap();
+    assert!(home(&temporary).join(elk.community()).join("sessions").exists(), "{}", said(&first));
     let again = contained(&format!("{launch} --auto 2>&1")).unwrap();
     assert!(said(&again).contains("Small: complete"), "{}", said(&again));
-}
-
-/// What a mission says that has so many descriptors.
-fn launched_with(elk: &Elk, descriptors: u32) -> (Option<i32>, String) {
-    std::fs::write(elk.folder().join("mission.xml"), SMALL.replace("MORE", "")).unwrap();
-    let launch = format!("{} launch mission.xml --headless --community {}", env!("CARGO_BIN_EXE_elk"), elk.community());
-    let script = format!("ulimit -n {descriptors}; exec {launch}");
-    let output = Command::new("sh").args(["-c", &script]).current_dir(elk.folder()).output().unwrap();
-    (output.status.code(), said(&output))
-}
-
-#[test]
-fn a_mission_with_too_few_descriptors_says_how_many_it_needs_and_one_with_few_goes_on() {
-    for descriptors in [64, 80, 90, 100, 110, 128] {
-        let elk = Elk::new(&format!("descriptors-{descriptors}"));
-        let (code, said) = launched_with(&elk, descriptors);
-        let complete = code == Some(0) && said.contains("Small: complete");
-        let runs = std::fs::read_dir(elk.folder().join("logs")).unwrap().flatten();
-        let logs = runs.filter_map(|run| std::fs::read_to_string(run.path().join("db.log")).ok());
-        let all = format!("{said}{}", logs.collect::<String>());
-        let named = all.contains(&format!("only {descriptors} are allowed")) && all.contains("`ulimit -n 1024`");
-        assert!(complete || (code == Some(1) && named), "{descriptors}: {code:?} {all}");
-        assert!(complete || descriptors < 110, "{descriptors}: {said}");
-        wait_until(WATCHDOG, "everybody's end", || processes_of(&elk).is_empty());
-    }
-}
-
-#[test]
-fn a_broker_that_cannot_start_names_what_it_lacks() {
-    let elk = Elk::new("start");
-    for descriptors in [6, 20] {
-        let db = format!("{} db --community {}", env!("CARGO_BIN_EXE_elk"), elk.community());
-        let script = format!("ulimit -n {descriptors}; exec {db}");
-        let output = Command::new("sh").args(["-c", &script]).current_dir(elk.folder()).output().unwrap();
-        assert_eq!(output.status.code(), Some(1));
-        assert!(said(&output).contains(&format!("only {descriptors} are allowed")), "{}", said(&output));
-    }
-}
-
-#[test]
-fn a_broker_out_of_descriptors_turns_away_with_a_word_and_those_who_say_nothing_go() {
-    use std::os::linux::net::SocketAddrExt;
-    use std::os::unix::net::{SocketAddr, UnixStream};
-    let elk = Elk::new("silent");
-    let script = format!("ulimit -n 40; exec {} db --community {}", env!("CARGO_BIN_EXE_elk"), elk.community());
-    let complaints = elk.folder().join("db.txt");
-    let log = std::fs::File::create(&complaints).unwrap();
-    let mut broker = Broker(Command::new("sh").args(["-c", &script]).stderr(log).spawn().unwrap());
-    drop(join(elk.community(), "witness"));
-    let address = SocketAddr::from_abstract_name(format!("elk/{}", elk.community())).unwrap();
-    let silent: Vec<_> = (0..60).map(|_| UnixStream::connect_addr(&address).unwrap()).collect();
-    let words = || std::fs::read_to_string(&complaints).unwrap();
-    wait_until(WATCHDOG, "a complaint", || words().contains("the broker cannot take another connection"));
-    let refused = elk.refused(&["list"]);
-    assert!(refused.contains("Too many open files") || refused.contains("no room for one more client"), "{refused}");
-    // They have five seconds; then there is room again, without anybody's doing.
-    wait_until(WATCHDOG, "room", || elk.order(&["list"]).0 == Some(0));
-    assert_eq!(words().matches("the broker cannot take another connection").count(), 1, "{}", words());
-    assert!(broker.0.try_wait().unwrap().is_none());
-    drop(silent);
-}
-
-#[test]
-fn a_client_that_writes_over_its_page_is_let_go_of_and_nobody_else_is_harmed() {
-    use std::os::unix::fs::FileExt;
-    let elk = Elk::new("liar");
-    let (mut broker, mut witness) = Broker::start(&elk, elk.community(), elk.folder());
-    let liar =
-        Broker(elk.command(&["echo", "*", "--community", elk.community()]).stdout(Stdio::null()).spawn().unwrap());
-    let page = || {
-        let open = std::fs::read_dir(format!("/proc/{}/fd", liar.0.id())).ok()?.flatten();
-        let is_page = |path: &PathBuf| path.to_string_lossy().contains("memfd:elk-client");
-        open.map(|entry| entry.path()).find(|path| std::fs::read_link(path).is_ok_and(|link| is_page(&link)))
-    };
-    wait_until(WATCHDOG, "the client's page", || page().is_some());
-    let page = std::fs::File::options().read(true).write(true).open(page().unwrap()).unwrap();
-    assert!(page.set_len(0).is_err(), "a page can be cut off under the broker's hands");
-    let length = page.metadata().unwrap().len();
-    page.write_all_at(&vec![0xff; length as usize], 0).unwrap();
-    witness.comms.notify("X", 1.0).unwrap();
-    witness.comms.flush().unwrap();
-    let words = || std::fs::read_to_string(elk.folder().join("db.txt")).unwrap();
-    wait_until(WATCHDOG, "a word of the broker", || words().contains("its page cannot be true"));
-    assert!(words().contains("letting go of client"), "{}", words());
-    elk.obeyed(&["poke", "X", "2"]);
-    assert!(broker.0.try_wait().unwrap().is_none());
-}
-
-#[test]
-fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
-    for (test, killed) in [("ends", false), ("killed", true)] {
-        let elk = Elk::new(&format!("stray-{test}"));
-        let (program, arguments) = elk.idle_client("Daemon");
-        let start = "setsid sh -c 'trap \"\" TERM; echo $$ >>strays; exec sleep 1000' &\n";
-        elk.script("daemon.sh", &format!("cd {}\n{start}{start}exec {program} {arguments}\n", elk.folder().display()));
-        let kind = if killed { " type=\"manual\"" } else { "" };
-        let mission = SMALL.replace("MORE", "<App name=\"Daemon\" exec=\"./daemon.sh\"/>");
-        let mission = mission.replace("name=\"Small\"", &format!("name=\"Small\"{kind}"));
-        let launcher = elk.launch(&mission);
-        let strays = || -> Vec<i32> {
-            let said = std::fs::read_to_string(elk.folder().join("strays")).unwrap_or_default();
-            said.lines().filter_map(|line| line.parse().ok()).collect()
-        };
-        wait_until(WATCHDOG, "two strays", || strays().len() == 2);
-        if killed {
-            wait_until(WATCHDOG, "a mission", || elk.order(&["step"]).0 == Some(0));
-            kill(launcher.id(), Signal::KILL);
-        } else {
-            let (code, said) = launcher.end();
-            assert_eq!(code, Some(0), "{said}");
-            assert!(!strays().into_iter().any(alive), "they outlive the mission");
-        }
-        wait_until(WATCHDOG, "the strays' end", || !strays().into_iter().any(alive));
-    }
 }

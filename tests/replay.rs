@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
-use common::lab::Lab;
-use common::{Elk, WATCHDOG, kill, wait_until};
+use common::lab::{Lab, hear, wait_for_time};
+use common::{Elk, kill};
 use elk_bus::{App, AppError, Client, Comms, Community, Mail, Value, run_app_on};
 use elk_log::{LogReader, LogWriter, Metadata, Record};
 use rustix::process::Signal;
@@ -156,18 +155,14 @@ fn with_clock_the_communitys_time_is_that_of_the_recording() {
         let arguments = ["replay", "log.mcap", "--community", elk.community(), "--clock", "--rate", rate];
         let player = elk.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut times = Vec::new();
-        wait_until(WATCHDOG, "what is played", || {
-            let of_the_log = |mail: &Mail<'_>| mail.source().starts_with('p').then_some(mail.time());
-            lab.listener.receive(Duration::from_millis(10), |mail| times.extend(of_the_log(mail))).unwrap();
-            times.len() >= 32
+        hear(&mut lab.listener, "what is played", |mail| {
+            times.extend(mail.source().starts_with('p').then_some(mail.time()));
+            (times.len() >= 32).then_some(())
         });
         let recorded = messages().into_iter().filter(|record| !record.key.starts_with("DB_")).map(|record| record.time);
         assert!(times.iter().copied().eq(recorded), "{rate}: {times:?}");
         said(player.wait_with_output().unwrap());
-        wait_until(WATCHDOG, "a clock that is left to itself", || {
-            lab.listener.receive(Duration::from_millis(10), |_| {}).unwrap();
-            !is_recorded(lab.listener.comms.time())
-        });
+        wait_for_time(&mut lab.listener, |time| !is_recorded(time));
     }
     stop.store(true, Ordering::Relaxed);
     live.join().unwrap();
@@ -189,10 +184,7 @@ fn one_replay_at_a_time_drives_the_clock_and_scopes_say_which() {
         let mut first = first.unwrap();
         let driver = format!("replay-{}", first.id());
         lab.hear(1);
-        wait_until(WATCHDOG, "recorded time", || {
-            lab.listener.receive(Duration::from_millis(10), |_| {}).unwrap();
-            is_recorded(lab.listener.comms.time())
-        });
+        wait_for_time(&mut lab.listener, is_recorded);
         let second = elk.command(&arguments).output().unwrap();
         let told = String::from_utf8_lossy(&second.stderr).into_owned();
         assert_eq!(second.status.code(), Some(1), "{told}");
@@ -202,10 +194,7 @@ fn one_replay_at_a_time_drives_the_clock_and_scopes_say_which() {
         assert!(listed.contains(&line), "{listed}");
         kill(first.id() as i32, end);
         assert_eq!(first.wait().unwrap().success(), end == Signal::TERM);
-        wait_until(WATCHDOG, "a clock that is left to itself", || {
-            lab.listener.receive(Duration::from_millis(10), |_| {}).unwrap();
-            !is_recorded(lab.listener.comms.time())
-        });
+        wait_for_time(&mut lab.listener, |time| !is_recorded(time));
         assert!(!said(elk.command(&["list", "--community", elk.community()]).output().unwrap()).contains("driven"));
     }
     lab.end();

@@ -5,6 +5,7 @@ mod common;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Output, Stdio};
 
+use common::lab::{hear, wait_for_reader};
 use common::{Elk, kill};
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -21,9 +22,8 @@ impl Lab {
     fn new(test: &str) -> Self {
         let elk = Elk::new(test);
         let broker = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-        let lab = Self { elk, broker };
-        common::wait_until(common::WATCHDOG, "the broker is there", || lab.run(&["list"]).status.success());
-        lab
+        drop(elk.join("usher"));
+        Self { elk, broker }
     }
 
     fn arguments<'a>(&'a self, arguments: &[&'a str]) -> Vec<&'a str> {
@@ -65,17 +65,7 @@ impl Lab {
 
     /// Waits until a client whose name begins so has registered.
     fn wait_for_reader(&self, beginning: &str) {
-        common::wait_until(common::WATCHDOG, "the reader is there", || {
-            let clients = self.json(&["list"])["clients"].clone();
-            let names =
-                clients.as_array().unwrap().iter().filter_map(Value::as_str).filter(|n| n.starts_with(beginning));
-            names.into_iter().any(|name| {
-                // It may have ended in between.
-                let info = self.run(&["info", name, "--json"]);
-                let info: Value = serde_json::from_slice(&info.stdout).unwrap_or_default();
-                info["client"]["registrations"].as_array().is_some_and(|all| !all.is_empty())
-            })
-        });
+        wait_for_reader(&mut self.elk.join("witness"), |name| name.starts_with(beginning));
     }
 }
 
@@ -194,9 +184,10 @@ fn clients_are_known_with_what_they_read_and_write() {
     assert_eq!(program, env!("CARGO_BIN_EXE_elk"));
     let mut recorder = lab.elk.command(&arguments.split(' ').collect::<Vec<_>>()).spawn().unwrap();
     lab.wait_for_reader("Recorder");
-    common::wait_until(common::WATCHDOG, "it says how it is", || {
-        lab.run(&["list", "RECORDER_STATUS"]).status.success()
-    });
+    let mut witness = lab.elk.join("witness");
+    witness.comms.register_text("RECORDER_STATUS").unwrap();
+    hear(&mut witness, "how it is", |_| Some(()));
+    drop(witness);
     let info = lab.said(&["info", "Recorder"]);
     for part in ["Recorder: a client", "writes      RECORDER_STATUS", "* (lossless)", "status      AppErrorFlag=false"]
     {
@@ -253,7 +244,7 @@ fn looks_go_on_when_the_broker_was_killed_and_another_took_its_place() {
     lab.broker.kill().unwrap();
     lab.broker.wait().unwrap();
     lab.broker = lab.elk.command(&["db", "--community", lab.elk.community()]).spawn().unwrap();
-    common::wait_until(common::WATCHDOG, "the new broker is there", || lab.run(&["list"]).status.success());
+    drop(lab.elk.join("usher"));
     lab.wait_for_reader("echo-");
     assert!(lab.said(&["poke", "SPEED", "2"]).contains("heard by echo-"));
     assert_eq!(echo.json()["value"], 2.0);

@@ -9,6 +9,8 @@
 
 #[path = "common/coarse.rs"]
 mod coarse;
+#[path = "../apps/elk/registry.rs"]
+mod registry;
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -16,16 +18,17 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
 
-use coarse::MISSION;
+use coarse::{MISSION, WARP, let_time_pass};
 use elk_bus::broker::Introduction;
 use elk_bus::link::{Fill, LinkError, Uplink};
 use elk_bus::memory::MemoryBroker;
 use elk_bus::wire::BulkRef;
 use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Community, Mail};
-use elk_mission::{AppSpec, Mission, Program, Registry};
+use elk_mission::{AppSpec, Mission, Program};
 use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_REQUEST, MOTION_REPORT, SENSOR_REPORT};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{ExplorationReport, MotionReport, SensorReport};
+use registry::registry;
 
 /// The places of apps of [`MISSION`].
 const FILTER: usize = 1;
@@ -33,8 +36,6 @@ const MAP_APP: usize = 2;
 const EXPLORER: usize = 3;
 const CONTROLLER: usize = 4;
 
-/// The clocks of these missions run fast, so that nobody has to wait for a patience to run out.
-const WARP: f64 = 1000.0;
 /// A lease that does not run out in these missions (s).
 const LEASE_SECS: f64 = 1e9;
 /// Rounds in which nothing moves after which a mission hangs. A map that waits for a copy in vain needs some.
@@ -155,10 +156,6 @@ struct Table {
     map: Option<MapUpdate>,
 }
 
-fn registry() -> Registry {
-    Registry::new(&[elk_sensor::TYPES, elk_filter::TYPES, elk_map::TYPES, elk_explorer::TYPES, elk_controller::TYPES])
-}
-
 fn mission(text: &str) -> Mission {
     Mission::parse(text, Path::new("successors.xml"), &registry(), &[]).unwrap()
 }
@@ -219,7 +216,7 @@ impl Table {
             idle = if self.round(to_come) { 0 } else { idle + 1 };
             assert!(idle < PATIENCE_ROUNDS, "nothing moves any more");
             if idle > 1 {
-                std::thread::sleep(Duration::from_millis(1));
+                let_time_pass();
             }
         }
     }

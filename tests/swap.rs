@@ -2,19 +2,17 @@
 
 mod common;
 
-use std::time::Duration;
-
+use common::car::car;
+use common::events::wait_until_gone;
+use common::lab::hear;
 use common::{Elk, Launcher, alive, kill, processes_of, shared_memory_of};
+use elk_bus::Client;
+use elk_spatial::keys::{MOTION_MEMORY, PROGRESS};
 use rustix::process::Signal;
 
-const PATIENCE: Duration = Duration::from_secs(120);
-
 /// The car, all of whose apps are started again whenever they end; `kind`: `auto`, or `manual`.
-fn car(kind: &str) -> String {
-    let root = env!("CARGO_MANIFEST_DIR");
-    let text = std::fs::read_to_string(format!("{root}/mission-files/car.xml")).unwrap();
-    let text = text.replace("worlds/", &format!("{root}/mission-files/worlds/"));
-    let text = text.replace("type=\"auto\"", &format!("type=\"{kind}\" broker-restarts=\"100\""));
+fn undying(kind: &str) -> String {
+    let text = car(kind).replace("<Scenario", "<Scenario broker-restarts=\"100\"");
     let restarted = |text: String, tag: &str| text.replace(tag, &format!("{tag} restart=\"always\" restarts=\"100\""));
     let text = ["<Sensor", "<Filter", "<Map", "<Explorer", "<Controller"].into_iter().fold(text, restarted);
     text.replace("</Scenario>", "<Logger type=\"Mcap\" restart=\"always\" restarts=\"100\"/></Scenario>")
@@ -22,27 +20,18 @@ fn car(kind: &str) -> String {
 
 /// Launches the car and waits until a few scans are in the map.
 fn under_way(elk: &Elk) -> Launcher {
-    let launcher = elk.launch(&car("auto"));
-    wait_for_scans(elk, 3);
+    let launcher = elk.launch(&undying("auto"));
+    let mut watcher = elk.join("watcher");
+    watcher.comms.register(&PROGRESS).unwrap();
+    hear(&mut watcher, "a few scans", |mail| (mail.decode(&PROGRESS).unwrap().scans >= 3).then_some(()));
     launcher
 }
 
-/// Waits until the controller has had so many scans.
-fn wait_for_scans(elk: &Elk, wanted: u64) {
-    common::wait_until(PATIENCE, "the robot moves", || scans(elk) >= wanted);
-}
-
-/// How many scans were taken: `PROGRESS` as the controller last said it.
-fn scans(elk: &Elk) -> u64 {
-    let community = elk_bus::Community::new(elk.community()).unwrap();
-    let Ok(mut client) = elk_bus::Client::connect(&community, "watcher") else { return 0 };
-    client.comms.register(&elk_spatial::keys::PROGRESS).unwrap();
-    let mut scans = 0;
-    // A broker that goes away meanwhile is asked again.
-    let _ = client.receive(Duration::from_millis(100), |mail| {
-        scans = mail.decode(&elk_spatial::keys::PROGRESS).map_or(0, |progress| progress.scans);
-    });
-    scans
+/// Launches the car, which does nothing before the first step, and waits until everybody is there.
+fn at_the_start(elk: &Elk, more: &[&str]) -> Launcher {
+    let mut launcher = elk.launch_with(&undying("manual"), more);
+    launcher.wait_for("Enter takes a step");
+    launcher
 }
 
 /// The mission ends complete, and leaves nobody behind.
@@ -66,7 +55,7 @@ fn explorers_take_turns_in_mid_mission() {
     let row = elk.row("Explorer");
     assert_eq!((&row["type"], &row["swaps"], &row["restarts"]), (&"ClosestFrontier".into(), &1.into(), &0.into()));
     assert_ne!(row["pid"], first);
-    common::wait_until(PATIENCE, "the old explorer is gone", || !alive(first));
+    wait_until_gone("the old explorer's end", || alive(first).then_some(first));
     let summary = assert_completes(&elk, launcher);
     assert_eq!(summary["explorer"], "Potential, ClosestFrontier");
 }
@@ -74,8 +63,7 @@ fn explorers_take_turns_in_mid_mission() {
 #[test]
 fn every_app_can_be_swapped_for_its_own_kind() {
     let elk = Elk::new("own-kind");
-    let launcher = elk.launch(&car("manual"));
-    wait_for_first_plan(&elk);
+    let launcher = at_the_start(&elk, &[]);
     for app in ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger"] {
         elk.obeyed(&["step"]);
         let said = elk.obeyed(&["swap", app]);
@@ -84,15 +72,6 @@ fn every_app_can_be_swapped_for_its_own_kind() {
     }
     elk.obeyed(&["resume"]);
     assert_completes(&elk, launcher);
-}
-
-/// In a manual mission, nothing moves before the first step.
-fn wait_for_first_plan(elk: &Elk) {
-    common::wait_until(PATIENCE, "everybody is there", || {
-        let (code, said) = elk.order(&["apps", "--json"]);
-        let rows: Vec<serde_json::Value> = serde_json::from_str(&said).unwrap_or_default();
-        code == Some(0) && rows.len() == 8 && rows.iter().all(|row| row["state"] == "running")
-    });
 }
 
 #[test]
@@ -140,8 +119,7 @@ fn every_app_can_be_stopped_and_started() {
 #[test]
 fn what_cannot_be_done_is_one_line_and_changes_nothing() {
     let elk = Elk::new("cannot");
-    let launcher = elk.launch(&car("manual"));
-    wait_for_first_plan(&elk);
+    let launcher = at_the_start(&elk, &[]);
     let before = ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger", "db"].map(|app| elk.process(app));
     let folder = elk.folder().display();
     for (order, said) in [
@@ -187,8 +165,7 @@ fn what_cannot_be_done_is_one_line_and_changes_nothing() {
 #[test]
 fn a_successor_that_dies_or_dawdles_leaves_the_old_one_in_its_place() {
     let elk = Elk::new("in-vain");
-    let launcher = elk.launch(&car("manual"));
-    wait_for_first_plan(&elk);
+    let launcher = at_the_start(&elk, &[]);
     let before = elk.process("Explorer");
     elk.script("dies.sh", "echo my last words\nexit 3\n");
     let said = elk.refused(&["swap", "Explorer", "exec=./dies.sh"]);
@@ -213,11 +190,9 @@ fn a_successor_that_dies_or_dawdles_leaves_the_old_one_in_its_place() {
 #[test]
 fn a_name_that_is_taken_keeps_an_app_from_starting() {
     let elk = Elk::new("taken");
-    let launcher = elk.launch(&car("manual"));
-    wait_for_first_plan(&elk);
+    let launcher = at_the_start(&elk, &[]);
     elk.obeyed(&["stop", "Filter"]);
-    let community = elk_bus::Community::new(elk.community()).unwrap();
-    let other = elk_bus::Client::connect(&community, "Filter").unwrap();
+    let other = elk.join("Filter");
     let said = elk.refused(&["start", "Filter"]);
     assert!(said.contains("Filter ended before it registered: exit code 1"), "{said}");
     assert!(said.contains("a client named \"Filter\" is already connected"), "{said}");
@@ -244,24 +219,34 @@ fn every_app_and_the_broker_can_be_killed_and_the_mission_completes() {
 fn a_paused_mission_stands_still_steps_and_runs_on() {
     let elk = Elk::new("paused");
     let launcher = under_way(&elk);
+    let mut watcher = elk.join("watcher");
+    watcher.comms.register(&MOTION_MEMORY).unwrap();
     elk.obeyed(&["pause"]);
-    // What was under way comes to its end.
-    let mut still = scans(&elk);
-    common::wait_until(PATIENCE, "the robot stands", || {
-        std::thread::sleep(Duration::from_millis(200));
-        still == std::mem::replace(&mut still, scans(&elk))
-    });
-    elk.obeyed(&["step"]);
-    wait_for_scans(&elk, still + 1);
+    let (commands, scans) = stands(&mut watcher, 0);
+    for step in 1..=3 {
+        elk.obeyed(&["step"]);
+        let stood = stands(&mut watcher, commands + step - 1);
+        assert_eq!(stood, (commands + step, scans + step as usize), "one pose and one scan a step");
+    }
     elk.obeyed(&["resume"]);
+    drop(watcher);
     assert_completes(&elk, launcher);
+}
+
+/// Waits until the controller, after this many commands, holds the next one back: what was under way has come to its end.
+/// How many commands it has given, and how many scans were taken.
+fn stands(watcher: &mut Client, after: u64) -> (u64, usize) {
+    hear(watcher, "a robot that stands", |mail| {
+        let memory = mail.decode(&MOTION_MEMORY).unwrap();
+        let stands = memory.commands > memory.allowed && memory.allowed > after;
+        stands.then_some((memory.allowed, memory.samples.len()))
+    })
 }
 
 #[test]
 fn a_detached_mission_outlives_its_launcher_and_is_picked_up() {
     let elk = Elk::new("detached");
-    let launcher = elk.launch_with(&car("manual"), &["--detach"]);
-    wait_for_first_plan(&elk);
+    let launcher = at_the_start(&elk, &["--detach"]);
     let apps = ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger", "db"];
     let before = apps.map(|app| elk.process(app));
     elk.obeyed(&["stop", "Filter"]);
@@ -301,8 +286,7 @@ fn there_is_nothing_to_attach_to_without_a_mission() {
 #[test]
 fn a_mission_inside_one_process_says_that_it_is_one() {
     let elk = Elk::new("one-process");
-    let launcher = elk.launch_with(&car("manual"), &["--in-process"]);
-    common::wait_until(PATIENCE, "it answers", || elk.order(&["apps"]).0 == Some(0));
+    let launcher = at_the_start(&elk, &["--in-process"]);
     let said = elk.refused(&["stop", "Map"]);
     assert!(said.starts_with("elk: this mission runs inside one process"), "{said}");
     elk.obeyed(&["resume"]);

@@ -1,20 +1,20 @@
-//! Readers of bulk values that are killed and come back after a while: what their mailbox has room for is theirs, to the
-//! value, in order; what it has no room for is counted.
+//! A reader of bulk values that is killed and comes back after a while: what came meanwhile, and its mailbox has room for,
+//! is its own, to the value, in order.
 //!
 //! `ELK_KILLS=40 cargo test --release -p elk-bus --test bulk_kills -- --nocapture` kills for longer.
+
+mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use elk_bus::clock::Stopwatch;
+use common::events::{Events, Patience, once_served};
 use elk_bus::{
-    App, AppError, BrokerConfig, Client, Clock, Comms, Community, ConnectError, Key, Mail, RunOptions, run_app,
-    serve_broker,
+    App, AppError, BrokerConfig, Client, Clock, Comms, Community, Key, Mail, RunOptions, run_app, serve_broker,
 };
 
-const DEADLINE: Duration = Duration::from_secs(60);
 /// Bytes of a value, and values a second of each publisher.
 const BYTES: usize = 20_000;
 const RATE_HZ: u64 = 100;
@@ -38,7 +38,7 @@ fn key(name: &str) -> Key<Parcel> {
     Key::named(name.to_owned())
 }
 
-/// Writes down every number that it hears, and, over what stands there, how many it will never hear.
+/// Writes down every number that it hears, and ends at the first that it misses.
 struct Reader(PathBuf);
 
 impl App for Reader {
@@ -100,15 +100,7 @@ impl Drop for Role {
 }
 
 fn connect(community: &Community, name: &str) -> Client {
-    let waited = Stopwatch::start();
-    loop {
-        match Client::connect(community, name) {
-            Err(ConnectError::NoBroker(_) | ConnectError::Handshake { .. }) if waited.elapsed() < DEADLINE => {
-                std::thread::yield_now();
-            }
-            other => return other.unwrap(),
-        }
-    }
+    once_served(community, || Client::connect(community, name)).unwrap()
 }
 
 /// Publishes 1, 2, 3, … until it is enough; the last number.
@@ -122,8 +114,9 @@ fn publish(community: &Community, name: &str, enough: &AtomicBool) -> u64 {
         client.receive(Duration::from_micros(1_000_000 / RATE_HZ), |_| {}).unwrap();
     }
     // Who leaves takes its shared memory along: what was not read there is read first.
-    let waited = Stopwatch::start();
-    while client.comms.unhandled_batches() > 0 && waited.elapsed() < DEADLINE {
+    let patience = Patience::new();
+    while client.comms.unhandled_batches() > 0 {
+        patience.left("that the broker has read everything");
         client.comms.notify("NUDGE", 1.0).unwrap();
         client.receive(Duration::from_millis(10), |_| {}).unwrap();
     }
@@ -140,7 +133,9 @@ fn heard(record: &Path, name: &str) -> Vec<u64> {
 fn a_reader_that_is_killed_and_comes_back_misses_no_value_that_its_mailbox_has_room_for() {
     let kills = std::env::var("ELK_KILLS").ok().map_or(3, |kills| kills.parse::<u64>().expect("a whole number"));
     let community = Community::new(format!("bulk-kills-{}", std::process::id())).unwrap();
-    let record = std::env::temp_dir().join(format!("{community}-{}", kills));
+    let folder = tempfile::tempdir().unwrap();
+    let record = folder.path().join("heard");
+    let once = |what: &str, is_so: &dyn Fn() -> bool| Events::in_folders([folder.path()]).wait_until(what, is_so);
     let _broker = Role::start("broker", &community, &record);
     drop(connect(&community, "usher"));
     let mut reader = Role::start("reader", &community, &record);
@@ -148,13 +143,10 @@ fn a_reader_that_is_killed_and_comes_back_misses_no_value_that_its_mailbox_has_r
     let last: Vec<u64> = std::thread::scope(|scope| {
         let publishers = PUBLISHERS.map(|name| scope.spawn(|| publish(&community, name, &enough)));
         for kill in 0..kills {
-            let (before, waited) = (heard(&record, PUBLISHERS[0]).len(), Stopwatch::start());
-            while heard(&record, PUBLISHERS[0]).len() < before + 20 {
-                assert!(waited.elapsed() < DEADLINE, "the reader hears nothing any more");
-                std::thread::sleep(Duration::from_millis(5));
-            }
+            let before = heard(&record, PUBLISHERS[0]).len();
+            once("more values", &|| heard(&record, PUBLISHERS[0]).len() >= before + 20);
             reader.kill();
-            // From at once to as long as it may be.
+            // How long nobody reads is the load; from not at all to as long as it may be.
             std::thread::sleep(Duration::from_millis(kill * 1700 % (1000 * AWAY_SECS)));
             reader = Role::start("reader", &community, &record);
         }
@@ -162,10 +154,7 @@ fn a_reader_that_is_killed_and_comes_back_misses_no_value_that_its_mailbox_has_r
         publishers.map(|publisher| publisher.join().unwrap()).into()
     });
     for (name, last) in PUBLISHERS.iter().zip(last) {
-        let waited = Stopwatch::start();
-        while heard(&record, name).last() != Some(&last) && waited.elapsed() < DEADLINE {
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        once("the last value", &|| heard(&record, name).last() == Some(&last));
         // The value in whose midst it was killed comes again: it may have been written down already.
         let mut numbers = heard(&record, name);
         let twice = numbers.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64;
@@ -176,5 +165,4 @@ fn a_reader_that_is_killed_and_comes_back_misses_no_value_that_its_mailbox_has_r
         println!("{name}: {} values of {BYTES} bytes, {kills} kills, none lost", numbers.len());
     }
     drop(reader);
-    std::fs::remove_file(record).unwrap();
 }

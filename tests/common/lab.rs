@@ -1,17 +1,17 @@
 //! A community of its own, and somebody who listens to all of it.
 
-use std::process::Child;
 use std::time::Duration;
 
 use elk_bus::broker::table::{ClientEntry, CommunityTable, REQUEST, TABLE};
 use elk_bus::{Client, Community, Mail, Value};
-use rustix::process::Signal;
 
-use super::{Elk, kill, wait_until};
+use super::Elk;
+use super::events::{Events, Patience, folders_of};
+use super::running::Running;
 
 /// A broker, and a client of it.
 pub struct Lab {
-    db: Db,
+    db: Running,
     pub listener: Client,
 }
 
@@ -27,28 +27,20 @@ impl Lab {
     /// With a listener that is registered for nothing.
     pub fn deaf(elk: &Elk) -> Self {
         let db = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-        let name = Community::new(elk.community()).unwrap();
-        let mut joined = None;
-        wait_until(Duration::from_secs(30), "a broker", || {
-            joined = Client::connect(&name, "listener").ok();
-            joined.is_some()
-        });
-        Self { db: Db(db), listener: joined.unwrap() }
+        Self { db: Running(db), listener: elk.join("listener") }
     }
 
     /// Waits until the client of this name is registered for something.
     pub fn wait_for_reader(&mut self, name: &str) {
-        let reads = |client: &ClientEntry| client.name == name && !client.registrations.is_empty();
-        wait_until(Duration::from_secs(30), name, || table(&mut self.listener).clients.iter().any(reads));
+        wait_for_reader(&mut self.listener, |client| client == name);
     }
 
     /// All messages of others than the broker and the listener, until `count` have come.
     pub fn hear(&mut self, count: usize) -> Vec<(String, String, Value)> {
-        let mut heard = Vec::new();
-        wait_until(Duration::from_secs(30), "what is played", || {
-            self.listen(Duration::from_millis(10), &mut heard);
-            heard.len() >= count
-        });
+        let (mut heard, patience) = (Vec::new(), Patience::new());
+        while heard.len() < count {
+            self.listen(patience.left("what is played"), &mut heard);
+        }
         heard
     }
 
@@ -69,32 +61,56 @@ impl Lab {
     }
 
     pub fn end(self) {
-        let Self { mut db, listener } = self;
+        let Self { db, listener } = self;
         // A broker that ends waits for those who do not look.
         drop(listener);
-        kill(db.0.id() as i32, Signal::TERM);
-        assert!(db.0.wait().unwrap().success());
+        db.stop();
     }
 }
 
 /// Who is there, after all that this client has said was taken in.
 pub fn table(client: &mut Client) -> CommunityTable {
     client.comms.notify(REQUEST, 1.0).unwrap();
-    let mut answer = None;
-    wait_until(Duration::from_secs(30), "the broker's answer", || {
-        let note = |mail: &Mail<'_>| answer = mail.is(&TABLE).then(|| mail.decode(&TABLE).unwrap()).or(answer.take());
-        client.receive(Duration::from_millis(10), note).unwrap();
-        answer.is_some()
-    });
-    answer.unwrap()
+    hear(client, "the broker's answer", |mail| mail.is(&TABLE).then(|| mail.decode(&TABLE).unwrap()))
 }
 
-/// A broker. Killed, should the test fail before its end.
-struct Db(Child);
+/// Hears mail until `wanted` makes something of a message; of several that come at once, of the first.
+pub fn hear<T>(client: &mut Client, what: &str, mut wanted: impl FnMut(&Mail<'_>) -> Option<T>) -> T {
+    let (mut found, patience) = (None, Patience::new());
+    loop {
+        let note = |mail: &Mail<'_>| {
+            let this = wanted(mail);
+            found = found.take().or(this);
+        };
+        client.receive(patience.left(what), note).unwrap();
+        if let Some(found) = found {
+            return found;
+        }
+    }
+}
 
-impl Drop for Db {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+/// Waits until a client whose name is right is registered for something: the broker notes that in a file.
+pub fn wait_for_reader(witness: &mut Client, is_right: impl Fn(&str) -> bool) {
+    let community = Community::new(witness.comms.community()).unwrap();
+    let reads = |client: &ClientEntry| is_right(&client.name) && !client.registrations.is_empty();
+    let events = Events::in_folders(folders_of(&community));
+    events.wait_until("a reader", || table(witness).clients.iter().any(reads));
+}
+
+/// Waits until the right clients are there.
+pub fn wait_for_clients(elk: &Elk, what: &str, are_right: impl Fn(&[&str]) -> bool) {
+    let mut witness = elk.join("witness");
+    witness.comms.register_text("DB_CLIENTS").unwrap();
+    hear(&mut witness, what, |mail| {
+        let clients: Vec<&str> = mail.as_text()?.split(',').collect();
+        are_right(&clients).then_some(())
+    });
+}
+
+/// Waits until the community's time, as a client hears of it, is right.
+pub fn wait_for_time(client: &mut Client, is_right: impl Fn(f64) -> bool) {
+    let patience = Patience::new();
+    while !is_right(client.comms.time()) {
+        client.receive(patience.left("the community's time"), |_| {}).unwrap();
     }
 }

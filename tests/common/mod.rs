@@ -1,20 +1,24 @@
 //! The real program in a folder and a community of its own.
 #![allow(dead_code, reason = "each test program uses its part of it")]
 
+#[path = "../../bus/tests/common/events.rs"]
+pub mod events;
+
+pub mod car;
 pub mod lab;
+pub mod running;
+pub mod small;
+pub mod spoilt;
 pub mod terminal;
 
 use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
 
-use elk_bus::clock::Stopwatch;
+use elk_bus::{Client, Community};
+use events::{Events, end_of, once_served, wait_until_gone};
 use rustix::process::{Pid, Signal, kill_process};
-
-/// How long anything may take before a test gives up: far longer than it takes on a busy machine.
-pub const WATCHDOG: Duration = Duration::from_secs(120);
 
 /// A folder and a community for one test.
 pub struct Elk {
@@ -51,6 +55,22 @@ impl Elk {
         self.folder.path()
     }
 
+    /// Whatever happens in the folder from now on.
+    pub fn events(&self) -> Events {
+        Events::in_folders([self.folder()])
+    }
+
+    /// Joins the community, as soon as somebody serves it.
+    pub fn join(&self, name: &str) -> Client {
+        let community = Community::new(self.community()).unwrap();
+        once_served(&community, || Client::connect(&community, name)).unwrap()
+    }
+
+    /// Waits until none of the test's processes is left.
+    pub fn wait_until_deserted(&self) {
+        wait_until_gone("the end of all processes", || processes_of(self));
+    }
+
     /// Writes a shell script that a mission can name.
     pub fn script(&self, name: &str, text: &str) {
         let file = self.folder().join(name);
@@ -78,12 +98,16 @@ impl Elk {
 
     /// Launches a mission whose processes have the limits that a shell command sets.
     pub fn launch_limited(&self, mission: &str, limits: &str) -> Launcher {
-        let Self { community, .. } = self;
-        let (program, file) = (self.program(), self.mission_file(mission));
+        let file = self.mission_file(mission);
+        self.spawn("said.txt", self.limited(limits, &["launch", &file, "--headless", "--community", &self.community]))
+    }
+
+    /// `elk` with these arguments, in the folder, with the limits that a shell command sets.
+    pub fn limited(&self, limits: &str, arguments: &[&str]) -> Command {
         let mut command = Command::new("sh");
-        command.args(["-c", &format!("{limits} && exec {program} launch {file} --headless --community {community}")]);
+        command.args(["-c", &format!("{limits} && exec {} {}", self.program(), arguments.join(" "))]);
         command.current_dir(self.folder()).stdin(Stdio::null());
-        self.spawn("said.txt", command)
+        command
     }
 
     fn mission_file(&self, mission: &str) -> String {
@@ -181,24 +205,20 @@ impl Launcher {
 
     /// Waits until it has said something.
     pub fn wait_for(&mut self, words: &str) {
-        let clock = Stopwatch::start();
-        while !self.said().contains(words) {
-            let ended = self.child.try_wait().unwrap();
-            assert!(ended.is_none() && clock.elapsed() < WATCHDOG, "never said {words:?}:\n{}", self.said());
-            std::thread::sleep(Duration::from_millis(10));
+        let mut events = Events::in_folders(self.said.parent()).or_end_of(self.id());
+        loop {
+            let over = self.is_over();
+            if self.said().contains(words) {
+                return;
+            }
+            assert!(!over && events.happen(), "never said {words:?}:\n{}", self.said());
         }
     }
 
     /// Waits for its end; its exit code, and all that it said.
     pub fn end(mut self) -> (Option<i32>, String) {
-        let clock = Stopwatch::start();
-        loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                return (status.code(), self.said());
-            }
-            assert!(clock.elapsed() < WATCHDOG, "never ended:\n{}", self.said());
-            std::thread::sleep(Duration::from_millis(10));
-        }
+        let status = end_of(&mut self.child).unwrap_or_else(|| panic!("never ended:\n{}", self.said()));
+        (status.code(), self.said())
     }
 
     /// All processes that it has started, and those that they have.
@@ -282,13 +302,4 @@ pub fn shared_memory_of(elk: &Elk) -> Vec<String> {
 
 pub fn kill(id: i32, signal: Signal) {
     kill_process(Pid::from_raw(id).unwrap(), signal).unwrap();
-}
-
-/// Waits for an event.
-pub fn wait_until(patience: Duration, what: &str, mut happened: impl FnMut() -> bool) {
-    let clock = Stopwatch::start();
-    while !happened() {
-        assert!(clock.elapsed() < patience, "not within {patience:?}: {what}");
-        std::thread::sleep(Duration::from_millis(10));
-    }
 }

@@ -1,23 +1,20 @@
 //! A pseudo-terminal, and a program in it.
 
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{PipeReader, PipeWriter, Read, Write, pipe};
 use std::os::fd::OwnedFd;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
-use elk_bus::clock::Stopwatch;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{Mode, OFlags, open};
 use rustix::process::{ioctl_tiocsctty, setsid};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, SpecialCodeIndex, Winsize, tcgetattr, tcsetwinsize};
 
-use super::{WATCHDOG, wait_until};
+use super::events::{Patience, end_of};
 
 /// A terminal with a person at it, and the program that they have started there. Killed, should the test fail before its
 /// end.
@@ -79,15 +76,16 @@ impl Terminal {
 
     /// All that the program has shown so far.
     pub fn shown(&self) -> String {
-        String::from_utf8_lossy(&self.shown.bytes.lock().unwrap()).into_owned()
+        text(&self.shown.bytes.0.lock().unwrap())
     }
 
     /// Waits until the program has shown something that is as it should be.
     pub fn wait_until(&self, what: &str, mut happened: impl FnMut(&str) -> bool) {
-        let clock = Stopwatch::start();
-        while !happened(&self.shown()) {
-            assert!(clock.elapsed() < WATCHDOG, "never seen: {what}; what is shown: {:?}", self.shown());
-            std::thread::sleep(Duration::from_millis(10));
+        let (bytes, came) = &*self.shown.bytes;
+        let (mut shown, patience) = (bytes.lock().unwrap(), Patience::new());
+        while !happened(&text(&shown)) {
+            let left = patience.left(format_args!("{what}; what is shown: {:?}", text(&shown)));
+            shown = came.wait_timeout(shown, left).unwrap().0;
         }
     }
 
@@ -115,12 +113,7 @@ impl Terminal {
     }
 
     fn wait(&mut self) -> ExitStatus {
-        let mut status = None;
-        wait_until(WATCHDOG, "the program's end", || {
-            status = self.program.try_wait().unwrap();
-            status.is_some()
-        });
-        status.unwrap()
+        end_of(&mut self.program).unwrap_or_else(|| panic!("never ended; what is shown: {:?}", self.shown()))
     }
 }
 
@@ -141,36 +134,39 @@ fn resize(tty: &OwnedFd, columns: u16) {
     tcsetwinsize(tty, Winsize { ws_row: 24, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();
 }
 
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
 /// What a terminal shows: read by a thread, since a terminal that nobody reads makes its program wait.
 struct Shown {
-    bytes: Arc<Mutex<Vec<u8>>>,
-    enough: Arc<AtomicBool>,
+    /// All of it, and the news that there is more.
+    bytes: Arc<(Mutex<Vec<u8>>, Condvar)>,
+    /// Closed when it is enough.
+    enough: Option<PipeWriter>,
     reader: Option<JoinHandle<()>>,
 }
 
 impl Shown {
     fn of(person: OwnedFd) -> Self {
-        let (bytes, enough) = (Arc::new(Mutex::new(Vec::new())), Arc::new(AtomicBool::new(false)));
-        let (all, over) = (bytes.clone(), enough.clone());
+        let bytes: Arc<(Mutex<Vec<u8>>, Condvar)> = Arc::default();
+        let (until, enough) = pipe().unwrap();
+        let all = bytes.clone();
         let reader = std::thread::spawn(move || {
             let mut person = File::from(person);
             let mut some = [0; 4096];
-            loop {
-                // Asked before looking: what is there by then is taken all the same.
-                let enough = over.load(Ordering::Relaxed);
-                if ready(&person) {
-                    let count = person.read(&mut some).unwrap_or(0);
-                    all.lock().unwrap().extend_from_slice(&some[..count]);
-                } else if enough {
-                    break;
-                }
+            while is_readable(&person, &until) {
+                let count = person.read(&mut some).unwrap_or(0);
+                all.0.lock().unwrap().extend_from_slice(&some[..count]);
+                all.1.notify_all();
             }
         });
-        Self { bytes, enough, reader: Some(reader) }
+        Self { bytes, enough: Some(enough), reader: Some(reader) }
     }
 
+    /// What is there by now is taken all the same.
     fn stop(&mut self) {
-        self.enough.store(true, Ordering::Relaxed);
+        self.enough = None;
         if let Some(reader) = self.reader.take() {
             reader.join().unwrap();
         }
@@ -183,9 +179,9 @@ impl Drop for Shown {
     }
 }
 
-/// Whether there is something to be read, within a moment.
-fn ready(person: &File) -> bool {
-    let mut ready = [PollFd::new(person, PollFlags::IN)];
-    let moment = Timespec { tv_sec: 0, tv_nsec: 10_000_000 };
-    poll(&mut ready, Some(&moment)).is_ok_and(|count| count > 0) && ready[0].revents().contains(PollFlags::IN)
+/// Waits until there is something to be read; `false`: there is nothing, and it is enough.
+fn is_readable(person: &File, until: &PipeReader) -> bool {
+    let mut both = [PollFd::new(person, PollFlags::IN), PollFd::new(until, PollFlags::IN)];
+    poll(&mut both, None).unwrap();
+    both[0].revents().contains(PollFlags::IN)
 }

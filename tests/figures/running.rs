@@ -7,14 +7,20 @@
 //! Each case prints what it compares with beside its result, from the same run.
 
 use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
 use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos};
 use elk_bus::{Client, Community};
+use events::{Events, WATCHDOG, once_served};
 use rustix::process::{Pid, Signal, kill_process};
+
+#[path = "../../bus/tests/common/events.rs"]
+mod events;
 
 const ELK: &str = env!("CARGO_BIN_EXE_elk");
 
@@ -61,20 +67,19 @@ impl Stage {
     }
 
     fn start(&mut self, arguments: &[&str]) -> u32 {
-        let child = self.command(arguments).spawn().expect("elk starts");
+        let command = self.command(arguments);
+        self.keep(command)
+    }
+
+    fn keep(&mut self, mut command: Command) -> u32 {
+        let child = command.spawn().expect("elk starts");
+        let process = child.id();
         self.started.push(child);
-        self.started.last().map_or(0, Child::id)
+        process
     }
 
     fn connect(&self, name: &str) -> Client {
-        let clock = Stopwatch::start();
-        loop {
-            match Client::connect(&self.community, name) {
-                Ok(client) => return client,
-                Err(error) => assert!(clock.elapsed() < Duration::from_secs(20), "{error}"),
-            }
-            std::thread::sleep(Duration::from_millis(2));
-        }
+        once_served(&self.community, || Client::connect(&self.community, name)).expect("a community")
     }
 }
 
@@ -158,12 +163,15 @@ fn long_mission(folder: &Path) -> PathBuf {
 fn swaps_of_an_explorer(count: usize) {
     let mut stage = Stage::new("swaps");
     let mission = long_mission(&stage.folder).display().to_string();
-    let launcher = stage.start(&["launch", &mission, "--headless"]);
-    let ready = Stopwatch::start();
-    while !stage.command(&["apps"]).status().is_ok_and(|s| s.success()) || running(&stage).len() < 7 {
-        assert!(ready.elapsed() < Duration::from_secs(60), "the mission does not start");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let words = stage.folder.join("said.txt");
+    let mut launch = stage.command(&["launch", &mission, "--headless"]);
+    let out = std::fs::File::create(&words).expect("a file for its words");
+    launch.stdout(out.try_clone().expect("another handle")).stderr(out);
+    let launcher = stage.keep(launch);
+    let everybody = "alive: Controller Explorer Filter Map Sensor";
+    let begins = || std::fs::read_to_string(&words).is_ok_and(|said| said.contains(everybody));
+    Events::in_folders([&stage.folder]).wait_until("the mission's start", begins);
+    assert_eq!(running(&stage).len(), 7);
     println!("swaps of the explorer in one mission (ClosestFrontier and Potential in turn)");
     println!("{:>6}  {:<44} {:<44} files in /dev/shm, beside", "swaps", "broker", "launcher");
     let (mut commands, mut gaps) = (Vec::new(), Vec::new());
@@ -227,10 +235,9 @@ fn note(client: &mut Client, patience: Duration, mut heard: impl FnMut(f64)) {
 fn recovery_of_a_broker(count: usize) {
     let mut stage = Stage::new("recovery");
     let mut broker = stage.command(&["db"]).spawn().expect("elk starts");
-    let (killed_at, over) = (AtomicU64::new(u64::MAX), AtomicBool::new(false));
-    let recovered = AtomicU64::new(0);
+    let (over, (tell, heard)) = (AtomicBool::new(false), channel());
     let epoch = monotonic_nanos();
-    let now = || monotonic_nanos() - epoch;
+    let now = || (monotonic_nanos() - epoch) as f64;
     let mut times = Vec::new();
     let idle: Vec<u32> = (0..6)
         .map(|n| {
@@ -239,11 +246,12 @@ fn recovery_of_a_broker(count: usize) {
         })
         .collect();
     std::thread::scope(|scope| {
-        let (stage, over, killed_at, recovered) = (&stage, &over, &killed_at, &recovered);
+        let (stage, over) = (&stage, &over);
         scope.spawn(move || {
             let mut publisher = stage.connect("publisher");
             while !over.load(Ordering::Relaxed) {
-                publisher.comms.notify("T", now() as f64).and_then(|()| publisher.comms.flush()).expect("it is heard");
+                publisher.comms.notify("T", now()).and_then(|()| publisher.comms.flush()).expect("it is heard");
+                // The load: a message each millisecond.
                 std::thread::sleep(Duration::from_millis(1));
             }
         });
@@ -251,27 +259,28 @@ fn recovery_of_a_broker(count: usize) {
             let mut subscriber = stage.connect("subscriber");
             subscriber.comms.register_variable("T", 0.0).expect("it registers");
             while !over.load(Ordering::Relaxed) {
+                // When it was said, and when it was heard.
                 note(&mut subscriber, Duration::from_millis(50), |said| {
-                    if said as u64 > killed_at.load(Ordering::SeqCst) {
-                        recovered.store(now(), Ordering::SeqCst);
-                        killed_at.store(u64::MAX, Ordering::SeqCst);
-                    }
+                    tell.send((said, now())).expect("it is listened to")
                 });
             }
         });
+        // When the first message was heard that was said after a moment.
+        let first_after = |moment: f64| loop {
+            let (said, when) = heard.recv_timeout(WATCHDOG).expect("something comes through again");
+            if said > moment {
+                break when;
+            }
+        };
         for _ in 0..count {
-            std::thread::sleep(Duration::from_millis(700));
+            // Each broker has served for a while before it is killed.
+            let served_since = first_after(now());
+            first_after(served_since + 700e6);
             let death = now();
-            killed_at.store(death, Ordering::SeqCst);
             broker.kill().expect("the broker can be killed");
             broker.wait().expect("it ends");
             broker = stage.command(&["db"]).spawn().expect("elk starts");
-            let patience = Stopwatch::start();
-            while killed_at.load(Ordering::SeqCst) != u64::MAX {
-                assert!(patience.elapsed() < Duration::from_secs(20), "nothing comes through again");
-                std::thread::sleep(Duration::from_millis(1));
-            }
-            times.push((recovered.load(Ordering::SeqCst) - death) as f64 * 1e-6);
+            times.push((first_after(death) - death) * 1e-6);
         }
         over.store(true, Ordering::Relaxed);
     });
@@ -279,6 +288,19 @@ fn recovery_of_a_broker(count: usize) {
     println!("the first message through again  {}", spread(times));
     let _ = kill_process(Pid::from_child(&broker), Signal::TERM);
     let _ = broker.wait();
+}
+
+/// The last message of a publisher.
+const LAST: f64 = -1.0;
+
+/// The last lines of a file.
+fn end_of(file: &Path) -> std::io::Result<String> {
+    let mut file = std::fs::File::open(file)?;
+    let len = file.metadata()?.len();
+    file.seek(SeekFrom::Start(len.saturating_sub(1000)))?;
+    let mut end = Vec::new();
+    file.read_to_end(&mut end)?;
+    Ok(String::from_utf8_lossy(&end).into_owned())
 }
 
 /// What two subscribers hear of 100,000 messages a second, while a third one is stopped.
@@ -308,8 +330,10 @@ fn a_stopped_subscriber(secs: u64) {
                 publisher.comms.flush().expect("it is heard");
                 ticks += 1;
                 let next = Duration::from_millis(ticks);
+                // The load: 100 messages each millisecond.
                 std::thread::sleep(next.saturating_sub(clock.elapsed()));
             }
+            publisher.comms.notify("T", LAST).and_then(|()| publisher.comms.flush()).expect("it is heard");
         });
         let mut listener = stage.connect("listener");
         listener.comms.register_variable("T", 0.0).expect("it registers");
@@ -345,7 +369,10 @@ fn a_stopped_subscriber(secs: u64) {
         );
     }
     println!("ratio of p99 {:.2}; broker {resident:.1} MB", p99["one stopped"] / p99["all read"]);
-    std::thread::sleep(Duration::from_millis(500));
+    // It has heard, or missed, all by then.
+    let last = format!("\"value\":{LAST:?}");
+    let is_through = || end_of(&log).is_ok_and(|end| end.lines().any(|line| line.contains(&last)));
+    Events::in_folders([&stage.folder]).wait_until("the last message", is_through);
     let _ = kill_process(Pid::from_child(&echo), Signal::INT);
     let _ = echo.wait();
     let text = std::fs::read_to_string(&log).unwrap_or_default();

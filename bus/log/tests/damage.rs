@@ -3,6 +3,8 @@
 //!
 //! The fuzz targets in `tests/fuzz/` drive the same functions for as long as one likes.
 
+mod common;
+
 use std::path::Path;
 
 use elk_bus::Value;
@@ -10,22 +12,12 @@ use elk_log::fuzzing::{read_alog, read_log};
 use elk_log::{Compression, Index, LogOptions, LogReader, LogWriter, Metadata, Record};
 
 fn record(number: u64) -> Record {
-    Record {
-        key: format!("KEY_{}", number % 3),
-        source: "app".into(),
-        source_aux: String::new(),
-        community: "elk".into(),
-        time: number as f64,
-        sequence: number,
-        received: number as f64,
-        order: number,
-        epoch: 1,
-        value: match number % 3 {
-            0 => Value::Double(number as f64),
-            1 => Value::Text("some words".into()),
-            _ => Value::Binary { type_name: "Unknown".into(), layout: 1, bytes: vec![number as u8; 50] },
-        },
-    }
+    let value = match number % 3 {
+        0 => Value::Double(number as f64),
+        1 => Value::Text("some words".into()),
+        _ => Value::Binary { type_name: "Unknown".into(), layout: 1, bytes: vec![number as u8; 50] },
+    };
+    common::record(number, &format!("KEY_{}", number % 3), value)
 }
 
 /// Six chunks of five records.

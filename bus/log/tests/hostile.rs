@@ -1,5 +1,7 @@
 //! Logs that were made to do harm: what claims to be large costs as much as it is, whichever way it is read.
 
+mod common;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -7,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use common::record;
 use elk_bus::Value;
 use elk_log::alog::AlogReader;
 use elk_log::check::check;
@@ -48,21 +51,6 @@ fn memory_of<T>(work: impl FnOnce() -> T) -> (u64, T) {
     MOST.store(before, Ordering::Relaxed);
     let done = work();
     ((MOST.load(Ordering::Relaxed) - before) as u64 / MB, done)
-}
-
-fn record(number: u64, value: Value) -> Record {
-    Record {
-        key: "KEY".into(),
-        source: "app".into(),
-        source_aux: String::new(),
-        community: "elk".into(),
-        time: number as f64,
-        sequence: number,
-        received: number as f64,
-        order: number,
-        epoch: 1,
-        value,
-    }
 }
 
 /// A chunk that holds `inside`, of `length` bytes.
@@ -116,7 +104,7 @@ fn trap(folder: &Path, chunk: &[u8]) -> PathBuf {
     let path = folder.join("trap.mcap");
     let _ = std::fs::remove_file(&path);
     let mut log = LogWriter::create(&path, &Metadata::default()).unwrap();
-    (0..3).for_each(|number| log.append(&record(number, 1.0.into()).as_ref()).unwrap());
+    (0..3).for_each(|number| log.append(&record(number, "KEY", 1.0.into()).as_ref()).unwrap());
     log.flush().unwrap();
     drop(log);
     File::options().append(true).open(&path).unwrap().write_all(chunk).unwrap();
@@ -246,7 +234,7 @@ fn packed_log(path: &Path) -> LogWriter {
 }
 
 fn zeros(number: u64, bytes: u64) -> Record {
-    record(number, Value::Binary { type_name: "Zeros".into(), layout: 1, bytes: vec![0; bytes as usize] })
+    record(number, "KEY", Value::Binary { type_name: "Zeros".into(), layout: 1, bytes: vec![0; bytes as usize] })
 }
 
 #[test]
@@ -254,8 +242,13 @@ fn what_a_writer_writes_is_believed_however_tightly_it_packs() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
     let mut log = packed_log(&folder.path().join("log.mcap"));
-    let records =
-        [record(0, 1.0.into()), zeros(1, 30 * MB), zeros(2, 70 * MB), record(3, 2.0.into()), zeros(4, 80 * MB)];
+    let records = [
+        record(0, "KEY", 1.0.into()),
+        zeros(1, 30 * MB),
+        zeros(2, 70 * MB),
+        record(3, "KEY", 2.0.into()),
+        zeros(4, 80 * MB),
+    ];
     for record in &records {
         log.append(&record.as_ref()).unwrap();
         log.flush().unwrap();
@@ -272,7 +265,8 @@ fn what_packs_too_tightly_is_refused_where_there_is_no_room_for_another_segment(
     let next = folder.path().join("log.1.mcap");
     std::fs::create_dir(&next).unwrap();
     let mut log = packed_log(&folder.path().join("log.mcap"));
-    let records = [record(0, 1.0.into()), record(1, 2.0.into()), zeros(2, 70 * MB), record(3, 3.0.into())];
+    let records =
+        [record(0, "KEY", 1.0.into()), record(1, "KEY", 2.0.into()), zeros(2, 70 * MB), record(3, "KEY", 3.0.into())];
     log.append(&records[0].as_ref()).unwrap();
     for _ in 0..2 {
         let refused = log.append(&zeros(9, 70 * MB).as_ref()).unwrap_err().to_string();
@@ -295,7 +289,7 @@ fn logs_that_have_too_little_in_common_are_not_kept_in_memory() {
         let mut log = LogWriter::create(&path, &Metadata::default()).unwrap();
         for number in 0..count {
             let value = Value::Binary { type_name: "T".into(), layout: 1, bytes: vec![7; MB as usize] };
-            log.append(&Record { key: key.into(), ..record(number, value) }.as_ref()).unwrap();
+            log.append(&record(number, key, value).as_ref()).unwrap();
         }
         log.finish().unwrap();
         path

@@ -1,4 +1,7 @@
 //! A broker in a process of its own, which is the test's program again.
+#![allow(dead_code, reason = "each test program uses its part of it")]
+
+pub mod events;
 
 use std::process::{Child, Command, Stdio};
 
