@@ -1,7 +1,5 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
-use std::collections::BTreeMap;
-
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
@@ -22,6 +20,7 @@ use crate::explore::{Explorer, Settings};
 use crate::extent::Scope;
 use crate::laplace::Solver;
 use crate::policy::Policy;
+use crate::requests::{MOST_ASKERS, Requests};
 use crate::strategy::{ClosestFrontier, Potential, Start, Strategy};
 
 /// The explorers that a mission file can name.
@@ -135,7 +134,7 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         explorer,
         // The table keeps the number of bricks positive.
         replica: Replica::new(Some(params.number("Res")), params.integer("MaxBricks") as usize),
-        requests: BTreeMap::new(),
+        requests: Requests::default(),
         recall: Recall::default(),
         plan: None,
         scope: Scope::default(),
@@ -185,16 +184,13 @@ fn potential(params: &Params) -> Potential {
     Potential { start, solver, tolerance }
 }
 
-/// Clients that may wait for a plan at once.
-const MOST_ASKERS: usize = 8;
-
 /// An [`Explorer`] on the bus.
 pub struct ExplorerApp {
     explorer: Explorer,
     replica: Replica,
     frontier: FrontierSet,
-    /// Requests whose revision of the map is not here yet, by who asks: nobody can take back what another one has asked.
-    requests: BTreeMap<String, PlanRequest>,
+    /// Requests whose revision of the map is not here yet.
+    requests: Requests,
     recall: Recall,
     /// The last plan, to be given again if it is asked for again.
     plan: Option<Plan>,
@@ -217,10 +213,14 @@ impl ExplorerApp {
             comms.notify(MAP_REQUEST, 1.0)?;
         }
         self.look_at_place(&request)?;
-        if self.requests.len() >= MOST_ASKERS && !self.requests.contains_key(asker) {
-            return Err(Rejection::new(format_args!("{MOST_ASKERS} others wait for a plan already")).into());
+        if let Err((left_out, request)) = self.requests.add(asker, request, revision) {
+            let why =
+                format!("revision is {}; {MOST_ASKERS} others wait for what comes before already", request.revision);
+            if left_out == asker {
+                return Err(Rejection::new(why).into());
+            }
+            tell(format_args!("{}: no plan for request {} of {left_out}: {why}", comms.name(), request.id));
         }
-        self.requests.insert(asker.to_owned(), request);
         self.answer(comms)
     }
 
@@ -261,12 +261,7 @@ impl ExplorerApp {
             return Ok(());
         }
         let revision = self.replica.grid().revision();
-        // Whoever asks has the map, too: one that is far ahead of it is not the map.
-        let is_due = |request: &PlanRequest| (request.revision..=request.revision + LEAP).contains(&revision);
-        let all = std::mem::take(&mut self.requests).into_iter();
-        let (here, later): (BTreeMap<_, _>, _) = all.partition(|(_, request)| is_due(request));
-        self.requests = later;
-        here.into_values().try_for_each(|request| self.answer_one(comms, request))
+        self.requests.take_due(revision).into_iter().try_for_each(|request| self.answer_one(comms, request))
     }
 
     fn answer_one(&mut self, comms: &mut Comms, request: PlanRequest) -> Result<(), AppError> {
