@@ -16,7 +16,7 @@ use elk_spatial::voxel::INDEX_RANGE;
 use elk_spatial::{Bounds, FrontierSet, Replica, Voxel};
 use nalgebra::Vector3;
 
-use crate::explore::{Explorer, Settings};
+use crate::explore::{Explorer, MAX_TARGETS, Settings};
 use crate::extent::Scope;
 use crate::laplace::Solver;
 use crate::policy::Policy;
@@ -154,6 +154,7 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
         radius_m: params.number("Radius"),
         clearance: Clearance::new(params.number("Radius"), params.number("Res"))?,
         max_voxels: count("MaxVoxels") as usize,
+        max_targets: MAX_TARGETS,
         min_frontier: count("MinFrontier") as usize,
         attempts: count("Attempts") as usize,
         max_scans: count("MaxScans"),

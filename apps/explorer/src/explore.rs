@@ -30,6 +30,8 @@ pub struct Settings {
     pub clearance: Clearance,
     /// Voxels to plan over at most, free or not.
     pub max_voxels: usize,
+    /// Targets that one plan looks at, the nearest of those that there are.
+    pub max_targets: usize,
     /// Clusters of fewer frontier voxels than this do not count.
     pub min_frontier: usize,
     /// Distinct places from which a frontier voxel is looked at before it is given up.
@@ -61,8 +63,8 @@ pub struct Explorer {
     scope: Scope,
 }
 
-/// Targets that one plan looks at, the nearest of those that there are.
-const MAX_TARGETS: usize = 250_000;
+/// Targets that one plan looks at.
+pub const MAX_TARGETS: usize = 250_000;
 
 /// The map as one plan sees it.
 struct Scene {
@@ -338,17 +340,14 @@ impl Scene {
         self.left.unreachable = apart.len() as u64;
         let (large, small) = by_cluster_size(connected, settings.min_frontier);
         self.left.too_small = small as u64;
-        let (near, far) = nearest(large, self.volume.voxel(self.space.start()));
+        // Before the nearest are taken: those would hide the others behind them for good.
+        let (given_up, open): (Vec<Voxel>, Vec<Voxel>) =
+            large.into_iter().partition(|voxel| memory.gave_up(*voxel, settings.attempts));
+        self.left.unresolved = given_up.len() as u64;
+        let (near, far) = nearest(open, self.volume.voxel(self.space.start()), settings.max_targets);
         self.beyond = far as u64;
-        for voxel in near {
-            let tried = memory.tried(voxel);
-            if memory.gave_up(voxel, settings.attempts) {
-                self.left.unresolved += 1;
-            } else {
-                let target = Target::new(&self.volume, settings.bounds, voxel, tried.to_vec());
-                self.targets.push(target);
-            }
-        }
+        let target = |voxel| Target::new(&self.volume, settings.bounds, voxel, memory.tried(voxel).to_vec());
+        self.targets = near.into_iter().map(target).collect();
     }
 }
 
@@ -363,12 +362,12 @@ impl Scene {
     }
 }
 
-/// The [`MAX_TARGETS`] voxels that are nearest to the robot, in order, and the number of the others.
-fn nearest(mut voxels: Vec<Voxel>, robot: Voxel) -> (Vec<Voxel>, usize) {
-    let far = voxels.len().saturating_sub(MAX_TARGETS);
+/// The `most` voxels that are nearest to the robot, in order, and the number of the others.
+fn nearest(mut voxels: Vec<Voxel>, robot: Voxel, most: usize) -> (Vec<Voxel>, usize) {
+    let far = voxels.len().saturating_sub(most);
     if far > 0 {
         voxels.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
-        voxels.truncate(MAX_TARGETS);
+        voxels.truncate(most);
         voxels.sort_unstable();
     }
     (voxels, far)
