@@ -4,7 +4,7 @@ use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::bricks::brick_of;
-use elk_spatial::checks::{MAX_BRICKS, path_in};
+use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, path_in};
 use elk_spatial::clearance::Clearance;
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
@@ -16,7 +16,7 @@ use elk_spatial::voxel::INDEX_RANGE;
 use elk_spatial::{Bounds, FrontierSet, Replica, Voxel};
 use nalgebra::Vector3;
 
-use crate::explore::{Explorer, MAX_TARGETS, Settings};
+use crate::explore::{Explorer, Settings};
 use crate::extent::Scope;
 use crate::laplace::Solver;
 use crate::policy::Policy;
@@ -154,7 +154,7 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
         radius_m: params.number("Radius"),
         clearance: Clearance::new(params.number("Radius"), params.number("Res"))?,
         max_voxels: count("MaxVoxels") as usize,
-        max_targets: MAX_TARGETS,
+        max_targets: MAX_REMEMBERED,
         min_frontier: count("MinFrontier") as usize,
         attempts: count("Attempts") as usize,
         max_scans: count("MaxScans"),

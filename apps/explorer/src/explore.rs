@@ -30,7 +30,8 @@ pub struct Settings {
     pub clearance: Clearance,
     /// Voxels to plan over at most, free or not.
     pub max_voxels: usize,
-    /// Targets that one plan looks at, the nearest of those that there are.
+    /// Targets that one plan looks at, the nearest of those that there are: no more than can be remembered
+    /// ([`elk_spatial::checks::MAX_REMEMBERED`]).
     pub max_targets: usize,
     /// Clusters of fewer frontier voxels than this do not count.
     pub min_frontier: usize,
@@ -62,9 +63,6 @@ pub struct Explorer {
     report: Option<ExplorationReport>,
     scope: Scope,
 }
-
-/// Targets that one plan looks at.
-pub const MAX_TARGETS: usize = 250_000;
 
 /// The map as one plan sees it.
 struct Scene {
@@ -171,7 +169,7 @@ impl Explorer {
             goals = self.near_goals(&scene);
         }
         if goals.is_empty() {
-            goals = self.far_goals(&mut scene);
+            goals = self.far_goals(&mut scene, frontier);
         }
         if goals.is_empty() {
             return self.end(End::Explored, &scene);
@@ -219,7 +217,7 @@ impl Explorer {
 
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
     /// on the map as it is then counts.
-    fn far_goals(&mut self, scene: &mut Scene) -> Goals {
+    fn far_goals(&mut self, scene: &mut Scene, frontier: &FrontierSet) -> Goals {
         let Scene { volume, space, targets, left, .. } = scene;
         let robot = volume.voxel(space.start());
         targets.sort_by_key(|t| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>());
@@ -229,7 +227,7 @@ impl Explorer {
         for candidates in [fresh, hidden] {
             let far;
             (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, &candidates));
-            self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied());
+            self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), frontier);
             if !goals.is_empty() {
                 targets.extend(candidates);
                 break;

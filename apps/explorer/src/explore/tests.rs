@@ -1,6 +1,7 @@
 use super::*;
 use crate::laplace::Solver;
 use crate::strategy::{Potential, Start};
+use elk_spatial::checks::MAX_REMEMBERED;
 use elk_spatial::messages::Outcome;
 use elk_spatial::ray::Traversal;
 use elk_spatial::{Pose, State};
@@ -54,7 +55,7 @@ fn settings(policy: Policy) -> Settings {
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).unwrap(),
         max_voxels: 1_000_000,
-        max_targets: MAX_TARGETS,
+        max_targets: MAX_REMEMBERED,
         min_frontier: 1,
         attempts: 3,
         max_scans: 500,
