@@ -1,21 +1,19 @@
 //! One explorer: from a map and a pose to the next path, until nothing is left that can be reached and seen.
 
 mod memory;
+mod scene;
 
 use elk_spatial::clearance::Clearance;
-use elk_spatial::messages::{
-    Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
-};
-use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_spatial::messages::{Decision, ExplorationReport, ExplorerMemory, Path, Plan, PlanRequest, Standing};
+use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline};
 use nalgebra::Point3;
 
-use crate::extent::{Extent, Scope};
+use crate::extent::Scope;
 use crate::goals::{Goal, Goals, Target};
 use crate::policy::{Policy, looks};
-use crate::space::Space;
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
-use crate::volume::Volume;
 use memory::Memory;
+use scene::Scene;
 
 /// What an explorer is told besides its strategy.
 #[derive(Debug, Clone)]
@@ -62,16 +60,6 @@ pub struct Explorer {
     plans: u64,
     report: Option<ExplorationReport>,
     scope: Scope,
-}
-
-/// The map as one plan sees it.
-struct Scene {
-    volume: Volume,
-    space: Space,
-    targets: Vec<Target>,
-    left: FrontiersLeft,
-    /// Frontier voxels that the robot could get to and that no plan was made over.
-    beyond: u64,
 }
 
 impl Explorer {
@@ -155,7 +143,9 @@ impl Explorer {
 
     fn decide(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Decision {
         let from = request.pose.position();
-        let mut scene = self.look_around(grid, frontier, from, false);
+        let (memory, settings) = (&self.memory, &self.settings);
+        let mut scene = self.journal.time("space", || Scene::around(grid, from, frontier, memory, settings));
+        self.scope = scene.scope();
         if request.revision >= self.settings.max_scans {
             return self.end(End::TooManyScans, &scene);
         }
@@ -165,7 +155,7 @@ impl Explorer {
         let mut goals = self.near_goals(&scene);
         if goals.is_empty() {
             // Perhaps the robot stands in a corner that became too tight.
-            scene = self.look_around(grid, frontier, from, true);
+            self.journal.time("space", || scene.back_off(frontier, &self.memory, &self.settings));
             goals = self.near_goals(&scene);
         }
         if goals.is_empty() {
@@ -182,32 +172,6 @@ impl Explorer {
             }
             None => self.end(End::NoProgress, &scene),
         }
-    }
-
-    /// Where the robot can be, what is to be resolved, and what is not, by cause.
-    fn look_around(
-        &mut self,
-        grid: &OccupancyGrid,
-        frontier: &FrontierSet,
-        position: Point3<f64>,
-        back_off: bool,
-    ) -> Scene {
-        let (memory, settings) = (&self.memory, &self.settings);
-        let scene = self.journal.time("space", || {
-            let clearance = &settings.clearance;
-            let robot = Voxel::containing(position, grid.resolution());
-            let margin = clearance.reach().max(2);
-            let extent = Extent::of(grid, robot, margin, settings.max_voxels);
-            let volume = Volume::between(grid, (extent.min, extent.max), margin);
-            let start = volume.index(robot).unwrap_or_default();
-            let space = Space::around(&volume, start, clearance, memory.trail(), back_off);
-            let mut scene = Scene { volume, space, targets: Vec::new(), left: FrontiersLeft::default(), beyond: 0 };
-            scene.sort_out(frontier, memory, settings);
-            scene.leave_out(frontier, &extent);
-            (scene, extent.scope)
-        });
-        self.scope = scene.1;
-        scene.0
     }
 
     fn near_goals(&mut self, scene: &Scene) -> Goals {
@@ -325,78 +289,6 @@ impl Explorer {
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
-}
-
-impl Scene {
-    /// Sorts the frontier into targets and what is left out, by cause.
-    fn sort_out(&mut self, frontier: &FrontierSet, memory: &Memory, settings: &Settings) {
-        let reached = |v: &Voxel| {
-            let i = self.volume.index(*v);
-            i.is_some_and(|i| self.space.component[i])
-        };
-        let (connected, apart): (Vec<Voxel>, Vec<Voxel>) = frontier.iter().partition(reached);
-        self.left.unreachable = apart.len() as u64;
-        let (large, small) = by_cluster_size(connected, settings.min_frontier);
-        self.left.too_small = small as u64;
-        // Before the nearest are taken: those would hide the others behind them for good.
-        let (given_up, open): (Vec<Voxel>, Vec<Voxel>) =
-            large.into_iter().partition(|voxel| memory.gave_up(*voxel, settings.attempts));
-        self.left.unresolved = given_up.len() as u64;
-        let (near, far) = nearest(open, self.volume.voxel(self.space.start()), settings.max_targets);
-        self.beyond = far as u64;
-        let target = |voxel| Target::new(&self.volume, settings.bounds, voxel, memory.tried(voxel).to_vec());
-        self.targets = near.into_iter().map(target).collect();
-    }
-}
-
-impl Scene {
-    /// Counts what the robot could get to, and what lies beyond the extent of the plan.
-    fn leave_out(&mut self, frontier: &FrontierSet, extent: &Extent) {
-        if extent.scope == Scope::Near {
-            let beyond = frontier.iter().filter(|v| extent.leaves_out(*v)).count() as u64;
-            self.left.unreachable -= beyond;
-            self.beyond += beyond;
-        }
-    }
-}
-
-/// The `most` voxels that are nearest to the robot, in order, and the number of the others.
-fn nearest(mut voxels: Vec<Voxel>, robot: Voxel, most: usize) -> (Vec<Voxel>, usize) {
-    let far = voxels.len().saturating_sub(most);
-    if far > 0 {
-        voxels.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
-        voxels.truncate(most);
-        voxels.sort_unstable();
-    }
-    (voxels, far)
-}
-
-/// The voxels in clusters (connected over 26 neighbours) of at least `min`, in order, and the number of the others.
-fn by_cluster_size(voxels: Vec<Voxel>, min: usize) -> (Vec<Voxel>, usize) {
-    if min <= 1 {
-        return (voxels, 0);
-    }
-    let mut open: std::collections::BTreeSet<Voxel> = voxels.iter().copied().collect();
-    let (mut large, mut small) = (Vec::new(), 0);
-    while let Some(first) = open.pop_first() {
-        let mut cluster = vec![first];
-        let mut next = 0;
-        while next < cluster.len() {
-            for n in cluster[next].neighbours() {
-                if open.remove(&n) {
-                    cluster.push(n);
-                }
-            }
-            next += 1;
-        }
-        if cluster.len() >= min {
-            large.extend(cluster);
-        } else {
-            small += cluster.len();
-        }
-    }
-    large.sort_unstable();
-    (large, small)
 }
 
 #[cfg(test)]

