@@ -53,6 +53,11 @@ impl BrickStates {
         self.brick.map(i32::from).into()
     }
 
+    /// The states of all cells.
+    pub fn unpack(&self) -> [State; BRICK_CELLS] {
+        std::array::from_fn(|cell| self.state(cell))
+    }
+
     /// The state of cell `cell`; unknown where the bytes are too few.
     pub fn state(&self, cell: usize) -> State {
         State::from_bits(self.states.get(cell / 4).map_or(0, |b| b >> (2 * (cell % 4))))
@@ -238,13 +243,21 @@ impl OccupancyGrid {
 
     /// Writes a brick; answers the cells that are other than they were, `before` or until now.
     fn write(&mut self, packed: &BrickStates, before: Option<&Bricks<State>>) -> (Voxel, Cells) {
-        let position = packed.position();
+        let (position, new) = (packed.position(), packed.unpack());
+        let own = self.states.brick(position);
+        let old = own.copied().unwrap_or([State::Unknown; BRICK_CELLS]);
+        if own.is_some() || new != old {
+            *self.states.brick_mut(position) = new;
+        }
+        for state in [State::Free, State::Occupied] {
+            let number = |cells: &[State]| cells.iter().filter(|s| **s == state).count();
+            self.counts[state as usize] += number(&new);
+            self.counts[state as usize] -= number(&old);
+        }
+        let before = before.map_or(old, |b| b.brick(position).copied().unwrap_or([State::Unknown; BRICK_CELLS]));
         let mut cells = [0; 8];
-        for cell in 0..BRICK_CELLS {
-            let (voxel, state) = (voxel_at(position, cell), packed.state(cell));
-            let changed = self.set(voxel, state);
-            let changed = before.map_or(changed, |before| before.get(voxel) != state);
-            cells[cell >> 6] |= u64::from(changed) << (cell & 63);
+        for (cell, (was, is)) in before.iter().zip(&new).enumerate() {
+            cells[cell >> 6] |= u64::from(was != is) << (cell & 63);
         }
         (position, cells)
     }
@@ -269,6 +282,48 @@ impl OccupancyGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bricks::cell_of;
+    use proptest::prelude::*;
+
+    /// Some cells of some bricks, and what they are to be.
+    fn cells() -> impl Strategy<Value = Vec<(Voxel, State)>> {
+        let state = prop_oneof![Just(State::Unknown), Just(State::Free), Just(State::Occupied)];
+        let voxel = prop::array::uniform3(-9..9i32).prop_map(Voxel::from);
+        prop::collection::vec((voxel, state), 0..60)
+    }
+
+    fn set_all(grid: &mut OccupancyGrid, cells: &[(Voxel, State)]) -> Vec<Voxel> {
+        cells.iter().filter(|(voxel, state)| grid.set(*voxel, *state)).map(|(voxel, _)| *voxel).collect()
+    }
+
+    proptest! {
+        /// Brick by brick or voxel by voxel, it is the same map, and the same has changed.
+        #[test]
+        fn what_is_written_brick_by_brick_is_what_was_set(first in cells(), then in cells(), whole in any::<bool>()) {
+            let mut map = OccupancyGrid::new(0.1);
+            let changed = set_all(&mut map, &first);
+            let mut reader = OccupancyGrid::new(0.1);
+            reader.apply(&map.advance(&changed, 1)).unwrap();
+            let before = reader.clone();
+            let changed = set_all(&mut map, &then);
+            let update = map.advance(&changed, 2);
+            let update = if whole { map.whole(2) } else { update };
+            let said: std::collections::BTreeSet<Voxel> = reader.apply(&update).unwrap().voxels().collect();
+            let differs = |voxel: &Voxel| before.state(*voxel) != map.state(*voxel);
+            let all = then.iter().map(|(voxel, _)| *voxel);
+            prop_assert_eq!(said, all.filter(differs).collect());
+            prop_assert!(map.bricks().voxels().all(|(voxel, state)| reader.state(voxel) == state));
+            prop_assert_eq!((reader.free(), reader.occupied()), (map.free(), map.occupied()));
+        }
+    }
+
+    #[test]
+    fn a_brick_is_unpacked_as_it_was_packed() {
+        let mut states = [State::Unknown; BRICK_CELLS];
+        states[cell_of(Voxel::new(1, 2, 3))] = State::Occupied;
+        states[cell_of(Voxel::new(7, 7, 7))] = State::Free;
+        assert_eq!(BrickStates::pack(Voxel::new(-1, 0, 1), &states).unpack(), states);
+    }
 
     #[test]
     fn an_update_carries_a_change_to_a_reader() {
