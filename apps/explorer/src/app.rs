@@ -336,9 +336,7 @@ impl App for ExplorerApp {
         } else if mail.is(&PLAN_REQUEST) {
             self.on_request(comms, mail.source(), mail.decode(&PLAN_REQUEST)?)
         } else if mail.key() == MAP_RECALL {
-            let revision = mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
-            let copy = self.replica.copy_of(revision);
-            Ok(copy.map_or(Ok(()), |copy| comms.publish(&MAP, &copy))?)
+            self.replica.answer(comms, mail)
         } else if mail.is(&EXPLORER_MEMORY) {
             self.succeed(mail.decode(&EXPLORER_MEMORY)?);
             Ok(())

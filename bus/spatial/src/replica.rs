@@ -1,5 +1,8 @@
 //! A reader's copy of the map, kept up to date with what the map publishes.
 
+use elk_bus::{AppError, Comms, Mail};
+
+use crate::keys::MAP;
 use crate::map::{BrickStates, Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError};
 
 /// What came of an update.
@@ -79,6 +82,14 @@ impl Replica {
     pub fn copy_of(&self, revision: f64) -> Option<MapUpdate> {
         let own = self.grid.revision();
         (own > 0 && own as f64 >= revision).then(|| self.grid.whole(self.scan))
+    }
+
+    /// Answers a map that was killed and asks for a copy ([`MAP_RECALL`](crate::keys::MAP_RECALL)), if there is one.
+    ///
+    /// # Errors
+    /// What it asks is no number; or the bus failed.
+    pub fn answer(&self, comms: &mut Comms, recall: &Mail<'_>) -> Result<(), AppError> {
+        self.copy_of(recall.number()?).map_or(Ok(()), |copy| Ok(comms.publish(&MAP, &copy)?))
     }
 
     /// Takes note that the map is at `revision` for somebody else; whether to ask for the whole map, as this one is ahead.
