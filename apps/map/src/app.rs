@@ -332,7 +332,7 @@ impl MapApp {
         if scan.id == self.last_scan {
             return Ok(());
         }
-        if scan.id != self.last_scan.saturating_add(1) {
+        if scan.id != self.last_scan + 1 {
             let (name, last) = (comms.name(), self.last_scan);
             tell(format_args!(
                 "{name}: scan {} follows scan {last}: scans were lost, or the sensor started again",
