@@ -67,6 +67,11 @@ impl Replica {
         &self.grid
     }
 
+    /// The map as far as it is known, for who needs no more of it.
+    pub fn into_grid(self) -> OccupancyGrid {
+        self.grid
+    }
+
     /// The last scan in it.
     pub fn scan(&self) -> u64 {
         self.scan
