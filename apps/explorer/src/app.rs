@@ -105,11 +105,12 @@ const MAX_BRICKS_PARAM: ParamSpec = param(
     "32768",
     "Bricks of 8x8x8 voxels that the map may have: the map's.",
 );
+/// The bytes are what `cargo run --release -p elk-explorer --example plan_memory` says.
 const MAX_VOXELS: ParamSpec = param(
     "MaxVoxels",
     Kind::Integer { min: 10_000, max: 1_000_000_000 },
     "8000000",
-    "Voxels of the box that a plan is made over, at about 25 bytes each, or 80 for Potential. Of a larger map it is what \
+    "Voxels of the box that a plan is made over, at about 20 bytes each, or 65 for Potential. Of a larger map it is what \
      the robot can get to, or, if that is too much, what of it is near.",
 );
 
