@@ -2,10 +2,10 @@
 
 use elk_spatial::bricks::BRICK_CELLS;
 use elk_spatial::map::{BrickStates, MapUpdate, UpdateError};
+use elk_spatial::mask;
 use elk_spatial::messages::{BrickMemory, MapMemory};
 use elk_spatial::{State, Voxel};
 
-use crate::mask::{self, Mask};
 use crate::occupancy::{Brick, MapConfig, OccupancyMap};
 
 impl OccupancyMap {
@@ -115,7 +115,7 @@ impl Brick {
                 State::Free => brick.know(cell, config.miss.max(config.clamp_min)),
                 State::Occupied => {
                     brick.know(cell, config.hit.min(config.clamp_max));
-                    set(&mut brick.ever_hit, cell);
+                    mask::set(&mut brick.ever_hit, cell);
                 }
             }
         }
@@ -124,9 +124,9 @@ impl Brick {
 
     fn know(&mut self, cell: usize, log_odds: f32) {
         self.log_odds[cell] = log_odds;
-        set(&mut self.known, cell);
+        mask::set(&mut self.known, cell);
         if OccupancyMap::state_of(log_odds) == State::Occupied {
-            set(&mut self.occupied, cell);
+            mask::set(&mut self.occupied, cell);
         }
     }
 
@@ -137,10 +137,6 @@ impl Brick {
         }
         BrickStates::pack(position, &cells)
     }
-}
-
-fn set(mask: &mut Mask, cell: usize) {
-    mask[cell >> 6] |= 1 << (cell & 63);
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bricks::{BRICK_CELLS, Bricks, brick_of, voxel_at};
 use crate::checks;
+use crate::mask::{self, Mask};
 use crate::voxel::Voxel;
 
 /// What is known of a voxel (thesis 6.3.1).
@@ -82,16 +83,13 @@ elk_bus::payload! {
     }
 }
 
-/// Cells of a brick, cell `i` in bit `i mod 64` of word `i / 64`.
-type Cells = [u64; 8];
-
 /// The voxels that an update changed, brick by brick: a bit each, however many they are.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Changes(Vec<(Voxel, Cells)>);
+pub struct Changes(Vec<(Voxel, Mask)>);
 
 impl Changes {
-    fn add(&mut self, (brick, cells): (Voxel, Cells)) {
-        if cells != [0; 8] {
+    fn add(&mut self, (brick, cells): (Voxel, Mask)) {
+        if cells != mask::NONE {
             self.0.push((brick, cells));
         }
     }
@@ -100,18 +98,16 @@ impl Changes {
     fn add_what_is_not_in(&mut self, update: &MapUpdate, before: &Bricks<State>) {
         let kept: std::collections::BTreeSet<Voxel> = update.bricks.iter().map(BrickStates::position).collect();
         for (brick, states) in before.iter().filter(|(brick, _)| !kept.contains(brick)) {
-            let mut cells = [0; 8];
-            for cell in (0..BRICK_CELLS).filter(|cell| states[*cell] != State::Unknown) {
-                cells[cell >> 6] |= 1 << (cell & 63);
-            }
+            let mut cells = mask::NONE;
+            let known = (0..BRICK_CELLS).filter(|cell| states[*cell] != State::Unknown);
+            known.for_each(|cell| mask::set(&mut cells, cell));
             self.add((brick, cells));
         }
     }
 
     /// The voxels, in order.
     pub fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
-        let of = |cells: Cells| (0..BRICK_CELLS).filter(move |cell| cells[cell >> 6] >> (cell & 63) & 1 == 1);
-        self.0.iter().flat_map(move |(brick, cells)| of(*cells).map(|cell| voxel_at(*brick, cell)))
+        self.0.iter().flat_map(|(brick, cells)| mask::cells(cells).map(|cell| voxel_at(*brick, cell)))
     }
 }
 
@@ -242,7 +238,7 @@ impl OccupancyGrid {
     }
 
     /// Writes a brick; answers the cells that are other than they were, `before` or until now.
-    fn write(&mut self, packed: &BrickStates, before: Option<&Bricks<State>>) -> (Voxel, Cells) {
+    fn write(&mut self, packed: &BrickStates, before: Option<&Bricks<State>>) -> (Voxel, Mask) {
         let (position, new) = (packed.position(), packed.unpack());
         let own = self.states.brick(position);
         let old = own.copied().unwrap_or([State::Unknown; BRICK_CELLS]);
@@ -255,10 +251,9 @@ impl OccupancyGrid {
             self.counts[state as usize] -= number(&old);
         }
         let before = before.map_or(old, |b| b.brick(position).copied().unwrap_or([State::Unknown; BRICK_CELLS]));
-        let mut cells = [0; 8];
-        for (cell, (was, is)) in before.iter().zip(&new).enumerate() {
-            cells[cell >> 6] |= u64::from(was != is) << (cell & 63);
-        }
+        let mut cells = mask::NONE;
+        let changed = (0..BRICK_CELLS).filter(|cell| before[*cell] != new[*cell]);
+        changed.for_each(|cell| mask::set(&mut cells, cell));
         (position, cells)
     }
 
