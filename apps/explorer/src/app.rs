@@ -3,7 +3,6 @@
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::bricks::brick_of;
 use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, path_in};
 use elk_spatial::clearance::Clearance;
 use elk_spatial::keys::{
@@ -231,11 +230,9 @@ impl ExplorerApp {
         let grid = self.replica.grid();
         let place = request.pose.position();
         let robot = Voxel::containing(place, grid.resolution());
-        let brick = brick_of(robot);
-        let is_known = |brick| grid.bricks().brick(brick).is_some();
         let inside = robot.to_array().iter().all(|c| INDEX_RANGE.contains(c));
         let unheard_of = self.replica.is_doubtful() || grid.bricks().is_empty() || request.revision > grid.revision();
-        if inside && (unheard_of || std::iter::once(brick).chain(brick.neighbours()).any(is_known)) {
+        if inside && (unheard_of || grid.knows_near(robot)) {
             return Ok(());
         }
         let (x, y, z) = (place.x, place.y, place.z);

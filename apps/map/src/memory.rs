@@ -1,7 +1,7 @@
 //! A map's successor: from its memory it is the same map, from a reader's copy as good a one as can be made of three values.
 
 use elk_spatial::bricks::BRICK_CELLS;
-use elk_spatial::map::{BrickStates, MapUpdate, UpdateError};
+use elk_spatial::map::{BrickStates, MapUpdate, UpdateError, room_for};
 use elk_spatial::mask;
 use elk_spatial::messages::{BrickMemory, MapMemory};
 use elk_spatial::{State, Voxel};
@@ -26,8 +26,8 @@ impl OccupancyMap {
     /// # Errors
     /// Its voxels were not of this size, or it is larger than this one may be.
     pub fn from_memory(config: MapConfig, memory: &MapMemory) -> Result<Self, UpdateError> {
+        room_for(memory.bricks.len(), config.max_bricks)?;
         let mut map = Self::new(config);
-        map.has_room(memory.bricks.len())?;
         for brick in &memory.bricks {
             map.put(brick.brick.map(i32::from).into(), Brick::recall(brick));
         }
@@ -50,8 +50,8 @@ impl OccupancyMap {
     /// # Errors
     /// The copy's voxels are not of this size, or it is larger than this one may be.
     pub fn from_copy(config: MapConfig, copy: &MapUpdate) -> Result<Self, UpdateError> {
+        room_for(copy.bricks.len(), config.max_bricks)?;
         let mut map = Self::new(config);
-        map.has_room(copy.bricks.len())?;
         for states in &copy.bricks {
             map.put(states.position(), Brick::seen_once(states, &config));
         }
@@ -63,13 +63,6 @@ impl OccupancyMap {
     pub fn skip_to(&mut self, revision: u64) -> Result<(), UpdateError> {
         let whole = MapUpdate { revision, ..self.grid.whole(0) };
         self.grid.apply(&whole).map(|_| ())
-    }
-
-    fn has_room(&self, bricks: usize) -> Result<(), UpdateError> {
-        match bricks > self.config.max_bricks {
-            true => Err(UpdateError::TooMany { bricks, most: self.config.max_bricks }),
-            false => Ok(()),
-        }
     }
 
     fn put(&mut self, position: Voxel, brick: Brick) {

@@ -148,6 +148,14 @@ pub enum UpdateError {
     },
 }
 
+/// Whether so many bricks are no more than are kept.
+///
+/// # Errors
+/// They are more ([`UpdateError::TooMany`]).
+pub fn room_for(bricks: usize, most: usize) -> Result<(), UpdateError> {
+    if bricks > most { Err(UpdateError::TooMany { bricks, most }) } else { Ok(()) }
+}
+
 /// How far a revision may lie above what is known of the map. It grows by one a scan, and by one when a map is lost.
 pub const LEAP: u64 = 1000;
 
@@ -184,6 +192,12 @@ impl OccupancyGrid {
     /// The states by brick, for walks that stay near.
     pub fn bricks(&self) -> &Bricks<State> {
         &self.states
+    }
+
+    /// Whether anything is known of the brick that a voxel lies in, or of one beside it.
+    pub fn knows_near(&self, voxel: Voxel) -> bool {
+        let own = brick_of(voxel);
+        std::iter::once(own).chain(own.neighbours()).any(|brick| self.states.brick(brick).is_some())
     }
 
     /// Number of free voxels.

@@ -3,7 +3,7 @@
 use elk_bus::{AppError, Comms, Mail};
 
 use crate::keys::MAP;
-use crate::map::{BrickStates, Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError};
+use crate::map::{BrickStates, Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError, room_for};
 
 /// What came of an update.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -172,10 +172,7 @@ impl Replica {
             0 => update.bricks.len(),
             _ => known.len() + update.bricks.iter().filter(|b| known.brick(b.position()).is_none()).count(),
         };
-        match bricks > self.max_bricks {
-            true => Err(UpdateError::TooMany { bricks, most: self.max_bricks }),
-            false => Ok(()),
-        }
+        room_for(bricks, self.max_bricks)
     }
 }
 
