@@ -2,6 +2,7 @@
 
 use crate::codec::DecodeError;
 use crate::key::{Key, Payload};
+use crate::rejection::Rejection;
 use crate::value::ValueRef;
 use crate::wire::{self, Header, LATEST};
 
@@ -60,6 +61,14 @@ impl<'a> Mail<'a> {
     /// The value, if it is a number.
     pub fn as_double(&self) -> Option<f64> {
         if let ValueRef::Double(number) = self.value { Some(number) } else { None }
+    }
+
+    /// The value of a variable that carries numbers.
+    ///
+    /// # Errors
+    /// It is none: an app that fails with this goes on with the next message.
+    pub fn number(&self) -> Result<f64, Rejection> {
+        self.as_double().ok_or_else(|| Rejection::new("it has to be a number"))
     }
 
     /// The value, if it is a text.

@@ -115,7 +115,7 @@ impl ControllerApp {
 
     /// A step is for who waits for one now: one that lies there from before was meant for a predecessor, who took it.
     fn on_step(&mut self, mail: &Mail<'_>) -> Result<(), Rejection> {
-        mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
+        mail.number()?;
         if self.paused && !mail.is_latest() {
             self.steps = (self.steps + 1).min(MAX_COUNT);
         }
@@ -191,9 +191,7 @@ impl App for ControllerApp {
         } else if mail.is(&PLAN) {
             self.held.extend(self.follower.on_plan(&mail.decode(&PLAN)?).map_err(Rejection::new)?);
         } else if mail.key() == MAP_RECALL {
-            let revision = mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
-            let copy = self.follower.replica().copy_of(revision);
-            copy.map_or(Ok(()), |copy| comms.publish(&MAP, &copy))?;
+            self.follower.replica().answer(comms, mail)?;
         } else if mail.key() == MOTION {
             self.on_motion(mail)?;
         } else if mail.key() == STEP {

@@ -10,7 +10,7 @@
 use std::collections::BTreeSet;
 
 use elk_bus::key::Invalid;
-use elk_spatial::checks::{MAX_BRICKS, path_in};
+use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, path_in};
 use elk_spatial::clearance::{Clearance, TooWide};
 use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
 use elk_spatial::messages::{
@@ -390,17 +390,19 @@ impl Underway {
         };
         let clearance = Clearance::new(plan.motion.clearance_m, grid.resolution())?;
         let refused = way.points().windows(2);
-        let allowed: Vec<Voxel> = refused.flat_map(|p| clearance.refused(grid, p[0], p[1])).collect();
+        let refused = refused.flat_map(|p| clearance.refused(grid, p[0], p[1]));
+        // More than a successor could be told is not allowed: the path is cut where it comes to it.
+        let allowed: BTreeSet<Voxel> = refused.take(MAX_REMEMBERED).collect();
         let leg = Leg {
             plan: plan.clone(),
             resolution: grid.resolution(),
-            allowed: allowed.clone(),
+            allowed: allowed.iter().copied().collect(),
             done_m: 0.0,
             step_m: 0.0,
             blocked: false,
             looks: 0,
         };
-        Ok(Some(Self { leg, allowed: allowed.into_iter().collect(), path: path.clone(), way, clearance }))
+        Ok(Some(Self { leg, allowed, path: path.clone(), way, clearance }))
     }
 
     /// On a leg that was begun already.

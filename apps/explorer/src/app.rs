@@ -1,12 +1,9 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
-use std::collections::BTreeMap;
-
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::bricks::brick_of;
-use elk_spatial::checks::{MAX_BRICKS, path_in};
+use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, path_in};
 use elk_spatial::clearance::Clearance;
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
@@ -22,6 +19,7 @@ use crate::explore::{Explorer, Settings};
 use crate::extent::Scope;
 use crate::laplace::Solver;
 use crate::policy::Policy;
+use crate::requests::{MOST_ASKERS, Requests};
 use crate::strategy::{ClosestFrontier, Potential, Start, Strategy};
 
 /// The explorers that a mission file can name.
@@ -106,11 +104,12 @@ const MAX_BRICKS_PARAM: ParamSpec = param(
     "32768",
     "Bricks of 8x8x8 voxels that the map may have: the map's.",
 );
+/// The bytes are what `cargo run --release -p elk-explorer --example plan_memory` says.
 const MAX_VOXELS: ParamSpec = param(
     "MaxVoxels",
     Kind::Integer { min: 10_000, max: 1_000_000_000 },
     "8000000",
-    "Voxels of the box that a plan is made over, at about 25 bytes each, or 80 for Potential. Of a larger map it is what \
+    "Voxels of the box that a plan is made over, at about 20 bytes each, or 65 for Potential. Of a larger map it is what \
      the robot can get to, or, if that is too much, what of it is near.",
 );
 
@@ -135,7 +134,7 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         explorer,
         // The table keeps the number of bricks positive.
         replica: Replica::new(Some(params.number("Res")), params.integer("MaxBricks") as usize),
-        requests: BTreeMap::new(),
+        requests: Requests::default(),
         recall: Recall::default(),
         plan: None,
         scope: Scope::default(),
@@ -155,6 +154,7 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
         radius_m: params.number("Radius"),
         clearance: Clearance::new(params.number("Radius"), params.number("Res"))?,
         max_voxels: count("MaxVoxels") as usize,
+        max_targets: MAX_REMEMBERED,
         min_frontier: count("MinFrontier") as usize,
         attempts: count("Attempts") as usize,
         max_scans: count("MaxScans"),
@@ -185,16 +185,13 @@ fn potential(params: &Params) -> Potential {
     Potential { start, solver, tolerance }
 }
 
-/// Clients that may wait for a plan at once.
-const MOST_ASKERS: usize = 8;
-
 /// An [`Explorer`] on the bus.
 pub struct ExplorerApp {
     explorer: Explorer,
     replica: Replica,
     frontier: FrontierSet,
-    /// Requests whose revision of the map is not here yet, by who asks: nobody can take back what another one has asked.
-    requests: BTreeMap<String, PlanRequest>,
+    /// Requests whose revision of the map is not here yet.
+    requests: Requests,
     recall: Recall,
     /// The last plan, to be given again if it is asked for again.
     plan: Option<Plan>,
@@ -217,10 +214,14 @@ impl ExplorerApp {
             comms.notify(MAP_REQUEST, 1.0)?;
         }
         self.look_at_place(&request)?;
-        if self.requests.len() >= MOST_ASKERS && !self.requests.contains_key(asker) {
-            return Err(Rejection::new(format_args!("{MOST_ASKERS} others wait for a plan already")).into());
+        if let Err((left_out, request)) = self.requests.add(asker, request, revision) {
+            let why =
+                format!("revision is {}; {MOST_ASKERS} others wait for what comes before already", request.revision);
+            if left_out == asker {
+                return Err(Rejection::new(why).into());
+            }
+            tell(format_args!("{}: no plan for request {} of {left_out}: {why}", comms.name(), request.id));
         }
-        self.requests.insert(asker.to_owned(), request);
         self.answer(comms)
     }
 
@@ -229,11 +230,9 @@ impl ExplorerApp {
         let grid = self.replica.grid();
         let place = request.pose.position();
         let robot = Voxel::containing(place, grid.resolution());
-        let brick = brick_of(robot);
-        let is_known = |brick| grid.bricks().brick(brick).is_some();
         let inside = robot.to_array().iter().all(|c| INDEX_RANGE.contains(c));
         let unheard_of = self.replica.is_doubtful() || grid.bricks().is_empty() || request.revision > grid.revision();
-        if inside && (unheard_of || std::iter::once(brick).chain(brick.neighbours()).any(is_known)) {
+        if inside && (unheard_of || grid.knows_near(robot)) {
             return Ok(());
         }
         let (x, y, z) = (place.x, place.y, place.z);
@@ -261,12 +260,7 @@ impl ExplorerApp {
             return Ok(());
         }
         let revision = self.replica.grid().revision();
-        // Whoever asks has the map, too: one that is far ahead of it is not the map.
-        let is_due = |request: &PlanRequest| (request.revision..=request.revision + LEAP).contains(&revision);
-        let all = std::mem::take(&mut self.requests).into_iter();
-        let (here, later): (BTreeMap<_, _>, _) = all.partition(|(_, request)| is_due(request));
-        self.requests = later;
-        here.into_values().try_for_each(|request| self.answer_one(comms, request))
+        self.requests.take_due(revision).into_iter().try_for_each(|request| self.answer_one(comms, request))
     }
 
     fn answer_one(&mut self, comms: &mut Comms, request: PlanRequest) -> Result<(), AppError> {
@@ -340,9 +334,7 @@ impl App for ExplorerApp {
         } else if mail.is(&PLAN_REQUEST) {
             self.on_request(comms, mail.source(), mail.decode(&PLAN_REQUEST)?)
         } else if mail.key() == MAP_RECALL {
-            let revision = mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
-            let copy = self.replica.copy_of(revision);
-            Ok(copy.map_or(Ok(()), |copy| comms.publish(&MAP, &copy))?)
+            self.replica.answer(comms, mail)
         } else if mail.is(&EXPLORER_MEMORY) {
             self.succeed(mail.decode(&EXPLORER_MEMORY)?);
             Ok(())

@@ -1,21 +1,19 @@
 //! One explorer: from a map and a pose to the next path, until nothing is left that can be reached and seen.
 
 mod memory;
+mod scene;
 
 use elk_spatial::clearance::Clearance;
-use elk_spatial::messages::{
-    Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
-};
-use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_spatial::messages::{Decision, ExplorationReport, ExplorerMemory, Path, Plan, PlanRequest, Standing};
+use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline};
 use nalgebra::Point3;
 
-use crate::extent::{Extent, Scope};
+use crate::extent::Scope;
 use crate::goals::{Goal, Goals, Target};
 use crate::policy::{Policy, looks};
-use crate::space::Space;
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
-use crate::volume::Volume;
 use memory::Memory;
+use scene::Scene;
 
 /// What an explorer is told besides its strategy.
 #[derive(Debug, Clone)]
@@ -30,6 +28,9 @@ pub struct Settings {
     pub clearance: Clearance,
     /// Voxels to plan over at most, free or not.
     pub max_voxels: usize,
+    /// Targets that one plan looks at, the nearest of those that there are: no more than can be remembered
+    /// ([`elk_spatial::checks::MAX_REMEMBERED`]).
+    pub max_targets: usize,
     /// Clusters of fewer frontier voxels than this do not count.
     pub min_frontier: usize,
     /// Distinct places from which a frontier voxel is looked at before it is given up.
@@ -59,19 +60,6 @@ pub struct Explorer {
     plans: u64,
     report: Option<ExplorationReport>,
     scope: Scope,
-}
-
-/// Targets that one plan looks at, the nearest of those that there are.
-const MAX_TARGETS: usize = 250_000;
-
-/// The map as one plan sees it.
-struct Scene {
-    volume: Volume,
-    space: Space,
-    targets: Vec<Target>,
-    left: FrontiersLeft,
-    /// Frontier voxels that the robot could get to and that no plan was made over.
-    beyond: u64,
 }
 
 impl Explorer {
@@ -155,7 +143,9 @@ impl Explorer {
 
     fn decide(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Decision {
         let from = request.pose.position();
-        let mut scene = self.look_around(grid, frontier, from, false);
+        let (memory, settings) = (&self.memory, &self.settings);
+        let mut scene = self.journal.time("space", || Scene::around(grid, from, frontier, memory, settings));
+        self.scope = scene.scope();
         if request.revision >= self.settings.max_scans {
             return self.end(End::TooManyScans, &scene);
         }
@@ -165,11 +155,11 @@ impl Explorer {
         let mut goals = self.near_goals(&scene);
         if goals.is_empty() {
             // Perhaps the robot stands in a corner that became too tight.
-            scene = self.look_around(grid, frontier, from, true);
+            self.journal.time("space", || scene.back_off(frontier, &self.memory, &self.settings));
             goals = self.near_goals(&scene);
         }
         if goals.is_empty() {
-            goals = self.far_goals(&mut scene);
+            goals = self.far_goals(&mut scene, frontier);
         }
         if goals.is_empty() {
             return self.end(End::Explored, &scene);
@@ -184,32 +174,6 @@ impl Explorer {
         }
     }
 
-    /// Where the robot can be, what is to be resolved, and what is not, by cause.
-    fn look_around(
-        &mut self,
-        grid: &OccupancyGrid,
-        frontier: &FrontierSet,
-        position: Point3<f64>,
-        back_off: bool,
-    ) -> Scene {
-        let (memory, settings) = (&self.memory, &self.settings);
-        let scene = self.journal.time("space", || {
-            let clearance = &settings.clearance;
-            let robot = Voxel::containing(position, grid.resolution());
-            let margin = clearance.reach().max(2);
-            let extent = Extent::of(grid, robot, margin, settings.max_voxels);
-            let volume = Volume::between(grid, (extent.min, extent.max), margin);
-            let start = volume.index(robot).unwrap_or_default();
-            let space = Space::around(&volume, start, clearance, memory.trail(), back_off);
-            let mut scene = Scene { volume, space, targets: Vec::new(), left: FrontiersLeft::default(), beyond: 0 };
-            scene.sort_out(frontier, memory, settings);
-            scene.leave_out(frontier, &extent);
-            (scene, extent.scope)
-        });
-        self.scope = scene.1;
-        scene.0
-    }
-
     fn near_goals(&mut self, scene: &Scene) -> Goals {
         let Scene { volume, space, targets, .. } = scene;
         self.journal.time("goals", || Goals::near(volume, &space.reach, targets))
@@ -217,7 +181,7 @@ impl Explorer {
 
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
     /// on the map as it is then counts.
-    fn far_goals(&mut self, scene: &mut Scene) -> Goals {
+    fn far_goals(&mut self, scene: &mut Scene, frontier: &FrontierSet) -> Goals {
         let Scene { volume, space, targets, left, .. } = scene;
         let robot = volume.voxel(space.start());
         targets.sort_by_key(|t| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>());
@@ -227,7 +191,7 @@ impl Explorer {
         for candidates in [fresh, hidden] {
             let far;
             (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, &candidates));
-            self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied());
+            self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), frontier);
             if !goals.is_empty() {
                 targets.extend(candidates);
                 break;
@@ -325,81 +289,6 @@ impl Explorer {
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
-}
-
-impl Scene {
-    /// Sorts the frontier into targets and what is left out, by cause.
-    fn sort_out(&mut self, frontier: &FrontierSet, memory: &Memory, settings: &Settings) {
-        let reached = |v: &Voxel| {
-            let i = self.volume.index(*v);
-            i.is_some_and(|i| self.space.component[i])
-        };
-        let (connected, apart): (Vec<Voxel>, Vec<Voxel>) = frontier.iter().partition(reached);
-        self.left.unreachable = apart.len() as u64;
-        let (large, small) = by_cluster_size(connected, settings.min_frontier);
-        self.left.too_small = small as u64;
-        let (near, far) = nearest(large, self.volume.voxel(self.space.start()));
-        self.beyond = far as u64;
-        for voxel in near {
-            let tried = memory.tried(voxel);
-            if memory.gave_up(voxel, settings.attempts) {
-                self.left.unresolved += 1;
-            } else {
-                let target = Target::new(&self.volume, settings.bounds, voxel, tried.to_vec());
-                self.targets.push(target);
-            }
-        }
-    }
-}
-
-impl Scene {
-    /// Counts what the robot could get to, and what lies beyond the extent of the plan.
-    fn leave_out(&mut self, frontier: &FrontierSet, extent: &Extent) {
-        if extent.scope == Scope::Near {
-            let beyond = frontier.iter().filter(|v| extent.leaves_out(*v)).count() as u64;
-            self.left.unreachable -= beyond;
-            self.beyond += beyond;
-        }
-    }
-}
-
-/// The [`MAX_TARGETS`] voxels that are nearest to the robot, in order, and the number of the others.
-fn nearest(mut voxels: Vec<Voxel>, robot: Voxel) -> (Vec<Voxel>, usize) {
-    let far = voxels.len().saturating_sub(MAX_TARGETS);
-    if far > 0 {
-        voxels.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
-        voxels.truncate(MAX_TARGETS);
-        voxels.sort_unstable();
-    }
-    (voxels, far)
-}
-
-/// The voxels in clusters (connected over 26 neighbours) of at least `min`, in order, and the number of the others.
-fn by_cluster_size(voxels: Vec<Voxel>, min: usize) -> (Vec<Voxel>, usize) {
-    if min <= 1 {
-        return (voxels, 0);
-    }
-    let mut open: std::collections::BTreeSet<Voxel> = voxels.iter().copied().collect();
-    let (mut large, mut small) = (Vec::new(), 0);
-    while let Some(first) = open.pop_first() {
-        let mut cluster = vec![first];
-        let mut next = 0;
-        while next < cluster.len() {
-            for n in cluster[next].neighbours() {
-                if open.remove(&n) {
-                    cluster.push(n);
-                }
-            }
-            next += 1;
-        }
-        if cluster.len() >= min {
-            large.extend(cluster);
-        } else {
-            small += cluster.len();
-        }
-    }
-    large.sort_unstable();
-    (large, small)
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub mod extent;
 pub mod goals;
 pub mod laplace;
 pub mod policy;
+mod requests;
 pub mod space;
 pub mod strategy;
 pub mod streamline;

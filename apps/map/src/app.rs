@@ -332,7 +332,7 @@ impl MapApp {
         if scan.id == self.last_scan {
             return Ok(());
         }
-        if scan.id != self.last_scan.saturating_add(1) {
+        if scan.id != self.last_scan + 1 {
             let (name, last) = (comms.name(), self.last_scan);
             tell(format_args!(
                 "{name}: scan {} follows scan {last}: scans were lost, or the sensor started again",
@@ -439,7 +439,7 @@ impl App for MapApp {
         if mail.is(&self.input) {
             self.on_scan(comms, mail.decode(&self.input)?)
         } else if mail.key() == MAP_REQUEST {
-            mail.as_double().ok_or_else(|| Rejection::new("it has to be a number"))?;
+            mail.number()?;
             self.on_request(comms)
         } else if mail.is(&MAP) {
             self.on_copy(comms, &mail.decode(&MAP)?)

@@ -2,10 +2,11 @@
 //! are looked at at once, and only in bricks that changed and the ones beside them.
 
 use elk_spatial::bricks::voxel_at;
+use elk_spatial::mask::{self, Mask};
 use elk_spatial::voxel::FACES;
 use elk_spatial::{Bounds, Voxel};
 
-use crate::mask::{self, Mask};
+use crate::growth::{block, face_neighbours};
 use crate::occupancy::OccupancyMap;
 
 /// The voxels whose centres lie in a box, as half-open ranges of their indices.
@@ -34,7 +35,7 @@ impl Volume {
         };
         let origin = voxel_at(position, 0).to_array();
         let [x, y, z] = std::array::from_fn(|axis| ranges[axis].map(|k| k - origin[axis]));
-        mask::block(x, y, z)
+        block(x, y, z)
     }
 }
 
@@ -77,7 +78,7 @@ impl OccupancyMap {
 
     fn frontier_of(&self, i: usize) -> Mask {
         let position = self.table.position(i);
-        let near_unknown = mask::face_neighbours(|offset| self.unknown(position + offset));
+        let near_unknown = face_neighbours(|offset| self.unknown(position + offset));
         let (brick, inside) = (&self.bricks[i], self.volume.mask(position));
         std::array::from_fn(|z| brick.known[z] & !brick.occupied[z] & inside[z] & near_unknown[z])
     }

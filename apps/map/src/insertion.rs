@@ -6,10 +6,11 @@
 
 use elk_spatial::Voxel;
 use elk_spatial::bricks::{brick_of, voxel_at};
+use elk_spatial::mask::{self, Mask};
 use elk_spatial::voxel::INDEX_RANGE;
 use nalgebra::Point3;
 
-use crate::mask::{self, Mask};
+use crate::growth::grown;
 use crate::occupancy::{Brick, Grazing, MapConfig, Marks, OccupancyMap};
 use crate::walk::Walk;
 
@@ -155,7 +156,7 @@ impl OccupancyMap {
             Grazing::Sticky => ever_hit,
             Grazing::Guard if (0..8).all(|z| ever_hit[z] & passed[z] == 0) => mask::NONE,
             Grazing::Guard => {
-                let near_hit = mask::grown(|offset| self.hits(self.table.position(i) + offset));
+                let near_hit = grown(|offset| self.hits(self.table.position(i) + offset));
                 std::array::from_fn(|z| ever_hit[z] & near_hit[z])
             }
         }

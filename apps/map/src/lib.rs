@@ -7,8 +7,8 @@
 pub mod app;
 pub mod bt;
 pub mod frontier;
+pub mod growth;
 pub mod insertion;
-pub mod mask;
 pub mod memory;
 pub mod occupancy;
 pub mod octree;

@@ -1,11 +1,11 @@
 //! A map's successor: from its memory it is the same map, from a reader's copy as good a one as can be made of three values.
 
 use elk_spatial::bricks::BRICK_CELLS;
-use elk_spatial::map::{BrickStates, MapUpdate, UpdateError};
+use elk_spatial::map::{BrickStates, MapUpdate, UpdateError, room_for};
+use elk_spatial::mask;
 use elk_spatial::messages::{BrickMemory, MapMemory};
 use elk_spatial::{State, Voxel};
 
-use crate::mask::{self, Mask};
 use crate::occupancy::{Brick, MapConfig, OccupancyMap};
 
 impl OccupancyMap {
@@ -26,8 +26,8 @@ impl OccupancyMap {
     /// # Errors
     /// Its voxels were not of this size, or it is larger than this one may be.
     pub fn from_memory(config: MapConfig, memory: &MapMemory) -> Result<Self, UpdateError> {
+        room_for(memory.bricks.len(), config.max_bricks)?;
         let mut map = Self::new(config);
-        map.has_room(memory.bricks.len())?;
         for brick in &memory.bricks {
             map.put(brick.brick.map(i32::from).into(), Brick::recall(brick));
         }
@@ -50,8 +50,8 @@ impl OccupancyMap {
     /// # Errors
     /// The copy's voxels are not of this size, or it is larger than this one may be.
     pub fn from_copy(config: MapConfig, copy: &MapUpdate) -> Result<Self, UpdateError> {
+        room_for(copy.bricks.len(), config.max_bricks)?;
         let mut map = Self::new(config);
-        map.has_room(copy.bricks.len())?;
         for states in &copy.bricks {
             map.put(states.position(), Brick::seen_once(states, &config));
         }
@@ -63,13 +63,6 @@ impl OccupancyMap {
     pub fn skip_to(&mut self, revision: u64) -> Result<(), UpdateError> {
         let whole = MapUpdate { revision, ..self.grid.whole(0) };
         self.grid.apply(&whole).map(|_| ())
-    }
-
-    fn has_room(&self, bricks: usize) -> Result<(), UpdateError> {
-        match bricks > self.config.max_bricks {
-            true => Err(UpdateError::TooMany { bricks, most: self.config.max_bricks }),
-            false => Ok(()),
-        }
     }
 
     fn put(&mut self, position: Voxel, brick: Brick) {
@@ -115,7 +108,7 @@ impl Brick {
                 State::Free => brick.know(cell, config.miss.max(config.clamp_min)),
                 State::Occupied => {
                     brick.know(cell, config.hit.min(config.clamp_max));
-                    set(&mut brick.ever_hit, cell);
+                    mask::set(&mut brick.ever_hit, cell);
                 }
             }
         }
@@ -124,9 +117,9 @@ impl Brick {
 
     fn know(&mut self, cell: usize, log_odds: f32) {
         self.log_odds[cell] = log_odds;
-        set(&mut self.known, cell);
+        mask::set(&mut self.known, cell);
         if OccupancyMap::state_of(log_odds) == State::Occupied {
-            set(&mut self.occupied, cell);
+            mask::set(&mut self.occupied, cell);
         }
     }
 
@@ -137,10 +130,6 @@ impl Brick {
         }
         BrickStates::pack(position, &cells)
     }
-}
-
-fn set(mask: &mut Mask, cell: usize) {
-    mask[cell >> 6] |= 1 << (cell & 63);
 }
 
 #[cfg(test)]

@@ -4,10 +4,10 @@
 use elk_spatial::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::map::MapUpdate;
+use elk_spatial::mask::{self, Mask};
 use elk_spatial::{Bounds, OccupancyGrid, State, Voxel};
 
 use crate::frontier::Volume;
-use crate::mask::{self, Mask};
 use crate::table::BrickTable;
 
 /// When a ray that passes through a voxel does not count against it.

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use elk_bus::{Key, Payload, codec::DecodeError};
+use elk_bus::codec::DecodeError;
+use elk_bus::{Key, Payload, tell};
 use elk_log::{LogError, LogReader, Record};
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::map::MapUpdate;
@@ -55,6 +56,9 @@ struct Collector {
     plans: usize,
     explorer: String,
     complete: Option<bool>,
+    /// The first message that could not be read, and how many there were.
+    unfit: Option<String>,
+    left_out: usize,
 }
 
 /// A map of one resolution. Whoever writes updates of another one makes another map.
@@ -72,8 +76,18 @@ impl Scene {
     pub fn from_log(mut log: LogReader) -> Result<Self, SceneError> {
         let mut collector = Collector::default();
         for record in log.by_ref() {
+            let record = record?;
             // A message that is not what its key stands for is none of the run's: the others make the picture.
-            let _ = collector.take(&record?);
+            if let Err(unfit) = collector.take(&record) {
+                collector.unfit.get_or_insert_with(|| format!("{} by {}: {unfit}", record.key, record.source));
+                collector.left_out += 1;
+            }
+        }
+        if let Some(first) = &collector.unfit {
+            let number = collector.left_out;
+            tell(format_args!(
+                "the picture is drawn without {number} messages that fit nothing, the first of them {first}"
+            ));
         }
         let mission = log.metadata().mission_name.trim_end_matches(".xml").to_owned();
         collector.finish(mission)
@@ -124,7 +138,7 @@ impl Collector {
     fn finish(self, mission: String) -> Result<Scene, SceneError> {
         // The first of equals.
         let most = self.maps.into_iter().rev().max_by_key(|map| map.updates);
-        let grid = most.map(|map| map.replica.grid().clone());
+        let grid = most.map(|map| map.replica.into_grid());
         let grid = grid.filter(|grid| grid.free() + grid.occupied() > 0).ok_or(SceneError::NoMap)?;
         let frontier =
             grid.bricks().voxels().map(|(voxel, _)| voxel).filter(|v| frontier::is_frontier(&grid, *v)).collect();

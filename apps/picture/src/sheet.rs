@@ -7,7 +7,7 @@ use crate::canvas::{Align, At, Canvas, Type};
 use crate::palette::{self, mix};
 use crate::panel::{Panel, ring};
 use crate::scene::Scene;
-use crate::view::{Axis, Frame};
+use crate::view::{Axis, Frame, Ranges, shown};
 
 const WIDTH: f64 = 1800.0;
 const SIDE: f64 = 90.0;
@@ -72,9 +72,10 @@ pub fn draw(scene: &Scene) -> Result<Vec<u8>, DrawError> {
 /// that is almost square.
 fn panels(scene: &Scene) -> Result<(Panel, Panel), DrawError> {
     let grid = &scene.grid;
-    let (right, up) = directions(scene);
-    let plan = Frame::around(grid, right, up, Axis::against(2), MARGIN);
-    let section = Frame::around(grid, right, Axis::along(2), up, MARGIN);
+    let ranges = shown(grid);
+    let (right, up) = directions(&ranges);
+    let plan = Frame::around(&ranges, right, up, Axis::against(2), MARGIN);
+    let section = Frame::around(&ranges, right, Axis::along(2), up, MARGIN);
     let [across, deep] = [plan.size[0], plan.size[1]].map(|cells| f64::from(cells) * grid.resolution());
     if !(across > 0.0 && deep > 0.0 && across.max(deep) < 1e5) {
         return Err(DrawError::Extent(across, deep));
@@ -95,9 +96,9 @@ fn panels(scene: &Scene) -> Result<(Panel, Panel), DrawError> {
 }
 
 /// Which way is right and which is up on the plan: a turn, never a mirror image.
-fn directions(scene: &Scene) -> (Axis, Axis) {
-    let upright = Frame::around(&scene.grid, Axis::along(0), Axis::along(1), Axis::against(2), 0);
-    match upright.size[0] >= upright.size[1] {
+fn directions(ranges: &Ranges) -> (Axis, Axis) {
+    let [wide, deep, _] = ranges.map(|[first, last]| last - first);
+    match wide >= deep {
         true => (Axis::along(0), Axis::along(1)),
         false => (Axis::along(1), Axis::against(0)),
     }

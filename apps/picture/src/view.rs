@@ -69,9 +69,11 @@ const DEEPEST: i64 = 4096;
 const STRAY_SHARE: f64 = 0.005;
 const MOST_DRAWN: i32 = 2000;
 
-/// First and last index along each axis of the world of what is shown: all that is known, or, if strays make that too large
-/// to be drawn, where nearly all of it is.
-fn shown(grid: &OccupancyGrid) -> [[i32; 2]; 3] {
+/// First and last index along each axis of the world.
+pub(crate) type Ranges = [[i32; 2]; 3];
+
+/// What is shown of a map: all that is known, or, if strays make that too large to be drawn, where nearly all of it is.
+pub(crate) fn shown(grid: &OccupancyGrid) -> Ranges {
     let known = || grid.bricks().voxels().filter(|(_, state)| *state != State::Unknown).map(|(voxel, _)| voxel);
     let mut all: [Option<[i32; 2]>; 3] = [None; 3];
     for voxel in known() {
@@ -111,9 +113,8 @@ fn without_strays(counts: &BTreeMap<i32, u64>) -> [i32; 2] {
 }
 
 impl Frame {
-    /// The frame that holds what is shown of the map ([`shown`]), and `margin` voxels around it to the sides.
-    pub fn around(grid: &OccupancyGrid, right: Axis, up: Axis, away: Axis, margin: i32) -> Self {
-        let ranges = shown(grid);
+    /// The frame that holds these voxels, and `margin` voxels around them to the sides.
+    pub fn around(ranges: &Ranges, right: Axis, up: Axis, away: Axis, margin: i32) -> Self {
         let margins = [margin, margin, 0];
         let axes = [right, up, away];
         let ends = axes.map(|axis| ranges[axis.world].map(|index| axis.cell(index)));
@@ -208,7 +209,7 @@ mod tests {
                 grid.set(Voxel::new(x, 0, z), if z <= top { State::Occupied } else { State::Free });
             });
         }
-        let frame = Frame::around(&grid, Axis::along(0), Axis::along(1), Axis::against(2), 1);
+        let frame = Frame::around(&shown(&grid), Axis::along(0), Axis::along(1), Axis::against(2), 1);
         assert_eq!((frame.min[0], frame.size[0]), (-1, 5));
         let cut = frame.away.cell(4);
         let seen: Vec<Sight> = (-1..4).map(|x| frame.look(&grid, [x, 0], cut)).collect();

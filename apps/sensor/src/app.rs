@@ -412,7 +412,7 @@ mod tests {
         let (comms, inbox) = (&mut client.comms, &mut client.inbox);
         let mut count = 0;
         let mut give = |comms: &mut Comms, mail: &Mail<'_>| match app.on_new_mail(comms, mail) {
-            Err(failure) if failure.is::<Rejection>() => {
+            Err(failure) if failure.is::<Rejection>() || failure.is::<elk_bus::codec::DecodeError>() => {
                 count += 1;
                 Ok::<(), AppError>(())
             }
@@ -541,6 +541,23 @@ mod tests {
         app.inherited = true;
         app.on_command(&mut sensor.comms, &command(4)).unwrap();
         assert!(app.on_command(&mut sensor.comms, &command(6)).is_err());
+    }
+
+    /// Regression: it was scanned, and counted as a contact.
+    #[test]
+    fn a_pose_that_is_no_number_is_no_motion() {
+        let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
+        let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
+        app.on_start_up(&mut sensor.comms).unwrap();
+        serve(&mut app, &mut sensor);
+        let (here, nowhere) = (app.simulator.pose(), Point3::new(f64::NAN, 0.0, 0.8));
+        let lost = Pose::from_yaw_pitch(nowhere, 0.0, 0.0);
+        for (via, pose) in [(vec![], lost), (vec![nowhere], here)] {
+            probe.comms.publish(&POSE_COMMAND, &PoseCommand { id: 1, via, pose }).unwrap();
+            probe.comms.flush().unwrap();
+            assert_eq!(rejections(&mut app, &mut sensor), 1);
+        }
+        assert_eq!((app.simulator.scans(), app.simulator.contacts(), app.simulator.pose()), (0, 0, here));
     }
 
     /// Regression: nobody contradicted a pose that somebody made up, and the controller stood there for ever.

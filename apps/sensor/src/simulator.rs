@@ -38,9 +38,6 @@ impl Default for Settings {
 /// Why a pose cannot be taken.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// The pose, or a position on the way, has a coordinate that is not a finite number.
-    #[error("a coordinate of the pose or of the way to it is not a finite number")]
-    NotFinite,
     /// The pose is in a solid, or not in the world at all.
     #[error("{} is inside an obstacle or outside the world", shown(.0))]
     NotFree(Point3<f64>),
@@ -124,22 +121,17 @@ impl Simulator {
     }
 
     /// Goes to the commanded pose, by way of the positions before it, and takes a scan; stays where it is, and scans
-    /// there, if that cannot be done.
+    /// there, if that cannot be done. The command is one that passes its check ([`elk_bus::Payload::check`]): all of it finite.
     pub fn execute(&mut self, command: &PoseCommand) -> Outcome {
         let way = self.way(command);
         let refused = self.passable(&way, &command.pose).err();
-        // A pose that is none is nowhere that the robot could have gone to.
-        let contact = match refused {
-            Some(Refusal::NotFinite) => false,
-            Some(Refusal::NotFree(_) | Refusal::Blocked(..)) => true,
-            None => self.touches(&way),
-        };
+        let contact = refused.is_some() || self.touches(&way);
         if refused.is_none() {
             self.pose = command.pose;
         }
         self.command = command.id;
-        self.contacts = self.contacts.saturating_add(u64::from(contact));
-        self.scans = self.scans.saturating_add(1);
+        self.contacts += u64::from(contact);
+        self.scans += 1;
         Outcome { scan: self.scan(), contact, refused }
     }
 
@@ -150,10 +142,6 @@ impl Simulator {
     }
 
     fn free(&self, pose: &Pose) -> Result<(), Refusal> {
-        let rotation = pose.0.rotation.coords;
-        if !pose.position().iter().chain(rotation.iter()).all(|c| c.is_finite()) {
-            return Err(Refusal::NotFinite);
-        }
         match self.world.is_free(pose.position()) {
             true => Ok(()),
             false => Err(Refusal::NotFree(pose.position())),
@@ -163,9 +151,6 @@ impl Simulator {
     /// Whether the centre of the body can go all the way, and be at its end.
     fn passable(&self, way: &[Point3<f64>], end: &Pose) -> Result<(), Refusal> {
         self.free(end)?;
-        if !way.iter().flat_map(|p| p.iter()).all(|c| c.is_finite()) {
-            return Err(Refusal::NotFinite);
-        }
         let pierced = |a: Point3<f64>, b: Point3<f64>| a != b && self.world.cast(a, b - a).is_some_and(|t| t <= 1.0);
         match way.windows(2).find(|s| pierced(s[0], s[1])) {
             Some(segment) => Err(Refusal::Blocked(segment[0], segment[1])),

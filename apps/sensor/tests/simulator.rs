@@ -126,12 +126,10 @@ fn poses_in_solids_beyond_walls_and_nowhere_are_refused() {
         assert_eq!(outcome.refused, Some(Refusal::NotFree(pose.position())));
         assert!(outcome.contact && outcome.scan.pose == start && outcome.scan.command == i as u64 + 1);
     }
-    let nowhere = go(&mut s, 4, at(f64::NAN, 1.0, 1.0));
-    assert_eq!((nowhere.refused, nowhere.contact), (Some(Refusal::NotFinite), false), "it went nowhere");
-    go(&mut s, 5, at(0.5, 4.5, 1.0));
-    let through = go(&mut s, 6, at(3.0, 4.5, 1.0));
+    go(&mut s, 4, at(0.5, 4.5, 1.0));
+    let through = go(&mut s, 5, at(3.0, 4.5, 1.0));
     assert!(matches!(through.refused, Some(Refusal::Blocked(..))), "the closet is in the way");
-    assert_eq!((s.contacts(), s.scans()), (4, 6));
+    assert_eq!((s.contacts(), s.scans()), (4, 5));
     let message = Simulator::new(room(), Settings::default(), at(1.5, 4.5, 1.0)).unwrap_err().to_string();
     assert_eq!(message, "(1.500; 4.500; 1.000) is inside an obstacle or outside the world");
 }
@@ -147,8 +145,6 @@ fn a_way_with_corners_is_judged_segment_by_segment() {
     assert_eq!(outcome.refused, Some(Refusal::Blocked(Point3::new(2.5, 4.2, 1.0), Point3::new(0.5, 4.2, 1.0))));
     let outcome = go_by(&mut s, 4, vec![Point3::new(2.02, 4.5, 1.0)], at(2.5, 4.5, 1.0));
     assert!(outcome.contact && outcome.refused.is_none(), "there and back, 2 cm from the closet");
-    let lost = vec![Point3::new(f64::INFINITY, 4.5, 1.0)];
-    assert_eq!(go_by(&mut s, 5, lost, at(2.5, 4.5, 1.0)).refused, Some(Refusal::NotFinite));
 }
 
 #[test]

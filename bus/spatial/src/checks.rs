@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use elk_bus::key::Invalid;
 use nalgebra::Point3;
 
-use crate::bricks::{BRICK, brick_of};
+use crate::bricks::BRICK;
 use crate::clearance::{self, Clearance};
 use crate::map::{BrickStates, MapUpdate, OccupancyGrid};
 use crate::messages::{
@@ -346,8 +346,7 @@ pub fn path_in(grid: &OccupancyGrid, path: &Path, clearance_m: f64) -> Checked {
     let resolution = grid.resolution();
     way(path, clearance_m, resolution)?;
     list("points", &path.points, MAX_CORNERS, |point| {
-        let own = brick_of(Voxel::containing(*point, resolution));
-        let near = std::iter::once(own).chain(own.neighbours()).any(|brick| grid.bricks().brick(brick).is_some());
+        let near = grid.knows_near(Voxel::containing(*point, resolution));
         holds("", near, format!("({:.2}; {:.2}; {:.2})", point.x, point.y, point.z), "near what is known of the map")
     })?;
     let length = Polyline::new(path.points.iter().copied()).map_or(0.0, |way| way.length());

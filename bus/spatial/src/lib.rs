@@ -11,6 +11,7 @@ pub mod clearance;
 pub mod frontier;
 pub mod keys;
 pub mod map;
+pub mod mask;
 pub mod messages;
 pub mod polyline;
 pub mod pose;

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bricks::{BRICK_CELLS, Bricks, brick_of, voxel_at};
 use crate::checks;
+use crate::mask::{self, Mask};
 use crate::voxel::Voxel;
 
 /// What is known of a voxel (thesis 6.3.1).
@@ -53,6 +54,11 @@ impl BrickStates {
         self.brick.map(i32::from).into()
     }
 
+    /// The states of all cells.
+    pub fn unpack(&self) -> [State; BRICK_CELLS] {
+        std::array::from_fn(|cell| self.state(cell))
+    }
+
     /// The state of cell `cell`; unknown where the bytes are too few.
     pub fn state(&self, cell: usize) -> State {
         State::from_bits(self.states.get(cell / 4).map_or(0, |b| b >> (2 * (cell % 4))))
@@ -77,16 +83,13 @@ elk_bus::payload! {
     }
 }
 
-/// Cells of a brick, cell `i` in bit `i mod 64` of word `i / 64`.
-type Cells = [u64; 8];
-
 /// The voxels that an update changed, brick by brick: a bit each, however many they are.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Changes(Vec<(Voxel, Cells)>);
+pub struct Changes(Vec<(Voxel, Mask)>);
 
 impl Changes {
-    fn add(&mut self, (brick, cells): (Voxel, Cells)) {
-        if cells != [0; 8] {
+    fn add(&mut self, (brick, cells): (Voxel, Mask)) {
+        if cells != mask::NONE {
             self.0.push((brick, cells));
         }
     }
@@ -95,18 +98,16 @@ impl Changes {
     fn add_what_is_not_in(&mut self, update: &MapUpdate, before: &Bricks<State>) {
         let kept: std::collections::BTreeSet<Voxel> = update.bricks.iter().map(BrickStates::position).collect();
         for (brick, states) in before.iter().filter(|(brick, _)| !kept.contains(brick)) {
-            let mut cells = [0; 8];
-            for cell in (0..BRICK_CELLS).filter(|cell| states[*cell] != State::Unknown) {
-                cells[cell >> 6] |= 1 << (cell & 63);
-            }
+            let mut cells = mask::NONE;
+            let known = (0..BRICK_CELLS).filter(|cell| states[*cell] != State::Unknown);
+            known.for_each(|cell| mask::set(&mut cells, cell));
             self.add((brick, cells));
         }
     }
 
     /// The voxels, in order.
     pub fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
-        let of = |cells: Cells| (0..BRICK_CELLS).filter(move |cell| cells[cell >> 6] >> (cell & 63) & 1 == 1);
-        self.0.iter().flat_map(move |(brick, cells)| of(*cells).map(|cell| voxel_at(*brick, cell)))
+        self.0.iter().flat_map(|(brick, cells)| mask::cells(cells).map(|cell| voxel_at(*brick, cell)))
     }
 }
 
@@ -147,6 +148,14 @@ pub enum UpdateError {
     },
 }
 
+/// Whether so many bricks are no more than are kept.
+///
+/// # Errors
+/// They are more ([`UpdateError::TooMany`]).
+pub fn room_for(bricks: usize, most: usize) -> Result<(), UpdateError> {
+    if bricks > most { Err(UpdateError::TooMany { bricks, most }) } else { Ok(()) }
+}
+
 /// How far a revision may lie above what is known of the map. It grows by one a scan, and by one when a map is lost.
 pub const LEAP: u64 = 1000;
 
@@ -183,6 +192,12 @@ impl OccupancyGrid {
     /// The states by brick, for walks that stay near.
     pub fn bricks(&self) -> &Bricks<State> {
         &self.states
+    }
+
+    /// Whether anything is known of the brick that a voxel lies in, or of one beside it.
+    pub fn knows_near(&self, voxel: Voxel) -> bool {
+        let own = brick_of(voxel);
+        std::iter::once(own).chain(own.neighbours()).any(|brick| self.states.brick(brick).is_some())
     }
 
     /// Number of free voxels.
@@ -237,15 +252,22 @@ impl OccupancyGrid {
     }
 
     /// Writes a brick; answers the cells that are other than they were, `before` or until now.
-    fn write(&mut self, packed: &BrickStates, before: Option<&Bricks<State>>) -> (Voxel, Cells) {
-        let position = packed.position();
-        let mut cells = [0; 8];
-        for cell in 0..BRICK_CELLS {
-            let (voxel, state) = (voxel_at(position, cell), packed.state(cell));
-            let changed = self.set(voxel, state);
-            let changed = before.map_or(changed, |before| before.get(voxel) != state);
-            cells[cell >> 6] |= u64::from(changed) << (cell & 63);
+    fn write(&mut self, packed: &BrickStates, before: Option<&Bricks<State>>) -> (Voxel, Mask) {
+        let (position, new) = (packed.position(), packed.unpack());
+        let own = self.states.brick(position);
+        let old = own.copied().unwrap_or([State::Unknown; BRICK_CELLS]);
+        if own.is_some() || new != old {
+            *self.states.brick_mut(position) = new;
         }
+        for state in [State::Free, State::Occupied] {
+            let number = |cells: &[State]| cells.iter().filter(|s| **s == state).count();
+            self.counts[state as usize] += number(&new);
+            self.counts[state as usize] -= number(&old);
+        }
+        let before = before.map_or(old, |b| b.brick(position).copied().unwrap_or([State::Unknown; BRICK_CELLS]));
+        let mut cells = mask::NONE;
+        let changed = (0..BRICK_CELLS).filter(|cell| before[*cell] != new[*cell]);
+        changed.for_each(|cell| mask::set(&mut cells, cell));
         (position, cells)
     }
 
@@ -269,6 +291,48 @@ impl OccupancyGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bricks::cell_of;
+    use proptest::prelude::*;
+
+    /// Some cells of some bricks, and what they are to be.
+    fn cells() -> impl Strategy<Value = Vec<(Voxel, State)>> {
+        let state = prop_oneof![Just(State::Unknown), Just(State::Free), Just(State::Occupied)];
+        let voxel = prop::array::uniform3(-9..9i32).prop_map(Voxel::from);
+        prop::collection::vec((voxel, state), 0..60)
+    }
+
+    fn set_all(grid: &mut OccupancyGrid, cells: &[(Voxel, State)]) -> Vec<Voxel> {
+        cells.iter().filter(|(voxel, state)| grid.set(*voxel, *state)).map(|(voxel, _)| *voxel).collect()
+    }
+
+    proptest! {
+        /// Brick by brick or voxel by voxel, it is the same map, and the same has changed.
+        #[test]
+        fn what_is_written_brick_by_brick_is_what_was_set(first in cells(), then in cells(), whole in any::<bool>()) {
+            let mut map = OccupancyGrid::new(0.1);
+            let changed = set_all(&mut map, &first);
+            let mut reader = OccupancyGrid::new(0.1);
+            reader.apply(&map.advance(&changed, 1)).unwrap();
+            let before = reader.clone();
+            let changed = set_all(&mut map, &then);
+            let update = map.advance(&changed, 2);
+            let update = if whole { map.whole(2) } else { update };
+            let said: std::collections::BTreeSet<Voxel> = reader.apply(&update).unwrap().voxels().collect();
+            let differs = |voxel: &Voxel| before.state(*voxel) != map.state(*voxel);
+            let all = then.iter().map(|(voxel, _)| *voxel);
+            prop_assert_eq!(said, all.filter(differs).collect());
+            prop_assert!(map.bricks().voxels().all(|(voxel, state)| reader.state(voxel) == state));
+            prop_assert_eq!((reader.free(), reader.occupied()), (map.free(), map.occupied()));
+        }
+    }
+
+    #[test]
+    fn a_brick_is_unpacked_as_it_was_packed() {
+        let mut states = [State::Unknown; BRICK_CELLS];
+        states[cell_of(Voxel::new(1, 2, 3))] = State::Occupied;
+        states[cell_of(Voxel::new(7, 7, 7))] = State::Free;
+        assert_eq!(BrickStates::pack(Voxel::new(-1, 0, 1), &states).unpack(), states);
+    }
 
     #[test]
     fn an_update_carries_a_change_to_a_reader() {

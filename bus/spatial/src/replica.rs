@@ -1,6 +1,9 @@
 //! A reader's copy of the map, kept up to date with what the map publishes.
 
-use crate::map::{BrickStates, Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError};
+use elk_bus::{AppError, Comms, Mail};
+
+use crate::keys::MAP;
+use crate::map::{BrickStates, Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError, room_for};
 
 /// What came of an update.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -64,6 +67,11 @@ impl Replica {
         &self.grid
     }
 
+    /// The map as far as it is known, for who needs no more of it.
+    pub fn into_grid(self) -> OccupancyGrid {
+        self.grid
+    }
+
     /// The last scan in it.
     pub fn scan(&self) -> u64 {
         self.scan
@@ -79,6 +87,14 @@ impl Replica {
     pub fn copy_of(&self, revision: f64) -> Option<MapUpdate> {
         let own = self.grid.revision();
         (own > 0 && own as f64 >= revision).then(|| self.grid.whole(self.scan))
+    }
+
+    /// Answers a map that was killed and asks for a copy ([`MAP_RECALL`](crate::keys::MAP_RECALL)), if there is one.
+    ///
+    /// # Errors
+    /// What it asks is no number; or the bus failed.
+    pub fn answer(&self, comms: &mut Comms, recall: &Mail<'_>) -> Result<(), AppError> {
+        self.copy_of(recall.number()?).map_or(Ok(()), |copy| Ok(comms.publish(&MAP, &copy)?))
     }
 
     /// Takes note that the map is at `revision` for somebody else; whether to ask for the whole map, as this one is ahead.
@@ -156,10 +172,7 @@ impl Replica {
             0 => update.bricks.len(),
             _ => known.len() + update.bricks.iter().filter(|b| known.brick(b.position()).is_none()).count(),
         };
-        match bricks > self.max_bricks {
-            true => Err(UpdateError::TooMany { bricks, most: self.max_bricks }),
-            false => Ok(()),
-        }
+        room_for(bricks, self.max_bricks)
     }
 }
 

@@ -364,3 +364,19 @@ fn the_sensor_has_the_last_word_on_how_many_commands_there_were() {
     assert!(successor.on_camera_pose(&CameraPose { command: 7, pose }).unwrap().is_empty());
     assert_eq!(successor.commands(), 7);
 }
+
+/// Regression: a path that nothing of is allowed made a memory that no successor believed.
+#[test]
+fn no_more_is_allowed_than_a_successor_is_told() {
+    let (bench, first) = Bench::new();
+    let mut plan = plan(&first, true);
+    let row = |y: i32| {
+        let ends = if y % 2 == 0 { [0, 399] } else { [399, 0] };
+        ends.map(|x| Voxel::new(x, y, 9).center(0.1))
+    };
+    let Decision::Go(mut path) = plan.decision.clone() else { panic!() };
+    path.points = (0..400).flat_map(row).collect();
+    plan.decision = Decision::Go(path.clone());
+    let underway = Underway::new(&plan, &path, &bench.map).unwrap().unwrap();
+    assert!((100_000..=MAX_REMEMBERED).contains(&underway.leg.allowed.len()));
+}

@@ -2,9 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use elk_spatial::checks::MAX_REMEMBERED;
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
 use elk_spatial::ray::Traversal;
 use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
+
+use super::scene::nearest;
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.
 const CUTS: u32 = 3;
@@ -107,11 +110,19 @@ impl Memory {
         self.trail.extend(gone);
         self.trail.sort_unstable();
         self.trail.dedup();
+        (self.trail, _) = nearest(std::mem::take(&mut self.trail), robot, MAX_REMEMBERED);
     }
 
-    /// No new place sees these targets in the map as it is.
-    pub fn hide(&mut self, targets: impl Iterator<Item = Voxel>) {
-        self.hidden.extend(targets);
+    /// No new place sees these targets in the map as it is. What is too much for a successor to be told is looked for again:
+    /// first what is no frontier any more, then what was hidden before.
+    pub fn hide(&mut self, targets: impl Iterator<Item = Voxel> + Clone, frontier: &FrontierSet) {
+        self.hidden.extend(targets.clone());
+        if self.hidden.len() > MAX_REMEMBERED {
+            self.hidden.retain(|target| frontier.contains(*target));
+        }
+        if self.hidden.len() > MAX_REMEMBERED {
+            self.hidden = targets.take(MAX_REMEMBERED).collect();
+        }
     }
 
     /// Whether no new place saw `target` when it was looked for.
@@ -145,5 +156,30 @@ impl Memory {
     /// Scans since anything was learned.
     pub fn scans_without_progress(&self, revision: u64) -> u64 {
         revision.saturating_sub(self.progress_at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use elk_spatial::State;
+
+    use super::*;
+
+    /// Regression: more was left to a successor than it believes, so it was refused all of it.
+    #[test]
+    fn no_more_is_hidden_than_a_successor_is_told() {
+        let mut grid = OccupancyGrid::new(0.1);
+        let floor: Vec<Voxel> = (0..400).flat_map(|x| (0..400).map(move |y| Voxel::new(x, y, 0))).collect();
+        floor.iter().for_each(|voxel| assert!(grid.set(*voxel, State::Free)));
+        let mut frontier = FrontierSet::new(None);
+        frontier.update(&grid, &floor);
+        let gone = (0..1000).map(|x| Voxel::new(x, 0, 9));
+        let (first, second) = (&floor[..MAX_REMEMBERED - 500], &floor[MAX_REMEMBERED - 500..]);
+        let mut memory = Memory::default();
+        memory.hide(gone.clone(), &frontier);
+        memory.hide(first.iter().copied(), &frontier);
+        assert!(memory.is_hidden(first[0]) && !gone.clone().any(|voxel| memory.is_hidden(voxel)));
+        memory.hide(second.iter().copied(), &frontier);
+        assert!(second.iter().all(|voxel| memory.is_hidden(*voxel)) && !memory.is_hidden(first[0]));
     }
 }

@@ -1,9 +1,10 @@
 use super::*;
 use crate::laplace::Solver;
 use crate::strategy::{Potential, Start};
+use elk_spatial::checks::MAX_REMEMBERED;
 use elk_spatial::messages::Outcome;
 use elk_spatial::ray::Traversal;
-use elk_spatial::{Pose, State};
+use elk_spatial::{Pose, State, Voxel};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -54,6 +55,7 @@ fn settings(policy: Policy) -> Settings {
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).unwrap(),
         max_voxels: 1_000_000,
+        max_targets: MAX_REMEMBERED,
         min_frontier: 1,
         attempts: 3,
         max_scans: 500,
@@ -166,16 +168,12 @@ fn small_clusters_are_left_alone_and_counted() {
     let coarse = Settings { min_frontier: 4, ..settings(Policy::elk(0.4)) };
     let coarse = run(Box::new(ClosestFrontier), coarse).report;
     assert!(coarse.complete);
-    let all = [[0, 0, 0], [1, 1, 1], [9, 9, 9]].map(Voxel::from).to_vec();
-    assert_eq!(by_cluster_size(all.clone(), 1), (all.clone(), 0));
-    assert_eq!(by_cluster_size(all.clone(), 2), (all[..2].to_vec(), 1));
-    assert_eq!(by_cluster_size(all, 3), (vec![], 3));
 }
 
-/// A robot that goes where it is sent and sees nothing there.
-#[test]
-fn a_blind_robot_gives_up() {
-    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+/// A robot that goes where it is sent and sees nothing there: what it says in the end, and the targets that it went for.
+fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
+    let mut targets = BTreeSet::new();
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::x());
     let changed = scan(&mut grid, &pose);
@@ -185,12 +183,29 @@ fn a_blind_robot_gives_up() {
         let outcome = if id == 1 { Outcome::First } else { Outcome::Unresolved };
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
         match explorer.plan(&grid, &frontier, &request).decision {
-            Decision::Go(path) => pose = path.looks[0],
+            Decision::Go(path) => {
+                targets.insert(path.target);
+                pose = path.looks[0];
+            }
             Decision::Done => break,
         }
     }
-    let report = explorer.report().unwrap();
+    (explorer.report().unwrap().clone(), targets)
+}
+
+#[test]
+fn a_blind_robot_gives_up() {
+    let (report, _) = blind_run(settings(Policy::elk(0.4)));
     assert!(!report.complete && report.left.unresolved + report.left.open > 0, "{report:?}");
+}
+
+/// Regression: the nearest were taken first, and hid all others once they were given up.
+#[test]
+fn what_is_given_up_takes_no_place_from_what_is_not() {
+    let patient = Settings { attempts: 1, patience: 1000, max_scans: 1000, ..settings(Policy::elk(0.4)) };
+    let (_, all) = blind_run(patient.clone());
+    let (report, few) = blind_run(Settings { max_targets: 1, ..patient });
+    assert!(all.len() > 20 && few.len() >= all.len() / 2, "{} and {} targets: {report:?}", all.len(), few.len());
 }
 
 #[test]

@@ -1,41 +1,13 @@
-//! Sets of cells of a brick, a bit a cell, and their growth across the borders of bricks.
-//!
-//! A brick's 512 cells are eight layers of 64: cell `z·64 + y·8 + x` (see [`elk_spatial::bricks::cell_of`]) is bit
-//! `y·8 + x` of word `z`, so a row along x is a byte and whole layers are worked on at once.
+//! The growth of sets of cells across the borders of bricks. In a [`Mask`] a row along x is a byte, so whole layers are
+//! worked on at once.
 
+use elk_spatial::mask::Mask;
 use elk_spatial::voxel::{FACES, Voxel};
-
-/// A set of cells of one brick: eight layers along z, each with 8 rows along y of 8 bits along x.
-pub type Mask = [u64; 8];
-
-/// No cell.
-pub const NONE: Mask = [0; 8];
-/// Every cell.
-pub const ALL: Mask = [!0; 8];
 
 /// The cells with x = 0, in every row of a layer.
 const FIRST_COLUMN: u64 = 0x0101_0101_0101_0101;
 /// The cells with x = 7.
 const LAST_COLUMN: u64 = FIRST_COLUMN << 7;
-
-/// The places of the bits of `word`, ascending.
-pub fn bits(mut word: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let bit = (word != 0).then(|| word.trailing_zeros() as usize)?;
-        word &= word - 1;
-        Some(bit)
-    })
-}
-
-/// The cells of a set, as places in the brick, ascending.
-pub fn cells(mask: &Mask) -> impl Iterator<Item = usize> {
-    mask.iter().enumerate().flat_map(|(z, &word)| bits(word).map(move |bit| z << 6 | bit))
-}
-
-/// Number of cells in a set.
-pub fn count(mask: &Mask) -> usize {
-    mask.iter().map(|word| word.count_ones() as usize).sum()
-}
 
 /// The cells of a brick whose x, y and z (0 to 7) lie in these half-open ranges.
 pub fn block(x: [i32; 2], y: [i32; 2], z: [i32; 2]) -> Mask {
@@ -91,14 +63,13 @@ fn along_y(own: u64, front: u64, back: u64) -> u64 {
 mod tests {
     use super::*;
     use elk_spatial::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
+    use elk_spatial::mask::{self, cells, count};
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 
     fn mask_of(set: &BTreeSet<Voxel>, brick: Voxel) -> Mask {
-        let mut mask = NONE;
-        for v in set.iter().filter(|v| brick_of(**v) == brick) {
-            mask[cell_of(*v) >> 6] |= 1 << (cell_of(*v) & 63);
-        }
+        let mut mask = mask::NONE;
+        set.iter().filter(|v| brick_of(**v) == brick).for_each(|v| mask::set(&mut mask, cell_of(*v)));
         mask
     }
 

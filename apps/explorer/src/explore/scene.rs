@@ -1,0 +1,132 @@
+//! The map as one plan sees it: where the robot can be, what is to be resolved, and what is not, by cause.
+
+use elk_spatial::messages::FrontiersLeft;
+use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
+use nalgebra::Point3;
+
+use super::Settings;
+use super::memory::Memory;
+use crate::extent::{Extent, Scope};
+use crate::goals::Target;
+use crate::space::Space;
+use crate::volume::Volume;
+
+/// The scene of one plan.
+pub struct Scene {
+    extent: Extent,
+    pub volume: Volume,
+    /// The robot's own voxel, by index of the volume.
+    robot: usize,
+    pub space: Space,
+    pub targets: Vec<Target>,
+    /// Frontier voxels that are no targets, by cause.
+    pub left: FrontiersLeft,
+    /// Frontier voxels that the robot could get to and that no plan was made over.
+    pub beyond: u64,
+}
+
+impl Scene {
+    /// What is around a robot at `position` (m, world).
+    pub fn around(
+        grid: &OccupancyGrid,
+        position: Point3<f64>,
+        frontier: &FrontierSet,
+        memory: &Memory,
+        settings: &Settings,
+    ) -> Self {
+        let robot = Voxel::containing(position, grid.resolution());
+        let margin = settings.clearance.reach().max(2);
+        let extent = Extent::of(grid, robot, margin, settings.max_voxels);
+        let volume = Volume::between(grid, (extent.min, extent.max), margin);
+        let robot = volume.index(robot).unwrap_or_default();
+        let space = Space::around(&volume, robot, &settings.clearance, memory.trail(), false);
+        let (targets, left) = (Vec::new(), FrontiersLeft::default());
+        let mut scene = Self { extent, volume, robot, space, targets, left, beyond: 0 };
+        scene.sort_out(frontier, memory, settings);
+        scene
+    }
+
+    /// The same for a robot that first gets out of the corner that it stands in.
+    pub fn back_off(&mut self, frontier: &FrontierSet, memory: &Memory, settings: &Settings) {
+        self.space = Space::around(&self.volume, self.robot, &settings.clearance, memory.trail(), true);
+        self.sort_out(frontier, memory, settings);
+    }
+
+    /// What of the map it is made over.
+    pub fn scope(&self) -> Scope {
+        self.extent.scope
+    }
+
+    /// Sorts the frontier into targets and what is left out, by cause.
+    fn sort_out(&mut self, frontier: &FrontierSet, memory: &Memory, settings: &Settings) {
+        let reached = |v: &Voxel| self.volume.index(*v).is_some_and(|i| self.space.component[i]);
+        let (connected, apart): (Vec<Voxel>, Vec<Voxel>) = frontier.iter().partition(reached);
+        let beyond = apart.iter().filter(|v| self.extent.leaves_out(**v)).count();
+        let (large, small) = by_cluster_size(connected, settings.min_frontier);
+        // Before the nearest are taken: those would hide the others behind them for good.
+        let (given_up, open): (Vec<Voxel>, Vec<Voxel>) =
+            large.into_iter().partition(|voxel| memory.gave_up(*voxel, settings.attempts));
+        let (near, far) = nearest(open, self.volume.voxel(self.space.start()), settings.max_targets);
+        let target = |voxel| Target::new(&self.volume, settings.bounds, voxel, memory.tried(voxel).to_vec());
+        self.targets = near.into_iter().map(target).collect();
+        self.beyond = (beyond + far) as u64;
+        self.left = FrontiersLeft {
+            unreachable: (apart.len() - beyond) as u64,
+            unresolved: given_up.len() as u64,
+            too_small: small as u64,
+            ..FrontiersLeft::default()
+        };
+    }
+}
+
+/// The `most` voxels that are nearest to the robot, in order, and the number of the others.
+pub fn nearest(mut voxels: Vec<Voxel>, robot: Voxel, most: usize) -> (Vec<Voxel>, usize) {
+    let far = voxels.len().saturating_sub(most);
+    if far > 0 {
+        voxels.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
+        voxels.truncate(most);
+        voxels.sort_unstable();
+    }
+    (voxels, far)
+}
+
+/// The voxels in clusters (connected over 26 neighbours) of at least `min`, in order, and the number of the others.
+fn by_cluster_size(voxels: Vec<Voxel>, min: usize) -> (Vec<Voxel>, usize) {
+    if min <= 1 {
+        return (voxels, 0);
+    }
+    let mut open: std::collections::BTreeSet<Voxel> = voxels.iter().copied().collect();
+    let (mut large, mut small) = (Vec::new(), 0);
+    while let Some(first) = open.pop_first() {
+        let mut cluster = vec![first];
+        let mut next = 0;
+        while next < cluster.len() {
+            for n in cluster[next].neighbours() {
+                if open.remove(&n) {
+                    cluster.push(n);
+                }
+            }
+            next += 1;
+        }
+        if cluster.len() >= min {
+            large.extend(cluster);
+        } else {
+            small += cluster.len();
+        }
+    }
+    large.sort_unstable();
+    (large, small)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cluster_hangs_together_over_corners() {
+        let all = [[0, 0, 0], [1, 1, 1], [9, 9, 9]].map(Voxel::from).to_vec();
+        assert_eq!(by_cluster_size(all.clone(), 1), (all.clone(), 0));
+        assert_eq!(by_cluster_size(all.clone(), 2), (all[..2].to_vec(), 1));
+        assert_eq!(by_cluster_size(all, 3), (vec![], 3));
+    }
+}
