@@ -86,9 +86,14 @@ impl Conduct<'_> {
 
     fn start(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
         self.crew.start_apps(which)?;
+        self.gather("before it registered")
+    }
+
+    /// Waits until everyone who was started, or is started again, is on the bus.
+    fn gather(&mut self, when: &'static str) -> Result<(), LaunchError> {
         let clock = Stopwatch::start();
         loop {
-            self.look("before it registered")?;
+            self.look(when)?;
             let missing = self.crew.missing(&self.listener.observer().clients);
             if missing.is_empty() {
                 return Ok(());
@@ -100,7 +105,7 @@ impl Conduct<'_> {
         }
     }
 
-    /// Waits until exploration is over, and has the final map judged.
+    /// Waits until exploration is over, has the final map judged, and sees that everyone is there for the end.
     pub fn run(&mut self) -> Result<(), LaunchError> {
         if self.state.manual {
             put("Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.\n");
@@ -111,7 +116,9 @@ impl Conduct<'_> {
             self.step_by_hand();
             self.see_movement(&mut movement)?;
         }
-        self.judge()
+        self.judge()?;
+        // Whoever died in the last moment has yet to do what it does at the end.
+        self.gather("before the mission was over")
     }
 
     /// A mission that has begun and in which nothing moves any more is stuck, unless somebody holds it: who has paused it
@@ -144,33 +151,38 @@ impl Conduct<'_> {
         Ok(())
     }
 
-    /// Ends the apps, then leaves the bus, then ends the broker. Answers what somebody could not do at the end.
-    pub fn end(&mut self) -> Option<LaunchError> {
+    /// Ends the apps, then leaves the bus, then ends the broker. `reason` is why the mission ended before its time, if it
+    /// did. Answers that, or else the first thing that somebody could not do at the end: it is told with the summary, and
+    /// all others are told here.
+    pub fn end(&mut self, mut reason: Option<LaunchError>) -> Option<LaunchError> {
         self.display.clear();
         self.crew.end_apps();
-        let mut unfinished = self.crew.check(ENDING).err();
+        let checked = self.crew.check(ENDING);
+        self.note_failure(checked, &mut reason);
         while !self.crew.ended() {
-            self.round_to_the_end(&mut unfinished);
+            let checked = self.round(ENDING);
+            self.note_failure(checked, &mut reason);
         }
         self.crew.end_strays();
         // Nobody is on the bus any more when the broker goes.
         self.listener.leave();
         while !self.listener.has_left() {
-            self.round_to_the_end(&mut unfinished);
+            let checked = self.round(ENDING);
+            self.note_failure(checked, &mut reason);
         }
         self.crew.stop_broker();
         self.pass_words_on();
         if let Some(server) = &mut self.server {
             server.finish();
         }
-        unfinished
+        reason
     }
 
-    /// What fails now is said; the first failure is the mission's.
-    fn round_to_the_end(&mut self, unfinished: &mut Option<LaunchError>) {
-        if let Err(error) = self.round(ENDING) {
-            self.display.say(&error.to_string());
-            unfinished.get_or_insert(error);
+    fn note_failure(&self, checked: Result<(), LaunchError>, reason: &mut Option<LaunchError>) {
+        match (checked, &reason) {
+            (Ok(()), _) => {}
+            (Err(error), None) => *reason = Some(error),
+            (Err(error), Some(_)) => self.display.say(&error.to_string()),
         }
     }
 

@@ -162,6 +162,8 @@ pub enum LaunchError {
 
 fn log_lines(log: &std::path::Path, tail: &[String]) -> String {
     match tail {
+        // It ended while there was no launcher, or before the mission did.
+        [] if log.as_os_str().is_empty() => String::new(),
         [] => format!("; its log {} is empty", log.display()),
         lines => format!("; the end of {}:\n    {}", log.display(), lines.join("\n    ")),
     }

@@ -214,11 +214,10 @@ impl Stage<'_> {
             running: Stopwatch::start(),
         };
         let failed = begin(&mut conduct).and_then(|()| conduct.run()).err();
-        let unfinished = conduct.end();
+        let error = conduct.end(failed);
         for words in conduct.listener.observer().unsaid() {
             conduct.display.say(&words);
         }
-        let error = failed.or(unfinished);
         let explorers = conduct.crew.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
         let unwritten = summary.write(folder).err();

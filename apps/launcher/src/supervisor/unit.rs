@@ -60,7 +60,7 @@ pub(crate) enum State {
     /// It ended and will be started again.
     Waiting { until: Duration },
     /// It was asked to end.
-    Stopping { kill_at: Duration, killed: bool },
+    Stopping { kill_at: Duration },
     /// It was stopped.
     Stopped,
     /// It ended by itself.
@@ -200,7 +200,7 @@ impl Unit {
     pub fn deadline(&self) -> Option<Duration> {
         let state = match self.state {
             State::Waiting { until } => Some(until),
-            State::Stopping { kill_at, killed: false } => Some(kill_at),
+            State::Stopping { kill_at } if self.doom.is_none() => Some(kill_at),
             State::Starting => self.order.map(|(_, limit)| limit),
             _ => None,
         };
