@@ -48,8 +48,8 @@ pub(crate) struct Conduct<'a> {
     pub folder: &'a Path,
     /// What another launcher would have to know.
     pub state: LaunchState,
-    /// That, as it was last said.
-    pub said_state: String,
+    /// That, as it was last said to a broker that still has it.
+    pub said_state: Option<LaunchState>,
     pub running: Stopwatch,
 }
 
@@ -220,7 +220,7 @@ impl Conduct<'_> {
 
     /// Says how things are to a broker that may not know.
     fn introduce(&mut self) {
-        self.said_state.clear();
+        self.said_state = None;
         if self.state.paused {
             self.listener.say(MOTION, motion(true));
         }
@@ -326,17 +326,18 @@ impl Conduct<'_> {
         }
     }
 
-    /// Leaves word of the mission on the bus, for a launcher that may have to pick it up, whenever it has changed.
+    /// Leaves word of the mission, for a launcher that may have to pick it up, whenever it has changed.
     fn leave_word(&mut self) {
         self.state.first_command = self.listener.observer().first_command;
-        if !self.crew.note_state(&mut self.state) {
+        if !self.crew.note_state(&mut self.state) || self.said_state.as_ref() == Some(&self.state) {
             return;
         }
-        let text = serde_json::to_string(&self.state).unwrap_or_default();
-        if text != self.said_state {
-            self.listener.say(launch_state::KEY, text.as_str());
-            self.said_state = text;
+        let text = self.state.next_text();
+        self.listener.say(launch_state::KEY, text.as_str());
+        if let Err(error) = LaunchState::keep(self.community, &text) {
+            self.display.say(&error.to_string());
         }
+        self.said_state = Some(self.state.clone());
     }
 }
 

@@ -81,6 +81,9 @@ pub enum LaunchError {
         /// Why not.
         why: String,
     },
+    /// What another launcher has to know cannot be kept.
+    #[error("if launcher and broker die at once, `elk attach` will not find the mission: {0}")]
+    Unkept(elk_bus::FolderError),
     /// The mission was over, and what an app had yet to do it could not.
     #[error("{app} could not end in good order: {how}{}", log_lines(.log, .tail))]
     Unfinished {

@@ -210,7 +210,7 @@ impl Stage<'_> {
             community: self.community,
             folder,
             state,
-            said_state: String::new(),
+            said_state: None,
             running: Stopwatch::start(),
         };
         let failed = begin(&mut conduct).and_then(|()| conduct.run()).err();

@@ -28,6 +28,8 @@ pub(crate) struct Process {
     /// `None`: it is no child of ours, so nobody tells how it ends.
     child: Option<Child>,
     pid: Pid,
+    /// What tells it from others that had or will have its number; `None`: it had ended before it could be seen.
+    id: Option<ProcessId>,
     pidfd: OwnedFd,
     /// Where in the log its own words begin.
     log_from: u64,
@@ -62,7 +64,8 @@ impl Process {
             LaunchError::System { what: "no handle of a new process", source: error.into() }
         })?;
         let log = log.to_owned();
-        Ok(Self { log, child: Some(child), pid, pidfd, log_from, exit: None })
+        let id = ProcessId::of(pid.as_raw_nonzero().get());
+        Ok(Self { log, child: Some(child), pid, id, pidfd, log_from, exit: None })
     }
 
     /// Takes over a process; `None`: it is gone, and its number may be another's.
@@ -74,7 +77,7 @@ impl Process {
             return None;
         }
         let log = log.to_owned();
-        let process = Self { log, child: None, pid, pidfd, log_from: 0, exit: None };
+        let process = Self { log, child: None, pid, id: Some(id), pidfd, log_from: 0, exit: None };
         (!process.has_ended()).then_some(process)
     }
 
@@ -85,7 +88,7 @@ impl Process {
 
     /// What tells it from others that had or will have its number.
     pub fn id(&self) -> Option<ProcessId> {
-        ProcessId::of(self.pid.as_raw_nonzero().get())
+        self.id
     }
 
     /// Becomes readable when it ends.
