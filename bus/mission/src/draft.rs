@@ -143,6 +143,11 @@ impl Draft {
             "type" | "exec" | "args" => {}
             "name" if is_app_name(value) => self.named = Some((value.to_owned(), value_place)),
             "name" => problems.add(&value_place, format!("{value:?} is no name for an app; right are {APP_NAMES}")),
+            name if policy::is_of_broker(name) => {
+                let element = &self.element;
+                let said = format!("<{element}> has no attribute {name}; it is one of the Scenario's");
+                problems.add(&place, said);
+            }
             name => match (self.policy.take(name, value), policy::meant(name)) {
                 (Some(taken), _) => {
                     if let Err(error) = taken {

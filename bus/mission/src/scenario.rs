@@ -9,7 +9,7 @@ use crate::draft::Draft;
 use crate::lines::Lines;
 use crate::mission::{AppSpec, Mission, Mode};
 use crate::nearest::instead;
-use crate::policy::{self, Said};
+use crate::policy::{self, SaidOfBroker};
 use crate::problem::{Place, Problems};
 use crate::registry::Registry;
 use crate::setting::Override;
@@ -92,7 +92,7 @@ pub(crate) fn check(
     let mode = wiring::manual(&drafts).unwrap_or(said_mode);
     let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
     let file = file.to_owned();
-    let (broker, mailbox_mb) = (broker.broker(), broker.mailbox_mb());
+    let (broker, mailbox_mb) = (broker.policy(), broker.mailbox_mb());
     Some(Mission { name, file, mode, broker, mailbox_mb, apps })
 }
 
@@ -105,11 +105,11 @@ fn no_xml(error: &roxmltree::Error, problems: &mut Problems) {
 }
 
 /// The Scenario's own attributes.
-fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems) -> (String, Mode, Said) {
+fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems) -> (String, Mode, SaidOfBroker) {
     let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let mut name = stem.unwrap_or_else(|| "mission".to_owned());
     let mut mode = Mode::Auto;
-    let mut broker = Said::default();
+    let mut broker = SaidOfBroker::default();
     for attribute in scenario.attributes() {
         let place = context.place(attribute.range_value().start);
         match (attribute.name(), attribute.value().trim()) {
@@ -125,7 +125,7 @@ fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems)
             ("version", value) => {
                 problems.add(&place, format!("version {value:?} is unknown; right is \"1\""));
             }
-            (other, value) if policy::OF_BROKER.iter().any(|attribute| attribute.name == other) => {
+            (other, value) if policy::is_of_broker(other) => {
                 if let Some(Err(error)) = broker.take(other, value) {
                     problems.add(&place, format!("{other} {error}"));
                 }
