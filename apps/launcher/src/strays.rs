@@ -45,8 +45,38 @@ struct Stray {
     id: ProcessId,
     /// The app that it descends from; `None`: it came to the launcher, as orphans do, before it was seen whose it was.
     app: Option<Pid>,
-    /// When it is killed: its app has ended, and it was asked to end, too.
-    until: Option<Duration>,
+    fate: Fate,
+}
+
+/// What is done with a stray.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    /// Nothing, while its app lives.
+    Spared,
+    /// It was asked to end, as its app has; it is killed then.
+    Asked { until: Duration },
+    /// It was killed. The kernel ends it as soon as it can.
+    Killed,
+}
+
+impl Stray {
+    fn ask(&mut self, now: Duration) {
+        signal(&self.id, Signal::TERM);
+        self.fate = Fate::Asked { until: now + PATIENCE };
+    }
+
+    fn kill(&mut self) {
+        signal(&self.id, Signal::KILL);
+        self.fate = Fate::Killed;
+    }
+
+    /// When it is to be killed.
+    fn deadline(&self) -> Option<Duration> {
+        match self.fate {
+            Fate::Asked { until } => Some(until),
+            Fate::Spared | Fate::Killed => None,
+        }
+    }
 }
 
 /// What has become known of strays.
@@ -88,7 +118,7 @@ impl Strays {
         for (pid, app) in seen {
             match ProcessId::of(pid) {
                 Some(id) if self.known.get(&pid).is_none_or(|known| known.id != id) => {
-                    self.known.insert(pid, Stray { id, app, until: None });
+                    self.known.insert(pid, Stray { id, app, fate: Fate::Spared });
                     sights.push(Sight::Found(id));
                 }
                 Some(_) => {}
@@ -100,19 +130,16 @@ impl Strays {
 
     /// An app has ended: what it has started is asked to end as well. `None`: all have.
     pub fn dismiss(&mut self, app: Option<Pid>, now: Duration) {
-        let meant = |stray: &&mut Stray| stray.until.is_none() && (app.is_none() || stray.app == app);
-        for stray in self.known.values_mut().filter(meant) {
-            signal(&stray.id, Signal::TERM);
-            stray.until = Some(now + PATIENCE);
-        }
+        let meant = |stray: &&mut Stray| stray.fate == Fate::Spared && (app.is_none() || stray.app == app);
+        self.known.values_mut().filter(meant).for_each(|stray| stray.ask(now));
     }
 
     /// Kills those whose time is over, and forgets those that have ended.
     pub fn reap(&mut self, now: Duration) -> Vec<Sight> {
         let mut sights = Vec::new();
         self.known.retain(|pid, stray| {
-            if stray.until.is_some_and(|until| until <= now) {
-                signal(&stray.id, Signal::KILL);
+            if stray.deadline().is_some_and(|until| until <= now) {
+                stray.kill();
             }
             let lives = stray.id.lives();
             if !lives {
@@ -126,7 +153,7 @@ impl Strays {
 
     /// When the next one is to be killed.
     pub fn deadline(&self) -> Option<Duration> {
-        self.known.values().filter_map(|stray| stray.until).min()
+        self.known.values().filter_map(Stray::deadline).min()
     }
 
     /// Whether nobody is left.
@@ -214,6 +241,8 @@ mod tests {
         assert!(strays.reap(PERIOD).is_empty() && id.lives());
         assert_eq!(strays.deadline(), Some(PERIOD + PATIENCE));
         strays.reap(PERIOD + PATIENCE);
+        // Regression: until the kernel had ended it, its deadline was one that lay in the past, and nobody slept.
+        assert_eq!(strays.deadline(), None);
         while id.lives() {
             std::thread::yield_now();
         }
