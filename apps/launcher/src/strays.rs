@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use elk_bus::ProcessId;
+use elk_bus::{ProcessId, ProcessStat};
 use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, getpid, pidfd_open, pidfd_send_signal, waitpid};
 
 /// How long a stray may take to end when its app has.
@@ -192,8 +192,7 @@ fn outside(leader: Pid) -> Vec<i32> {
 
 /// The number of a process' group; 0: its leader is not of this container (for which `getpgid` of rustix has no word).
 fn group(pid: i32) -> Option<i32> {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    stat.rsplit_once(") ")?.1.split(' ').nth(2)?.parse().ok()
+    ProcessStat::of(pid).map(|stat| stat.group)
 }
 
 /// The children of all threads of a process.
