@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use elk_bus::{ProcessId, ProcessStat};
-use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, getpid, pidfd_open, pidfd_send_signal, waitpid};
+use rustix::process::{Pid, Signal, WaitOptions, getpid, pidfd_send_signal, waitpid};
+
+use crate::handle;
 
 /// How long a stray may take to end when its app has.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(2);
@@ -164,9 +166,7 @@ impl Strays {
 
 /// Sends a signal to a process, if it is still the one that is meant.
 pub(crate) fn signal(id: &ProcessId, signal: Signal) {
-    let handle = Pid::from_raw(id.pid).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
-    // Looked at behind the handle: a number that changes hands from here on is not mistaken.
-    if let Some(handle) = handle.filter(|_| id.lives()) {
+    if let Some(handle) = handle::of(id) {
         // That it has gone meanwhile is no failure.
         let _ = pidfd_send_signal(handle, signal);
     }
