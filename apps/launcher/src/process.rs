@@ -188,7 +188,7 @@ pub(crate) fn how(status: ExitStatus) -> String {
 ///
 /// The launcher is a client of the bus, and iceoryx2's descriptors are not close-on-exec: a child would keep them open for
 /// its whole life, and a dead launcher would look alive.
-pub(crate) fn keep_to_itself(command: &mut Command, bond: Bond) {
+fn keep_to_itself(command: &mut Command, bond: Bond) {
     let launcher = rustix::process::getpid();
     let before_exec = move || {
         if bond == Bond::Launcher {

@@ -38,8 +38,8 @@ const LEASE_SECS: u32 = 15;
 const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
 /// How long the end of a mission waits for processes that apps had started elsewhere: they have been killed long before.
 const STRAYS_PATIENCE: Duration = Duration::from_secs(10);
-/// How often it is looked whether those have ended that apps had started elsewhere.
-const STRAYS_EVERY: Duration = Duration::from_millis(5);
+/// How long nobody looks then whether there are more of them.
+const STRAYS_LOOK: Duration = Duration::from_millis(100);
 /// How often it is asked.
 const ASK_EVERY: Duration = Duration::from_millis(5);
 
@@ -628,7 +628,7 @@ impl Crew for Processes {
             if clock.elapsed() > STRAYS_PATIENCE {
                 return self.sayings.push("processes that apps had started elsewhere could not be ended".to_owned());
             }
-            std::thread::sleep(STRAYS_EVERY);
+            self.strays.wait(self.now(), STRAYS_LOOK);
         }
     }
 

@@ -2,6 +2,7 @@
 //! signals do not reach them, and they outlive whoever started them; here it is kept in mind whose they are.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::os::fd::OwnedFd;
 use std::time::Duration;
 
 use elk_bus::{ProcessId, ProcessStat};
@@ -13,6 +14,8 @@ use crate::handle;
 pub(crate) const PATIENCE: Duration = Duration::from_secs(2);
 /// How often it is looked for new ones.
 const PERIOD: Duration = Duration::from_secs(1);
+/// How long nobody looks at those that have no handle.
+const UNSEEN: Duration = Duration::from_millis(5);
 
 /// The environment variable by which whoever descends from a launcher's apps is known, whoever its parent is by now: it
 /// holds a number that no other launcher has.
@@ -158,6 +161,15 @@ impl Strays {
         self.known.values().filter_map(Stray::deadline).min()
     }
 
+    /// Waits until one of them has ended or is to be killed, at most `patience`.
+    pub fn wait(&self, now: Duration, patience: Duration) {
+        let handles: Vec<OwnedFd> = self.known.values().filter_map(|stray| handle::of(&stray.id)).collect();
+        // One has ended already, unless there is no descriptor for its handle: that is no reason not to rest.
+        let patience = if handles.len() < self.known.len() { patience.min(UNSEEN) } else { patience };
+        let left = self.deadline().map_or(patience, |until| patience.min(until.saturating_sub(now)));
+        handle::wait(&handles.iter().collect::<Vec<_>>(), left);
+    }
+
     /// Whether nobody is left.
     pub fn is_empty(&self) -> bool {
         self.known.is_empty()
@@ -242,9 +254,8 @@ mod tests {
         strays.reap(PERIOD + PATIENCE);
         // Regression: until the kernel had ended it, its deadline was one that lay in the past, and nobody slept.
         assert_eq!(strays.deadline(), None);
-        while id.lives() {
-            std::thread::yield_now();
-        }
+        strays.wait(PERIOD + PATIENCE, Duration::from_secs(60));
+        assert!(!id.lives());
         strays.reap(PERIOD + PATIENCE);
         assert!(strays.is_empty());
     }
