@@ -59,13 +59,14 @@ pub enum LaunchError {
     },
     /// Somebody launches this community already.
     #[error(
-        "community {community} is launched already, by process {process}: choose another --community, or end that mission first"
+        "community {community} is launched already, by {}: choose another --community, or end that mission first",
+        .process.map_or_else(|| "a launcher that takes nobody in".to_owned(), |process| format!("process {process}"))
     )]
     Launched {
         /// The community.
         community: elk_bus::Community,
-        /// The other launcher.
-        process: u32,
+        /// The other launcher; `None`: its door is full, so it cannot be asked.
+        process: Option<i32>,
     },
     /// A broker that is not the launcher's serves this community.
     #[error(
