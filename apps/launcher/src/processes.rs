@@ -24,7 +24,7 @@ use crate::observer::{Losses, News};
 use crate::process::{Bond, Process};
 use crate::run_folder::stamp;
 use crate::run_place::RunPlace;
-use crate::strays::{RUN, Sight, Strays, fresh_run};
+use crate::strays::{Run, Sight, Strays};
 use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Supervisor, Ticket, UnitSpec, Word};
 use crate::usage::{Samples, Usage};
 
@@ -64,7 +64,7 @@ pub(crate) struct Processes {
     /// Holders that were relieved and have until then to end.
     retiring: Vec<(Process, Duration)>,
     /// What tells the descendants of these processes from all others.
-    run: String,
+    run: Run,
     guard: Option<Guard>,
     /// What apps have started outside of their groups.
     strays: Strays,
@@ -91,7 +91,7 @@ struct Post {
 impl Processes {
     /// The crew of a mission. Nothing but the guard is started yet.
     pub fn new(mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
-        let run = fresh_run();
+        let run = Run::fresh()?;
         let guard = match yard.detached {
             true => None,
             false => Some(Guard::start(&yard.program, &run)?),
@@ -307,7 +307,7 @@ impl Processes {
     }
 
     fn spawn(&mut self, name: &str, mut command: Command) -> Result<Process, LaunchError> {
-        command.env(RUN, &self.run);
+        self.run.give(&mut command);
         let log = log_of(&self.yard.place.folder, name);
         if log.metadata().is_ok_and(|found| found.len() > 0)
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)

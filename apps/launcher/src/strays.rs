@@ -3,11 +3,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::fd::OwnedFd;
+use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::{ProcessId, ProcessStat};
 use rustix::process::{Pid, Signal, WaitOptions, getpid, pidfd_send_signal, waitpid};
 
+use crate::error::LaunchError;
 use crate::handle;
 
 /// How long a stray may take to end when its app has.
@@ -17,26 +19,43 @@ const PERIOD: Duration = Duration::from_secs(1);
 /// How long nobody looks at those that have no handle.
 const UNSEEN: Duration = Duration::from_millis(5);
 
-/// The environment variable by which whoever descends from a launcher's apps is known, whoever its parent is by now: it
-/// holds a number that no other launcher has.
-pub(crate) const RUN: &str = "ELK_RUN";
+/// The environment variable by which whoever descends from a launcher's apps is known, whoever its parent is by now.
+const RUN: &str = "ELK_RUN";
 
-/// A number for [`RUN`].
-pub(crate) fn fresh_run() -> String {
-    std::fs::read_to_string("/proc/sys/kernel/random/uuid").unwrap_or_default().trim().to_owned()
-}
+/// A number that no other launcher has.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Run(String);
 
-/// All processes of this user, but this one, that have this number of a run.
-pub(crate) fn of_run(run: &str) -> Vec<ProcessId> {
-    let said = format!("{RUN}={run}");
-    let has_it = |pid: &i32| {
-        let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
-        environment.split(|byte| *byte == 0).any(|one| one == said.as_bytes())
-    };
-    let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
-    let all = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
-    let own = getpid().as_raw_nonzero().get();
-    all.filter(|pid| *pid != own && !run.is_empty() && has_it(pid)).filter_map(ProcessId::of).collect()
+impl Run {
+    /// A new one.
+    pub fn fresh() -> Result<Self, LaunchError> {
+        let number = std::fs::read_to_string("/proc/sys/kernel/random/uuid");
+        let what = "no number by which the mission's processes are known";
+        number.map(|number| Self(number.trim().to_owned())).map_err(|source| LaunchError::System { what, source })
+    }
+
+    /// The one that this process was given.
+    pub fn own() -> Option<Self> {
+        std::env::var(RUN).ok().filter(|number| !number.is_empty()).map(Self)
+    }
+
+    /// Gives it to whoever `command` starts, and so to all that they start.
+    pub fn give(&self, command: &mut Command) {
+        command.env(RUN, &self.0);
+    }
+
+    /// All processes of this user, but this one, that were given it.
+    pub fn processes(&self) -> Vec<ProcessId> {
+        let said = format!("{RUN}={}", self.0);
+        let has_it = |pid: &i32| {
+            let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+            environment.split(|byte| *byte == 0).any(|one| one == said.as_bytes())
+        };
+        let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+        let all = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+        let own = getpid().as_raw_nonzero().get();
+        all.filter(|pid| *pid != own && has_it(pid)).filter_map(ProcessId::of).collect()
+    }
 }
 
 /// The strays of a mission's apps, by number.
@@ -219,7 +238,7 @@ fn children(pid: i32) -> Vec<i32> {
 mod tests {
     use std::io::{BufRead, BufReader};
     use std::os::unix::process::CommandExt;
-    use std::process::{Child, Command, Stdio};
+    use std::process::{Child, Stdio};
 
     use super::*;
 
@@ -258,6 +277,18 @@ mod tests {
         assert!(!id.lives());
         strays.reap(PERIOD + PATIENCE);
         assert!(strays.is_empty());
+    }
+
+    #[test]
+    fn whoever_was_given_a_run_is_found_by_it() {
+        let (one, other) = (Run::fresh().unwrap(), Run::fresh().unwrap());
+        let mut command = Command::new("sleep");
+        one.give(&mut command);
+        let mut child = command.arg("1000").spawn().unwrap();
+        let id = ProcessId::of(child.id() as i32).unwrap();
+        assert_eq!((one.processes(), other.processes()), (vec![id], vec![]));
+        child.kill().unwrap();
+        child.wait().unwrap();
     }
 
     #[test]
