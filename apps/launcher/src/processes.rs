@@ -571,11 +571,11 @@ impl Crew for Processes {
         match order {
             Request::Stop { .. } => self.supervisor.order_stop(ticket, place, now),
             Request::Start { limit_secs, .. } => {
-                self.supervisor.order_start(ticket, place, limit(limit_secs), now);
+                self.supervisor.order_start(ticket, place, time::duration(limit_secs), now);
             }
             Request::Swap { type_name, exec, params, folder, limit_secs, .. } => {
                 let wanted = Exchange { type_name, exec, params, folder };
-                self.swap(ticket, place, &wanted, limit(limit_secs));
+                self.swap(ticket, place, &wanted, time::duration(limit_secs));
             }
             Request::Apps | Request::Pause | Request::Resume | Request::Step => {}
         }
@@ -668,8 +668,4 @@ fn free_of_brokers(community: &Community) -> Result<(), LaunchError> {
         Err(error @ ConnectError::ForeignUser { .. }) => Err(error.into()),
         Ok(_) | Err(_) => Err(LaunchError::Served(community.clone())),
     }
-}
-
-fn limit(secs: f64) -> Duration {
-    time::duration(secs)
 }

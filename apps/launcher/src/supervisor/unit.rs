@@ -40,8 +40,8 @@ impl UnitSpec {
             element: element.to_owned(),
             restart: policy.restart,
             restarts: policy.restarts,
-            window: span(policy.window_secs),
-            health: policy.health_secs.map(span),
+            window: time::duration(policy.window_secs),
+            health: policy.health_secs.map(time::duration),
             may_finish: element == "App",
             urgent: false,
         }
@@ -211,11 +211,6 @@ impl Unit {
         });
         state.into_iter().chain(swap).min()
     }
-}
-
-/// What is no span of time is one without end.
-fn span(secs: f64) -> Duration {
-    time::duration(secs)
 }
 
 /// The pause before the restart that follows `count` others.
