@@ -1,6 +1,8 @@
 //! What follows from the other apps where the mission does not say: who reads whose scans, where frontiers count, and what
 //! two apps have to have in common.
 
+use elk_spatial::clearance::{Clearance, MAX_RADIUS_VOXELS};
+
 use crate::draft::Draft;
 use crate::mission::Mode;
 use crate::params::ParamValue;
@@ -10,9 +12,6 @@ use crate::variables;
 /// Parameters that are the same for both elements: said of one, they hold for the other.
 const COMMON: [(&str, [&str; 2]); 3] =
     [("Res", ["Map", "Explorer"]), ("MaxBricks", ["Map", "Explorer"]), ("MOOSPoseVarName", ["Sensor", "Controller"])];
-
-/// The largest radius of a robot in voxels that anybody can look after (see `MAX_RADIUS_VOXELS` in `elk-spatial`).
-const MAX_RADIUS_VOXELS: f64 = 32.0;
 
 /// What the sensor publishes its scans under, if its type does not say.
 pub(crate) const SCAN: &str = "SCAN";
@@ -56,7 +55,7 @@ fn affordable(draft: &Draft, problems: &mut Problems) {
     let (Some((radius, said)), Some((res, res_said))) = (number("Radius"), number("Res")) else {
         return;
     };
-    if let Some(given) = said.or(res_said).filter(|_| radius / res > MAX_RADIUS_VOXELS + 1e-9) {
+    if let Some(given) = said.or(res_said).filter(|_| !Clearance::affordable(radius, res)) {
         let most = MAX_RADIUS_VOXELS;
         let said = format!(
             "Radius {radius} m are more than {most} voxels of {res} m (Res); right is a smaller Radius or a larger Res"
