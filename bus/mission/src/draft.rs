@@ -3,7 +3,7 @@
 use roxmltree::{Attribute, Node};
 
 use crate::mission::{AppSpec, Program};
-use crate::name::{APP_NAMES, is_app_name};
+use crate::name::{is_app_name, right_app_names};
 use crate::nearest::{instead, nearest};
 use crate::params::ParamValue;
 use crate::policy::{self, Said};
@@ -142,7 +142,9 @@ impl Draft {
         match attribute.name() {
             "type" | "exec" | "args" => {}
             "name" if is_app_name(value) => self.named = Some((value.to_owned(), value_place)),
-            "name" => problems.add(&value_place, format!("{value:?} is no name for an app; right are {APP_NAMES}")),
+            "name" => {
+                problems.add(&value_place, format!("{value:?} is no name for an app; right are {}", right_app_names()))
+            }
             name if policy::is_of_broker(name) => {
                 let element = &self.element;
                 let said = format!("<{element}> has no attribute {name}; it is one of the Scenario's");
@@ -219,23 +221,25 @@ impl Draft {
         matches!(self.runs, Runs::Builtin(_) | Runs::Nothing)
     }
 
+    fn given(&self, param: &str) -> Option<&Given> {
+        self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param))
+    }
+
     /// Where the value of a parameter is said; the app's own place, if it is not.
     pub fn value_place(&self, param: &str) -> &Place {
-        let given = self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param));
-        given.map_or(&self.place, |given| &given.value_place)
+        self.given(param).map_or(&self.place, |given| &given.value_place)
     }
 
     /// What was said of a parameter.
     pub fn said(&self, param: &str) -> Option<&str> {
-        let mut given = self.given.iter();
-        given.find(|given| given.name.eq_ignore_ascii_case(param)).map(|given| given.text.as_str())
+        self.given(param).map(|given| given.text.as_str())
     }
 
     /// What was said of a parameter of its type, if that is right, and where.
     pub fn value(&self, param: &str) -> Option<(ParamValue, &Given)> {
         let Runs::Builtin(app_type) = &self.runs else { return None };
         let spec = app_type.param(param)?;
-        let given = self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param))?;
+        let given = self.given(param)?;
         Some((spec.kind.parse(&given.text, &given.folder).ok()?, given))
     }
 
