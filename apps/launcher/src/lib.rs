@@ -216,7 +216,7 @@ impl Stage<'_> {
         };
         let failed = begin(&mut conduct).and_then(|()| conduct.run()).err();
         let error = conduct.end(failed);
-        for words in conduct.listener.observer().unsaid() {
+        for words in conduct.listener.observer().left_out() {
             conduct.display.say(&words);
         }
         let explorers = conduct.crew.explorers().join(", ");

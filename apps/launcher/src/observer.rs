@@ -26,10 +26,6 @@ const DB_DROPS: &str = "DB_DROPS";
 const STATUS: &str = "*_STATUS";
 const STATUS_SUFFIX: &str = "_STATUS";
 
-/// Complaints of the logger that are said; of what is no report, one a variable and writer is.
-const LOGGER_COMPLAINTS: usize = 16;
-/// What each app says of messages that it rejects; its own text log has more.
-const REJECTION_COMPLAINTS: usize = 8;
 /// Pairs of variable and writer that are complained of.
 const COMPLAINED_OF: usize = 64;
 /// Characters of a complaint.
@@ -152,26 +148,26 @@ impl Observer {
             let time = Some(mail.time()).filter(|time| command && time.is_finite());
             self.first_command = self.first_command.or(time);
         } else if let Err(error) = self.note_report(mail) {
-            self.complain(mail, format!("{} by {}: {error}", mail.key(), mail.source()), 1);
+            self.complain(mail, format!("{} by {}: {error}", mail.key(), mail.source()));
         }
     }
 
-    /// Takes up a complaint about a message, if there were less than `most` of its variable and writer.
-    fn complain(&mut self, mail: &Mail<'_>, words: String, most: usize) {
+    /// Takes up a complaint about a message, if there were less than [`most`] of its variable and writer.
+    fn complain(&mut self, mail: &Mail<'_>, words: String) {
         let pair = (mail.key().to_owned(), mail.source().to_owned());
         if self.complained.len() >= COMPLAINED_OF && !self.complained.contains_key(&pair) {
             return;
         }
         let count = self.complained.entry(pair).or_default();
         *count = count.saturating_add(1);
-        if *count <= most {
+        if *count <= most(mail.key()) {
             self.complaints.push(words.chars().take(COMPLAINT_LENGTH).collect());
         }
     }
 
-    /// How often something was not said again, a line a variable and writer.
-    pub fn unsaid(&self) -> impl Iterator<Item = String> + '_ {
-        let often = self.complained.iter().filter(|(_, count)| **count > 1);
+    /// How often there was reason to complain where not all of it was said, a line a variable and writer.
+    pub fn left_out(&self) -> impl Iterator<Item = String> + '_ {
+        let often = self.complained.iter().filter(|((key, _), count)| **count > most(key));
         often.map(|((key, writer), count)| format!("{key} by {writer}: {count} such messages in all"))
     }
 
@@ -180,14 +176,13 @@ impl Observer {
             DB_EVENT => self.news.extend(mail.as_text().and_then(event)),
             DB_CLIENTS => self.note_clients(mail.as_text().unwrap_or_default()),
             DB_DROPS => self.losses.dropped = drops(mail.as_text().unwrap_or_default()),
-            LOGGER_ERROR => self.note_trouble(mail, LOGGER_COMPLAINTS),
-            REJECTED => self.note_trouble(mail, REJECTION_COMPLAINTS),
+            LOGGER_ERROR | REJECTED => self.note_trouble(mail),
             key if key.ends_with(STATUS_SUFFIX) => self.losses.note_status(mail),
             _ => {}
         }
         if self.is_of_a_stranger(mail) {
             let words = format!("{} by {}: it is not the mission's, and counts for nothing", mail.key(), mail.source());
-            self.complain(mail, words, 1);
+            self.complain(mail, words);
             return Ok(());
         }
         if mail.is(&EXPLORATION_REPORT) || mail.is(&MOTION_REPORT) || mail.is(&ACCURACY_REPORT) {
@@ -215,9 +210,9 @@ impl Observer {
     }
 
     /// What an app says of its own trouble; nothing, when it is over.
-    fn note_trouble(&mut self, mail: &Mail<'_>, most: usize) {
+    fn note_trouble(&mut self, mail: &Mail<'_>) {
         if let Some(trouble) = mail.as_text().filter(|trouble| !trouble.is_empty()) {
-            self.complain(mail, trouble.to_owned(), most);
+            self.complain(mail, trouble.to_owned());
         }
     }
 
@@ -244,6 +239,17 @@ impl Observer {
             (Some(first), Some(last)) => last - first,
             _ => 0.0,
         }
+    }
+}
+
+/// How many complaints about a variable are said, of each writer.
+fn most(key: &str) -> usize {
+    match key {
+        LOGGER_ERROR => 16,
+        // The app's own text log has more.
+        REJECTED => 8,
+        // Of what is no report, or a stranger's, one tells all.
+        _ => 1,
     }
 }
 
@@ -318,9 +324,19 @@ mod tests {
         launcher.receive(std::time::Duration::ZERO, |mail| observer.note(mail)).unwrap();
         assert_eq!(observer.progress, Some(right));
         let of = |key: &str| observer.complaints.iter().filter(|words| words.starts_with(key)).count();
-        assert_eq!((of("PROGRESS by liar"), of("SENSOR_REPORT by liar"), of("disk")), (1, 1, LOGGER_COMPLAINTS));
-        let unsaid: Vec<String> = observer.unsaid().collect();
-        assert!(unsaid.contains(&"PROGRESS by liar: 200 such messages in all".to_owned()), "{unsaid:?}");
+        assert_eq!((of("PROGRESS by liar"), of("SENSOR_REPORT by liar"), of("disk")), (1, 1, most(LOGGER_ERROR)));
+        let left_out: Vec<String> = observer.left_out().collect();
+        let expected = ["LOGGER_ERROR by liar: 100", "PROGRESS by liar: 200"];
+        assert_eq!(left_out, expected.map(|words| format!("{words} such messages in all")));
+    }
+
+    #[test]
+    fn what_was_said_in_full_is_not_counted_again() {
+        let pair = |key: &str| (key.to_owned(), "app".to_owned());
+        let complained = [(pair(LOGGER_ERROR), 16), (pair(REJECTED), 9), (pair("PROGRESS"), 1)].into();
+        let observer = Observer { complained, ..Observer::default() };
+        let left_out: Vec<String> = observer.left_out().collect();
+        assert_eq!(left_out, [format!("{REJECTED} by app: 9 such messages in all")]);
     }
 
     /// Regression: anybody's word that all is explored ended the mission as complete.
