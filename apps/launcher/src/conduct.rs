@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Community, ConnectError};
+use elk_mission::element;
 use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
@@ -18,7 +19,7 @@ use crate::listener::Listener;
 use crate::observer::News;
 use crate::person::{self, Person};
 use crate::progress::{Display, put};
-use crate::supervisor::{Ticket, Word};
+use crate::supervisor::{State, Ticket, Word};
 use crate::usage::Usage;
 
 /// How long the broker may take to answer.
@@ -65,8 +66,8 @@ impl Conduct<'_> {
         self.crew.start_broker()?;
         self.join("at once")?;
         // The logger is there before anybody has anything to say.
-        self.start(&|element| element == "Logger")?;
-        self.start(&|element| element != "Logger")
+        self.start(&|element| element == element::LOGGER)?;
+        self.start(&|element| element != element::LOGGER)
     }
 
     /// Waits until the launcher itself is on the bus.
@@ -131,7 +132,7 @@ impl Conduct<'_> {
         if movement.since.elapsed() < STEP_PATIENCE {
             return Ok(());
         }
-        if self.rows().iter().any(|row| !["running", "ended"].contains(&row.state.as_str())) {
+        if self.rows().iter().any(|row| ![State::Running, State::Over].map(State::word).contains(&row.state.as_str())) {
             movement.since = Stopwatch::start();
             return Ok(());
         }
@@ -352,7 +353,7 @@ fn launcher_row(running: Stopwatch, dropped: Option<u64>) -> AppRow {
         element: String::new(),
         type_name: "launcher".to_owned(),
         pid: Some(getpid().as_raw_nonzero().get()),
-        state: "running".to_owned(),
+        state: State::Running.word().to_owned(),
         state_secs: running.elapsed().as_secs_f64(),
         cpu_percent: usage.and_then(|usage| usage.cpu_percent()),
         cpu_percent_now: None,

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use elk_bus::rejection::REJECTED;
 use elk_bus::{Comms, CommsError, DecodeError, Key, Mail, Payload};
-use elk_mission::Mission;
+use elk_mission::{Mission, element};
 use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND,
     PROGRESS, SCAN, SENSOR_REPORT,
@@ -30,16 +30,6 @@ const STATUS_SUFFIX: &str = "_STATUS";
 const COMPLAINED_OF: usize = 64;
 /// Characters of a complaint.
 const COMPLAINT_LENGTH: usize = 1000;
-
-/// Whose reports sum a mission up, by the element of its apps.
-const REPORTS: [(&str, &str); 6] = [
-    ("PROGRESS", "Controller"),
-    ("MOTION_REPORT", "Controller"),
-    ("EXPLORATION_REPORT", "Explorer"),
-    ("MAP_KNOWN", "Map"),
-    ("SENSOR_REPORT", "Sensor"),
-    ("ACCURACY_REPORT", "Sensor"),
-];
 
 /// What the launcher has to do something about.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,18 +97,18 @@ pub(crate) struct Observer {
     /// The variables of one step, in their order, after the pose command.
     chain: Vec<String>,
     /// The reports that a mission's end hangs on, with the names of the apps whose they are.
-    reporters: BTreeMap<&'static str, Vec<String>>,
+    reporters: BTreeMap<String, Vec<String>>,
 }
 
 impl Observer {
     /// Listens to a mission.
     pub fn new(mission: &Mission) -> Self {
-        let outputs = ["Sensor", "Filter"].into_iter().flat_map(|element| mission.of_element(element));
+        let outputs = [element::SENSOR, element::FILTER].into_iter().flat_map(|element| mission.of_element(element));
         let mut chain: Vec<String> =
             outputs.map(|app| app.setting("Output").unwrap_or(SCAN.name()).to_owned()).collect();
         chain.extend([MAP_UPDATE.name(), PLAN_REQUEST.name(), PLAN.name()].map(str::to_owned));
         let named = |element: &str| mission.of_element(element).map(|app| app.name.clone()).collect();
-        let reporters = REPORTS.iter().map(|(key, element)| (*key, named(element))).collect();
+        let reporters = reports().map(|(key, element)| (key, named(element))).into();
         Self { chain, reporters, ..Self::default() }
     }
 
@@ -242,6 +232,19 @@ impl Observer {
     }
 }
 
+/// Whose reports sum a mission up, by the element of its apps.
+fn reports() -> [(String, &'static str); 6] {
+    [
+        (PROGRESS.name(), element::CONTROLLER),
+        (MOTION_REPORT.name(), element::CONTROLLER),
+        (EXPLORATION_REPORT.name(), element::EXPLORER),
+        (MAP_KNOWN.name(), element::MAP),
+        (SENSOR_REPORT.name(), element::SENSOR),
+        (ACCURACY_REPORT.name(), element::SENSOR),
+    ]
+    .map(|(key, element)| (key.to_owned(), element))
+}
+
 /// How many complaints about a variable are said, of each writer.
 fn most(key: &str) -> usize {
     match key {
@@ -346,7 +349,7 @@ mod tests {
         let community = Community::new("strangers").unwrap();
         let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
         let (mut launcher, mut liar, mut controller) = (join("launcher"), join("liar"), join("Controller"));
-        let reporters = [("MOTION_REPORT", vec!["Controller".to_owned()])].into();
+        let reporters = [(MOTION_REPORT.name().to_owned(), vec!["Controller".to_owned()])].into();
         let mut observer = Observer { reporters, ..Observer::default() };
         observer.register(&mut launcher.comms).unwrap();
         launcher.comms.flush().unwrap();

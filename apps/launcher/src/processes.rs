@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, Clock, Community, ConnectError, LEASE, ProcessId, SUCCEED};
-use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, instead};
+use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, element, instead};
 use elk_outside::time;
 use rustix::event::{PollFd, PollFlags};
 use rustix::process::Pid;
@@ -116,7 +116,7 @@ impl Processes {
             samples: Samples::default(),
             clock: Stopwatch::start(),
         };
-        for app in mission.of_element("Explorer") {
+        for app in mission.of_element(element::EXPLORER) {
             all.note_explorer(app);
         }
         Ok(all)
@@ -382,7 +382,7 @@ impl Processes {
             Program::Builtin(app_type, _) => app_type.name.to_owned(),
             Program::Foreign { exec, .. } => exec.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         };
-        if app.element == "Explorer" && !self.explorers.contains(&what) {
+        if app.element == element::EXPLORER && !self.explorers.contains(&what) {
             self.explorers.push(what);
         }
     }

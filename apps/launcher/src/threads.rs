@@ -9,7 +9,7 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{App, BrokerConfig, Client, Clock, Community, ConnectError, run_app_on};
-use elk_mission::{AppSpec, Mission, Program};
+use elk_mission::{AppSpec, Mission, Program, element};
 use rustix::event::PollFd;
 
 use crate::control::{AppRow, Request};
@@ -18,7 +18,7 @@ use crate::error::LaunchError;
 use crate::launch_state::LaunchState;
 use crate::listener::Join;
 use crate::observer::{Losses, News};
-use crate::supervisor::{Ticket, Word};
+use crate::supervisor::{State, Ticket, Word};
 
 /// Threads of one community.
 pub(crate) struct Threads {
@@ -174,7 +174,7 @@ impl Crew for Threads {
             type_name: started.app.type_name().to_owned(),
             // They are threads of the launcher's process, whose row says what they use together.
             pid: None,
-            state: "running".to_owned(),
+            state: State::Running.word().to_owned(),
             state_secs: secs,
             cpu_percent: None,
             cpu_percent_now: None,
@@ -193,7 +193,7 @@ impl Crew for Threads {
     }
 
     fn explorers(&self) -> Vec<String> {
-        let explorers = self.apps.iter().filter(|app| app.element == "Explorer");
+        let explorers = self.apps.iter().filter(|app| app.element == element::EXPLORER);
         explorers.map(|app| app.type_name().to_owned()).collect()
     }
 

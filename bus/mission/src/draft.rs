@@ -2,6 +2,7 @@
 
 use roxmltree::{Attribute, Node};
 
+use crate::element;
 use crate::mission::{AppSpec, Program};
 use crate::name::{is_app_name, right_app_names};
 use crate::nearest::{instead, nearest};
@@ -120,7 +121,7 @@ impl Draft {
 
     fn type_called(&self, name: &str, place: &Place, registry: &Registry, problems: &mut Problems) -> Runs {
         let mut known: Vec<&str> = registry.of_element(&self.element).map(|t| t.name).collect();
-        if self.element == "Logger" {
+        if self.element == element::LOGGER {
             known.push(NONE);
             if name == NONE {
                 return Runs::Nothing;
@@ -293,12 +294,12 @@ impl Draft {
 
 /// A mission that does not speak of a logger has the registry's first one.
 pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scenario: &Place) {
-    let logger = registry.of_element("Logger").next();
+    let logger = registry.of_element(element::LOGGER).next();
     if let Some(app_type) = logger
-        && drafts.iter().all(|draft| draft.element != "Logger")
+        && drafts.iter().all(|draft| draft.element != element::LOGGER)
     {
         drafts.push(Draft {
-            element: "Logger".to_owned(),
+            element: element::LOGGER.to_owned(),
             place: scenario.clone(),
             named: None,
             given: Vec::new(),

@@ -21,6 +21,7 @@
 
 mod describe;
 mod draft;
+pub mod element;
 mod exchange;
 mod lines;
 mod mission;

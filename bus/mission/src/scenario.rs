@@ -6,6 +6,7 @@ use std::path::Path;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::draft::Draft;
+use crate::element;
 use crate::lines::Lines;
 use crate::mission::{AppSpec, Mission, Mode};
 use crate::nearest::instead;
@@ -17,13 +18,13 @@ use crate::{variables, wiring};
 
 /// The elements of a Scenario; how many of each a mission has.
 const ELEMENTS: [(&str, Count); 7] = [
-    ("Sensor", Count::One),
-    ("Filter", Count::Any),
-    ("Map", Count::One),
-    ("Explorer", Count::One),
-    ("Controller", Count::One),
-    ("Logger", Count::AtMostOne),
-    ("App", Count::Any),
+    (element::SENSOR, Count::One),
+    (element::FILTER, Count::Any),
+    (element::MAP, Count::One),
+    (element::EXPLORER, Count::One),
+    (element::CONTROLLER, Count::One),
+    (element::LOGGER, Count::AtMostOne),
+    (element::APP, Count::Any),
 ];
 
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -4,17 +4,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use elk_bus::Payload;
+use elk_bus::rejection::REJECTED;
 use elk_spatial::keys::{CAMERA_POSE, MAP_RECALL, MAP_REQUEST, MOTION, STEP};
 use elk_spatial::messages::CameraPose;
 use elk_spatial::{Scan, catalogue};
 
 use crate::draft::Draft;
+use crate::element;
 use crate::problem::{Place, Problems};
 use crate::spec::Kind;
 use crate::wiring::SCAN;
 
 /// Variables of an exploration that carry texts and numbers. Those that carry a type are in [`catalogue`].
-const PLAIN: [&str; 7] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE", "LOGGER_ERROR", "MAIL_REJECTED"];
+const PLAIN: [&str; 7] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE", "LOGGER_ERROR", REJECTED];
 /// What every app says of itself is called after it.
 const STATUS: &str = "_STATUS";
 
@@ -30,9 +32,14 @@ struct Written {
 
 const SCANS: &str = <Scan<'_> as Payload>::NAME;
 const WRITTEN: [Written; 3] = [
-    Written { element: "Sensor", param: "Output", carried: SCANS, otherwise: Some(SCAN) },
-    Written { element: "Filter", param: "Output", carried: SCANS, otherwise: None },
-    Written { element: "Sensor", param: "MOOSPoseVarName", carried: CameraPose::NAME, otherwise: Some(CAMERA_POSE) },
+    Written { element: element::SENSOR, param: "Output", carried: SCANS, otherwise: Some(SCAN) },
+    Written { element: element::FILTER, param: "Output", carried: SCANS, otherwise: None },
+    Written {
+        element: element::SENSOR,
+        param: "MOOSPoseVarName",
+        carried: CameraPose::NAME,
+        otherwise: Some(CAMERA_POSE),
+    },
 ];
 
 impl Written {
@@ -45,7 +52,7 @@ impl Written {
 }
 
 /// Parameters that name a variable of scans which an app of this element reads.
-const READ: [(&str, &str); 2] = [("Filter", "Input"), ("Map", "Input")];
+const READ: [(&str, &str); 2] = [(element::FILTER, "Input"), (element::MAP, "Input")];
 
 /// Whether the broker writes a variable itself.
 pub(crate) fn is_of_the_broker(name: &str) -> bool {

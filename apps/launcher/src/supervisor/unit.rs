@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use elk_mission::{Policy, Restart};
+use elk_mission::{Policy, Restart, element};
 use elk_outside::time;
 
 use super::{Exit, Ticket};
@@ -42,7 +42,7 @@ impl UnitSpec {
             restarts: policy.restarts,
             window: time::duration(policy.window_secs),
             health: policy.health_secs.map(time::duration),
-            may_finish: element == "App",
+            may_finish: element == element::APP,
             urgent: false,
         }
     }
