@@ -23,7 +23,6 @@ mod describe;
 mod draft;
 pub mod element;
 mod exchange;
-mod lines;
 mod mission;
 mod name;
 mod nearest;

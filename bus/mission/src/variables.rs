@@ -11,7 +11,7 @@ use elk_spatial::{Scan, catalogue};
 
 use crate::draft::Draft;
 use crate::element;
-use crate::problem::{Place, Problems};
+use crate::problem::{At, Findings};
 use crate::spec::Kind;
 use crate::wiring::SCAN;
 
@@ -44,7 +44,7 @@ const WRITTEN: [Written; 3] = [
 
 impl Written {
     /// The variable that an app writes, if it is of this element, and where that is said.
-    fn by<'a>(&self, draft: &'a Draft) -> Option<(&'a str, &'a Place)> {
+    fn by<'a>(&self, draft: &'a Draft) -> Option<(&'a str, &'a At)> {
         let otherwise = || self.otherwise.filter(|_| draft.is_builtin());
         let name = (draft.element == self.element).then(|| draft.said_or_default(self.param).or_else(otherwise))??;
         Some((name, draft.value_place(self.param)))
@@ -66,7 +66,7 @@ pub(crate) fn is_name(name: &str) -> bool {
 
 /// Sees that no two apps write different things under one name, and that whoever reads scans reads what somebody of the
 /// mission publishes.
-pub(crate) fn check(drafts: &[Draft], problems: &mut Problems) {
+pub(crate) fn check(drafts: &[Draft], problems: &mut Findings) {
     let mut written: BTreeMap<&str, String> = BTreeMap::new();
     for draft in drafts {
         for one in &WRITTEN {
@@ -99,7 +99,7 @@ fn may_write(name: &str, carried: &str) -> Result<(), String> {
     Err(format!("{name} carries {elses} in every mission; right is a name of its own"))
 }
 
-fn read_what_is_written(drafts: &[Draft], problems: &mut Problems) {
+fn read_what_is_written(drafts: &[Draft], problems: &mut Findings) {
     let of_scans = |draft| WRITTEN.iter().filter(|one| one.carried == SCANS).filter_map(move |one| one.by(draft));
     let published: Vec<&str> = drafts.iter().flat_map(of_scans).map(|(name, _)| name).collect();
     for draft in drafts {

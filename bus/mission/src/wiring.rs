@@ -7,7 +7,7 @@ use crate::draft::Draft;
 use crate::element;
 use crate::mission::Mode;
 use crate::params::ParamValue;
-use crate::problem::Problems;
+use crate::problem::Findings;
 use crate::variables;
 
 /// Parameters that are the same for both elements: said of one, they hold for the other.
@@ -24,7 +24,7 @@ pub(crate) const SCAN: &str = "SCAN";
 /// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim` of
 /// the map, the volume in which frontiers count, are the explorer's. What two apps have to have in common goes from the one
 /// that says it to the other; that they say it differently is a problem.
-pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Problems) {
+pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Findings) {
     let sensor = drafts.iter().find(|draft| draft.element == element::SENSOR);
     let published = sensor.and_then(|sensor| sensor.said_or_default("Output"));
     // What is no variable's name is a problem where it stands, and not of those who would read it.
@@ -50,7 +50,7 @@ pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Problems) {
 }
 
 /// A robot's `Radius` and the voxels' `Res` go together.
-fn affordable(draft: &Draft, problems: &mut Problems) {
+fn affordable(draft: &Draft, problems: &mut Findings) {
     let number = |param| match draft.value(param) {
         Some((ParamValue::Number(value), given)) => Some((value, Some(given))),
         Some(_) => None,
@@ -90,7 +90,7 @@ fn hand_on(drafts: &mut [Draft], param: &str, [from, to]: [&str; 2]) {
     }
 }
 
-fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut Problems) {
+fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut Findings) {
     let of = |element: &str| drafts.iter().find(|draft| draft.element == element).and_then(|draft| draft.value(param));
     if let (Some((value, given)), Some((others, of_other))) = (of(one), of(other))
         && value != others
