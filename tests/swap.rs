@@ -272,6 +272,29 @@ fn a_detached_mission_outlives_its_launcher_and_is_picked_up() {
     assert_eq!(summary["explorer"], "Potential");
 }
 
+/// Regression: what the launcher had left word of was on the bus alone, and died with the broker.
+#[test]
+fn a_detached_mission_whose_launcher_and_broker_die_at_once_is_picked_up() {
+    let elk = Elk::new("both-dead");
+    let launcher = at_the_start(&elk, &["--detach"]);
+    let apps = ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger"];
+    let before = apps.map(|app| elk.process(app));
+    let broker = elk.process("db");
+    kill(launcher.id(), Signal::KILL);
+    kill(broker, Signal::KILL);
+    launcher.end();
+    let mut attached = elk.attach();
+    attached.wait_for("attached to run");
+    attached.wait_for("db ended: while there was no launcher; it is started again");
+    attached.wait_for("db is back");
+    assert_eq!(apps.map(|app| elk.process(app)), before);
+    elk.obeyed(&["resume"]);
+    assert_completes(&elk, attached);
+    // The word of it has gone with the mission.
+    let said = elk.refused(&["attach"]);
+    assert!(said.starts_with("elk: no broker serves community"), "{said}");
+}
+
 #[test]
 fn there_is_nothing_to_attach_to_without_a_mission() {
     let elk = Elk::new("no-mission");

@@ -1,7 +1,11 @@
 //! Which process is meant: a number alone becomes another's, in time, after the next start of the machine, and in the
 //! next container.
 
+use std::sync::OnceLock;
+
 use serde::{Deserialize, Serialize};
+
+use crate::process_stat::ProcessStat;
 
 /// A process, told from every other that had or will have its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -19,8 +23,9 @@ pub struct ProcessId {
 impl ProcessId {
     /// That of the process that has this number now; `None`: there is none, or it has ended.
     pub fn of(pid: i32) -> Option<Self> {
-        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-        Some(Self { pid, started: started(&stat)?, boot: boot()?, namespace: namespace()? })
+        let (boot, namespace) = here()?;
+        let stat = ProcessStat::of(pid).filter(|stat| !stat.has_ended())?;
+        Some(Self { pid, started: stat.started, boot, namespace })
     }
 
     /// Whether the process is there and has not ended. One that cannot be seen from here counts as gone.
@@ -29,13 +34,14 @@ impl ProcessId {
     }
 }
 
-/// From `/proc/PID/stat`: the name may hold anything, parentheses too; the fields behind it are counted from the third.
-/// `None` for one that has ended, though nobody has waited for it yet.
-fn started(stat: &str) -> Option<u64> {
-    let mut fields = stat.rsplit_once(") ")?.1.split(' ');
-    let state = fields.next()?;
-    let started = fields.nth(22 - 4)?.parse().ok()?;
-    (!["Z", "X", "x"].contains(&state)).then_some(started)
+/// Which start of the machine this is, and in which namespace this process' numbers are: neither changes while it lives.
+fn here() -> Option<(u64, u64)> {
+    static HERE: OnceLock<(u64, u64)> = OnceLock::new();
+    match HERE.get() {
+        Some(here) => Some(*here),
+        // That it cannot be read now, for want of descriptors, say, is not for good.
+        None => boot().zip(namespace()).map(|here| *HERE.get_or_init(|| here)),
+    }
 }
 
 fn boot() -> Option<u64> {
@@ -83,14 +89,6 @@ mod tests {
         }
         assert!(std::path::Path::new(&format!("/proc/{}", id.pid)).exists());
         child.wait().unwrap();
-    }
-
-    #[test]
-    fn a_name_may_look_like_fields() {
-        let stat = "7 (a) R 1) S 1 7 7 0 -1 0 0 0 0 0 100 20 0 0 20 0 1 0 4242 999 3";
-        assert_eq!(started(stat), Some(4242));
-        assert_eq!(started(&stat.replace(") S", ") Z")), None);
-        assert_eq!(started("7 (a) S 1"), None);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Community, ConnectError};
+use elk_mission::element;
 use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
@@ -18,7 +19,7 @@ use crate::listener::Listener;
 use crate::observer::News;
 use crate::person::{self, Person};
 use crate::progress::{Display, put};
-use crate::supervisor::{Ticket, Word};
+use crate::supervisor::{State, Ticket, Word};
 use crate::usage::Usage;
 
 /// How long the broker may take to answer.
@@ -48,8 +49,8 @@ pub(crate) struct Conduct<'a> {
     pub folder: &'a Path,
     /// What another launcher would have to know.
     pub state: LaunchState,
-    /// That, as it was last said.
-    pub said_state: String,
+    /// That, as it was last said to a broker that still has it.
+    pub said_state: Option<LaunchState>,
     pub running: Stopwatch,
 }
 
@@ -65,8 +66,8 @@ impl Conduct<'_> {
         self.crew.start_broker()?;
         self.join("at once")?;
         // The logger is there before anybody has anything to say.
-        self.start(&|element| element == "Logger")?;
-        self.start(&|element| element != "Logger")
+        self.start(&|element| element == element::LOGGER)?;
+        self.start(&|element| element != element::LOGGER)
     }
 
     /// Waits until the launcher itself is on the bus.
@@ -86,9 +87,14 @@ impl Conduct<'_> {
 
     fn start(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
         self.crew.start_apps(which)?;
+        self.gather("before it registered")
+    }
+
+    /// Waits until everyone who was started, or is started again, is on the bus.
+    fn gather(&mut self, when: &'static str) -> Result<(), LaunchError> {
         let clock = Stopwatch::start();
         loop {
-            self.look("before it registered")?;
+            self.look(when)?;
             let missing = self.crew.missing(&self.listener.observer().clients);
             if missing.is_empty() {
                 return Ok(());
@@ -100,7 +106,7 @@ impl Conduct<'_> {
         }
     }
 
-    /// Waits until exploration is over, and has the final map judged.
+    /// Waits until exploration is over, has the final map judged, and sees that everyone is there for the end.
     pub fn run(&mut self) -> Result<(), LaunchError> {
         if self.state.manual {
             put("Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.\n");
@@ -111,7 +117,9 @@ impl Conduct<'_> {
             self.step_by_hand();
             self.see_movement(&mut movement)?;
         }
-        self.judge()
+        self.judge()?;
+        // Whoever died in the last moment has yet to do what it does at the end.
+        self.gather("before the mission was over")
     }
 
     /// A mission that has begun and in which nothing moves any more is stuck, unless somebody holds it: who has paused it
@@ -124,7 +132,7 @@ impl Conduct<'_> {
         if movement.since.elapsed() < STEP_PATIENCE {
             return Ok(());
         }
-        if self.rows().iter().any(|row| !["running", "ended"].contains(&row.state.as_str())) {
+        if self.rows().iter().any(|row| ![State::Running, State::Over].map(State::word).contains(&row.state.as_str())) {
             movement.since = Stopwatch::start();
             return Ok(());
         }
@@ -144,33 +152,38 @@ impl Conduct<'_> {
         Ok(())
     }
 
-    /// Ends the apps, then leaves the bus, then ends the broker. Answers what somebody could not do at the end.
-    pub fn end(&mut self) -> Option<LaunchError> {
+    /// Ends the apps, then leaves the bus, then ends the broker. `reason` is why the mission ended before its time, if it
+    /// did. Answers that, or else the first thing that somebody could not do at the end: it is told with the summary, and
+    /// all others are told here.
+    pub fn end(&mut self, mut reason: Option<LaunchError>) -> Option<LaunchError> {
         self.display.clear();
         self.crew.end_apps();
-        let mut unfinished = self.crew.check(ENDING).err();
+        let checked = self.crew.check(ENDING);
+        self.note_failure(checked, &mut reason);
         while !self.crew.ended() {
-            self.round_to_the_end(&mut unfinished);
+            let checked = self.round(ENDING);
+            self.note_failure(checked, &mut reason);
         }
         self.crew.end_strays();
         // Nobody is on the bus any more when the broker goes.
         self.listener.leave();
         while !self.listener.has_left() {
-            self.round_to_the_end(&mut unfinished);
+            let checked = self.round(ENDING);
+            self.note_failure(checked, &mut reason);
         }
         self.crew.stop_broker();
         self.pass_words_on();
         if let Some(server) = &mut self.server {
             server.finish();
         }
-        unfinished
+        reason
     }
 
-    /// What fails now is said; the first failure is the mission's.
-    fn round_to_the_end(&mut self, unfinished: &mut Option<LaunchError>) {
-        if let Err(error) = self.round(ENDING) {
-            self.display.say(&error.to_string());
-            unfinished.get_or_insert(error);
+    fn note_failure(&self, checked: Result<(), LaunchError>, reason: &mut Option<LaunchError>) {
+        match (checked, &reason) {
+            (Ok(()), _) => {}
+            (Err(error), None) => *reason = Some(error),
+            (Err(error), Some(_)) => self.display.say(&error.to_string()),
         }
     }
 
@@ -208,7 +221,7 @@ impl Conduct<'_> {
 
     /// Says how things are to a broker that may not know.
     fn introduce(&mut self) {
-        self.said_state.clear();
+        self.said_state = None;
         if self.state.paused {
             self.listener.say(MOTION, motion(true));
         }
@@ -314,17 +327,18 @@ impl Conduct<'_> {
         }
     }
 
-    /// Leaves word of the mission on the bus, for a launcher that may have to pick it up, whenever it has changed.
+    /// Leaves word of the mission, for a launcher that may have to pick it up, whenever it has changed.
     fn leave_word(&mut self) {
         self.state.first_command = self.listener.observer().first_command;
-        if !self.crew.note_state(&mut self.state) {
+        if !self.crew.note_state(&mut self.state) || self.said_state.as_ref() == Some(&self.state) {
             return;
         }
-        let text = serde_json::to_string(&self.state).unwrap_or_default();
-        if text != self.said_state {
-            self.listener.say(launch_state::KEY, text.as_str());
-            self.said_state = text;
+        let text = self.state.next_text();
+        self.listener.say(launch_state::KEY, text.as_str());
+        if let Err(error) = LaunchState::keep(self.community, &text) {
+            self.display.say(&error.to_string());
         }
+        self.said_state = Some(self.state.clone());
     }
 }
 
@@ -339,7 +353,7 @@ fn launcher_row(running: Stopwatch, dropped: Option<u64>) -> AppRow {
         element: String::new(),
         type_name: "launcher".to_owned(),
         pid: Some(getpid().as_raw_nonzero().get()),
-        state: "running".to_owned(),
+        state: State::Running.word().to_owned(),
         state_secs: running.elapsed().as_secs_f64(),
         cpu_percent: usage.and_then(|usage| usage.cpu_percent()),
         cpu_percent_now: None,

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use elk_mission::element;
 use rustix::event::PollFd;
 
 use crate::control::{AppRow, Request};
@@ -72,7 +73,15 @@ pub(crate) trait Crew {
 
 /// The place of an element in the order of stopping: who commands ends before who obeys, the logger hears them all.
 pub(crate) fn stop_rank(element: &str) -> usize {
-    const ORDER: [&str; 7] = ["Controller", "Explorer", "Map", "Filter", "Sensor", "App", "Logger"];
+    const ORDER: [&str; 7] = [
+        element::CONTROLLER,
+        element::EXPLORER,
+        element::MAP,
+        element::FILTER,
+        element::SENSOR,
+        element::APP,
+        element::LOGGER,
+    ];
     ORDER.iter().position(|other| *other == element).unwrap_or(ORDER.len())
 }
 

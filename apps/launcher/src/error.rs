@@ -59,13 +59,14 @@ pub enum LaunchError {
     },
     /// Somebody launches this community already.
     #[error(
-        "community {community} is launched already, by process {process}: choose another --community, or end that mission first"
+        "community {community} is launched already, by {}: choose another --community, or end that mission first",
+        .process.map_or_else(|| "a launcher that takes nobody in".to_owned(), |process| format!("process {process}"))
     )]
     Launched {
         /// The community.
         community: elk_bus::Community,
-        /// The other launcher.
-        process: u32,
+        /// The other launcher; `None`: its door is full, so it cannot be asked.
+        process: Option<i32>,
     },
     /// A broker that is not the launcher's serves this community.
     #[error(
@@ -81,6 +82,9 @@ pub enum LaunchError {
         /// Why not.
         why: String,
     },
+    /// What another launcher has to know cannot be kept.
+    #[error("if launcher and broker die at once, `elk attach` will not find the mission: {0}")]
+    Unkept(elk_bus::FolderError),
     /// The mission was over, and what an app had yet to do it could not.
     #[error("{app} could not end in good order: {how}{}", log_lines(.log, .tail))]
     Unfinished {
@@ -162,6 +166,8 @@ pub enum LaunchError {
 
 fn log_lines(log: &std::path::Path, tail: &[String]) -> String {
     match tail {
+        // It ended while there was no launcher, or before the mission did.
+        [] if log.as_os_str().is_empty() => String::new(),
         [] => format!("; its log {} is empty", log.display()),
         lines => format!("; the end of {}:\n    {}", log.display(), lines.join("\n    ")),
     }

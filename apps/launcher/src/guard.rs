@@ -16,7 +16,7 @@ use elk_bus::clock::Stopwatch;
 use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 
 use crate::error::LaunchError;
-use crate::strays::{self, RUN, Sight};
+use crate::strays::{self, Run, Sight};
 
 /// How long groups may take to end before they are killed: two seconds after the launcher, nobody is left.
 const PATIENCE: Duration = Duration::from_millis(1500);
@@ -31,9 +31,10 @@ pub(crate) struct Guard {
 
 impl Guard {
     /// Starts the guard: `program guard`. By `run` it knows those of whom the launcher did not live to tell.
-    pub fn start(program: &Path, run: &str) -> Result<Self, LaunchError> {
+    pub fn start(program: &Path, run: &Run) -> Result<Self, LaunchError> {
         let mut command = Command::new(program);
-        command.arg("guard").env(RUN, run).stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
+        run.give(&mut command);
+        command.arg("guard").stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
         let failed =
             |source| LaunchError::CannotStart { app: "the guard".to_owned(), program: program.to_owned(), source };
         let mut child = command.spawn().map_err(failed)?;
@@ -89,7 +90,7 @@ impl Drop for Guard {
 pub fn guard(launcher: impl BufRead) -> io::Result<()> {
     let mut watched = Watched::default();
     let read = watched.follow(launcher);
-    watched.end(&std::env::var(RUN).unwrap_or_default());
+    watched.end(Run::own().as_ref());
     read
 }
 
@@ -118,10 +119,10 @@ impl Watched {
         Ok(())
     }
 
-    fn end(&mut self, run: &str) {
+    fn end(&mut self, run: Option<&Run>) {
         let groups: Vec<Pid> = self.groups.iter().filter_map(|group| Pid::from_raw(*group)).collect();
         // Those that the launcher did not live to see.
-        self.strays.extend(strays::of_run(run));
+        self.strays.extend(run.map(Run::processes).unwrap_or_default());
         let all = |signal| {
             for group in &groups {
                 // That it has gone meanwhile is no failure.

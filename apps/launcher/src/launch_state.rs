@@ -1,11 +1,13 @@
-//! What a launcher leaves word of on the bus, so that another one can pick the mission up: `LAUNCH_STATE`, text, JSON.
+//! What a launcher leaves word of, so that another one can pick the mission up: text, JSON, on the bus as `LAUNCH_STATE`
+//! and in the community's folder, for the case that the broker dies along with the launcher.
 
 use std::collections::BTreeSet;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Community, ConnectError, ProcessId};
+use elk_bus::{Client, Community, ConnectError, FolderError, ProcessId, shm};
 use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, is_app_name};
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +16,9 @@ use crate::error::LaunchError;
 /// The variable.
 pub(crate) const KEY: &str = "LAUNCH_STATE";
 /// Counts up when the words change.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
+/// What it is called in the community's folder.
+const KEPT: &str = "launch-state";
 /// How long the broker may take to say the variable's value.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often it is asked.
@@ -24,6 +28,8 @@ const ASK_EVERY: Duration = Duration::from_millis(20);
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LaunchState {
     version: u32,
+    /// Counts up whenever it is said: of two the later one counts.
+    number: u64,
     /// The run's folder.
     pub folder: PathBuf,
     /// The mission's name, and the file that it was read from.
@@ -76,6 +82,7 @@ impl LaunchState {
     pub fn of(mission: &Mission, folder: &Path, manual: bool) -> Self {
         Self {
             version: VERSION,
+            number: 0,
             folder: folder.to_owned(),
             name: mission.name.clone(),
             file: std::path::absolute(&mission.file).unwrap_or_else(|_| mission.file.clone()),
@@ -90,8 +97,34 @@ impl LaunchState {
         }
     }
 
-    /// Asks the broker for what the last launcher left word of.
+    /// Counts up, and answers the text to be said.
+    pub fn next_text(&mut self) -> String {
+        self.number = self.number.saturating_add(1);
+        serde_json::to_string(self).unwrap_or_default()
+    }
+
+    /// Keeps a text of it where no broker is needed.
+    pub fn keep(community: &Community, text: &str) -> Result<(), LaunchError> {
+        match shm::keep(community, KEPT, text.as_bytes()) {
+            // No broker has made the folder yet: so far there is nothing to be picked up.
+            Err(FolderError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => Ok(()),
+            kept => kept.map_err(LaunchError::Unkept),
+        }
+    }
+
+    /// What the last launcher left word of, on the bus or in the community's folder, whichever it said later. What is kept
+    /// of a mission of which nobody lives is a leftover.
     pub fn read(community: &Community) -> Result<Self, LaunchError> {
+        let kept = Self::kept(community).filter(Self::is_alive);
+        match (Self::said(community), kept) {
+            (Ok(said), Some(kept)) if said.number < kept.number => Ok(kept),
+            (Err(LaunchError::Connect(ConnectError::NoBroker(_)) | LaunchError::Attach { .. }), Some(kept)) => Ok(kept),
+            (said, _) => said,
+        }
+    }
+
+    /// Asks the broker.
+    fn said(community: &Community) -> Result<Self, LaunchError> {
         let refused = |why: String| LaunchError::Attach { community: community.clone(), why };
         let mut client = join(community)?;
         client.comms.register_text(KEY)?;
@@ -104,12 +137,27 @@ impl LaunchState {
         }
         let nothing = "there is a broker, but no launcher left word of a mission; `elk launch --detach` does";
         let text = found.ok_or_else(|| refused(nothing.to_owned()))?;
-        let state: Self = serde_json::from_str(&text)
-            .map_err(|error| refused(format!("what its launcher left word of is not understood: {error}")))?;
+        Self::parse(text.as_bytes()).map_err(refused)
+    }
+
+    /// Looks into the community's folder. What is not understood there is of another version.
+    fn kept(community: &Community) -> Option<Self> {
+        Self::parse(&shm::kept(community, KEPT).ok()?).ok()
+    }
+
+    fn parse(text: &[u8]) -> Result<Self, String> {
+        let state: Self = serde_json::from_slice(text)
+            .map_err(|error| format!("what its launcher left word of is not understood: {error}"))?;
         match state.version {
             VERSION => Ok(state),
-            other => Err(refused(format!("its launcher spoke version {other} of {KEY}, this one speaks {VERSION}"))),
+            other => Err(format!("its launcher spoke version {other} of {KEY}, this one speaks {VERSION}")),
         }
+    }
+
+    /// Whether any process of the mission lives.
+    fn is_alive(&self) -> bool {
+        let of_apps = self.apps.iter().flat_map(|app| [&app.process, &app.successor]);
+        of_apps.chain([&self.broker]).flatten().any(ProcessId::lives)
     }
 
     /// The mission, checked against the registry as its file was.

@@ -5,7 +5,7 @@
 //! | `conduct` | a mission from its first app to its last word |
 //! | `crew` | those who carry it out: `processes`, or `threads` of this process |
 //! | `supervisor` | who is to run, who does, and what to do about it: a state machine without processes, bus or clock |
-//! | `process`, `strays`, `guard`, `usage` | one process that inherits nothing and ends for certain; what it has started elsewhere; what ends the rest when the launcher dies; what they use |
+//! | `process`, `handle`, `strays`, `guard`, `usage` | one process that inherits nothing and ends for certain, and what stays with it alone; what it has started elsewhere; what ends the rest when the launcher dies; what they use |
 //! | `listener` | the launcher's place on the bus, a thread of its own |
 //! | `observer`, `steps` | what the mission says of itself there; where the time of a step goes |
 //! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
@@ -17,6 +17,7 @@ mod control;
 mod crew;
 mod error;
 mod guard;
+mod handle;
 mod launch_state;
 mod listener;
 mod observer;
@@ -210,15 +211,14 @@ impl Stage<'_> {
             community: self.community,
             folder,
             state,
-            said_state: String::new(),
+            said_state: None,
             running: Stopwatch::start(),
         };
         let failed = begin(&mut conduct).and_then(|()| conduct.run()).err();
-        let unfinished = conduct.end();
-        for words in conduct.listener.observer().unsaid() {
+        let error = conduct.end(failed);
+        for words in conduct.listener.observer().left_out() {
             conduct.display.say(&words);
         }
-        let error = failed.or(unfinished);
         let explorers = conduct.crew.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
         let unwritten = summary.write(folder).err();

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use elk_bus::rejection::REJECTED;
 use elk_bus::{Comms, CommsError, DecodeError, Key, Mail, Payload};
-use elk_mission::Mission;
+use elk_mission::{Mission, element};
 use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND,
     PROGRESS, SCAN, SENSOR_REPORT,
@@ -26,24 +26,10 @@ const DB_DROPS: &str = "DB_DROPS";
 const STATUS: &str = "*_STATUS";
 const STATUS_SUFFIX: &str = "_STATUS";
 
-/// Complaints of the logger that are said; of what is no report, one a variable and writer is.
-const LOGGER_COMPLAINTS: usize = 16;
-/// What each app says of messages that it rejects; its own text log has more.
-const REJECTION_COMPLAINTS: usize = 8;
 /// Pairs of variable and writer that are complained of.
 const COMPLAINED_OF: usize = 64;
 /// Characters of a complaint.
 const COMPLAINT_LENGTH: usize = 1000;
-
-/// Whose reports sum a mission up, by the element of its apps.
-const REPORTS: [(&str, &str); 6] = [
-    ("PROGRESS", "Controller"),
-    ("MOTION_REPORT", "Controller"),
-    ("EXPLORATION_REPORT", "Explorer"),
-    ("MAP_KNOWN", "Map"),
-    ("SENSOR_REPORT", "Sensor"),
-    ("ACCURACY_REPORT", "Sensor"),
-];
 
 /// What the launcher has to do something about.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,18 +97,18 @@ pub(crate) struct Observer {
     /// The variables of one step, in their order, after the pose command.
     chain: Vec<String>,
     /// The reports that a mission's end hangs on, with the names of the apps whose they are.
-    reporters: BTreeMap<&'static str, Vec<String>>,
+    reporters: BTreeMap<String, Vec<String>>,
 }
 
 impl Observer {
     /// Listens to a mission.
     pub fn new(mission: &Mission) -> Self {
-        let outputs = ["Sensor", "Filter"].into_iter().flat_map(|element| mission.of_element(element));
+        let outputs = [element::SENSOR, element::FILTER].into_iter().flat_map(|element| mission.of_element(element));
         let mut chain: Vec<String> =
             outputs.map(|app| app.setting("Output").unwrap_or(SCAN.name()).to_owned()).collect();
         chain.extend([MAP_UPDATE.name(), PLAN_REQUEST.name(), PLAN.name()].map(str::to_owned));
         let named = |element: &str| mission.of_element(element).map(|app| app.name.clone()).collect();
-        let reporters = REPORTS.iter().map(|(key, element)| (*key, named(element))).collect();
+        let reporters = reports().map(|(key, element)| (key, named(element))).into();
         Self { chain, reporters, ..Self::default() }
     }
 
@@ -152,26 +138,26 @@ impl Observer {
             let time = Some(mail.time()).filter(|time| command && time.is_finite());
             self.first_command = self.first_command.or(time);
         } else if let Err(error) = self.note_report(mail) {
-            self.complain(mail, format!("{} by {}: {error}", mail.key(), mail.source()), 1);
+            self.complain(mail, format!("{} by {}: {error}", mail.key(), mail.source()));
         }
     }
 
-    /// Takes up a complaint about a message, if there were less than `most` of its variable and writer.
-    fn complain(&mut self, mail: &Mail<'_>, words: String, most: usize) {
+    /// Takes up a complaint about a message, if there were less than [`most`] of its variable and writer.
+    fn complain(&mut self, mail: &Mail<'_>, words: String) {
         let pair = (mail.key().to_owned(), mail.source().to_owned());
         if self.complained.len() >= COMPLAINED_OF && !self.complained.contains_key(&pair) {
             return;
         }
         let count = self.complained.entry(pair).or_default();
         *count = count.saturating_add(1);
-        if *count <= most {
+        if *count <= most(mail.key()) {
             self.complaints.push(words.chars().take(COMPLAINT_LENGTH).collect());
         }
     }
 
-    /// How often something was not said again, a line a variable and writer.
-    pub fn unsaid(&self) -> impl Iterator<Item = String> + '_ {
-        let often = self.complained.iter().filter(|(_, count)| **count > 1);
+    /// How often there was reason to complain where not all of it was said, a line a variable and writer.
+    pub fn left_out(&self) -> impl Iterator<Item = String> + '_ {
+        let often = self.complained.iter().filter(|((key, _), count)| **count > most(key));
         often.map(|((key, writer), count)| format!("{key} by {writer}: {count} such messages in all"))
     }
 
@@ -180,14 +166,13 @@ impl Observer {
             DB_EVENT => self.news.extend(mail.as_text().and_then(event)),
             DB_CLIENTS => self.note_clients(mail.as_text().unwrap_or_default()),
             DB_DROPS => self.losses.dropped = drops(mail.as_text().unwrap_or_default()),
-            LOGGER_ERROR => self.note_trouble(mail, LOGGER_COMPLAINTS),
-            REJECTED => self.note_trouble(mail, REJECTION_COMPLAINTS),
+            LOGGER_ERROR | REJECTED => self.note_trouble(mail),
             key if key.ends_with(STATUS_SUFFIX) => self.losses.note_status(mail),
             _ => {}
         }
         if self.is_of_a_stranger(mail) {
             let words = format!("{} by {}: it is not the mission's, and counts for nothing", mail.key(), mail.source());
-            self.complain(mail, words, 1);
+            self.complain(mail, words);
             return Ok(());
         }
         if mail.is(&EXPLORATION_REPORT) || mail.is(&MOTION_REPORT) || mail.is(&ACCURACY_REPORT) {
@@ -215,9 +200,9 @@ impl Observer {
     }
 
     /// What an app says of its own trouble; nothing, when it is over.
-    fn note_trouble(&mut self, mail: &Mail<'_>, most: usize) {
+    fn note_trouble(&mut self, mail: &Mail<'_>) {
         if let Some(trouble) = mail.as_text().filter(|trouble| !trouble.is_empty()) {
-            self.complain(mail, trouble.to_owned(), most);
+            self.complain(mail, trouble.to_owned());
         }
     }
 
@@ -244,6 +229,30 @@ impl Observer {
             (Some(first), Some(last)) => last - first,
             _ => 0.0,
         }
+    }
+}
+
+/// Whose reports sum a mission up, by the element of its apps.
+fn reports() -> [(String, &'static str); 6] {
+    [
+        (PROGRESS.name(), element::CONTROLLER),
+        (MOTION_REPORT.name(), element::CONTROLLER),
+        (EXPLORATION_REPORT.name(), element::EXPLORER),
+        (MAP_KNOWN.name(), element::MAP),
+        (SENSOR_REPORT.name(), element::SENSOR),
+        (ACCURACY_REPORT.name(), element::SENSOR),
+    ]
+    .map(|(key, element)| (key.to_owned(), element))
+}
+
+/// How many complaints about a variable are said, of each writer.
+fn most(key: &str) -> usize {
+    match key {
+        LOGGER_ERROR => 16,
+        // The app's own text log has more.
+        REJECTED => 8,
+        // Of what is no report, or a stranger's, one tells all.
+        _ => 1,
     }
 }
 
@@ -318,9 +327,19 @@ mod tests {
         launcher.receive(std::time::Duration::ZERO, |mail| observer.note(mail)).unwrap();
         assert_eq!(observer.progress, Some(right));
         let of = |key: &str| observer.complaints.iter().filter(|words| words.starts_with(key)).count();
-        assert_eq!((of("PROGRESS by liar"), of("SENSOR_REPORT by liar"), of("disk")), (1, 1, LOGGER_COMPLAINTS));
-        let unsaid: Vec<String> = observer.unsaid().collect();
-        assert!(unsaid.contains(&"PROGRESS by liar: 200 such messages in all".to_owned()), "{unsaid:?}");
+        assert_eq!((of("PROGRESS by liar"), of("SENSOR_REPORT by liar"), of("disk")), (1, 1, most(LOGGER_ERROR)));
+        let left_out: Vec<String> = observer.left_out().collect();
+        let expected = ["LOGGER_ERROR by liar: 100", "PROGRESS by liar: 200"];
+        assert_eq!(left_out, expected.map(|words| format!("{words} such messages in all")));
+    }
+
+    #[test]
+    fn what_was_said_in_full_is_not_counted_again() {
+        let pair = |key: &str| (key.to_owned(), "app".to_owned());
+        let complained = [(pair(LOGGER_ERROR), 16), (pair(REJECTED), 9), (pair("PROGRESS"), 1)].into();
+        let observer = Observer { complained, ..Observer::default() };
+        let left_out: Vec<String> = observer.left_out().collect();
+        assert_eq!(left_out, [format!("{REJECTED} by app: 9 such messages in all")]);
     }
 
     /// Regression: anybody's word that all is explored ended the mission as complete.
@@ -330,7 +349,7 @@ mod tests {
         let community = Community::new("strangers").unwrap();
         let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
         let (mut launcher, mut liar, mut controller) = (join("launcher"), join("liar"), join("Controller"));
-        let reporters = [("MOTION_REPORT", vec!["Controller".to_owned()])].into();
+        let reporters = [(MOTION_REPORT.name().to_owned(), vec!["Controller".to_owned()])].into();
         let mut observer = Observer { reporters, ..Observer::default() };
         observer.register(&mut launcher.comms).unwrap();
         launcher.comms.flush().unwrap();

@@ -9,10 +9,10 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
 use elk_bus::ProcessId;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{Pid, PidfdFlags, Signal, getppid, kill_process_group, pidfd_open};
+use rustix::process::{Pid, Signal, getppid, kill_process_group};
 
 use crate::error::LaunchError;
+use crate::handle;
 use crate::supervisor::Exit;
 
 /// Lines of a dead app's log that its obituary quotes.
@@ -28,6 +28,8 @@ pub(crate) struct Process {
     /// `None`: it is no child of ours, so nobody tells how it ends.
     child: Option<Child>,
     pid: Pid,
+    /// What tells it from others that had or will have its number; `None`: it had ended before it could be seen.
+    id: Option<ProcessId>,
     pidfd: OwnedFd,
     /// Where in the log its own words begin.
     log_from: u64,
@@ -56,26 +58,21 @@ impl Process {
         let failed = |source| LaunchError::CannotStart { app: name.to_owned(), program, source };
         let mut child = command.spawn().map_err(failed)?;
         let pid = Pid::from_child(&child);
-        let pidfd = pidfd_open(pid, PidfdFlags::empty()).map_err(|error| {
+        let pidfd = handle::of_child(pid).map_err(|source| {
             // Without a handle it could not be waited for: better no child than one that nobody watches.
             let _ = child.kill().and_then(|()| child.wait());
-            LaunchError::System { what: "no handle of a new process", source: error.into() }
+            LaunchError::System { what: "no handle of a new process", source }
         })?;
         let log = log.to_owned();
-        Ok(Self { log, child: Some(child), pid, pidfd, log_from, exit: None })
+        let id = ProcessId::of(pid.as_raw_nonzero().get());
+        Ok(Self { log, child: Some(child), pid, id, pidfd, log_from, exit: None })
     }
 
     /// Takes over a process; `None`: it is gone, and its number may be another's.
     pub fn adopt(id: ProcessId, log: &Path) -> Option<Self> {
-        let pid = Pid::from_raw(id.pid)?;
-        let pidfd = pidfd_open(pid, PidfdFlags::empty()).ok()?;
-        // Looked at behind the handle: a number that changes hands from here on is not mistaken.
-        if !id.lives() {
-            return None;
-        }
+        let (pid, pidfd) = (Pid::from_raw(id.pid)?, handle::of(&id)?);
         let log = log.to_owned();
-        let process = Self { log, child: None, pid, pidfd, log_from: 0, exit: None };
-        (!process.has_ended()).then_some(process)
+        Some(Self { log, child: None, pid, id: Some(id), pidfd, log_from: 0, exit: None })
     }
 
     /// The process, which is also its group.
@@ -85,7 +82,7 @@ impl Process {
 
     /// What tells it from others that had or will have its number.
     pub fn id(&self) -> Option<ProcessId> {
-        ProcessId::of(self.pid.as_raw_nonzero().get())
+        self.id
     }
 
     /// Becomes readable when it ends.
@@ -157,20 +154,9 @@ impl Process {
         self.wait(Duration::ZERO)
     }
 
-    /// Waits until it has ended, at most `patience`.
-    fn wait(&self, patience: Duration) -> bool {
-        let clock = elk_bus::clock::Stopwatch::start();
-        loop {
-            let left = patience.saturating_sub(clock.elapsed());
-            let timeout = Timespec::try_from(left).ok();
-            let mut ended = [PollFd::new(&self.pidfd, PollFlags::IN)];
-            match poll(&mut ended, timeout.as_ref()) {
-                Ok(0) => return false,
-                Ok(_) => return true,
-                Err(rustix::io::Errno::INTR) => {}
-                Err(_) => return false,
-            }
-        }
+    /// Waits until it has ended, at most `patience`; whether it has.
+    pub fn wait(&self, patience: Duration) -> bool {
+        handle::wait(&[&self.pidfd], patience)
     }
 
     /// Sends a signal to its group, unless it has been waited for; that the group is gone already is no failure.
@@ -202,7 +188,7 @@ pub(crate) fn how(status: ExitStatus) -> String {
 ///
 /// The launcher is a client of the bus, and iceoryx2's descriptors are not close-on-exec: a child would keep them open for
 /// its whole life, and a dead launcher would look alive.
-pub(crate) fn keep_to_itself(command: &mut Command, bond: Bond) {
+fn keep_to_itself(command: &mut Command, bond: Bond) {
     let launcher = rustix::process::getpid();
     let before_exec = move || {
         if bond == Bond::Launcher {

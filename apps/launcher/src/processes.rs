@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, Clock, Community, ConnectError, LEASE, ProcessId, SUCCEED};
-use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, instead};
+use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, element, instead};
 use elk_outside::time;
 use rustix::event::{PollFd, PollFlags};
 use rustix::process::Pid;
@@ -24,7 +24,7 @@ use crate::observer::{Losses, News};
 use crate::process::{Bond, Process};
 use crate::run_folder::stamp;
 use crate::run_place::RunPlace;
-use crate::strays::{RUN, Sight, Strays, fresh_run};
+use crate::strays::{Run, Sight, Strays};
 use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Supervisor, Ticket, UnitSpec, Word};
 use crate::usage::{Samples, Usage};
 
@@ -38,8 +38,8 @@ const LEASE_SECS: u32 = 15;
 const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
 /// How long the end of a mission waits for processes that apps had started elsewhere: they have been killed long before.
 const STRAYS_PATIENCE: Duration = Duration::from_secs(10);
-/// How often it is looked whether those have ended that apps had started elsewhere.
-const STRAYS_EVERY: Duration = Duration::from_millis(5);
+/// How long nobody looks then whether there are more of them.
+const STRAYS_LOOK: Duration = Duration::from_millis(100);
 /// How often it is asked.
 const ASK_EVERY: Duration = Duration::from_millis(5);
 
@@ -64,7 +64,7 @@ pub(crate) struct Processes {
     /// Holders that were relieved and have until then to end.
     retiring: Vec<(Process, Duration)>,
     /// What tells the descendants of these processes from all others.
-    run: String,
+    run: Run,
     guard: Option<Guard>,
     /// What apps have started outside of their groups.
     strays: Strays,
@@ -91,7 +91,7 @@ struct Post {
 impl Processes {
     /// The crew of a mission. Nothing but the guard is started yet.
     pub fn new(mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
-        let run = fresh_run();
+        let run = Run::fresh()?;
         let guard = match yard.detached {
             true => None,
             false => Some(Guard::start(&yard.program, &run)?),
@@ -116,7 +116,7 @@ impl Processes {
             samples: Samples::default(),
             clock: Stopwatch::start(),
         };
-        for app in mission.of_element("Explorer") {
+        for app in mission.of_element(element::EXPLORER) {
             all.note_explorer(app);
         }
         Ok(all)
@@ -307,7 +307,7 @@ impl Processes {
     }
 
     fn spawn(&mut self, name: &str, mut command: Command) -> Result<Process, LaunchError> {
-        command.env(RUN, &self.run);
+        self.run.give(&mut command);
         let log = log_of(&self.yard.place.folder, name);
         if log.metadata().is_ok_and(|found| found.len() > 0)
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)
@@ -382,7 +382,7 @@ impl Processes {
             Program::Builtin(app_type, _) => app_type.name.to_owned(),
             Program::Foreign { exec, .. } => exec.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         };
-        if app.element == "Explorer" && !self.explorers.contains(&what) {
+        if app.element == element::EXPLORER && !self.explorers.contains(&what) {
             self.explorers.push(what);
         }
     }
@@ -571,11 +571,11 @@ impl Crew for Processes {
         match order {
             Request::Stop { .. } => self.supervisor.order_stop(ticket, place, now),
             Request::Start { limit_secs, .. } => {
-                self.supervisor.order_start(ticket, place, limit(limit_secs), now);
+                self.supervisor.order_start(ticket, place, time::duration(limit_secs), now);
             }
             Request::Swap { type_name, exec, params, folder, limit_secs, .. } => {
                 let wanted = Exchange { type_name, exec, params, folder };
-                self.swap(ticket, place, &wanted, limit(limit_secs));
+                self.swap(ticket, place, &wanted, time::duration(limit_secs));
             }
             Request::Apps | Request::Pause | Request::Resume | Request::Step => {}
         }
@@ -628,7 +628,7 @@ impl Crew for Processes {
             if clock.elapsed() > STRAYS_PATIENCE {
                 return self.sayings.push("processes that apps had started elsewhere could not be ended".to_owned());
             }
-            std::thread::sleep(STRAYS_EVERY);
+            self.strays.wait(self.now(), STRAYS_LOOK);
         }
     }
 
@@ -668,8 +668,4 @@ fn free_of_brokers(community: &Community) -> Result<(), LaunchError> {
         Err(error @ ConnectError::ForeignUser { .. }) => Err(error.into()),
         Ok(_) | Err(_) => Err(LaunchError::Served(community.clone())),
     }
-}
-
-fn limit(secs: f64) -> Duration {
-    time::duration(secs)
 }

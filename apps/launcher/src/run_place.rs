@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use elk_mission::{AppSpec, Mission};
+use elk_mission::{AppSpec, Mission, element};
 use elk_outside::file;
 
 use crate::error::LaunchError;
@@ -26,7 +26,7 @@ impl RunPlace {
     /// That of a mission in `folder`.
     pub fn new(mission: &Mission, folder: &Path, manual: bool) -> Self {
         let seed = summary::seed(mission).unwrap_or_default().to_string();
-        let world = mission.of_element("Sensor").find_map(|sensor| sensor.setting("World")).unwrap_or_default();
+        let world = mission.of_element(element::SENSOR).find_map(|sensor| sensor.setting("World")).unwrap_or_default();
         let (folder, mission_copy) = (folder.to_owned(), folder.join(copy_name(&mission.file)));
         Self { folder, mission_copy, seed, world: world.to_owned(), manual }
     }
@@ -41,10 +41,10 @@ impl RunPlace {
     pub fn settle(&self, app: &mut AppSpec) -> Result<(), LaunchError> {
         let in_folder = |name: &str| self.folder.join(name).to_string_lossy().into_owned();
         match app.element.as_str() {
-            "Map" => suppose(app, "File", &in_folder("map.bt")),
+            element::MAP => suppose(app, "File", &in_folder("map.bt")),
             // Said by the mission or by its controller's own parameter, it means the same to both, and to the launcher.
-            "Controller" => settle(app, "Manual", if self.manual { "true" } else { "false" }),
-            "Logger" => {
+            element::CONTROLLER => settle(app, "Manual", if self.manual { "true" } else { "false" }),
+            element::LOGGER => {
                 suppose(app, "File", &in_folder("log.mcap"))?;
                 suppose(app, "MissionFile", &self.mission_copy.to_string_lossy())?;
                 suppose(app, "Seed", &self.seed)?;
@@ -70,7 +70,7 @@ fn settle(app: &mut AppSpec, param: &str, text: &str) -> Result<(), LaunchError>
 pub(crate) fn check_files(app: &AppSpec) -> Result<(), LaunchError> {
     const PARAM: &str = "File";
     match app.setting(PARAM) {
-        Some(file) if app.element == "Map" && app.is_builtin() && !file.is_empty() => {
+        Some(file) if app.element == element::MAP && app.is_builtin() && !file.is_empty() => {
             let unwritable = |source| {
                 let (app, file) = (app.name.clone(), file.into());
                 LaunchError::Unwritable { app, param: PARAM, file, source }

@@ -2,36 +2,60 @@
 //! signals do not reach them, and they outlive whoever started them; here it is kept in mind whose they are.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::os::fd::OwnedFd;
+use std::process::Command;
 use std::time::Duration;
 
-use elk_bus::ProcessId;
-use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, getpid, pidfd_open, pidfd_send_signal, waitpid};
+use elk_bus::{ProcessId, ProcessStat};
+use rustix::process::{Pid, Signal, WaitOptions, getpid, pidfd_send_signal, waitpid};
+
+use crate::error::LaunchError;
+use crate::handle;
 
 /// How long a stray may take to end when its app has.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(2);
 /// How often it is looked for new ones.
 const PERIOD: Duration = Duration::from_secs(1);
+/// How long nobody looks at those that have no handle.
+const UNSEEN: Duration = Duration::from_millis(5);
 
-/// The environment variable by which whoever descends from a launcher's apps is known, whoever its parent is by now: it
-/// holds a number that no other launcher has.
-pub(crate) const RUN: &str = "ELK_RUN";
+/// The environment variable by which whoever descends from a launcher's apps is known, whoever its parent is by now.
+const RUN: &str = "ELK_RUN";
 
-/// A number for [`RUN`].
-pub(crate) fn fresh_run() -> String {
-    std::fs::read_to_string("/proc/sys/kernel/random/uuid").unwrap_or_default().trim().to_owned()
-}
+/// A number that no other launcher has.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Run(String);
 
-/// All processes of this user, but this one, that have this number of a run.
-pub(crate) fn of_run(run: &str) -> Vec<ProcessId> {
-    let said = format!("{RUN}={run}");
-    let has_it = |pid: &i32| {
-        let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
-        environment.split(|byte| *byte == 0).any(|one| one == said.as_bytes())
-    };
-    let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
-    let all = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
-    let own = getpid().as_raw_nonzero().get();
-    all.filter(|pid| *pid != own && !run.is_empty() && has_it(pid)).filter_map(ProcessId::of).collect()
+impl Run {
+    /// A new one.
+    pub fn fresh() -> Result<Self, LaunchError> {
+        let number = std::fs::read_to_string("/proc/sys/kernel/random/uuid");
+        let what = "no number by which the mission's processes are known";
+        number.map(|number| Self(number.trim().to_owned())).map_err(|source| LaunchError::System { what, source })
+    }
+
+    /// The one that this process was given.
+    pub fn own() -> Option<Self> {
+        std::env::var(RUN).ok().filter(|number| !number.is_empty()).map(Self)
+    }
+
+    /// Gives it to whoever `command` starts, and so to all that they start.
+    pub fn give(&self, command: &mut Command) {
+        command.env(RUN, &self.0);
+    }
+
+    /// All processes of this user, but this one, that were given it.
+    pub fn processes(&self) -> Vec<ProcessId> {
+        let said = format!("{RUN}={}", self.0);
+        let has_it = |pid: &i32| {
+            let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+            environment.split(|byte| *byte == 0).any(|one| one == said.as_bytes())
+        };
+        let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+        let all = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+        let own = getpid().as_raw_nonzero().get();
+        all.filter(|pid| *pid != own && has_it(pid)).filter_map(ProcessId::of).collect()
+    }
 }
 
 /// The strays of a mission's apps, by number.
@@ -45,8 +69,38 @@ struct Stray {
     id: ProcessId,
     /// The app that it descends from; `None`: it came to the launcher, as orphans do, before it was seen whose it was.
     app: Option<Pid>,
-    /// When it is killed: its app has ended, and it was asked to end, too.
-    until: Option<Duration>,
+    fate: Fate,
+}
+
+/// What is done with a stray.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    /// Nothing, while its app lives.
+    Spared,
+    /// It was asked to end, as its app has; it is killed then.
+    Asked { until: Duration },
+    /// It was killed. The kernel ends it as soon as it can.
+    Killed,
+}
+
+impl Stray {
+    fn ask(&mut self, now: Duration) {
+        signal(&self.id, Signal::TERM);
+        self.fate = Fate::Asked { until: now + PATIENCE };
+    }
+
+    fn kill(&mut self) {
+        signal(&self.id, Signal::KILL);
+        self.fate = Fate::Killed;
+    }
+
+    /// When it is to be killed.
+    fn deadline(&self) -> Option<Duration> {
+        match self.fate {
+            Fate::Asked { until } => Some(until),
+            Fate::Spared | Fate::Killed => None,
+        }
+    }
 }
 
 /// What has become known of strays.
@@ -88,7 +142,7 @@ impl Strays {
         for (pid, app) in seen {
             match ProcessId::of(pid) {
                 Some(id) if self.known.get(&pid).is_none_or(|known| known.id != id) => {
-                    self.known.insert(pid, Stray { id, app, until: None });
+                    self.known.insert(pid, Stray { id, app, fate: Fate::Spared });
                     sights.push(Sight::Found(id));
                 }
                 Some(_) => {}
@@ -100,19 +154,16 @@ impl Strays {
 
     /// An app has ended: what it has started is asked to end as well. `None`: all have.
     pub fn dismiss(&mut self, app: Option<Pid>, now: Duration) {
-        let meant = |stray: &&mut Stray| stray.until.is_none() && (app.is_none() || stray.app == app);
-        for stray in self.known.values_mut().filter(meant) {
-            signal(&stray.id, Signal::TERM);
-            stray.until = Some(now + PATIENCE);
-        }
+        let meant = |stray: &&mut Stray| stray.fate == Fate::Spared && (app.is_none() || stray.app == app);
+        self.known.values_mut().filter(meant).for_each(|stray| stray.ask(now));
     }
 
     /// Kills those whose time is over, and forgets those that have ended.
     pub fn reap(&mut self, now: Duration) -> Vec<Sight> {
         let mut sights = Vec::new();
         self.known.retain(|pid, stray| {
-            if stray.until.is_some_and(|until| until <= now) {
-                signal(&stray.id, Signal::KILL);
+            if stray.deadline().is_some_and(|until| until <= now) {
+                stray.kill();
             }
             let lives = stray.id.lives();
             if !lives {
@@ -126,7 +177,16 @@ impl Strays {
 
     /// When the next one is to be killed.
     pub fn deadline(&self) -> Option<Duration> {
-        self.known.values().filter_map(|stray| stray.until).min()
+        self.known.values().filter_map(Stray::deadline).min()
+    }
+
+    /// Waits until one of them has ended or is to be killed, at most `patience`.
+    pub fn wait(&self, now: Duration, patience: Duration) {
+        let handles: Vec<OwnedFd> = self.known.values().filter_map(|stray| handle::of(&stray.id)).collect();
+        // One has ended already, unless there is no descriptor for its handle: that is no reason not to rest.
+        let patience = if handles.len() < self.known.len() { patience.min(UNSEEN) } else { patience };
+        let left = self.deadline().map_or(patience, |until| patience.min(until.saturating_sub(now)));
+        handle::wait(&handles.iter().collect::<Vec<_>>(), left);
     }
 
     /// Whether nobody is left.
@@ -137,9 +197,7 @@ impl Strays {
 
 /// Sends a signal to a process, if it is still the one that is meant.
 pub(crate) fn signal(id: &ProcessId, signal: Signal) {
-    let handle = Pid::from_raw(id.pid).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
-    // Looked at behind the handle: a number that changes hands from here on is not mistaken.
-    if let Some(handle) = handle.filter(|_| id.lives()) {
+    if let Some(handle) = handle::of(id) {
         // That it has gone meanwhile is no failure.
         let _ = pidfd_send_signal(handle, signal);
     }
@@ -165,8 +223,7 @@ fn outside(leader: Pid) -> Vec<i32> {
 
 /// The number of a process' group; 0: its leader is not of this container (for which `getpgid` of rustix has no word).
 fn group(pid: i32) -> Option<i32> {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    stat.rsplit_once(") ")?.1.split(' ').nth(2)?.parse().ok()
+    ProcessStat::of(pid).map(|stat| stat.group)
 }
 
 /// The children of all threads of a process.
@@ -181,7 +238,7 @@ fn children(pid: i32) -> Vec<i32> {
 mod tests {
     use std::io::{BufRead, BufReader};
     use std::os::unix::process::CommandExt;
-    use std::process::{Child, Command, Stdio};
+    use std::process::{Child, Stdio};
 
     use super::*;
 
@@ -214,11 +271,24 @@ mod tests {
         assert!(strays.reap(PERIOD).is_empty() && id.lives());
         assert_eq!(strays.deadline(), Some(PERIOD + PATIENCE));
         strays.reap(PERIOD + PATIENCE);
-        while id.lives() {
-            std::thread::yield_now();
-        }
+        // Regression: until the kernel had ended it, its deadline was one that lay in the past, and nobody slept.
+        assert_eq!(strays.deadline(), None);
+        strays.wait(PERIOD + PATIENCE, Duration::from_secs(60));
+        assert!(!id.lives());
         strays.reap(PERIOD + PATIENCE);
         assert!(strays.is_empty());
+    }
+
+    #[test]
+    fn whoever_was_given_a_run_is_found_by_it() {
+        let (one, other) = (Run::fresh().unwrap(), Run::fresh().unwrap());
+        let mut command = Command::new("sleep");
+        one.give(&mut command);
+        let mut child = command.arg("1000").spawn().unwrap();
+        let id = ProcessId::of(child.id() as i32).unwrap();
+        assert_eq!((one.processes(), other.processes()), (vec![id], vec![]));
+        child.kill().unwrap();
+        child.wait().unwrap();
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
-use elk_mission::Mission;
+use elk_mission::{Mission, element};
 use elk_spatial::messages::{CoverageMark, FrontiersLeft};
 use serde::Serialize;
 
@@ -133,7 +133,7 @@ fn outcome(observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
 
 /// The seed of the first app that has one, in the order of the file: the sensor's.
 pub(crate) fn seed(mission: &Mission) -> Option<i64> {
-    let stages = mission.apps.iter().filter(|app| app.element != "Logger");
+    let stages = mission.apps.iter().filter(|app| app.element != element::LOGGER);
     stages.filter_map(|app| app.setting("Seed")?.parse().ok()).next()
 }
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{App, BrokerConfig, Client, Clock, Community, ConnectError, run_app_on};
-use elk_mission::{AppSpec, Mission, Program};
+use elk_mission::{AppSpec, Mission, Program, element};
 use rustix::event::PollFd;
 
 use crate::control::{AppRow, Request};
@@ -18,7 +18,7 @@ use crate::error::LaunchError;
 use crate::launch_state::LaunchState;
 use crate::listener::Join;
 use crate::observer::{Losses, News};
-use crate::supervisor::{Ticket, Word};
+use crate::supervisor::{State, Ticket, Word};
 
 /// Threads of one community.
 pub(crate) struct Threads {
@@ -27,8 +27,10 @@ pub(crate) struct Threads {
     apps: Vec<AppSpec>,
     started: Vec<Started>,
     running: Stopwatch,
-    /// What an app could not do at the end, until somebody asks.
+    /// What an app could not do at the end, until somebody asks: the first failure is the mission's.
     failed: Option<LaunchError>,
+    /// The others.
+    sayings: Vec<String>,
     words: Vec<(Ticket, Word)>,
 }
 
@@ -45,8 +47,8 @@ impl Threads {
         let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((mission.mailbox_mb as usize) << 20);
         let broker = MemoryBroker::new(config, Clock::new(1.0));
         let (community, apps) = (community.clone(), mission.apps.clone());
-        let (started, words) = (Vec::new(), Vec::new());
-        Self { broker, community, apps, started, running: Stopwatch::start(), failed: None, words }
+        let (started, sayings, words) = (Vec::new(), Vec::new(), Vec::new());
+        Self { broker, community, apps, started, running: Stopwatch::start(), failed: None, sayings, words }
     }
 
     fn start(&self, app: AppSpec) -> Result<Started, LaunchError> {
@@ -67,6 +69,13 @@ impl Threads {
         let what = "no thread for an app";
         let thread = spawned.map_err(|source| LaunchError::System { what, source })?;
         Ok(Started { app, stop, thread: Some(thread) })
+    }
+
+    fn note_failure(&mut self, error: LaunchError) {
+        match &self.failed {
+            None => self.failed = Some(error),
+            Some(_) => self.sayings.push(error.to_string()),
+        }
     }
 }
 
@@ -144,7 +153,7 @@ impl Crew for Threads {
     }
 
     fn sayings(&mut self) -> Vec<String> {
-        Vec::new()
+        std::mem::take(&mut self.sayings)
     }
 
     fn order(&mut self, ticket: Ticket, _: Request) {
@@ -165,7 +174,7 @@ impl Crew for Threads {
             type_name: started.app.type_name().to_owned(),
             // They are threads of the launcher's process, whose row says what they use together.
             pid: None,
-            state: "running".to_owned(),
+            state: State::Running.word().to_owned(),
             state_secs: secs,
             cpu_percent: None,
             cpu_percent_now: None,
@@ -184,7 +193,7 @@ impl Crew for Threads {
     }
 
     fn explorers(&self) -> Vec<String> {
-        let explorers = self.apps.iter().filter(|app| app.element == "Explorer");
+        let explorers = self.apps.iter().filter(|app| app.element == element::EXPLORER);
         explorers.map(|app| app.type_name().to_owned()).collect()
     }
 
@@ -195,7 +204,7 @@ impl Crew for Threads {
             started.stop.store(true, Ordering::Relaxed);
             if let Err(how) = started.join() {
                 let (app, when) = (started.app.name.clone(), "and could not do what it had yet to do");
-                self.failed.get_or_insert(LaunchError::ThreadEnded { app, when, how });
+                self.note_failure(LaunchError::ThreadEnded { app, when, how });
             }
         }
         self.started.clear();
@@ -214,5 +223,41 @@ impl Drop for Threads {
     fn drop(&mut self) {
         self.end_apps();
         self.stop_broker();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use elk_mission::{Mode, Policy};
+
+    use super::*;
+
+    fn failing(name: &str) -> Started {
+        let app = AppSpec {
+            name: name.to_owned(),
+            element: name.to_owned(),
+            program: Program::Foreign { exec: "none".into(), args: Vec::new() },
+            policy: Policy::default(),
+            said: BTreeSet::new(),
+            settings: Vec::new(),
+        };
+        let how = format!("{name} has no room");
+        Started { app, stop: Arc::default(), thread: Some(std::thread::spawn(move || Err(how))) }
+    }
+
+    /// Regression: of several apps that failed at the end, one was heard of.
+    #[test]
+    fn whatever_fails_at_the_end_is_said() {
+        let (broker, mailbox_mb, apps) = (Policy::BROKER, 4, Vec::new());
+        let mission =
+            Mission { name: "Test".into(), file: "test.xml".into(), mode: Mode::Auto, broker, mailbox_mb, apps };
+        let mut threads = Threads::new(&Community::new("threads").unwrap(), &mission);
+        threads.started.extend(["Logger", "Map"].map(failing));
+        threads.end_apps();
+        let first = threads.check("while the mission ended").unwrap_err().to_string();
+        assert_eq!(first, "Map ended and could not do what it had yet to do: Map has no room");
+        assert_eq!(threads.sayings(), ["Logger ended and could not do what it had yet to do: Logger has no room"]);
     }
 }

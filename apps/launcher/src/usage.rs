@@ -3,6 +3,7 @@
 use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
 
+use elk_bus::ProcessStat;
 use rustix::process::Pid;
 
 /// How often it is taken down what everyone uses.
@@ -22,16 +23,8 @@ pub(crate) struct Usage {
 impl Usage {
     /// Of a process that is there.
     pub fn of(pid: Pid) -> Option<Self> {
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", pid.as_raw_nonzero())).ok()?;
-        Self::parse(&stat)
-    }
-
-    /// The name may hold anything, parentheses too; the fields behind it are counted from the third.
-    fn parse(stat: &str) -> Option<Self> {
-        let fields: Vec<&str> = stat.rsplit_once(") ")?.1.split(' ').collect();
-        let field = |number: usize| fields.get(number - 3)?.trim().parse::<u64>().ok();
-        let page = rustix::param::page_size() as u64;
-        Some(Self { started: field(22)?, cpu: field(14)? + field(15)?, resident: field(24)? * page })
+        let ProcessStat { started, cpu_ticks: cpu, resident_pages, .. } = ProcessStat::of(pid.as_raw_nonzero().get())?;
+        Some(Self { started, cpu, resident: resident_pages.saturating_mul(rustix::param::page_size() as u64) })
     }
 
     /// Seconds since it started.
@@ -90,16 +83,6 @@ mod tests {
         let own = Usage::of(rustix::process::getpid()).unwrap();
         assert!(own.started > 0 && own.resident > 0);
         assert!(own.cpu_percent().unwrap() >= 0.0);
-    }
-
-    #[test]
-    fn a_name_may_look_like_fields() {
-        let mut stat = "7 (a) R 1) S 1 7 7 0 -1 0 0 0 0 0 100 20 0 0 20 0 1 0 4242 999 3".to_owned();
-        let usage = Usage::parse(&stat).unwrap();
-        assert_eq!((usage.started, usage.cpu), (4242, 120));
-        assert_eq!(usage.resident, 3 * rustix::param::page_size() as u64);
-        stat.truncate(30);
-        assert_eq!(Usage::parse(&stat), None);
     }
 
     #[test]

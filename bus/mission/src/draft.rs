@@ -2,12 +2,13 @@
 
 use roxmltree::{Attribute, Node};
 
+use crate::element;
 use crate::mission::{AppSpec, Program};
-use crate::name::{APP_NAMES, is_app_name};
+use crate::name::{is_app_name, right_app_names};
 use crate::nearest::{instead, nearest};
 use crate::params::ParamValue;
 use crate::policy::{self, Said};
-use crate::problem::{Place, Problems};
+use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::resolve::{Given, resolve};
 use crate::scenario::{Context, stray_text};
@@ -21,9 +22,9 @@ const NONE: &str = "none";
 pub(crate) struct Draft {
     pub element: String,
     /// Where its element stands.
-    pub place: Place,
+    pub place: At,
     /// Its name, and where that stands.
-    pub named: Option<(String, Place)>,
+    pub named: Option<(String, At)>,
     pub given: Vec<Given>,
     runs: Runs,
     policy: Said,
@@ -44,10 +45,10 @@ enum Runs {
 
 impl Draft {
     /// Reads an app's element.
-    pub fn read(context: &Context, node: Node, problems: &mut Problems) -> Self {
+    pub fn read(context: &Context, node: Node, problems: &mut Findings) -> Self {
         let mut draft = Self {
             element: node.tag_name().name().to_owned(),
-            place: context.place(node.range().start),
+            place: At::Byte(node.range().start),
             named: None,
             given: Vec::new(),
             runs: Runs::Unknown,
@@ -57,20 +58,20 @@ impl Draft {
         for attribute in node.attributes() {
             draft.read_attribute(context, attribute, problems);
         }
-        draft.check_policy(context, node, problems);
-        stray_text(context, node, problems);
+        draft.check_policy(node, problems);
+        stray_text(node, problems);
         for child in node.children().filter(Node::is_element) {
             draft.read_parameter(context, child, problems);
         }
         draft
     }
 
-    fn what_runs(&self, context: &Context, node: Node, problems: &mut Problems) -> Runs {
+    fn what_runs(&self, context: &Context, node: Node, problems: &mut Findings) -> Runs {
         let types = context.registry.of_element(&self.element);
         let known: Vec<&str> = types.map(|app_type| app_type.name).collect();
         let args = node.attribute("args").map(split_arguments);
         let value_place = |name| {
-            let value = node.attribute_node(name).map(|a| context.place(a.range_value().start));
+            let value = node.attribute_node(name).map(|a| At::Byte(a.range_value().start));
             value.unwrap_or_else(|| self.place.clone())
         };
         match (node.attribute("type").map(str::trim), node.attribute("exec").map(str::trim)) {
@@ -99,7 +100,7 @@ impl Draft {
                 Runs::Unknown
             }
             (None, None) => {
-                let (place, said) = self.no_type(context, node, &known);
+                let (place, said) = self.no_type(node, &known);
                 problems.add(&place, said);
                 Runs::Unknown
             }
@@ -107,20 +108,20 @@ impl Draft {
     }
 
     /// What to say of an element that has neither type nor exec, and where.
-    fn no_type(&self, context: &Context, node: Node, known: &[&str]) -> (Place, String) {
+    fn no_type(&self, node: Node, known: &[&str]) -> (At, String) {
         let element = &self.element;
         match node.attributes().find(|one| nearest(one.name(), ["type"]).is_some()) {
             Some(slip) => {
                 let said = format!("<{element}> has no attribute {}; did you mean type?", slip.name());
-                (context.place(slip.range().start), said)
+                (At::Byte(slip.range().start), said)
             }
             None => (self.place.clone(), format!("<{element}> has no type; known: {}", known.join(", "))),
         }
     }
 
-    fn type_called(&self, name: &str, place: &Place, registry: &Registry, problems: &mut Problems) -> Runs {
+    fn type_called(&self, name: &str, place: &At, registry: &Registry, problems: &mut Findings) -> Runs {
         let mut known: Vec<&str> = registry.of_element(&self.element).map(|t| t.name).collect();
-        if self.element == "Logger" {
+        if self.element == element::LOGGER {
             known.push(NONE);
             if name == NONE {
                 return Runs::Nothing;
@@ -135,14 +136,21 @@ impl Draft {
     }
 
     /// `name` and what makes up the policy; any other attribute is a parameter, as `PoseEstimator` is in the thesis' Listing 2.
-    fn read_attribute(&mut self, context: &Context, attribute: Attribute, problems: &mut Problems) {
-        let place = context.place(attribute.range().start);
-        let value_place = context.place(attribute.range_value().start);
+    fn read_attribute(&mut self, context: &Context, attribute: Attribute, problems: &mut Findings) {
+        let place = At::Byte(attribute.range().start);
+        let value_place = At::Byte(attribute.range_value().start);
         let value = attribute.value().trim();
         match attribute.name() {
             "type" | "exec" | "args" => {}
             "name" if is_app_name(value) => self.named = Some((value.to_owned(), value_place)),
-            "name" => problems.add(&value_place, format!("{value:?} is no name for an app; right are {APP_NAMES}")),
+            "name" => {
+                problems.add(&value_place, format!("{value:?} is no name for an app; right are {}", right_app_names()))
+            }
+            name if policy::is_of_broker(name) => {
+                let element = &self.element;
+                let said = format!("<{element}> has no attribute {name}; it is one of the Scenario's");
+                problems.add(&place, said);
+            }
             name => match (self.policy.take(name, value), policy::meant(name)) {
                 (Some(taken), _) => {
                     if let Err(error) = taken {
@@ -158,30 +166,30 @@ impl Draft {
     }
 
     /// A limit on what never happens is a mistake.
-    fn check_policy(&self, context: &Context, node: Node, problems: &mut Problems) {
+    fn check_policy(&self, node: Node, problems: &mut Findings) {
         if let Some(name) = self.policy.in_vain()
             && let Some(attribute) = node.attribute_node(name)
         {
             let said = format!("{name} without restart; right is restart=\"on-failure\" or \"always\" with it");
-            problems.add(&context.place(attribute.range().start), said);
+            problems.add(&At::Byte(attribute.range().start), said);
         }
     }
 
-    fn read_parameter(&mut self, context: &Context, node: Node, problems: &mut Problems) {
-        let place = context.place(node.range().start);
+    fn read_parameter(&mut self, context: &Context, node: Node, problems: &mut Findings) {
+        let place = At::Byte(node.range().start);
         let name = node.tag_name().name();
         if let Some(attribute) = node.attributes().next() {
             let said = format!("<{name}> has the attribute {}; a parameter has none", attribute.name());
-            problems.add(&context.place(attribute.range().start), said);
+            problems.add(&At::Byte(attribute.range().start), said);
         }
         if let Some(inner) = node.children().find(Node::is_element) {
             let inside = inner.tag_name().name();
             let said = format!("<{inside}> stands in the parameter <{name}>; right is its value alone");
-            problems.add(&context.place(inner.range().start), said);
+            problems.add(&At::Byte(inner.range().start), said);
             return;
         }
         let said: String = node.children().filter_map(own_text).collect();
-        let value_place = value_place(context, node).unwrap_or_else(|| place.clone());
+        let value_place = value_place(node).unwrap_or_else(|| place.clone());
         self.given.push(Given::new(name, &said, place, value_place, context.folder));
     }
 
@@ -191,7 +199,7 @@ impl Draft {
     }
 
     /// Where its name stands.
-    pub fn name_place(&self) -> &Place {
+    pub fn name_place(&self) -> &At {
         self.named.as_ref().map_or(&self.place, |(_, place)| place)
     }
 
@@ -214,23 +222,25 @@ impl Draft {
         matches!(self.runs, Runs::Builtin(_) | Runs::Nothing)
     }
 
+    fn given(&self, param: &str) -> Option<&Given> {
+        self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param))
+    }
+
     /// Where the value of a parameter is said; the app's own place, if it is not.
-    pub fn value_place(&self, param: &str) -> &Place {
-        let given = self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param));
-        given.map_or(&self.place, |given| &given.value_place)
+    pub fn value_place(&self, param: &str) -> &At {
+        self.given(param).map_or(&self.place, |given| &given.value_place)
     }
 
     /// What was said of a parameter.
     pub fn said(&self, param: &str) -> Option<&str> {
-        let mut given = self.given.iter();
-        given.find(|given| given.name.eq_ignore_ascii_case(param)).map(|given| given.text.as_str())
+        self.given(param).map(|given| given.text.as_str())
     }
 
     /// What was said of a parameter of its type, if that is right, and where.
     pub fn value(&self, param: &str) -> Option<(ParamValue, &Given)> {
         let Runs::Builtin(app_type) = &self.runs else { return None };
         let spec = app_type.param(param)?;
-        let given = self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param))?;
+        let given = self.given(param)?;
         Some((spec.kind.parse(&given.text, &given.folder).ok()?, given))
     }
 
@@ -252,7 +262,7 @@ impl Draft {
     }
 
     /// Takes what the command line says in place of what the file says.
-    pub fn override_with(&mut self, said: &Override, place: Place, registry: &Registry, problems: &mut Problems) {
+    pub fn override_with(&mut self, said: &Override, place: At, registry: &Registry, problems: &mut Findings) {
         if said.param == "type" {
             self.runs = self.type_called(&said.text, &place, registry, problems);
             return;
@@ -262,7 +272,7 @@ impl Draft {
     }
 
     /// Holds it against its type.
-    pub fn resolve(self, problems: &mut Problems) -> Option<AppSpec> {
+    pub fn resolve(self, problems: &mut Findings) -> Option<AppSpec> {
         let name = self.name().to_owned();
         let policy = self.policy.policy(matches!(self.runs, Runs::Builtin(_)));
         let (program, settings, said) = match self.runs {
@@ -283,13 +293,13 @@ impl Draft {
 }
 
 /// A mission that does not speak of a logger has the registry's first one.
-pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scenario: &Place) {
-    let logger = registry.of_element("Logger").next();
+pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scenario: &At) {
+    let logger = registry.of_element(element::LOGGER).next();
     if let Some(app_type) = logger
-        && drafts.iter().all(|draft| draft.element != "Logger")
+        && drafts.iter().all(|draft| draft.element != element::LOGGER)
     {
         drafts.push(Draft {
-            element: "Logger".to_owned(),
+            element: element::LOGGER.to_owned(),
             place: scenario.clone(),
             named: None,
             given: Vec::new(),
@@ -299,8 +309,8 @@ pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scena
     }
 }
 
-fn is_command_line(place: &Place) -> bool {
-    matches!(place, Place::CommandLine(_))
+fn is_command_line(place: &At) -> bool {
+    matches!(place, At::CommandLine(_))
 }
 
 /// A path with a folder is looked for from the mission's folder, a bare name in `PATH`.
@@ -317,11 +327,11 @@ fn split_arguments(args: &str) -> Vec<String> {
 }
 
 /// Where the first letter of an element's text stands.
-fn value_place(context: &Context, node: Node) -> Option<Place> {
+fn value_place(node: Node) -> Option<At> {
     let text = node.children().find(|child| own_text(*child).is_some_and(|t| !t.trim().is_empty()))?;
     let said = text.text()?;
     let lead = said.len() - said.trim_start().len();
-    Some(context.place(text.range().start + lead))
+    Some(At::Byte(text.range().start + lead))
 }
 
 /// The text of a text node; comments have text, too, and do not count.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::mission::{AppSpec, Program};
 use crate::nearest::instead;
-use crate::problem::{Place, Problems};
+use crate::problem::{At, Findings, Problems};
 use crate::registry::Registry;
 use crate::resolve::{Given, resolve};
 use crate::spec::AppType;
@@ -38,23 +38,23 @@ impl AppSpec {
     /// # Errors
     /// Everything that is wrong with it, each with the argument it was said in.
     pub fn exchange(&self, wanted: &Exchange, registry: &Registry) -> Result<Exchanged, Problems> {
-        let mut problems = Problems::new(wanted.folder.clone());
+        let mut problems = Findings::default();
         let exchanged = match self.what_runs(wanted, registry, &mut problems) {
             Some(Program::Builtin(app_type, _)) => Some(self.as_type(app_type, wanted, &mut problems)),
             Some(Program::Foreign { exec, args }) => Some(self.as_executable(exec, args, wanted)),
             None => None,
         };
         match exchanged {
-            Some(exchanged) if problems.list.is_empty() => Ok(exchanged),
-            _ => Err(problems),
+            Some(exchanged) if problems.is_empty() => Ok(exchanged),
+            _ => Err(problems.located(&wanted.folder, "")),
         }
     }
 
     /// The program of the new one; a built-in one's parameters are yet to be resolved.
-    fn what_runs(&self, wanted: &Exchange, registry: &Registry, problems: &mut Problems) -> Option<Program> {
+    fn what_runs(&self, wanted: &Exchange, registry: &Registry, problems: &mut Findings) -> Option<Program> {
         match (&wanted.type_name, &wanted.exec) {
             (Some(_), Some((exec, _))) => {
-                let place = Place::CommandLine(format!("exec={exec}"));
+                let place = At::CommandLine(format!("exec={exec}"));
                 problems.add(&place, "type and exec are both said; one is right");
                 None
             }
@@ -64,14 +64,14 @@ impl AppSpec {
                 if found.is_none() {
                     let known: Vec<&str> = registry.of_element(&self.element).map(|one| one.name).collect();
                     let (element, right) = (&self.element, instead(name, &known));
-                    let place = Place::CommandLine(format!("type={name}"));
+                    let place = At::CommandLine(format!("type={name}"));
                     problems.add(&place, format!("{element} has no type {name:?}; {right}"));
                 }
                 found.map(|app_type| Program::Builtin(app_type, crate::Params::default()))
             }
             (None, Some((exec, args))) => {
                 let found = executable(exec, &wanted.folder);
-                let place = Place::CommandLine(format!("exec={exec}"));
+                let place = At::CommandLine(format!("exec={exec}"));
                 let exec = found.map_err(|message| problems.add(&place, message)).ok()?;
                 Some(Program::Foreign { exec, args: args.clone() })
             }
@@ -84,14 +84,14 @@ impl AppSpec {
         self.settings.iter().filter(move |(name, _)| self.said.contains(name) && !anew(name))
     }
 
-    fn as_type(&self, app_type: &'static AppType, wanted: &Exchange, problems: &mut Problems) -> Exchanged {
+    fn as_type(&self, app_type: &'static AppType, wanted: &Exchange, problems: &mut Findings) -> Exchanged {
         let (kept, lost): (Vec<_>, Vec<_>) = self.kept(wanted).partition(|(name, _)| app_type.param(name).is_some());
         let given = |(name, text): &(String, String)| {
-            let said = Place::CommandLine(format!("{name}={text}"));
+            let said = At::CommandLine(format!("{name}={text}"));
             Given::new(name, text, said.clone(), said, &wanted.folder)
         };
         let all = kept.into_iter().chain(&wanted.params).map(given).collect();
-        let place = Place::CommandLine(format!("type={}", app_type.name));
+        let place = At::CommandLine(format!("type={}", app_type.name));
         let resolved = resolve(app_type, all, &place, problems);
         let program = Program::Builtin(app_type, resolved.params);
         let app = Self { program, settings: resolved.settings, said: resolved.said, ..self.clone() };

@@ -14,15 +14,15 @@
 //! | any other | a parameter, as if it were a child element |
 //!
 //! A Scenario has `name`, `type` (`auto` or `manual`), `version`, and, for its broker, which is always started again,
-//! `broker-restarts` and `broker-window`.
+//! `broker-restarts`, `broker-window` and `mailbox`; on an app they are an error.
 //!
 //! While a mission runs, an app can be exchanged for one of another type, or another executable: [`AppSpec::exchange`]
 //! holds that against the same registry.
 
 mod describe;
 mod draft;
+pub mod element;
 mod exchange;
-mod lines;
 mod mission;
 mod name;
 mod nearest;

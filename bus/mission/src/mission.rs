@@ -7,7 +7,7 @@ use elk_outside::file;
 
 use crate::params::Params;
 use crate::policy::Policy;
-use crate::problem::Problems;
+use crate::problem::{Findings, Problems};
 use crate::registry::Registry;
 use crate::scenario;
 use crate::setting::Override;
@@ -105,12 +105,11 @@ impl Mission {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn parse(text: &str, file: &Path, registry: &Registry, overrides: &[Override]) -> Result<Self, Problems> {
-        let mut problems = Problems::new(file.to_owned());
+        let mut problems = Findings::default();
         let mission = scenario::check(text, file, registry, overrides, &mut problems);
-        problems.sort();
         match mission {
-            Some(mission) if problems.list.is_empty() => Ok(mission),
-            _ => Err(problems),
+            Some(mission) if problems.is_empty() => Ok(mission),
+            _ => Err(problems.located(file, text)),
         }
     }
 

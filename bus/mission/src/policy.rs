@@ -117,17 +117,23 @@ pub(crate) struct Said {
     window_secs: Option<f64>,
     /// `Some(None)`: off.
     health_secs: Option<Option<f64>>,
+}
+
+/// What a Scenario says of its broker, as far as it has been read.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct SaidOfBroker {
+    restarts: Option<u32>,
+    window_secs: Option<f64>,
     mailbox_mb: Option<u32>,
 }
 
 impl Said {
-    /// Takes an attribute; `None`: it is none of a policy.
+    /// Takes an attribute of an app's element; `None`: it is none of a policy.
     pub fn take(&mut self, name: &str, value: &str) -> Option<Result<(), ValueError>> {
         match name {
             "restart" => Some(restart(value).map(|restart| self.restart = Some(restart))),
-            "restarts" | "broker-restarts" => Some(count(value).map(|count| self.restarts = Some(count))),
-            "restart-window" | "broker-window" => Some(span(value).map(|secs| self.window_secs = Some(secs))),
-            "mailbox" => Some(integer(MAILBOX, value, MAILBOX_MB).map(|mb| self.mailbox_mb = Some(mb))),
+            "restarts" => Some(count(value).map(|count| self.restarts = Some(count))),
+            "restart-window" => Some(span(value).map(|secs| self.window_secs = Some(secs))),
             "health" if value == OFF => {
                 self.health_secs = Some(None);
                 Some(Ok(()))
@@ -159,16 +165,35 @@ impl Said {
             health_secs: self.health_secs.unwrap_or(health_secs),
         }
     }
+}
+
+impl SaidOfBroker {
+    /// Takes an attribute of the Scenario; `None`: it is none of its broker.
+    pub fn take(&mut self, name: &str, value: &str) -> Option<Result<(), ValueError>> {
+        match name {
+            "broker-restarts" => Some(count(value).map(|count| self.restarts = Some(count))),
+            "broker-window" => Some(span(value).map(|secs| self.window_secs = Some(secs))),
+            "mailbox" => Some(integer(MAILBOX, value, MAILBOX_MB).map(|mb| self.mailbox_mb = Some(mb))),
+            _ => None,
+        }
+    }
 
     /// The policy of the broker.
-    pub fn broker(&self) -> Policy {
-        Policy { restart: Policy::BROKER.restart, health_secs: None, ..self.policy(false) }
+    pub fn policy(&self) -> Policy {
+        let Policy { restarts, window_secs, .. } = Policy::BROKER;
+        let (restarts, window_secs) = (self.restarts.unwrap_or(restarts), self.window_secs.unwrap_or(window_secs));
+        Policy { restarts, window_secs, ..Policy::BROKER }
     }
 
     /// Mail that the broker keeps for each client (MB).
     pub fn mailbox_mb(&self) -> u32 {
         self.mailbox_mb.unwrap_or(MAILBOX_MB)
     }
+}
+
+/// Whether an attribute is one of the broker's, which stand in the Scenario.
+pub(crate) fn is_of_broker(name: &str) -> bool {
+    OF_BROKER.iter().any(|attribute| attribute.name == name)
 }
 
 /// The attribute of a policy that `name` is most likely a slip of.

@@ -1,7 +1,7 @@
 //! What is wrong with a mission, and where.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use elk_outside::text;
 
@@ -37,30 +37,73 @@ pub struct Problems {
     pub list: Vec<Problem>,
 }
 
-impl Problems {
-    pub(crate) fn new(file: PathBuf) -> Self {
-        let list = Vec::new();
-        Self { file, list }
-    }
+/// Where something was found, while a mission is checked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum At {
+    /// In the mission file.
+    Byte(usize),
+    /// On the command line, as it was written there.
+    CommandLine(String),
+}
 
-    /// Notes a problem; beyond the first hundred nobody reads them, and only the last of the list says that there are more.
-    pub(crate) fn add(&mut self, place: &Place, message: impl Into<String>) {
-        const MOST: usize = 100;
-        /// Characters of a message: it quotes what was found, which may be anything.
-        const LONGEST: usize = 2000;
-        let message = match self.list.len() {
+/// What is wrong with a mission, as it is found: whatever is said of the file may become a problem, and few are, so lines
+/// and columns are counted at the end.
+#[derive(Debug, Default)]
+pub(crate) struct Findings(Vec<(At, String)>);
+
+/// So many problems are told; beyond them nobody reads on.
+const MOST: usize = 100;
+/// Characters of a message: it quotes what was found, which may be anything.
+const LONGEST: usize = 2000;
+
+impl Findings {
+    /// Notes a problem; the last of the list says that there are more.
+    pub fn add(&mut self, at: &At, message: impl Into<String>) {
+        let message = match self.0.len() {
             0..MOST => text::clipped(&message.into(), LONGEST).into_owned(),
             MOST => "and there is more that is wrong".to_owned(),
             _ => return,
         };
-        self.list.push(Problem { place: place.clone(), message });
+        self.0.push((at.clone(), message));
     }
 
-    pub(crate) fn sort(&mut self) {
-        self.list.sort_by_key(|problem| match problem.place {
-            Place::File { line, column } => (line, column),
-            Place::CommandLine(_) => (u32::MAX, u32::MAX),
+    /// Whether nothing is wrong.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// With lines and columns of `file`, whose text this is, in the order of the file, then of the command line.
+    pub fn located(mut self, file: &Path, text: &str) -> Problems {
+        self.0.sort_by_key(|(at, _)| match at {
+            At::Byte(byte) => *byte,
+            At::CommandLine(_) => usize::MAX,
         });
+        let mut cursor = Cursor { text, byte: 0, line: 1, column: 1 };
+        let located = |(at, message)| match at {
+            At::Byte(byte) => Problem { place: cursor.place(byte), message },
+            At::CommandLine(said) => Problem { place: Place::CommandLine(said), message },
+        };
+        Problems { file: file.to_owned(), list: self.0.into_iter().map(located).collect() }
+    }
+}
+
+/// A byte of a text, and its line and column.
+struct Cursor<'a> {
+    text: &'a str,
+    byte: usize,
+    line: u32,
+    column: u32,
+}
+
+impl Cursor<'_> {
+    /// Goes on to a byte that is not before this one.
+    fn place(&mut self, byte: usize) -> Place {
+        for letter in self.text.get(self.byte..byte).unwrap_or_default().chars() {
+            let ends = letter == '\n';
+            (self.line, self.column) = if ends { (self.line + 1, 1) } else { (self.line, self.column + 1) };
+        }
+        self.byte = byte;
+        Place::File { line: self.line, column: self.column }
     }
 }
 
@@ -79,3 +122,23 @@ impl fmt::Display for Problems {
 }
 
 impl std::error::Error for Problems {}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn every_letter_is_where_counting_finds_it(text in "[ä\n€a]{0,90}") {
+            let mut findings = Findings::default();
+            text.char_indices().rev().for_each(|(at, _)| findings.add(&At::Byte(at), ""));
+            let lines = text.split_inclusive('\n').zip(1..);
+            let places = lines.flat_map(|(line, row)| (1..).zip(line.chars()).map(move |(column, _)| (row, column)));
+            let expected: Vec<Place> = places.map(|(line, column)| Place::File { line, column }).collect();
+            let found = findings.located(Path::new(""), &text).list.into_iter().map(|problem| problem.place);
+            prop_assert_eq!(found.collect::<Vec<_>>(), expected);
+        }
+    }
+}

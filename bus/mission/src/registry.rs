@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::params::Params;
-use crate::problem::{Place, Problems};
+use crate::problem::{At, Findings, Problems};
 use crate::resolve::{Given, Resolved, resolve};
 use crate::spec::AppType;
 
@@ -54,15 +54,15 @@ impl AppType {
     /// Everything that is wrong, each with the argument it was said in.
     pub fn check(&self, settings: &[(String, String)], folder: &Path) -> Result<Params, Problems> {
         let given = settings.iter().map(|(name, text)| {
-            let said = Place::CommandLine(format!("{name}={text}"));
+            let said = At::CommandLine(format!("{name}={text}"));
             Given::new(name, text, said.clone(), said, folder)
         });
-        let mut problems = Problems::new(folder.to_owned());
-        let place = Place::CommandLine(format!("--type {}", self.name));
+        let mut problems = Findings::default();
+        let place = At::CommandLine(format!("--type {}", self.name));
         let Resolved { params, .. } = resolve(self, given.collect(), &place, &mut problems);
-        match problems.list.is_empty() {
+        match problems.is_empty() {
             true => Ok(params),
-            false => Err(problems),
+            false => Err(problems.located(folder, "")),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::nearest::instead;
 use crate::params::{ParamValue, Params};
-use crate::problem::{Place, Problems};
+use crate::problem::{At, Findings};
 use crate::spec::{AppType, Kind, ParamSpec};
 
 /// A parameter as it was said.
@@ -14,15 +14,15 @@ pub(crate) struct Given {
     pub name: String,
     pub text: String,
     /// Where its name stands.
-    pub place: Place,
+    pub place: At,
     /// Where its value stands.
-    pub value_place: Place,
+    pub value_place: At,
     /// Where a relative file is looked for.
     pub folder: PathBuf,
 }
 
 impl Given {
-    pub fn new(name: &str, text: &str, place: Place, value_place: Place, folder: &Path) -> Self {
+    pub fn new(name: &str, text: &str, place: At, value_place: At, folder: &Path) -> Self {
         Self { name: name.to_owned(), text: text.trim().to_owned(), place, value_place, folder: folder.to_owned() }
     }
 }
@@ -37,7 +37,7 @@ pub(crate) struct Resolved {
 }
 
 /// Checks what was given, fills in the defaults, and reports what is unknown, doubled, wrong or missing.
-pub(crate) fn resolve(app_type: &AppType, given: Vec<Given>, place: &Place, problems: &mut Problems) -> Resolved {
+pub(crate) fn resolve(app_type: &AppType, given: Vec<Given>, place: &At, problems: &mut Findings) -> Resolved {
     let mut said: BTreeMap<&str, &Given> = BTreeMap::new();
     for one in &given {
         match app_type.param(&one.name) {
@@ -64,8 +64,8 @@ fn value_of(
     app_type: &AppType,
     param: &ParamSpec,
     said: Option<&Given>,
-    place: &Place,
-    problems: &mut Problems,
+    place: &At,
+    problems: &mut Findings,
 ) -> Option<ParamValue> {
     let (parsed, place) = match (said, param.default) {
         (Some(said), _) => (param.kind.parse(&said.text, &said.folder), &said.value_place),

@@ -6,24 +6,24 @@ use std::path::Path;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::draft::Draft;
-use crate::lines::Lines;
+use crate::element;
 use crate::mission::{AppSpec, Mission, Mode};
 use crate::nearest::instead;
-use crate::policy::{self, Said};
-use crate::problem::{Place, Problems};
+use crate::policy::{self, SaidOfBroker};
+use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::setting::Override;
 use crate::{variables, wiring};
 
 /// The elements of a Scenario; how many of each a mission has.
 const ELEMENTS: [(&str, Count); 7] = [
-    ("Sensor", Count::One),
-    ("Filter", Count::Any),
-    ("Map", Count::One),
-    ("Explorer", Count::One),
-    ("Controller", Count::One),
-    ("Logger", Count::AtMostOne),
-    ("App", Count::Any),
+    (element::SENSOR, Count::One),
+    (element::FILTER, Count::Any),
+    (element::MAP, Count::One),
+    (element::EXPLORER, Count::One),
+    (element::CONTROLLER, Count::One),
+    (element::LOGGER, Count::AtMostOne),
+    (element::APP, Count::Any),
 ];
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -43,17 +43,9 @@ const RESERVED: [&str; 2] = ["db", "launcher"];
 
 /// What every part of the check needs.
 pub(crate) struct Context<'a> {
-    pub lines: Lines<'a>,
     pub registry: &'a Registry,
     /// Where relative files are looked for.
     pub folder: &'a Path,
-}
-
-impl Context<'_> {
-    /// Where a byte of the file stands.
-    pub fn place(&self, byte: usize) -> Place {
-        self.lines.place(byte)
-    }
 }
 
 /// Checks the text of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
@@ -62,26 +54,26 @@ pub(crate) fn check(
     file: &Path,
     registry: &Registry,
     overrides: &[Override],
-    problems: &mut Problems,
+    problems: &mut Findings,
 ) -> Option<Mission> {
     let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = match Document::parse_with_options(text, options) {
         Ok(document) => document,
         Err(error) => {
-            no_xml(&error, problems);
+            no_xml(&error, text, problems);
             return None;
         }
     };
     let folder = file.parent().unwrap_or(Path::new(""));
-    let context = Context { lines: Lines::of(text), registry, folder };
+    let context = Context { registry, folder };
     let scenario = document.root_element();
-    let place = context.place(scenario.range().start);
+    let place = At::Byte(scenario.range().start);
     if scenario.tag_name().name() != "Scenario" {
         let found = scenario.tag_name().name();
         problems.add(&place, format!("the mission is a <{found}>; right is <Scenario>"));
         return None;
     }
-    let (name, said_mode, broker) = head(&context, scenario, file, problems);
+    let (name, said_mode, broker) = head(scenario, file, problems);
     let mut drafts = drafts(&context, scenario, problems);
     count(&drafts, &place, problems);
     crate::draft::default_logger(&mut drafts, registry, &place);
@@ -92,26 +84,34 @@ pub(crate) fn check(
     let mode = wiring::manual(&drafts).unwrap_or(said_mode);
     let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
     let file = file.to_owned();
-    let (broker, mailbox_mb) = (broker.broker(), broker.mailbox_mb());
+    let (broker, mailbox_mb) = (broker.policy(), broker.mailbox_mb());
     Some(Mission { name, file, mode, broker, mailbox_mb, apps })
 }
 
-fn no_xml(error: &roxmltree::Error, problems: &mut Problems) {
+fn no_xml(error: &roxmltree::Error, text: &str, problems: &mut Findings) {
     let position = error.pos();
-    let place = Place::File { line: position.row, column: position.col };
+    let place = At::Byte(byte_of(text, position));
     let said = error.to_string();
     let said = said.strip_suffix(&format!(" at {position}")).unwrap_or(&said);
     problems.add(&place, format!("this is no well-formed XML: {said}"));
 }
 
+/// The byte at a position whose line and column are counted from 1.
+fn byte_of(text: &str, position: roxmltree::TextPos) -> usize {
+    let (above, before) = (position.row.saturating_sub(1) as usize, position.col.saturating_sub(1) as usize);
+    let start: usize = text.split_inclusive('\n').take(above).map(str::len).sum();
+    let letters = text.get(start..).unwrap_or_default().chars().take(before);
+    start + letters.map(char::len_utf8).sum::<usize>()
+}
+
 /// The Scenario's own attributes.
-fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems) -> (String, Mode, Said) {
+fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, SaidOfBroker) {
     let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let mut name = stem.unwrap_or_else(|| "mission".to_owned());
     let mut mode = Mode::Auto;
-    let mut broker = Said::default();
+    let mut broker = SaidOfBroker::default();
     for attribute in scenario.attributes() {
-        let place = context.place(attribute.range_value().start);
+        let place = At::Byte(attribute.range_value().start);
         match (attribute.name(), attribute.value().trim()) {
             ("name", "") => problems.add(&place, "the name is empty; right is a name for people"),
             ("name", value) => name = value.to_owned(),
@@ -125,13 +125,13 @@ fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems)
             ("version", value) => {
                 problems.add(&place, format!("version {value:?} is unknown; right is \"1\""));
             }
-            (other, value) if policy::OF_BROKER.iter().any(|attribute| attribute.name == other) => {
+            (other, value) if policy::is_of_broker(other) => {
                 if let Some(Err(error)) = broker.take(other, value) {
                     problems.add(&place, format!("{other} {error}"));
                 }
             }
             (other, _) => {
-                let place = context.place(attribute.range().start);
+                let place = At::Byte(attribute.range().start);
                 let mut known = vec!["name", "type", "version"];
                 known.extend(policy::OF_BROKER.iter().map(|attribute| attribute.name));
                 let right = instead(other, &known);
@@ -142,13 +142,13 @@ fn head(context: &Context, scenario: Node, file: &Path, problems: &mut Problems)
     (name, mode, broker)
 }
 
-fn drafts(context: &Context, scenario: Node, problems: &mut Problems) -> Vec<Draft> {
-    stray_text(context, scenario, problems);
+fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Draft> {
+    stray_text(scenario, problems);
     let mut drafts = Vec::new();
     for node in scenario.children().filter(Node::is_element) {
         let element = node.tag_name().name();
         if drafts.len() == MOST_APPS {
-            let place = context.place(node.range().start);
+            let place = At::Byte(node.range().start);
             problems.add(&place, format!("one app more than {MOST_APPS}; right is a mission of at most so many"));
             break;
         }
@@ -156,7 +156,7 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Problems) -> Vec<Dra
             drafts.push(Draft::read(context, node, problems));
         } else {
             let known = ELEMENTS.map(|(known, _)| known);
-            let place = context.place(node.range().start);
+            let place = At::Byte(node.range().start);
             let right = instead(element, &known);
             problems.add(&place, format!("<{element}> is no element of a Scenario; {right}"));
         }
@@ -165,12 +165,12 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Problems) -> Vec<Dra
 }
 
 /// Text between elements is a forgotten tag.
-pub(crate) fn stray_text(context: &Context, parent: Node, problems: &mut Problems) {
+pub(crate) fn stray_text(parent: Node, problems: &mut Findings) {
     for text in parent.children().filter(Node::is_text) {
         let said = text.text().unwrap_or_default();
         if !said.trim().is_empty() {
             let lead = said.len() - said.trim_start().len();
-            let place = context.place(text.range().start + lead);
+            let place = At::Byte(text.range().start + lead);
             let word = said.split_whitespace().next().unwrap_or_default();
             let parent = parent.tag_name().name();
             problems.add(&place, format!("{word:?} stands loose in <{parent}>; right is an element"));
@@ -178,7 +178,7 @@ pub(crate) fn stray_text(context: &Context, parent: Node, problems: &mut Problem
     }
 }
 
-fn count(drafts: &[Draft], scenario: &Place, problems: &mut Problems) {
+fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {
     for (element, count) in ELEMENTS {
         let mut of_element = drafts.iter().filter(|draft| draft.element == element);
         let first = of_element.next();
@@ -194,7 +194,7 @@ fn count(drafts: &[Draft], scenario: &Place, problems: &mut Problems) {
 }
 
 /// Names those that the file does not (`Filter`, `Filter2`, …), and sees that every name is the only one.
-fn names(drafts: &mut [Draft], problems: &mut Problems) {
+fn names(drafts: &mut [Draft], problems: &mut Findings) {
     let mut taken: BTreeMap<String, String> = BTreeMap::new();
     for draft in drafts.iter().filter(|draft| draft.named.is_some()) {
         let name = draft.name();
@@ -218,9 +218,9 @@ fn names(drafts: &mut [Draft], problems: &mut Problems) {
     }
 }
 
-fn apply(overrides: &[Override], drafts: &mut [Draft], registry: &Registry, problems: &mut Problems) {
+fn apply(overrides: &[Override], drafts: &mut [Draft], registry: &Registry, problems: &mut Findings) {
     for one in overrides {
-        let place = Place::CommandLine(one.to_string());
+        let place = At::CommandLine(one.to_string());
         match drafts.iter_mut().find(|draft| draft.name() == one.app) {
             Some(draft) => draft.override_with(one, place, registry, problems),
             None => {

@@ -4,28 +4,55 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use elk_bus::Payload;
+use elk_bus::rejection::REJECTED;
 use elk_spatial::keys::{CAMERA_POSE, MAP_RECALL, MAP_REQUEST, MOTION, STEP};
 use elk_spatial::messages::CameraPose;
 use elk_spatial::{Scan, catalogue};
 
 use crate::draft::Draft;
-use crate::problem::{Place, Problems};
+use crate::element;
+use crate::problem::{At, Findings};
 use crate::spec::Kind;
 use crate::wiring::SCAN;
 
 /// Variables of an exploration that carry texts and numbers. Those that carry a type are in [`catalogue`].
-const PLAIN: [&str; 7] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE", "LOGGER_ERROR", "MAIL_REJECTED"];
+const PLAIN: [&str; 7] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE", "LOGGER_ERROR", REJECTED];
 /// What every app says of itself is called after it.
 const STATUS: &str = "_STATUS";
 
-/// Parameters that name a variable which an app of this element writes, and the type that it then carries.
-const WRITTEN: [(&str, &str, &str); 3] = [
-    ("Sensor", "Output", <Scan<'_> as Payload>::NAME),
-    ("Filter", "Output", <Scan<'_> as Payload>::NAME),
-    ("Sensor", "MOOSPoseVarName", CameraPose::NAME),
+/// A parameter that names a variable which apps of an element write.
+struct Written {
+    element: &'static str,
+    param: &'static str,
+    /// The type that the variable then carries.
+    carried: &'static str,
+    /// What those of elk's types write that have no such parameter.
+    otherwise: Option<&'static str>,
+}
+
+const SCANS: &str = <Scan<'_> as Payload>::NAME;
+const WRITTEN: [Written; 3] = [
+    Written { element: element::SENSOR, param: "Output", carried: SCANS, otherwise: Some(SCAN) },
+    Written { element: element::FILTER, param: "Output", carried: SCANS, otherwise: None },
+    Written {
+        element: element::SENSOR,
+        param: "MOOSPoseVarName",
+        carried: CameraPose::NAME,
+        otherwise: Some(CAMERA_POSE),
+    },
 ];
+
+impl Written {
+    /// The variable that an app writes, if it is of this element, and where that is said.
+    fn by<'a>(&self, draft: &'a Draft) -> Option<(&'a str, &'a At)> {
+        let otherwise = || self.otherwise.filter(|_| draft.is_builtin());
+        let name = (draft.element == self.element).then(|| draft.said_or_default(self.param).or_else(otherwise))??;
+        Some((name, draft.value_place(self.param)))
+    }
+}
+
 /// Parameters that name a variable of scans which an app of this element reads.
-const READ: [(&str, &str); 2] = [("Filter", "Input"), ("Map", "Input")];
+const READ: [(&str, &str); 2] = [(element::FILTER, "Input"), (element::MAP, "Input")];
 
 /// Whether the broker writes a variable itself.
 pub(crate) fn is_of_the_broker(name: &str) -> bool {
@@ -39,13 +66,14 @@ pub(crate) fn is_name(name: &str) -> bool {
 
 /// Sees that no two apps write different things under one name, and that whoever reads scans reads what somebody of the
 /// mission publishes.
-pub(crate) fn check(drafts: &[Draft], problems: &mut Problems) {
+pub(crate) fn check(drafts: &[Draft], problems: &mut Findings) {
     let mut written: BTreeMap<&str, String> = BTreeMap::new();
     for draft in drafts {
-        for (element, param, carried) in WRITTEN {
-            if let Some((name, place)) = of_element(draft, element, param) {
+        for one in &WRITTEN {
+            if let Some((name, place)) = one.by(draft) {
+                let param = one.param;
                 let who = format!("{} ({param})", draft.name());
-                if let Err(said) = may_write(name, carried) {
+                if let Err(said) = may_write(name, one.carried) {
                     problems.add(place, format!("{param}: {said}"));
                 } else if let Some(other) = written.get(name) {
                     problems
@@ -71,33 +99,19 @@ fn may_write(name: &str, carried: &str) -> Result<(), String> {
     Err(format!("{name} carries {elses} in every mission; right is a name of its own"))
 }
 
-fn read_what_is_written(drafts: &[Draft], problems: &mut Problems) {
-    let outputs = drafts.iter().flat_map(|draft| {
-        let said = ["Sensor", "Filter"].map(|element| of_element(draft, element, "Output").map(|(name, _)| name));
-        said.into_iter().flatten()
-    });
-    // A sensor whose type has no word for it publishes where sensors do.
-    let silent = drafts.iter().any(|one| one.element == "Sensor" && one.said_or_default("Output").is_none());
-    let published: Vec<&str> = silent.then_some(SCAN).into_iter().chain(outputs).collect();
+fn read_what_is_written(drafts: &[Draft], problems: &mut Findings) {
+    let of_scans = |draft| WRITTEN.iter().filter(|one| one.carried == SCANS).filter_map(move |one| one.by(draft));
+    let published: Vec<&str> = drafts.iter().flat_map(of_scans).map(|(name, _)| name).collect();
     for draft in drafts {
         for (element, param) in READ {
-            if let Some((name, place)) = of_element(draft, element, param)
-                && is_name(name)
+            if draft.element == element
+                && let Some(name) = draft.said_or_default(param).filter(|name| is_name(name))
                 && !published.contains(&name)
             {
                 let known = published.join(", ");
+                let place = draft.value_place(param);
                 problems.add(place, format!("{param}: nobody in the mission publishes {name}; published are {known}"));
             }
         }
     }
-}
-
-/// The variable that a parameter of an app of this element names, and where that is said.
-fn of_element<'a>(draft: &'a Draft, element: &str, param: &str) -> Option<(&'a str, &'a Place)> {
-    if draft.element != element {
-        return None;
-    }
-    let default = if param == "MOOSPoseVarName" { Some(CAMERA_POSE) } else { None };
-    let name = draft.said_or_default(param).or(default.filter(|_| draft.is_builtin()))?;
-    Some((name, draft.value_place(param)))
 }

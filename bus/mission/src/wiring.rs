@@ -1,18 +1,21 @@
 //! What follows from the other apps where the mission does not say: who reads whose scans, where frontiers count, and what
 //! two apps have to have in common.
 
+use elk_spatial::clearance::{Clearance, MAX_RADIUS_VOXELS};
+
 use crate::draft::Draft;
+use crate::element;
 use crate::mission::Mode;
 use crate::params::ParamValue;
-use crate::problem::Problems;
+use crate::problem::Findings;
 use crate::variables;
 
 /// Parameters that are the same for both elements: said of one, they hold for the other.
-const COMMON: [(&str, [&str; 2]); 3] =
-    [("Res", ["Map", "Explorer"]), ("MaxBricks", ["Map", "Explorer"]), ("MOOSPoseVarName", ["Sensor", "Controller"])];
-
-/// The largest radius of a robot in voxels that anybody can look after (see `MAX_RADIUS_VOXELS` in `elk-spatial`).
-const MAX_RADIUS_VOXELS: f64 = 32.0;
+const COMMON: [(&str, [&str; 2]); 3] = [
+    ("Res", [element::MAP, element::EXPLORER]),
+    ("MaxBricks", [element::MAP, element::EXPLORER]),
+    ("MOOSPoseVarName", [element::SENSOR, element::CONTROLLER]),
+];
 
 /// What the sensor publishes its scans under, if its type does not say.
 pub(crate) const SCAN: &str = "SCAN";
@@ -21,22 +24,22 @@ pub(crate) const SCAN: &str = "SCAN";
 /// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim` of
 /// the map, the volume in which frontiers count, are the explorer's. What two apps have to have in common goes from the one
 /// that says it to the other; that they say it differently is a problem.
-pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Problems) {
-    let sensor = drafts.iter().find(|draft| draft.element == "Sensor");
+pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Findings) {
+    let sensor = drafts.iter().find(|draft| draft.element == element::SENSOR);
     let published = sensor.and_then(|sensor| sensor.said_or_default("Output"));
     // What is no variable's name is a problem where it stands, and not of those who would read it.
     let mut last = published.filter(|name| variables::is_name(name)).unwrap_or(SCAN).to_owned();
-    let filters = drafts.iter_mut().filter(|draft| draft.element == "Filter");
+    let filters = drafts.iter_mut().filter(|draft| draft.element == element::FILTER);
     for (k, filter) in (1..).zip(filters) {
         filter.suppose("Input", &last);
         filter.suppose("Output", &format!("{SCAN}_{k}"));
         last = filter.said("Output").filter(|name| variables::is_name(name)).unwrap_or(&last).to_owned();
     }
-    for map in drafts.iter_mut().filter(|draft| draft.element == "Map") {
+    for map in drafts.iter_mut().filter(|draft| draft.element == element::MAP) {
         map.suppose("Input", &last);
     }
     for bound in ["Mid", "Dim"] {
-        hand_on(drafts, bound, ["Explorer", "Map"]);
+        hand_on(drafts, bound, [element::EXPLORER, element::MAP]);
     }
     for (param, [one, other]) in COMMON {
         hand_on(drafts, param, [one, other]);
@@ -47,7 +50,7 @@ pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Problems) {
 }
 
 /// A robot's `Radius` and the voxels' `Res` go together.
-fn affordable(draft: &Draft, problems: &mut Problems) {
+fn affordable(draft: &Draft, problems: &mut Findings) {
     let number = |param| match draft.value(param) {
         Some((ParamValue::Number(value), given)) => Some((value, Some(given))),
         Some(_) => None,
@@ -56,7 +59,7 @@ fn affordable(draft: &Draft, problems: &mut Problems) {
     let (Some((radius, said)), Some((res, res_said))) = (number("Radius"), number("Res")) else {
         return;
     };
-    if let Some(given) = said.or(res_said).filter(|_| radius / res > MAX_RADIUS_VOXELS + 1e-9) {
+    if let Some(given) = said.or(res_said).filter(|_| !Clearance::affordable(radius, res)) {
         let most = MAX_RADIUS_VOXELS;
         let said = format!(
             "Radius {radius} m are more than {most} voxels of {res} m (Res); right is a smaller Radius or a larger Res"
@@ -67,7 +70,7 @@ fn affordable(draft: &Draft, problems: &mut Problems) {
 
 /// What the controller is told of waiting for a person, if it is: that holds whatever the Scenario's type says.
 pub(crate) fn manual(drafts: &[Draft]) -> Option<Mode> {
-    let mut controllers = drafts.iter().filter(|draft| draft.element == "Controller");
+    let mut controllers = drafts.iter().filter(|draft| draft.element == element::CONTROLLER);
     match controllers.find_map(|draft| draft.value("Manual"))? {
         (ParamValue::Flag(true), _) => Some(Mode::Manual),
         (ParamValue::Flag(false), _) => Some(Mode::Auto),
@@ -87,7 +90,7 @@ fn hand_on(drafts: &mut [Draft], param: &str, [from, to]: [&str; 2]) {
     }
 }
 
-fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut Problems) {
+fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut Findings) {
     let of = |element: &str| drafts.iter().find(|draft| draft.element == element).and_then(|draft| draft.value(param));
     if let (Some((value, given)), Some((others, of_other))) = (of(one), of(other))
         && value != others

@@ -410,6 +410,15 @@ fn every_mistake_has_its_place_and_says_what_would_be_right() {
             "<Filter type=\"Distance\" restarts=\"3\"/>",
             "m.xml:7:25: restarts without restart; right is restart=\"on-failure\" or \"always\" with it",
         ),
+        // Accepted, and without effect there.
+        (
+            "<Filter type=\"Distance\" mailbox=\"64\"/>",
+            "m.xml:7:25: <Filter> has no attribute mailbox; it is one of the Scenario's",
+        ),
+        (
+            "<App exec=\"x\" restart=\"always\" broker-restarts=\"3\"/>",
+            "m.xml:7:32: <App> has no attribute broker-restarts; it is one of the Scenario's",
+        ),
         ("<Map type=\"OctoMap\"/>", "m.xml:7:1: a second <Map>; one is right"),
         ("<Logger type=\"Mcp\"/>", "m.xml:7:15: Logger has no type \"Mcp\"; did you mean Mcap?"),
     ] {

@@ -17,6 +17,7 @@ mod full;
 #[doc(hidden)]
 pub mod fuzzing;
 mod handshake;
+mod kept;
 mod lane;
 mod leftovers;
 mod page;
@@ -29,5 +30,6 @@ mod sessions;
 
 pub use client::{ConnectError, connect};
 pub use folder::{Fault, FolderError};
+pub use kept::{keep, kept};
 pub use running::{Owner, Running, running};
 pub use server::{ServeError, Server};

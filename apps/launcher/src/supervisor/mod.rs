@@ -200,7 +200,7 @@ impl Supervisor {
     fn holder_ended(&mut self, place: usize, mut exit: Exit, now: Duration) {
         let unit = &mut self.units[place];
         if let Some(doom) = unit.doom.take() {
-            exit.how = format!("killed, {doom}");
+            exit = Exit { how: format!("killed, {doom}"), asked: false, ..exit };
         }
         unit.last_exit = Some(exit.in_short());
         match (&unit.swap, unit.state) {
@@ -209,7 +209,9 @@ impl Supervisor {
             }
             (Some(_), _) => self.swapped_in_vain(place, exit, now),
             (None, State::Stopping { .. }) => self.stopped(place, &exit, now),
-            (None, _) if self.ending.is_some() && place != BROKER => self.enter(place, State::Stopped, now),
+            (None, _) if self.ending.is_some() && place != BROKER => {
+                self.stopped(place, &Exit { asked: false, ..exit }, now);
+            }
             (None, _) if exit.fine && unit.spec.may_finish => self.enter(place, State::Over, now),
             (None, State::Starting) if unit.order.is_some() => {
                 let ticket = unit.order.take().map(|(ticket, _)| ticket);
@@ -252,19 +254,23 @@ impl Supervisor {
     fn stopped(&mut self, place: usize, exit: &Exit, now: Duration) {
         let unit = &mut self.units[place];
         let name = unit.spec.name.clone();
-        let killed = matches!(unit.state, State::Stopping { killed: true, .. });
         let failed = unit.failing.take();
         let ticket = unit.order.take().map(|(ticket, _)| ticket);
         self.enter(place, State::Stopped, now);
-        if !killed && !exit.fine && !exit.asked {
-            self.say(format!("{name} stopped with {}; see {}", exit.how, exit.log.display()));
-            // What an app of the mission does at its end is part of it: the map is written then.
-            if self.ending.is_some() && !self.units[place].spec.may_finish {
-                let Exit { how, log, tail, .. } = exit.clone();
-                self.actions.push(Action::Fail(LaunchError::Unfinished { app: name.clone(), how, log, tail }));
-            }
+        if !exit.fine && !exit.asked {
+            self.stopped_badly(place, exit.clone());
         }
         self.tell(ticket, failed.map_or_else(|| Word::Done(format!("{name} is stopped")), Word::Failed));
+    }
+
+    /// What an app of the mission does at its end is part of it: the map is written then.
+    fn stopped_badly(&mut self, place: usize, exit: Exit) {
+        let spec = &self.units[place].spec;
+        let (app, Exit { how, log, tail, .. }) = (spec.name.clone(), exit);
+        match self.ending.is_some() && !spec.may_finish {
+            true => self.actions.push(Action::Fail(LaunchError::Unfinished { app, how, log, tail })),
+            false => self.say(format!("{app} did not stop in good order: {how}; see {}", log.display())),
+        }
     }
 
     /// Starts a unit again, later, or ends the mission.
@@ -494,7 +500,7 @@ impl Supervisor {
     }
 
     fn ask(&mut self, place: usize, now: Duration) {
-        self.enter(place, State::Stopping { kill_at: now + STOP_PATIENCE, killed: false }, now);
+        self.enter(place, State::Stopping { kill_at: now + STOP_PATIENCE }, now);
         self.actions.push(Action::Ask(place));
     }
 
@@ -523,11 +529,9 @@ impl Supervisor {
                 unit.restarts += 1;
                 self.start(place, now);
             }
-            State::Stopping { kill_at, killed: false } if kill_at <= now => {
-                unit.state = State::Stopping { kill_at, killed: true };
+            State::Stopping { kill_at } if unit.doom.is_none() && kill_at <= now => {
+                unit.doom = Some(format!("not stopped within {} s", STOP_PATIENCE.as_secs()));
                 self.actions.push(Action::Kill(place));
-                let secs = STOP_PATIENCE.as_secs();
-                self.say(format!("{name} did not stop within {secs} s and is killed"));
             }
             State::Starting if unit.order.is_some_and(|(_, limit)| limit <= now) => {
                 unit.failing = Some(format!("{name} did not register in time and was stopped"));
@@ -606,7 +610,11 @@ impl Supervisor {
             match self.units[place].state {
                 State::Running | State::Starting => return self.ask(place, now),
                 State::Stopping { .. } => return,
-                State::Waiting { .. } => self.enter(place, State::Stopped, now),
+                // It would have come back, and did not.
+                State::Waiting { .. } => {
+                    let how = self.units[place].last_exit.clone().unwrap_or_default();
+                    self.stopped(place, &Exit { how, ..Exit::default() }, now);
+                }
                 State::Idle | State::Stopped | State::Over => {}
             }
             self.ending.as_mut().and_then(VecDeque::pop_front);

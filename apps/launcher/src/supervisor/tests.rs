@@ -22,6 +22,10 @@ fn well() -> Exit {
     Exit { how: "exit code 0".into(), fine: true, ..Exit::default() }
 }
 
+fn killed() -> Exit {
+    Exit { how: "signal 9 (SIGKILL)".into(), ..Exit::default() }
+}
+
 /// A broker, a map and an explorer that all run since time 0.
 fn running(map: elk_mission::Restart) -> Supervisor {
     let broker = UnitSpec { urgent: true, health: None, ..spec("db", OnFailure) };
@@ -120,7 +124,7 @@ fn on_failure_is_not_always() {
 #[test]
 fn a_broker_is_started_again_at_once_unless_it_was_ended_on_purpose() {
     let mut all = running(Never);
-    all.ended(BROKER, Role::Holder, Exit { how: "signal 9 (SIGKILL)".into(), ..Exit::default() }, at(1.0));
+    all.ended(BROKER, Role::Holder, killed(), at(1.0));
     assert_eq!(todo(&mut all), ["say db ended: signal 9 (SIGKILL); it is started again", "Start(0, Holder)"]);
     all.arrived("Explorer", at(1.2));
     assert_eq!(todo(&mut all), ["say db is back, restarted (1 of 3 in 60 s)"]);
@@ -175,8 +179,7 @@ fn an_app_that_gives_no_sign_of_life_is_killed_and_the_reason_said() {
     let mut all = running(Always);
     assert_eq!(silence(&mut all, 35), [""; 0]);
     assert_eq!(silence(&mut all, 36), ["Kill(1)"]);
-    let killed = Exit { how: "signal 9 (SIGKILL)".into(), ..Exit::default() };
-    all.ended(MAP, Role::Holder, killed, at(36.1));
+    all.ended(MAP, Role::Holder, killed(), at(36.1));
     assert_eq!(todo(&mut all), ["say Map ended: killed, no sign of life for 31 s; it is started again in 0.1 s"]);
 }
 
@@ -268,7 +271,7 @@ fn a_holder_that_does_not_leave_is_killed() {
     all.take_actions();
     all.tick(at(7.0));
     assert_eq!(todo(&mut all), ["Kill(2)", "7… the old Explorer did not leave within 5 s and is killed"]);
-    all.ended(EXPLORER, Role::Holder, Exit { how: "signal 9 (SIGKILL)".into(), ..Exit::default() }, at(7.1));
+    all.ended(EXPLORER, Role::Holder, killed(), at(7.1));
     assert_eq!(todo(&mut all), ["say Explorer ended before it was relieved: signal 9 (SIGKILL)", "TakeOver(2)"]);
     all.handed_over("Explorer", 5100.0, at(7.2));
     assert_eq!(todo(&mut all)[1], "7: Explorer is swapped, in 6200 ms: gap 5100.0 ms");
@@ -364,11 +367,39 @@ fn at_the_end_all_are_stopped_one_after_the_other_and_nobody_comes_back() {
     all.ended(BROKER, Role::Holder, crash(), at(2.2));
     assert_eq!(todo(&mut all)[1], "Start(0, Holder)");
     all.tick(at(22.1));
-    assert_eq!(todo(&mut all), ["Kill(1)", "say Map did not stop within 20 s and is killed"]);
+    assert_eq!(todo(&mut all), ["Kill(1)"]);
     assert!(!all.all_ended());
-    all.ended(MAP, Role::Holder, crash(), at(22.2));
+    all.ended(MAP, Role::Holder, killed(), at(22.2));
     assert!(all.all_ended());
-    assert_eq!(todo(&mut all), [""; 0]);
+    let failed = "fail Map could not end in good order: killed, not stopped within 20 s";
+    assert_eq!(todo(&mut all), [failed]);
     all.order_start(8, MAP, at(20.0), at(23.0));
     assert_eq!(todo(&mut all), ["8! the mission is ending"]);
+}
+
+/// Regression: a mission whose map nobody had written was called complete.
+#[test]
+fn whoever_is_dead_at_the_end_has_not_done_what_it_does_there() {
+    let failed = |how: &str| format!("fail Map could not end in good order: {how}");
+    // Killed before it was asked.
+    let mut all = running(Always);
+    all.end(at(1.0));
+    assert_eq!(todo(&mut all), ["Ask(2)"]);
+    all.ended(MAP, Role::Holder, killed(), at(1.1));
+    assert_eq!(todo(&mut all), [failed("signal 9 (SIGKILL)")]);
+    // Killed when it had been asked: told once.
+    let mut all = running(Never);
+    all.end(at(1.0));
+    all.ended(EXPLORER, Role::Holder, Exit { asked: true, ..killed() }, at(1.1));
+    assert_eq!(todo(&mut all), ["Ask(2)", "Ask(1)"]);
+    all.ended(MAP, Role::Holder, killed(), at(1.2));
+    assert_eq!(todo(&mut all), [failed("signal 9 (SIGKILL)")]);
+    // It was to be started again, and the mission ended first.
+    let mut all = running(Always);
+    all.ended(MAP, Role::Holder, killed(), at(1.0));
+    all.take_actions();
+    all.end(at(1.05));
+    all.ended(EXPLORER, Role::Holder, well(), at(1.06));
+    assert_eq!(todo(&mut all), ["Ask(2)".to_owned(), failed("signal 9 (SIGKILL)")]);
+    assert!(all.all_ended());
 }

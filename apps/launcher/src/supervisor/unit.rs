@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use elk_mission::{Policy, Restart};
+use elk_mission::{Policy, Restart, element};
 use elk_outside::time;
 
 use super::{Exit, Ticket};
@@ -40,9 +40,9 @@ impl UnitSpec {
             element: element.to_owned(),
             restart: policy.restart,
             restarts: policy.restarts,
-            window: span(policy.window_secs),
-            health: policy.health_secs.map(span),
-            may_finish: element == "App",
+            window: time::duration(policy.window_secs),
+            health: policy.health_secs.map(time::duration),
+            may_finish: element == element::APP,
             urgent: false,
         }
     }
@@ -60,7 +60,7 @@ pub(crate) enum State {
     /// It ended and will be started again.
     Waiting { until: Duration },
     /// It was asked to end.
-    Stopping { kill_at: Duration, killed: bool },
+    Stopping { kill_at: Duration },
     /// It was stopped.
     Stopped,
     /// It ended by itself.
@@ -200,7 +200,7 @@ impl Unit {
     pub fn deadline(&self) -> Option<Duration> {
         let state = match self.state {
             State::Waiting { until } => Some(until),
-            State::Stopping { kill_at, killed: false } => Some(kill_at),
+            State::Stopping { kill_at } if self.doom.is_none() => Some(kill_at),
             State::Starting => self.order.map(|(_, limit)| limit),
             _ => None,
         };
@@ -211,11 +211,6 @@ impl Unit {
         });
         state.into_iter().chain(swap).min()
     }
-}
-
-/// What is no span of time is one without end.
-fn span(secs: f64) -> Duration {
-    time::duration(secs)
 }
 
 /// The pause before the restart that follows `count` others.
