@@ -11,8 +11,8 @@ use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
 
+use crate::backend::Backend;
 use crate::control::{Answer, AppRow, Request, Server};
-use crate::crew::Crew;
 use crate::error::LaunchError;
 use crate::launch_state::{self, LaunchState};
 use crate::listener::Listener;
@@ -38,7 +38,7 @@ const LOOK: Duration = Duration::from_millis(100);
 
 /// One run of a mission, seen from the launcher's place.
 pub(crate) struct Conduct<'a> {
-    pub crew: &'a mut dyn Crew,
+    pub backend: &'a mut dyn Backend,
     pub listener: &'a mut Listener,
     pub server: Option<Server>,
     pub display: Display,
@@ -63,7 +63,7 @@ struct Movement {
 impl Conduct<'_> {
     /// Starts broker and apps.
     pub fn begin(&mut self) -> Result<(), LaunchError> {
-        self.crew.start_broker()?;
+        self.backend.start_broker()?;
         self.join("at once")?;
         // The logger is there before anybody has anything to say.
         self.start(&|element| element == element::LOGGER)?;
@@ -86,7 +86,7 @@ impl Conduct<'_> {
     }
 
     fn start(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
-        self.crew.start_apps(which)?;
+        self.backend.start_apps(which)?;
         self.gather("before it registered")
     }
 
@@ -95,7 +95,7 @@ impl Conduct<'_> {
         let clock = Stopwatch::start();
         loop {
             self.look(when)?;
-            let missing = self.crew.missing(&self.listener.observer().clients);
+            let missing = self.backend.missing(&self.listener.observer().clients);
             if missing.is_empty() {
                 return Ok(());
             }
@@ -157,21 +157,21 @@ impl Conduct<'_> {
     /// all others are told here.
     pub fn end(&mut self, mut reason: Option<LaunchError>) -> Option<LaunchError> {
         self.display.clear();
-        self.crew.end_apps();
-        let checked = self.crew.check(ENDING);
+        self.backend.end_apps();
+        let checked = self.backend.check(ENDING);
         self.note_failure(checked, &mut reason);
-        while !self.crew.ended() {
+        while !self.backend.ended() {
             let checked = self.round(ENDING);
             self.note_failure(checked, &mut reason);
         }
-        self.crew.end_strays();
+        self.backend.end_strays();
         // Nobody is on the bus any more when the broker goes.
         self.listener.leave();
         while !self.listener.has_left() {
             let checked = self.round(ENDING);
             self.note_failure(checked, &mut reason);
         }
-        self.crew.stop_broker();
+        self.backend.stop_broker();
         self.pass_words_on();
         if let Some(server) = &mut self.server {
             server.finish();
@@ -207,8 +207,8 @@ impl Conduct<'_> {
         if news.contains(&News::Joined) {
             self.introduce();
         }
-        self.crew.hear(&news, &signs);
-        let checked = self.crew.check(when);
+        self.backend.hear(&news, &signs);
+        let checked = self.backend.check(when);
         self.serve();
         self.leave_word();
         // Whoever hears that an order is carried out may end the launcher: the word of it has to be left by then.
@@ -229,14 +229,14 @@ impl Conduct<'_> {
 
     fn wait(&self) {
         let mut watched = vec![PollFd::from_borrowed_fd(self.listener.bell(), rustix::event::PollFlags::IN)];
-        self.crew.watch(&mut watched);
+        self.backend.watch(&mut watched);
         if let Some(server) = &self.server {
             server.watch(&mut watched);
         }
         if self.state.manual {
             self.person.watch(&mut watched);
         }
-        let patience = self.crew.patience().map_or(LOOK, |patience| patience.min(LOOK));
+        let patience = self.backend.patience().map_or(LOOK, |patience| patience.min(LOOK));
         // A timeout, a signal or an event: all of them are reasons to look.
         let _ = poll(&mut watched, Timespec::try_from(patience).ok().as_ref());
     }
@@ -269,7 +269,7 @@ impl Conduct<'_> {
                 Request::Resume => self.pause(false),
                 Request::Step => self.step(),
                 order => {
-                    self.crew.order(ticket, order);
+                    self.backend.order(ticket, order);
                     continue;
                 }
             };
@@ -298,16 +298,16 @@ impl Conduct<'_> {
     fn rows(&mut self) -> Vec<AppRow> {
         let losses = self.listener.observer().losses.clone();
         let mut rows = vec![launcher_row(self.running, losses.dropped.get(crate::NAME).copied())];
-        rows.extend(self.crew.rows(&losses));
+        rows.extend(self.backend.rows(&losses));
         rows
     }
 
     /// Tells everybody what they are to be told.
     fn pass_words_on(&mut self) {
-        for saying in self.crew.sayings() {
+        for saying in self.backend.sayings() {
             self.display.say(&saying);
         }
-        for (ticket, word) in self.crew.words() {
+        for (ticket, word) in self.backend.words() {
             self.tell(ticket, word);
         }
     }
@@ -330,7 +330,7 @@ impl Conduct<'_> {
     /// Leaves word of the mission, for a launcher that may have to pick it up, whenever it has changed.
     fn leave_word(&mut self) {
         self.state.first_command = self.listener.observer().first_command;
-        if !self.crew.note_state(&mut self.state) || self.said_state.as_ref() == Some(&self.state) {
+        if !self.backend.note_state(&mut self.state) || self.said_state.as_ref() == Some(&self.state) {
             return;
         }
         let text = self.state.next_text();

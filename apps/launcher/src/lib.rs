@@ -3,7 +3,7 @@
 //! | module | one idea |
 //! |---|---|
 //! | `conduct` | a mission from its first app to its last word |
-//! | `crew` | those who carry it out: `processes`, or `threads` of this process |
+//! | `backend` | what carries it out: `processes`, or `threads` of this process |
 //! | `supervisor` | who is to run, who does, and what to do about it: a state machine without processes, bus or clock |
 //! | `process`, `handle`, `strays`, `guard`, `usage` | one process that inherits nothing and ends for certain, and what stays with it alone; what it has started elsewhere; what ends the rest when the launcher dies; what they use |
 //! | `listener` | the launcher's place on the bus, a thread of its own |
@@ -12,9 +12,9 @@
 //! | `launch_state` | what another launcher has to know to pick the mission up |
 //! | `progress`, `summary`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, where it is kept |
 
+mod backend;
 mod conduct;
 mod control;
-mod crew;
 mod error;
 mod guard;
 mod handle;
@@ -50,9 +50,9 @@ pub use guard::guard;
 pub use steps::{Spread, StepTimes};
 pub use summary::Summary;
 
+use backend::Backend;
 use conduct::Conduct;
 use control::Server;
-use crew::Crew;
 use launch_state::LaunchState;
 use listener::Listener;
 use observer::Observer;
@@ -132,7 +132,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
 
     let LaunchOptions { program, community, headless, registry, detached, .. } = options;
     let state = LaunchState::of(&mission, &folder, manual);
-    let crew: Box<dyn Crew> = match options.in_process {
+    let backend: Box<dyn Backend> = match options.in_process {
         true => Box::new(threads::Threads::new(community, &mission)),
         false => {
             let (program, community, registry) = (program.clone(), community.clone(), registry.clone());
@@ -140,7 +140,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
         }
     };
     let stage = Stage { mission: &mission, program, community, folder: &folder, headless: *headless, stop };
-    stage.perform(crew, server, state, Observer::new(&mission), |conduct| conduct.begin())
+    stage.perform(backend, server, state, Observer::new(&mission), |conduct| conduct.begin())
 }
 
 /// Picks a mission up that was launched detached, and whose launcher is gone; from there on as [`launch`].
@@ -162,12 +162,12 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let place = RunPlace::new(&mission, &folder, state.manual);
     let (yard_program, community, registry) = (program.clone(), community.clone(), registry.clone());
     let yard = Yard { program: yard_program, community, place, registry, detached: true };
-    let crew = Box::new(Processes::adopt(&mission, yard, &state)?);
+    let backend = Box::new(Processes::adopt(&mission, yard, &state)?);
     let mut observer = Observer::new(&mission);
     observer.first_command = state.first_command;
     let community = &options.community;
     let stage = Stage { mission: &mission, program, community, folder: &folder, headless: *headless, stop };
-    stage.perform(crew, Some(server), state, observer, |conduct| conduct.join("before the mission was over"))
+    stage.perform(backend, Some(server), state, observer, |conduct| conduct.join("before the mission was over"))
 }
 
 /// Takes the launcher's place for orders. A mission inside one process has a community of its own, whatever its name: it
@@ -190,19 +190,19 @@ struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    /// Has a crew carry out the mission, from `begin` to its end, and sums up.
+    /// Has a backend carry out the mission, from `begin` to its end, and sums up.
     fn perform(
         &self,
-        mut crew: Box<dyn Crew>,
+        mut backend: Box<dyn Backend>,
         server: Option<Server>,
         state: LaunchState,
         observer: Observer,
         begin: fn(&mut Conduct) -> Result<(), LaunchError>,
     ) -> Result<Outcome, LaunchError> {
         let Self { mission, folder, .. } = self;
-        let mut listener = Listener::start(crew.join(NAME), observer)?;
+        let mut listener = Listener::start(backend.join(NAME), observer)?;
         let mut conduct = Conduct {
-            crew: &mut *crew,
+            backend: &mut *backend,
             listener: &mut listener,
             server,
             display: Display::new(self.headless),
@@ -219,7 +219,7 @@ impl Stage<'_> {
         for words in conduct.listener.observer().left_out() {
             conduct.display.say(&words);
         }
-        let explorers = conduct.crew.explorers().join(", ");
+        let explorers = conduct.backend.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
         let unwritten = summary.write(folder).err();
         let picture = (summary.scans > 0).then(|| picture::draw(self.program, folder));

@@ -1,4 +1,4 @@
-//! The crew as operating-system processes: `elk db`, `elk sensor`, …, or any other executable. The thin shell around
+//! The backend as operating-system processes: `elk db`, `elk sensor`, …, or any other executable. The thin shell around
 //! [`Supervisor`], which says what is to be done with them.
 
 use std::collections::BTreeSet;
@@ -14,8 +14,8 @@ use elk_outside::time;
 use rustix::event::{PollFd, PollFlags};
 use rustix::process::Pid;
 
+use crate::backend::Backend;
 use crate::control::{AppRow, Request};
-use crate::crew::Crew;
 use crate::error::LaunchError;
 use crate::guard::Guard;
 use crate::launch_state::{AppState, LaunchState};
@@ -89,7 +89,7 @@ struct Post {
 }
 
 impl Processes {
-    /// The crew of a mission. Nothing but the guard is started yet.
+    /// The backend of a mission. Nothing but the guard is started yet.
     pub fn new(mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
         let run = Run::fresh()?;
         let guard = match yard.detached {
@@ -123,7 +123,7 @@ impl Processes {
     }
 
     /// Takes over the processes that a launcher which is gone has left behind. Who has ended meanwhile is found by the
-    /// next [`Crew::check`].
+    /// next [`Backend::check`].
     pub fn adopt(mission: &Mission, yard: Yard, state: &LaunchState) -> Result<Self, LaunchError> {
         let folder = yard.place.folder.clone();
         let mut all = Self::new(mission, yard)?;
@@ -489,7 +489,7 @@ impl Post {
     }
 }
 
-impl Crew for Processes {
+impl Backend for Processes {
     fn join(&self, name: &str) -> Join {
         let (community, name) = (self.yard.community.clone(), name.to_owned());
         Box::new(move || Client::connect(&community, &name))

@@ -1,4 +1,4 @@
-//! The crew as threads of this process, around a broker in memory: for tests, and where a mission is to be one process.
+//! The backend as threads of this process, around a broker in memory: for tests, and where a mission is to be one process.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -12,8 +12,8 @@ use elk_bus::{App, BrokerConfig, Client, Clock, Community, ConnectError, run_app
 use elk_mission::{AppSpec, Mission, Program, element};
 use rustix::event::PollFd;
 
+use crate::backend::{Backend, stop_order};
 use crate::control::{AppRow, Request};
-use crate::crew::{Crew, stop_order};
 use crate::error::LaunchError;
 use crate::launch_state::LaunchState;
 use crate::listener::Join;
@@ -42,7 +42,7 @@ struct Started {
 }
 
 impl Threads {
-    /// The crew of a mission.
+    /// The backend of a mission.
     pub fn new(community: &Community, mission: &Mission) -> Self {
         let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((mission.mailbox_mb as usize) << 20);
         let broker = MemoryBroker::new(config, Clock::new(1.0));
@@ -114,7 +114,7 @@ impl Started {
     }
 }
 
-impl Crew for Threads {
+impl Backend for Threads {
     fn join(&self, name: &str) -> Join {
         let (broker, community, name) = (self.broker.clone(), self.community.clone(), name.to_owned());
         Box::new(move || connect(&broker, &name, &community))

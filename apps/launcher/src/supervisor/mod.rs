@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::crew::stop_order;
+use crate::backend::stop_order;
 use crate::error::LaunchError;
 use unit::{Phase, Swap};
 pub(crate) use unit::{State, Unit, UnitSpec};

@@ -1,4 +1,4 @@
-//! Those who carry out a mission: a broker and apps, whether they are processes or threads.
+//! What carries out a mission: a broker and apps, whether they are processes or threads.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use crate::observer::{Losses, News};
 use crate::supervisor::{Ticket, Word};
 
 /// A broker and the apps of a mission.
-pub(crate) trait Crew {
+pub(crate) trait Backend {
     /// How the launcher joins the broker's community under `name`.
     fn join(&self, name: &str) -> Join;
 
@@ -43,7 +43,7 @@ pub(crate) trait Crew {
     /// What is to be told to the person at the terminal; each thing once.
     fn sayings(&mut self) -> Vec<String>;
 
-    /// Takes an order that concerns an app; how it goes is in [`Crew::words`].
+    /// Takes an order that concerns an app; how it goes is in [`Backend::words`].
     fn order(&mut self, ticket: Ticket, order: Request);
 
     /// How orders go; each thing once.
