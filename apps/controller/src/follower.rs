@@ -10,9 +10,9 @@
 use std::collections::BTreeSet;
 
 use elk_bus::key::Invalid;
-use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, path_in};
+use elk_spatial::checks::{MAX_BRICKS, MAX_COMMANDS_LOST, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, path_in};
 use elk_spatial::clearance::{Clearance, TooWide};
-use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
+use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{
     Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
     Progress,
@@ -57,9 +57,6 @@ pub enum Unfit {
     #[error(transparent)]
     Clearance(#[from] TooWide),
 }
-
-/// Commands by which the sensor's count may differ from the one here: more than get lost when several die at once.
-const LOST_COMMANDS: u64 = 16;
 
 /// A path on the way, with what follows from it.
 #[derive(Debug, Clone)]
@@ -170,7 +167,7 @@ impl Follower {
     /// # Errors
     /// It cannot have done what it says.
     pub fn on_camera_pose(&mut self, camera: &CameraPose) -> Result<Vec<Output>, Unfit> {
-        if self.inherited && self.commands > camera.command + LOST_COMMANDS {
+        if self.inherited && self.commands > camera.command + MAX_COMMANDS_LOST {
             // The sensor has the last word: what was remembered is of another run, or made up.
             *self = Self { replica: self.replica.clone(), ..Self::default() };
         }
@@ -179,13 +176,13 @@ impl Follower {
             self.commands = camera.command;
             return Ok(vec![self.command(camera.pose, vec![])]);
         }
-        if self.inherited && (self.commands..=self.commands + LOST_COMMANDS).contains(&camera.command) {
+        if self.inherited && (self.commands..=self.commands + MAX_COMMANDS_LOST).contains(&camera.command) {
             // What the predecessor commanded last it perhaps died of, and its word of it is lost.
             self.commands = camera.command;
         }
         if self.counts_otherwise(camera) {
             let leap = camera.command.abs_diff(self.made);
-            return match leap > LOST_COMMANDS {
+            return match leap > MAX_COMMANDS_LOST {
                 true if camera.command > self.commands => Err(Unfit::Command(camera.command, self.commands)),
                 true => Ok(vec![]),
                 false => Ok(self.go_on_from(camera)),
@@ -249,7 +246,7 @@ impl Follower {
     /// # Errors
     /// It does not fit what is known of the map.
     pub fn on_map(&mut self, update: &MapUpdate) -> Result<Vec<Output>, Unfit> {
-        if update.revision > self.commands + LEAP {
+        if update.revision > self.commands + MAX_REVISIONS_AHEAD {
             let why = UpdateError::Ahead { have: self.commands, update: update.revision };
             return Err(Misfit::from(why).into());
         }
@@ -281,7 +278,7 @@ impl Follower {
         if !matches!(self.awaited, Awaited::Plan(_)) || plan.request != self.requests {
             return Ok(vec![]);
         }
-        if plan.revision > self.commands + LEAP {
+        if plan.revision > self.commands + MAX_REVISIONS_AHEAD {
             return Err(Unfit::Revision(plan.revision, self.commands));
         }
         if plan.revision > self.replica.grid().revision() {

@@ -3,12 +3,12 @@
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, path_in};
+use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, path_in};
 use elk_spatial::clearance::Clearance;
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
 };
-use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
+use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, Plan, PlanRequest};
 use elk_spatial::replica::Arrival;
 use elk_spatial::voxel::INDEX_RANGE;
@@ -207,7 +207,7 @@ impl ExplorerApp {
 
     fn on_request(&mut self, comms: &mut Comms, asker: &str, request: PlanRequest) -> Result<(), AppError> {
         let revision = self.replica.grid().revision();
-        if revision > 0 && request.revision > revision + LEAP {
+        if revision > 0 && request.revision > revision + MAX_REVISIONS_AHEAD {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: request.revision }).into());
         }
         if self.replica.hear_of(request.revision) {

@@ -6,11 +6,11 @@ use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;
-use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS};
+use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS, MAX_REVISIONS_AHEAD};
 use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
-use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
+use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::MapStatus;
 use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;
@@ -172,7 +172,7 @@ impl Past {
         self.revisions.push(0);
         self.revisions.sort_unstable();
         let pairs = self.revisions.windows(2);
-        pairs.filter(|pair| pair[1] - pair[0] <= LEAP).map(|pair| pair[1]).next_back().unwrap_or(0)
+        pairs.filter(|pair| pair[1] - pair[0] <= MAX_REVISIONS_AHEAD).map(|pair| pair[1]).next_back().unwrap_or(0)
     }
 }
 
@@ -251,7 +251,7 @@ impl MapApp {
         let Stage::Asking { revision, .. } = self.stage else {
             return Ok(());
         };
-        if copy.revision > revision + LEAP {
+        if copy.revision > revision + MAX_REVISIONS_AHEAD {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: copy.revision }).into());
         }
         if copy.revision > self.map.grid().revision() {

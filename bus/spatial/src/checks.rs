@@ -51,6 +51,10 @@ pub const MAX_REMEMBERED: usize = 1 << 17;
 pub const MAX_PHASES: usize = 64;
 /// Bytes of a text for people.
 pub const MAX_TEXT: usize = 4096;
+/// How far a revision may lie above what is known of the map. It grows by one a scan, and by one when a map is lost.
+pub const MAX_REVISIONS_AHEAD: u64 = 1000;
+/// Commands by which the sensor's count and the controller's may differ: more than get lost when several die at once.
+pub const MAX_COMMANDS_LOST: u64 = 16;
 /// Voxels of length that a path may have.
 pub const MAX_WAY_VOXELS: f64 = 1e6;
 /// Voxels to look at, all in all, to see whether a path keeps its clearance: some seconds of work.

@@ -2,8 +2,9 @@
 
 use elk_bus::{AppError, Comms, Mail};
 
+use crate::checks::MAX_REVISIONS_AHEAD;
 use crate::keys::MAP;
-use crate::map::{BrickStates, Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError, room_for};
+use crate::map::{BrickStates, Changes, MapUpdate, OccupancyGrid, UpdateError, room_for};
 
 /// What came of an update.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -122,7 +123,7 @@ impl Replica {
         }
         match whole {
             true if self.asked || have == 0 => self.believe(update),
-            true if update.revision > have + LEAP => {
+            true if update.revision > have + MAX_REVISIONS_AHEAD => {
                 Err(self.doubt(UpdateError::Ahead { have, update: update.revision }))
             }
             // The update that was taken, or the map that it led to.
