@@ -61,9 +61,8 @@ pub enum Unfit {
 /// A path on the way, with what follows from it.
 #[derive(Debug, Clone)]
 struct Underway {
+    /// What is allowed there is in order.
     leg: Leg,
-    /// Those of the leg, to be looked up.
-    allowed: BTreeSet<Voxel>,
     path: Path,
     way: Polyline,
     clearance: Clearance,
@@ -120,7 +119,7 @@ impl Follower {
         Ok(Self {
             pose: memory.pose,
             awaited: memory.awaited.clone(),
-            underway: underway.flatten(),
+            underway,
             commands: memory.commands,
             made: memory.commands,
             requests: memory.requests,
@@ -293,8 +292,9 @@ impl Follower {
                 Ok(self.last_words(progress))
             }
             Decision::Go(path) => {
-                path_in(self.replica.grid(), path, plan.motion.clearance_m).map_err(Unfit::Path)?;
-                self.underway = Underway::new(plan, path, self.replica.grid())?;
+                let grid = self.replica.grid();
+                let way = path_in(grid, path, plan.motion.clearance_m).map_err(Unfit::Path)?;
+                self.underway = Some(Underway::new(plan, path, way, grid)?);
                 Ok(vec![self.go_on()])
             }
         }
@@ -380,11 +380,8 @@ enum Next {
 }
 
 impl Underway {
-    /// At the beginning of a plan's path; `None` if it has no point at all.
-    fn new(plan: &Plan, path: &Path, grid: &OccupancyGrid) -> Result<Option<Self>, TooWide> {
-        let Some(way) = Polyline::new(path.points.iter().copied()) else {
-            return Ok(None);
-        };
+    /// At the beginning of a plan's path.
+    fn new(plan: &Plan, path: &Path, way: Polyline, grid: &OccupancyGrid) -> Result<Self, Unfit> {
         let clearance = Clearance::new(plan.motion.clearance_m, grid.resolution())?;
         let refused = way.points().windows(2);
         let refused = refused.flat_map(|p| clearance.refused(grid, p[0], p[1]));
@@ -393,25 +390,25 @@ impl Underway {
         let leg = Leg {
             plan: plan.clone(),
             resolution: grid.resolution(),
-            allowed: allowed.iter().copied().collect(),
+            allowed: allowed.into_iter().collect(),
             done_m: 0.0,
             step_m: 0.0,
             blocked: false,
             looks: 0,
         };
-        Ok(Some(Self { leg, allowed, path: path.clone(), way, clearance }))
+        Ok(Self { leg, path: path.clone(), way, clearance })
     }
 
     /// On a leg that was begun already.
-    fn on(leg: Leg) -> Result<Option<Self>, TooWide> {
+    fn on(mut leg: Leg) -> Result<Self, Unfit> {
+        let none = || Unfit::Path(Invalid::new("points", "empty", "at least one point"));
         let Decision::Go(path) = leg.plan.decision.clone() else {
-            return Ok(None);
+            return Err(none());
         };
-        let Some(way) = Polyline::new(path.points.iter().copied()) else {
-            return Ok(None);
-        };
+        let way = Polyline::new(path.points.iter().copied()).ok_or_else(none)?;
         let clearance = Clearance::new(leg.plan.motion.clearance_m, leg.resolution)?;
-        Ok(Some(Self { allowed: leg.allowed.iter().copied().collect(), leg, path, way, clearance }))
+        leg.allowed.sort_unstable();
+        Ok(Self { leg, path, way, clearance })
     }
 
     fn next(&mut self, grid: &OccupancyGrid) -> Next {
@@ -470,7 +467,7 @@ impl Underway {
         let rest = self.way.part(self.leg.done_m, self.way.length());
         rest.windows(2).any(|p| {
             let mut refused = self.clearance.refused(grid, p[0], p[1]);
-            refused.any(|v| grid.state(v) == State::Occupied || !self.allowed.contains(&v))
+            refused.any(|v| grid.state(v) == State::Occupied || self.leg.allowed.binary_search(&v).is_err())
         })
     }
 }

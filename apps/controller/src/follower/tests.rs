@@ -377,6 +377,7 @@ fn no_more_is_allowed_than_a_successor_is_told() {
     let Decision::Go(mut path) = plan.decision.clone() else { panic!() };
     path.points = (0..400).flat_map(row).collect();
     plan.decision = Decision::Go(path.clone());
-    let underway = Underway::new(&plan, &path, &bench.map).unwrap().unwrap();
+    let way = Polyline::new(path.points.iter().copied()).unwrap();
+    let underway = Underway::new(&plan, &path, way, &bench.map).unwrap();
     assert!((100_000..=MAX_REMEMBERED).contains(&underway.leg.allowed.len()));
 }
