@@ -6,7 +6,7 @@ use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;
-use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS, MAX_REVISIONS_AHEAD};
+use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS, MAX_REVISIONS_AHEAD, RESOLUTIONS_M};
 use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
@@ -42,7 +42,7 @@ const fn point(name: &'static str, kind: Kind, doc: &'static str) -> ParamSpec {
 }
 
 const PARAMS: &[ParamSpec] = &[
-    number("Res", ("m", 0.001, 10.0), "0.1", "Edge of a voxel."),
+    number("Res", ("m", *RESOLUTIONS_M.start(), *RESOLUTIONS_M.end()), "0.1", "Edge of a voxel."),
     ParamSpec {
         name: "Input",
         kind: Kind::Variable,
