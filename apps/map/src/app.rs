@@ -18,6 +18,7 @@ use nalgebra::Vector3;
 use crate::bt::write_bt;
 use crate::insertion::{Dropped, Insertion};
 use crate::occupancy::{Grazing, MapConfig, OccupancyMap};
+use crate::recovery::{Past, Stage};
 
 /// The maps that a mission can name.
 pub static TYPES: &[AppType] = &[AppType {
@@ -142,38 +143,6 @@ struct Limits {
     range_said: bool,
     /// Points that were left out because the map was full.
     no_room: u64,
-}
-
-/// How far a map has come to be there.
-enum Stage {
-    /// It learns what its predecessor published last.
-    Recalling(Past),
-    /// It waits for a copy of `revision`, since a moment of the clock's own time (s): a driven one may stand still.
-    /// `any`: an older one will do.
-    Asking { revision: u64, since: f64, any: bool },
-    /// It takes scans.
-    Here,
-}
-
-/// What is known of a predecessor.
-#[derive(Default)]
-struct Past {
-    /// What it left, and the last scan in it.
-    memory: Option<(Box<OccupancyMap>, u64)>,
-    /// Revisions that the map had, as its own last words and those of its readers have it.
-    revisions: Vec<u64>,
-}
-
-impl Past {
-    /// The revision that the map was at. Its own word of that may be lost, with a broker that died when the map was dead;
-    /// a reader that lives says it again. A word that stands alone, further above all others than a map can have come
-    /// meanwhile, is not believed.
-    fn revision(&mut self) -> u64 {
-        self.revisions.push(0);
-        self.revisions.sort_unstable();
-        let pairs = self.revisions.windows(2);
-        pairs.filter(|pair| pair[1] - pair[0] <= MAX_REVISIONS_AHEAD).map(|pair| pair[1]).next_back().unwrap_or(0)
-    }
 }
 
 impl MapApp {
