@@ -17,7 +17,6 @@ use elk_spatial::messages::{
     Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
     Progress,
 };
-use elk_spatial::replica::{Arrival, Misfit};
 use elk_spatial::{OccupancyGrid, Polyline, Pose, Replica, State, Voxel};
 use nalgebra::Point3;
 
@@ -32,8 +31,6 @@ pub enum Output {
     Request(PlanRequest),
     /// How far the run is.
     Progress(Progress),
-    /// A revision is missing: the whole map, please.
-    MapRequest,
     /// The run is over; nothing more will come.
     Finished(MotionReport),
 }
@@ -43,7 +40,7 @@ pub enum Output {
 pub enum Unfit {
     /// The map's update does not fit what is known.
     #[error(transparent)]
-    Map(#[from] Misfit),
+    Map(#[from] UpdateError),
     /// The plan is not one of this map.
     #[error("path.{0}")]
     Path(Invalid),
@@ -247,12 +244,10 @@ impl Follower {
     pub fn on_map(&mut self, update: &MapUpdate) -> Result<Vec<Output>, Unfit> {
         if update.revision > self.commands + MAX_REVISIONS_AHEAD {
             let why = UpdateError::Ahead { have: self.commands, update: update.revision };
-            return Err(Misfit::from(why).into());
+            return Err(why.into());
         }
-        match self.replica.take(update)? {
-            Arrival::Applied(_) => {}
-            Arrival::Old => return Ok(vec![]),
-            Arrival::Gap => return Ok(vec![Output::MapRequest]),
+        if self.replica.take(update)?.is_none() {
+            return Ok(vec![]);
         }
         if let Some(plan) = self.early.take_if(|plan| plan.revision <= self.replica.grid().revision()) {
             return self.on_plan(&plan);
@@ -307,6 +302,11 @@ impl Follower {
     /// The last command made.
     pub fn commands(&self) -> u64 {
         self.commands
+    }
+
+    /// Whether the whole map is to be asked for now (see [`Replica::take_question`]); look after each update.
+    pub fn take_question(&mut self) -> bool {
+        self.replica.take_question()
     }
 
     /// This copy of the map (see [`Replica::copy_of`]).

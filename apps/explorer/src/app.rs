@@ -14,7 +14,6 @@ use elk_spatial::keys::{
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, Plan, PlanRequest};
-use elk_spatial::replica::Arrival;
 use elk_spatial::voxel::INDEX_RANGE;
 use elk_spatial::{Bounds, FrontierSet, Replica, Voxel};
 use nalgebra::Vector3;
@@ -214,9 +213,8 @@ impl ExplorerApp {
         if revision > 0 && request.revision > revision + MAX_REVISIONS_AHEAD {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: request.revision }).into());
         }
-        if self.replica.hear_of(request.revision) {
-            comms.notify(MAP_REQUEST, 1.0)?;
-        }
+        self.replica.hear_of(request.revision);
+        self.ask_for_map(comms)?;
         self.look_at_place(&request)?;
         if let Err((left_out, request)) = self.requests.add(asker, request, revision) {
             let why =
@@ -244,18 +242,19 @@ impl ExplorerApp {
     }
 
     fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
-        match self.replica.take(update) {
-            Ok(Arrival::Applied(changes)) => self.frontier.update(self.replica.grid(), changes.voxels()),
-            Ok(Arrival::Old) => {}
-            Ok(Arrival::Gap) => comms.notify(MAP_REQUEST, 1.0)?,
-            Err(misfit) => {
-                if misfit.ask {
-                    comms.notify(MAP_REQUEST, 1.0)?;
-                }
-                return Err(Rejection::new(misfit).into());
-            }
+        let taken = self.replica.take(update);
+        self.ask_for_map(comms)?;
+        if let Some(changes) = taken.map_err(Rejection::new)? {
+            self.frontier.update(self.replica.grid(), changes.voxels());
         }
         self.answer(comms)
+    }
+
+    fn ask_for_map(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        if self.replica.take_question() {
+            comms.notify(MAP_REQUEST, 1.0)?;
+        }
+        Ok(())
     }
 
     /// Answers the requests that wait, once the map is there for them, and nothing speaks against that map.
