@@ -11,9 +11,8 @@ use elk_spatial::keys::{
 };
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{Awaited, CameraPose, MotionMemory};
-use elk_spatial::replica::Misfit;
 
-use crate::follower::{Follower, Output, Unfit};
+use crate::follower::{Follower, Output};
 
 /// The controllers that a mission file can name.
 pub static TYPES: &[AppType] = &[AppType {
@@ -92,15 +91,11 @@ impl ControllerApp {
     }
 
     fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
-        match self.follower.on_map(update) {
-            Ok(outputs) => self.held.extend(outputs),
-            Err(unfit) => {
-                if matches!(unfit, Unfit::Map(Misfit { ask: true, .. })) {
-                    comms.notify(MAP_REQUEST, 1.0)?;
-                }
-                return Err(Rejection::new(unfit).into());
-            }
+        let taken = self.follower.on_map(update);
+        if self.follower.take_question() {
+            comms.notify(MAP_REQUEST, 1.0)?;
         }
+        self.held.extend(taken.map_err(Rejection::new)?);
         Ok(())
     }
 
@@ -159,7 +154,6 @@ fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
         Output::Request(request) => comms.publish(&PLAN_REQUEST, request)?,
         Output::Progress(progress) => comms.publish(&PROGRESS, progress)?,
         Output::Finished(report) => comms.publish(&MOTION_REPORT, report)?,
-        Output::MapRequest => comms.notify(MAP_REQUEST, 1.0)?,
     }
     Ok(())
 }

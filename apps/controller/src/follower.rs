@@ -10,14 +10,13 @@
 use std::collections::BTreeSet;
 
 use elk_bus::key::Invalid;
-use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, path_in};
+use elk_spatial::checks::{MAX_BRICKS, MAX_COMMANDS_LOST, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, path_in};
 use elk_spatial::clearance::{Clearance, TooWide};
-use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
+use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{
     Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
     Progress,
 };
-use elk_spatial::replica::{Arrival, Misfit};
 use elk_spatial::{OccupancyGrid, Polyline, Pose, Replica, State, Voxel};
 use nalgebra::Point3;
 
@@ -32,8 +31,6 @@ pub enum Output {
     Request(PlanRequest),
     /// How far the run is.
     Progress(Progress),
-    /// A revision is missing: the whole map, please.
-    MapRequest,
     /// The run is over; nothing more will come.
     Finished(MotionReport),
 }
@@ -43,7 +40,7 @@ pub enum Output {
 pub enum Unfit {
     /// The map's update does not fit what is known.
     #[error(transparent)]
-    Map(#[from] Misfit),
+    Map(#[from] UpdateError),
     /// The plan is not one of this map.
     #[error("path.{0}")]
     Path(Invalid),
@@ -58,15 +55,11 @@ pub enum Unfit {
     Clearance(#[from] TooWide),
 }
 
-/// Commands by which the sensor's count may differ from the one here: more than get lost when several die at once.
-const LOST_COMMANDS: u64 = 16;
-
 /// A path on the way, with what follows from it.
 #[derive(Debug, Clone)]
 struct Underway {
+    /// What is allowed there is in order.
     leg: Leg,
-    /// Those of the leg, to be looked up.
-    allowed: BTreeSet<Voxel>,
     path: Path,
     way: Polyline,
     clearance: Clearance,
@@ -123,7 +116,7 @@ impl Follower {
         Ok(Self {
             pose: memory.pose,
             awaited: memory.awaited.clone(),
-            underway: underway.flatten(),
+            underway,
             commands: memory.commands,
             made: memory.commands,
             requests: memory.requests,
@@ -170,7 +163,7 @@ impl Follower {
     /// # Errors
     /// It cannot have done what it says.
     pub fn on_camera_pose(&mut self, camera: &CameraPose) -> Result<Vec<Output>, Unfit> {
-        if self.inherited && self.commands > camera.command + LOST_COMMANDS {
+        if self.inherited && self.commands > camera.command + MAX_COMMANDS_LOST {
             // The sensor has the last word: what was remembered is of another run, or made up.
             *self = Self { replica: self.replica.clone(), ..Self::default() };
         }
@@ -179,13 +172,13 @@ impl Follower {
             self.commands = camera.command;
             return Ok(vec![self.command(camera.pose, vec![])]);
         }
-        if self.inherited && (self.commands..=self.commands + LOST_COMMANDS).contains(&camera.command) {
+        if self.inherited && (self.commands..=self.commands + MAX_COMMANDS_LOST).contains(&camera.command) {
             // What the predecessor commanded last it perhaps died of, and its word of it is lost.
             self.commands = camera.command;
         }
         if self.counts_otherwise(camera) {
             let leap = camera.command.abs_diff(self.made);
-            return match leap > LOST_COMMANDS {
+            return match leap > MAX_COMMANDS_LOST {
                 true if camera.command > self.commands => Err(Unfit::Command(camera.command, self.commands)),
                 true => Ok(vec![]),
                 false => Ok(self.go_on_from(camera)),
@@ -249,14 +242,12 @@ impl Follower {
     /// # Errors
     /// It does not fit what is known of the map.
     pub fn on_map(&mut self, update: &MapUpdate) -> Result<Vec<Output>, Unfit> {
-        if update.revision > self.commands + LEAP {
+        if update.revision > self.commands + MAX_REVISIONS_AHEAD {
             let why = UpdateError::Ahead { have: self.commands, update: update.revision };
-            return Err(Misfit::from(why).into());
+            return Err(why.into());
         }
-        match self.replica.take(update)? {
-            Arrival::Applied(_) => {}
-            Arrival::Old => return Ok(vec![]),
-            Arrival::Gap => return Ok(vec![Output::MapRequest]),
+        if self.replica.take(update)?.is_none() {
+            return Ok(vec![]);
         }
         if let Some(plan) = self.early.take_if(|plan| plan.revision <= self.replica.grid().revision()) {
             return self.on_plan(&plan);
@@ -281,7 +272,7 @@ impl Follower {
         if !matches!(self.awaited, Awaited::Plan(_)) || plan.request != self.requests {
             return Ok(vec![]);
         }
-        if plan.revision > self.commands + LEAP {
+        if plan.revision > self.commands + MAX_REVISIONS_AHEAD {
             return Err(Unfit::Revision(plan.revision, self.commands));
         }
         if plan.revision > self.replica.grid().revision() {
@@ -296,8 +287,9 @@ impl Follower {
                 Ok(self.last_words(progress))
             }
             Decision::Go(path) => {
-                path_in(self.replica.grid(), path, plan.motion.clearance_m).map_err(Unfit::Path)?;
-                self.underway = Underway::new(plan, path, self.replica.grid())?;
+                let grid = self.replica.grid();
+                let way = path_in(grid, path, plan.motion.clearance_m).map_err(Unfit::Path)?;
+                self.underway = Some(Underway::new(plan, path, way, grid)?);
                 Ok(vec![self.go_on()])
             }
         }
@@ -310,6 +302,11 @@ impl Follower {
     /// The last command made.
     pub fn commands(&self) -> u64 {
         self.commands
+    }
+
+    /// Whether the whole map is to be asked for now (see [`Replica::take_question`]); look after each update.
+    pub fn take_question(&mut self) -> bool {
+        self.replica.take_question()
     }
 
     /// This copy of the map (see [`Replica::copy_of`]).
@@ -383,11 +380,8 @@ enum Next {
 }
 
 impl Underway {
-    /// At the beginning of a plan's path; `None` if it has no point at all.
-    fn new(plan: &Plan, path: &Path, grid: &OccupancyGrid) -> Result<Option<Self>, TooWide> {
-        let Some(way) = Polyline::new(path.points.iter().copied()) else {
-            return Ok(None);
-        };
+    /// At the beginning of a plan's path.
+    fn new(plan: &Plan, path: &Path, way: Polyline, grid: &OccupancyGrid) -> Result<Self, Unfit> {
         let clearance = Clearance::new(plan.motion.clearance_m, grid.resolution())?;
         let refused = way.points().windows(2);
         let refused = refused.flat_map(|p| clearance.refused(grid, p[0], p[1]));
@@ -396,25 +390,25 @@ impl Underway {
         let leg = Leg {
             plan: plan.clone(),
             resolution: grid.resolution(),
-            allowed: allowed.iter().copied().collect(),
+            allowed: allowed.into_iter().collect(),
             done_m: 0.0,
             step_m: 0.0,
             blocked: false,
             looks: 0,
         };
-        Ok(Some(Self { leg, allowed, path: path.clone(), way, clearance }))
+        Ok(Self { leg, path: path.clone(), way, clearance })
     }
 
     /// On a leg that was begun already.
-    fn on(leg: Leg) -> Result<Option<Self>, TooWide> {
+    fn on(mut leg: Leg) -> Result<Self, Unfit> {
+        let none = || Unfit::Path(Invalid::new("points", "empty", "at least one point"));
         let Decision::Go(path) = leg.plan.decision.clone() else {
-            return Ok(None);
+            return Err(none());
         };
-        let Some(way) = Polyline::new(path.points.iter().copied()) else {
-            return Ok(None);
-        };
+        let way = Polyline::new(path.points.iter().copied()).ok_or_else(none)?;
         let clearance = Clearance::new(leg.plan.motion.clearance_m, leg.resolution)?;
-        Ok(Some(Self { allowed: leg.allowed.iter().copied().collect(), leg, path, way, clearance }))
+        leg.allowed.sort_unstable();
+        Ok(Self { leg, path, way, clearance })
     }
 
     fn next(&mut self, grid: &OccupancyGrid) -> Next {
@@ -473,7 +467,7 @@ impl Underway {
         let rest = self.way.part(self.leg.done_m, self.way.length());
         rest.windows(2).any(|p| {
             let mut refused = self.clearance.refused(grid, p[0], p[1]);
-            refused.any(|v| grid.state(v) == State::Occupied || !self.allowed.contains(&v))
+            refused.any(|v| grid.state(v) == State::Occupied || self.leg.allowed.binary_search(&v).is_err())
         })
     }
 }

@@ -1,16 +1,19 @@
 //! An explorer as an app: map updates and requests in, plans out.
 
+use std::ops::RangeInclusive;
+
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED, path_in};
+use elk_spatial::checks::{
+    CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, RESOLUTIONS_M, SPACINGS_M, path_in,
+};
 use elk_spatial::clearance::Clearance;
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
 };
-use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
+use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, Plan, PlanRequest};
-use elk_spatial::replica::Arrival;
 use elk_spatial::voxel::INDEX_RANGE;
 use elk_spatial::{Bounds, FrontierSet, Replica, Voxel};
 use nalgebra::Vector3;
@@ -44,8 +47,8 @@ const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'sta
     ParamSpec { name, kind, default: Some(default), doc }
 }
 
-const fn metres(min: f64, max: f64) -> Kind {
-    Kind::Number { unit: "m", min, max }
+const fn metres(range: &RangeInclusive<f64>) -> Kind {
+    Kind::Number { unit: "m", min: *range.start(), max: *range.end() }
 }
 
 const POINT: Kind = Kind::Point { unit: "m" };
@@ -55,7 +58,7 @@ const COUNT: Kind = Kind::Integer { min: 1, max: 1_000_000_000 };
 const MID: ParamSpec = param("Mid", POINT, "0; 0; 0", "Middle of the volume to explore.");
 const DIM: ParamSpec =
     param("Dim", SIZE, "0; 0; 0", "Size of the volume to explore; all 0: everything that can be reached.");
-const RES: ParamSpec = param("Res", metres(0.001, 10.0), "0.1", "Edge of a voxel: the map's.");
+const RES: ParamSpec = param("Res", metres(&RESOLUTIONS_M), "0.1", "Edge of a voxel: the map's.");
 const POLICY: ParamSpec = param(
     "Policy",
     Kind::Choice(&["elk", "thesis"]),
@@ -64,8 +67,8 @@ const POLICY: ParamSpec = param(
      in sight, straightened, looking at it, and no longer than it is unresolved (elk).",
 );
 const RADIUS: ParamSpec =
-    param("Radius", metres(0.0, 10.0), "0.1", "Radius of a ball around the robot that is kept clear of obstacles.");
-const SPACING: ParamSpec = param("ScanSpacing", metres(0.01, 1000.0), "0.4", "Length of way between two scans.");
+    param("Radius", metres(&CLEARANCES_M), "0.1", "Radius of a ball around the robot that is kept clear of obstacles.");
+const SPACING: ParamSpec = param("ScanSpacing", metres(&SPACINGS_M), "0.4", "Length of way between two scans.");
 const MIN_FRONTIER: ParamSpec =
     param("MinFrontier", COUNT, "1", "Clusters of fewer frontier voxels than this are left alone.");
 const ATTEMPTS: ParamSpec = param(
@@ -207,12 +210,11 @@ impl ExplorerApp {
 
     fn on_request(&mut self, comms: &mut Comms, asker: &str, request: PlanRequest) -> Result<(), AppError> {
         let revision = self.replica.grid().revision();
-        if revision > 0 && request.revision > revision + LEAP {
+        if revision > 0 && request.revision > revision + MAX_REVISIONS_AHEAD {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: request.revision }).into());
         }
-        if self.replica.hear_of(request.revision) {
-            comms.notify(MAP_REQUEST, 1.0)?;
-        }
+        self.replica.hear_of(request.revision);
+        self.ask_for_map(comms)?;
         self.look_at_place(&request)?;
         if let Err((left_out, request)) = self.requests.add(asker, request, revision) {
             let why =
@@ -240,18 +242,19 @@ impl ExplorerApp {
     }
 
     fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
-        match self.replica.take(update) {
-            Ok(Arrival::Applied(changes)) => self.frontier.update(self.replica.grid(), changes.voxels()),
-            Ok(Arrival::Old) => {}
-            Ok(Arrival::Gap) => comms.notify(MAP_REQUEST, 1.0)?,
-            Err(misfit) => {
-                if misfit.ask {
-                    comms.notify(MAP_REQUEST, 1.0)?;
-                }
-                return Err(Rejection::new(misfit).into());
-            }
+        let taken = self.replica.take(update);
+        self.ask_for_map(comms)?;
+        if let Some(changes) = taken.map_err(Rejection::new)? {
+            self.frontier.update(self.replica.grid(), changes.voxels());
         }
         self.answer(comms)
+    }
+
+    fn ask_for_map(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        if self.replica.take_question() {
+            comms.notify(MAP_REQUEST, 1.0)?;
+        }
+        Ok(())
     }
 
     /// Answers the requests that wait, once the map is there for them, and nothing speaks against that map.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use elk_spatial::map::LEAP;
+use elk_spatial::checks::MAX_REVISIONS_AHEAD;
 use elk_spatial::messages::PlanRequest;
 
 /// Clients that may wait for a plan at once.
@@ -53,7 +53,7 @@ impl Requests {
 
 /// Whoever asks has the map, too: one that is far ahead of the request is not the map that it is about.
 fn is_outdated(request: &PlanRequest, revision: u64) -> bool {
-    request.revision + LEAP < revision
+    request.revision + MAX_REVISIONS_AHEAD < revision
 }
 
 #[cfg(test)]
@@ -90,7 +90,7 @@ mod tests {
     /// Regression: they held their places for ever.
     #[test]
     fn a_request_that_the_map_has_left_behind_is_the_first_to_go() {
-        let (mut requests, far) = (full(3), 4 + LEAP);
+        let (mut requests, far) = (full(3), 4 + MAX_REVISIONS_AHEAD);
         requests.add("liar 3", of(4), far).unwrap();
         assert_eq!(requests.add("Controller", of(far + 1), far).unwrap_err().0, "liar 7");
         assert_eq!(requests.take_due(far), [of(4)]);

@@ -6,11 +6,11 @@ use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;
-use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS};
+use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS, MAX_REVISIONS_AHEAD, RESOLUTIONS_M};
 use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
-use elk_spatial::map::{LEAP, MapUpdate, UpdateError};
+use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::MapStatus;
 use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;
@@ -18,6 +18,7 @@ use nalgebra::Vector3;
 use crate::bt::write_bt;
 use crate::insertion::{Dropped, Insertion};
 use crate::occupancy::{Grazing, MapConfig, OccupancyMap};
+use crate::recovery::{Past, Stage};
 
 /// The maps that a mission can name.
 pub static TYPES: &[AppType] = &[AppType {
@@ -42,7 +43,7 @@ const fn point(name: &'static str, kind: Kind, doc: &'static str) -> ParamSpec {
 }
 
 const PARAMS: &[ParamSpec] = &[
-    number("Res", ("m", 0.001, 10.0), "0.1", "Edge of a voxel."),
+    number("Res", ("m", *RESOLUTIONS_M.start(), *RESOLUTIONS_M.end()), "0.1", "Edge of a voxel."),
     ParamSpec {
         name: "Input",
         kind: Kind::Variable,
@@ -144,38 +145,6 @@ struct Limits {
     no_room: u64,
 }
 
-/// How far a map has come to be there.
-enum Stage {
-    /// It learns what its predecessor published last.
-    Recalling(Past),
-    /// It waits for a copy of `revision`, since a moment of the clock's own time (s): a driven one may stand still.
-    /// `any`: an older one will do.
-    Asking { revision: u64, since: f64, any: bool },
-    /// It takes scans.
-    Here,
-}
-
-/// What is known of a predecessor.
-#[derive(Default)]
-struct Past {
-    /// What it left, and the last scan in it.
-    memory: Option<(Box<OccupancyMap>, u64)>,
-    /// Revisions that the map had, as its own last words and those of its readers have it.
-    revisions: Vec<u64>,
-}
-
-impl Past {
-    /// The revision that the map was at. Its own word of that may be lost, with a broker that died when the map was dead;
-    /// a reader that lives says it again. A word that stands alone, further above all others than a map can have come
-    /// meanwhile, is not believed.
-    fn revision(&mut self) -> u64 {
-        self.revisions.push(0);
-        self.revisions.sort_unstable();
-        let pairs = self.revisions.windows(2);
-        pairs.filter(|pair| pair[1] - pair[0] <= LEAP).map(|pair| pair[1]).next_back().unwrap_or(0)
-    }
-}
-
 impl MapApp {
     fn new(params: &Params) -> Result<Self, AppError> {
         let file = params.text("File");
@@ -251,7 +220,7 @@ impl MapApp {
         let Stage::Asking { revision, .. } = self.stage else {
             return Ok(());
         };
-        if copy.revision > revision + LEAP {
+        if copy.revision > revision + MAX_REVISIONS_AHEAD {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: copy.revision }).into());
         }
         if copy.revision > self.map.grid().revision() {

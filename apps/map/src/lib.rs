@@ -12,6 +12,7 @@ pub mod insertion;
 pub mod memory;
 pub mod occupancy;
 pub mod octree;
+mod recovery;
 mod table;
 pub mod walk;
 

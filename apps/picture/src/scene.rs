@@ -8,7 +8,6 @@ use elk_log::{LogError, LogReader, Record};
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::Decision;
-use elk_spatial::replica::Arrival;
 use elk_spatial::{OccupancyGrid, Pose, Replica, Scan, Voxel, frontier, keys};
 use nalgebra::Point3;
 
@@ -131,7 +130,7 @@ impl Collector {
             self.maps.push(Map { replica: Replica::new(Some(update.resolution), MAX_BRICKS), updates: 0 });
         }
         if let Some(map) = self.maps.get_mut(i) {
-            map.updates += usize::from(matches!(map.replica.take(update), Ok(Arrival::Applied(_))));
+            map.updates += usize::from(matches!(map.replica.take(update), Ok(Some(_))));
         }
     }
 

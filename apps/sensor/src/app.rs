@@ -3,9 +3,9 @@
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, DecodeError, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
-use elk_spatial::checks::MAX_POINTS;
+use elk_spatial::checks::{MAX_COMMANDS_LOST, MAX_POINTS, MAX_REVISIONS_AHEAD};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
-use elk_spatial::map::{LEAP, MapUpdate};
+use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
 use elk_spatial::{OccupancyGrid, Pose, Scan};
 use nalgebra::{Isometry3, Point3};
@@ -28,9 +28,6 @@ pub static TYPES: &[AppType] = &[AppType {
 const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
     ParamSpec { name, kind, default: Some(default), doc }
 }
-
-/// Commands that a predecessor perhaps carried out, and of which its word is lost.
-const LOST_COMMANDS: u64 = 16;
 
 const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 
@@ -223,10 +220,10 @@ impl SimulatorApp {
         let Past { pose, report, scan } = self.past.take().unwrap_or_default();
         // Scans and commands go together: what is far from all else that was left is not of this run.
         let others = report.as_ref().map_or(scan, |report| report.scans.max(scan));
-        let Some(pose) = pose.filter(|pose| pose.command <= others + LEAP) else {
+        let Some(pose) = pose.filter(|pose| pose.command <= others + MAX_REVISIONS_AHEAD) else {
             return self.publish_pose(comms);
         };
-        let report = report.filter(|report| report.scans <= scan.max(pose.command) + LEAP);
+        let report = report.filter(|report| report.scans <= scan.max(pose.command) + MAX_REVISIONS_AHEAD);
         let (scans, contacts, cpu_secs) = report.map_or((scan, 0, 0.0), |r| (r.scans, r.contacts, r.cpu_secs));
         if let Err(refusal) = self.simulator.succeed(&pose, scans, contacts) {
             tell(format_args!(
@@ -280,7 +277,7 @@ impl SimulatorApp {
     /// Commands are unbroken, as long as it has heard all of them itself; one of another number is not the controller's.
     fn look_at_number(&self, command: &PoseCommand) -> Result<(), Rejection> {
         let last = self.simulator.command();
-        let most = if self.inherited { last + LOST_COMMANDS } else { last + 1 };
+        let most = if self.inherited { last + MAX_COMMANDS_LOST } else { last + 1 };
         if last == 0 || command.id <= most {
             return Ok(());
         }

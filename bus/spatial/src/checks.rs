@@ -51,6 +51,10 @@ pub const MAX_REMEMBERED: usize = 1 << 17;
 pub const MAX_PHASES: usize = 64;
 /// Bytes of a text for people.
 pub const MAX_TEXT: usize = 4096;
+/// How far a revision may lie above what is known of the map. It grows by one a scan, and by one when a map is lost.
+pub const MAX_REVISIONS_AHEAD: u64 = 1000;
+/// Commands by which the sensor's count and the controller's may differ: more than get lost when several die at once.
+pub const MAX_COMMANDS_LOST: u64 = 16;
 /// Voxels of length that a path may have.
 pub const MAX_WAY_VOXELS: f64 = 1e6;
 /// Voxels to look at, all in all, to see whether a path keeps its clearance: some seconds of work.
@@ -316,7 +320,7 @@ fn leg(leg: &Leg) -> Checked {
     within("plan", plan(&leg.plan))?;
     resolution("resolution", leg.resolution)?;
     if let Decision::Go(path) = &leg.plan.decision {
-        within("plan", within("decision", way(path, leg.plan.motion.clearance_m, leg.resolution)))?;
+        within("plan", within("decision", way(path, leg.plan.motion.clearance_m, leg.resolution).map(drop)))?;
     }
     list("allowed", &leg.allowed, MAX_REMEMBERED, voxel)?;
     length("done_m", leg.done_m)?;
@@ -325,34 +329,35 @@ fn leg(leg: &Leg) -> Checked {
 }
 
 /// A path that can be looked through voxel by voxel, with the clearance (m) that it asks for.
-fn way(path: &Path, clearance_m: f64, resolution: f64) -> Checked {
+fn way(path: &Path, clearance_m: f64, resolution: f64) -> Result<Polyline, Invalid> {
     let radius = clearance_m / resolution;
     if !Clearance::affordable(clearance_m, resolution) {
         let wanted = format!("at most {} voxels of {resolution} m", clearance::MAX_RADIUS_VOXELS);
         return Err(Invalid::new("clearance_m", format!("{radius:.0} voxels"), wanted));
     }
-    let way = Polyline::new(path.points.iter().copied());
-    let voxels = way.map_or(0.0, |way| way.length() / resolution);
+    let none = || Invalid::new("points", "empty", "at least one point");
+    let way = Polyline::new(path.points.iter().copied()).ok_or_else(none)?;
     let longest = (MAX_LOOKUPS / (2.0 * radius + 1.0).powi(3)).min(MAX_WAY_VOXELS);
-    number("points", voxels, 0.0..=longest.floor(), " voxels of way")
+    number("points", way.length() / resolution, 0.0..=longest.floor(), " voxels of way")?;
+    Ok(way)
 }
 
-/// A path that can be of the map that is known: no point of it lies farther than a brick from what is known, it is no longer
+/// The way of a path that can be of the map that is known: no point of it lies farther than a brick from what is known, it is no longer
 /// than a way through everything free and back, and it asks for a clearance that can be looked after.
 ///
 /// # Errors
 /// What it is instead.
-pub fn path_in(grid: &OccupancyGrid, path: &Path, clearance_m: f64) -> Checked {
+pub fn path_in(grid: &OccupancyGrid, path: &Path, clearance_m: f64) -> Result<Polyline, Invalid> {
     let resolution = grid.resolution();
-    way(path, clearance_m, resolution)?;
+    let way = way(path, clearance_m, resolution)?;
     list("points", &path.points, MAX_CORNERS, |point| {
         let near = grid.knows_near(Voxel::containing(*point, resolution));
         holds("", near, format!("({:.2}; {:.2}; {:.2})", point.x, point.y, point.z), "near what is known of the map")
     })?;
-    let length = Polyline::new(path.points.iter().copied()).map_or(0.0, |way| way.length());
     // Diagonally through every free voxel, there and back, and something to stand on where nothing is known yet.
     let longest = 2.0 * 3f64.sqrt() * resolution * (grid.free() + 100) as f64;
-    number("points", length, 0.0..=longest, " m of way in a map of this size")
+    number("points", way.length(), 0.0..=longest, " m of way in a map of this size")?;
+    Ok(way)
 }
 
 pub(crate) fn explorer_memory(memory: &ExplorerMemory) -> Checked {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bricks::{BRICK_CELLS, Bricks, brick_of, voxel_at};
-use crate::checks;
+use crate::checks::{self, MAX_REVISIONS_AHEAD};
 use crate::mask::{self, Mask};
 use crate::voxel::Voxel;
 
@@ -131,7 +131,10 @@ pub enum UpdateError {
         update: f64,
     },
     /// A map that is far ahead of what was heard of it.
-    #[error("its revision {update} is more than {} above {have}: not believed without asking for the whole map", LEAP)]
+    #[error(
+        "its revision {update} is more than {} above {have}: not believed without asking for the whole map",
+        MAX_REVISIONS_AHEAD
+    )]
     Ahead {
         /// The reader's revision, or what it knows that the map's cannot be far from.
         have: u64,
@@ -155,9 +158,6 @@ pub enum UpdateError {
 pub fn room_for(bricks: usize, most: usize) -> Result<(), UpdateError> {
     if bricks > most { Err(UpdateError::TooMany { bricks, most }) } else { Ok(()) }
 }
-
-/// How far a revision may lie above what is known of the map. It grows by one a scan, and by one when a map is lost.
-pub const LEAP: u64 = 1000;
 
 /// A reader's copy of the map: the states of all voxels, and how many there are of each.
 #[derive(Debug, Clone)]

@@ -2,36 +2,9 @@
 
 use elk_bus::{AppError, Comms, Mail};
 
+use crate::checks::MAX_REVISIONS_AHEAD;
 use crate::keys::MAP;
-use crate::map::{BrickStates, Changes, LEAP, MapUpdate, OccupancyGrid, UpdateError, room_for};
-
-/// What came of an update.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Arrival {
-    /// It was applied, and changed this.
-    Applied(Changes),
-    /// It says nothing that is not known, or the whole map is on its way.
-    Old,
-    /// Updates before it are missing, or it is older than what is known, and nobody has asked for the whole map yet: ask for
-    /// it ([`crate::keys::MAP_REQUEST`]).
-    Gap,
-}
-
-/// An update that does not fit what is known.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("{why}")]
-pub struct Misfit {
-    /// Why.
-    pub why: UpdateError,
-    /// Whether to ask for the whole map now ([`crate::keys::MAP_REQUEST`]): perhaps what is known is what is wrong.
-    pub ask: bool,
-}
-
-impl From<UpdateError> for Misfit {
-    fn from(why: UpdateError) -> Self {
-        Self { why, ask: false }
-    }
-}
+use crate::map::{BrickStates, Changes, MapUpdate, OccupancyGrid, UpdateError, room_for};
 
 /// A copy of the map.
 ///
@@ -46,6 +19,8 @@ pub struct Replica {
     max_bricks: usize,
     /// Whether the whole map is on its way.
     asked: bool,
+    /// Whether that is still to be asked for.
+    question: bool,
     /// Whether that is because something contradicts what is known.
     doubtful: bool,
     /// The last scan in it.
@@ -59,7 +34,7 @@ impl Replica {
     /// voxels the map has.
     pub fn new(resolution: Option<f64>, max_bricks: usize) -> Self {
         let grid = OccupancyGrid::new(resolution.unwrap_or(1.0));
-        Self { grid, given: resolution, max_bricks, asked: false, doubtful: false, scan: 0, since: 0 }
+        Self { grid, given: resolution, max_bricks, asked: false, question: false, doubtful: false, scan: 0, since: 0 }
     }
 
     /// The map as far as it is known.
@@ -97,59 +72,76 @@ impl Replica {
         self.copy_of(recall.number()?).map_or(Ok(()), |copy| Ok(comms.publish(&MAP, &copy)?))
     }
 
-    /// Takes note that the map is at `revision` for somebody else; whether to ask for the whole map, as this one is ahead.
-    pub fn hear_of(&mut self, revision: u64) -> bool {
-        self.grid.revision() > revision && self.doubt_own()
+    /// Takes note that the map is at `revision` for somebody else; this one may be ahead.
+    pub fn hear_of(&mut self, revision: u64) {
+        if self.grid.revision() > revision {
+            self.doubt();
+        }
     }
 
-    /// Doubts what is known; whether to ask for the whole map now.
-    fn doubt_own(&mut self) -> bool {
+    /// Whether the whole map is to be asked for now ([`crate::keys::MAP_REQUEST`]); look after each update and each word of a
+    /// revision. It is said once: the answer is on its way then.
+    pub fn take_question(&mut self) -> bool {
+        std::mem::take(&mut self.question)
+    }
+
+    fn ask(&mut self) {
+        self.question |= !std::mem::replace(&mut self.asked, true);
+    }
+
+    fn doubt(&mut self) {
         self.doubtful = true;
-        !std::mem::replace(&mut self.asked, true)
+        self.ask();
     }
 
-    /// Takes an update, or the whole map.
+    /// Takes an update, or the whole map; what it changed. `None`: it says nothing that is not known, updates before it are
+    /// missing, or the whole map is on its way.
     ///
     /// # Errors
     /// It does not fit: it is of a map with other voxels, too large, or too far from what is known.
-    pub fn take(&mut self, update: &MapUpdate) -> Result<Arrival, Misfit> {
+    pub fn take(&mut self, update: &MapUpdate) -> Result<Option<Changes>, UpdateError> {
         self.look_at_size(update)?;
         let (whole, have) = (update.since == 0, self.grid.revision());
         let learning = self.given.is_none() && (self.asked || have == 0);
         if update.resolution != self.given.unwrap_or(self.grid.resolution()) && !learning {
             let why = UpdateError::Resolution { have: self.grid.resolution(), update: update.resolution };
-            return Err(if self.given.is_some() { why.into() } else { self.doubt(why) });
+            if self.given.is_none() {
+                self.doubt();
+            }
+            return Err(why);
         }
         match whole {
             true if self.asked || have == 0 => self.believe(update),
-            true if update.revision > have + LEAP => {
-                Err(self.doubt(UpdateError::Ahead { have, update: update.revision }))
+            true if update.revision > have + MAX_REVISIONS_AHEAD => {
+                self.doubt();
+                Err(UpdateError::Ahead { have, update: update.revision })
             }
             // The update that was taken, or the map that it led to.
-            _ if update.revision == have && self.agrees_with(update) => Ok(Arrival::Old),
+            _ if update.revision == have && self.agrees_with(update) => Ok(None),
             // Said before what is known, and given late; or what is known is not the map.
-            _ if update.revision <= have => Ok(if self.doubt_own() { Arrival::Gap } else { Arrival::Old }),
+            _ if update.revision <= have => {
+                self.doubt();
+                Ok(None)
+            }
             true => self.believe(update),
             false if update.since == have => self.believe(update),
-            // Once asked, the answer is on its way.
-            false if self.asked => Ok(Arrival::Old),
             false => {
-                self.asked = true;
-                Ok(Arrival::Gap)
+                self.ask();
+                Ok(None)
             }
         }
     }
 
-    fn believe(&mut self, update: &MapUpdate) -> Result<Arrival, Misfit> {
+    fn believe(&mut self, update: &MapUpdate) -> Result<Option<Changes>, UpdateError> {
         if update.resolution != self.grid.resolution() {
             self.grid = OccupancyGrid::new(update.resolution);
         }
         let changes = self.grid.apply(update)?;
         (self.scan, self.since) = (update.scan, update.since);
         if update.since == 0 {
-            (self.asked, self.doubtful) = (false, false);
+            (self.asked, self.question, self.doubtful) = (false, false, false);
         }
-        Ok(Arrival::Applied(changes))
+        Ok(Some(changes))
     }
 
     /// Whether an update of the revision that is known says what is known; the whole map leads where the update before led.
@@ -160,10 +152,6 @@ impl Replica {
             cells.is_some_and(|cells| BrickStates::pack(packed.position(), cells) == *packed)
         };
         same_step && update.scan == self.scan && update.bricks.iter().all(known)
-    }
-
-    fn doubt(&mut self, why: UpdateError) -> Misfit {
-        Misfit { why, ask: self.doubt_own() }
     }
 
     fn look_at_size(&self, update: &MapUpdate) -> Result<(), UpdateError> {
@@ -192,9 +180,9 @@ mod tests {
         }
     }
 
-    fn applied(taken: Result<Arrival, Misfit>) -> usize {
+    fn applied(taken: Result<Option<Changes>, UpdateError>) -> usize {
         match taken {
-            Ok(Arrival::Applied(changes)) => changes.voxels().count(),
+            Ok(Some(changes)) => changes.voxels().count(),
             other => panic!("{other:?}"),
         }
     }
@@ -205,11 +193,15 @@ mod tests {
         let mut publish = publisher(0.2);
         let (first, _) = publish();
         assert_eq!(applied(replica.take(&first)), 1);
-        assert_eq!(replica.take(&first), Ok(Arrival::Old));
+        assert_eq!((replica.take(&first), replica.take_question()), (Ok(None), false));
         let _lost = publish();
-        assert_eq!(replica.take(&publish().0), Ok(Arrival::Gap));
+        assert_eq!((replica.take(&publish().0), replica.take_question()), (Ok(None), true));
         let (late, whole) = publish();
-        assert_eq!(replica.take(&late), Ok(Arrival::Old), "the whole map was asked for already");
+        assert_eq!(
+            (replica.take(&late), replica.take_question()),
+            (Ok(None), false),
+            "the whole map was asked for already"
+        );
         assert!(!replica.is_doubtful(), "a gap is no contradiction");
         assert_eq!(applied(replica.take(&whole)), 3);
         assert_eq!(applied(replica.take(&publish().0)), 1);
@@ -232,7 +224,7 @@ mod tests {
     fn voxels_of_another_size_are_refused() {
         let whole = OccupancyGrid::new(0.2).advance(&[], 0);
         let misfit = Replica::new(Some(0.1), 9).take(&whole).unwrap_err();
-        assert!(matches!(misfit, Misfit { why: UpdateError::Resolution { .. }, ask: false }));
+        assert!(matches!(misfit, UpdateError::Resolution { .. }));
     }
 
     /// Whoever comes first, the map or somebody who makes one up: what is known in the end is the map.
@@ -245,11 +237,11 @@ mod tests {
             for before in [true, false] {
                 let (mut replica, mut publish) = (Replica::new(None, 9), publisher(0.2));
                 let mut whole = None;
-                let mut take = |update: &MapUpdate, whole: &Option<MapUpdate>| match replica.take(update) {
-                    Err(Misfit { ask: true, .. }) | Ok(Arrival::Gap) => {
+                let mut take = |update: &MapUpdate, whole: &Option<MapUpdate>| {
+                    let _ = replica.take(update);
+                    if replica.take_question() {
                         whole.iter().for_each(|whole| drop(replica.take(whole)));
                     }
-                    _ => {}
                 };
                 for step in 0..4 {
                     if (step == 0) == before && step < 2 {
@@ -286,13 +278,13 @@ mod tests {
         for lie in lies {
             let mut replica = Replica::new(None, 9);
             [&first, &lie].into_iter().for_each(|update| drop(replica.take(update).unwrap()));
-            assert_eq!(replica.take(&lie), Ok(Arrival::Old), "the same again");
-            assert_eq!(replica.take(&second), Ok(Arrival::Gap));
-            assert_eq!(replica.take(&second), Ok(Arrival::Old), "asked once");
-            assert!(replica.is_doubtful() && matches!(replica.take(&whole), Ok(Arrival::Applied(_))));
+            assert_eq!((replica.take(&lie), replica.take_question()), (Ok(None), false), "the same again");
+            assert_eq!((replica.take(&second), replica.take_question()), (Ok(None), true));
+            assert_eq!((replica.take(&second), replica.take_question()), (Ok(None), false), "asked once");
+            assert!(replica.is_doubtful() && matches!(replica.take(&whole), Ok(Some(_))));
             assert_eq!((replica.copy_of(2.0), replica.scan()), (Some(whole.clone()), 2));
             for old in [&second, &whole] {
-                assert_eq!(replica.take(old), Ok(Arrival::Old));
+                assert_eq!((replica.take(old), replica.take_question()), (Ok(None), false));
             }
             assert_eq!(applied(replica.take(&third)), 1);
         }
@@ -302,7 +294,11 @@ mod tests {
     fn a_copy_that_is_ahead_of_others_is_doubted_once() {
         let (mut replica, (_, whole)) = (Replica::new(None, 9), publisher(0.2)());
         replica.take(&MapUpdate { revision: 7, ..whole.clone() }).unwrap();
-        assert!(!replica.hear_of(7) && replica.hear_of(1) && !replica.hear_of(1) && replica.is_doubtful());
+        let asks = [7, 1, 1].map(|revision| {
+            replica.hear_of(revision);
+            replica.take_question()
+        });
+        assert!(asks == [false, true, false] && replica.is_doubtful());
         replica.take(&whole).unwrap();
         assert_eq!((replica.grid().revision(), replica.is_doubtful()), (1, false));
     }
@@ -318,8 +314,8 @@ mod tests {
         let updates = [0, 1, 1, 2].map(&mut grow);
         updates[..3].iter().for_each(|update| drop(replica.take(update).unwrap()));
         let too_many = UpdateError::TooMany { bricks: 3, most: 2 };
-        assert_eq!(replica.take(&updates[3]), Err(too_many.into()));
-        assert_eq!(replica.take(&map.whole(0)), Err(too_many.into()));
+        assert_eq!(replica.take(&updates[3]), Err(too_many));
+        assert_eq!(replica.take(&map.whole(0)), Err(too_many));
         assert_eq!(replica.grid().bricks().len(), 2);
     }
 }
