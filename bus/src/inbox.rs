@@ -71,6 +71,10 @@ impl Names {
         self.tables[what as usize].get(number as usize).map_or(("", 0), |(name, layout)| (name, *layout))
     }
 
+    fn defines(&self, what: Named, number: u32) -> bool {
+        (number as usize) < self.tables[what as usize].len()
+    }
+
     /// The names of a variable and a source.
     fn of(&self, key: u32, source: u32) -> (&str, &str) {
         (self.get(Named::Key, key).0, self.get(Named::Source, source).0)
@@ -252,6 +256,9 @@ enum Unreadable {
 
 fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
     let header = frame.header;
+    if !names.defines(Named::Key, header.key) {
+        return Err(Unreadable::Damaged("a variable whose name was never said"));
+    }
     let bytes = match header.flags & BULK {
         0 => frame.value,
         _ => BulkRef::from_bytes(frame.value).and_then(|reference| down.bulk(reference)).ok_or(Unreadable::Gone)?,
@@ -276,4 +283,79 @@ fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> 
         source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
         value,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::Clock;
+    use crate::community::Community;
+    use crate::link::{Batch, Fill, Link, Rejoin, Uplink};
+    use crate::wire::Header;
+
+    /// The far end of a client whose broker says this one batch.
+    struct Said(Option<Vec<u8>>);
+
+    impl Downlink for Said {
+        fn receive(&mut self, _: Duration) -> Result<Option<Batch>, LinkError> {
+            Ok(self.0.take().map(|bytes| Batch(Box::new(bytes))))
+        }
+        fn open(&self) -> bool {
+            true
+        }
+        fn note_handled(&mut self, _: u64) {}
+        fn note_missed(&mut self, _: u64) {}
+        fn retiring(&self) -> bool {
+            false
+        }
+        fn bulk(&mut self, _: BulkRef) -> Option<&[u8]> {
+            None
+        }
+        fn attach(&mut self, _: u32) -> bool {
+            false
+        }
+    }
+
+    struct Nowhere;
+
+    impl Uplink for Nowhere {
+        fn send(&mut self, _: &[u8]) -> Result<(), LinkError> {
+            Ok(())
+        }
+        fn handled(&self) -> u64 {
+            u64::MAX
+        }
+        fn send_bulk(&mut self, _: usize, _: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError> {
+            Ok(None)
+        }
+        fn kept_bulk(&self, _: u64) -> Option<&[u8]> {
+            None
+        }
+        fn say_goodbye(&mut self) {}
+        fn keep_bulk(&mut self, _: &dyn Fn(u64) -> bool) {}
+    }
+
+    impl Rejoin for Nowhere {
+        fn rejoin(&mut self) -> Result<Link, LinkError> {
+            Err(LinkError::BrokerGone("lab".into()))
+        }
+    }
+
+    /// Regression: a message of variable 1,800,000,000, of which no name was said, made its reader ask for 43 GB.
+    #[test]
+    fn a_message_of_a_variable_without_a_name_is_of_no_use_and_costs_nothing() {
+        let mut batch = Vec::new();
+        wire::put_definition(&mut batch, Named::Key, 1_800_000_000, "FAR", 0);
+        wire::put_definition(&mut batch, Named::Key, 3, "SPEED", 0);
+        for key in [u32::MAX, 1_800_000_000, 4, 3] {
+            let header = Header { key, value_kind: ValueKind::Double, ..Header::new(FrameKind::Notify) };
+            wire::put(&mut batch, &header, &[], &1.5_f64.to_le_bytes());
+        }
+        let (up, back, down) = (Box::new(Nowhere), Box::new(Nowhere), Box::new(Said(Some(batch))));
+        let link = Link { up, down, back, clock: Clock::new(1.0), epoch: 1 };
+        let mut client = crate::Client::over(link, "reader", &Community::new("lab").unwrap());
+        let mut heard = Vec::new();
+        client.receive(Duration::ZERO, |mail| heard.push(mail.key().to_owned())).unwrap();
+        assert_eq!((heard, client.comms.rejected()), (vec!["SPEED".to_owned()], 3));
+    }
 }
