@@ -239,7 +239,7 @@ impl Server {
         self.spare.push(small);
         self.note_successions();
         if let Some(sample) = bulk {
-            self.note_under_way(id, sample);
+            self.note_under_way(now, id, sample);
         }
         self.attach_all();
         let mut lost = Vec::new();
@@ -305,12 +305,21 @@ impl Server {
         true
     }
 
-    /// Notes for the bulk value that just went out where it stands in the mail of those who got it.
-    fn note_under_way(&mut self, publisher: ClientId, sample: u64) {
-        let Some(held) = self.peers.get_mut(&publisher).and_then(|peer| peer.bulk.as_mut()) else {
-            return;
-        };
-        held.note_under_way(sample, self.broker.reached());
+    /// Notes for the bulk value that just went out where it stands in the mail of those who got it. Who is far behind may
+    /// be dead, and the news of that still to come.
+    fn note_under_way(&mut self, now: f64, publisher: ClientId, sample: u64) {
+        let reached = self.broker.reached();
+        let Some(held) = self.held(publisher) else { return };
+        held.note_under_way(sample, reached);
+        let Some(Peer { bulk: Some(held), .. }) = self.peers.get(&publisher) else { return };
+        for behind in held.far_behind(&self.broker) {
+            self.let_go_if_dead(now, behind);
+        }
+        self.held(publisher).into_iter().for_each(Held::make_room);
+    }
+
+    fn held(&mut self, publisher: ClientId) -> Option<&mut Held> {
+        self.peers.get_mut(&publisher)?.bulk.as_mut()
     }
 
     /// Whoever took over mail with bulk values in it is who has to handle them.

@@ -100,14 +100,21 @@ impl Server {
     /// The news of a client's end may come later than its successor: the socket knows. And a client that was to return
     /// after the broker's death may have died meanwhile.
     fn free_name_of_the_dead(&mut self, now: f64, name: &str) {
-        let holder = self.peers.iter().find(|(id, _)| self.broker.client_name(**id) == Some(name));
-        if let Some((&id, _)) = holder.filter(|(_, peer)| handshake::hung_up(&peer.stream)) {
-            while self.peers.get(&id).is_some_and(Peer::has_sent) && self.take_batch(now, id) {}
-            self.let_go(now, id);
+        let holder = self.peers.keys().find(|id| self.broker.client_name(**id) == Some(name)).copied();
+        if let Some(holder) = holder {
+            self.let_go_if_dead(now, holder);
         }
         if self.awaited.get(name).is_some_and(|process| !process.is_some_and(|process| process.lives())) {
             self.awaited.remove(name);
             self.broker.expect_no_return(name);
+        }
+    }
+
+    /// Takes a client's last words and lets go of it, if it has hung up.
+    pub(super) fn let_go_if_dead(&mut self, now: f64, id: ClientId) {
+        if self.peers.get(&id).is_some_and(|peer| handshake::hung_up(&peer.stream)) {
+            while self.peers.get(&id).is_some_and(Peer::has_sent) && self.take_batch(now, id) {}
+            self.let_go(now, id);
         }
     }
 

@@ -29,9 +29,20 @@ impl Held {
     pub fn note_under_way(&mut self, sample: u64, reached: Vec<Reached>) {
         self.routed = sample;
         self.under_way.push_back((sample, reached));
-        if self.under_way.len() > UNDER_WAY {
+    }
+
+    /// Gives up waiting for those who are far behind.
+    pub fn make_room(&mut self) {
+        while self.under_way.len() > UNDER_WAY {
             self.under_way.pop_front();
         }
+    }
+
+    /// Who would be given up on.
+    pub fn far_behind(&self, broker: &Broker) -> Vec<ClientId> {
+        let oldest = self.under_way.front().filter(|_| self.under_way.len() > UNDER_WAY);
+        let reached = oldest.into_iter().flat_map(|(_, reached)| reached);
+        reached.filter(|reached| is_behind(broker, reached)).map(|reached| reached.client).collect()
     }
 
     /// Notes who has taken over somebody's mail.
@@ -47,7 +58,7 @@ impl Held {
 
     /// The sample up to which nobody is behind whom publishers wait for; those who are go to `awaited`.
     pub fn settled(&mut self, now: f64, broker: &Broker, awaited: &mut BTreeSet<ClientId>) -> Option<u64> {
-        let behind = |r: &Reached| broker.mail_done(r.client).is_some_and(|done| done < r.position);
+        let behind = |r: &Reached| is_behind(broker, r);
         let mut settled = None;
         while let Some((sample, _)) = self.under_way.pop_front_if(|(_, reached)| !reached.iter().any(behind)) {
             settled = Some(sample);
@@ -66,6 +77,11 @@ impl Held {
         let oldest = self.under_way.front().map_or(next, |(sample, _)| *sample);
         self.samples.let_go(oldest, is_latest);
     }
+}
+
+/// Whether somebody whom a value reached has not handled it.
+fn is_behind(broker: &Broker, reached: &Reached) -> bool {
+    broker.mail_done(reached.client).is_some_and(|done| done < reached.position)
 }
 
 /// The client's own bulk values that a batch of it refers to. (The newest that has come may belong to a batch that has
