@@ -52,7 +52,7 @@ pub enum Command {
     /// Let the robot of a paused or manual mission take one pose
     #[command(after_help = "Example: elk step")]
     Step(CommunityArgs),
-    /// Check a mission file and start nothing
+    /// Check a mission file, its world, its start and its executables, and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(MissionArgs),
     /// List the app types with their parameters, units, defaults and meaning

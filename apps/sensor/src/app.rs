@@ -23,6 +23,7 @@ pub static TYPES: &[AppType] = &[AppType {
     summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
     params: PARAMS,
     build,
+    preflight: None,
 }];
 
 const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
