@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::path::Path;
 use std::process::Command;
 
 use common::Elk;
@@ -152,4 +153,37 @@ fn a_sensor_says_at_its_start_that_its_world_is_open() {
         log.contains("it is open: ") && log.contains("a hole of 4.00 × 3.00 × 0.00 m around (2.00; 1.50; 2.00)"),
         "{log}"
     );
+}
+
+/// Case 6. Regression: 82.27 % where the walls lie on the faces of voxels, and 100 % three centimetres beside them.
+#[test]
+fn the_same_room_is_judged_the_same_wherever_it_lies() {
+    let elk = Elk::new("same-room");
+    let text = std::fs::read_to_string(case("rooms-quads")).unwrap();
+    for (name, offset) in [("0", 0.0), ("3", 0.03), ("5", 0.05)] {
+        let shifted = |line: &str| match line.strip_prefix("v ") {
+            Some(numbers) => {
+                let numbers = numbers.split(' ').map(|n| format!("{:.3}", n.parse::<f64>().unwrap() + offset));
+                format!("v {}", numbers.collect::<Vec<_>>().join(" "))
+            }
+            None => line.to_owned(),
+        };
+        let world = elk.folder().join(format!("room-{name}.obj"));
+        std::fs::write(&world, text.lines().map(shifted).collect::<Vec<_>>().join("\n")).unwrap();
+        let mission = mission("rooms-quads", START, "").replace(&case("rooms-quads"), world.to_str().unwrap());
+        let file = elk.folder().join(format!("room-{name}.xml"));
+        std::fs::write(&file, mission).unwrap();
+        assert_eq!(accuracy(&elk, &file), 1.0, "{offset}");
+    }
+}
+
+fn accuracy(elk: &Elk, mission: &Path) -> f64 {
+    let logs = elk.folder().join(mission.file_stem().unwrap());
+    let arguments =
+        ["launch", mission.to_str().unwrap(), "--headless", "--in-process", "--log-dir", logs.to_str().unwrap()];
+    let output = elk.command(&[&arguments[..], &["--community", elk.community()]].concat()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let run = std::fs::read_dir(logs).unwrap().next().unwrap().unwrap().path();
+    let summary: Value = serde_json::from_str(&std::fs::read_to_string(run.join("summary.json")).unwrap()).unwrap();
+    summary["accuracy"].as_f64().unwrap()
 }
