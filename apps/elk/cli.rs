@@ -10,6 +10,7 @@ use crate::control;
 use crate::log::LogCommand;
 use crate::replay::ReplayArgs;
 use crate::scope::ScopeCommand;
+use crate::world::WorldCommand;
 
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
@@ -52,7 +53,7 @@ pub enum Command {
     /// Let the robot of a paused or manual mission take one pose
     #[command(after_help = "Example: elk step")]
     Step(CommunityArgs),
-    /// Check a mission file and start nothing
+    /// Check a mission file, its world, its start and its executables, and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(MissionArgs),
     /// List the app types with their parameters, units, defaults and meaning
@@ -85,6 +86,14 @@ pub enum Command {
     /// Looks into a running community, and pokes.
     #[command(flatten)]
     Scope(ScopeCommand),
+    /// Look at a world before a robot is sent into it
+    #[command(after_help = "Example: elk world info mission-files/worlds/car.obj\n         \
+                            elk world check room.stl --scale 0.001 --start '1; 1; 0.8'")]
+    World {
+        /// What to do
+        #[command(subcommand)]
+        command: WorldCommand,
+    },
     /// Draw plan and section of a run into its folder
     #[command(after_help = "Example: elk picture logs/apartment-20261123-224512")]
     Picture {
@@ -206,9 +215,13 @@ mod tests {
         let command = Cli::command();
         command.clone().debug_assert();
         let log = command.find_subcommand("log").unwrap();
-        for one in log.get_subcommands() {
+        let world = command.find_subcommand("world").unwrap();
+        for (group, one) in
+            [log, world].into_iter().flat_map(|group| group.get_subcommands().map(move |one| (group, one)))
+        {
             let help = one.get_after_help().map(|help| help.to_string()).unwrap_or_default();
-            assert!(help.contains(&format!("elk log {}", one.get_name())), "log {}", one.get_name());
+            let name = format!("elk {} {}", group.get_name(), one.get_name());
+            assert!(help.contains(&name), "{name}");
         }
         for one in command.get_subcommands().filter(|one| !one.is_hide_set()) {
             let help = one.get_after_help().map(|help| help.to_string()).unwrap_or_default();

@@ -65,9 +65,13 @@ fn report(outcome: &Outcome) -> Result<()> {
 /// `elk check`
 pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
     let mission = load(arguments)?;
+    let warnings = mission.preflight()?;
     let mut text = format!("{}: {} is right\n", arguments.mission.display(), mission.name);
     for app in &mission.apps {
         text += &format!("  {} {} {}\n", app.element, app.type_name(), app.name);
+    }
+    for warning in warnings {
+        text += &format!("  note: {warning}\n");
     }
     say(&text)?;
     Ok(ExitCode::SUCCESS)

@@ -9,6 +9,7 @@ mod log;
 mod registry;
 mod replay;
 mod scope;
+mod world;
 
 use std::process::ExitCode;
 
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
         Command::Scope(command) => scope::run(command),
         Command::Replay(arguments) => replay::run(*arguments),
         Command::Log { command } => log::run(command),
+        Command::World { command } => world::run(command),
         Command::Picture { run } => commands::picture(&run),
         Command::Guard => commands::guard(),
     };

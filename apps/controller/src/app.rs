@@ -21,6 +21,7 @@ pub static TYPES: &[AppType] = &[AppType {
     summary: "Moves a simulated camera along the explorer's paths, scanning on the way.",
     params: PARAMS,
     build: |params| Ok(Box::new(ControllerApp::new(params))),
+    preflight: None,
 }];
 
 const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {

@@ -33,6 +33,7 @@ pub static TYPES: &[AppType] = &[
         summary: "Goes to the closest frontier, by A*.",
         params: COMMON,
         build: |params| app(params, Box::new(ClosestFrontier)),
+        preflight: None,
     },
     AppType {
         element: "Explorer",
@@ -40,6 +41,7 @@ pub static TYPES: &[AppType] = &[
         summary: "Follows a streamline of the harmonic potential between robot and frontier (Laplace's equation, RK4).",
         params: POTENTIAL,
         build: |params| app(params, Box::new(potential(params))),
+        preflight: None,
     },
 ];
 

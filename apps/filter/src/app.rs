@@ -17,6 +17,7 @@ pub static TYPES: &[AppType] = &[
             let threshold = params.number("Threshold");
             FilterApp::boxed(params, move |scan| scan.with_points(distance(&scan.points, threshold)))
         },
+        preflight: None,
     },
     AppType {
         element: "Filter",
@@ -27,6 +28,7 @@ pub static TYPES: &[AppType] = &[
             let leaf = params.number("Leaf");
             FilterApp::boxed(params, move |scan| scan.with_points(voxel_grid(&scan.points, leaf)))
         },
+        preflight: None,
     },
 ];
 

@@ -25,6 +25,9 @@ pub enum LaunchError {
     /// An app's parameter cannot be set to what this run needs.
     #[error(transparent)]
     Setting(#[from] elk_mission::Problems),
+    /// What the mission needs is not there, or is not as it has to be.
+    #[error(transparent)]
+    NotReady(#[from] elk_mission::NotReady),
     /// An executable cannot be started at all.
     #[error("{app} cannot be started: {}: {source}", .program.display())]
     CannotStart {

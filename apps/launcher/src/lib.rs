@@ -119,6 +119,7 @@ pub struct Outcome {
 /// # Errors
 /// The run could not even begin. What goes wrong later is in the [`Outcome`].
 pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, LaunchError> {
+    let warnings = mission.preflight()?;
     let server = listen(options)?;
     let stop = person::stop_signals(options.detached)?;
     let now = Clock::new(1.0).now();
@@ -129,6 +130,9 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
     mission.apps.iter().try_for_each(run_place::check_files)?;
     put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));
+    for warning in warnings {
+        put(&text::printable_lines(&format!("  note: {warning}\n")));
+    }
 
     let LaunchOptions { program, community, headless, registry, detached, .. } = options;
     let state = LaunchState::of(&mission, &folder, manual);

@@ -131,7 +131,7 @@ const fn number(name: &'static str, default: &'static str) -> ParamSpec {
 type Build = fn(&Params) -> Result<Box<dyn App>, AppError>;
 
 const fn row(element: &'static str, params: &'static [ParamSpec], build: Build) -> AppType {
-    AppType { element, name: "Test", summary: "Does just enough.", params, build }
+    AppType { element, name: "Test", summary: "Does just enough.", params, build, preflight: None }
 }
 
 static TYPES: &[AppType] = &[

@@ -23,6 +23,7 @@ pub static TYPES: &[AppType] = &[AppType {
     summary: "Records every message of the community, from the first one on, into an MCAP file.",
     params: PARAMS,
     build: |params| Ok(Box::new(Logger::new(params)?)),
+    preflight: None,
 }];
 
 const PARAMS: &[ParamSpec] = &[

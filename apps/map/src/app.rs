@@ -27,6 +27,7 @@ pub static TYPES: &[AppType] = &[AppType {
     summary: "Log-odds occupancy of voxels, with its frontier; writes OctoMap's .bt files.",
     params: PARAMS,
     build: |params| Ok(Box::new(MapApp::new(params)?)),
+    preflight: None,
 }];
 
 const fn number(

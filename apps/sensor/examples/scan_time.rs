@@ -1,9 +1,10 @@
 //! CPU time of a 100×100 scan in each world: `cargo run --release -p elk-sensor --example scan_time`
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_sensor::scenery::SITES;
-use elk_sensor::{Settings, Simulator, World, random_start};
+use elk_sensor::{Settings, Simulator, random_start};
 use elk_spatial::messages::PoseCommand;
+use elk_world::World;
+use elk_world::scenery::SITES;
 
 const SCANS: u64 = 100;
 

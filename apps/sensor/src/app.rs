@@ -8,13 +8,16 @@ use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camer
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
 use elk_spatial::{OccupancyGrid, Pose, Scan};
+use elk_world::openness::openness;
+use elk_world::placement::UP;
+use elk_world::truth::accuracy;
+use elk_world::{CAR_INTERIOR, Placement, World};
 use nalgebra::{Isometry3, Point3};
 
 use crate::camera::Camera;
 use crate::noise::StereoNoise;
+use crate::preflight::preflight;
 use crate::simulator::{Settings, Simulator, random_start};
-use crate::truth::accuracy;
-use crate::world::{CAR_INTERIOR, World};
 
 /// The sensors that a mission file can name.
 pub static TYPES: &[AppType] = &[AppType {
@@ -23,6 +26,7 @@ pub static TYPES: &[AppType] = &[AppType {
     summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
     params: PARAMS,
     build,
+    preflight: Some(preflight),
 }];
 
 const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
@@ -36,7 +40,19 @@ const PARAMS: &[ParamSpec] = &[
         "World",
         Kind::File { builtin: &[CAR_INTERIOR] },
         CAR_INTERIOR,
-        "The world: an OBJ file (metres, z up, closed, faces anticlockwise as seen from the free side).",
+        "The world: an OBJ, STL, PLY or glTF file; `elk world info FILE` says what is in it.",
+    ),
+    param(
+        "Scale",
+        Kind::Number { unit: "", min: 1e-6, max: 1e6 },
+        "1",
+        "Metres that the world's unit is long: 0.001 for millimetres.",
+    ),
+    param(
+        "Up",
+        Kind::Choice(UP),
+        "format",
+        "The world file's axis that points up; format: y for glTF, z for the others.",
     ),
     param("Width", PIXELS, "100", "Pixels in a row of the depth image."),
     param("Height", PIXELS, "100", "Rows of the depth image."),
@@ -110,6 +126,8 @@ pub struct SimulatorApp {
     inherited: bool,
     /// The last judgement of a map.
     judged: Option<AccuracyReport>,
+    /// What is to be said of the world at the start.
+    remarks: Vec<String>,
 }
 
 /// Voxels of a map that are held against the true world: more would take minutes.
@@ -136,11 +154,9 @@ impl Past {
 }
 
 fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
-    let pixels = params.integer("Width") * params.integer("Height");
-    if pixels > MAX_POINTS as i64 {
-        return Err(format!("Width times Height is {pixels}; a scan has at most {MAX_POINTS} points").into());
-    }
-    let world = World::load(params.text("World"))?;
+    pixels(params)?;
+    let world = world(params)?;
+    let remarks = remarks(params.text("World"), &world);
     let start = start(params, &world)?;
     let simulator = Simulator::new(world, settings(params), start)
         .map_err(|refusal| format!("Start: {refusal}; choose a free place, or RandomStart true"))?;
@@ -153,10 +169,31 @@ fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
         past: Some(Past::default()),
         inherited: false,
         judged: None,
+        remarks,
     }))
 }
 
-fn start(params: &Params, world: &World) -> Result<Pose, AppError> {
+/// Sees that a scan is not too large.
+pub(crate) fn pixels(params: &Params) -> Result<(), AppError> {
+    let pixels = params.integer("Width") * params.integer("Height");
+    match pixels > MAX_POINTS as i64 {
+        true => Err(format!("Width times Height is {pixels}; a scan has at most {MAX_POINTS} points").into()),
+        false => Ok(()),
+    }
+}
+
+pub(crate) fn world(params: &Params) -> Result<World, AppError> {
+    Ok(World::load(params.text("World"), &Placement::new(params.number("Scale"), params.text("Up"))?)?)
+}
+
+/// What whoever looks at the scans should know of the world.
+fn remarks(name: &str, world: &World) -> Vec<String> {
+    let open = openness(world).words().map(|words| format!("it is open: {words}"));
+    let all = world.reading().remarks().into_iter().chain(open);
+    all.map(|remark| format!("World {name}: {remark}")).collect()
+}
+
+pub(crate) fn start(params: &Params, world: &World) -> Result<Pose, AppError> {
     if params.flag("RandomStart") {
         return Ok(random_start(world, seed(params))?);
     }
@@ -183,6 +220,9 @@ fn seed(params: &Params) -> u64 {
 
 impl App for SimulatorApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        for remark in self.remarks.drain(..) {
+            tell(format_args!("{}: {remark}", comms.name()));
+        }
         self.recall.ask(comms, &self.camera_pose)?;
         self.recall.ask(comms, &SENSOR_REPORT)?;
         self.recall.ask(comms, &self.scan)?;
@@ -378,7 +418,7 @@ mod tests {
     use super::*;
 
     fn app() -> SimulatorApp {
-        let world = World::load(CAR_INTERIOR).unwrap();
+        let world = World::load(CAR_INTERIOR, &Placement::default()).unwrap();
         let start = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 0.8), 0.0, 0.0);
         SimulatorApp {
             simulator: Simulator::new(world, Settings::default(), start).unwrap(),
@@ -389,6 +429,7 @@ mod tests {
             past: Some(Past::default()),
             inherited: false,
             judged: None,
+            remarks: Vec::new(),
         }
     }
 

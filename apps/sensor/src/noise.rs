@@ -3,7 +3,7 @@
 use nalgebra::Point3;
 
 use crate::camera::Camera;
-use crate::random::Random;
+use elk_world::random::Random;
 
 /// A stereo camera's matching error.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,8 +6,8 @@ use nalgebra::{Point3, Vector3};
 
 use crate::camera::Camera;
 use crate::noise::StereoNoise;
-use crate::random::Random;
-use crate::world::{World, WorldError};
+use elk_world::random::Random;
+use elk_world::{World, WorldError};
 
 /// A randomly drawn start is at least this far from every surface (m).
 pub const START_CLEARANCE_M: f64 = 0.3;

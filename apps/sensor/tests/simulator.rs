@@ -1,11 +1,12 @@
 //! Scans, contacts and refusals, in rooms whose distances can be told by hand.
 
-use elk_sensor::random::Random;
-use elk_sensor::scenery::{SITES, Scenery, Solid};
-use elk_sensor::triangle::Triangle;
-use elk_sensor::{Camera, Refusal, Settings, Simulator, StereoNoise, World, WorldError, random_start};
+use elk_sensor::{Camera, Refusal, Settings, Simulator, StereoNoise, random_start};
 use elk_spatial::Pose;
 use elk_spatial::messages::PoseCommand;
+use elk_world::random::Random;
+use elk_world::scenery::{SITES, Scenery, Solid};
+use elk_world::triangle::Triangle;
+use elk_world::{World, WorldError};
 use nalgebra::{Point3, Vector3};
 
 /// 4×6×2 m, corner at the origin, with a closet from (1, 4, 0) to (2, 5, 2) in it.
@@ -178,23 +179,4 @@ fn random_starts_are_free_with_room_around_and_repeat() {
     let shaft = Scenery::within(Solid::block("shaft", [0.0; 3], [0.5, 0.5, 9.0]));
     let shaft = World::from_triangles("shaft", shaft.triangles()).unwrap();
     assert!(matches!(random_start(&shaft, 1), Err(WorldError::NoFreePlace { .. })));
-}
-
-#[test]
-fn worlds_that_cannot_be_used_say_why() {
-    let of = |text: &str| World::from_obj("w.obj", text).unwrap_err().to_string();
-    assert!(of("").contains("no triangles"));
-    assert!(of("v 0 0 0\nv 1 0 0\nl 1 2\n").contains("no triangles"));
-    assert!(of("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").contains("not a finite number"));
-    assert!(of("v 0 0 0\nv 1 0 0\nf 1 2 7\n").contains("not a valid OBJ file"));
-    let missing = World::load("no/such/world.obj").unwrap_err().to_string();
-    assert!(missing.contains("no/such/world.obj") && missing.contains("car-interior"), "{missing}");
-}
-
-#[test]
-fn polygons_and_materials_are_read() {
-    let text = "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3 4\n";
-    let world = World::from_obj("quad.obj", text).unwrap();
-    assert_eq!(world.surfaces().triangles().len(), 2);
-    assert_eq!(world.cast(Point3::new(0.5, 0.5, 2.0), -Vector3::z()), Some(2.0));
 }

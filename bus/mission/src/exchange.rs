@@ -107,7 +107,7 @@ impl AppSpec {
 }
 
 /// The executable that is meant: a path is looked for from `folder`, a bare name in `PATH`.
-fn executable(exec: &str, folder: &Path) -> Result<PathBuf, String> {
+pub(crate) fn executable(exec: &str, folder: &Path) -> Result<PathBuf, String> {
     if exec.is_empty() {
         return Err("exec is empty; right is an executable".to_owned());
     }

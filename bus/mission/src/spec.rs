@@ -3,6 +3,7 @@
 use elk_bus::{App, AppError};
 
 use crate::params::Params;
+use crate::preflight::Preflight;
 
 /// One type of app, as it is offered to mission files and to `elk types`.
 pub struct AppType {
@@ -16,6 +17,8 @@ pub struct AppType {
     pub params: &'static [ParamSpec],
     /// Makes the app from checked parameters; what the parameters cannot show (a file that does not parse) is an error.
     pub build: fn(&Params) -> Result<Box<dyn App>, AppError>,
+    /// Looks at what an app needs before a mission is started; `None`: it is enough that it can be built.
+    pub preflight: Option<Preflight>,
 }
 
 /// One parameter of an app type.

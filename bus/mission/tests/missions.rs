@@ -4,8 +4,8 @@ use std::path::Path;
 
 use elk_bus::{App, AppError};
 use elk_mission::{
-    AppSpec, AppType, Exchange, Kind, Mission, MissionError, Mode, Override, ParamSpec, Params, Policy, Program,
-    Registry, Restart, describe,
+    AppSpec, AppType, Exchange, Findings, Kind, Mission, MissionError, Mode, Override, ParamSpec, Params, Policy,
+    Preflight, Program, Registry, Restart, describe,
 };
 use proptest::prelude::*;
 
@@ -38,6 +38,7 @@ const SENSOR: &[AppType] = &[AppType {
         param("World", Kind::File { builtin: &["car-interior"] }, Some("car-interior"), "World."),
     ],
     build: unbuilt,
+    preflight: None,
 }];
 
 const THRESHOLD: Kind = Kind::Number { unit: "m", min: 0.0, max: f64::INFINITY };
@@ -49,14 +50,23 @@ const STAGES: &[AppType] = &[
         summary: "Drops points beyond a distance.",
         params: &[param("Threshold", THRESHOLD, Some("10"), "Distance."), INPUT, OUTPUT],
         build: unbuilt,
+        preflight: None,
     },
-    AppType { element: "Map", name: "OctoMap", summary: "Log-odds voxels.", params: &[RES, INPUT], build: unbuilt },
+    AppType {
+        element: "Map",
+        name: "OctoMap",
+        summary: "Log-odds voxels.",
+        params: &[RES, INPUT],
+        build: unbuilt,
+        preflight: None,
+    },
     AppType {
         element: "Explorer",
         name: "Potential",
         summary: "Follows a harmonic potential.",
         params: &[MID, DIM, RES, POLICY],
         build: unbuilt,
+        preflight: None,
     },
     AppType {
         element: "Explorer",
@@ -64,6 +74,7 @@ const STAGES: &[AppType] = &[
         summary: "Goes to the closest frontier.",
         params: &[MID, DIM, RES, POLICY],
         build: unbuilt,
+        preflight: None,
     },
     AppType {
         element: "Explorer",
@@ -71,6 +82,7 @@ const STAGES: &[AppType] = &[
         summary: "Goes somewhere.",
         params: &[MID, DIM, RES],
         build: unbuilt,
+        preflight: None,
     },
     AppType {
         element: "Controller",
@@ -78,8 +90,16 @@ const STAGES: &[AppType] = &[
         summary: "Commands poses.",
         params: &[HOST, PORT, param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "The sensor's pose.")],
         build: unbuilt,
+        preflight: None,
     },
-    AppType { element: "Logger", name: "Mcap", summary: "Records everything.", params: &[], build: unbuilt },
+    AppType {
+        element: "Logger",
+        name: "Mcap",
+        summary: "Records everything.",
+        params: &[],
+        build: unbuilt,
+        preflight: None,
+    },
 ];
 
 const LISTING_2: &str = include_str!("../../../mission-files/thesis-listing-2.xml");
@@ -535,6 +555,7 @@ static WAITING: &[AppType] = &[AppType {
     summary: "Commands poses.",
     params: &[param("Manual", Kind::Flag, Some("false"), "Pause.")],
     build: unbuilt,
+    preflight: None,
 }];
 
 /// A registry whose sensor says where its scans go, and whose controller waits.
@@ -548,6 +569,7 @@ fn wired(line: &str, sets: &[&str]) -> Result<Mission, String> {
             param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "Variable of its pose."),
         ],
         build: unbuilt,
+        preflight: None,
     }];
     let rest: Registry = registry().types().filter(|one| !["Sensor", "Controller"].contains(&one.element)).collect();
     let registry: Registry = TYPES.iter().chain(WAITING).chain(rest.types()).collect();
@@ -673,4 +695,39 @@ fn what_is_no_file_is_no_mission_and_nobody_waits_for_it() {
     let long = folder.path().join("long.xml");
     std::fs::File::create(&long).unwrap().set_len(1 << 40).unwrap();
     assert!(said(&long).ends_with("long.xml: it is longer than 512 kB"), "{}", said(&long));
+}
+
+/// What the file cannot show is looked at before anything starts, all of it at once.
+#[test]
+fn executables_and_what_apps_need_are_looked_at() {
+    fn look(params: &Params, mission: &Mission) -> Findings {
+        let warnings = vec![format!("{} apps, K is {}", mission.apps.len(), params.number("K"))];
+        let faults = if params.number("K") > 2.0 { vec!["K is too much".to_owned()] } else { Vec::new() };
+        Findings { faults, warnings }
+    }
+    const K: ParamSpec = param("K", Kind::Number { unit: "", min: 0.0, max: 9.0 }, Some("1"), "A number.");
+    const fn row(name: &'static str, preflight: Option<Preflight>) -> AppType {
+        AppType { element: "Filter", name, summary: "Looks around.", params: &[K], build: unbuilt, preflight }
+    }
+    static TYPES: &[AppType] = &[row("Looking", Some(look)), row("Plain", None)];
+    let registry = Registry::new(&[TYPES]);
+    let preflight = |filter: &str| {
+        let text = format!(
+            "<Scenario><Sensor exec=\"/bin/sh\"/><Map exec=\"sh\"/>{filter}<Explorer exec=\"sh\"/><Controller exec=\"sh\"/></Scenario>"
+        );
+        Mission::parse(&text, Path::new("m.xml"), &registry, &[])
+            .unwrap()
+            .preflight()
+            .map_err(|error| error.to_string())
+    };
+    assert_eq!(preflight("<Filter type=\"Looking\"/>"), Ok(vec!["Filter: 5 apps, K is 1".to_owned()]));
+    assert_eq!(
+        preflight("<Filter type=\"Looking\" K=\"3\"/><App exec=\"/no/such\"/><App name=\"Odd\" exec=\"no-such\"/>"),
+        Err("Filter: K is too much\n\
+             App: /no/such cannot be run: No such file or directory (os error 2)\n\
+             Odd: there is no no-such in PATH; right is an executable's name, or a path with a /"
+            .to_owned())
+    );
+    let of_no_look = preflight("<Filter type=\"Plain\"/>");
+    assert_eq!(of_no_look, Err("Filter: the types of these tests are only parsed".to_owned()), "it is built");
 }

@@ -1,8 +1,8 @@
-//! Writes the worlds that come with elk to `mission-files/worlds/`: `cargo run -p elk-sensor --example worlds`
+//! Writes the worlds that come with elk to `mission-files/worlds/`: `cargo run -p elk-world --example worlds`
 
 use std::path::Path;
 
-use elk_sensor::scenery::SITES;
+use elk_world::scenery::SITES;
 
 fn main() -> std::io::Result<()> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../mission-files/worlds");

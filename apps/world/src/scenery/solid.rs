@@ -117,7 +117,7 @@ impl Scenery {
     pub fn to_obj(&self) -> String {
         let mut text = String::from(
             "# Metres, z up; faces are anticlockwise as seen from the free side.\n\
-             # Made by `cargo run -p elk-sensor --example worlds`: change it there.\n",
+             # Made by `cargo run -p elk-world --example worlds`: change it there.\n",
         );
         let mut first = 1;
         for solid in &self.solids {

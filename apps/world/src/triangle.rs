@@ -21,6 +21,18 @@ impl Triangle {
         bounds_of(&self.0)
     }
 
+    /// Its normal, twice its area long (m²).
+    pub(crate) fn normal(&self) -> Vector3<f64> {
+        let [a, b, c] = self.0;
+        (b - a).cross(&(c - a))
+    }
+
+    /// The mean of its corners.
+    pub(crate) fn middle(&self) -> Point3<f64> {
+        let [a, b, c] = self.0;
+        a + ((b - a) + (c - a)) / 3.0
+    }
+
     /// Its edges as pairs of corners.
     fn edges(&self) -> [(Point3<f64>, Point3<f64>); 3] {
         let [a, b, c] = self.0;

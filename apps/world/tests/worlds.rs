@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use elk_sensor::scenery::{SITES, Site, Solid};
-use elk_sensor::{CAR_INTERIOR, World};
 use elk_spatial::Bounds;
+use elk_world::scenery::{SITES, Site, Solid};
+use elk_world::{CAR_INTERIOR, Placement, World};
 use nalgebra::{Point3, Vector3};
 
 /// Closer than this (m), two solids have to touch.
@@ -19,7 +19,7 @@ fn file(site: &Site) -> PathBuf {
 }
 
 fn load(site: &Site) -> World {
-    World::load(file(site).to_str().unwrap()).unwrap()
+    World::load(file(site).to_str().unwrap(), &Placement::default()).unwrap()
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn the_files_are_what_the_generator_writes() {
         let written = std::fs::read_to_string(file(site)).unwrap();
         assert!(
             written == (site.build)().to_obj(),
-            "{} is out of date: cargo run -p elk-sensor --example worlds",
+            "{} is out of date: cargo run -p elk-world --example worlds",
             site.name
         );
     }
@@ -36,7 +36,7 @@ fn the_files_are_what_the_generator_writes() {
 
 #[test]
 fn the_built_in_world_is_the_car() {
-    let built_in = World::load(CAR_INTERIOR).unwrap();
+    let built_in = World::load(CAR_INTERIOR, &Placement::default()).unwrap();
     assert_eq!(built_in.surfaces().triangles(), load(&SITES[0]).surfaces().triangles());
 }
 
@@ -180,7 +180,8 @@ fn what_is_no_file_is_no_world_and_nobody_waits_for_it() {
     assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
     let hole = folder.path().join("hole.obj");
     std::fs::File::create(&hole).unwrap().set_len(1 << 40).unwrap();
-    let said = |path: &std::path::Path| World::load(path.to_str().unwrap()).unwrap_err().to_string();
+    let said =
+        |path: &std::path::Path| World::load(path.to_str().unwrap(), &Placement::default()).unwrap_err().to_string();
     for (path, words) in [
         (fifo.as_path(), "it is a FIFO; right is an ordinary file"),
         (folder.path(), "it is a folder; right is a file"),
@@ -189,26 +190,4 @@ fn what_is_no_file_is_no_world_and_nobody_waits_for_it() {
     ] {
         assert!(said(path).contains(words), "{}", said(path));
     }
-}
-
-/// Bytes that are no text, indices that no vertex has, numbers that are none.
-#[test]
-fn whatever_a_file_holds_is_a_world_or_an_error() {
-    let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
-    for wrong in [
-        "f 1 2 9",
-        "f -9 -8 -7",
-        "f 0 0 0",
-        "f",
-        "f 1",
-        "f 1 2",
-        "v 1 2",
-        "v nan 1e39 -inf\nf 1 2 4",
-        "f 99999999999999999999 1 2",
-        "f -9223372036854775808 1 2",
-    ] {
-        let text = format!("{vertices}{wrong}\n");
-        assert!(World::from_obj("wrong.obj", &text).is_err(), "{wrong}");
-    }
-    assert!(World::from_bytes("bytes.obj", &[0xff; 1000]).is_err());
 }

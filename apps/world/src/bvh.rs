@@ -49,6 +49,20 @@ impl Bvh {
         &self.triangles
     }
 
+    /// Turns a triangle over: what was its back is its front.
+    pub(crate) fn turn(&mut self, index: usize) {
+        self.triangles[index].0.swap(1, 2);
+    }
+
+    /// Whether a surface other than the one at `index` comes as near as `radius` (m) to `point`.
+    pub(crate) fn is_met_by_another(&self, point: Point3<f64>, radius: f64, index: usize) -> bool {
+        let reach = Vector3::repeat(radius);
+        let around = Bounds { min: point - reach, max: point + reach };
+        let own: *const Triangle = &self.triangles[index];
+        let meets = |one: &Triangle| !std::ptr::eq(one, own) && one.distance_to_point(point) <= radius;
+        self.any(|bounds| overlap(bounds, &around), meets)
+    }
+
     /// How far along the ray the first surface is, in lengths of its direction.
     pub fn nearest(&self, ray: &Ray) -> Option<f64> {
         let mut nearest = f64::INFINITY;

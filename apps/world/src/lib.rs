@@ -1,0 +1,34 @@
+//! The worlds that a simulated sensor sees: read from OBJ, STL, PLY and glTF, checked, and asked where their surfaces are.
+//!
+//! | module | one idea |
+//! |---|---|
+//! | [`mod@read`] | one reader a format, each error with its place |
+//! | [`polygon`] | polygons of any shape become triangles |
+//! | [`placement`] | a file's units and axes become metres, z up |
+//! | `topology`, [`winding`] | what hangs together; faces that look the wrong way are turned over |
+//! | [`world`], [`bvh`], [`ray`], [`triangle`] | where surfaces are, and what is free between them |
+//! | [`mod@openness`], [`inspection`], [`units`] | what a person wants to know of a world before it is used |
+//! | [`suitability`] | whether a mission can be run in it |
+//! | [`truth`] | the judge of maps that are made of it |
+//! | [`scenery`] | the workshop in which the worlds that come with elk are built |
+
+pub mod bvh;
+pub mod inspection;
+pub mod openness;
+pub mod placement;
+pub mod polygon;
+pub mod random;
+pub mod ray;
+pub mod read;
+pub mod scenery;
+pub mod suitability;
+mod topology;
+pub mod triangle;
+pub mod truth;
+pub mod units;
+pub mod winding;
+pub mod world;
+
+pub use placement::Placement;
+pub use read::Format;
+pub use world::{CAR_INTERIOR, World, WorldError};

@@ -1,0 +1,252 @@
+//! glTF 2.0 (Khronos), `.gltf` and `.glb`: the triangles of all nodes of the scene, each where its node puts it.
+//!
+//! Only what has depth is looked at, so that a file is read whatever its materials are.
+
+mod buffers;
+
+use std::path::Path;
+
+use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
+use serde::Deserialize;
+
+use crate::read::{Fault, Place, Soup};
+use buffers::Buffers;
+
+/// Nodes below nodes; a scene's tree is seldom deeper than ten.
+const DEEPEST: usize = 256;
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Document {
+    asset: Asset,
+    scene: Option<usize>,
+    scenes: Vec<Scene>,
+    nodes: Vec<Node>,
+    meshes: Vec<Mesh>,
+    accessors: Vec<Accessor>,
+    buffer_views: Vec<View>,
+    buffers: Vec<Buffer>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Asset {
+    version: String,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Scene {
+    nodes: Vec<usize>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Node {
+    mesh: Option<usize>,
+    children: Vec<usize>,
+    /// Column by column.
+    matrix: Option<[f64; 16]>,
+    translation: Option<[f64; 3]>,
+    /// x, y, z, w.
+    rotation: Option<[f64; 4]>,
+    scale: Option<[f64; 3]>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Mesh {
+    name: Option<String>,
+    primitives: Vec<Primitive>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Primitive {
+    attributes: Attributes,
+    indices: Option<usize>,
+    /// 4: triangles (the default), 5: strip, 6: fan; the others are points and lines.
+    mode: Option<u32>,
+    extensions: serde_json::Map<String, serde_json::Value>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Attributes {
+    #[serde(rename = "POSITION")]
+    position: Option<usize>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Accessor {
+    buffer_view: Option<usize>,
+    byte_offset: usize,
+    component_type: u32,
+    normalized: bool,
+    count: usize,
+    #[serde(rename = "type")]
+    kind: String,
+    sparse: Option<serde_json::Value>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct View {
+    buffer: usize,
+    byte_offset: usize,
+    byte_length: usize,
+    byte_stride: Option<usize>,
+    extensions: serde_json::Map<String, serde_json::Value>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Buffer {
+    uri: Option<String>,
+}
+
+/// Reads the triangles of the scene; `folder` is where the file's buffers lie.
+pub(crate) fn read(bytes: &[u8], folder: &Path, soup: &mut Soup) -> Result<(), Fault> {
+    let (json, blob) = if bytes.starts_with(b"glTF") { buffers::chunks(bytes)? } else { (bytes, None) };
+    let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+    let document: Document = serde_json::from_slice(json).map_err(|error| match error.line() {
+        0 => Fault::whole(format_args!("this is no glTF: {error}")),
+        line => Fault::line(line, format_args!("this is no glTF: {error}")),
+    })?;
+    match document.asset.version.as_str() {
+        "" => return Err(Fault::whole("this is JSON but no glTF: it has no asset.version")),
+        version if version.starts_with("2.") => {}
+        version => return Err(Fault::whole(format_args!("this is glTF {version}; right is 2.0: export it again"))),
+    }
+    let mut walk = Walk {
+        buffers: Buffers::new(&document, blob, folder),
+        document: &document,
+        visited: vec![false; document.nodes.len()],
+        soup,
+    };
+    walk.roots()?.into_iter().try_for_each(|root| walk.node(root, &Matrix4::identity(), 0))
+}
+
+struct Walk<'a> {
+    document: &'a Document,
+    buffers: Buffers<'a>,
+    /// A node has one parent at most.
+    visited: Vec<bool>,
+    soup: &'a mut Soup,
+}
+
+impl Walk<'_> {
+    /// The nodes at the top: of the scene that is to be shown, of the first one, or all that are below no other.
+    fn roots(&self) -> Result<Vec<usize>, Fault> {
+        let Document { scene, scenes, nodes, .. } = self.document;
+        match (scene, scenes.first()) {
+            (Some(scene), _) => match scenes.get(*scene) {
+                Some(scene) => Ok(scene.nodes.clone()),
+                None => Err(Fault::whole(format_args!("there is no scene {scene}"))),
+            },
+            (None, Some(first)) => Ok(first.nodes.clone()),
+            (None, None) => {
+                Ok((0..nodes.len()).filter(|i| !nodes.iter().any(|node| node.children.contains(i))).collect())
+            }
+        }
+    }
+
+    fn node(&mut self, index: usize, above: &Matrix4<f64>, depth: usize) -> Result<(), Fault> {
+        let place = || Place::Part(format!("node {index}"));
+        let node = self.document.nodes.get(index).ok_or_else(|| Fault::at(place(), "there is no such node"))?;
+        if std::mem::replace(&mut self.visited[index], true) {
+            return Err(Fault::at(place(), "it is below two nodes; right is a tree"));
+        }
+        if depth > DEEPEST {
+            return Err(Fault::at(place(), format_args!("more than {DEEPEST} nodes are above it")));
+        }
+        let here = above * node.transform();
+        if let Some(mesh) = node.mesh {
+            self.mesh(mesh, &here)?;
+        }
+        node.children.iter().try_for_each(|&child| self.node(child, &here, depth + 1))
+    }
+
+    fn mesh(&mut self, index: usize, transform: &Matrix4<f64>) -> Result<(), Fault> {
+        let missing = || Fault::at(Place::Part(format!("mesh {index}")), "there is no such mesh");
+        let mesh = self.document.meshes.get(index).ok_or_else(missing)?;
+        let name = mesh.name.as_deref().map(|name| format!(" ({})", elk_outside::text::name(name))).unwrap_or_default();
+        for (number, primitive) in mesh.primitives.iter().enumerate() {
+            let place = Place::Part(format!("mesh {index}{name}, primitive {number}"));
+            self.primitive(primitive, transform, &place).map_err(|what| match what {
+                Trouble::Said(what) => Fault::at(place.clone(), what),
+                Trouble::Fault(fault) => fault,
+            })?;
+        }
+        Ok(())
+    }
+
+    fn primitive(&mut self, primitive: &Primitive, transform: &Matrix4<f64>, place: &Place) -> Result<(), Trouble> {
+        if primitive.extensions.contains_key("KHR_draco_mesh_compression") {
+            return Err(Trouble::Said(
+                "it is compressed (KHR_draco_mesh_compression); right is no compression: export it again".into(),
+            ));
+        }
+        let mode = primitive.mode.unwrap_or(4);
+        let Some(position) = primitive.attributes.position.filter(|_| (4..=6).contains(&mode)) else { return Ok(()) };
+        let corners: Vec<Point3<f64>> =
+            self.buffers.points(position)?.into_iter().map(|p| transform.transform_point(&p)).collect();
+        let indices = match primitive.indices {
+            Some(indices) => self.buffers.indices(indices)?,
+            None => (0..corners.len()).collect(),
+        };
+        // What is mirrored is turned back.
+        let mirrored = transform.fixed_view::<3, 3>(0, 0).determinant() < 0.0;
+        for [a, b, c] in triangles(mode, &indices) {
+            let [a, b, c] = if mirrored { [a, c, b] } else { [a, b, c] };
+            let corner = |index: usize| {
+                let there = corners.len();
+                corners
+                    .get(index)
+                    .copied()
+                    .ok_or_else(|| format!("a face has the vertex {index}, and there are {there}"))
+            };
+            let triangle = [corner(a)?, corner(b)?, corner(c)?];
+            self.soup.polygon(&triangle, || place.clone()).map_err(Trouble::Fault)?;
+        }
+        Ok(())
+    }
+}
+
+/// What is wrong: still without its place, or with it.
+enum Trouble {
+    Said(String),
+    Fault(Fault),
+}
+
+impl From<String> for Trouble {
+    fn from(what: String) -> Self {
+        Self::Said(what)
+    }
+}
+
+/// The corners of triangles that are given one by one, as a strip, or as a fan.
+fn triangles(mode: u32, indices: &[usize]) -> Vec<[usize; 3]> {
+    match mode {
+        4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        5 => indices
+            .windows(3)
+            .enumerate()
+            .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })
+            .collect(),
+        _ => indices.windows(2).skip(1).map(|pair| [indices[0], pair[0], pair[1]]).collect(),
+    }
+}
+
+impl Node {
+    fn transform(&self) -> Matrix4<f64> {
+        if let Some(matrix) = &self.matrix {
+            return Matrix4::from_column_slice(matrix);
+        }
+        let [x, y, z, w] = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_homogeneous();
+        let translation = Matrix4::new_translation(&Vector3::from(self.translation.unwrap_or_default()));
+        translation * rotation * Matrix4::new_nonuniform_scaling(&Vector3::from(self.scale.unwrap_or([1.0; 3])))
+    }
+}

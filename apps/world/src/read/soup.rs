@@ -1,0 +1,56 @@
+//! What a reader has found: triangles, from polygons of any shape.
+
+use nalgebra::Point3;
+
+use crate::polygon::{self, Cut};
+use crate::read::{Fault, Place};
+use crate::triangle::Triangle;
+
+/// The most corners of a polygon: cutting one takes time with their square, at worst.
+const MOST_CORNERS: usize = 1 << 15;
+/// Larger coordinates than this are a mistake, and products of them no numbers.
+const FARTHEST: f64 = 1e15;
+
+/// The triangles of a file, in its own units and axes, and what was noticed on the way.
+#[derive(Debug, Clone, Default)]
+pub struct Soup {
+    /// The triangles.
+    pub triangles: Vec<Triangle>,
+    /// Polygons that they were cut from.
+    pub polygons: usize,
+    /// Polygons without area, which are left out: they are no surface.
+    pub degenerate: usize,
+    /// Polygons whose outline crosses itself.
+    pub crossed: usize,
+    /// Where the first of these stands.
+    pub first_crossed: Option<Place>,
+}
+
+impl Soup {
+    /// Takes a polygon: its corners in order, along holes by way of bridges to them.
+    ///
+    /// # Errors
+    /// A corner is not a finite number, or beyond all worlds, or there are more than 32,768.
+    pub fn polygon(&mut self, corners: &[Point3<f64>], place: impl Fn() -> Place) -> Result<(), Fault> {
+        let out_of_reach = |corner: &&Point3<f64>| corner.iter().any(|c| !c.is_finite() || c.abs() > FARTHEST);
+        if let Some(corner) = corners.iter().find(out_of_reach) {
+            let [x, y, z] = [corner.x, corner.y, corner.z];
+            let why = if corner.iter().all(|c| c.is_finite()) { "beyond all worlds" } else { "not a finite number" };
+            let what = format_args!("a face has the corner ({x:?}; {y:?}; {z:?}), which is {why}: export it again");
+            return Err(Fault::at(place(), what));
+        }
+        if corners.len() > MOST_CORNERS {
+            let what = format_args!("a face has {} corners; at most {MOST_CORNERS} are read", corners.len());
+            return Err(Fault::at(place(), what));
+        }
+        self.polygons += 1;
+        let before = self.triangles.len();
+        let cut = polygon::triangulate(corners, |triangle| self.triangles.push(triangle));
+        if cut == Cut::Crossed {
+            self.crossed += 1;
+            self.first_crossed.get_or_insert_with(place);
+        }
+        self.degenerate += usize::from(self.triangles.len() == before);
+        Ok(())
+    }
+}

@@ -1,0 +1,262 @@
+//! Which side of a surface is free, found out where a file does not say it right.
+//!
+//! Files have their faces turned in any way: a room that was drawn as a box looks outwards, a chair was mirrored, a face was
+//! turned over by accident. What is free can be told without it, by parity: a ray from a free place to infinity meets an odd
+//! number of surfaces, one for the shell around it and two for each solid on its way. So a point is taken on both sides of
+//! some faces of each shell; if one side is free and the other is not, the face has to look to the free one.
+
+use elk_spatial::Bounds;
+use nalgebra::{Point3, Vector3};
+
+use crate::bvh::Bvh;
+use crate::ray::Ray;
+use crate::topology::{Shell, Topology, bounds_of_shell};
+use crate::triangle::Triangle;
+
+/// Directions in which surfaces are counted; none is along an axis or a diagonal, where worlds have their edges.
+pub(crate) const PROBES: [[f64; 3]; 5] = [
+    [0.5377, 0.2139, 0.8156],
+    [-0.4811, 0.7273, 0.4894],
+    [0.8213, -0.5319, -0.2061],
+    [-0.3541, -0.6037, -0.7143],
+    [0.1973, 0.9041, -0.3791],
+];
+
+/// How far before and behind a face it is looked, as a share of the world's diagonal.
+const STEP: f64 = 1e-6;
+/// Faces that are looked at, for all shells together, and for each at least and at most.
+const LOOKS: usize = 4096;
+const LEAST_LOOKS: usize = 3;
+const MOST_LOOKS: usize = 24;
+/// So many times as many faces have to say one thing as the other.
+const CLEARLY: usize = 9;
+
+/// How faces were turned in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Winding {
+    /// Shells in all.
+    pub shells: usize,
+    /// Shells of which faces were turned over.
+    pub turned: usize,
+    /// Faces (triangles) that were turned over.
+    pub turned_faces: usize,
+    /// The shell around everything was turned the wrong way as a whole: the file has its inside out.
+    pub inside_out: bool,
+    /// Shells that are sheets, with free space on both sides: nothing is in them.
+    pub sheets: usize,
+}
+
+/// Faces that are turned against each other, and nothing says which of them are right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Undecided {
+    /// An edge between two such faces (m, world).
+    pub edge: [Point3<f64>; 2],
+}
+
+/// What the faces of a shell say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    /// The first face, and all that are turned as it is, look to the free side.
+    Right,
+    /// They look away from it.
+    Wrong,
+    /// There is free space on both sides.
+    Sheet,
+    Unclear,
+}
+
+/// Turns faces so that they look to the free side, where the file does not have it so.
+///
+/// # Errors
+/// A shell has faces turned against each other, and it cannot be told which are right.
+pub(crate) fn mend(
+    surfaces: &mut Bvh,
+    topology: &Topology,
+    extents: &Bounds,
+) -> Result<(Winding, Vec<bool>), Undecided> {
+    let looks = (LOOKS / topology.shells.len().max(1)).clamp(LEAST_LOOKS, MOST_LOOKS);
+    let around = outermost(surfaces, topology);
+    let judge = Judge { surfaces, against: &topology.against, step: extents.dim().norm() * STEP, looks };
+    let inner = topology.shells.get(around).map_or(*extents, |shell| bounds_of_shell(shell, surfaces.triangles()));
+    let verdicts: Vec<Verdict> = topology.shells.iter().map(|shell| judge.verdict(shell, &inner)).collect();
+    let inside_out = verdicts.get(around) == Some(&Verdict::Wrong);
+    let others_wrong = most_are_wrong(&verdicts, around).unwrap_or(inside_out);
+    let mut winding = Winding { shells: topology.shells.len(), inside_out, ..Winding::default() };
+    let mut is_sheet = vec![false; surfaces.triangles().len()];
+    for (shell, verdict) in topology.shells.iter().zip(&verdicts) {
+        if *verdict == Verdict::Sheet {
+            winding.sheets += 1;
+            shell.triangles.iter().for_each(|&i| is_sheet[i] = true);
+            continue;
+        }
+        let turned_first = match (verdict, shell.conflict) {
+            (Verdict::Wrong, _) => true,
+            (Verdict::Unclear, None) => others_wrong,
+            (Verdict::Unclear, Some(edge)) => {
+                by_area(shell, &topology.against, surfaces.triangles()).ok_or(Undecided { edge })?
+            }
+            _ => false,
+        };
+        let turn: Vec<usize> =
+            shell.triangles.iter().copied().filter(|&i| topology.against[i] != turned_first).collect();
+        winding.turned += usize::from(!turn.is_empty());
+        winding.turned_faces += turn.len();
+        turn.into_iter().for_each(|i| surfaces.turn(i));
+    }
+    Ok((winding, is_sheet))
+}
+
+/// Whether most shells but the one around everything are turned the wrong way; `None`: it is known of none. A file follows
+/// one habit: what is unclear is as the others are.
+fn most_are_wrong(verdicts: &[Verdict], around: usize) -> Option<bool> {
+    let others = || verdicts.iter().enumerate().filter(|(i, _)| *i != around).map(|(_, verdict)| verdict);
+    let count = |wanted: Verdict| others().filter(|verdict| **verdict == wanted).count();
+    let (right, wrong) = (count(Verdict::Right), count(Verdict::Wrong));
+    (right + wrong > 0).then_some(wrong > right)
+}
+
+/// The shell with the largest box by volume; the first of them.
+fn outermost(surfaces: &Bvh, topology: &Topology) -> usize {
+    let size = |shell: &Shell| bounds_of_shell(shell, surfaces.triangles()).dim().product();
+    let sizes: Vec<f64> = topology.shells.iter().map(size).collect();
+    (0..sizes.len()).rev().max_by(|&a, &b| sizes[a].total_cmp(&sizes[b])).unwrap_or_default()
+}
+
+/// Whether those that are turned against the first have nearly all of the area; `None`: neither has.
+fn by_area(shell: &Shell, against: &[bool], triangles: &[Triangle]) -> Option<bool> {
+    let area = |wanted: bool| -> f64 {
+        let those = shell.triangles.iter().filter(|&&i| against[i] == wanted);
+        those.map(|&i| triangles[i].normal().norm()).sum()
+    };
+    let (with, against) = (area(false), area(true));
+    let clearly = CLEARLY as f64;
+    match () {
+        () if with >= clearly * against => Some(false),
+        () if against >= clearly * with => Some(true),
+        () => None,
+    }
+}
+
+struct Judge<'a> {
+    surfaces: &'a Bvh,
+    against: &'a [bool],
+    step: f64,
+    looks: usize,
+}
+
+impl Judge<'_> {
+    /// What faces of a shell say that lie in `inner`: outside of it everything is outside.
+    fn verdict(&self, shell: &Shell, inner: &Bounds) -> Verdict {
+        let (mut right, mut wrong, mut alike) = (0, 0, 0);
+        let stride = shell.triangles.len().div_ceil(self.looks).max(1);
+        for &index in shell.triangles.iter().step_by(stride) {
+            let Some((front, back)) = self.sides(index, inner) else { continue };
+            match (front, back, self.against[index]) {
+                (true, true, _) => alike += 1,
+                (true, false, false) | (false, true, true) => right += 1,
+                (true, false, true) | (false, true, false) => wrong += 1,
+                (false, false, _) => {}
+            }
+        }
+        match () {
+            () if !shell.closed && alike > 2 * (right + wrong) => Verdict::Sheet,
+            () if right > 0 && right >= CLEARLY * wrong => Verdict::Right,
+            () if wrong > 0 && wrong >= CLEARLY * right => Verdict::Wrong,
+            () => Verdict::Unclear,
+        }
+    }
+
+    /// Whether it is free before and behind the middle of a triangle, as far as rays say that lead away from it: they do
+    /// not meet the triangle itself, and so tell a sheet from a wall.
+    fn sides(&self, index: usize, inner: &Bounds) -> Option<(bool, bool)> {
+        let triangle = self.surfaces.triangles()[index];
+        let middle = triangle.middle();
+        let normal = triangle.normal().try_normalize(0.0)?;
+        inner.contains(middle).then(|| (self.is_free_beyond(middle, normal), self.is_free_beyond(middle, -normal)))
+    }
+
+    fn is_free_beyond(&self, middle: Point3<f64>, normal: Vector3<f64>) -> bool {
+        let origin = middle + normal * self.step;
+        let odd = |direction: &[f64; 3]| {
+            let direction = Vector3::from(*direction);
+            let away = if direction.dot(&normal) < 0.0 { -direction } else { direction };
+            let mut count = 0;
+            self.surfaces.hits(&Ray::new(origin, away), |_| count += 1);
+            count % 2 == 1
+        };
+        2 * PROBES.iter().filter(|direction| odd(direction)).count() > PROBES.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenery::{SITES, Scenery, Solid};
+    use crate::triangle::bounds_of;
+
+    fn mended(triangles: &[Triangle]) -> Result<(Winding, Vec<Triangle>), Undecided> {
+        let extents = bounds_of(triangles.iter().flat_map(|t| &t.0));
+        let mut bvh = Bvh::new(triangles.to_vec());
+        let topology = Topology::of(bvh.triangles(), &extents);
+        let (winding, _) = mend(&mut bvh, &topology, &extents)?;
+        Ok((winding, bvh.triangles().to_vec()))
+    }
+
+    /// A room with a table, a box on it, and a beam that sticks out of it.
+    fn room() -> Vec<Triangle> {
+        let mut scenery = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0]));
+        scenery.block("table", [1.0, 1.0, 0.0], [2.0, 2.0, 0.8]);
+        scenery.block("box", [1.2, 1.2, 0.8], [1.6, 1.6, 1.1]);
+        scenery.block("beam", [-2.0, 0.5, 1.6], [5.5, 0.7, 1.8]);
+        scenery.triangles_at(Vector3::zeros())
+    }
+
+    fn turned(triangles: &[Triangle], which: impl Fn(usize) -> bool) -> Vec<Triangle> {
+        let turn = |(i, triangle): (usize, &Triangle)| {
+            let [a, b, c] = triangle.0;
+            if which(i) { Triangle([a, c, b]) } else { *triangle }
+        };
+        triangles.iter().enumerate().map(turn).collect()
+    }
+
+    #[test]
+    fn what_is_right_is_left_as_it_is() {
+        let mut worlds: Vec<_> = SITES.iter().map(|site| (site.name, (site.build)().triangles())).collect();
+        worlds.push(("room", room()));
+        for (name, triangles) in worlds {
+            let (winding, after) = mended(&triangles).unwrap();
+            assert_eq!((winding.turned, winding.inside_out, winding.sheets), (0, false, 0), "{name}");
+            assert_eq!(after, Bvh::new(triangles).triangles(), "{name}");
+        }
+    }
+
+    #[test]
+    fn worlds_turned_inside_out_solids_and_single_faces_are_mended() {
+        let right = Bvh::new(room()).triangles().to_vec();
+        type Which = fn(usize) -> bool;
+        let cases = [
+            ("all", (|_| true) as Which, 4),
+            ("the shell", |i| i < 12, 1),
+            ("all but the shell", |i| i >= 12, 3),
+            ("one face of the table", |i| i == 15, 1),
+            ("every third face", |i| i % 3 == 0, 4),
+        ];
+        for (name, which, shells) in cases {
+            let (winding, after) = mended(&turned(&room(), which)).unwrap();
+            let wrong: Vec<usize> = (0..right.len()).filter(|&i| after[i] != right[i]).collect();
+            assert!(wrong.is_empty(), "{name}: {wrong:?} {winding:?}");
+            assert_eq!(winding.turned, shells, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_sheet_is_told_from_a_wall() {
+        let mut triangles = room();
+        triangles.truncate(12);
+        let curtain =
+            [[[3.0, 0.5, 0.2], [3.0, 2.5, 0.2], [3.0, 2.5, 1.7]], [[3.0, 0.5, 0.2], [3.0, 2.5, 1.7], [3.0, 0.5, 1.7]]];
+        triangles.extend(curtain.map(|t| Triangle(t.map(Point3::from))));
+        let (winding, _) = mended(&triangles).unwrap();
+        assert_eq!((winding.shells, winding.sheets, winding.turned), (2, 1, 0));
+    }
+}

@@ -1,0 +1,292 @@
+//! The true world: surfaces from a file, and what is free between them.
+
+use std::path::{Path, PathBuf};
+
+use elk_outside::file;
+use elk_spatial::Bounds;
+use nalgebra::{Point3, Vector3};
+
+use crate::bvh::Bvh;
+use crate::placement::Placement;
+use crate::random::Random;
+use crate::ray::Ray;
+use crate::read::{self, Fault, Format, Place};
+use crate::topology::Topology;
+use crate::triangle::{Triangle, bounds_of};
+use crate::winding::{self, PROBES, Winding};
+
+/// The world that is built into the program.
+pub const CAR_INTERIOR: &str = "car-interior";
+
+const CAR_INTERIOR_OBJ: &str = include_str!("../../../mission-files/worlds/car.obj");
+
+/// The largest file that is read (bytes): some five million triangles, which take a gigabyte.
+pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
+
+/// Tries before a world counts as too narrow for a random start.
+const START_TRIES: u32 = 100_000;
+
+/// A world: a shell that looks inwards and solids in it that look outwards, so that every face is anticlockwise as seen from
+/// the free side. Solids may touch, overlap and stick out through the shell. Files whose faces are turned otherwise are
+/// mended as they are read.
+#[derive(Debug, Clone)]
+pub struct World {
+    surfaces: Bvh,
+    /// The surfaces that something is in; `None`: all of them. Sheets have free space on both sides.
+    bounding: Option<Bvh>,
+    extents: Bounds,
+    reading: Reading,
+}
+
+/// What was noticed while a world was read.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Reading {
+    /// The file's format.
+    pub format: Option<Format>,
+    /// Its faces.
+    pub polygons: usize,
+    /// Those of them that have no area; they are left out.
+    pub degenerate: usize,
+    /// Those whose outline crosses itself.
+    pub crossed: usize,
+    /// Where the first of these stands.
+    pub first_crossed: Option<Place>,
+    /// How its faces were turned.
+    pub winding: Winding,
+}
+
+/// Why a world cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum WorldError {
+    /// The file cannot be read.
+    #[error(
+        "cannot read the world {}: {source}; right is an OBJ, STL, PLY or glTF file, or `{CAR_INTERIOR}`", path.display()
+    )]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Something in the file is wrong, or it is of another format.
+    #[error("{name}{}: {}", .fault.place, .fault.what)]
+    Wrong {
+        /// The world.
+        name: String,
+        /// What is wrong, and where.
+        fault: Fault,
+    },
+    /// There is no surface.
+    #[error("the world {name} has no faces{}: export it with its faces", without_area(*.degenerate))]
+    Empty {
+        /// The world.
+        name: String,
+        /// Faces that were there and have no area.
+        degenerate: usize,
+    },
+    /// Scaled, its coordinates are beyond all numbers.
+    #[error("the world {name} has coordinates beyond all numbers (after Scale): {extents:?}")]
+    TooLarge {
+        /// The world.
+        name: String,
+        /// The box around it (m).
+        extents: Bounds,
+    },
+    /// Faces are turned against each other, and it cannot be told which are right.
+    #[error(
+        "the world {name} has faces that are turned against each other, for example at the edge from {} to {}, and which of \
+         them look to the free side cannot be told: make their normals consistent and export it again",
+        shown(&.edge[0]), shown(&.edge[1])
+    )]
+    Winding {
+        /// The world.
+        name: String,
+        /// An edge between two such faces (m, world).
+        edge: [Point3<f64>; 2],
+    },
+    /// There is no room for a robot.
+    #[error(
+        "found no place in the world that is {clearance} m from every surface: is it closed, and in metres (Scale)? `elk world \
+         info` says what is known of it. Else say where to start (Start)"
+    )]
+    NoFreePlace {
+        /// The clearance asked for (m).
+        clearance: f64,
+    },
+}
+
+fn without_area(degenerate: usize) -> String {
+    if degenerate == 0 { String::new() } else { format!(" but {degenerate} without area") }
+}
+
+fn shown(p: &Point3<f64>) -> String {
+    format!("({:.3}; {:.3}; {:.3})", p.x, p.y, p.z)
+}
+
+impl World {
+    /// The world in the file at `name`, or the built-in one if it is [`CAR_INTERIOR`].
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no world; why.
+    pub fn load(name: &str, placement: &Placement) -> Result<Self, WorldError> {
+        if name == CAR_INTERIOR {
+            return Self::from_bytes(name, CAR_INTERIOR_OBJ.as_bytes(), placement);
+        }
+        let read = file::read(Path::new(name), MAX_FILE_BYTES);
+        let bytes = read.map_err(|source| WorldError::Read { path: name.into(), source })?;
+        Self::from_bytes(name, &bytes, placement)
+    }
+
+    /// The world that the bytes of a file describe, whatever they are. `name` is for error messages; its ending counts where
+    /// the bytes do not tell the format, and a glTF file's buffers are looked for beside it.
+    ///
+    /// # Errors
+    /// It is no world; why.
+    pub fn from_bytes(name: &str, bytes: &[u8], placement: &Placement) -> Result<Self, WorldError> {
+        let folder = Path::new(name).parent().unwrap_or(Path::new(""));
+        let wrong = |fault| WorldError::Wrong { name: name.into(), fault };
+        let (format, mut soup) = read::read(name, bytes, folder).map_err(wrong)?;
+        for triangle in &mut soup.triangles {
+            triangle.0 = triangle.0.map(|corner| placement.place(corner, format.up()));
+        }
+        if soup.triangles.is_empty() {
+            return Err(WorldError::Empty { name: name.into(), degenerate: soup.degenerate });
+        }
+        let mut world = Self::from_triangles(name, soup.triangles)?;
+        world.reading = Reading {
+            format: Some(format),
+            polygons: soup.polygons,
+            degenerate: soup.degenerate,
+            crossed: soup.crossed,
+            first_crossed: soup.first_crossed,
+            winding: Winding::default(),
+        };
+        world.mend(name)?;
+        Ok(world)
+    }
+
+    /// The world between these triangles, turned as they are. `name` is for error messages.
+    ///
+    /// # Errors
+    /// There are none, or a corner is not a finite number.
+    pub fn from_triangles(name: &str, triangles: Vec<Triangle>) -> Result<Self, WorldError> {
+        if triangles.is_empty() {
+            return Err(WorldError::Empty { name: name.into(), degenerate: 0 });
+        }
+        let extents = bounds_of(triangles.iter().flat_map(|t| &t.0));
+        // The smallest and the largest pass over what is not a number.
+        let numbers = triangles.iter().flat_map(|t| &t.0).all(|p| p.iter().all(|c| c.is_finite()));
+        if !numbers || !extents.dim().norm_squared().is_finite() {
+            return Err(WorldError::TooLarge { name: name.into(), extents });
+        }
+        let reading = Reading { polygons: triangles.len(), ..Reading::default() };
+        Ok(Self { extents, surfaces: Bvh::new(triangles), bounding: None, reading })
+    }
+
+    /// Turns faces over that look the wrong way.
+    fn mend(&mut self, name: &str) -> Result<(), WorldError> {
+        let topology = Topology::of(self.surfaces.triangles(), &self.extents);
+        let mended = winding::mend(&mut self.surfaces, &topology, &self.extents);
+        let undecided = |undecided: winding::Undecided| WorldError::Winding { name: name.into(), edge: undecided.edge };
+        let (winding, is_sheet) = mended.map_err(undecided)?;
+        self.reading.winding = winding;
+        if winding.sheets > 0 {
+            let all = self.surfaces.triangles().iter().zip(&is_sheet);
+            let bounding: Vec<Triangle> =
+                all.filter(|(_, is_sheet)| !**is_sheet).map(|(triangle, _)| *triangle).collect();
+            self.bounding = (!bounding.is_empty()).then(|| Bvh::new(bounding));
+        }
+        Ok(())
+    }
+
+    /// The smallest axis-aligned box around everything.
+    pub fn extents(&self) -> Bounds {
+        self.extents
+    }
+
+    /// All surfaces.
+    pub fn surfaces(&self) -> &Bvh {
+        &self.surfaces
+    }
+
+    /// What was noticed while it was read.
+    pub fn reading(&self) -> &Reading {
+        &self.reading
+    }
+
+    /// How far from `origin` (m, world) along `direction` the first surface is, in lengths of `direction`; `None` if
+    /// there is none.
+    pub fn cast(&self, origin: Point3<f64>, direction: Vector3<f64>) -> Option<f64> {
+        self.surfaces.nearest(&Ray::new(origin, direction))
+    }
+
+    /// Whether `point` (m, world) is inside the shell and in no solid: whether its winding number is negative, by a
+    /// majority of directions, since a single ray may count an edge twice, or leave an open world.
+    pub fn is_free(&self, point: Point3<f64>) -> bool {
+        if !self.extents.contains(point) {
+            return false;
+        }
+        let votes = PROBES.iter().filter(|&&d| self.winding(point, d.into()) < 0);
+        2 * votes.count() > PROBES.len()
+    }
+
+    /// Surfaces left minus surfaces entered on the way from `point` to infinity: −1 for the shell around it, +1 for
+    /// each solid around it.
+    fn winding(&self, point: Point3<f64>, direction: Vector3<f64>) -> i32 {
+        let mut winding = 0;
+        let bounding = self.bounding.as_ref().unwrap_or(&self.surfaces);
+        bounding.hits(&Ray::new(point, direction), |hit| winding += if hit.front { -1 } else { 1 });
+        winding
+    }
+
+    /// Whether a ball of `radius` (m) on its straight way between two points (m, world) touches any surface.
+    pub fn touches(&self, from: Point3<f64>, to: Point3<f64>, radius: f64) -> bool {
+        self.surfaces.touches(from, to, radius)
+    }
+
+    /// A free place drawn evenly from all that are farther than `clearance` (m) from every surface.
+    ///
+    /// # Errors
+    /// None was found.
+    pub fn draw_place(&self, clearance: f64, random: &mut Random) -> Result<Point3<f64>, WorldError> {
+        let Bounds { min, max } = self.extents;
+        (0..START_TRIES)
+            .map(|_| Point3::from(std::array::from_fn(|i| random.between(min[i], max[i]))))
+            .find(|&p| !self.touches(p, p, clearance) && self.is_free(p))
+            .ok_or(WorldError::NoFreePlace { clearance })
+    }
+}
+
+impl Reading {
+    /// What whoever uses the world should know, a sentence each.
+    pub fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        let Winding { shells, turned, turned_faces, inside_out, .. } = self.winding;
+        if inside_out {
+            remarks.push(format!(
+                "its faces looked away from the free side ({turned} of {shells} shells, {turned_faces} triangles); they were \
+                 turned over"
+            ));
+        } else if turned > 0 {
+            remarks.push(format!(
+                "{turned_faces} triangles in {turned} of {shells} shells looked away from the free side; they were turned over"
+            ));
+        }
+        if self.crossed > 0 {
+            let first = self.first_crossed.as_ref().map(|place| format!(", the first{}", in_words(place)));
+            let first = first.unwrap_or_default();
+            remarks.push(format!(
+                "{} faces have outlines that cross themselves{first}: what is inside is a guess",
+                self.crossed
+            ));
+        }
+        remarks
+    }
+}
+
+fn in_words(place: &Place) -> String {
+    match place {
+        Place::Line(line) => format!(" in line {line}"),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,271 @@
+//! Files as people have them: the cases of public bug reports, each the world that it should be, or an error with its place.
+
+use std::path::PathBuf;
+
+use elk_world::inspection::inspect;
+use elk_world::openness::openness;
+use elk_world::triangle::Triangle;
+use elk_world::{CAR_INTERIOR, Placement, World, WorldError};
+use nalgebra::{Point3, Vector3};
+
+fn case(name: &str) -> String {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/cases/obj");
+    folder.join(format!("{name}.obj")).to_str().unwrap().to_owned()
+}
+
+fn load(name: &str) -> World {
+    World::load(&case(name), &Placement::default()).unwrap()
+}
+
+fn of(name: &str, bytes: impl AsRef<[u8]>) -> Result<World, WorldError> {
+    World::from_bytes(name, bytes.as_ref(), &Placement::default())
+}
+
+fn said(name: &str, bytes: impl AsRef<[u8]>) -> String {
+    of(name, bytes).unwrap_err().to_string()
+}
+
+fn area(world: &World) -> f64 {
+    let twice = |Triangle([a, b, c]): &Triangle| (b - a).cross(&(c - a)).norm();
+    world.surfaces().triangles().iter().map(twice).sum::<f64>() / 2.0
+}
+
+/// Case 1. Regression: the wall with the doorway became a fan, 69.3 m² in all, and the door was closed.
+#[test]
+fn a_doorway_in_a_concave_polygon_is_open() {
+    let (ngon, quads) = (load("rooms-ngon"), load("rooms-quads"));
+    assert!((area(&ngon) - 61.8).abs() < 1e-9 && (area(&quads) - 61.8).abs() < 1e-9);
+    let (from, along) = (Point3::new(1.0, 1.5, 1.0), Vector3::x());
+    assert_eq!(ngon.cast(from, along), Some(3.0), "through the door to the wall of the other room");
+    for x in 0..40 {
+        for y in 0..30 {
+            let from = Point3::new(f64::from(x) * 0.1 + 0.05, f64::from(y) * 0.1 + 0.05, 0.95);
+            assert_eq!(ngon.is_free(from), quads.is_free(from), "{from}");
+            for direction in [Vector3::new(1.0, 0.13, 0.21), Vector3::new(-1.0, 0.31, -0.17)] {
+                let [a, b] = [&ngon, &quads].map(|world| world.cast(from, direction).unwrap());
+                assert!((a - b).abs() < 1e-9, "{from}: {a} {b}");
+            }
+        }
+    }
+}
+
+/// Cases 8 to 11.
+#[test]
+fn all_ways_to_write_the_same_world_are_the_same_world() {
+    let base = load("rooms-quads");
+    for name in [
+        "bom-comment",
+        "bom-v",
+        "colours",
+        "continuation",
+        "cp1252",
+        "crlf-noeol",
+        "degenerate",
+        "faces-first",
+        "mtl-uv",
+        "negative",
+        "tabs",
+        "unused-nan",
+        "w",
+    ] {
+        let world = load(name);
+        assert_eq!(world.surfaces().triangles(), base.surfaces().triangles(), "{name}");
+    }
+    let text = std::fs::read_to_string(case("rooms-quads")).unwrap();
+    let utf_16: Vec<u8> = format!("\u{feff}# Grüße\n{text}").encode_utf16().flat_map(u16::to_le_bytes).collect();
+    for (name, bytes) in [("utf-16", utf_16), ("in the middle", text.replace("f 1 2", "\u{feff}f 1 2").into_bytes())] {
+        assert_eq!(of("w.obj", bytes).unwrap().surfaces().triangles(), base.surfaces().triangles(), "{name}");
+    }
+}
+
+#[test]
+fn worlds_that_cannot_be_used_say_why_and_where() {
+    let empty = World::load(&case("empty"), &Placement::default()).unwrap_err();
+    assert!(matches!(empty, WorldError::Empty { .. }), "{empty}");
+    assert!(said("w.obj", "").contains("no faces"));
+    assert!(said("w.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n").contains("no faces"));
+    assert!(said("w.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n").contains("no faces but 1 without area"));
+    assert!(
+        said("w.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+            .starts_with("w.obj:4: a face has the corner (0.0; 0.0; NaN)")
+    );
+    assert!(said("w.obj", "v 0 0 0\nv 1 0 0\nf 1 2 7\n").starts_with("w.obj:3: a face has the vertex 7"));
+    assert!(said("w.obj", "v 1e300 0 0\nv -1e300 0 0\nv 0 1e300 0\nf 1 2 3").contains("beyond all worlds"));
+    let missing = World::load("no/such/world.obj", &Placement::default()).unwrap_err().to_string();
+    assert!(missing.contains("no/such/world.obj") && missing.contains(CAR_INTERIOR), "{missing}");
+}
+
+#[test]
+fn files_of_other_kinds_are_told_by_what_is_in_them() {
+    for (bytes, what) in [
+        (&b"Kaydara FBX Binary  \0"[..], "an FBX file"),
+        (b"<?xml version=\"1.0\"?>\n<COLLADA xmlns", "a COLLADA file"),
+        (b"<Scenario name=\"x\">", "XML"),
+        (b"PK\x03\x04....", "a ZIP archive"),
+        (b"OFF\n8 6 0\n", "an OFF file"),
+        (b"\x1f\x8b\x08", "compressed (gzip)"),
+        (b"{\"a\": 1}", "this is JSON but no glTF"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", "a cloud of points"),
+    ] {
+        let said = said("world.obj", bytes);
+        assert!(said.contains(what) && said.starts_with("world.obj"), "{said}");
+    }
+    assert!(said("notes.txt", "hello").contains("right is an OBJ, STL, PLY or glTF"));
+}
+
+/// Bytes that are no text, indices that no vertex has, numbers that are none, files that are cut off.
+#[test]
+fn whatever_a_file_holds_is_a_world_or_an_error() {
+    let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    for wrong in [
+        "f 1 2 9",
+        "f -9 -8 -7",
+        "f 0 0 0",
+        "f",
+        "f 1",
+        "f 1 2",
+        "v 1 2",
+        "v nan 1e39 -inf\nf 1 2 4",
+        "f 99999999999999999999 1 2",
+        "f -9223372036854775808 1 2",
+    ] {
+        assert!(of("wrong.obj", format!("{vertices}{wrong}\n")).is_err(), "{wrong}");
+    }
+    let many: String = (1..40_000).map(|i| format!(" {}", i % 3 + 1)).collect();
+    assert!(said("many.obj", format!("{vertices}f{many}")).starts_with("many.obj:4: a face has 39999 corners"));
+    for name in ["bytes.obj", "bytes.stl", "bytes.ply", "bytes.glb"] {
+        assert!(of(name, [0xff; 1000]).is_err(), "{name}");
+    }
+}
+
+/// Case 5, the world's side, and a room without a ceiling.
+#[test]
+fn an_open_world_is_noticed_and_where_it_is_open() {
+    for closed in ["rooms-quads", "rooms-ngon", "shaft-lid", "fence", "far-500k"] {
+        let openness = openness(&load(closed));
+        assert!(!openness.is_open() && openness.places == 64, "{closed}: {openness:?}");
+        assert_eq!(openness.words(), None);
+    }
+    let car = World::load(CAR_INTERIOR, &Placement::default()).unwrap();
+    assert!(!openness(&car).is_open());
+    for (open, middle, size) in
+        [("shaft-open", [2.0, 1.5, 50.0], [4.0, 3.0, 0.0]), ("noceiling", [2.0, 1.5, 2.0], [4.0, 3.0, 0.0])]
+    {
+        let world = load(open);
+        let openness = openness(&world);
+        let hole = &openness.holes[0];
+        assert!(openness.escaping > 0.0 && hole.leads_out, "{open}: {openness:?}");
+        assert!(
+            (hole.middle - Point3::from(middle)).norm() < 1e-9 && hole.size == Vector3::from(size),
+            "{open}: {hole:?}"
+        );
+        assert!(openness.words().unwrap().contains("a hole of 4.00 × 3.00 × 0.00 m around (2.00; 1.50;"));
+        assert!(world.is_free(Point3::new(1.0, 1.0, 1.0)), "it can be used all the same");
+    }
+}
+
+/// A hole that random rays seldom find is looked through.
+#[test]
+fn a_small_hole_is_found() {
+    let text = std::fs::read_to_string(case("rooms-quads")).unwrap();
+    let hole =
+        text.replacen("f 1 2 3 4", "v 1 1 0\nv 1 1.01 0\nv 1.01 1.01 0\nv 1.01 1 0\nf 1 2 3 4 1 -4 -3 -2 -1 -4", 1);
+    let openness = openness(&of("w.obj", &hole).unwrap());
+    assert_eq!((openness.is_open(), openness.holes.len()), (true, 1), "{openness:?}");
+    assert!((openness.holes[0].middle - Point3::new(1.005, 1.005, 0.0)).norm() < 1e-6);
+}
+
+/// Faces that look the wrong way are turned over, and that is said.
+#[test]
+fn a_world_turned_inside_out_is_mended() {
+    let base = load("rooms-quads");
+    let text = std::fs::read_to_string(case("rooms-quads")).unwrap();
+    let reversed = |line: &str| {
+        let corners: Vec<&str> = line[2..].split(' ').rev().collect();
+        format!("f {}", corners.join(" "))
+    };
+    let turned = |which: &dyn Fn(usize) -> bool| {
+        let lines = text.lines().enumerate();
+        let lines: Vec<String> = lines
+            .map(|(i, line)| if line.starts_with("f ") && which(i) { reversed(line) } else { line.to_owned() })
+            .collect();
+        of("w.obj", lines.join("\n")).unwrap()
+    };
+    assert!(base.reading().remarks().is_empty());
+    for (name, which, inside_out) in [
+        ("all", &(|_| true) as &dyn Fn(usize) -> bool, true),
+        ("the floor", &|i| text.lines().nth(i) == Some("f 1 2 3 4"), false),
+        ("every other", &|i| i % 2 == 0, false),
+    ] {
+        let world = turned(which);
+        let remarks = world.reading().remarks();
+        assert_eq!(remarks.len(), 1, "{name}: {remarks:?}");
+        assert!(remarks[0].ends_with("they were turned over"), "{name}: {remarks:?}");
+        assert!(!inside_out || world.reading().winding.inside_out, "{name}");
+        for x in 0..40 {
+            for y in 0..30 {
+                let point = Point3::new(f64::from(x) * 0.1 + 0.05, f64::from(y) * 0.1 + 0.05, 1.0);
+                assert_eq!(world.is_free(point), base.is_free(point), "{name}: {point}");
+            }
+        }
+    }
+}
+
+/// Rooms that paper walls divide: one polygon without thickness, whose two sides are both free.
+#[test]
+fn a_wall_without_thickness_has_free_space_on_both_sides() {
+    let text = "v 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nv 0 0 2\nv 4 0 2\nv 4 3 2\nv 0 3 2\n\
+                f 1 2 3 4\nf 5 8 7 6\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n\
+                v 2 0 0\nv 2 3 0\nv 2 3 2\nv 2 0 2\nf 9 10 11 12\n";
+    let world = of("paper.obj", text).unwrap();
+    assert_eq!(world.reading().winding.sheets, 1);
+    for x in [0.2, 1.9, 1.99, 2.01, 2.1, 3.8] {
+        assert!(world.is_free(Point3::new(x, 1.4, 0.9)), "{x}");
+    }
+    assert_eq!(world.cast(Point3::new(1.0, 1.5, 1.0), Vector3::x()), Some(1.0));
+}
+
+#[test]
+fn units_and_axes_are_placed() {
+    let text = std::fs::read_to_string(case("rooms-quads")).unwrap();
+    let base = load("rooms-quads");
+    let drawn = |point: &dyn Fn([f64; 3]) -> [f64; 3]| {
+        let line = |line: &str| match line.strip_prefix("v ") {
+            Some(numbers) => {
+                let numbers: Vec<f64> = numbers.split(' ').map(|n| n.parse().unwrap()).collect();
+                let [x, y, z] = point([numbers[0], numbers[1], numbers[2]]);
+                format!("v {x} {y} {z}")
+            }
+            None => line.to_owned(),
+        };
+        text.lines().map(line).collect::<Vec<_>>().join("\n")
+    };
+    // Millimetres, y up: what exporters write by default.
+    let millimetres = drawn(&|[x, y, z]| [x * 1000.0, z * 1000.0, -y * 1000.0]);
+    let placed = World::from_bytes("mm.obj", millimetres.as_bytes(), &Placement::new(0.001, "y").unwrap()).unwrap();
+    assert!((placed.extents().min - base.extents().min).norm() < 1e-9);
+    assert!((placed.extents().max - base.extents().max).norm() < 1e-9);
+    assert!(placed.reading().remarks().is_empty(), "it was not mirrored");
+    let guess = inspect("mm.obj", &of("mm.obj", millimetres).unwrap());
+    assert_eq!(guess.unit.unwrap().name, "millimetres");
+}
+
+#[test]
+fn an_inspection_says_what_a_person_wants_to_know() {
+    let found = inspect("rooms", &load("rooms-ngon"));
+    assert_eq!((found.faces, found.closed, found.unit.unwrap().metres), (11, true, 1.0));
+    assert!((found.surface_m2 - 61.8).abs() < 1e-9);
+    assert!((found.free_volume_m3 - 23.1).abs() < 1.2, "{}", found.free_volume_m3);
+    assert_eq!(found.starts.len(), 2, "one in each room: {:?}", found.starts);
+    let world = load("rooms-ngon");
+    for start in &found.starts {
+        assert!(world.is_free(start.place) && start.clearance_m > 0.7, "{start:?}");
+        assert!(!world.touches(start.place, start.place, start.clearance_m * 0.99));
+    }
+    let words = found.to_string();
+    for word in ["4.00 × 3.00 × 2.00 m", "metres", "closed   yes", "61.80 m²", "<Start>"] {
+        assert!(words.contains(word), "{word}: {words}");
+    }
+    let open = inspect("open", &load("noceiling")).to_string();
+    assert!(open.contains("closed   no: ") && open.contains("a hole of"), "{open}");
+}

@@ -1,0 +1,67 @@
+//! What a mission needs and its file cannot show: executables that run, files that hold what they should, apps that agree.
+//!
+//! An [`AppType`](crate::AppType) may bring a look of its own at what it needs; of any other type it is seen that it can be
+//! built. So what passes here starts.
+
+use std::path::Path;
+
+use crate::exchange::executable;
+use crate::mission::{AppSpec, Mission, Program};
+use crate::params::Params;
+
+/// How an app type looks at what one of its apps needs, in the mission that it is part of. It starts and changes nothing.
+pub type Preflight = fn(&Params, &Mission) -> Findings;
+
+/// What a look came to.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Findings {
+    /// Why the app could not do its work; what was found and what would be right.
+    pub faults: Vec<String>,
+    /// What will probably not be as it was meant.
+    pub warnings: Vec<String>,
+}
+
+impl Findings {
+    /// One fault.
+    pub fn fault(what: impl ToString) -> Self {
+        Self { faults: vec![what.to_string()], warnings: Vec::new() }
+    }
+}
+
+/// Why a mission that is well said could not be run; a line each, `App: why`.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}", .faults.join("\n"))]
+pub struct NotReady {
+    /// In the order of the mission's apps.
+    pub faults: Vec<String>,
+}
+
+impl Mission {
+    /// Looks at everything that its apps need, before any of them is started; what is worth a word, a line each.
+    ///
+    /// # Errors
+    /// Everything that keeps it from running.
+    pub fn preflight(&self) -> Result<Vec<String>, NotReady> {
+        let (mut faults, mut warnings) = (Vec::new(), Vec::new());
+        for app in &self.apps {
+            let found = self.look_at(app);
+            let named = |what: String| format!("{}: {what}", app.name);
+            faults.extend(found.faults.into_iter().map(named));
+            warnings.extend(found.warnings.into_iter().map(named));
+        }
+        if faults.is_empty() { Ok(warnings) } else { Err(NotReady { faults }) }
+    }
+
+    fn look_at(&self, app: &AppSpec) -> Findings {
+        match &app.program {
+            Program::Builtin(app_type, params) => match app_type.preflight {
+                Some(look) => look(params, self),
+                None => (app_type.build)(params).map_or_else(Findings::fault, |_| Findings::default()),
+            },
+            Program::Foreign { exec, .. } => {
+                let said = exec.to_string_lossy();
+                executable(&said, Path::new("")).map_or_else(Findings::fault, |_| Findings::default())
+            }
+        }
+    }
+}
