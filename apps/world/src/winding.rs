@@ -4,11 +4,15 @@
 //! turned over by accident. What is free can be told without it, by parity: a ray from a free place to infinity meets an odd
 //! number of surfaces, one for the shell around it and two for each solid on its way. So a point is taken on both sides of
 //! some faces of each shell; if one side is free and the other is not, the face has to look to the free one.
+//!
+//! Other files have no shell around the free space: their walls are solids of their own, as in a model of a building. There
+//! an even number is free, and outside is free, too.
 
 use elk_spatial::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;
+use crate::random::Random;
 use crate::ray::Ray;
 use crate::topology::{Shell, Topology, bounds_of_shell};
 use crate::triangle::Triangle;
@@ -24,6 +28,8 @@ pub(crate) const PROBES: [[f64; 3]; 5] = [
 
 /// How far before and behind a face it is looked, as a share of the world's diagonal.
 const STEP: f64 = 1e-6;
+/// Stream of random places.
+const STREAM: u64 = 2;
 /// Faces that are looked at, for all shells together, and for each at least and at most.
 const LOOKS: usize = 4096;
 const LEAST_LOOKS: usize = 3;
@@ -42,6 +48,8 @@ pub struct Winding {
     pub turned_faces: usize,
     /// The shell around everything was turned the wrong way as a whole: the file has its inside out.
     pub inside_out: bool,
+    /// The surfaces are those of solids, walls among them, and what is in none of them is free, outside, too.
+    pub solids: bool,
     /// Shells that are sheets, with free space on both sides: nothing is in them.
     pub sheets: usize,
 }
@@ -65,7 +73,8 @@ enum Verdict {
     Unclear,
 }
 
-/// Turns faces so that they look to the free side, where the file does not have it so.
+/// Turns faces so that they look to the free side, where the file does not have it so. Besides what was done: which
+/// triangles are of sheets.
 ///
 /// # Errors
 /// A shell has faces turned against each other, and it cannot be told which are right.
@@ -74,16 +83,21 @@ pub(crate) fn mend(
     topology: &Topology,
     extents: &Bounds,
 ) -> Result<(Winding, Vec<bool>), Undecided> {
-    let looks = (LOOKS / topology.shells.len().max(1)).clamp(LEAST_LOOKS, MOST_LOOKS);
+    let judge = Judge::new(surfaces, topology, extents);
     let around = outermost(surfaces, topology);
-    let judge = Judge { surfaces, against: &topology.against, step: extents.dim().norm() * STEP, looks };
     let inner = topology.shells.get(around).map_or(*extents, |shell| bounds_of_shell(shell, surfaces.triangles()));
-    let verdicts: Vec<Verdict> = topology.shells.iter().map(|shell| judge.verdict(shell, &inner)).collect();
+    let mut verdicts = judge.verdicts(&inner, false);
+    let solids = verdicts.get(around) == Some(&Verdict::Wrong)
+        && most_are_wrong(&verdicts, around) != Some(false)
+        && judge.rooms_are_between_solids(extents);
+    if solids {
+        verdicts = judge.verdicts(extents, true);
+    }
     let inside_out = verdicts.get(around) == Some(&Verdict::Wrong);
     let others_wrong = most_are_wrong(&verdicts, around).unwrap_or(inside_out);
-    let mut winding = Winding { shells: topology.shells.len(), inside_out, ..Winding::default() };
+    let mut winding = Winding { shells: topology.shells.len(), inside_out, solids, ..Winding::default() };
     let mut is_sheet = vec![false; surfaces.triangles().len()];
-    for (shell, verdict) in topology.shells.iter().zip(&verdicts) {
+    for (i, (shell, verdict)) in topology.shells.iter().zip(&verdicts).enumerate() {
         if *verdict == Verdict::Sheet {
             winding.sheets += 1;
             shell.triangles.iter().for_each(|&i| is_sheet[i] = true);
@@ -92,6 +106,10 @@ pub(crate) fn mend(
         let turned_first = match (verdict, shell.conflict) {
             (Verdict::Wrong, _) => true,
             (Verdict::Unclear, None) => others_wrong,
+            (Verdict::Unclear, Some(_)) if shell.closed => {
+                let looks_outwards = volume(shell, &topology.against, surfaces.triangles()) > 0.0;
+                looks_outwards == (i == around && !solids)
+            }
             (Verdict::Unclear, Some(edge)) => {
                 by_area(shell, &topology.against, surfaces.triangles()).ok_or(Undecided { edge })?
             }
@@ -104,6 +122,17 @@ pub(crate) fn mend(
         turn.into_iter().for_each(|i| surfaces.turn(i));
     }
     Ok((winding, is_sheet))
+}
+
+/// The volume in a closed shell (m³) all of whose faces are turned as its first one; negative if they look inwards.
+fn volume(shell: &Shell, against: &[bool], triangles: &[Triangle]) -> f64 {
+    let origin = triangles[shell.triangles[0]].0[0];
+    let under = |i: &usize| {
+        let [a, b, c] = triangles[*i].0.map(|corner| corner - origin);
+        let volume = a.dot(&b.cross(&c)) / 6.0;
+        if against[*i] { -volume } else { volume }
+    };
+    shell.triangles.iter().map(under).sum()
 }
 
 /// Whether most shells but the one around everything are turned the wrong way; `None`: it is known of none. A file follows
@@ -139,19 +168,54 @@ fn by_area(shell: &Shell, against: &[bool], triangles: &[Triangle]) -> Option<bo
 
 struct Judge<'a> {
     surfaces: &'a Bvh,
-    against: &'a [bool],
+    topology: &'a Topology,
     step: f64,
     looks: usize,
 }
 
-impl Judge<'_> {
+impl<'a> Judge<'a> {
+    fn new(surfaces: &'a Bvh, topology: &'a Topology, extents: &Bounds) -> Self {
+        let looks = (LOOKS / topology.shells.len().max(1)).clamp(LEAST_LOOKS, MOST_LOOKS);
+        Self { surfaces, topology, step: extents.dim().norm() * STEP, looks }
+    }
+
+    fn verdicts(&self, inner: &Bounds, free_is_even: bool) -> Vec<Verdict> {
+        self.topology.shells.iter().map(|shell| self.verdict(shell, inner, free_is_even)).collect()
+    }
+
+    /// Whether the free space is that between the surfaces' solids: a house whose walls have an outside and an inside, or a
+    /// wall that is a box. Then more of the space that surfaces enclose is in none of the solids than in them.
+    fn rooms_are_between_solids(&self, extents: &Bounds) -> bool {
+        const PLACES: usize = 1000;
+        const ENCLOSED: usize = 6;
+        let mut random = Random::new(0, STREAM);
+        let (mut between, mut within) = (0, 0);
+        for _ in 0..PLACES {
+            let place = Point3::from(std::array::from_fn(|i| random.between(extents.min[i], extents.max[i])));
+            let counts = PROBES.map(Vector3::from).map(|d| [d, -d].map(|d| self.crossed(place, d)));
+            let odd = counts.iter().filter(|[there, _]| there % 2 == 1).count();
+            let met = counts.iter().flatten().filter(|count| **count > 0).count();
+            match 2 * odd > PROBES.len() {
+                true => within += 1,
+                false => between += usize::from(met >= ENCLOSED),
+            }
+        }
+        between > within
+    }
+
+    fn crossed(&self, origin: Point3<f64>, direction: Vector3<f64>) -> usize {
+        let mut count = 0;
+        self.surfaces.hits(&Ray::new(origin, direction), |_| count += 1);
+        count
+    }
+
     /// What faces of a shell say that lie in `inner`: outside of it everything is outside.
-    fn verdict(&self, shell: &Shell, inner: &Bounds) -> Verdict {
+    fn verdict(&self, shell: &Shell, inner: &Bounds, free_is_even: bool) -> Verdict {
         let (mut right, mut wrong, mut alike) = (0, 0, 0);
         let stride = shell.triangles.len().div_ceil(self.looks).max(1);
         for &index in shell.triangles.iter().step_by(stride) {
             let Some((front, back)) = self.sides(index, inner) else { continue };
-            match (front, back, self.against[index]) {
+            match (front != free_is_even, back != free_is_even, self.topology.against[index]) {
                 (true, true, _) => alike += 1,
                 (true, false, false) | (false, true, true) => right += 1,
                 (true, false, true) | (false, true, false) => wrong += 1,
@@ -166,23 +230,21 @@ impl Judge<'_> {
         }
     }
 
-    /// Whether it is free before and behind the middle of a triangle, as far as rays say that lead away from it: they do
-    /// not meet the triangle itself, and so tell a sheet from a wall.
+    /// Whether rays cross an odd number of surfaces that lead away from the middle of a triangle, before and behind it. They
+    /// do not meet the triangle itself, and so tell a sheet from a wall.
     fn sides(&self, index: usize, inner: &Bounds) -> Option<(bool, bool)> {
         let triangle = self.surfaces.triangles()[index];
         let middle = triangle.middle();
         let normal = triangle.normal().try_normalize(0.0)?;
-        inner.contains(middle).then(|| (self.is_free_beyond(middle, normal), self.is_free_beyond(middle, -normal)))
+        inner.contains(middle).then(|| (self.is_odd_beyond(middle, normal), self.is_odd_beyond(middle, -normal)))
     }
 
-    fn is_free_beyond(&self, middle: Point3<f64>, normal: Vector3<f64>) -> bool {
+    fn is_odd_beyond(&self, middle: Point3<f64>, normal: Vector3<f64>) -> bool {
         let origin = middle + normal * self.step;
         let odd = |direction: &[f64; 3]| {
             let direction = Vector3::from(*direction);
             let away = if direction.dot(&normal) < 0.0 { -direction } else { direction };
-            let mut count = 0;
-            self.surfaces.hits(&Ray::new(origin, away), |_| count += 1);
-            count % 2 == 1
+            self.crossed(origin, away) % 2 == 1
         };
         2 * PROBES.iter().filter(|direction| odd(direction)).count() > PROBES.len()
     }

@@ -196,7 +196,30 @@ impl World {
                 all.filter(|(_, is_sheet)| !**is_sheet).map(|(triangle, _)| *triangle).collect();
             self.bounding = (!bounding.is_empty()).then(|| Bvh::new(bounding));
         }
+        if winding.turned == 0 && !self.has_room() {
+            self.try_turned_over();
+        }
         Ok(())
+    }
+
+    /// Turns everything over if that makes free what was not: open ground says nothing by parity.
+    fn try_turned_over(&mut self) {
+        let count = self.surfaces.triangles().len();
+        (0..count).for_each(|i| self.surfaces.turn(i));
+        if self.bounding.is_none() && self.has_room() {
+            let Winding { turned, turned_faces, inside_out, shells, .. } = &mut self.reading.winding;
+            (*turned, *turned_faces, *inside_out) = (*shells, count, true);
+        } else {
+            (0..count).for_each(|i| self.surfaces.turn(i));
+        }
+    }
+
+    /// Whether any of many places is free.
+    fn has_room(&self) -> bool {
+        const PLACES: usize = 2000;
+        let mut random = Random::new(0, 0);
+        let Bounds { min, max } = self.extents;
+        (0..PLACES).any(|_| self.is_free(Point3::from(std::array::from_fn(|i| random.between(min[i], max[i])))))
     }
 
     /// The smallest axis-aligned box around everything.
@@ -221,12 +244,14 @@ impl World {
     }
 
     /// Whether `point` (m, world) is inside the shell and in no solid: whether its winding number is negative, by a
-    /// majority of directions, since a single ray may count an edge twice, or leave an open world.
+    /// majority of directions, since a single ray may count an edge twice, or leave an open world. Where walls are solids
+    /// and there is no shell, it is enough to be in no solid.
     pub fn is_free(&self, point: Point3<f64>) -> bool {
         if !self.extents.contains(point) {
             return false;
         }
-        let votes = PROBES.iter().filter(|&&d| self.winding(point, d.into()) < 0);
+        let outside = i32::from(self.reading.winding.solids);
+        let votes = PROBES.iter().filter(|&&d| self.winding(point, d.into()) < outside);
         2 * votes.count() > PROBES.len()
     }
 
@@ -271,6 +296,12 @@ impl Reading {
             remarks.push(format!(
                 "{turned_faces} triangles in {turned} of {shells} shells looked away from the free side; they were turned over"
             ));
+        }
+        if self.winding.solids {
+            remarks.push(
+                "its walls are solids, and there is no shell around them: all that is in none of them is free"
+                    .to_owned(),
+            );
         }
         if self.crossed > 0 {
             let first = self.first_crossed.as_ref().map(|place| format!(", the first{}", in_words(place)));

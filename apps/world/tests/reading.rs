@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use elk_world::inspection::inspect;
 use elk_world::openness::openness;
+use elk_world::scenery::Solid;
 use elk_world::triangle::Triangle;
 use elk_world::{CAR_INTERIOR, Placement, World, WorldError};
 use nalgebra::{Point3, Vector3};
@@ -268,4 +269,71 @@ fn an_inspection_says_what_a_person_wants_to_know() {
     }
     let open = inspect("open", &load("noceiling")).to_string();
     assert!(open.contains("closed   no: ") && open.contains("a hole of"), "{open}");
+}
+
+fn drawn(scenery: &[Solid]) -> String {
+    let mut text = String::new();
+    let mut first = 1;
+    for solid in scenery {
+        solid.vertices.iter().for_each(|p| text += &format!("v {} {} {}\n", p.x, p.y, p.z));
+        solid.faces.iter().for_each(|f| text += &format!("f {} {} {}\n", f[0] + first, f[1] + first, f[2] + first));
+        first += solid.vertices.len();
+    }
+    text
+}
+
+/// A building as architects' programs write it: walls, floor and ceiling are boxes, and nothing is around them.
+#[test]
+fn a_building_of_solid_walls_is_free_between_them() {
+    let walls = [
+        Solid::block("floor", [0.0, 0.0, -0.3], [8.0, 5.0, 0.0]),
+        Solid::block("ceiling", [0.0, 0.0, 2.5], [8.0, 5.0, 2.8]),
+        Solid::block("west", [0.0, 0.0, 0.0], [0.3, 5.0, 2.5]),
+        Solid::block("east", [7.7, 0.0, 0.0], [8.0, 5.0, 2.5]),
+        Solid::block("south", [0.3, 0.0, 0.0], [7.7, 0.3, 2.5]),
+        Solid::block("north", [0.3, 4.7, 0.0], [7.7, 5.0, 2.5]),
+        Solid::block("inner", [4.0, 0.3, 0.0], [4.2, 3.5, 2.5]),
+        Solid::block("table", [1.0, 1.0, 0.0], [2.0, 2.0, 0.8]),
+    ];
+    let house = [
+        Solid::block("outside", [0.0, 0.0, -0.3], [8.0, 5.0, 2.8]),
+        Solid::block("inside", [0.3, 0.3, 0.0], [7.7, 4.7, 2.5]).inside_out(),
+        Solid::block("inner", [4.0, 0.3, 0.0], [4.2, 3.5, 2.5]),
+        Solid::block("table", [1.0, 1.0, 0.0], [2.0, 2.0, 0.8]),
+    ];
+    for (name, text) in [("of boxes", drawn(&walls)), ("with an inside and an outside", drawn(&house))] {
+        let world = of("house.obj", text).unwrap();
+        assert!(world.reading().winding.solids && world.reading().winding.turned == 0, "{name}: {:?}", world.reading());
+        for (place, is_free) in [
+            ([2.0, 3.0, 1.0], true),
+            ([6.0, 2.0, 2.0], true),
+            ([1.5, 1.5, 0.4], false),
+            ([4.1, 1.0, 1.0], false),
+            ([0.15, 2.0, 1.0], false),
+            ([5.0, 2.0, 2.6], false),
+        ] {
+            assert_eq!(world.is_free(place.into()), is_free, "{name}: {place:?}");
+        }
+        let found = inspect("house", &world);
+        assert!(found.closed && found.starts[0].clearance_m > 1.0, "{name}: {found}");
+    }
+}
+
+/// Ground under the open sky, turned either way.
+#[test]
+fn open_ground_is_free_above() {
+    for face in ["f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n", "f 2 1 5\nf 3 2 5\nf 4 3 5\nf 1 4 5\n"] {
+        let text = format!("v -50 -50 3\nv 50 -50 3\nv 50 50 3\nv -50 50 3\nv 0 0 0\n{face}");
+        let world = of("ground.obj", text).unwrap();
+        assert!(world.is_free(Point3::new(3.0, 2.0, 1.0)) && !world.is_free(Point3::new(40.0, 2.0, 1.0)), "{face}");
+        assert_eq!(world.reading().remarks().len(), usize::from(face.starts_with("f 2 1")), "{face}");
+        assert!(openness(&world).is_open());
+    }
+}
+
+/// Two faces under the open sky, one turned over: nothing says which is right.
+#[test]
+fn faces_turned_against_each_other_are_refused_where_nothing_decides() {
+    let said = said("ground.obj", "v 0 0 0\nv 9 0 0\nv 9 9 0\nv 0 9 0\nv 18 0 1\nv 18 9 1\nf 1 2 3 4\nf 2 3 6 5\n");
+    assert!(said.contains("turned against each other, for example at the edge from (9.000;"), "{said}");
 }
