@@ -134,7 +134,8 @@ pub const fn fnv1a_on(mut hash: u64, bytes: &[u8]) -> u64 {
 macro_rules! payload {
     ($($(#[$meta:meta])* pub struct $name:ident $(checked by $check:path)? { $($(#[$field_meta:meta])* pub $field:ident : $ty:ty),* $(,)? })+) => {$(
         $(#[$meta])*
-        #[derive(::serde::Serialize, ::serde::Deserialize)]
+        #[derive($crate::serde::Serialize, $crate::serde::Deserialize)]
+        #[serde(crate = "::elk_bus::serde")]
         pub struct $name { $($(#[$field_meta])* pub $field: $ty),* }
 
         impl $crate::Payload for $name {
