@@ -13,7 +13,7 @@ use crate::scope::ScopeCommand;
 
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
-#[command(name = "elk", version, arg_required_else_help = true)]
+#[command(name = "elk", version, long_version = elk_launcher::VERSION, arg_required_else_help = true)]
 #[command(after_help = "Example: elk launch mission-files/apartment.xml")]
 pub struct Cli {
     /// What to do.
@@ -25,7 +25,11 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run a mission: start its broker and apps, watch over them, sum up
-    #[command(after_help = "Example: elk launch mission-files/apartment.xml --set Explorer.type=ClosestFrontier")]
+    #[command(
+        after_help = "Example: elk launch mission-files/apartment.xml --set Explorer.type=ClosestFrontier\n         \
+                            elk launch mission-files/apartment.xml --set Explorer.exec=./target/release/mine\n         \
+                            elk launch logs/apartment-20261123-224512"
+    )]
     Launch(LaunchArgs),
     /// Pick up a mission that was launched with --detach and whose launcher is gone
     #[command(after_help = "Example: elk attach --community lab")]
@@ -128,9 +132,10 @@ pub struct BrokerArgs {
 /// Which mission, and what to change in it.
 #[derive(Debug, Args)]
 pub struct MissionArgs {
-    /// The mission file
+    /// The mission file, or the folder of a run that is to be had again
     pub mission: PathBuf,
-    /// Say a parameter here instead of in the file; `type` exchanges the app's type; files from the working directory
+    /// Say a parameter here instead of in the file; `type` exchanges the app's type, `exec` (and `args`) puts another
+    /// program in its place; files from the working directory
     #[arg(long = "set", value_name = "APP.PARAM=VALUE")]
     pub sets: Vec<Override>,
 }

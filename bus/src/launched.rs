@@ -88,14 +88,7 @@ pub enum OptionError {
 impl RunOptions {
     /// An app of this name in this community, without parameters.
     pub fn new(name: impl Into<String>, community: Community) -> Self {
-        Self {
-            name: name.into(),
-            community,
-            lease_secs: 0.0,
-            succeeds: false,
-            params: Vec::new(),
-            args: Vec::new(),
-        }
+        Self { name: name.into(), community, lease_secs: 0.0, succeeds: false, params: Vec::new(), args: Vec::new() }
     }
 
     /// What a launcher has handed over to this process (see the [module](self)), whether that was `elk launch`, `elk swap`,

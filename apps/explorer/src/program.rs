@@ -1,5 +1,6 @@
 //! A program that is an explorer: one strategy, and a `main` that is a line.
 
+use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -36,10 +37,10 @@ fn run<S: Strategy + 'static>(own: &[ParamSpec], make: impl FnOnce(&Params) -> S
     let options = RunOptions::from_launcher()?;
     let table = table(own)?;
     if options.args.iter().any(|one| one == "--help" || one == "-h") {
-        print!(
-            "{who}, as an app of a mission or by hand: ELK_COMMUNITY=elk PROGRAM Param=Value …\n{}",
-            describe_params(table)
-        );
+        let usage = "as an app of a mission, or by hand: ELK_COMMUNITY=elk PROGRAM Param=Value …";
+        let help = format!("{who}, {usage}\n{}", describe_params(table));
+        // A reader that has gone is no failure.
+        let _ = std::io::stdout().write_all(help.as_bytes());
         return Ok(());
     }
     if let Some(odd) = options.args.first() {

@@ -10,6 +10,7 @@
 //! | `observer`, `steps` | what the mission says of itself there; where the time of a step goes |
 //! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
 //! | `launch_state` | what another launcher has to know to pick the mission up |
+//! | `provenance` | what a run was made of, so that it can be had again |
 //! | `progress`, `summary`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, where it is kept |
 
 mod conduct;
@@ -26,6 +27,7 @@ mod picture;
 mod process;
 mod processes;
 mod progress;
+mod provenance;
 mod run_folder;
 mod run_place;
 mod steps;
@@ -47,6 +49,7 @@ use elk_outside::text;
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
 pub use guard::guard;
+pub use provenance::{REVISION, RerunError, VERSION, mission_of_run};
 pub use steps::{Spread, StepTimes};
 pub use summary::Summary;
 
@@ -114,7 +117,7 @@ pub struct Outcome {
 }
 
 /// Runs a mission: starts everyone, waits until exploration is over, stops everyone, sums up. The run's folder then holds
-/// the mission file, the log, the map, the picture, the summary, and a text log of each app.
+/// the mission file, the mission as it ran, the log, the map, the picture, the summary, and a text log of each app.
 ///
 /// # Errors
 /// The run could not even begin. What goes wrong later is in the [`Outcome`].
