@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand};
 use elk_bus::Community;
 use elk_mission::Override;
 
+use crate::compare::CompareArgs;
 use crate::control;
 use crate::log::LogCommand;
 use crate::replay::ReplayArgs;
@@ -59,6 +60,11 @@ pub enum Command {
     /// Check a mission file and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(MissionArgs),
+    /// Run strategies against each other in one mission, over seeds: a table with mean and spread, and a CSV file
+    #[command(after_help = "Example: elk compare Potential ClosestFrontier ./target/release/mine --seeds 1..10 -j 2 \
+                            mission-files/apartment.xml\n\nA run that fails is a row that says why. Ends with 1 if a run is \
+                            not complete.")]
+    Compare(CompareArgs),
     /// List the app types with their parameters, units, defaults and meaning
     #[command(after_help = "Example: elk types Explorer")]
     Types {

@@ -4,6 +4,7 @@
 
 mod cli;
 mod commands;
+mod compare;
 mod control;
 mod log;
 mod registry;
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         Command::Resume(arguments) => control::motion(&arguments.community, &Request::Resume),
         Command::Step(arguments) => control::motion(&arguments.community, &Request::Step),
         Command::Check(arguments) => commands::check(&arguments),
+        Command::Compare(arguments) => compare::compare(&arguments),
         Command::Types { element } => commands::types(element.as_deref()),
         Command::Db(arguments) => commands::db(arguments),
         Command::Sensor(app) => commands::app("Sensor", app),
