@@ -9,12 +9,17 @@ use elk_mission::Override;
 use crate::compare::CompareArgs;
 use crate::control;
 use crate::log::LogCommand;
+use crate::new::NewArgs;
 use crate::replay::ReplayArgs;
 use crate::scope::ScopeCommand;
 
+/// The git revision that this was built from; `-changed` behind it: and from changes that no revision has.
+pub const REVISION: &str = env!("ELK_REVISION");
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("ELK_REVISION"), ")");
+
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
-#[command(name = "elk", version, long_version = elk_launcher::VERSION, arg_required_else_help = true)]
+#[command(name = "elk", version, long_version = VERSION, arg_required_else_help = true)]
 #[command(after_help = "Example: elk launch mission-files/apartment.xml")]
 pub struct Cli {
     /// What to do.
@@ -65,6 +70,9 @@ pub enum Command {
                             mission-files/apartment.xml\n\nA run that fails is a row that says why. Ends with 1 if a run is \
                             not complete.")]
     Compare(CompareArgs),
+    /// Make a crate of your own that builds, runs and is tested: an app, or an explorer
+    #[command(after_help = "Example: elk new explorer mine --path ../mine")]
+    New(NewArgs),
     /// List the app types with their parameters, units, defaults and meaning
     #[command(after_help = "Example: elk types Explorer")]
     Types {

@@ -10,7 +10,7 @@ use elk_launcher::{AttachOptions, LaunchOptions, Outcome, mission_of_run};
 use elk_mission::{AppType, Mission, Override, Registry, describe, instead};
 use elk_outside::text;
 
-use crate::cli::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs};
+use crate::cli::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs, REVISION};
 use crate::registry::registry;
 
 /// `elk launch`
@@ -18,6 +18,7 @@ pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
     let mission = load(&arguments.mission.mission, &arguments.mission.sets)?;
     let options = LaunchOptions {
         program: itself()?,
+        revision: REVISION.to_owned(),
         community: arguments.community.community,
         log_dir: arguments.log_dir,
         headless: arguments.headless,
@@ -76,7 +77,7 @@ pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
 /// The mission of a file, or of a run's folder.
 pub fn load(mission: &Path, sets: &[Override]) -> Result<Mission> {
     match mission.is_dir() {
-        true => Ok(mission_of_run(mission, &registry(), sets)?),
+        true => Ok(mission_of_run(mission, &registry(), sets, REVISION)?),
         false => Ok(Mission::load(mission, &registry(), sets)?),
     }
 }

@@ -7,6 +7,7 @@ mod commands;
 mod compare;
 mod control;
 mod log;
+mod new;
 mod registry;
 mod replay;
 mod scope;
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
         Command::Step(arguments) => control::motion(&arguments.community, &Request::Step),
         Command::Check(arguments) => commands::check(&arguments),
         Command::Compare(arguments) => compare::compare(&arguments),
+        Command::New(arguments) => new::new(&arguments),
         Command::Types { element } => commands::types(element.as_deref()),
         Command::Db(arguments) => commands::db(arguments),
         Command::Sensor(app) => commands::app("Sensor", app),

@@ -136,7 +136,7 @@ impl Running {
         let said = file::read(&self.place.join("said.txt"), LONGEST).ok()?;
         let said = String::from_utf8_lossy(&said).into_owned();
         let lines = || said.lines().map(str::trim).filter(|line| !line.is_empty());
-        lines().find(|line| line.starts_with("elk: ")).or(lines().last()).map(|line| line.replacen("elk: ", "", 1))
+        lines().find(|line| line.starts_with("elk: ")).or(lines().next_back()).map(|line| line.replacen("elk: ", "", 1))
     }
 }
 

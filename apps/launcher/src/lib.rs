@@ -49,7 +49,7 @@ use elk_outside::text;
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
 pub use guard::guard;
-pub use provenance::{REVISION, RerunError, VERSION, mission_of_run};
+pub use provenance::{RerunError, mission_of_run};
 pub use steps::{Spread, StepTimes};
 pub use summary::Summary;
 
@@ -72,6 +72,8 @@ pub(crate) const NAME: &str = "launcher";
 pub struct LaunchOptions {
     /// The program whose commands `db`, `sensor`, …, `picture` and `guard` are run: elk itself.
     pub program: PathBuf,
+    /// The git revision that it was built from, for the record.
+    pub revision: String,
     /// The community to start.
     pub community: Community,
     /// Where the run's folder is made.
@@ -128,7 +130,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let folder = run_folder::create(&options.log_dir, &mission.file, now)?;
     let manual = mission.mode == Mode::Manual && !options.auto;
     let place = RunPlace::new(&mission, &folder, manual);
-    place.keep(&mission)?;
+    place.keep(&mission, &options.revision)?;
     mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
     mission.apps.iter().try_for_each(run_place::check_files)?;
     put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));

@@ -12,12 +12,6 @@ use crate::error::LaunchError;
 use crate::run_folder::{copy_name, effective_name};
 use crate::summary;
 
-/// The revision of the sources that this program was built from; `-changed` behind it: and of changes that no revision has.
-pub const REVISION: &str = env!("ELK_REVISION");
-
-/// Version and revision, for people.
-pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("ELK_REVISION"), ")");
-
 /// The file in the run's folder.
 pub(crate) const RUN: &str = "run.json";
 /// The longest that is read (bytes).
@@ -28,7 +22,7 @@ const LONGEST: u64 = 1 << 20;
 pub(crate) struct Provenance {
     /// Version of elk.
     version: String,
-    /// See [`REVISION`].
+    /// The git revision that elk was built from.
     revision: String,
     /// The run's seed.
     seed: Option<i64>,
@@ -87,10 +81,10 @@ pub enum RerunError {
 
 impl Provenance {
     /// That of a mission as it is about to run.
-    fn of(mission: &Mission) -> Self {
+    fn of(mission: &Mission, revision: &str) -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            revision: REVISION.to_owned(),
+            revision: revision.to_owned(),
             seed: summary::seed(mission),
             mission: copy_name(&mission.file),
             effective_mission: effective_name(&mission.file),
@@ -112,8 +106,8 @@ impl Provenance {
 
     /// Sees that everything is what it was, but for what is said anew: another world makes another run, and another program
     /// perhaps one.
-    fn check(&self, anew: &[Override]) -> Result<(), RerunError> {
-        if (self.version.as_str(), self.revision.as_str()) != (env!("CARGO_PKG_VERSION"), REVISION) {
+    fn check(&self, anew: &[Override], built: &str) -> Result<(), RerunError> {
+        if (self.version.as_str(), self.revision.as_str()) != (env!("CARGO_PKG_VERSION"), built) {
             let (version, revision) = (&self.version, &self.revision);
             tell(format_args!(
                 "this run was made by elk {version} ({revision}), this is another: it may go another way"
@@ -173,8 +167,8 @@ fn checksum(file: &Path) -> String {
 }
 
 /// Puts down in a run's folder what the run is made of.
-pub(crate) fn keep(mission: &Mission, folder: &Path) -> Result<(), LaunchError> {
-    let provenance = Provenance::of(mission);
+pub(crate) fn keep(mission: &Mission, folder: &Path, revision: &str) -> Result<(), LaunchError> {
+    let provenance = Provenance::of(mission, revision);
     let json = serde_json::to_string_pretty(&provenance).unwrap_or_default() + "\n";
     let effective = mission.to_xml(&|app, param| is_of_run(app, param));
     for (name, text) in [(provenance.effective_mission.as_str(), effective), (RUN, json)] {
@@ -193,13 +187,19 @@ fn is_of_run(app: &AppSpec, param: &str) -> bool {
     }
 }
 
-/// The mission of a run, from the run's folder, changed by `overrides`.
+/// The mission of a run, from the run's folder, changed by `overrides`. That `revision`, which this program was built from,
+/// is not the run's is said.
 ///
 /// # Errors
 /// It is no run's folder, its files are not what they were, or its mission is wrong.
-pub fn mission_of_run(folder: &Path, registry: &Registry, overrides: &[Override]) -> Result<Mission, RerunError> {
+pub fn mission_of_run(
+    folder: &Path,
+    registry: &Registry,
+    overrides: &[Override],
+    revision: &str,
+) -> Result<Mission, RerunError> {
     let provenance = Provenance::read(folder)?;
-    provenance.check(overrides)?;
+    provenance.check(overrides, revision)?;
     let mut mission = Mission::load(&folder.join(&provenance.effective_mission), registry, overrides)?;
     // The next run is called after it, and keeps it.
     mission.file = folder.join(&provenance.mission);
@@ -217,11 +217,11 @@ mod tests {
             assert!(!is_file_name(odd), "{odd}");
         }
         let folder = tempfile::tempdir().unwrap();
-        let error = mission_of_run(folder.path(), &Registry::default(), &[]).unwrap_err().to_string();
+        let error = mission_of_run(folder.path(), &Registry::default(), &[], "").unwrap_err().to_string();
         assert!(error.contains("run.json is no run's folder: No such file"), "{error}");
         let odd = r#"{"version":"1","revision":"","seed":1,"mission":"../x","effective_mission":"y","files":[]}"#;
         std::fs::write(folder.path().join(RUN), odd).unwrap();
-        let error = mission_of_run(folder.path(), &Registry::default(), &[]).unwrap_err().to_string();
+        let error = mission_of_run(folder.path(), &Registry::default(), &[], "").unwrap_err().to_string();
         assert!(error.contains("\"../x\" is no name of a file in it"), "{error}");
     }
 }

@@ -36,11 +36,11 @@ impl RunPlace {
     }
 
     /// Keeps the mission file, and what else the run is made of.
-    pub fn keep(&self, mission: &Mission) -> Result<(), LaunchError> {
+    pub fn keep(&self, mission: &Mission, revision: &str) -> Result<(), LaunchError> {
         let failed = |source| LaunchError::File { file: self.mission_copy.clone(), source };
         std::fs::copy(&mission.file, &self.mission_copy).map(|_| ()).map_err(failed)?;
         let mode = if self.manual { Mode::Manual } else { Mode::Auto };
-        provenance::keep(&Mission { mode, ..mission.clone() }, &self.folder)
+        provenance::keep(&Mission { mode, ..mission.clone() }, &self.folder, revision)
     }
 
     /// Tells an app where the run is kept.

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-/// What is built, from this crate's folder.
-const SOURCES: [&str; 4] = ["../../apps", "../../bus", "../../Cargo.toml", "../../Cargo.lock"];
+/// What is built.
+const SOURCES: [&str; 4] = ["apps", "bus", "Cargo.toml", "Cargo.lock"];
 
 fn main() {
     println!("cargo:rustc-env=ELK_REVISION={}", revision().unwrap_or_else(|| "unknown".to_owned()));
@@ -18,7 +18,7 @@ fn main() {
 /// The revision of a checkout; `None`: these sources are none, whatever repository they may lie in.
 fn revision() -> Option<String> {
     let top = git(&["rev-parse", "--show-toplevel"])?;
-    if Path::new(&top).canonicalize().ok()? != Path::new("../..").canonicalize().ok()? {
+    if Path::new(&top).canonicalize().ok()? != Path::new(".").canonicalize().ok()? {
         return None;
     }
     let revision = git(&["rev-parse", "HEAD"])?;
