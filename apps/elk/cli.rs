@@ -6,15 +6,21 @@ use clap::{Args, Parser, Subcommand};
 use elk_bus::Community;
 use elk_mission::Override;
 
+use crate::compare::CompareArgs;
 use crate::control;
 use crate::log::LogCommand;
+use crate::new::NewArgs;
 use crate::replay::ReplayArgs;
 use crate::scope::ScopeCommand;
 use crate::world::WorldCommand;
 
+/// The git revision that this was built from; `-changed` behind it: and from changes that no revision has.
+pub const REVISION: &str = env!("ELK_REVISION");
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("ELK_REVISION"), ")");
+
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
-#[command(name = "elk", version, arg_required_else_help = true)]
+#[command(name = "elk", version, long_version = VERSION, arg_required_else_help = true)]
 #[command(after_help = "Example: elk launch mission-files/apartment.xml")]
 pub struct Cli {
     /// What to do.
@@ -26,7 +32,11 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run a mission: start its broker and apps, watch over them, sum up
-    #[command(after_help = "Example: elk launch mission-files/apartment.xml --set Explorer.type=ClosestFrontier")]
+    #[command(
+        after_help = "Example: elk launch mission-files/apartment.xml --set Explorer.type=ClosestFrontier\n         \
+                            elk launch mission-files/apartment.xml --set Explorer.exec=./target/release/mine\n         \
+                            elk launch logs/apartment-20261123-224512"
+    )]
     Launch(LaunchArgs),
     /// Pick up a mission that was launched with --detach and whose launcher is gone
     #[command(after_help = "Example: elk attach --community lab")]
@@ -56,6 +66,14 @@ pub enum Command {
     /// Check a mission file, its world, its start and its executables, and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(MissionArgs),
+    /// Run strategies against each other in one mission, over seeds: a table with mean and spread, and a CSV file
+    #[command(after_help = "Example: elk compare Potential ClosestFrontier ./target/release/mine --seeds 1..10 -j 2 \
+                            mission-files/apartment.xml\n\nA run that fails is a row that says why. Ends with 1 if a run is \
+                            not complete.")]
+    Compare(CompareArgs),
+    /// Make a crate of your own that builds, runs and is tested: an app, or an explorer
+    #[command(after_help = "Example: elk new explorer mine --path ../mine")]
+    New(NewArgs),
     /// List the app types with their parameters, units, defaults and meaning
     #[command(after_help = "Example: elk types Explorer")]
     Types {
@@ -137,9 +155,10 @@ pub struct BrokerArgs {
 /// Which mission, and what to change in it.
 #[derive(Debug, Args)]
 pub struct MissionArgs {
-    /// The mission file
+    /// The mission file, or the folder of a run that is to be had again
     pub mission: PathBuf,
-    /// Say a parameter here instead of in the file; `type` exchanges the app's type; files from the working directory
+    /// Say a parameter here instead of in the file; `type` exchanges the app's type, `exec` (and `args`) puts another
+    /// program in its place; files from the working directory
     #[arg(long = "set", value_name = "APP.PARAM=VALUE")]
     pub sets: Vec<Override>,
 }

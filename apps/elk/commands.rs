@@ -6,18 +6,19 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::{BrokerConfig, Clock, RunOptions, run_app, serve_broker};
-use elk_launcher::{AttachOptions, LaunchOptions, Outcome};
-use elk_mission::{AppType, Mission, Registry, describe, instead};
+use elk_launcher::{AttachOptions, LaunchOptions, Outcome, mission_of_run};
+use elk_mission::{AppType, Mission, Override, Registry, describe, instead};
 use elk_outside::text;
 
-use crate::cli::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs};
+use crate::cli::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs, REVISION};
 use crate::registry::registry;
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
-    let mission = load(&arguments.mission)?;
+    let mission = load(&arguments.mission.mission, &arguments.mission.sets)?;
     let options = LaunchOptions {
         program: itself()?,
+        revision: REVISION.to_owned(),
         community: arguments.community.community,
         log_dir: arguments.log_dir,
         headless: arguments.headless,
@@ -64,7 +65,7 @@ fn report(outcome: &Outcome) -> Result<()> {
 
 /// `elk check`
 pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
-    let mission = load(arguments)?;
+    let mission = load(&arguments.mission, &arguments.sets)?;
     let warnings = mission.preflight()?;
     let mut text = format!("{}: {} is right\n", arguments.mission.display(), mission.name);
     for app in &mission.apps {
@@ -77,8 +78,12 @@ pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn load(arguments: &MissionArgs) -> Result<Mission> {
-    Ok(Mission::load(&arguments.mission, &registry(), &arguments.sets)?)
+/// The mission of a file, or of a run's folder.
+pub fn load(mission: &Path, sets: &[Override]) -> Result<Mission> {
+    match mission.is_dir() {
+        true => Ok(mission_of_run(mission, &registry(), sets, REVISION)?),
+        false => Ok(Mission::load(mission, &registry(), sets)?),
+    }
 }
 
 /// `elk types`

@@ -283,7 +283,8 @@ fn info_json(index: &Index) -> Result<String> {
             "count": topic.count,
         })
     };
-    let Metadata { mission_name, version, seed, started, world, world_checksum, .. } = &index.metadata;
+    let Metadata { mission_name, version, seed, started, world, world_checksum, effective_mission, run, .. } =
+        &index.metadata;
     let span = index.span();
     let info = json!({
         "files": index.files().collect::<Vec<_>>(),
@@ -301,6 +302,8 @@ fn info_json(index: &Index) -> Result<String> {
         "started": started,
         "world": world,
         "world_checksum": world_checksum,
+        "effective_mission": effective_mission,
+        "run": serde_json::from_str::<Json>(run).unwrap_or_default(),
     });
     Ok(text::printable_json(&serde_json::to_string_pretty(&info)?).into_owned() + "\n")
 }

@@ -4,8 +4,10 @@
 
 mod cli;
 mod commands;
+mod compare;
 mod control;
 mod log;
+mod new;
 mod registry;
 mod replay;
 mod scope;
@@ -32,6 +34,8 @@ fn main() -> ExitCode {
         Command::Resume(arguments) => control::motion(&arguments.community, &Request::Resume),
         Command::Step(arguments) => control::motion(&arguments.community, &Request::Step),
         Command::Check(arguments) => commands::check(&arguments),
+        Command::Compare(arguments) => compare::compare(&arguments),
+        Command::New(arguments) => new::new(&arguments),
         Command::Types { element } => commands::types(element.as_deref()),
         Command::Db(arguments) => commands::db(arguments),
         Command::Sensor(app) => commands::app("Sensor", app),

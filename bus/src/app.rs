@@ -18,7 +18,7 @@ pub type AppError = Box<dyn std::error::Error + Send + Sync>;
 /// An app: what it does when it starts, with each message, and at its tick.
 ///
 /// ```no_run
-/// use elk_bus::{App, AppError, Comms, Community, Mail, RunOptions, run_app};
+/// use elk_bus::{App, AppError, Comms, Failure, Mail, RunOptions, run_app};
 ///
 /// /// Says hello to everyone who says who they are.
 /// struct Hello;
@@ -33,8 +33,8 @@ pub type AppError = Box<dyn std::error::Error + Send + Sync>;
 ///     }
 /// }
 ///
-/// fn main() -> Result<(), Box<dyn std::error::Error>> {
-///     Ok(run_app(Box::new(Hello), &RunOptions::new("hello", Community::new("demo")?))?)
+/// fn main() -> Result<(), Failure> {
+///     Ok(run_app(Box::new(Hello), &RunOptions::from_launcher()?)?)
 /// }
 /// ```
 pub trait App: Send {

@@ -1,6 +1,7 @@
 //! Typed keys: what a key's binary value is, checked by the compiler on both ends.
 
 use std::borrow::Cow;
+use std::io::{BufRead, BufReader};
 use std::marker::PhantomData;
 
 use serde::{Deserialize, Serialize};
@@ -95,6 +96,24 @@ pub const fn fnv1a_on(mut hash: u64, bytes: &[u8]) -> u64 {
     hash
 }
 
+/// [`fnv1a`] of a file's bytes, however many they are.
+///
+/// # Errors
+/// It cannot be read, or is no ordinary file.
+pub fn fnv1a_of_file(path: &std::path::Path) -> std::io::Result<u64> {
+    let mut file = BufReader::new(elk_outside::file::open(path)?);
+    let mut hash = fnv1a("");
+    loop {
+        let bytes = file.fill_buf()?;
+        if bytes.is_empty() {
+            return Ok(hash);
+        }
+        hash = fnv1a_on(hash, bytes);
+        let count = bytes.len();
+        file.consume(count);
+    }
+}
+
 /// Defines structs (or enums, through `impl`) that travel as binary values.
 ///
 /// ```
@@ -134,7 +153,8 @@ pub const fn fnv1a_on(mut hash: u64, bytes: &[u8]) -> u64 {
 macro_rules! payload {
     ($($(#[$meta:meta])* pub struct $name:ident $(checked by $check:path)? { $($(#[$field_meta:meta])* pub $field:ident : $ty:ty),* $(,)? })+) => {$(
         $(#[$meta])*
-        #[derive(::serde::Serialize, ::serde::Deserialize)]
+        #[derive($crate::serde::Serialize, $crate::serde::Deserialize)]
+        #[serde(crate = "::elk_bus::serde")]
         pub struct $name { $($(#[$field_meta])* pub $field: $ty),* }
 
         impl $crate::Payload for $name {
@@ -147,4 +167,22 @@ macro_rules! payload {
             })?
         }
     )+};
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_checksum_of_a_file_is_fnv_1a() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("world.obj");
+        std::fs::write(&path, "foobar").unwrap();
+        assert_eq!(fnv1a_of_file(&path).unwrap(), 0x8594_4171_f739_67e8, "as its authors give it");
+        // Longer than what is read at once.
+        let long = "v 0 0 0\n".repeat(5000);
+        std::fs::write(&path, &long).unwrap();
+        assert_eq!(fnv1a_of_file(&path).unwrap(), fnv1a(&long));
+        assert!(fnv1a_of_file(folder.path()).is_err() && fnv1a_of_file(std::path::Path::new("/dev/zero")).is_err());
+    }
 }

@@ -8,11 +8,15 @@
 //! | [`memory`], [`shm`] | the transports: inside one process, and between processes over iceoryx2 |
 //! | [`comms`], [`inbox`], [`mail`] | what a client says, what it hears, and a message as it gets it |
 //! | [`client`], [`app`] | both ends together; MOOS' three callbacks |
+//! | [`launched`] | what a launcher hands over to an app: name, community, parameters, lease |
 //! | [`rejection`] | messages that an app cannot use: said, counted, passed over |
 //! | [`recall`] | what a successor asks for: the memory of an app is a variable |
 //! | [`key`], [`value`], [`codec`] | typed keys, the three kinds of value, their encoding |
 //! | [`stop`] | signals that ask a process to stop |
 //! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
+
+// `payload!` names this crate by its own name, here as everywhere.
+extern crate self as elk_bus;
 
 pub mod app;
 pub mod broker;
@@ -21,8 +25,10 @@ pub mod clock;
 pub mod codec;
 pub mod comms;
 pub mod community;
+mod failure;
 pub mod inbox;
 pub mod key;
+pub mod launched;
 mod limits;
 pub mod link;
 pub mod mail;
@@ -42,8 +48,6 @@ mod words;
 
 use std::sync::atomic::AtomicBool;
 
-use elk_outside::time::parse_seconds;
-
 pub use app::{App, AppError, RunError, run_app_on};
 pub use broker::{BrokerConfig, Introduction};
 pub use client::Client;
@@ -51,52 +55,21 @@ pub use clock::Clock;
 pub use codec::DecodeError;
 pub use comms::{Comms, CommsError, Origin};
 pub use community::Community;
+pub use failure::Failure;
 pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};
+pub use launched::{LEASE, OptionError, RunOptions, SUCCEED};
 pub use mail::Mail;
 pub use process_id::ProcessId;
 pub use process_stat::ProcessStat;
 pub use recall::Recall;
 pub use rejection::Rejection;
+/// What [`payload!`] derives: for types of one's own that stand in payloads, with `#[serde(crate = "elk_bus::serde")]`.
+pub use serde;
 pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, running};
 pub use stop::stop_on_signals;
 pub use value::{Value, ValueRef};
 pub use words::tell;
-
-/// How an app is to be run.
-#[derive(Debug, Clone)]
-pub struct RunOptions {
-    /// The name that the broker will know it by.
-    pub name: String,
-    /// The community to join.
-    pub community: Community,
-    /// How long its registrations and its mail are kept after its death, for the next of its name (s); 0: not at all.
-    pub lease_secs: f64,
-    /// It comes to take the place of the client that has its name.
-    pub succeeds: bool,
-}
-
-impl RunOptions {
-    /// An app of this name in this community.
-    pub fn new(name: impl Into<String>, community: Community) -> Self {
-        Self { name: name.into(), community, lease_secs: 0.0, succeeds: false }
-    }
-
-    /// What a launcher has told this process about leases and succession, in its environment:
-    /// [`LEASE`] and [`SUCCEED`].
-    pub fn as_launched(mut self) -> Self {
-        let said = |name: &str| std::env::var(name).ok();
-        let lease = said(LEASE).and_then(|secs| parse_seconds(&secs).ok());
-        self.lease_secs = lease.unwrap_or(self.lease_secs);
-        self.succeeds |= said(SUCCEED).is_some_and(|word| word == "1");
-        self
-    }
-}
-
-/// Environment variable of an app's process: [`RunOptions::lease_secs`].
-pub const LEASE: &str = "ELK_LEASE_SECS";
-/// Environment variable of an app's process: `1` for [`RunOptions::succeeds`].
-pub const SUCCEED: &str = "ELK_SUCCEED";
 
 impl Client {
     /// Joins a community of this machine over shared memory.
@@ -106,7 +79,7 @@ impl Client {
 
     /// Joins a community of this machine over shared memory, with all that an app can ask for.
     pub fn join(options: &RunOptions) -> Result<Self, ConnectError> {
-        let RunOptions { name, community, lease_secs, succeeds } = options;
+        let RunOptions { name, community, lease_secs, succeeds, .. } = options;
         let who = Introduction { name, lease_secs: *lease_secs, succeeds: *succeeds, returns: false };
         Ok(Self::over(shm::connect(community, &who)?, name, community))
     }

@@ -128,7 +128,8 @@ macro_rules! params {
     };
 }
 
-const COMMON: &[ParamSpec] = params![];
+/// The parameters that all explorers have.
+pub const COMMON: &[ParamSpec] = params![];
 const POTENTIAL: &[ParamSpec] = params![START, SOLVER, TOLERANCE];
 
 /// An explorer of any strategy with the parameters that all share.

@@ -10,21 +10,58 @@ use crate::volume::Volume;
 /// The shortest way from `from` to `to` over voxels in `passable` (indices, both ends included).
 pub fn shortest(volume: &Volume, passable: &[bool], from: usize, to: usize) -> Option<Vec<usize>> {
     let target = volume.voxel(to);
-    search(volume, passable, from, |i| i == to, |i| volume.voxel(i).distance(target))
+    let (reached, end) = search(volume, passable, from, |i| i == to, |i| volume.voxel(i).distance(target));
+    reached.way_to(end?)
 }
 
 /// The shortest way from `from` to the closest voxel that is a goal.
 pub fn closest(volume: &Volume, passable: &[bool], from: usize, is_goal: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
-    search(volume, passable, from, is_goal, |_| 0.0)
+    let (reached, end) = search(volume, passable, from, is_goal, |_| 0.0);
+    reached.way_to(end?)
 }
 
+/// The shortest ways from `from` to all voxels that can be got to.
+pub fn all(volume: &Volume, passable: &[bool], from: usize) -> Reached {
+    search(volume, passable, from, |_| false, |_| 0.0).0
+}
+
+/// What a search has got to: shortest ways from one voxel to others, by index of the [`Volume`].
+#[derive(Debug, Clone)]
+pub struct Reached {
+    from: usize,
+    /// In voxels; infinite where it has not got to.
+    cost: Vec<f64>,
+    parent: Vec<u32>,
+}
+
+impl Reached {
+    /// Length of the shortest way to a voxel (in voxels), from centre to centre; `None`: there is none.
+    pub fn cost(&self, to: usize) -> Option<f64> {
+        self.cost.get(to).copied().filter(|cost| cost.is_finite())
+    }
+
+    /// The shortest way to a voxel, both ends included; `None`: there is none.
+    pub fn way_to(&self, to: usize) -> Option<Vec<usize>> {
+        self.cost(to)?;
+        let mut way = vec![to];
+        let mut at = to;
+        while at != self.from {
+            at = self.parent[at] as usize;
+            way.push(at);
+        }
+        way.reverse();
+        Some(way)
+    }
+}
+
+/// Searches until a goal is reached, and answers which; `bound` is a lower bound of what is left of the way.
 fn search(
     volume: &Volume,
     passable: &[bool],
     from: usize,
     is_goal: impl Fn(usize) -> bool,
     bound: impl Fn(usize) -> f64,
-) -> Option<Vec<usize>> {
+) -> (Reached, Option<usize>) {
     let mut cost = vec![f64::INFINITY; volume.len()];
     let mut parent = vec![u32::MAX; volume.len()];
     cost[from] = 0.0;
@@ -32,7 +69,7 @@ fn search(
     let mut open = BinaryHeap::from([Reverse((bound(from).to_bits(), from))]);
     while let Some(Reverse((estimate, i))) = open.pop() {
         if is_goal(i) {
-            return Some(way_back(&parent, from, i));
+            return (Reached { from, cost, parent }, Some(i));
         }
         if f64::from_bits(estimate) > cost[i] + bound(i) {
             continue;
@@ -51,18 +88,7 @@ fn search(
             }
         }
     }
-    None
-}
-
-fn way_back(parent: &[u32], from: usize, to: usize) -> Vec<usize> {
-    let mut way = vec![to];
-    let mut at = to;
-    while at != from {
-        at = parent[at] as usize;
-        way.push(at);
-    }
-    way.reverse();
-    way
+    (Reached { from, cost, parent }, None)
 }
 
 #[cfg(test)]
@@ -103,6 +129,9 @@ mod tests {
         assert!(way.contains(&at(6, 0)));
         let flood = closest(&volume, &passable, at(3, 4), |i| i == at(9, 4)).unwrap();
         assert!((length(&volume, &flood) - expected).abs() < 1e-9);
+        let reached = all(&volume, &passable, at(3, 4));
+        assert!((reached.cost(at(9, 4)).unwrap() - expected).abs() < 1e-9);
+        assert_eq!(reached.way_to(at(9, 4)).unwrap(), flood);
     }
 
     #[test]

@@ -52,6 +52,8 @@ impl Target {
 /// A place from which a target can be resolved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Goal {
+    /// The voxel that it lies in, by index of the [`Volume`].
+    pub index: usize,
     /// Where to look from (m, world).
     pub position: Point3<f64>,
     /// What to look at.
@@ -97,13 +99,13 @@ impl Goals {
         };
         for (i, target) in targets.iter().filter_map(|t| Some((enterable(t)?, t))) {
             let position = volume.center(i);
-            goals.add(i, || Goal { position, target: target.clone() });
+            goals.add(i, || Goal { index: i, position, target: target.clone() });
         }
         let ball = ball(STANDOFF_M / volume.resolution());
         for target in targets.iter().filter(|t| enterable(t).is_none()) {
             if let Some(i) = standoff(volume, reach, target, &ball) {
                 let position = volume.center(i);
-                goals.add(i, || Goal { position, target: target.clone() });
+                goals.add(i, || Goal { index: i, position, target: target.clone() });
             }
         }
         goals
@@ -127,7 +129,7 @@ impl Goals {
                 seen += 1;
             }
             for (i, position) in untried {
-                goals.add(*i, || Goal { position: *position, target: target.clone() });
+                goals.add(*i, || Goal { index: *i, position: *position, target: target.clone() });
             }
             if seen >= ENOUGH_TARGETS {
                 break;
@@ -144,6 +146,11 @@ impl Goals {
     /// Whether there is a goal in the voxel at an index.
     pub fn contains(&self, index: usize) -> bool {
         self.at[index] != 0
+    }
+
+    /// All goals, always in the same order for the same map.
+    pub fn iter(&self) -> impl Iterator<Item = &Goal> {
+        self.list.iter()
     }
 
     /// Whether there is none.

@@ -3,7 +3,20 @@
 //! The way through the code, in the order in which a plan is made ([`explore::Explorer::plan`]):
 //! [`extent`] says which part of the map, [`volume`] takes a dense copy of it, [`space`] says where the robot can be, [`goals`] from where each frontier
 //! voxel can be resolved (with [`visibility`]), a [`strategy`] chooses one and a way to it (with [`astar`], or with
-//! [`laplace`] and [`streamline`]), and [`policy`] makes of it a path with scans. [`app`] puts that on the bus.
+//! [`laplace`] and [`streamline`]), and [`policy`] makes of it a path with scans. [`app`] puts that on the bus, [`program`]
+//! makes it a program.
+//!
+//! # A strategy of one's own
+//!
+//! A crate that depends on this one and has this `main.rs` is an explorer; `elk new explorer NAME` makes such a crate.
+//!
+//! ```no_run
+#![doc = include_str!("../examples/level.rs")]
+//! ```
+//!
+//! [`View::goals`] are the places to choose from, [`View::cheapest`] is the shortest way to the one that costs least, and
+//! [`View::ways`] gives lengths and ways one by one. Whatever it chooses, [`Policy`] says how far the way is followed and
+//! where scans are taken, so that strategies can be compared. [`Room`] is a place to try one in.
 
 pub mod app;
 pub mod astar;
@@ -12,14 +25,21 @@ pub mod extent;
 pub mod goals;
 pub mod laplace;
 pub mod policy;
+pub mod program;
 mod requests;
 pub mod space;
 pub mod strategy;
 pub mod streamline;
+mod trial;
 pub mod visibility;
 pub mod volume;
 
 pub use app::TYPES;
+pub use elk_mission::{Kind, ParamSpec, Params};
 pub use explore::{Explorer, Settings};
+pub use goals::{Goal, Goals, Target};
+pub use nalgebra;
 pub use policy::Policy;
-pub use strategy::{ClosestFrontier, Potential, Strategy};
+pub use program::{main, main_with};
+pub use strategy::{ClosestFrontier, Journal, Potential, Route, Strategy, View, Ways};
+pub use trial::Room;

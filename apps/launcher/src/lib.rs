@@ -10,6 +10,7 @@
 //! | `observer`, `steps` | what the mission says of itself there; where the time of a step goes |
 //! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
 //! | `launch_state` | what another launcher has to know to pick the mission up |
+//! | `provenance` | what a run was made of, so that it can be had again |
 //! | `progress`, `summary`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, where it is kept |
 
 mod backend;
@@ -26,6 +27,7 @@ mod picture;
 mod process;
 mod processes;
 mod progress;
+mod provenance;
 mod run_folder;
 mod run_place;
 mod steps;
@@ -47,6 +49,7 @@ use elk_outside::text;
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
 pub use guard::guard;
+pub use provenance::{RerunError, mission_of_run};
 pub use steps::{Spread, StepTimes};
 pub use summary::Summary;
 
@@ -69,6 +72,8 @@ pub(crate) const NAME: &str = "launcher";
 pub struct LaunchOptions {
     /// The program whose commands `db`, `sensor`, …, `picture` and `guard` are run: elk itself.
     pub program: PathBuf,
+    /// The git revision that it was built from, for the record.
+    pub revision: String,
     /// The community to start.
     pub community: Community,
     /// Where the run's folder is made.
@@ -114,7 +119,7 @@ pub struct Outcome {
 }
 
 /// Runs a mission: starts everyone, waits until exploration is over, stops everyone, sums up. The run's folder then holds
-/// the mission file, the log, the map, the picture, the summary, and a text log of each app.
+/// the mission file, the mission as it ran, the log, the map, the picture, the summary, and a text log of each app.
 ///
 /// # Errors
 /// The run could not even begin. What goes wrong later is in the [`Outcome`].
@@ -126,7 +131,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let folder = run_folder::create(&options.log_dir, &mission.file, now)?;
     let manual = mission.mode == Mode::Manual && !options.auto;
     let place = RunPlace::new(&mission, &folder, manual);
-    place.keep(&mission)?;
+    place.keep(&mission, &options.revision)?;
     mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
     mission.apps.iter().try_for_each(run_place::check_files)?;
     put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));

@@ -8,6 +8,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
+use elk_bus::launched::{COMMUNITY, NAME};
 use elk_bus::{Client, Clock, Community, ConnectError, LEASE, ProcessId, SUCCEED};
 use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, element, instead};
 use elk_outside::time;
@@ -343,7 +344,7 @@ impl Processes {
             }
             Program::Foreign { exec, args } => {
                 let mut command = Command::new(exec);
-                command.args(args).env("ELK_COMMUNITY", community).env("ELK_NAME", &app.name);
+                command.args(args).env(COMMUNITY, community).env(NAME, &app.name);
                 command
             }
         };

@@ -50,6 +50,11 @@ pub(crate) fn copy_name(mission: &Path) -> String {
     format!("{}.xml", plain(mission.file_stem()))
 }
 
+/// What the mission is called as it ran, defaults and command line included.
+pub(crate) fn effective_name(mission: &Path) -> String {
+    format!("{}.effective.xml", plain(mission.file_stem()))
+}
+
 /// `20261123-224512`, UTC.
 pub(crate) fn stamp(now: f64) -> String {
     let Date { year, month, day, hour, minute, second, .. } = Date::of(now);

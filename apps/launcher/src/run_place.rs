@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use elk_mission::{AppSpec, Mission, element};
+use elk_mission::{AppSpec, Mission, Mode, element};
 use elk_outside::file;
 
 use crate::error::LaunchError;
-use crate::run_folder::copy_name;
+use crate::provenance;
+use crate::run_folder::{copy_name, effective_name};
 use crate::summary;
 
 /// Where a run is kept.
@@ -16,6 +17,8 @@ pub(crate) struct RunPlace {
     pub folder: PathBuf,
     /// The mission file as it was.
     mission_copy: PathBuf,
+    /// The mission as it ran.
+    effective: PathBuf,
     seed: String,
     /// The world, as the sensor's setting names it.
     world: String,
@@ -27,14 +30,17 @@ impl RunPlace {
     pub fn new(mission: &Mission, folder: &Path, manual: bool) -> Self {
         let seed = summary::seed(mission).unwrap_or_default().to_string();
         let world = mission.of_element(element::SENSOR).find_map(|sensor| sensor.setting("World")).unwrap_or_default();
+        let effective = folder.join(effective_name(&mission.file));
         let (folder, mission_copy) = (folder.to_owned(), folder.join(copy_name(&mission.file)));
-        Self { folder, mission_copy, seed, world: world.to_owned(), manual }
+        Self { folder, mission_copy, effective, seed, world: world.to_owned(), manual }
     }
 
-    /// Keeps the mission file.
-    pub fn keep(&self, mission: &Mission) -> Result<(), LaunchError> {
+    /// Keeps the mission file, and what else the run is made of.
+    pub fn keep(&self, mission: &Mission, revision: &str) -> Result<(), LaunchError> {
         let failed = |source| LaunchError::File { file: self.mission_copy.clone(), source };
-        std::fs::copy(&mission.file, &self.mission_copy).map(|_| ()).map_err(failed)
+        std::fs::copy(&mission.file, &self.mission_copy).map(|_| ()).map_err(failed)?;
+        let mode = if self.manual { Mode::Manual } else { Mode::Auto };
+        provenance::keep(&Mission { mode, ..mission.clone() }, &self.folder, revision)
     }
 
     /// Tells an app where the run is kept.
@@ -47,6 +53,8 @@ impl RunPlace {
             element::LOGGER => {
                 suppose(app, "File", &in_folder("log.mcap"))?;
                 suppose(app, "MissionFile", &self.mission_copy.to_string_lossy())?;
+                suppose(app, "EffectiveMission", &self.effective.to_string_lossy())?;
+                suppose(app, "Run", &in_folder(provenance::RUN))?;
                 suppose(app, "Seed", &self.seed)?;
                 suppose(app, "World", &self.world)
             }

@@ -154,6 +154,7 @@ fn run(folder: &Path, sets: &[&str]) -> Outcome {
     let mission = Mission::load(&file, &Registry::new(&[TYPES]), &sets).unwrap();
     let options = LaunchOptions {
         program: PathBuf::from("true"),
+        revision: "none".to_owned(),
         community: Community::new("in-process").unwrap(),
         log_dir: folder.join("logs"),
         headless: true,

@@ -1,12 +1,11 @@
 //! The logger on the bus.
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::time::Duration;
 
 use elk_bus::clock::{Clock, Stopwatch};
-use elk_bus::key::fnv1a_on;
-use elk_bus::{App, AppError, Comms, Mail, fnv1a, tell};
+use elk_bus::key::fnv1a_of_file;
+use elk_bus::{App, AppError, Comms, Mail, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params};
 use elk_outside::file;
@@ -38,6 +37,18 @@ const PARAMS: &[ParamSpec] = &[
         kind: Kind::Text,
         default: Some(""),
         doc: "The mission file to attach to the log; the launcher gives the one that it runs.",
+    },
+    ParamSpec {
+        name: "EffectiveMission",
+        kind: Kind::Text,
+        default: Some(""),
+        doc: "The mission as it ran, defaults and command line included, to note in the log; the launcher gives it.",
+    },
+    ParamSpec {
+        name: "Run",
+        kind: Kind::Text,
+        default: Some(""),
+        doc: "What the run was made of (run.json), to note in the log; the launcher gives it.",
     },
     ParamSpec {
         name: "Seed",
@@ -256,17 +267,17 @@ fn options(params: &Params) -> LogOptions {
 
 fn metadata(params: &Params) -> Result<Metadata, AppError> {
     let mission_file = params.text("MissionFile");
-    let unreadable = |error| format!("cannot read the mission file {mission_file}: {error}");
-    let mission = match mission_file {
-        "" => String::new(),
-        file => file::read_text(Path::new(file), Mission::LONGEST).map_err(unreadable)?,
-    };
+    let mission = read_if_said(mission_file)?;
+    let effective = read_if_said(params.text("EffectiveMission"))?;
+    let run = read_if_said(params.text("Run"))?;
     let world = params.text("World");
     // A world that is no file is built into the program, whose version is noted.
-    let world_checksum = checksum(Path::new(world)).map(|sum| format!("{sum:016x}")).unwrap_or_default();
+    let world_checksum = fnv1a_of_file(Path::new(world)).map(|sum| format!("{sum:016x}")).unwrap_or_default();
     Ok(Metadata {
         mission_name: file_name(mission_file),
         mission,
+        effective_mission: effective,
+        run,
         version: env!("CARGO_PKG_VERSION").into(),
         seed: params.integer("Seed").unsigned_abs(),
         started: Clock::new(1.0).now(),
@@ -275,39 +286,16 @@ fn metadata(params: &Params) -> Result<Metadata, AppError> {
     })
 }
 
+/// The text of a file that the log is to have with it; empty if there is none.
+fn read_if_said(file: &str) -> Result<String, AppError> {
+    match file {
+        "" => Ok(String::new()),
+        // An effective mission is longer than what it came from.
+        file => Ok(file::read_text(Path::new(file), 4 * Mission::LONGEST)
+            .map_err(|error| format!("cannot read {file}: {error}"))?),
+    }
+}
+
 fn file_name(path: &str) -> String {
     Path::new(path).file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// FNV-1a of a file, however large it is.
-fn checksum(path: &Path) -> std::io::Result<u64> {
-    let mut file = BufReader::new(file::open(path)?);
-    let mut hash = fnv1a("");
-    loop {
-        let bytes = file.fill_buf()?;
-        if bytes.is_empty() {
-            return Ok(hash);
-        }
-        hash = fnv1a_on(hash, bytes);
-        let count = bytes.len();
-        file.consume(count);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_checksum_is_fnv_1a() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("world.obj");
-        std::fs::write(&path, "foobar").unwrap();
-        assert_eq!(checksum(&path).unwrap(), 0x8594_4171_f739_67e8, "as its authors give it");
-        // Longer than what is read at once.
-        let long = "v 0 0 0\n".repeat(5000);
-        std::fs::write(&path, &long).unwrap();
-        assert_eq!(checksum(&path).unwrap(), fnv1a(&long));
-        assert!(checksum(folder.path()).is_err() && checksum(Path::new("/dev/zero")).is_err());
-    }
 }

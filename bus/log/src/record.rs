@@ -104,6 +104,10 @@ pub struct Metadata {
     pub world: String,
     /// FNV-1a (64 bits, hexadecimal) of the world's file; empty: there is none, or it is built into the program.
     pub world_checksum: String,
+    /// The mission as it ran, defaults and command line included; empty: nobody said.
+    pub effective_mission: String,
+    /// What the run was made of: version, revision, seed, files and their checksums (JSON); empty: nobody said.
+    pub run: String,
     /// When the run was started (s since 1970, UTC).
     pub started: f64,
 }

@@ -306,6 +306,8 @@ impl Segment {
             started: text("started").parse().unwrap_or_default(),
             world: text("world"),
             world_checksum: text("world_checksum"),
+            effective_mission: text("effective_mission"),
+            run: text("run"),
             mission: std::mem::take(&mut self.metadata.mission),
         };
         Ok(())

@@ -268,6 +268,8 @@ impl Segment {
                 ("started".into(), metadata.started.to_string()),
                 ("world".into(), metadata.world.clone()),
                 ("world_checksum".into(), metadata.world_checksum.clone()),
+                ("effective_mission".into(), metadata.effective_mission.clone()),
+                ("run".into(), metadata.run.clone()),
             ]),
         })?;
         if metadata.mission_name.is_empty() {

@@ -16,6 +16,8 @@ fn metadata() -> Metadata {
         started: 1_795_473_001.123_456_7,
         world: "worlds/hall.obj".into(),
         world_checksum: "00000000deadbeef".into(),
+        effective_mission: "<Mission name=\"hall – größer\" seed=\"7\"/>\n".into(),
+        run: "{\"version\": \"0.1.0\"}\n".into(),
     }
 }
 

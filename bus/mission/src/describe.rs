@@ -32,9 +32,14 @@ fn describe_policy(text: &mut String, attributes: &[Attribute]) {
 
 fn describe_type(app_type: &AppType) -> String {
     let AppType { element, name, summary, .. } = app_type;
-    let mut text = format!("<{element} type=\"{name}\">  {summary}\n");
-    let width = app_type.params.iter().map(|param| param.name.len()).max().unwrap_or(0);
-    for param in app_type.params {
+    format!("<{element} type=\"{name}\">  {summary}\n{}", describe_params(app_type.params))
+}
+
+/// Parameters with their units, defaults and meaning.
+pub fn describe_params(params: &[ParamSpec]) -> String {
+    let mut text = String::new();
+    let width = params.iter().map(|param| param.name.len()).max().unwrap_or(0);
+    for param in params {
         describe_param(&mut text, param, width);
     }
     text

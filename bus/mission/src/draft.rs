@@ -1,8 +1,11 @@
 //! One app as the mission file says it, before it is held against its type.
 
+use std::path::Path;
+
 use roxmltree::{Attribute, Node};
 
 use crate::element;
+use crate::exchange;
 use crate::mission::{AppSpec, Program};
 use crate::name::{is_app_name, right_app_names};
 use crate::nearest::{instead, nearest};
@@ -10,10 +13,10 @@ use crate::params::ParamValue;
 use crate::policy::{self, Said};
 use crate::problem::{At, Findings};
 use crate::registry::Registry;
-use crate::resolve::{Given, resolve};
+use crate::resolve::{Given, Table, resolve};
 use crate::scenario::{Context, stray_text};
 use crate::setting::Override;
-use crate::spec::AppType;
+use crate::spec::{AppType, ParamSpec};
 
 /// The type of Logger that is no logger: the mission is not recorded.
 const NONE: &str = "none";
@@ -27,6 +30,8 @@ pub(crate) struct Draft {
     pub named: Option<(String, At)>,
     pub given: Vec<Given>,
     runs: Runs,
+    /// Whether the command line says what runs.
+    exchanged: bool,
     policy: Said,
 }
 
@@ -52,6 +57,7 @@ impl Draft {
             named: None,
             given: Vec::new(),
             runs: Runs::Unknown,
+            exchanged: false,
             policy: Said::default(),
         };
         draft.runs = draft.what_runs(context, node, problems);
@@ -238,10 +244,29 @@ impl Draft {
 
     /// What was said of a parameter of its type, if that is right, and where.
     pub fn value(&self, param: &str) -> Option<(ParamValue, &Given)> {
-        let Runs::Builtin(app_type) = &self.runs else { return None };
-        let spec = app_type.param(param)?;
+        self.value_as(self.spec(param)?, param)
+    }
+
+    /// What was said of a parameter, if that is right by this table's row, and where.
+    pub fn value_as(&self, spec: &ParamSpec, param: &str) -> Option<(ParamValue, &Given)> {
         let given = self.given(param)?;
         Some((spec.kind.parse(&given.text, &given.folder).ok()?, given))
+    }
+
+    /// The row of its type's table; another executable has none.
+    pub fn spec(&self, param: &str) -> Option<&'static ParamSpec> {
+        match &self.runs {
+            Runs::Builtin(app_type) => app_type.param(param),
+            _ => None,
+        }
+    }
+
+    /// What was said of a parameter and can be handed on to others: what is wrong is reported where it stands.
+    pub fn given_right(&self, param: &str) -> Option<&Given> {
+        match self.spec(param) {
+            Some(spec) => self.value_as(spec, param).map(|(_, given)| given),
+            None => self.given(param).filter(|_| !self.is_builtin()),
+        }
     }
 
     /// What was said of a parameter, or its type's default.
@@ -261,12 +286,45 @@ impl Draft {
         }
     }
 
+    /// Tells it what was said of a parameter elsewhere, if it can be told and nothing was said of it.
+    pub fn hand(&mut self, given: &Given) {
+        if self.takes(&given.name) && self.said(&given.name).is_none() {
+            self.given.push(given.clone());
+        }
+    }
+
     /// Takes what the command line says in place of what the file says.
     pub fn override_with(&mut self, said: &Override, place: At, registry: &Registry, problems: &mut Findings) {
-        if said.param == "type" {
-            self.runs = self.type_called(&said.text, &place, registry, problems);
-            return;
+        match said.param.as_str() {
+            "type" | "exec" if std::mem::replace(&mut self.exchanged, true) => {
+                problems.add(&place, "what runs is said twice; one type or exec is right");
+            }
+            "type" => self.become_type(&said.text, &place, registry, problems),
+            "exec" => match exchange::executable(&said.text, Path::new("")) {
+                Ok(exec) => {
+                    let exec = std::path::absolute(&exec).unwrap_or(exec).to_string_lossy().into_owned();
+                    self.runs = Runs::Foreign { exec, args: Vec::new() };
+                }
+                Err(message) => problems.add(&place, message),
+            },
+            "args" => match &mut self.runs {
+                Runs::Foreign { args, .. } => *args = split_arguments(&said.text),
+                _ => problems.add(&place, "args without exec; right is both or neither"),
+            },
+            _ => self.set(said, place),
         }
+    }
+
+    /// Exchanges its type. What the file says to the old one alone is left behind, as in a swap.
+    fn become_type(&mut self, name: &str, place: &At, registry: &Registry, problems: &mut Findings) {
+        let new = self.type_called(name, place, registry, problems);
+        let old = std::mem::replace(&mut self.runs, new);
+        if let (Runs::Builtin(old), Runs::Builtin(new)) = (old, &self.runs) {
+            self.given.retain(|given| new.param(&given.name).is_some() || old.param(&given.name).is_none());
+        }
+    }
+
+    fn set(&mut self, said: &Override, place: At) {
         self.given.retain(|given| !given.name.eq_ignore_ascii_case(&said.param) || is_command_line(&given.place));
         self.given.push(Given::new(&said.param, &said.text, place.clone(), place, "".as_ref()));
     }
@@ -278,7 +336,8 @@ impl Draft {
         let (program, settings, said) = match self.runs {
             Runs::Nothing | Runs::Unknown => return None,
             Runs::Builtin(app_type) => {
-                let resolved = resolve(app_type, self.given, &self.place, problems);
+                let table = Table { who: &app_type.title(), params: app_type.params };
+                let resolved = resolve(&table, self.given, &self.place, problems);
                 (Program::Builtin(app_type, resolved.params), resolved.settings, resolved.said)
             }
             Runs::Foreign { exec, args } => {
@@ -304,6 +363,7 @@ pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scena
             named: None,
             given: Vec::new(),
             runs: Runs::Builtin(app_type),
+            exchanged: false,
             policy: Said::default(),
         });
     }

@@ -7,7 +7,7 @@ use crate::mission::{AppSpec, Program};
 use crate::nearest::instead;
 use crate::problem::{At, Findings, Problems};
 use crate::registry::Registry;
-use crate::resolve::{Given, resolve};
+use crate::resolve::{Given, Table, resolve};
 use crate::spec::AppType;
 
 /// What is to be different about an app: `type=T`, or `exec=FILE`, and parameters.
@@ -92,7 +92,8 @@ impl AppSpec {
         };
         let all = kept.into_iter().chain(&wanted.params).map(given).collect();
         let place = At::CommandLine(format!("type={}", app_type.name));
-        let resolved = resolve(app_type, all, &place, problems);
+        let table = Table { who: &app_type.title(), params: app_type.params };
+        let resolved = resolve(&table, all, &place, problems);
         let program = Program::Builtin(app_type, resolved.params);
         let app = Self { program, settings: resolved.settings, said: resolved.said, ..self.clone() };
         Exchanged { app, dropped: lost.iter().map(|(name, text)| format!("{name}={text}")).collect() }

@@ -21,6 +21,7 @@
 
 mod describe;
 mod draft;
+mod effective;
 pub mod element;
 mod exchange;
 mod mission;
@@ -39,7 +40,7 @@ mod value;
 mod variables;
 mod wiring;
 
-pub use describe::describe;
+pub use describe::{describe, describe_params};
 pub use exchange::{Exchange, Exchanged};
 pub use mission::{AppSpec, Mission, MissionError, Mode, Program};
 pub use name::is_app_name;

@@ -63,7 +63,7 @@ pub(crate) struct Attribute {
 const RESTART: [(&str, Restart); 3] =
     [("never", Restart::Never), ("on-failure", Restart::OnFailure), ("always", Restart::Always)];
 /// The word of `health` for an app that may be silent.
-const OFF: &str = "off";
+pub(crate) const OFF: &str = "off";
 
 const COUNT: Kind = Kind::Integer { min: 1, max: 1_000_000 };
 const MAILBOX: Kind = Kind::Integer { min: 1, max: 1024 };

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::params::Params;
 use crate::problem::{At, Findings, Problems};
-use crate::resolve::{Given, Resolved, resolve};
-use crate::spec::AppType;
+use crate::resolve::{Given, Resolved, Table, resolve};
+use crate::spec::{AppType, ParamSpec};
 
 /// The app types that mission files can name.
 #[derive(Debug, Clone, Default)]
@@ -53,17 +53,42 @@ impl AppType {
     /// # Errors
     /// Everything that is wrong, each with the argument it was said in.
     pub fn check(&self, settings: &[(String, String)], folder: &Path) -> Result<Params, Problems> {
-        let given = settings.iter().map(|(name, text)| {
-            let said = At::CommandLine(format!("{name}={text}"));
-            Given::new(name, text, said.clone(), said, folder)
-        });
-        let mut problems = Findings::default();
         let place = At::CommandLine(format!("--type {}", self.name));
-        let Resolved { params, .. } = resolve(self, given.collect(), &place, &mut problems);
-        match problems.is_empty() {
-            true => Ok(params),
-            false => Err(problems.located(folder, "")),
-        }
+        check(&Table { who: &self.title(), params: self.params }, settings, folder, &place)
+    }
+
+    /// `Filter Distance`
+    pub(crate) fn title(&self) -> String {
+        format!("{} {}", self.element, self.name)
+    }
+}
+
+impl Params {
+    /// Checks what an app was told, `Param=Value` each, against a table of its own; `who` it is stands in errors. Relative
+    /// files are looked for in `folder`.
+    ///
+    /// # Errors
+    /// Everything that is wrong, each with the argument it was said in.
+    pub fn check(
+        who: &str,
+        table: &'static [ParamSpec],
+        settings: &[(String, String)],
+        folder: &Path,
+    ) -> Result<Self, Problems> {
+        check(&Table { who, params: table }, settings, folder, &At::CommandLine(who.to_owned()))
+    }
+}
+
+fn check(table: &Table<'_>, settings: &[(String, String)], folder: &Path, place: &At) -> Result<Params, Problems> {
+    let given = settings.iter().map(|(name, text)| {
+        let said = At::CommandLine(format!("{name}={text}"));
+        Given::new(name, text, said.clone(), said, folder)
+    });
+    let mut problems = Findings::default();
+    let Resolved { params, .. } = resolve(table, given.collect(), place, &mut problems);
+    match problems.is_empty() {
+        true => Ok(params),
+        false => Err(problems.located(folder, "")),
     }
 }
 

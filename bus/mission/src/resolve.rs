@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::nearest::instead;
 use crate::params::{ParamValue, Params};
 use crate::problem::{At, Findings};
-use crate::spec::{AppType, Kind, ParamSpec};
+use crate::spec::{Kind, ParamSpec};
 
 /// A parameter as it was said.
 #[derive(Debug, Clone)]
@@ -27,6 +27,25 @@ impl Given {
     }
 }
 
+/// What an app can be told.
+pub(crate) struct Table<'a> {
+    /// Whose table it is: `Filter Distance`.
+    pub who: &'a str,
+    pub params: &'static [ParamSpec],
+}
+
+impl Table<'_> {
+    /// The parameter of this name. As in MOOS, case does not count.
+    fn param(&self, name: &str) -> Option<&'static ParamSpec> {
+        self.params.iter().find(|param| param.name.eq_ignore_ascii_case(name))
+    }
+
+    fn unknown(&self, name: &str) -> String {
+        let known: Vec<&str> = self.params.iter().map(|param| param.name).collect();
+        format!("{} has no parameter {name}; {}", self.who, instead(name, &known))
+    }
+}
+
 /// An app's parameters: checked, and as text that says the same anywhere.
 #[derive(Debug, Default)]
 pub(crate) struct Resolved {
@@ -37,11 +56,11 @@ pub(crate) struct Resolved {
 }
 
 /// Checks what was given, fills in the defaults, and reports what is unknown, doubled, wrong or missing.
-pub(crate) fn resolve(app_type: &AppType, given: Vec<Given>, place: &At, problems: &mut Findings) -> Resolved {
+pub(crate) fn resolve(table: &Table<'_>, given: Vec<Given>, place: &At, problems: &mut Findings) -> Resolved {
     let mut said: BTreeMap<&str, &Given> = BTreeMap::new();
     for one in &given {
-        match app_type.param(&one.name) {
-            None => problems.add(&one.place, unknown(app_type, &one.name)),
+        match table.param(&one.name) {
+            None => problems.add(&one.place, table.unknown(&one.name)),
             Some(param) if said.insert(param.name, one).is_some() => {
                 problems.add(&one.place, format!("{} is said twice; once is enough", one.name));
             }
@@ -50,8 +69,8 @@ pub(crate) fn resolve(app_type: &AppType, given: Vec<Given>, place: &At, problem
     }
     let names = said.keys().map(|name| (*name).to_owned()).collect();
     let mut resolved = Resolved { said: names, ..Resolved::default() };
-    for param in app_type.params {
-        if let Some(value) = value_of(app_type, param, said.get(param.name).copied(), place, problems) {
+    for param in table.params {
+        if let Some(value) = value_of(table, param, said.get(param.name).copied(), place, problems) {
             let text = as_text(&param.kind, &value);
             resolved.settings.push((param.name.to_owned(), text));
             resolved.params.values.insert(param.name, value);
@@ -61,7 +80,7 @@ pub(crate) fn resolve(app_type: &AppType, given: Vec<Given>, place: &At, problem
 }
 
 fn value_of(
-    app_type: &AppType,
+    table: &Table<'_>,
     param: &ParamSpec,
     said: Option<&Given>,
     place: &At,
@@ -72,22 +91,12 @@ fn value_of(
         (None, Some(default)) => (param.kind.parse(default, Path::new("")), place),
         (None, None) => {
             let expected = param.kind.expected();
-            let (who, name) = (title(app_type), param.name);
+            let (who, name) = (table.who, param.name);
             problems.add(place, format!("{who} needs the parameter {name}; right is {expected}"));
             return None;
         }
     };
     parsed.map_err(|error| problems.add(place, format!("{}: {error}", param.name))).ok()
-}
-
-fn unknown(app_type: &AppType, name: &str) -> String {
-    let known: Vec<&str> = app_type.params.iter().map(|param| param.name).collect();
-    format!("{} has no parameter {name}; {}", title(app_type), instead(name, &known))
-}
-
-/// `Filter Distance`
-fn title(app_type: &AppType) -> String {
-    format!("{} {}", app_type.element, app_type.name)
 }
 
 /// The text that parses to this value, in any folder: numbers shortest, files absolute.

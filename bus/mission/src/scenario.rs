@@ -219,7 +219,10 @@ fn names(drafts: &mut [Draft], problems: &mut Findings) {
 }
 
 fn apply(overrides: &[Override], drafts: &mut [Draft], registry: &Registry, problems: &mut Findings) {
-    for one in overrides {
+    // What runs is said before what it is told, in whatever order they stand.
+    let says_what_runs = |one: &&Override| matches!(one.param.as_str(), "type" | "exec");
+    let (programs, params): (Vec<&Override>, Vec<&Override>) = overrides.iter().partition(says_what_runs);
+    for one in programs.into_iter().chain(params) {
         let place = At::CommandLine(one.to_string());
         match drafts.iter_mut().find(|draft| draft.name() == one.app) {
             Some(draft) => draft.override_with(one, place, registry, problems),

@@ -3,7 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// One parameter said on the command line. The parameter `type` exchanges the app's type.
+/// One parameter said on the command line. The parameter `type` exchanges the app's type, `exec` puts any other executable
+/// in its place, and `args` says that one's arguments.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
     /// The app's name in the mission.
@@ -27,7 +28,7 @@ impl FromStr for Override {
             let (target, text) = said.split_once('=')?;
             let (app, param) = target.split_once('.')?;
             let (app, param) = (app.trim(), param.trim());
-            (!app.is_empty() && !param.is_empty()).then(|| Self {
+            (!app.is_empty() && is_name(param)).then(|| Self {
                 app: app.to_owned(),
                 param: param.to_owned(),
                 text: text.trim().to_owned(),
@@ -35,6 +36,12 @@ impl FromStr for Override {
         };
         parts().ok_or_else(|| OverrideError(said.to_owned()))
     }
+}
+
+/// Whether a parameter can be called so: as an element of a mission file.
+fn is_name(param: &str) -> bool {
+    param.starts_with(|c: char| c.is_alphabetic() || c == '_')
+        && param.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
 }
 
 impl fmt::Display for Override {
@@ -55,7 +62,7 @@ mod tests {
 
     #[test]
     fn what_sets_nothing_is_said_so() {
-        for wrong in ["Map.Res", "Res=1", ".Res=1", "Map.=1", ""] {
+        for wrong in ["Map.Res", "Res=1", ".Res=1", "Map.=1", "", "Mine.a<b=1", "Mine.2=1"] {
             let error = wrong.parse::<Override>().unwrap_err().to_string();
             assert_eq!(error, format!("{wrong:?} sets nothing; right is App.Param=Value, for example Map.Res=0.05"));
         }

@@ -22,6 +22,7 @@ pub struct AppType {
 }
 
 /// One parameter of an app type.
+#[derive(Debug, Clone, Copy)]
 pub struct ParamSpec {
     /// Its element's name in the mission file.
     pub name: &'static str,
@@ -34,6 +35,7 @@ pub struct ParamSpec {
 }
 
 /// What a parameter may be.
+#[derive(Debug, Clone, Copy)]
 pub enum Kind {
     /// A number in `min..=max`, in `unit` (`m`, `rad`, `deg`, `s`, `Hz`, `px`, or empty).
     Number {

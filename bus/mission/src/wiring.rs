@@ -82,17 +82,17 @@ pub(crate) fn manual(drafts: &[Draft]) -> Option<Mode> {
 /// wrong is reported where it stands, not here as well.
 fn hand_on(drafts: &mut [Draft], param: &str, [from, to]: [&str; 2]) {
     let mut givers = drafts.iter().filter(|draft| draft.element == from);
-    let said = givers.find_map(|draft| draft.value(param)).map(|(_, given)| given.text.clone());
-    if let Some(said) = said {
-        for draft in drafts.iter_mut().filter(|draft| draft.element == to && draft.is_builtin()) {
-            draft.suppose(param, &said);
-        }
+    if let Some(given) = givers.find_map(|draft| draft.given_right(param)).cloned() {
+        drafts.iter_mut().filter(|draft| draft.element == to).for_each(|draft| draft.hand(&given));
     }
 }
 
 fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut Findings) {
-    let of = |element: &str| drafts.iter().find(|draft| draft.element == element).and_then(|draft| draft.value(param));
-    if let (Some((value, given)), Some((others, of_other))) = (of(one), of(other))
+    let find = |element: &str| drafts.iter().find(|draft| draft.element == element);
+    let (Some(first), Some(second)) = (find(one), find(other)) else { return };
+    let Some(spec) = first.spec(param).or_else(|| second.spec(param)) else { return };
+    if let (Some((value, given)), Some((others, of_other))) =
+        (first.value_as(spec, param), second.value_as(spec, param))
         && value != others
     {
         let (text, right) = (&of_other.text, &given.text);

@@ -731,3 +731,74 @@ fn executables_and_what_apps_need_are_looked_at() {
     let of_no_look = preflight("<Filter type=\"Plain\"/>");
     assert_eq!(of_no_look, Err("Filter: the types of these tests are only parsed".to_owned()), "it is built");
 }
+
+#[test]
+fn any_executable_takes_a_place_from_the_command_line() {
+    let sets = ["Explorer.K=1", "Explorer.args=-v --fast", "Explorer.exec=/bin/sh"];
+    let mine = app(&parse(LISTING_2, &sets).unwrap(), "Explorer");
+    let Program::Foreign { exec, args } = &mine.program else { panic!("not foreign") };
+    assert_eq!((exec.as_path(), args.join(" ").as_str()), (Path::new("/bin/sh"), "-v --fast"));
+    assert_eq!((mine.setting("K"), mine.setting("Dim")), (Some("1"), Some("5.7; 4.3; 4.5")));
+    for (sets, said) in [
+        (
+            vec!["Explorer.exec=./no/such"],
+            "--set Explorer.exec=./no/such: ./no/such cannot be run: No such file or directory (os error 2)",
+        ),
+        (vec!["Explorer.args=-v"], "--set Explorer.args=-v: args without exec; right is both or neither"),
+        (
+            vec!["Explorer.exec=/bin/sh", "Explorer.type=Simple"],
+            "--set Explorer.type=Simple: what runs is said twice; one type or exec is right",
+        ),
+    ] {
+        assert_eq!(parse(LISTING_2, &sets).unwrap_err(), said);
+    }
+}
+
+#[test]
+fn what_the_file_says_to_one_type_alone_is_left_behind_when_the_command_line_names_another() {
+    let said = LISTING_2.replace("<Dim>", "<Policy> thesis </Policy> <Dim>");
+    let simple = app(&parse(&said, &["Explorer.type=Simple"]).unwrap(), "Explorer");
+    assert_eq!((simple.setting("Policy"), simple.setting("Res")), (None, Some("0.1")));
+    // What no type has is still a mistake, and so is what the command line says to the wrong one.
+    let odd = said.replace("Policy>", "Polcy>");
+    assert!(parse(&odd, &["Explorer.type=Simple"]).unwrap_err().contains("has no parameter Polcy"));
+    let wrong = parse(LISTING_2, &["Explorer.type=Simple", "Explorer.Policy=elk"]).unwrap_err();
+    assert!(wrong.contains("Explorer Simple has no parameter Policy"), "{wrong}");
+}
+
+/// Regression: an explorer from outside had a Res of its own, and its volume was not the map's.
+#[test]
+fn another_executable_has_in_common_with_others_what_a_type_would_have() {
+    let text = with("").replace("type=\"OctoMap\"", "type=\"OctoMap\" Res=\"0.2\"");
+    let mission = parse(&text, &["Explorer.exec=/bin/sh"]).unwrap();
+    assert_eq!(app(&mission, "Explorer").setting("Res"), Some("0.2"));
+    let mission = parse(&with(""), &["Explorer.exec=/bin/sh", "Explorer.Res=0.4"]).unwrap();
+    assert_eq!(app(&mission, "Map").setting("Res"), Some("0.4"));
+    let error = parse(&text, &["Explorer.exec=/bin/sh", "Explorer.Res=0.4"]).unwrap_err();
+    assert!(error.contains("right is the same for Map and Explorer"), "{error}");
+    let error = parse(&with(""), &["Explorer.exec=/bin/sh", "Explorer.Res=wide"]).unwrap_err();
+    assert!(error.contains("--set Explorer.Res=wide: Res: \"wide\""), "{error}");
+}
+
+#[test]
+fn a_mission_written_down_again_is_the_same_mission() {
+    let more = "<App name=\"Mine\" exec=\"./mine\" args=\"-v\" restart=\"always\" restarts=\"3\"><K>a &lt; b</K></App>";
+    let sets = ["Map.Res=0.05", "Explorer.type=ClosestFrontier"];
+    for (text, sets) in
+        [(LISTING_2.to_owned(), vec![]), (with(more), sets.to_vec()), (with("<Logger type=\"none\"/>"), vec![])]
+    {
+        let mission = parse(&text, &sets).unwrap();
+        let again = parse(&mission.to_xml(&|_, _| false), &[]).unwrap();
+        assert_eq!((&again.name, again.mode, again.broker), (&mission.name, mission.mode, mission.broker));
+        assert_eq!(again.apps.len(), mission.apps.len());
+        for (one, other) in again.apps.iter().zip(&mission.apps) {
+            assert_eq!((&one.name, &one.element, one.type_name()), (&other.name, &other.element, other.type_name()));
+            assert_eq!((&one.settings, one.policy), (&other.settings, other.policy));
+            if let (Program::Foreign { exec, args }, Program::Foreign { args: others, .. }) =
+                (&one.program, &other.program)
+            {
+                assert!(exec.is_absolute() && args == others);
+            }
+        }
+    }
+}

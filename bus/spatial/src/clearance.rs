@@ -11,7 +11,7 @@ use crate::voxel::{FACES, Voxel};
 /// A sphere of the radius, its centre anywhere in a voxel, touches no occupied voxel: two voxels `d` apart leave a gap
 /// of `|max(|d| − 1, 0)|` voxels between their faces, and all neighbours with a gap below the radius count. At least the
 /// six face neighbours always do.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Clearance {
     offsets: Vec<Voxel>,
 }

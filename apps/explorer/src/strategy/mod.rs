@@ -1,14 +1,16 @@
 //! Strategies: which goal to go to, and which way.
 //!
-//! A new one is a type that implements [`Strategy`], in a module of its own, and an entry in [`crate::app::TYPES`]. What
-//! happens with its route (how far it is followed, where scans are taken) is [`crate::policy`]'s business and the same
+//! A new one is a type that implements [`Strategy`]: in a program of its own ([`crate::main`]), or in a module here with an
+//! entry in [`crate::app::TYPES`]. What happens with its route (how far it is followed, where scans are taken) is [`crate::policy`]'s business and the same
 //! for all strategies, so that their results can be compared.
 
 mod closest_frontier;
 mod potential;
+mod ways;
 
 pub use closest_frontier::ClosestFrontier;
 pub use potential::{Potential, Start};
+pub use ways::Ways;
 
 use elk_spatial::messages::ExplorerMemory;
 use nalgebra::Point3;
@@ -17,7 +19,7 @@ use crate::goals::Goals;
 use crate::space::Space;
 use crate::volume::Volume;
 
-/// What a strategy sees.
+/// What a strategy sees. [`View::cheapest`] and [`View::ways`] are all that most strategies need of it.
 #[derive(Debug, Clone, Copy)]
 pub struct View<'a> {
     /// The known map.
@@ -50,16 +52,26 @@ impl Route {
 
 /// Chooses a goal and a way to it.
 pub trait Strategy: Send {
-    /// The type's name, as mission files say it.
-    fn name(&self) -> &'static str;
+    /// The type's name, as mission files say it and as it stands in the record.
+    fn name(&self) -> &'static str {
+        type_name::<Self>()
+    }
 
     /// Its settings, for people and for the record.
     fn describe(&self) -> String {
         String::new()
     }
 
-    /// The way to the goal that it chooses; `None` if it finds none.
+    /// The way to the goal that it chooses; `None` if it finds none: then the closest goal is taken, and the plan counted
+    /// as a fallback. It is asked after every scan, and may remember what it likes; equal maps should give equal ways.
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route>;
+}
+
+/// The last word of a type's name: `Level` of `mine::Level`.
+pub(crate) fn type_name<T: ?Sized>() -> &'static str {
+    let name = std::any::type_name::<T>();
+    let name = name.split('<').next().unwrap_or(name);
+    name.rsplit("::").next().unwrap_or(name)
 }
 
 /// What planning cost and what went wrong on the way.

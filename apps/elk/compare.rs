@@ -1,0 +1,212 @@
+//! `elk compare`: strategies against each other in the same mission, over seeds.
+
+mod run;
+mod table;
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::str::FromStr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow, bail};
+use clap::Args;
+use elk_bus::clock::{Clock, Date};
+use elk_bus::{stop_on_signals, tell};
+use elk_mission::{Mission, Override, element, instead};
+
+use crate::commands::{load, say};
+use crate::registry::registry;
+use run::{Plan, Row, Running};
+
+/// What is to be compared, and in which mission.
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// Strategies, each a type of explorer or an executable (a path with a /), and last the mission: a file or a run's folder
+    #[arg(required = true, num_args = 2.., value_name = "STRATEGY… MISSION")]
+    words: Vec<String>,
+    /// Seeds, first and last included: `1..10`, `7`, `1,4,9`; the mission's own if not said
+    #[arg(long)]
+    seeds: Option<Seeds>,
+    /// Runs at the same time
+    #[arg(short, long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: u16,
+    /// Say a parameter for all runs instead of in the file
+    #[arg(long = "set", value_name = "APP.PARAM=VALUE")]
+    sets: Vec<Override>,
+    /// Where the comparison's folder is made
+    #[arg(long, default_value = "logs", value_name = "DIR")]
+    log_dir: PathBuf,
+    /// The CSV file; compare.csv in the comparison's folder if not said
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Which seeds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Seeds(Vec<u64>);
+
+/// The most seeds of one comparison.
+const MOST_SEEDS: u64 = 100_000;
+
+impl FromStr for Seeds {
+    type Err = String;
+
+    fn from_str(said: &str) -> Result<Self, String> {
+        let wrong = || format!("right is 1..10, 7 or 1,4,9, at most {MOST_SEEDS} of them");
+        let number = |text: &str| text.trim().parse::<u64>().map_err(|_| wrong());
+        let mut seeds = Vec::new();
+        for part in said.split(',') {
+            let (first, last) = part.split_once("..").unwrap_or((part, part));
+            let (first, last) = (number(first)?, number(last.trim_start_matches('='))?);
+            if last < first || last - first >= MOST_SEEDS {
+                return Err(wrong());
+            }
+            seeds.extend(first..=last);
+        }
+        match seeds.len() as u64 <= MOST_SEEDS {
+            true => Ok(Self(seeds)),
+            false => Err(wrong()),
+        }
+    }
+}
+
+/// `elk compare`
+pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
+    let Some((mission_file, strategies)) = arguments.words.split_last() else { bail!("nothing is to be compared") };
+    let mission_file = Path::new(mission_file);
+    // Everything is looked at before anything starts.
+    let mission = load(mission_file, &arguments.sets)?;
+    let plans = plans(strategies, mission_file, &mission, arguments)?;
+    let folder = folder(&arguments.log_dir, mission_file)?;
+    let csv = arguments.output.clone().unwrap_or_else(|| folder.join("compare.csv"));
+    elk_outside::file::try_write(&csv).with_context(|| format!("cannot write {}", csv.display()))?;
+    let stop = stop_on_signals().context("signals cannot be caught")?;
+    let rows = run_all(&plans, &folder, usize::from(arguments.jobs), &stop)?;
+    elk_outside::file::write(&csv, table::csv(&rows).as_bytes())
+        .with_context(|| format!("cannot write {}", csv.display()))?;
+    say(&table::table(&rows))?;
+    say(&format!("all rows are in {}, the runs beside them in {}\n", csv.display(), folder.display()))?;
+    if stop.load(Ordering::Relaxed) {
+        bail!("stopped: {} of {} runs came to their end", rows.iter().filter(|row| row.ended).count(), plans.len());
+    }
+    Ok(if rows.iter().all(|row| row.complete) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// All runs, strategy by strategy for each seed, each checked.
+fn plans(strategies: &[String], file: &Path, mission: &Mission, arguments: &CompareArgs) -> Result<Vec<Plan>> {
+    let explorer = mission.of_element(element::EXPLORER).next().context("the mission has no Explorer")?;
+    let seeded = mission.apps.iter().find(|app| app.element != element::LOGGER && app.takes("Seed"));
+    let seeds: Vec<Option<u64>> = match (&arguments.seeds, seeded) {
+        (None, _) => vec![None],
+        (Some(Seeds(seeds)), Some(_)) => seeds.iter().copied().map(Some).collect(),
+        (Some(_), None) => bail!("no app of the mission has a Seed; without --seeds each strategy runs once"),
+    };
+    let set = |app: &str, param: &str, text: &str| {
+        let (app, param, text) = (app.to_owned(), param.to_owned(), text.to_owned());
+        Override { app, param, text }
+    };
+    let mut plans = Vec::new();
+    for strategy in strategies {
+        let exchanged = set(&explorer.name, what_runs(strategy)?, strategy);
+        let sets = [&arguments.sets[..], &[exchanged]].concat();
+        let checked = load(file, &sets).with_context(|| strategy.clone())?;
+        let edge_m = checked.of_element(element::MAP).find_map(|map| map.setting("Res")?.parse().ok());
+        for seed in &seeds {
+            let seeding = seed.zip(seeded).map(|(seed, app)| set(&app.name, "Seed", &seed.to_string()));
+            let sets = sets.iter().cloned().chain(seeding).collect();
+            plans.push(Plan { strategy: strategy.clone(), seed: *seed, mission: file.to_owned(), sets, edge_m });
+        }
+    }
+    Ok(plans)
+}
+
+/// Whether a strategy is a `type`, or an `exec`.
+fn what_runs(strategy: &str) -> Result<&'static str> {
+    let registry = registry();
+    let known: Vec<&str> = registry.of_element(element::EXPLORER).map(|one| one.name).collect();
+    match (known.contains(&strategy), strategy.contains('/')) {
+        (true, _) => Ok("type"),
+        (false, true) => Ok("exec"),
+        (false, false) => {
+            let right = instead(strategy, &known);
+            Err(anyhow!("{strategy} is no strategy; {right}, or an executable's path with a /, as ./{strategy}"))
+        }
+    }
+}
+
+/// Makes the comparison's folder.
+fn folder(log_dir: &Path, mission: &Path) -> Result<PathBuf> {
+    let Date { year, month, day, hour, minute, second, .. } = Date::of(Clock::new(1.0).now());
+    let stem = mission.file_stem().unwrap_or_default().to_string_lossy();
+    let stamp = format!("{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}");
+    let folder = log_dir.join(format!("compare-{stem}-{stamp}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    std::path::absolute(&folder).with_context(|| format!("cannot find {}", folder.display()))
+}
+
+/// How often runs are looked at.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Carries out all runs, at most `jobs` at a time, until they have ended or `stop` is set: then those that run are ended,
+/// and those that have not begun are not. The rows are in the order of the plans.
+fn run_all(plans: &[Plan], folder: &Path, jobs: usize, stop: &AtomicBool) -> Result<Vec<Row>> {
+    let mut waiting: VecDeque<(usize, &Plan)> = plans.iter().enumerate().collect();
+    let mut running: Vec<(usize, Running)> = Vec::new();
+    let mut rows: Vec<(usize, Row)> = Vec::new();
+    while !running.is_empty() || !waiting.is_empty() {
+        let stopped = stop.load(Ordering::Relaxed);
+        if stopped {
+            running.iter_mut().for_each(|(_, run)| run.end());
+            rows.extend(waiting.drain(..).map(|(number, plan)| (number, Row::failed(plan, "stopped before it began"))));
+        }
+        while running.len() < jobs
+            && let Some((number, plan)) = waiting.pop_front()
+        {
+            match Running::start(plan, number, folder) {
+                Ok(run) => running.push((number, run)),
+                Err(error) => rows.push((number, Row::failed(plan, &format!("{error:#}")))),
+            }
+        }
+        let (ended, still): (Vec<_>, Vec<_>) = running.into_iter().partition(|(_, run)| run.has_ended());
+        running = still;
+        for (number, run) in ended {
+            let row = run.row();
+            tell(&row);
+            rows.push((number, row));
+        }
+        if !running.is_empty() {
+            std::thread::sleep(LOOK);
+        }
+    }
+    rows.sort_by_key(|(number, _)| *number);
+    Ok(rows.into_iter().map(|(_, row)| row).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_are_ranges_and_lists() {
+        let seeds = |said: &str| said.parse::<Seeds>().map(|Seeds(seeds)| seeds);
+        assert_eq!(seeds("1..4"), Ok(vec![1, 2, 3, 4]));
+        assert_eq!(seeds("7"), Ok(vec![7]));
+        assert_eq!(seeds("9, 1..=2"), Ok(vec![9, 1, 2]));
+        for wrong in ["", "4..1", "a..b", "1..", "0..18446744073709551615", "-1"] {
+            assert!(seeds(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_strategy_is_a_type_or_an_executable() {
+        assert_eq!(what_runs("Potential").unwrap(), "type");
+        assert_eq!(what_runs("./mine").unwrap(), "exec");
+        let error = what_runs("Potental").unwrap_err().to_string();
+        assert!(
+            error.contains("did you mean Potential?, or an executable's path") || error.contains("Potential"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,41 @@
+//! The shortest ways from where the robot is to all goals at once.
+
+use super::{Route, View};
+use crate::astar::{self, Reached};
+use crate::goals::Goal;
+
+/// The shortest ways to all goals of a [`View`], over voxels that the robot can be in.
+pub struct Ways<'a> {
+    view: View<'a>,
+    reached: Reached,
+}
+
+impl<'a> View<'a> {
+    /// The shortest ways to all goals: one search, whatever is then asked of it.
+    pub fn ways(&self) -> Ways<'a> {
+        let View { volume, space, .. } = *self;
+        Ways { view: *self, reached: astar::all(volume, &space.reach, space.start()) }
+    }
+
+    /// The shortest way to the goal that costs least, the first of equals; `cost` is asked for each goal with the length
+    /// of the shortest way there (m). `None`: there is a way to no goal.
+    pub fn cheapest(&self, cost: impl Fn(&Goal, f64) -> f64) -> Option<Route> {
+        let ways = self.ways();
+        let priced = self.goals.iter().filter_map(|goal| Some((goal, cost(goal, ways.length_m(goal)?))));
+        let (goal, _) = priced.min_by(|(_, one), (_, other)| one.total_cmp(other))?;
+        ways.route(goal)
+    }
+}
+
+impl Ways<'_> {
+    /// Length of the shortest way to a goal (m), from centre to centre of the voxels; `None`: there is none.
+    pub fn length_m(&self, goal: &Goal) -> Option<f64> {
+        let voxels = self.reached.cost(goal.index)?;
+        Some(voxels * self.view.volume.resolution())
+    }
+
+    /// The shortest way to a goal; `None`: there is none.
+    pub fn route(&self, goal: &Goal) -> Option<Route> {
+        Route::over_voxels(&self.view, &self.reached.way_to(goal.index)?)
+    }
+}

@@ -1,0 +1,119 @@
+//! A made-up room to try a strategy in, without a bus, a world or a robot.
+
+use elk_spatial::clearance::Clearance;
+use elk_spatial::{OccupancyGrid, State, Voxel};
+use nalgebra::Point3;
+
+use crate::goals::{Goals, Target};
+use crate::space::Space;
+use crate::strategy::{Journal, Strategy, View};
+use crate::volume::Volume;
+
+/// Edge of the room's voxels, and radius of its robot (m).
+const EDGE_M: f64 = 0.1;
+
+/// A room of free air between walls, with a robot and goals in it.
+///
+/// ```
+/// use elk_explorer::{ClosestFrontier, Room};
+///
+/// let room = Room::new([4.0, 3.0, 2.5], [1.0, 1.0, 1.0], &[[3.0, 2.0, 1.0], [1.5, 1.0, 1.0]]);
+/// assert_eq!(room.choice(&mut ClosestFrontier), Some(1));
+/// ```
+pub struct Room {
+    volume: Volume,
+    space: Space,
+    goals: Goals,
+    robot: Point3<f64>,
+    places: Vec<Voxel>,
+}
+
+impl Room {
+    /// A room from the origin to `size` along x, y and z, with a robot and goals in it (m, world). A goal is to be
+    /// 0.2 m away from walls at least, as the robot is; one that is not is no goal.
+    pub fn new(size: [f64; 3], robot: [f64; 3], goals: &[[f64; 3]]) -> Self {
+        let grid = grid(size);
+        let voxel = |place: &[f64; 3]| Voxel::containing(Point3::from(*place), EDGE_M);
+        // A radius of one voxel is affordable.
+        let clearance = Clearance::new(EDGE_M, EDGE_M).unwrap_or_default();
+        let volume = Volume::of(&grid, voxel(&robot), clearance.reach().max(2));
+        let start = volume.index(voxel(&robot)).unwrap_or_default();
+        let space = Space::around(&volume, start, &clearance, &[], false);
+        let places: Vec<Voxel> = goals.iter().map(voxel).collect();
+        let target = |voxel: &Voxel| Target { voxel: *voxel, unknown: Vec::new(), tried: Vec::new() };
+        let targets: Vec<Target> = places.iter().map(target).collect();
+        let goals = Goals::near(&volume, &space.reach, &targets);
+        Self { volume, space, goals, robot: robot.into(), places }
+    }
+
+    /// What a strategy sees there.
+    pub fn view(&self) -> View<'_> {
+        View { volume: &self.volume, space: &self.space, from: self.robot, goals: &self.goals }
+    }
+
+    /// Which of the goals, by their place in the list that the room was made with, a strategy goes to.
+    pub fn choice(&self, strategy: &mut dyn Strategy) -> Option<usize> {
+        let route = strategy.plan(&self.view(), &mut Journal::new(|| 0.0))?;
+        let chosen = self.volume.voxel(route.goal);
+        self.places.iter().position(|place| *place == chosen)
+    }
+}
+
+fn grid(size: [f64; 3]) -> OccupancyGrid {
+    let [nx, ny, nz] = size.map(|edge| (edge / EDGE_M).round() as i32);
+    let mut grid = OccupancyGrid::new(EDGE_M);
+    for x in -1..=nx {
+        for y in -1..=ny {
+            for z in -1..=nz {
+                let inside = (0..nx).contains(&x) && (0..ny).contains(&y) && (0..nz).contains(&z);
+                grid.set(Voxel::new(x, y, z), if inside { State::Free } else { State::Occupied });
+            }
+        }
+    }
+    grid
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::strategy::Route;
+
+    /// As `examples/level.rs` has it.
+    struct Level {
+        climb: f64,
+    }
+
+    impl Strategy for Level {
+        fn plan(&mut self, view: &View<'_>, _: &mut Journal) -> Option<Route> {
+            view.cheapest(|goal, way_m| way_m + self.climb * (goal.position.z - view.from.z).abs())
+        }
+    }
+
+    #[test]
+    fn goals_are_chosen_by_their_ways_and_whatever_else_counts() {
+        let room = Room::new([4.0, 3.0, 2.5], [1.0, 1.0, 1.0], &[[1.0, 1.0, 2.0], [3.0, 1.0, 1.0], [9.0, 9.0, 9.0]]);
+        assert_eq!(room.view().goals.len(), 2, "one lies outside");
+        assert_eq!(room.choice(&mut Level { climb: 0.0 }), Some(0));
+        assert_eq!(room.choice(&mut Level { climb: 3.0 }), Some(1));
+        assert_eq!(Level { climb: 0.0 }.name(), "Level");
+    }
+
+    #[test]
+    fn a_way_has_the_length_of_its_route() {
+        let room = Room::new([4.0, 3.0, 2.5], [1.05, 1.05, 1.05], &[[3.05, 2.05, 1.05]]);
+        let (view, ways) = (room.view(), room.view().ways());
+        let goal = view.goals.iter().next().unwrap();
+        // Ten diagonal steps and ten straight ones.
+        let length = 0.1 * (10.0 * 2f64.sqrt() + 10.0);
+        assert!((ways.length_m(goal).unwrap() - length).abs() < 1e-9);
+        let route = ways.route(goal).unwrap();
+        let points: f64 = route.points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
+        assert!((points - length).abs() < 1e-9 && route.goal == goal.index);
+    }
+
+    #[test]
+    fn where_there_is_no_goal_there_is_no_way() {
+        let room = Room::new([1.0, 1.0, 1.0], [0.5, 0.5, 0.5], &[]);
+        assert_eq!(room.choice(&mut Level { climb: 1.0 }), None);
+    }
+}

@@ -1,0 +1,108 @@
+//! A checked mission written down again: all that it came to, defaults and command line included.
+
+use std::fmt::Write;
+
+use crate::element;
+use crate::mission::{AppSpec, Mission, Mode, Program};
+use crate::policy::{self, Policy, Restart};
+
+impl Mission {
+    /// The mission as XML that means the same in any folder and under other defaults. Parameters of which `omit` says so
+    /// are left out.
+    pub fn to_xml(&self, omit: &dyn Fn(&AppSpec, &str) -> bool) -> String {
+        let mode = match self.mode {
+            Mode::Auto => "auto",
+            Mode::Manual => "manual",
+        };
+        let Policy { restarts, window_secs, .. } = self.broker;
+        let mut text = format!(
+            "<Scenario name=\"{}\" type=\"{mode}\" version=\"1\" broker-restarts=\"{restarts}\" \
+             broker-window=\"{window_secs}\" mailbox=\"{}\">\n",
+            escaped(&self.name),
+            self.mailbox_mb
+        );
+        for app in &self.apps {
+            put_app(&mut text, app, omit);
+        }
+        if self.of_element(element::LOGGER).next().is_none() {
+            text += "    <Logger type=\"none\"/>\n";
+        }
+        text + "</Scenario>\n"
+    }
+}
+
+fn put_app(text: &mut String, app: &AppSpec, omit: &dyn Fn(&AppSpec, &str) -> bool) {
+    let element = &app.element;
+    // Writing to a String cannot fail.
+    let _ = write!(text, "    <{element} name=\"{}\"{}{}>", escaped(&app.name), program(&app.program), policy(app));
+    let said = app.settings.iter().filter(|(name, _)| !omit(app, name));
+    let said: String = said.map(|(name, value)| format!("\n        <{name}>{}</{name}>", escaped(value))).collect();
+    let _ = match said.as_str() {
+        "" => writeln!(text, "</{element}>"),
+        said => writeln!(text, "{said}\n    </{element}>"),
+    };
+}
+
+fn program(program: &Program) -> String {
+    match program {
+        Program::Builtin(app_type, _) => format!(" type=\"{}\"", app_type.name),
+        Program::Foreign { exec, args } => {
+            let path = exec.to_string_lossy();
+            // A bare name is looked for in `PATH`.
+            let exec = if path.contains('/') { std::path::absolute(exec).ok() } else { None };
+            let exec = exec.map_or(path.clone(), |exec| exec.to_string_lossy().into_owned().into());
+            let args: Vec<String> = args.iter().map(|one| quoted(one)).collect();
+            let args = if args.is_empty() { String::new() } else { format!(" args=\"{}\"", escaped(&args.join(" "))) };
+            format!(" exec=\"{}\"{args}", escaped(&exec))
+        }
+    }
+}
+
+/// An argument as a shell would read it.
+fn quoted(argument: &str) -> String {
+    let plain = |c: char| !c.is_whitespace() && !"'\"\\".contains(c);
+    match !argument.is_empty() && argument.chars().all(plain) {
+        true => argument.to_owned(),
+        false => format!("'{}'", argument.replace('\'', r"'\''")),
+    }
+}
+
+fn policy(app: &AppSpec) -> String {
+    let Policy { restart, restarts, window_secs, health_secs } = app.policy;
+    let limits = match restart {
+        Restart::Never => String::new(),
+        _ => format!(" restarts=\"{restarts}\" restart-window=\"{window_secs}\""),
+    };
+    let health = health_secs.map_or(policy::OFF.to_owned(), |secs| secs.to_string());
+    format!(" restart=\"{}\"{limits} health=\"{health}\"", restart.word())
+}
+
+/// Text as it stands in an attribute or an element.
+fn escaped(text: &str) -> String {
+    text.chars().fold(String::new(), |mut done, c| {
+        match c {
+            '&' => done += "&amp;",
+            '<' => done += "&lt;",
+            '>' => done += "&gt;",
+            '"' => done += "&quot;",
+            '\n' | '\r' | '\t' => {
+                // Writing to a String cannot fail.
+                let _ = write!(done, "&#{};", u32::from(c));
+            }
+            c => done.push(c),
+        }
+        done
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_quoted_where_they_would_be_taken_apart() {
+        let args = ["-v", "two words", "it's", ""].map(quoted);
+        assert_eq!(args.join(" "), r"-v 'two words' 'it'\''s' ''");
+        assert_eq!(escaped("a<b & \"c\"\n"), "a&lt;b &amp; &quot;c&quot;&#10;");
+    }
+}

@@ -1,0 +1,63 @@
+//! What an app's `main` returns, so that people read words.
+
+use std::error::Error;
+use std::fmt;
+
+/// Any error, to be returned by `main`: that shows errors by their `Debug`, which is for programmers; this one shows itself
+/// as its [`Display`](fmt::Display) does, with the causes that it does not name itself.
+///
+/// ```
+/// use elk_bus::{Community, Failure};
+///
+/// fn main_of_an_app(community: &str) -> Result<(), Failure> {
+///     Community::new(community)?;
+///     Ok(())
+/// }
+///
+/// let failure = main_of_an_app("a/b").unwrap_err();
+/// assert!(format!("{failure:?}").starts_with("\"a/b\" is no name for a community"));
+/// ```
+pub struct Failure(Box<dyn Error + Send + Sync>);
+
+impl<E: Into<Box<dyn Error + Send + Sync>>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self(error.into())
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut said = self.0.to_string();
+        let mut cause = self.0.source();
+        while let Some(error) = cause {
+            let words = error.to_string();
+            if !said.contains(&words) {
+                said = format!("{said}: {words}");
+            }
+            cause = error.source();
+        }
+        f.write_str(&elk_outside::text::printable_lines(&said))
+    }
+}
+
+impl fmt::Debug for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("the lamp is dark")]
+    struct Dark(#[from] std::num::ParseIntError);
+
+    #[test]
+    fn what_main_returns_is_words_with_their_causes_each_once() {
+        let dark = Dark("x".parse::<u8>().unwrap_err());
+        assert_eq!(format!("{:?}", Failure::from(dark)), "the lamp is dark: invalid digit found in string");
+        assert_eq!(format!("{:?}", Failure::from("no lamp\x1b[2J")), "no lamp\\u{1b}[2J");
+    }
+}

@@ -1,0 +1,230 @@
+//! What a launcher hands over to an app: all of it is here, and nothing else is.
+//!
+//! | where | what | without it |
+//! |---|---|---|
+//! | `ELK_NAME` ([`NAME`]) | the app's name in the mission, which is to be its name on the bus | the program's file name |
+//! | `ELK_COMMUNITY` ([`COMMUNITY`]) | the community to join | `elk`, as for every command of elk |
+//! | `ELK_LEASE_SECS` ([`LEASE`]) | for how long its mail is kept if it dies: the mission starts it again | it is not kept |
+//! | `ELK_SUCCEED` ([`SUCCEED`]) | `1`: it comes to take the place of the app that has its name (`elk swap`) | it does not |
+//! | arguments `Name=Value` | its parameters, as the mission says them, and what other apps have in common with it | none |
+//! | other arguments | what the mission says in `args="…"`; they stand before the parameters | none |
+//!
+//! It is started in the folder that the launcher was started in, in a process group of its own, with nothing on standard
+//! input, and with its output in `NAME.log` of the run's folder. SIGTERM asks it to end. It counts as started when it has
+//! joined and its [`App::on_start_up`](crate::App::on_start_up) is through; [`run_app`](crate::run_app) sees to all of that.
+//! By hand it is started as `ELK_COMMUNITY=lab ./my-app Param=Value`.
+
+use std::fmt::Display;
+use std::path::Path;
+use std::str::FromStr;
+
+use elk_outside::time::parse_seconds;
+
+use crate::community::{Community, CommunityNameError};
+
+/// Environment variable of an app's process: [`RunOptions::name`].
+pub const NAME: &str = "ELK_NAME";
+/// Environment variable of an app's process: [`RunOptions::community`].
+pub const COMMUNITY: &str = "ELK_COMMUNITY";
+/// Environment variable of an app's process: [`RunOptions::lease_secs`].
+pub const LEASE: &str = "ELK_LEASE_SECS";
+/// Environment variable of an app's process: `1` for [`RunOptions::succeeds`].
+pub const SUCCEED: &str = "ELK_SUCCEED";
+
+/// The community of an app that is told none, as of every command of elk.
+const USUAL_COMMUNITY: &str = "elk";
+
+/// How an app is to be run.
+#[derive(Debug, Clone)]
+pub struct RunOptions {
+    /// The name that the broker will know it by.
+    pub name: String,
+    /// The community to join.
+    pub community: Community,
+    /// How long its registrations and its mail are kept after its death, for the next of its name (s); 0: not at all.
+    pub lease_secs: f64,
+    /// It comes to take the place of the client that has its name.
+    pub succeeds: bool,
+    /// Its parameters, as they were said: name and text. See [`RunOptions::param`].
+    pub params: Vec<(String, String)>,
+    /// Its other arguments.
+    pub args: Vec<String>,
+}
+
+/// What an app was told and cannot be.
+#[derive(Debug, thiserror::Error)]
+pub enum OptionError {
+    /// The community's name is none.
+    #[error("{COMMUNITY}: {0}")]
+    Community(#[from] CommunityNameError),
+    /// An argument or a variable of the environment is no text.
+    #[error("{0:?} is no UTF-8; right are names and values that are")]
+    Text(std::ffi::OsString),
+    /// A parameter is said twice.
+    #[error("{0} is said twice; once is enough")]
+    Twice(String),
+    /// A parameter's text is no value of its type.
+    #[error("{name}={text}: {why}; without the parameter it is {default}")]
+    Value {
+        /// The parameter.
+        name: String,
+        /// What was said.
+        text: String,
+        /// Why it is none.
+        why: String,
+        /// What it is if nobody says it.
+        default: String,
+    },
+    /// A parameter or an argument that the app does not have.
+    #[error("{said} says nothing to this app; it has {known}")]
+    Unknown {
+        /// What was said.
+        said: String,
+        /// What can be said.
+        known: String,
+    },
+}
+
+impl RunOptions {
+    /// An app of this name in this community, without parameters.
+    pub fn new(name: impl Into<String>, community: Community) -> Self {
+        Self { name: name.into(), community, lease_secs: 0.0, succeeds: false, params: Vec::new(), args: Vec::new() }
+    }
+
+    /// What a launcher has handed over to this process (see the [module](self)), whether that was `elk launch`, `elk swap`,
+    /// or a person at a terminal.
+    ///
+    /// # Errors
+    /// What was handed over is no text, no community's name, or says a parameter twice.
+    pub fn from_launcher() -> Result<Self, OptionError> {
+        let text = |said: std::ffi::OsString| said.into_string().map_err(OptionError::Text);
+        let variable = |name: &str| std::env::var_os(name).map(text).transpose();
+        let mut arguments = std::env::args_os();
+        let program = arguments.next().map(text).transpose()?.unwrap_or_default();
+        let (name, community) = (variable(NAME)?, variable(COMMUNITY)?);
+        let arguments = arguments.map(text).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self::told(&program, name, community, arguments)?.as_launched())
+    }
+
+    fn told(
+        program: &str,
+        name: Option<String>,
+        community: Option<String>,
+        arguments: Vec<String>,
+    ) -> Result<Self, OptionError> {
+        let own_name = || Path::new(program).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let community = Community::new(community.unwrap_or_else(|| USUAL_COMMUNITY.to_owned()))?;
+        let mut options = Self::new(name.unwrap_or_else(own_name), community);
+        for argument in arguments {
+            match argument.split_once('=').map(|(name, text)| (name.trim(), text.trim())) {
+                Some((name, _)) if options.text(name).is_some() => return Err(OptionError::Twice(name.to_owned())),
+                Some((name, text)) if !name.is_empty() && !name.starts_with('-') => {
+                    options.params.push((name.to_owned(), text.to_owned()));
+                }
+                _ => options.args.push(argument),
+            }
+        }
+        Ok(options)
+    }
+
+    /// What a launcher has told this process about leases and succession, in its environment:
+    /// [`LEASE`] and [`SUCCEED`].
+    pub fn as_launched(mut self) -> Self {
+        let said = |name: &str| std::env::var(name).ok();
+        let lease = said(LEASE).and_then(|secs| parse_seconds(&secs).ok());
+        self.lease_secs = lease.unwrap_or(self.lease_secs);
+        self.succeeds |= said(SUCCEED).is_some_and(|word| word == "1");
+        self
+    }
+
+    /// What was said of a parameter. As in MOOS, case does not count.
+    pub fn text(&self, name: &str) -> Option<&str> {
+        let said = self.params.iter().find(|(other, _)| other.eq_ignore_ascii_case(name));
+        said.map(|(_, text)| text.as_str())
+    }
+
+    /// The value of a parameter, or `default` if nothing was said of it.
+    ///
+    /// ```
+    /// # use elk_bus::{Community, RunOptions};
+    /// # let mut options = RunOptions::new("greeter", Community::new("demo")?);
+    /// # options.params.push(("Rate".into(), "4".into()));
+    /// let rate_hz: f64 = options.param("Rate", 1.0)?;
+    /// assert_eq!(rate_hz, 4.0);
+    /// # Ok::<(), elk_bus::Failure>(())
+    /// ```
+    ///
+    /// # Errors
+    /// What was said is no such value.
+    pub fn param<T>(&self, name: &str, default: T) -> Result<T, OptionError>
+    where
+        T: FromStr<Err: Display> + Display,
+    {
+        let Some(text) = self.text(name) else { return Ok(default) };
+        text.parse().map_err(|why: T::Err| OptionError::Value {
+            name: name.to_owned(),
+            text: text.to_owned(),
+            why: why.to_string(),
+            default: default.to_string(),
+        })
+    }
+
+    /// Sees that nothing else was said than these parameters: what a mission says is never ignored.
+    ///
+    /// # Errors
+    /// The first argument that is none of them.
+    pub fn only(&self, known: &[&str]) -> Result<(), OptionError> {
+        let is_known = |name: &str| known.iter().any(|one| one.eq_ignore_ascii_case(name));
+        let strange = self.params.iter().find(|(name, _)| !is_known(name)).map(|(name, text)| format!("{name}={text}"));
+        match self.args.first().cloned().or(strange) {
+            None => Ok(()),
+            Some(said) => {
+                let known = if known.is_empty() { "no parameters".to_owned() } else { known.join(", ") };
+                Err(OptionError::Unknown { said, known })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(name: Option<&str>, community: Option<&str>, arguments: &[&str]) -> Result<RunOptions, OptionError> {
+        let owned = |text: &str| text.to_owned();
+        let arguments = arguments.iter().map(|one| owned(one)).collect();
+        RunOptions::told("target/debug/my-app", name.map(owned), community.map(owned), arguments)
+    }
+
+    #[test]
+    fn who_is_told_nothing_has_the_name_of_its_program_in_the_usual_community() {
+        let options = told(None, None, &[]).unwrap();
+        assert_eq!((options.name.as_str(), options.community.as_str()), ("my-app", "elk"));
+        let options = told(Some("Mine"), Some("lab"), &[]).unwrap();
+        assert_eq!((options.name.as_str(), options.community.as_str()), ("Mine", "lab"));
+    }
+
+    #[test]
+    fn parameters_are_told_from_other_arguments() {
+        let options = told(None, None, &["-v", "--at=noon", "fast", "Rate=4", "Words= a = b ", "=5"]).unwrap();
+        assert_eq!(options.args, ["-v", "--at=noon", "fast", "=5"]);
+        assert_eq!(options.text("words"), Some("a = b"));
+        assert_eq!(options.param("Rate", 1.5).unwrap(), 4.0);
+        assert_eq!(options.param("Depth", 7).unwrap(), 7);
+        assert_eq!(options.only(&["Rate"]).unwrap_err().to_string(), "-v says nothing to this app; it has Rate");
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_what_would_be_right() {
+        let said = |arguments: &[&str]| told(None, None, arguments).unwrap();
+        let error = said(&["Rate=fast"]).param("Rate", 2.5).unwrap_err().to_string();
+        assert_eq!(error, "Rate=fast: invalid float literal; without the parameter it is 2.5");
+        let error = said(&["Rat=1"]).only(&["Rate", "Depth"]).unwrap_err().to_string();
+        assert_eq!(error, "Rat=1 says nothing to this app; it has Rate, Depth");
+        assert!(said(&["rate=1"]).only(&["Rate"]).is_ok());
+        let error = told(None, None, &["Rate=1", "RATE=2"]).unwrap_err().to_string();
+        assert_eq!(error, "RATE is said twice; once is enough");
+        let error = told(None, Some("a/b"), &[]).unwrap_err().to_string();
+        assert!(error.starts_with("ELK_COMMUNITY: \"a/b\" is no name for a community"), "{error}");
+    }
+}
