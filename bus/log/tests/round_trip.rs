@@ -16,6 +16,8 @@ fn metadata() -> Metadata {
         started: 1_795_473_001.123_456_7,
         world: "worlds/hall.obj".into(),
         world_checksum: "00000000deadbeef".into(),
+        effective_mission: "<Scenario name=\"as it ran\"/>\n".into(),
+        run: "{\"revision\":\"c0ffee\"}".into(),
     }
 }
 
