@@ -78,6 +78,12 @@ fn a_world_is_checked() {
         ("far-500k", &[], 1, "move the world towards the origin, or choose a larger Res"),
         ("far-edge", &["--start", "3275.3; 3275.5; 1.0"], 0, "what lies beyond is not explored"),
         ("shaft-open", &[], 0, "it is open: "),
+        (
+            "rooms-quads",
+            &["--scale", "1000"],
+            0,
+            "it is 4000.0000 m long: if it is drawn in millimetres, say so by Scale, 0.001 times",
+        ),
     ] {
         let file = case(world);
         let (found, said) = elk(&[&["world", "check", &file], more].concat());

@@ -6,6 +6,7 @@ use nalgebra::Point3;
 
 use crate::inspection::{Start, starts};
 use crate::openness::{direction, openness};
+use crate::units::{self, Unit};
 use crate::world::World;
 
 /// Rays that are cast from the start.
@@ -41,6 +42,7 @@ pub fn suitability(world: &World, wanted: &Wanted) -> Suitability {
             "it is open: {words}. Such rays say nothing; whoever wants all of it explored closes it or sets Mid and Dim"
         )
     }));
+    found.warnings.extend(unit(world));
     look_at_limits(world, wanted, &mut found);
     if let Some(start) = wanted.start {
         look_around(world, start, wanted.range_m, &mut found);
@@ -49,6 +51,13 @@ pub fn suitability(world: &World, wanted: &Wanted) -> Suitability {
         found.warnings.push("the volume to explore (Mid, Dim of the explorer) holds nothing of it".to_owned());
     }
     found
+}
+
+/// Whether its size is that of a world in another unit.
+fn unit(world: &World) -> Option<String> {
+    let longest = world.extents().dim().max();
+    let Unit { name, metres } = units::guess(longest).filter(|unit| unit.metres != 1.0)?;
+    Some(format!("it is {longest:.4} m long: if it is drawn in {name}, say so by Scale, {metres} times what it is now"))
 }
 
 /// A map ends.

@@ -73,9 +73,7 @@ impl Format {
         Ok(match () {
             () if said.starts_with(b"{") => Some(Self::Gltf),
             () if said.starts_with(b"ply") && said.get(3).is_some_and(u8::is_ascii_whitespace) => Some(Self::Ply),
-            () if said.starts_with(b"solid") && (contains(said, b"facet") || contains(said, b"endsolid")) => {
-                Some(Self::Stl)
-            }
+            () if is_text_stl(said) => Some(Self::Stl),
             () if looks_like_obj(said) => Some(Self::Obj),
             () => None,
         })
@@ -111,6 +109,11 @@ impl fmt::Display for Format {
             Self::Gltf => "glTF",
         })
     }
+}
+
+fn is_text_stl(beginning: &[u8]) -> bool {
+    let lower = beginning.to_ascii_lowercase();
+    lower.starts_with(b"solid") && (contains(&lower, b"facet") || contains(&lower, b"endsolid"))
 }
 
 fn contains(text: &[u8], wanted: &[u8]) -> bool {

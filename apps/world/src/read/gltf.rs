@@ -51,6 +51,7 @@ struct Node {
     /// x, y, z, w.
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
+    extensions: serde_json::Map<String, serde_json::Value>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -160,6 +161,12 @@ impl Walk<'_> {
         }
         if depth > DEEPEST {
             return Err(Fault::at(place(), format_args!("more than {DEEPEST} nodes are above it")));
+        }
+        if node.extensions.contains_key("EXT_mesh_gpu_instancing") {
+            return Err(Fault::at(
+                place(),
+                "it is drawn many times (EXT_mesh_gpu_instancing), which is not read: export it without",
+            ));
         }
         let here = above * node.transform();
         if let Some(mesh) = node.mesh {

@@ -24,7 +24,8 @@ fn count(bytes: &[u8]) -> Option<u32> {
 /// Reads all triangles.
 pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
     let text = text::ascii_compatible(bytes);
-    let is_text = text::without_bom(&text).trim_ascii_start().starts_with(b"solid");
+    let beginning = text::without_bom(&text).trim_ascii_start();
+    let is_text = beginning.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     if is_binary(bytes) || !is_text { read_binary(bytes, soup) } else { read_text(&text, soup) }
 }
 

@@ -54,9 +54,10 @@ pub(crate) fn lines(text: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     lines.enumerate().map(|(before, line)| (before + 1, without_bom(line)))
 }
 
-/// The words of a line.
+/// The words of a line, without marks.
 pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
-    line.split(|byte| byte.is_ascii_whitespace() || *byte == 0x0b).filter(|word| !word.is_empty())
+    let parts = line.split(|byte| byte.is_ascii_whitespace() || *byte == 0x0b);
+    parts.map(without_bom).filter(|word| !word.is_empty())
 }
 
 /// A word as it is shown.
