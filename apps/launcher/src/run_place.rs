@@ -31,10 +31,10 @@ impl RunPlace {
         Self { folder, mission_copy, seed, world: world.to_owned(), manual }
     }
 
-    /// Keeps the mission file.
+    /// Keeps the mission file, as it was read.
     pub fn keep(&self, mission: &Mission) -> Result<(), LaunchError> {
         let failed = |source| LaunchError::File { file: self.mission_copy.clone(), source };
-        std::fs::copy(&mission.file, &self.mission_copy).map(|_| ()).map_err(failed)
+        std::fs::write(&self.mission_copy, &mission.bytes).map_err(failed)
     }
 
     /// Tells an app where the run is kept.

@@ -2,6 +2,7 @@
 
 use roxmltree::{Attribute, Node};
 
+use crate::arguments::split_arguments;
 use crate::element;
 use crate::mission::{AppSpec, Program};
 use crate::name::{is_app_name, right_app_names};
@@ -69,7 +70,6 @@ impl Draft {
     fn what_runs(&self, context: &Context, node: Node, problems: &mut Findings) -> Runs {
         let types = context.registry.of_element(&self.element);
         let known: Vec<&str> = types.map(|app_type| app_type.name).collect();
-        let args = node.attribute("args").map(split_arguments);
         let value_place = |name| {
             let value = node.attribute_node(name).map(|a| At::Byte(a.range_value().start));
             value.unwrap_or_else(|| self.place.clone())
@@ -85,11 +85,16 @@ impl Draft {
             }
             (None, Some(exec)) => {
                 let exec = executable(context, exec);
-                let args = args.unwrap_or_default();
-                Runs::Foreign { exec, args }
+                match split_arguments(node.attribute("args").unwrap_or_default()) {
+                    Ok(args) => Runs::Foreign { exec, args },
+                    Err(error) => {
+                        problems.add(&value_place("args"), format!("args: {error}"));
+                        Runs::Unknown
+                    }
+                }
             }
             (Some(name), None) => {
-                if args.is_some() {
+                if node.has_attribute("args") {
                     problems.add(&value_place("args"), "args without exec; right is both or neither");
                 }
                 self.type_called(name, &value_place("type"), context.registry, problems)
@@ -319,11 +324,6 @@ fn executable(context: &Context, exec: &str) -> String {
         true => context.folder.join(exec).to_string_lossy().into_owned(),
         false => exec.to_owned(),
     }
-}
-
-/// Arguments are separated by space.
-fn split_arguments(args: &str) -> Vec<String> {
-    args.split_whitespace().map(str::to_owned).collect()
 }
 
 /// Where the first letter of an element's text stands.
