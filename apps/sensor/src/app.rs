@@ -14,7 +14,7 @@ use crate::camera::Camera;
 use crate::noise::StereoNoise;
 use crate::simulator::{Settings, Simulator, random_start};
 use crate::truth::accuracy;
-use crate::world::{CAR_INTERIOR, World};
+use crate::world::{BUILT_IN, CAR_INTERIOR, World};
 
 /// The sensors that a mission file can name.
 pub static TYPES: &[AppType] = &[AppType {
@@ -37,7 +37,7 @@ const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 const PARAMS: &[ParamSpec] = &[
     param(
         "World",
-        Kind::File { builtin: &[CAR_INTERIOR] },
+        Kind::File { builtin: &BUILT_IN },
         CAR_INTERIOR,
         "The world: an OBJ file (metres, z up, closed, faces anticlockwise as seen from the free side).",
     ),

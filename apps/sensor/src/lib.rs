@@ -20,4 +20,4 @@ pub use app::TYPES;
 pub use camera::Camera;
 pub use noise::StereoNoise;
 pub use simulator::{Outcome, Refusal, Settings, Simulator, random_start};
-pub use world::{CAR_INTERIOR, World, WorldError};
+pub use world::{BUILT_IN, CAR_INTERIOR, World, WorldError};

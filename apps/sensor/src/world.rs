@@ -17,6 +17,22 @@ pub const CAR_INTERIOR: &str = "car-interior";
 
 const CAR_INTERIOR_OBJ: &str = include_str!("../../../mission-files/worlds/car.obj");
 
+/// The names of the built-in worlds.
+pub const BUILT_IN: [&str; 7] = [CAR_INTERIOR, "apartment", "car", "garage", "hall", "hall-long", "kitchen"];
+
+/// The built-in world of this name, as OBJ.
+fn built_in(name: &str) -> Option<&'static str> {
+    Some(match name {
+        CAR_INTERIOR | "car" => CAR_INTERIOR_OBJ,
+        "apartment" => include_str!("../../../mission-files/worlds/apartment.obj"),
+        "garage" => include_str!("../../../mission-files/worlds/garage.obj"),
+        "hall" => include_str!("../../../mission-files/worlds/hall.obj"),
+        "hall-long" => include_str!("../../../mission-files/worlds/hall-long.obj"),
+        "kitchen" => include_str!("../../../mission-files/worlds/kitchen.obj"),
+        _ => return None,
+    })
+}
+
 /// Directions in which surfaces are counted; none is along an axis or a diagonal, where worlds have their edges.
 const PROBES: [[f64; 3]; 5] = [
     [0.5377, 0.2139, 0.8156],
@@ -87,10 +103,10 @@ pub enum WorldError {
 }
 
 impl World {
-    /// The world in the OBJ file at `name`, or the built-in one if it is [`CAR_INTERIOR`].
+    /// The world in the OBJ file at `name`, or the built-in one of that name ([`BUILT_IN`]).
     pub fn load(name: &str) -> Result<Self, WorldError> {
-        if name == CAR_INTERIOR {
-            return Self::from_obj(name, CAR_INTERIOR_OBJ);
+        if let Some(text) = built_in(name) {
+            return Self::from_obj(name, text);
         }
         let read = file::read(Path::new(name), MAX_FILE_BYTES);
         let bytes = read.map_err(|source| WorldError::Read { path: name.into(), source })?;
