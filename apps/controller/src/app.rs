@@ -13,6 +13,7 @@ use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{Awaited, CameraPose, MotionMemory};
 
 use crate::follower::{Follower, Output};
+use crate::pace::Pace;
 
 /// The controllers that a mission file can name.
 pub static TYPES: &[AppType] = &[AppType {
@@ -24,6 +25,9 @@ pub static TYPES: &[AppType] = &[AppType {
     preflight: None,
 }];
 
+/// How often it is seen whether a robot that takes its time has arrived.
+const LOOK_HZ: f64 = 50.0;
+
 const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
     ParamSpec { name, kind, default: Some(default), doc }
 }
@@ -34,6 +38,19 @@ const PARAMS: &[ParamSpec] = &[
         Kind::Variable,
         CAMERA_POSE,
         "Variable under which the sensor publishes the camera's pose.",
+    ),
+    param(
+        "Pace",
+        Kind::Number { unit: "", min: 0.0, max: 1000.0 },
+        "0",
+        "How many times as fast as Speed and TurnRate the robot goes; 0: it is where it is sent to at once.",
+    ),
+    param("Speed", Kind::Number { unit: "m/s", min: 0.001, max: 1000.0 }, "0.5", "The robot's speed, at Pace 1."),
+    param(
+        "TurnRate",
+        Kind::Number { unit: "deg/s", min: 0.1, max: 36_000.0 },
+        "90",
+        "How fast the robot turns, while it goes or on the spot, at Pace 1.",
     ),
     param("Manual", Kind::Flag, "false", "Pause before the first pose command: as if MOTION had said pause."),
     MOOS_HOST,
@@ -49,6 +66,7 @@ pub struct ControllerApp {
     steps: u64,
     /// The last pose command that was not held back.
     allowed: u64,
+    pace: Pace,
     /// What the follower wants said, held back from the first command on that waits for a step.
     held: VecDeque<Output>,
     recall: Recall,
@@ -65,6 +83,7 @@ impl ControllerApp {
             paused: params.flag("Manual"),
             steps: 0,
             allowed: 0,
+            pace: Pace::new(params.number("Speed"), params.number("TurnRate").to_radians(), params.number("Pace")),
             held: VecDeque::new(),
             recall: Recall::default(),
             remembered: None,
@@ -80,6 +99,7 @@ impl ControllerApp {
 
     fn on_camera_pose(&mut self, name: &str, camera: &CameraPose) -> Result<(), AppError> {
         let before = self.follower.commands();
+        self.pace.is_at(&camera.pose);
         self.held.extend(self.follower.on_camera_pose(camera).map_err(Rejection::new)?);
         if self.follower.commands() < before {
             (self.allowed, self.steps) = (0, 0);
@@ -120,10 +140,10 @@ impl ControllerApp {
 
     /// Says what is not held back; before that it is remembered that it was going to be said.
     fn say(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        let mut outputs = Vec::new();
-        while let Some(output) =
-            self.held.pop_front_if(|output| allows(output, self.paused, &mut self.steps, &mut self.allowed))
-        {
+        let (mut outputs, now) = (Vec::new(), comms.time());
+        while let Some(output) = self.held.pop_front_if(|output| {
+            is_there(output, &mut self.pace, now) && allows(output, self.paused, &mut self.steps, &mut self.allowed)
+        }) {
             outputs.push(output);
         }
         let memory = self.follower.memory(self.allowed, self.steps);
@@ -147,6 +167,14 @@ fn allows(output: &Output, paused: bool, steps: &mut u64, allowed: &mut u64) -> 
     *steps -= u64::from(waits);
     *allowed = command.id;
     true
+}
+
+/// Whether a robot that goes at this pace would be where `output` sends it.
+fn is_there(output: &Output, pace: &mut Pace, now: f64) -> bool {
+    match output {
+        Output::Command(command) => pace.is_there(command, now),
+        _ => true,
+    }
 }
 
 fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
@@ -196,6 +224,15 @@ impl App for ControllerApp {
         }
         self.say(comms)
     }
+
+    /// A robot that is slow has to be looked at until it is there.
+    fn tick_hz(&self) -> Option<f64> {
+        self.pace.is_slow().then_some(LOOK_HZ)
+    }
+
+    fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.say(comms)
+    }
 }
 
 #[cfg(test)]
@@ -225,6 +262,7 @@ mod tests {
             paused,
             steps: 0,
             allowed: 0,
+            pace: Pace::default(),
             held: VecDeque::new(),
             recall: Recall::default(),
             remembered: None,

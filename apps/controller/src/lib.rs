@@ -1,9 +1,11 @@
 //! Turns paths into pose commands, scanning on the way.
 //!
-//! [`follower::Follower`] is the whole of it, a state machine without I/O; [`app`] puts it on the bus.
+//! [`follower::Follower`] is the whole of it, a state machine without I/O; [`pace::Pace`] a robot that takes its
+//! time; [`app`] puts them on the bus.
 
 pub mod app;
 pub mod follower;
+pub mod pace;
 mod record;
 
 pub use app::TYPES;

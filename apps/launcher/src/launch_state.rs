@@ -171,6 +171,7 @@ impl LaunchState {
         Ok(Mission {
             name: self.name.clone(),
             file: self.file.clone(),
+            bytes: Vec::new(),
             mode: if self.manual { Mode::Manual } else { Mode::Auto },
             broker: self.broker_policy.policy(),
             mailbox_mb: self.mailbox_mb,

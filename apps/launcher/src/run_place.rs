@@ -35,10 +35,10 @@ impl RunPlace {
         Self { folder, mission_copy, effective, seed, world: world.to_owned(), manual }
     }
 
-    /// Keeps the mission file, and what else the run is made of.
+    /// Keeps the mission file, as it was read, and what else the run is made of.
     pub fn keep(&self, mission: &Mission, revision: &str) -> Result<(), LaunchError> {
         let failed = |source| LaunchError::File { file: self.mission_copy.clone(), source };
-        std::fs::copy(&mission.file, &self.mission_copy).map(|_| ()).map_err(failed)?;
+        std::fs::write(&self.mission_copy, &mission.bytes).map_err(failed)?;
         let mode = if self.manual { Mode::Manual } else { Mode::Auto };
         provenance::keep(&Mission { mode, ..mission.clone() }, &self.folder, revision)
     }

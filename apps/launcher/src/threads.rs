@@ -251,8 +251,15 @@ mod tests {
     #[test]
     fn whatever_fails_at_the_end_is_said() {
         let (broker, mailbox_mb, apps) = (Policy::BROKER, 4, Vec::new());
-        let mission =
-            Mission { name: "Test".into(), file: "test.xml".into(), mode: Mode::Auto, broker, mailbox_mb, apps };
+        let mission = Mission {
+            name: "Test".into(),
+            file: "test.xml".into(),
+            bytes: vec![],
+            mode: Mode::Auto,
+            broker,
+            mailbox_mb,
+            apps,
+        };
         let mut threads = Threads::new(&Community::new("threads").unwrap(), &mission);
         threads.started.extend(["Logger", "Map"].map(failing));
         threads.end_apps();

@@ -7,7 +7,7 @@ use elk_bus::{Running, running};
 use serde_json::{Value, json};
 
 use crate::error::ScopeError;
-use crate::output::{Output, in_columns};
+use crate::output::{Line, Output, Table};
 use crate::session::Scope;
 use crate::show;
 
@@ -23,7 +23,7 @@ pub fn communities(output: &mut Output<'_>, json: bool) -> Result<(), ScopeError
     let seen = look_into_all(found);
     match json {
         true => output.json(&json!({"communities": seen.iter().map(as_json).collect::<Vec<_>>()}))?,
-        false => as_text(&seen).iter().try_for_each(|line| output.line(line))?,
+        false => as_text(&seen, output.columns()).iter().try_for_each(|line| output.styled(line))?,
     }
     output.flush()
 }
@@ -43,13 +43,13 @@ fn look_into(one: &Running) -> Option<CommunityTable> {
     scope.table_within(PATIENCE).ok()
 }
 
-fn as_text(seen: &[Seen]) -> Vec<String> {
+fn as_text(seen: &[Seen], columns: Option<usize>) -> Vec<Line> {
     if seen.is_empty() {
-        return vec!["no community runs on this machine: `elk launch MISSION` starts one".to_owned()];
+        return vec!["no community runs on this machine: `elk launch MISSION` starts one".to_owned().into()];
     }
     let mut rows = vec![["COMMUNITY", "USER", "PROCESS", "UP", "CLIENTS"].map(str::to_owned).to_vec()];
     rows.extend(seen.iter().map(row));
-    in_columns(&rows, &[2, 3])
+    Table { rows, right: &[2, 3], spare: &[2, 1, 3], bad: vec![] }.lines(columns)
 }
 
 fn row((one, table): &Seen) -> Vec<String> {
@@ -121,13 +121,13 @@ mod tests {
             left_out: 0,
         };
         let seen = [(one("lab", theirs), Some(table)), (one("theirs", theirs), None), (one("crowded", None), None)];
-        let lines = as_text(&seen);
+        let lines = as_text(&seen, None);
         assert_eq!(lines[1], "lab        4000000        7  90.0 s");
-        assert!(lines[2].ends_with("(another user's: only that user can join)"), "{lines:?}");
+        assert!(lines[2].text.ends_with("(another user's: only that user can join)"), "{lines:?}");
         assert_eq!(as_json(&seen[1])["own"], false);
-        assert!(lines[3].ends_with("-  (more wait at its door than it takes in)"), "{lines:?}");
+        assert!(lines[3].text.ends_with("-  (more wait at its door than it takes in)"), "{lines:?}");
         assert_eq!(as_json(&seen[2])["process"], Value::Null);
-        assert!(as_text(&[])[0].contains("elk launch"));
+        assert!(as_text(&[], None)[0].text.contains("elk launch"));
     }
 
     #[test]

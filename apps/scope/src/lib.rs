@@ -12,6 +12,7 @@
 //! | [`echo`] | every message |
 //! | [`rates`], [`meter`], [`spread`] | messages counted, not decoded: how often, how much |
 //! | [`poke`] | a variable written by a person, checked before |
+//! | `quit` | when a command that goes on is to end |
 //! | [`show`], [`output`] | values and figures for people and programs; lines, and pages in place |
 //! | [`pattern`] | names with wildcards |
 
@@ -25,6 +26,7 @@ pub mod meter;
 pub mod output;
 pub mod pattern;
 pub mod poke;
+mod quit;
 pub mod rates;
 pub mod session;
 pub mod show;
@@ -37,7 +39,7 @@ pub use error::ScopeError;
 pub use graph::{Drawing, graph};
 pub use info::Info;
 pub use list::List;
-pub use output::{Output, Screen};
+pub use output::{Line, Output, Screen, Table};
 pub use pattern::{Pattern, PatternError};
 pub use poke::{Poke, PokeError, Said};
 pub use rates::{Quantity, Rates};

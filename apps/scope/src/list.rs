@@ -5,7 +5,7 @@ use elk_outside::text;
 use serde_json::{Value, json};
 
 use crate::error::ScopeError;
-use crate::output::{Output, in_columns};
+use crate::output::{Line, Output, Table};
 use crate::pattern::Pattern;
 use crate::session::{Scope, matching};
 use crate::show::{self, names};
@@ -32,13 +32,16 @@ impl List {
         let variables = matching(&table, &self.pattern)?;
         match self.json {
             true => output.json(&as_json(&table, &variables))?,
-            false => as_text(&table, &variables).iter().try_for_each(|line| output.line(line))?,
+            false => {
+                let lines = as_text(&table, &variables, output.columns());
+                lines.iter().try_for_each(|line| output.styled(line))?;
+            }
         }
         output.flush()
     }
 }
 
-pub(crate) fn as_text(table: &CommunityTable, variables: &[&VariableEntry]) -> Vec<String> {
+pub(crate) fn as_text(table: &CommunityTable, variables: &[&VariableEntry], columns: Option<usize>) -> Vec<Line> {
     let clients: Vec<&str> = table.clients.iter().map(|client| client.name.as_str()).collect();
     let head = match clients.as_slice() {
         [] => format!("community {}: no clients", table.community),
@@ -46,11 +49,11 @@ pub(crate) fn as_text(table: &CommunityTable, variables: &[&VariableEntry]) -> V
     };
     let mut rows = vec![["VARIABLE", "TYPE", "WRITER", "AGE", "RATE", "VALUE"].map(str::to_owned).to_vec()];
     rows.extend(variables.iter().map(|variable| row(table.time, variable)));
-    let mut lines = vec![head];
-    lines.extend(show::clock(table));
+    let mut lines = vec![Line::from(head)];
+    lines.extend(show::clock(table).map(Line::from));
     match variables {
-        [] => lines.push("no variables".to_owned()),
-        _ => lines.extend(in_columns(&rows, &[3, 4])),
+        [] => lines.push("no variables".to_owned().into()),
+        _ => lines.extend(Table { rows, right: &[3, 4], spare: &[1, 3, 2, 4], bad: vec![] }.lines(columns)),
     }
     lines
 }

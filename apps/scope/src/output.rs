@@ -2,6 +2,7 @@
 
 use std::io::{IsTerminal, Write};
 
+use elk_outside::colour::{self, Style};
 use elk_outside::text;
 use serde::Serialize;
 
@@ -32,14 +33,40 @@ impl Screen {
 pub struct Output<'a> {
     to: &'a mut dyn Write,
     screen: Option<Screen>,
+    /// How the screen is looked at again, whose window may change.
+    look: fn() -> Option<Screen>,
+    colours: bool,
     /// Lines of the page that stands on the screen.
     standing: usize,
+    /// Whether the screen has changed under it: nobody knows where its lines are.
+    resized: bool,
 }
 
 impl<'a> Output<'a> {
     /// Writes to a terminal with this screen, or to a pipe or file without one.
     pub fn new(to: &'a mut dyn Write, screen: Option<Screen>) -> Self {
-        Self { to, screen, standing: 0 }
+        Self { to, screen, look: || None, colours: false, standing: 0, resized: false }
+    }
+
+    /// Writes to standard output, which `to` is: to its terminal, as wide as that is at the time, with colours if they are
+    /// wanted, or to a pipe or file.
+    pub fn standard(to: &'a mut dyn Write) -> Self {
+        let (look, colours) = (Screen::of_standard_output, colour::on(&std::io::stdout()));
+        Self { to, screen: look(), look, colours, standing: 0, resized: false }
+    }
+
+    /// Characters in a line; `None`: as many as there are.
+    pub fn columns(&self) -> Option<usize> {
+        self.screen.map(|screen| screen.columns)
+    }
+
+    /// Looks how wide the terminal is by now, for the next page.
+    pub fn look(&mut self) {
+        let now = (self.look)();
+        if now.is_some() && now != self.screen {
+            self.screen = now;
+            self.resized = self.standing > 0;
+        }
     }
 
     /// Whether a person looks at it.
@@ -51,6 +78,12 @@ impl<'a> Output<'a> {
     /// the terminal only shows it.
     pub fn line(&mut self, line: &str) -> Result<(), ScopeError> {
         self.raw_line(&text::printable(line))
+    }
+
+    /// Writes a line in a style.
+    pub fn styled(&mut self, line: &Line) -> Result<(), ScopeError> {
+        let shown = line.style.paint(&text::printable(&line.text), self.colours);
+        self.raw_line(&shown)
     }
 
     /// Writes a line of JSON.
@@ -76,32 +109,126 @@ impl<'a> Output<'a> {
     }
 
     /// Writes a page: over the page before on a terminal, cut to its size; below it, behind an empty line, elsewhere.
-    pub fn page(&mut self, lines: &[String]) -> Result<(), ScopeError> {
+    pub fn page(&mut self, lines: &[Line]) -> Result<(), ScopeError> {
         match self.screen {
             Some(screen) => self.write_over(screen, lines)?,
             None => {
                 if std::mem::replace(&mut self.standing, lines.len()) > 0 {
                     self.line("")?;
                 }
-                lines.iter().try_for_each(|line| self.line(line))?;
+                lines.iter().try_for_each(|line| self.styled(line))?;
             }
         }
         self.flush()
     }
 
-    fn write_over(&mut self, screen: Screen, lines: &[String]) -> Result<(), ScopeError> {
-        if self.standing > 0 {
+    fn write_over(&mut self, screen: Screen, lines: &[Line]) -> Result<(), ScopeError> {
+        if std::mem::take(&mut self.resized) {
+            self.to.write_all(b"\x1b[H\x1b[2J")?;
+        } else if self.standing > 0 {
             write!(self.to, "\x1b[{}A", self.standing)?;
         }
         // The last line of a screen stays free for the cursor: a line feed there would scroll the page away.
         let shown = lines.len().min(screen.rows - 1);
         for line in &lines[..shown] {
-            let shown = text::printable(line);
+            let shown = text::printable(&line.text);
             let cut: String = shown.chars().take(screen.columns).collect();
-            write!(self.to, "\r\x1b[2K{cut}\n")?;
+            write!(self.to, "\r\x1b[2K{}\n", line.style.paint(&cut, self.colours))?;
         }
         self.standing = shown;
         Ok(self.to.write_all(b"\x1b[J")?)
+    }
+}
+
+/// A line, and how it is to catch the eye.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Line {
+    /// How.
+    pub style: Style,
+    /// The line.
+    pub text: String,
+}
+
+impl From<String> for Line {
+    fn from(text: String) -> Self {
+        Self { style: Style::Plain, text }
+    }
+}
+
+impl PartialEq<&str> for Line {
+    fn eq(&self, text: &&str) -> bool {
+        self.text == *text
+    }
+}
+
+/// Characters of a table's last column for which other columns give way.
+const LAST_COLUMN: usize = 12;
+
+/// Rows of cells under their heads, to be fitted into a terminal.
+#[derive(Debug, Default)]
+pub struct Table<'a> {
+    /// The heads, then the rows.
+    pub rows: Vec<Vec<String>>,
+    /// Columns that are flush right.
+    pub right: &'a [usize],
+    /// Columns that can be done without, the first one first; those that say nothing go before them.
+    pub spare: &'a [usize],
+    /// Rows, from 1, that something has to be done about.
+    pub bad: Vec<usize>,
+}
+
+impl Table<'_> {
+    /// The table in lines of at most `columns` characters, as far as it can do without columns; the last column is clipped,
+    /// and what is left out is said.
+    pub fn lines(&self, columns: Option<usize>) -> Vec<Line> {
+        let mut kept: Vec<usize> = (0..self.rows.first().map_or(0, Vec::len)).collect();
+        let mut spare = self.spare.iter().filter(|column| self.says_nothing(**column)).chain(self.spare);
+        while columns.is_some_and(|columns| self.needs(&kept) > columns)
+            && let Some(gone) = spare.next()
+        {
+            kept.retain(|column| column != gone);
+        }
+        self.finished(self.in_columns(&kept), &kept, columns)
+    }
+
+    fn finished(&self, lines: Vec<String>, kept: &[usize], columns: Option<usize>) -> Vec<Line> {
+        let clip = |line: String| columns.map_or(line.clone(), |columns| text::clipped(&line, columns).into_owned());
+        let style = |row: usize| match row {
+            0 => Style::Head,
+            row if self.bad.contains(&row) => Style::Bad,
+            _ => Style::Plain,
+        };
+        let mut lines: Vec<Line> =
+            lines.into_iter().enumerate().map(|(row, line)| Line { style: style(row), text: clip(line) }).collect();
+        let heads = self.rows.first().into_iter().flatten().enumerate();
+        let gone: Vec<&str> =
+            heads.filter(|(column, _)| !kept.contains(column)).map(|(_, head)| head.as_str()).collect();
+        if !gone.is_empty() {
+            lines.push(clip(format!("no room here for {}; --json has all", gone.join(", "))).into());
+        }
+        lines
+    }
+
+    fn in_columns(&self, kept: &[usize]) -> Vec<String> {
+        let only = |row: &Vec<String>| kept.iter().filter_map(|column| row.get(*column).cloned()).collect();
+        let right: Vec<usize> = (0..kept.len()).filter(|place| self.right.contains(&kept[*place])).collect();
+        in_columns(&self.rows.iter().map(only).collect::<Vec<_>>(), &right)
+    }
+
+    /// Characters that these columns need: all of each, but of the last one no more than is of use.
+    fn needs(&self, kept: &[usize]) -> usize {
+        let width = |column: &usize| {
+            let cells = self.rows.iter().filter_map(|row| row.get(*column));
+            cells.map(|cell| text::name(cell).chars().count()).max().unwrap_or(0)
+        };
+        let Some((last, others)) = kept.split_last() else { return 0 };
+        others.iter().map(|column| width(column) + 2).sum::<usize>() + width(last).min(LAST_COLUMN)
+    }
+
+    /// Whether nothing but zeros and dashes stands in a column.
+    fn says_nothing(&self, column: usize) -> bool {
+        let cells = self.rows.iter().skip(1).filter_map(|row| row.get(column));
+        cells.into_iter().all(|cell| ["-", "0", "+0", "0 %"].contains(&cell.as_str()))
     }
 }
 
@@ -135,7 +262,7 @@ mod tests {
         let mut to = Vec::new();
         let mut output = Output::new(&mut to, screen);
         for page in pages {
-            output.page(&page.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap();
+            output.page(&page.iter().map(|line| line.to_string().into()).collect::<Vec<_>>()).unwrap();
         }
         String::from_utf8(to).unwrap()
     }
@@ -171,6 +298,34 @@ mod tests {
         let rows =
             [vec!["NAME".to_owned(), "RATE".into(), "VALUE".into()], vec!["Größe".into(), "7".into(), "".into()]];
         assert_eq!(in_columns(&rows, &[1]), ["NAME   RATE  VALUE", "Größe     7"]);
+    }
+
+    #[test]
+    fn a_table_does_without_columns_where_there_is_no_room_for_them() {
+        let row = |cells: [&str; 5]| cells.map(str::to_owned).to_vec();
+        let rows = vec![
+            row(["NAME", "TYPE", "LOST", "RATE", "LAST"]),
+            row(["Map", "OctoMap", "0", "3 Hz", "signal 9 (SIGKILL), and more"]),
+            row(["Explorer", "Potential", "-", "12 Hz", "-"]),
+        ];
+        let table = Table { rows, right: &[2, 3], spare: &[1, 2, 3], bad: vec![1] };
+        let whole = table.lines(None);
+        assert_eq!(whole[1], "Map       OctoMap       0   3 Hz  signal 9 (SIGKILL), and more");
+        assert_eq!([whole[0].style, whole[1].style, whole[2].style], [Style::Head, Style::Bad, Style::Plain]);
+        assert_eq!(table.lines(Some(80)), whole);
+        let text = |columns| table.lines(Some(columns)).into_iter().map(|line| line.text).collect::<Vec<_>>();
+        assert_eq!(
+            text(41),
+            [
+                "NAME      TYPE        RATE  LAST",
+                "Map       OctoMap     3 Hz  signal 9 (SI…",
+                "Explorer  Potential  12 Hz  -",
+                "no room here for LOST; --json has all"
+            ]
+        );
+        assert_eq!(text(30)[1], "Map        3 Hz  signal 9 (SI…");
+        assert_eq!(text(24)[1], "Map       signal 9 (SIG…");
+        assert!((1..100).all(|columns| text(columns).iter().all(|line| line.chars().count() <= columns)));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `elk hz` and `elk bw`: how often, and how much.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
@@ -9,8 +9,9 @@ use serde_json::{Value, json};
 use crate::echo::unwritten;
 use crate::error::ScopeError;
 use crate::meter::{Count, Meter};
-use crate::output::{Output, in_columns};
+use crate::output::{Line, Output, Table};
 use crate::pattern::Pattern;
+use crate::quit::Quit;
 use crate::session::{LOOK_EVERY, Scope};
 use crate::show;
 
@@ -52,7 +53,8 @@ impl Rates {
         scope.register(&self.patterns, &Pattern::any())?;
         let mut meter = Meter::new(self.window_secs);
         let (mut pages, mut next, clock) = (0, PERIOD, Stopwatch::start());
-        while !stop.load(Ordering::Relaxed) && self.count.is_none_or(|count| pages < count) {
+        let mut quit = Quit::new(stop, output);
+        while !quit.is_asked_for() && self.count.is_none_or(|count| pages < count) {
             let left = next.saturating_sub(clock.elapsed());
             scope.receive(left.min(LOOK_EVERY), |mail| {
                 if !mail.is_latest() {
@@ -63,7 +65,11 @@ impl Rates {
                 meter.tick();
                 match self.json {
                     true => output.whole_json(&self.as_json(&meter, scope.client.comms.time(), scope.missed()))?,
-                    false => output.page(&self.as_text(&meter, scope.missed()))?,
+                    false => {
+                        output.look();
+                        let page = self.as_text(&meter, scope.missed(), output.columns());
+                        output.page(&page)?;
+                    }
                 }
                 pages += 1;
                 // A page that comes late is not made up for.
@@ -79,7 +85,7 @@ impl Rates {
         json!({"time": time, "window_secs": secs, "missed": missed, "sources": sources})
     }
 
-    fn as_text(&self, meter: &Meter, missed: u64) -> Vec<String> {
+    fn as_text(&self, meter: &Meter, missed: u64, columns: Option<usize>) -> Vec<Line> {
         let secs = meter.ticks() as f64 * PERIOD.as_secs_f64();
         let head: &[&str] = match self.quantity {
             Quantity::Rate => &["VARIABLE", "SOURCE", "MESSAGES", "RATE", "MIN", "MEAN", "MAX", "STD"],
@@ -88,11 +94,11 @@ impl Rates {
         let mut rows = vec![head.iter().map(ToString::to_string).collect::<Vec<_>>()];
         rows.extend(meter.counts().map(|one| self.row(secs, one)));
         let mut lines = match rows.len() {
-            1 => vec![format!("nothing was said in {secs} s")],
-            _ => in_columns(&rows, &[2, 3, 4, 5, 6, 7]),
+            1 => vec![format!("nothing was said in {secs} s").into()],
+            _ => Table { rows, right: &[2, 3, 4, 5, 6, 7], spare: &[2, 7, 4, 6, 5], bad: vec![] }.lines(columns),
         };
         if missed > 0 {
-            lines.push(format!("… {missed} messages missed: more is said than this command can read"));
+            lines.push(format!("… {missed} messages missed: more is said than this command can read").into());
         }
         lines
     }
@@ -153,7 +159,7 @@ fn rate(secs: f64, count: &Count) -> f64 {
 mod tests {
     use super::*;
 
-    fn measured(quantity: Quantity) -> (Vec<String>, Value) {
+    fn measured(quantity: Quantity) -> (Vec<Line>, Value) {
         let mut meter = Meter::new(10);
         for i in 0..5 {
             meter.count("SCAN", "Sensor", 0.25 * f64::from(i), 1000);
@@ -162,7 +168,7 @@ mod tests {
         meter.tick();
         let patterns = vec![Pattern::any()];
         let rates = Rates { quantity, patterns, window_secs: 10, count: None, json: false };
-        (rates.as_text(&meter, 7), rates.as_json(&meter, 2.0, 7))
+        (rates.as_text(&meter, 7, None), rates.as_json(&meter, 2.0, 7))
     }
 
     #[test]

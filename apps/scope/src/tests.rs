@@ -270,12 +270,13 @@ fn names_that_no_broker_should_give_end_nobody_and_reach_no_terminal() {
         }
         table.clock = Some(ClockEntry { driver: bad.clone(), time: 1e300, rate: f64::NAN });
         let variables: Vec<_> = table.variables.iter().collect();
+        let lines = |page: Vec<String>| page.into_iter().map(crate::Line::from).collect::<Vec<_>>();
         let pages = [
-            crate::list::as_text(&table, &variables),
-            crate::graph::drawn(&table),
+            crate::list::as_text(&table, &variables, None),
+            lines(crate::graph::drawn(&table)),
             crate::top::change_as_text(&before, &table),
-            crate::info::client_as_text(&table, &table.clients[0], Some(&bad)),
-            crate::info::variable_as_text(&table, variables[0], None),
+            lines(crate::info::client_as_text(&table, &table.clients[0], Some(&bad))),
+            lines(crate::info::variable_as_text(&table, variables[0], None)),
         ];
         for page in pages {
             let mut to = Vec::new();

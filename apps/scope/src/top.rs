@@ -4,14 +4,15 @@
 //! it when more is said.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use elk_bus::broker::table::{ClientEntry, CommunityTable, VariableEntry};
 use elk_bus::clock::Stopwatch;
 use serde_json::{Value, json};
 
 use crate::error::ScopeError;
-use crate::output::{Output, in_columns};
+use crate::output::{Line, Output, Table};
+use crate::quit::Quit;
 use crate::rates::PERIOD;
 use crate::session::{LOOK_EVERY, Scope};
 use crate::show;
@@ -29,16 +30,20 @@ impl Top {
     /// Writes a page a second, until enough are written, or `stop` is set.
     pub fn run(&self, scope: &mut Scope, output: &mut Output<'_>, stop: &AtomicBool) -> Result<(), ScopeError> {
         let mut before = scope.table()?;
-        let mut pages = 0;
+        let (mut pages, mut quit) = (0, Quit::new(stop, output));
         while self.count.is_none_or(|count| pages < count) {
-            if !pause(scope, stop)? {
+            if !pause(scope, &mut quit)? {
                 return Ok(());
             }
             let now = scope.table()?;
             let change = Change::between(&before, &now);
             match self.json {
                 true => output.whole_json(&change.as_json())?,
-                false => output.page(&change.as_text())?,
+                false => {
+                    output.look();
+                    let page = change.as_text(output.columns());
+                    output.page(&page)?;
+                }
             }
             before = now;
             pages += 1;
@@ -53,15 +58,15 @@ pub(crate) fn change_as_json(before: &CommunityTable, now: &CommunityTable) -> V
 }
 
 #[cfg(test)]
-pub(crate) fn change_as_text(before: &CommunityTable, now: &CommunityTable) -> Vec<String> {
-    Change::between(before, now).as_text()
+pub(crate) fn change_as_text(before: &CommunityTable, now: &CommunityTable) -> Vec<Line> {
+    Change::between(before, now).as_text(None)
 }
 
 /// Waits for the next page; `false`: there is to be none.
-fn pause(scope: &mut Scope, stop: &AtomicBool) -> Result<bool, ScopeError> {
+fn pause(scope: &mut Scope, quit: &mut Quit<'_>) -> Result<bool, ScopeError> {
     let waited = Stopwatch::start();
     while let Some(left) = PERIOD.checked_sub(waited.elapsed()).filter(|left| !left.is_zero()) {
-        if stop.load(Ordering::Relaxed) {
+        if quit.is_asked_for() {
             return Ok(false);
         }
         scope.receive(left.min(LOOK_EVERY), |_| {})?;
@@ -124,27 +129,30 @@ impl<'a> Change<'a> {
         Self { table, secs, variables, clients: clients.collect() }
     }
 
-    fn as_text(&self) -> Vec<String> {
+    fn as_text(&self, columns: Option<usize>) -> Vec<Line> {
         let (all, bytes) =
             (self.variables.iter().map(|v| v.rate_hz).sum(), self.variables.iter().map(|v| v.bytes_per_sec).sum());
         let up = show::duration(self.table.time - self.table.started);
         let (community, clients) = (&self.table.community, self.clients.len());
-        let mut lines = vec![format!(
+        let head = format!(
             "community {community}, up {up}, clients: {clients}, {}, {}/s",
             show::hertz(all),
             show::bytes(bytes)
-        )];
-        lines.extend(show::clock(self.table));
+        );
+        let mut lines = vec![Line::from(head)];
+        lines.extend(show::clock(self.table).map(Line::from));
         let mut rows = vec![
             ["CLIENT", "SAYS", "MAIL", "DROPPED", "NOW", "WAITING", "LATENCY", "MEAN"].map(str::to_owned).to_vec(),
         ];
         rows.extend(self.clients.iter().map(ClientChange::row));
-        lines.extend(in_columns(&rows, &[1, 2, 3, 4, 5, 6, 7]));
+        let losing = self.clients.iter().zip(1..).filter(|(client, _)| client.dropped > 0).map(|(_, row)| row);
+        let clients = Table { rows, right: &[1, 2, 3, 4, 5, 6, 7], spare: &[7, 3, 5, 4, 6], bad: losing.collect() };
+        lines.extend(clients.lines(columns));
         let mut rows =
             vec![["VARIABLE", "TYPE", "WRITER", "RATE", "BANDWIDTH", "MESSAGES"].map(str::to_owned).to_vec()];
         rows.extend(self.variables.iter().map(VariableChange::row));
-        lines.push(String::new());
-        lines.extend(in_columns(&rows, &[3, 4, 5]));
+        lines.push(String::new().into());
+        lines.extend(Table { rows, right: &[3, 4, 5], spare: &[5, 1, 2, 4], bad: vec![] }.lines(columns));
         lines
     }
 

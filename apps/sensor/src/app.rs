@@ -11,7 +11,7 @@ use elk_spatial::{OccupancyGrid, Pose, Scan};
 use elk_world::openness::openness;
 use elk_world::placement::UP;
 use elk_world::truth::accuracy;
-use elk_world::{CAR_INTERIOR, Placement, World};
+use elk_world::{BUILT_IN, CAR_INTERIOR, Placement, World};
 use nalgebra::{Isometry3, Point3};
 
 use crate::camera::Camera;
@@ -38,7 +38,7 @@ const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 const PARAMS: &[ParamSpec] = &[
     param(
         "World",
-        Kind::File { builtin: &[CAR_INTERIOR] },
+        Kind::File { builtin: &BUILT_IN },
         CAR_INTERIOR,
         "The world: an OBJ, STL, PLY or glTF file; `elk world info FILE` says what is in it.",
     ),

@@ -31,4 +31,4 @@ pub mod world;
 
 pub use placement::Placement;
 pub use read::Format;
-pub use world::{CAR_INTERIOR, World, WorldError};
+pub use world::{BUILT_IN, CAR_INTERIOR, World, WorldError};

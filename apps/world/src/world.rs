@@ -18,7 +18,21 @@ use crate::winding::{self, PROBES, Winding};
 /// The world that is built into the program.
 pub const CAR_INTERIOR: &str = "car-interior";
 
-const CAR_INTERIOR_OBJ: &str = include_str!("../../../mission-files/worlds/car.obj");
+/// The names of the built-in worlds.
+pub const BUILT_IN: [&str; 7] = [CAR_INTERIOR, "apartment", "car", "garage", "hall", "hall-long", "kitchen"];
+
+/// The built-in world of this name, as OBJ.
+fn built_in(name: &str) -> Option<&'static str> {
+    Some(match name {
+        CAR_INTERIOR | "car" => include_str!("../../../mission-files/worlds/car.obj"),
+        "apartment" => include_str!("../../../mission-files/worlds/apartment.obj"),
+        "garage" => include_str!("../../../mission-files/worlds/garage.obj"),
+        "hall" => include_str!("../../../mission-files/worlds/hall.obj"),
+        "hall-long" => include_str!("../../../mission-files/worlds/hall-long.obj"),
+        "kitchen" => include_str!("../../../mission-files/worlds/kitchen.obj"),
+        _ => return None,
+    })
+}
 
 /// The largest file that is read (bytes): some five million triangles, which take a gigabyte.
 pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
@@ -124,13 +138,13 @@ fn shown(p: &Point3<f64>) -> String {
 }
 
 impl World {
-    /// The world in the file at `name`, or the built-in one if it is [`CAR_INTERIOR`].
+    /// The world in the file at `name`, or the built-in one of that name ([`BUILT_IN`]).
     ///
     /// # Errors
     /// The file cannot be read, or is no world; why.
     pub fn load(name: &str, placement: &Placement) -> Result<Self, WorldError> {
-        if name == CAR_INTERIOR {
-            return Self::from_bytes(name, CAR_INTERIOR_OBJ.as_bytes(), placement);
+        if let Some(text) = built_in(name) {
+            return Self::from_bytes(name, text.as_bytes(), placement);
         }
         let read = file::read(Path::new(name), MAX_FILE_BYTES);
         let bytes = read.map_err(|source| WorldError::Read { path: name.into(), source })?;

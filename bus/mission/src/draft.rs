@@ -4,6 +4,7 @@ use std::path::Path;
 
 use roxmltree::{Attribute, Node};
 
+use crate::arguments::split_arguments;
 use crate::element;
 use crate::exchange;
 use crate::mission::{AppSpec, Program};
@@ -75,7 +76,6 @@ impl Draft {
     fn what_runs(&self, context: &Context, node: Node, problems: &mut Findings) -> Runs {
         let types = context.registry.of_element(&self.element);
         let known: Vec<&str> = types.map(|app_type| app_type.name).collect();
-        let args = node.attribute("args").map(split_arguments);
         let value_place = |name| {
             let value = node.attribute_node(name).map(|a| At::Byte(a.range_value().start));
             value.unwrap_or_else(|| self.place.clone())
@@ -91,11 +91,16 @@ impl Draft {
             }
             (None, Some(exec)) => {
                 let exec = executable(context, exec);
-                let args = args.unwrap_or_default();
-                Runs::Foreign { exec, args }
+                match split_arguments(node.attribute("args").unwrap_or_default()) {
+                    Ok(args) => Runs::Foreign { exec, args },
+                    Err(error) => {
+                        problems.add(&value_place("args"), format!("args: {error}"));
+                        Runs::Unknown
+                    }
+                }
             }
             (Some(name), None) => {
-                if args.is_some() {
+                if node.has_attribute("args") {
                     problems.add(&value_place("args"), "args without exec; right is both or neither");
                 }
                 self.type_called(name, &value_place("type"), context.registry, problems)
@@ -307,8 +312,9 @@ impl Draft {
                 }
                 Err(message) => problems.add(&place, message),
             },
-            "args" => match &mut self.runs {
-                Runs::Foreign { args, .. } => *args = split_arguments(&said.text),
+            "args" => match (&mut self.runs, split_arguments(&said.text)) {
+                (Runs::Foreign { args, .. }, Ok(said)) => *args = said,
+                (Runs::Foreign { .. }, Err(error)) => problems.add(&place, format!("args: {error}")),
                 _ => problems.add(&place, "args without exec; right is both or neither"),
             },
             _ => self.set(said, place),
@@ -379,11 +385,6 @@ fn executable(context: &Context, exec: &str) -> String {
         true => context.folder.join(exec).to_string_lossy().into_owned(),
         false => exec.to_owned(),
     }
-}
-
-/// Arguments are separated by space.
-fn split_arguments(args: &str) -> Vec<String> {
-    args.split_whitespace().map(str::to_owned).collect()
 }
 
 /// Where the first letter of an element's text stands.

@@ -6,7 +6,7 @@
 //! | an app's attribute | means |
 //! |---|---|
 //! | `type` | one of the element's types |
-//! | `exec`, `args` | any other executable instead, with its arguments |
+//! | `exec`, `args` | any other executable instead, with its arguments as a shell would take them apart ([`split_arguments`]) |
 //! | `name` | its name in the mission and on the bus; the element's, numbered, if not said |
 //! | `restart` | `never` (default): its death fails the mission; `on-failure`, `always`: it is started again |
 //! | `restarts`, `restart-window` | how often within how many seconds (5 in 60); once more, and the mission fails |
@@ -19,6 +19,7 @@
 //! While a mission runs, an app can be exchanged for one of another type, or another executable: [`AppSpec::exchange`]
 //! holds that against the same registry.
 
+mod arguments;
 mod describe;
 mod draft;
 mod effective;
@@ -35,11 +36,13 @@ mod registry;
 mod resolve;
 mod scenario;
 mod setting;
+mod source;
 mod spec;
 mod value;
 mod variables;
 mod wiring;
 
+pub use arguments::{ArgumentsError, split_arguments};
 pub use describe::{describe, describe_params};
 pub use exchange::{Exchange, Exchanged};
 pub use mission::{AppSpec, Mission, MissionError, Mode, Program};

@@ -11,6 +11,7 @@ use crate::problem::{Findings, Problems};
 use crate::registry::Registry;
 use crate::scenario;
 use crate::setting::Override;
+use crate::source;
 use crate::spec::AppType;
 
 /// A checked mission.
@@ -20,6 +21,8 @@ pub struct Mission {
     pub name: String,
     /// The file that it was read from.
     pub file: PathBuf,
+    /// That file, byte for byte; empty: it was not read from one.
+    pub bytes: Vec<u8>,
     /// Whether it waits for a person before each step: as `Manual` of its controller says, else as the Scenario's type does.
     pub mode: Mode,
     /// What happens when its broker dies.
@@ -96,8 +99,9 @@ impl Mission {
     /// The file cannot be read, or everything that is wrong with it.
     pub fn load(file: &Path, registry: &Registry, overrides: &[Override]) -> Result<Self, MissionError> {
         let unreadable = |source| MissionError::Unreadable { file: file.to_owned(), source };
-        let text = file::read_text(file, Self::LONGEST).map_err(unreadable)?;
-        Ok(Self::parse(&text, file, registry, overrides)?)
+        let bytes = file::read(file, Self::LONGEST).map_err(unreadable)?;
+        let text = source::text_of(&bytes).map_err(|(findings, text)| findings.located(file, &text))?;
+        Ok(Self { bytes, ..Self::parse(&text, file, registry, overrides)? })
     }
 
     /// Checks the text of a mission file; `file` is named in errors, and relative files are looked for beside it.

@@ -83,17 +83,34 @@ pub(crate) fn check(
     variables::check(&drafts, problems);
     let mode = wiring::manual(&drafts).unwrap_or(said_mode);
     let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
-    let file = file.to_owned();
+    let (file, bytes) = (file.to_owned(), text.as_bytes().to_vec());
     let (broker, mailbox_mb) = (broker.policy(), broker.mailbox_mb());
-    Some(Mission { name, file, mode, broker, mailbox_mb, apps })
+    Some(Mission { name, file, bytes, mode, broker, mailbox_mb, apps })
 }
 
 fn no_xml(error: &roxmltree::Error, text: &str, problems: &mut Findings) {
+    if matches!(error, roxmltree::Error::DtdDetected) {
+        let said = "a mission has no <!DOCTYPE …>; right is to take it out, and what it defines along with it";
+        return problems.add(&At::Byte(doctype(text)), said);
+    }
     let position = error.pos();
     let place = At::Byte(byte_of(text, position));
     let said = error.to_string();
     let said = said.strip_suffix(&format!(" at {position}")).unwrap_or(&said);
     problems.add(&place, format!("this is no well-formed XML: {said}"));
+}
+
+/// Where the document type is declared: behind a declaration, comments and processing instructions only.
+fn doctype(text: &str) -> usize {
+    let mut rest = text;
+    loop {
+        rest = rest.trim_start_matches(|letter: char| letter.is_whitespace() || letter == '\u{feff}');
+        let end = if rest.starts_with("<!--") { "-->" } else { "?>" };
+        match rest.starts_with("<!--") || rest.starts_with("<?") {
+            true => rest = rest.split_once(end).map_or("", |(_, behind)| behind),
+            false => return text.len() - rest.len(),
+        }
+    }
 }
 
 /// The byte at a position whose line and column are counted from 1.

@@ -58,6 +58,21 @@ pub fn clipped(text: &str, longest: usize) -> Cow<'_, str> {
     }
 }
 
+/// The beginning of a line, at most `longest` characters, that ends with a whole word and, if words are left out, with dots.
+pub fn clipped_at_words(line: &str, longest: usize) -> Cow<'_, str> {
+    let Some((end, _)) = line.char_indices().nth(longest) else { return Cow::Borrowed(line) };
+    if longest < 2 {
+        return Cow::Borrowed(line.get(..end).unwrap_or_default());
+    }
+    // Room for a space and the dots.
+    let room = line.char_indices().nth(longest - 2).map_or(end, |(at, _)| at);
+    let whole = line.get(..=room).filter(|beginning| beginning.ends_with(' ')).map(|_| room);
+    match whole.or_else(|| line.get(..room)?.rfind(' ')) {
+        Some(end) => format!("{} …", line.get(..end).unwrap_or_default().trim_end_matches([' ', '|', ','])).into(),
+        None => clipped(line, longest),
+    }
+}
+
 /// The most characters of a name that people are shown in a table or a line; programs are given all of it.
 pub const NAME: usize = 64;
 
@@ -106,6 +121,18 @@ mod tests {
     }
 
     #[test]
+    fn a_line_is_clipped_behind_a_word() {
+        let clip = |longest| clipped_at_words("3 scans | alive: Map Sensor", longest).into_owned();
+        assert_eq!(clip(27), "3 scans | alive: Map Sensor");
+        for longest in 22..27 {
+            assert_eq!(clip(longest), "3 scans | alive: Map …", "{longest}");
+        }
+        assert_eq!([clip(21), clip(11), clip(8)], ["3 scans | alive: …", "3 scans …", "3 …"]);
+        assert_eq!([clip(2), clip(1), clip(0)], ["3…", "3", ""]);
+        assert_eq!(clipped_at_words("größer als", 5), "größ…");
+    }
+
+    #[test]
     fn a_cell_is_as_wide_as_it_is_to_be_however_wide_that_is() {
         let mut line = String::new();
         put_cell(&mut line, "ab", 4, true);
@@ -121,6 +148,7 @@ mod tests {
                 prop_assert!(!shown.contains(rules));
             }
             prop_assert!(clipped(&text, longest).chars().count() <= longest.max(1));
+            prop_assert!(clipped_at_words(&text, longest).chars().count() <= longest);
         }
     }
 }
