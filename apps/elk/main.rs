@@ -6,15 +6,20 @@ mod cli;
 mod commands;
 mod control;
 mod log;
+mod manual;
+mod missions;
 mod registry;
 mod replay;
 mod scope;
+mod target;
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
 use elk_bus::tell;
 use elk_launcher::Request;
+use elk_outside::colour::{self, Style};
 use elk_outside::text;
 
 use cli::{Cli, Command};
@@ -31,6 +36,9 @@ fn main() -> ExitCode {
         Command::Resume(arguments) => control::motion(&arguments.community, &Request::Resume),
         Command::Step(arguments) => control::motion(&arguments.community, &Request::Step),
         Command::Check(arguments) => commands::check(&arguments),
+        Command::Missions => commands::missions(),
+        Command::Completions { shell } => manual::completions(shell),
+        Command::Man { folder } => manual::man(&folder),
         Command::Types { element } => commands::types(element.as_deref()),
         Command::Db(arguments) => commands::db(arguments),
         Command::Sensor(app) => commands::app("Sensor", app),
@@ -58,7 +66,15 @@ fn main() -> ExitCode {
 /// them, and only as much as is of use.
 fn complain(words: &str) {
     const MOST: usize = 16_000;
-    tell(format_args!("elk: {}", text::clipped(words, MOST)));
+    let words = text::clipped(words, MOST);
+    let stderr = std::io::stderr();
+    if colour::on(&stderr) {
+        let line = format!("{} {}\n", Style::Bad.paint("elk:", true), text::printable_lines(&words));
+        // A terminal that is gone shows nothing.
+        let _ = stderr.lock().write_all(line.as_bytes());
+    } else {
+        tell(format_args!("elk: {words}"));
+    }
 }
 
 /// An error and its causes; a cause that an error quotes itself is not said again.
