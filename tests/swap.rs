@@ -34,6 +34,13 @@ fn at_the_start(elk: &Elk, more: &[&str]) -> Launcher {
     launcher
 }
 
+/// Launches the car detached; the launcher that is in the background when the prompt is back.
+fn in_the_background(elk: &Elk) -> i32 {
+    let (code, said) = elk.launch_with(&undying("manual"), &["--detach"]).end();
+    assert_eq!(code, Some(0), "{said}");
+    elk.process("launcher")
+}
+
 /// The mission ends complete, and leaves nobody behind.
 fn assert_completes(elk: &Elk, launcher: Launcher) -> serde_json::Value {
     let (code, said) = launcher.end();
@@ -246,12 +253,12 @@ fn stands(watcher: &mut Client, after: u64) -> (u64, usize) {
 #[test]
 fn a_detached_mission_outlives_its_launcher_and_is_picked_up() {
     let elk = Elk::new("detached");
-    let launcher = at_the_start(&elk, &["--detach"]);
+    let launcher = in_the_background(&elk);
     let apps = ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger", "db"];
     let before = apps.map(|app| elk.process(app));
     elk.obeyed(&["stop", "Filter"]);
-    kill(launcher.id(), Signal::KILL);
-    launcher.end();
+    kill(launcher, Signal::KILL);
+    wait_until_gone("the launcher", || Some(launcher).filter(|id| alive(*id)));
     assert!(elk.refused(&["apps"]).contains("nobody launches community"));
     // One that dies while nobody looks is started again by whoever looks next.
     kill(before[2], Signal::KILL);
@@ -276,13 +283,13 @@ fn a_detached_mission_outlives_its_launcher_and_is_picked_up() {
 #[test]
 fn a_detached_mission_whose_launcher_and_broker_die_at_once_is_picked_up() {
     let elk = Elk::new("both-dead");
-    let launcher = at_the_start(&elk, &["--detach"]);
+    let launcher = in_the_background(&elk);
     let apps = ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger"];
     let before = apps.map(|app| elk.process(app));
     let broker = elk.process("db");
-    kill(launcher.id(), Signal::KILL);
+    kill(launcher, Signal::KILL);
     kill(broker, Signal::KILL);
-    launcher.end();
+    wait_until_gone("the launcher", || Some(launcher).filter(|id| alive(*id)));
     let mut attached = elk.attach();
     attached.wait_for("attached to run");
     attached.wait_for("db ended: while there was no launcher; it is started again");

@@ -38,7 +38,7 @@ pub enum Command {
                             elk launch logs/apartment-20261123-224512"
     )]
     Launch(LaunchArgs),
-    /// Pick up a mission that was launched with --detach and whose launcher is gone
+    /// Bring a mission that was launched with --detach back to this terminal, whether its launcher lives or not
     #[command(after_help = "Example: elk attach --community lab")]
     Attach(AttachArgs),
     /// Show who runs in a mission: process, state, CPU, memory, mail dropped, restarts
@@ -74,6 +74,24 @@ pub enum Command {
     /// Make a crate of your own that builds, runs and is tested: an app, or an explorer
     #[command(after_help = "Example: elk new explorer mine --path ../mine")]
     New(NewArgs),
+    /// List the missions that are built in, with their worlds: they run from anywhere
+    #[command(after_help = "Example: elk missions; elk launch apartment")]
+    Missions,
+    /// Print what makes a shell complete elk's commands
+    #[command(
+        after_help = "Examples: elk completions bash > ~/.local/share/bash-completion/completions/elk\n          \
+                            elk completions fish > ~/.config/fish/completions/elk.fish"
+    )]
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual's pages
+    #[command(after_help = "Example: elk man ~/.local/share/man/man1")]
+    Man {
+        /// The folder to write them into
+        folder: PathBuf,
+    },
     /// List the app types with their parameters, units, defaults and meaning
     #[command(after_help = "Example: elk types Explorer")]
     Types {
@@ -155,7 +173,8 @@ pub struct BrokerArgs {
 /// Which mission, and what to change in it.
 #[derive(Debug, Args)]
 pub struct MissionArgs {
-    /// The mission file, or the folder of a run that is to be had again
+    /// The mission file, the name of a built-in one (`elk missions` lists them), or the folder of a run that is to be had
+    /// again
     pub mission: PathBuf,
     /// Say a parameter here instead of in the file; `type` exchanges the app's type, `exec` (and `args`) puts another
     /// program in its place; files from the working directory
@@ -178,9 +197,16 @@ pub struct LaunchArgs {
     /// Plain lines instead of one that changes
     #[arg(long)]
     pub headless: bool,
-    /// Broker and apps go on when the launcher dies; `elk attach` picks the mission up again
+    /// Give the terminal back once the mission runs, which outlives its launcher; `elk attach` brings it back
     #[arg(long, conflicts_with = "in_process")]
     pub detach: bool,
+    /// The launcher that gives the terminal back; `--detach` starts it itself
+    #[arg(long, hide = true, requires = "detach")]
+    pub background: bool,
+    /// Move the robot so many times as fast as a robot goes (its controller's Speed and TurnRate), so that there is
+    /// something to watch; 0: as fast as it can be
+    #[arg(long, value_name = "N")]
+    pub pace: Option<f64>,
     /// Run everything in this one process, over a bus in memory
     #[arg(long)]
     pub in_process: bool,

@@ -1,21 +1,30 @@
 //! What each command does, once its arguments are checked.
 
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, anyhow, bail};
-use elk_bus::{BrokerConfig, Clock, RunOptions, run_app, serve_broker};
+use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker};
 use elk_launcher::{AttachOptions, LaunchOptions, Outcome, mission_of_run};
-use elk_mission::{AppType, Mission, Override, Registry, describe, instead};
+use elk_mission::{AppType, Mission, Override, Registry, describe, element, instead};
+use elk_outside::colour::{self, Style};
 use elk_outside::text;
+use elk_scope::{Output, ScopeError, Table};
 
 use crate::cli::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs, REVISION};
+use crate::missions;
 use crate::registry::registry;
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
-    let mission = load(&arguments.mission.mission, &arguments.mission.sets)?;
+    if arguments.detach && !arguments.background {
+        return launch_in_background(&arguments.community.community);
+    }
+    let mut mission = load(&arguments.mission.mission, &arguments.mission.sets)?;
+    if let Some(pace) = arguments.pace {
+        set_pace(&mut mission, pace)?;
+    }
     let options = LaunchOptions {
         program: itself()?,
         revision: REVISION.to_owned(),
@@ -25,9 +34,40 @@ pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
         auto: arguments.auto,
         in_process: arguments.in_process,
         detached: arguments.detach,
+        background: arguments.background,
         registry: registry(),
     };
     conclude(elk_launcher::launch(mission, &options)?)
+}
+
+/// `elk launch --detach`: this same command again, by a launcher that gives the terminal back.
+fn launch_in_background(community: &Community) -> Result<ExitCode> {
+    let mut launcher = Command::new(itself()?);
+    launcher.args(["launch", "--background"]).args(std::env::args_os().skip(2));
+    match elk_launcher::wait_until_begun(launcher).context("the launcher cannot be started")? {
+        Some(ended) => {
+            Ok(ended.code().and_then(|code| u8::try_from(code).ok()).map_or(ExitCode::FAILURE, ExitCode::from))
+        }
+        None => {
+            say(&format!(
+                "it runs in the background: `elk attach --community {community}` brings it back, to watch or end it\n"
+            ))?;
+            Ok(ExitCode::SUCCESS)
+        }
+    }
+}
+
+/// Says to the mission's controllers how fast their robot goes.
+fn set_pace(mission: &mut Mission, pace: f64) -> Result<()> {
+    const PACE: &str = "Pace";
+    let mut controllers: Vec<_> = mission.apps.iter_mut().filter(|app| app.element == element::CONTROLLER).collect();
+    if let Some(other) = controllers.iter().find(|app| !(app.is_builtin() && app.takes(PACE))) {
+        bail!("--pace {pace}: {} has no parameter {PACE}; right is a controller that has one", other.name);
+    }
+    for controller in &mut controllers {
+        controller.set(PACE, &pace.to_string()).with_context(|| format!("--pace {pace}"))?;
+    }
+    Ok(())
 }
 
 /// `elk attach`
@@ -54,7 +94,10 @@ fn conclude(outcome: Outcome) -> Result<ExitCode> {
 }
 
 fn report(outcome: &Outcome) -> Result<()> {
-    say(&outcome.summary.to_string())?;
+    let (colours, summary) = (colour::on(&std::io::stdout()), outcome.summary.to_string());
+    let (head, rest) = summary.split_once('\n').unwrap_or((&summary, ""));
+    let style = if outcome.summary.complete { Style::Good } else { Style::Bad };
+    show(&format!("{}\n{}", style.paint(&text::printable(head), colours), text::printable_lines(rest)))?;
     match &outcome.picture {
         Some(Ok(picture)) => say(&format!("  picture {}\n", picture.display()))?,
         Some(Err(error)) => say(&format!("  no picture: {error}\n"))?,
@@ -78,11 +121,32 @@ pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The mission of a file, or of a run's folder.
+/// The mission of a file, of a name, or of a run's folder.
 pub fn load(mission: &Path, sets: &[Override]) -> Result<Mission> {
     match mission.is_dir() {
         true => Ok(mission_of_run(mission, &registry(), sets, REVISION)?),
-        false => Ok(Mission::load(mission, &registry(), sets)?),
+        false => Ok(missions::load(mission, sets)?),
+    }
+}
+
+/// `elk missions`
+pub fn missions() -> Result<ExitCode> {
+    let rows: Vec<Vec<String>> = std::iter::once(["NAME", "EXPLORES"])
+        .chain(missions::BUILT_IN.iter().map(|one| [one.name, one.about]))
+        .map(|row| row.map(str::to_owned).to_vec())
+        .collect();
+    print_table(&Table { rows, ..Table::default() })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints a table as wide as the terminal, if it is one.
+pub fn print_table(table: &Table) -> Result<()> {
+    let mut out = BufWriter::new(std::io::stdout().lock());
+    let mut output = Output::standard(&mut out);
+    let lines = table.lines(output.columns());
+    match lines.iter().try_for_each(|line| output.styled(line)).and_then(|()| output.flush()) {
+        Err(ScopeError::ReaderGone) => Ok(()),
+        done => Ok(done?),
     }
 }
 
@@ -148,7 +212,12 @@ pub fn guard() -> Result<ExitCode> {
 
 /// Writes lines to standard output, which the terminal only shows, whatever names are in them; a reader that has gone (`elk types | head`) is no failure.
 pub fn say(text: &str) -> Result<()> {
-    match std::io::stdout().write_all(text::printable_lines(text).as_bytes()) {
+    show(&text::printable_lines(text))
+}
+
+/// As [`say`], of words that are printable already, and may have colours.
+fn show(text: &str) -> Result<()> {
+    match std::io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }

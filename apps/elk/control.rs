@@ -3,16 +3,17 @@
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use elk_bus::{Community, tell};
 use elk_launcher::{Answer, AppRow, Request, ask};
+use elk_mission::split_arguments;
 use elk_outside::{text, time};
-use elk_scope::output::in_columns;
+use elk_scope::Table;
 use elk_scope::show::duration;
 
 use crate::cli::{CommunityArgs, setting};
-use crate::commands::say;
+use crate::commands::{print_table, say};
 
 /// How long a launcher may take to answer, on top of what it was given to do it.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -105,7 +106,7 @@ pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
     if args.is_some() && exec.is_none() {
         bail!("args without exec; right is both or neither");
     }
-    let args: Vec<String> = args.unwrap_or_default().split_whitespace().map(str::to_owned).collect();
+    let args = split_arguments(&args.unwrap_or_default()).map_err(|error| anyhow!("args: {error}"))?;
     let exec = exec.map(|exec| (exec, args));
     let folder = std::env::current_dir().context("files are looked for from the working directory, and it is gone")?;
     let wanted = Request::Swap { app, type_name, exec, params, folder, limit_secs };
@@ -134,7 +135,7 @@ pub fn apps(arguments: &AppsArgs) -> Result<ExitCode> {
         Answer::Apps { rows } if arguments.json => {
             say(&(text::printable_json(&serde_json::to_string_pretty(&rows)?) + "\n"))?
         }
-        Answer::Apps { rows } => say(&table(&rows))?,
+        Answer::Apps { rows } => print_table(&table(&rows))?,
         Answer::Failed { text } => bail!(text),
         Answer::Done { .. } | Answer::Progress { .. } => bail!("the launcher answered another question"),
     }
@@ -160,11 +161,16 @@ const HEADS: [&str; 14] = [
 /// Columns that are numbers, and so stand at the right: from SINCE to SWAPS.
 const NUMBERS: [usize; 8] = [5, 6, 7, 8, 9, 10, 11, 12];
 
+/// Columns that a narrow terminal does without, first ELEMENT, last MEMORY.
+const SPARE: [usize; 10] = [1, 12, 7, 5, 3, 2, 11, 10, 9, 8];
+
 /// The rows under their heads; how an app last ended comes last, as long as it is.
-fn table(rows: &[AppRow]) -> String {
+fn table(rows: &[AppRow]) -> Table<'static> {
     let heads = HEADS.map(str::to_owned).to_vec();
-    let rows: Vec<Vec<String>> = std::iter::once(heads).chain(rows.iter().map(cells)).collect();
-    in_columns(&rows, &NUMBERS).join("\n") + "\n"
+    let is_bad = |row: &AppRow| !["running", "starting", "ended"].contains(&row.state.as_str());
+    let bad = rows.iter().zip(1..).filter(|(row, _)| is_bad(row)).map(|(_, number)| number).collect();
+    let rows = std::iter::once(heads).chain(rows.iter().map(cells)).collect();
+    Table { rows, right: &NUMBERS, spare: &SPARE, bad }
 }
 
 fn cells(row: &AppRow) -> Vec<String> {
@@ -210,8 +216,7 @@ mod tests {
             swaps: 0,
             last_exit: Some("signal 9 (SIGKILL)".into()),
         };
-        let text = table(std::slice::from_ref(&row));
-        let lines: Vec<&str> = text.lines().collect();
+        let lines = table(std::slice::from_ref(&row)).lines(None);
         assert_eq!(
             lines,
             [
@@ -222,8 +227,8 @@ mod tests {
         // A name is cut to what people read of one, how an app ended is not; neither sends the terminal a command.
         let end = "x".repeat(100) + "\x1b[2J";
         (row.name, row.element, row.last_exit) = ("n".repeat(100), String::new(), Some(end));
-        let text = table(&[row]);
-        assert!(text.contains(&format!("\n{}…  -        OctoMap  ", "n".repeat(63))), "{text}");
-        assert!(text.ends_with(&format!("  {}\\u{{1b}}[2J\n", "x".repeat(100))), "{text}");
+        let text = &table(&[row]).lines(None)[1].text;
+        assert!(text.starts_with(&format!("{}…  -        OctoMap  ", "n".repeat(63))), "{text}");
+        assert!(text.ends_with(&format!("  {}\\u{{1b}}[2J", "x".repeat(100))), "{text}");
     }
 }

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 use elk_bus::clock::Clock;
-use elk_bus::{App, Client, RunError, ValueRef, run_app_on, stop_on_signals};
+use elk_bus::{App, Client, RunError, ValueRef, run_app_on, stop_on_signals, tell};
 use elk_log::alog::AlogWriter;
 use elk_log::check::check;
 use elk_log::copy::{Copied, copy};
@@ -23,6 +23,7 @@ use serde_json::{Value as Json, json};
 
 use crate::cli::CommunityArgs;
 use crate::complain;
+use crate::target::{Target, not_to_a_terminal};
 
 /// So many messages that cannot be read are each complained of; the others are counted.
 const MOST_COMPLAINTS: u64 = 20;
@@ -106,7 +107,7 @@ pub enum LogCommand {
         /// The format
         #[arg(long)]
         to: Format,
-        /// The file to write; the log's name with another ending if not said
+        /// The file to write; the log's name with another ending if not said; `-`: standard output
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         /// Which messages
@@ -172,7 +173,7 @@ impl From<PatternArgs> for Selection {
 /// A log to write.
 #[derive(Debug, Args)]
 pub struct OutputArgs {
-    /// The log to write; must not be there
+    /// The log to write; must not be there; `-`: standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// How it is compressed
@@ -181,6 +182,11 @@ pub struct OutputArgs {
 }
 
 impl OutputArgs {
+    fn target(&self) -> Result<Target> {
+        not_to_a_terminal(&self.output)?;
+        Target::new(&self.output, "log.mcap")
+    }
+
     fn options(&self) -> LogOptions {
         let compression = match self.compression {
             Packing::None => Compression::None,
@@ -352,27 +358,45 @@ fn check_log(log: &Path) -> Result<ExitCode> {
 
 /// `elk log recover`
 fn recover(log: &Path, output: &OutputArgs) -> Result<ExitCode> {
-    let copied = copy(log, &output.output, &Selection::default(), output.options(), &mut progress("recovering"))?;
+    let target = output.target()?.gone_at_a_signal()?;
+    let copied = copy(log, target.draft(), &Selection::default(), output.options(), &mut progress("recovering"))?;
     for reason in &copied.damage {
-        say(&format!("  {reason}\n"))?;
+        target.say(&format!("  {reason}\n"))?;
     }
-    say_copied(&copied, &output.output)?;
+    say_copied(&copied, target)?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// `elk log cut`
 fn cut(log: &Path, selection: &Selection, output: &OutputArgs) -> Result<ExitCode> {
-    let copied = copy(log, &output.output, selection, output.options(), &mut progress("cutting"))?;
+    let target = output.target()?.gone_at_a_signal()?;
+    let copied = copy(log, target.draft(), selection, output.options(), &mut progress("cutting"))?;
     warn_of(&copied.damage);
-    say_copied(&copied, &output.output)?;
+    say_copied(&copied, target)?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn say_copied(copied: &Copied, to: &Path) -> Result<()> {
+/// Puts a copy into its place, and says what it came to.
+fn say_copied(copied: &Copied, target: Target) -> Result<()> {
     let Copied { records, unreadable, .. } = copied;
-    say(&format!("{records} messages in {}\n", to.display()))?;
+    let mut said = format!("{records} messages in {}\n", target.shown());
     if *unreadable > 0 {
-        say(&format!("{unreadable} messages could not be read\n"))?;
+        said += &format!("{unreadable} messages could not be read\n");
+    }
+    finish(target, &said)
+}
+
+/// Puts a result into its place, then says what is to be said of it.
+fn finish(target: Target, said: &str) -> Result<()> {
+    let piped = target.is_standard_output();
+    for beside in target.finish()? {
+        let name = beside.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        complain(&format!("{name} is left out: standard output has no room for a second file; right is -o FILE"));
+    }
+    match piped {
+        true if said.is_empty() => {}
+        true => tell(said.trim_end()),
+        false => say(said)?,
     }
     Ok(())
 }
@@ -506,11 +530,13 @@ fn brief(value: &Json) -> String {
 /// `elk log export`
 fn export(log: &Path, to: Format, output: Option<PathBuf>, selection: &Selection) -> Result<ExitCode> {
     let output = output.unwrap_or_else(|| beside(log, to));
+    let target = Target::new(&output, if to == Format::Alog { "log.alog" } else { "log.csv" })?.gone_at_a_signal()?;
     match to {
-        Format::Alog => export_alog(log, &output, selection)?,
-        Format::Csv => export_csv(log, &output, selection)?,
+        Format::Alog => export_alog(log, target.draft(), selection)?,
+        Format::Csv => export_csv(log, target.draft(), selection)?,
     }
-    say(&format!("{}\n", output.display()))?;
+    let said = if target.is_standard_output() { String::new() } else { format!("{}\n", target.shown()) };
+    finish(target, &said)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -541,12 +567,14 @@ fn export_csv(log: &Path, output: &Path, selection: &Selection) -> Result<()> {
 
 /// `elk log record`
 fn record(patterns: Vec<String>, community: &CommunityArgs, output: &OutputArgs) -> Result<ExitCode> {
-    if output.output.exists() {
-        bail!("{} is there already; say another file", output.output.display());
+    let piped = if output.output == Path::new("-") { Some(output.target()?) } else { None };
+    let file = piped.as_ref().map_or(&*output.output, Target::draft).to_owned();
+    if file.exists() {
+        bail!("{} is there already; say another file", file.display());
     }
     let metadata =
         Metadata { version: env!("CARGO_PKG_VERSION").into(), started: Clock::new(1.0).now(), ..Metadata::default() };
-    let recorder = Recorder::new(output.output.clone(), metadata).with_options(output.options());
+    let recorder = Recorder::new(file, metadata).with_options(output.options());
     let stop = stop_on_signals().context("signals cannot be caught")?;
     let mut client = Client::connect(&community.community, &format!("record-{}", std::process::id()))?;
     let mut logger = Logger::of(recorder, patterns);
@@ -555,6 +583,10 @@ fn record(patterns: Vec<String>, community: &CommunityArgs, output: &OutputArgs)
         Err(RunError::Comms(_)) => logger.on_stop(&mut client.comms).map_err(|error| anyhow::anyhow!("{error}"))?,
         ended => ended?,
     }
-    say(&format!("{} messages in {}\n", logger.messages(), output.output.display()))?;
+    let messages = logger.messages();
+    match piped {
+        Some(target) => finish(target, &format!("{messages} messages in standard output\n"))?,
+        None => say(&format!("{messages} messages in {}\n", output.output.display()))?,
+    }
     Ok(ExitCode::SUCCESS)
 }

@@ -7,17 +7,22 @@ mod commands;
 mod compare;
 mod control;
 mod log;
+mod manual;
+mod missions;
 mod new;
 mod registry;
 mod replay;
 mod scope;
+mod target;
 mod world;
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
 use elk_bus::tell;
 use elk_launcher::Request;
+use elk_outside::colour::{self, Style};
 use elk_outside::text;
 
 use cli::{Cli, Command};
@@ -36,6 +41,9 @@ fn main() -> ExitCode {
         Command::Check(arguments) => commands::check(&arguments),
         Command::Compare(arguments) => compare::compare(&arguments),
         Command::New(arguments) => new::new(&arguments),
+        Command::Missions => commands::missions(),
+        Command::Completions { shell } => manual::completions(shell),
+        Command::Man { folder } => manual::man(&folder),
         Command::Types { element } => commands::types(element.as_deref()),
         Command::Db(arguments) => commands::db(arguments),
         Command::Sensor(app) => commands::app("Sensor", app),
@@ -64,7 +72,15 @@ fn main() -> ExitCode {
 /// them, and only as much as is of use.
 fn complain(words: &str) {
     const MOST: usize = 16_000;
-    tell(format_args!("elk: {}", text::clipped(words, MOST)));
+    let words = text::clipped(words, MOST);
+    let stderr = std::io::stderr();
+    if colour::on(&stderr) {
+        let line = format!("{} {}\n", Style::Bad.paint("elk:", true), text::printable_lines(&words));
+        // A terminal that is gone shows nothing.
+        let _ = stderr.lock().write_all(line.as_bytes());
+    } else {
+        tell(format_args!("elk: {words}"));
+    }
 }
 
 /// An error and its causes; a cause that an error quotes itself is not said again.

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use elk_bus::{Client, stop_on_signals, tell};
-use elk_mission::{Mission, Override};
+use elk_mission::Override;
 use elk_outside::text;
 use elk_replay::keyboard::{self, Keyboard};
 use elk_replay::{
@@ -18,7 +18,7 @@ use rustix::termios::tcgetwinsize;
 use crate::cli::CommunityArgs;
 use crate::commands::say;
 use crate::log::{SelectionArgs, draw, progress};
-use crate::registry::registry;
+use crate::missions;
 
 /// What stands below the help.
 pub const HELP: &str = "Example: elk replay logs/apartment-20261123-224512 --rate 2\n\n\
@@ -136,7 +136,7 @@ fn report(log: &Path, played: &Played) -> Result<ExitCode> {
 /// Into live apps.
 fn run_into(arguments: ReplayArgs, mission: &Path) -> Result<ExitCode> {
     let ReplayArgs { log, rate, selection, only, sets, log_dir, .. } = arguments;
-    let mission = Mission::load(mission, &registry(), &sets)?;
+    let mission = missions::load(mission, &sets)?;
     let options = ReproduceOptions { rate, selection: selection.into(), only, log_dir };
     let stop = stop_on_signals().context("signals cannot be caught")?;
     let done = reproduce(&log, mission, &options, &mut progress("replaying"), &stop)?;

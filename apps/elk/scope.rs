@@ -10,8 +10,8 @@ use std::time::Duration;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use elk_scope::{
-    Drawing, Echo, Info, List, Output, Pattern, Poke, Quantity, Rates, Said, Scope, ScopeError, Screen, Top,
-    communities, graph, yield_to_others,
+    Drawing, Echo, Info, List, Output, Pattern, Poke, Quantity, Rates, Said, Scope, ScopeError, Top, communities,
+    graph, yield_to_others,
 };
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -100,7 +100,7 @@ pub enum ScopeCommand {
         #[command(flatten)]
         look: LookArgs,
     },
-    /// Watch who says most and who is slow to read, refreshed each second
+    /// Watch who says most and who is slow to read, refreshed each second; q ends it
     #[command(after_help = "Examples: elk top    elk top --count 3 --json")]
     Top {
         /// End after so many seconds
@@ -154,7 +154,7 @@ const FAREWELL: Duration = Duration::from_secs(1);
 pub fn run(command: ScopeCommand) -> Result<ExitCode> {
     yield_to_others();
     let mut out = BufWriter::new(std::io::stdout().lock());
-    let mut output = Output::new(&mut out, Screen::of_standard_output());
+    let mut output = Output::standard(&mut out);
     match look(command, &mut output) {
         Err(ScopeError::ReaderGone) => {}
         done => done?,

@@ -64,6 +64,9 @@ pub(crate) trait Backend {
     /// Begins to end the apps, in the order in which nobody misses anybody.
     fn end_apps(&mut self);
 
+    /// Leaves all of them to another launcher, as they run.
+    fn let_go(&mut self) {}
+
     /// Whether all of them have ended.
     fn ended(&self) -> bool;
 

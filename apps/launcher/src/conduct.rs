@@ -18,7 +18,7 @@ use crate::launch_state::{self, LaunchState};
 use crate::listener::Listener;
 use crate::observer::News;
 use crate::person::{self, Person};
-use crate::progress::{Display, put};
+use crate::progress::Display;
 use crate::supervisor::{State, Ticket, Word};
 use crate::usage::Usage;
 
@@ -51,6 +51,10 @@ pub(crate) struct Conduct<'a> {
     pub state: LaunchState,
     /// That, as it was last said to a broker that still has it.
     pub said_state: Option<LaunchState>,
+    /// Whether nobody sits at this launcher: it makes room for one at whom somebody does.
+    pub background: bool,
+    /// Who is to be told that it has made room.
+    pub leaves: Option<Ticket>,
     pub running: Stopwatch,
 }
 
@@ -108,8 +112,11 @@ impl Conduct<'_> {
 
     /// Waits until exploration is over, has the final map judged, and sees that everyone is there for the end.
     pub fn run(&mut self) -> Result<(), LaunchError> {
-        if self.state.manual {
-            put("Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.\n");
+        if self.state.manual && self.background {
+            self.display.put("`elk step` takes a step; `elk resume` runs on");
+        } else if self.state.manual {
+            let words = "Enter takes a step, and so does `elk step`; `elk resume` runs on, Ctrl-C ends the mission.";
+            self.display.put(words);
         }
         let mut movement = Movement { last: None, since: Stopwatch::start() };
         while !self.listener.observer().finished() {
@@ -156,7 +163,11 @@ impl Conduct<'_> {
     /// did. Answers that, or else the first thing that somebody could not do at the end: it is told with the summary, and
     /// all others are told here.
     pub fn end(&mut self, mut reason: Option<LaunchError>) -> Option<LaunchError> {
-        self.display.clear();
+        self.display.close();
+        self.background = false;
+        if let Some(ticket) = self.leaves.take() {
+            self.tell(ticket, Word::Failed("the mission is at its end".to_owned()));
+        }
         self.backend.end_apps();
         let checked = self.backend.check(ENDING);
         self.note_failure(checked, &mut reason);
@@ -216,7 +227,22 @@ impl Conduct<'_> {
             self.pass_words_on();
         }
         self.display.show(&self.listener.observer(), self.state.paused);
-        checked
+        match self.leaves {
+            Some(_) if self.listener.has_said_all() => checked.and(Err(LaunchError::Relieved)),
+            _ => checked,
+        }
+    }
+
+    /// Leaves the mission, as it runs, to another launcher.
+    pub fn hand_over(&mut self) {
+        self.backend.let_go();
+        self.listener.leave();
+        if let Some(ticket) = self.leaves.take() {
+            self.tell(ticket, Word::Done("the mission is yours".to_owned()));
+        }
+        if let Some(server) = &mut self.server {
+            server.finish();
+        }
     }
 
     /// Says how things are to a broker that may not know.
@@ -268,6 +294,11 @@ impl Conduct<'_> {
                 Request::Pause => self.pause(true),
                 Request::Resume => self.pause(false),
                 Request::Step => self.step(),
+                Request::Leave if self.background => {
+                    self.leaves = Some(ticket);
+                    continue;
+                }
+                Request::Leave => Word::Failed("somebody sits at this mission's launcher".to_owned()),
                 order => {
                     self.backend.order(ticket, order);
                     continue;

@@ -77,6 +77,9 @@ pub enum LaunchError {
          broker, or, if its mission was launched with --detach, pick it up with `elk attach --community {0}`"
     )]
     Served(elk_bus::Community),
+    /// Another launcher has taken the mission over.
+    #[error("the mission goes on, and `elk attach` has taken it over from here")]
+    Relieved,
     /// There is no mission to pick up.
     #[error("community {community}: {why}")]
     Attach {

@@ -11,11 +11,13 @@
 //! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
 //! | `launch_state` | what another launcher has to know to pick the mission up |
 //! | `provenance` | what a run was made of, so that it can be had again |
+//! | `detach` | giving the terminal back |
 //! | `progress`, `summary`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, where it is kept |
 
 mod backend;
 mod conduct;
 mod control;
+mod detach;
 mod error;
 mod guard;
 mod handle;
@@ -40,6 +42,7 @@ mod usage;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Clock, Community};
@@ -47,6 +50,7 @@ use elk_mission::{Mission, Mode, Registry};
 use elk_outside::text;
 
 pub use control::{Answer, AppRow, AskError, Request, ask};
+pub use detach::wait_until_begun;
 pub use error::LaunchError;
 pub use guard::guard;
 pub use provenance::{RerunError, mission_of_run};
@@ -61,8 +65,12 @@ use listener::Listener;
 use observer::Observer;
 use person::Person;
 use processes::{Processes, Yard};
-use progress::{Display, put};
+use progress::{Display, Shown, put};
 use run_place::RunPlace;
+
+/// How long a launcher in the background may take to make room, and how often it is seen whether it has.
+const RELIEF_PATIENCE: Duration = Duration::from_secs(10);
+const ASK_EVERY: Duration = Duration::from_millis(20);
 
 /// The launcher's own name on the bus.
 pub(crate) const NAME: &str = "launcher";
@@ -86,6 +94,8 @@ pub struct LaunchOptions {
     pub in_process: bool,
     /// Broker and apps go on when the launcher dies, and [`attach`] picks them up.
     pub detached: bool,
+    /// The launcher gives the terminal back once the mission runs: it was started by [`wait_until_begun`].
+    pub background: bool,
     /// The app types that a swap can name.
     pub registry: Registry,
 }
@@ -148,11 +158,13 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
             Box::new(Processes::new(&mission, Yard { program, community, place, registry, detached: *detached })?)
         }
     };
-    let stage = Stage { mission: &mission, program, community, folder: &folder, headless: *headless, stop };
+    let (headless, background) = (*headless, options.background);
+    let stage = Stage { mission: &mission, program, community, folder: &folder, headless, background, stop };
     stage.perform(backend, server, state, Observer::new(&mission), |conduct| conduct.begin())
 }
 
-/// Picks a mission up that was launched detached, and whose launcher is gone; from there on as [`launch`].
+/// Picks a mission up that was launched detached; from there on as [`launch`]. Its launcher is gone, or in the
+/// background, and then makes room.
 ///
 /// What the old launcher had counted of the mission comes back as far as it stands on the bus: all reports do, and the time
 /// of the first pose command. The times of steps are those from now on.
@@ -161,7 +173,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
 /// There is no such mission, or somebody launches it already.
 pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let AttachOptions { program, community, headless, registry } = options;
-    let server = Server::listen(community)?;
+    let server = take_over(community)?;
     let stop = person::stop_signals(true)?;
     let state = LaunchState::read(community)?;
     let mission = state.mission(community, registry)?;
@@ -175,7 +187,8 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let mut observer = Observer::new(&mission);
     observer.first_command = state.first_command;
     let community = &options.community;
-    let stage = Stage { mission: &mission, program, community, folder: &folder, headless: *headless, stop };
+    let (headless, background) = (*headless, false);
+    let stage = Stage { mission: &mission, program, community, folder: &folder, headless, background, stop };
     stage.perform(backend, Some(server), state, observer, |conduct| conduct.join("before the mission was over"))
 }
 
@@ -188,6 +201,26 @@ fn listen(options: &LaunchOptions) -> Result<Option<Server>, LaunchError> {
     }
 }
 
+/// Takes the launcher's place for orders; a launcher in the background leaves it when it is asked to.
+fn take_over(community: &Community) -> Result<Server, LaunchError> {
+    let (asked, mut waited) = (Server::listen(community), Stopwatch::start());
+    if !matches!(asked, Err(LaunchError::Launched { .. })) {
+        return asked;
+    }
+    match ask(community, &Request::Leave, RELIEF_PATIENCE, |_| {}) {
+        Ok(Answer::Done { .. }) => waited = Stopwatch::start(),
+        Ok(_) => return asked,
+        // It may have gone just now.
+        Err(_) => {}
+    }
+    loop {
+        match Server::listen(community) {
+            Err(LaunchError::Launched { .. }) if waited.elapsed() < RELIEF_PATIENCE => std::thread::sleep(ASK_EVERY),
+            taken => return taken,
+        }
+    }
+}
+
 /// What stays the same while a mission runs.
 struct Stage<'a> {
     mission: &'a Mission,
@@ -195,6 +228,7 @@ struct Stage<'a> {
     community: &'a Community,
     folder: &'a Path,
     headless: bool,
+    background: bool,
     stop: Arc<AtomicBool>,
 }
 
@@ -214,16 +248,26 @@ impl Stage<'_> {
             backend: &mut *backend,
             listener: &mut listener,
             server,
-            display: Display::new(self.headless),
+            display: Display::new(self.headless, Shown::of(mission)),
             person: Person::default(),
             stop: &self.stop,
             community: self.community,
             folder,
             state,
             said_state: None,
+            background: self.background,
+            leaves: None,
             running: Stopwatch::start(),
         };
-        let failed = begin(&mut conduct).and_then(|()| conduct.run()).err();
+        let begun = begin(&mut conduct).and_then(|()| match self.background {
+            true => detach::leave_terminal(folder),
+            false => Ok(()),
+        });
+        let failed = begun.and_then(|()| conduct.run()).err();
+        if let Some(relieved @ LaunchError::Relieved) = failed {
+            conduct.hand_over();
+            return Err(relieved);
+        }
         let error = conduct.end(failed);
         for words in conduct.listener.observer().left_out() {
             conduct.display.say(&words);

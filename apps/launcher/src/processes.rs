@@ -75,6 +75,8 @@ pub(crate) struct Processes {
     words: Vec<(Ticket, Word)>,
     explorers: Vec<String>,
     samples: Samples,
+    /// Whether they are another launcher's now.
+    let_go: bool,
     clock: Stopwatch,
 }
 
@@ -115,6 +117,7 @@ impl Processes {
             words: Vec::new(),
             explorers: Vec::new(),
             samples: Samples::default(),
+            let_go: false,
             clock: Stopwatch::start(),
         };
         for app in mission.of_element(element::EXPLORER) {
@@ -578,7 +581,7 @@ impl Backend for Processes {
                 let wanted = Exchange { type_name, exec, params, folder };
                 self.swap(ticket, place, &wanted, time::duration(limit_secs));
             }
-            Request::Apps | Request::Pause | Request::Resume | Request::Step => {}
+            Request::Apps | Request::Pause | Request::Resume | Request::Step | Request::Leave => {}
         }
         self.act_all();
     }
@@ -602,6 +605,10 @@ impl Backend for Processes {
 
     fn explorers(&self) -> Vec<String> {
         self.explorers.clone()
+    }
+
+    fn let_go(&mut self) {
+        self.let_go = true;
     }
 
     fn end_apps(&mut self) {
@@ -644,6 +651,9 @@ impl Backend for Processes {
 /// Whoever leaves early, by an error or a panic, leaves nobody behind.
 impl Drop for Processes {
     fn drop(&mut self) {
+        if self.let_go {
+            return;
+        }
         self.look_for_strays();
         let posts = self.posts.iter_mut().rev();
         for process in posts.flat_map(|post| post.successor.take().into_iter().chain(post.holder.take())) {

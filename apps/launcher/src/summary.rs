@@ -81,7 +81,7 @@ impl Summary {
             mission: mission.name.clone(),
             mission_file: mission.file.display().to_string(),
             explorer,
-            policy: report.map(|report| report.policy.clone()),
+            policy: report.map(|report| report.policy.clone()).or_else(|| policy(mission)),
             settings: report.map(|report| report.settings.clone()),
             seed: seed(mission),
             complete,
@@ -137,6 +137,11 @@ pub(crate) fn seed(mission: &Mission) -> Option<i64> {
     stages.filter_map(|app| app.setting("Seed")?.parse().ok()).next()
 }
 
+/// The policy that the mission asks its explorer for: what there is to say of one that has not reported.
+fn policy(mission: &Mission) -> Option<String> {
+    mission.of_element(element::EXPLORER).find_map(|app| app.setting("Policy")).map(str::to_owned)
+}
+
 fn cpu_seconds(observed: &Observer) -> BTreeMap<String, f64> {
     let sensor = observed.sensor.iter().map(|report| ("ray casting".to_owned(), report.cpu_secs));
     let map = observed.map.iter().map(|map| ("map insertion".to_owned(), map.cpu_secs));
@@ -151,13 +156,9 @@ impl fmt::Display for Summary {
         if self.scans == 0 {
             return Ok(());
         }
-        let Self { scans, path_length_m: length, seconds, .. } = self;
-        let policy = self.policy.as_deref().unwrap_or("unknown");
-        writeln!(
-            f,
-            "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {}, policy {policy}",
-            self.explorer
-        )?;
+        let Self { scans, path_length_m: length, seconds, explorer, .. } = self;
+        let policy = self.policy.as_ref().map(|policy| format!(", policy {policy}")).unwrap_or_default();
+        writeln!(f, "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {explorer}{policy}")?;
         if let Some(settings) = &self.settings {
             writeln!(f, "  {settings}")?;
         }
@@ -183,9 +184,12 @@ impl fmt::Display for Summary {
                 left.open
             )?;
         }
-        let accuracy = self.accuracy.map_or("unknown".to_owned(), |share| format!("{:.2} %", 100.0 * share));
-        let contacts = self.contacts.map_or("unknown".to_owned(), |count| count.to_string());
-        writeln!(f, "  accuracy {accuracy}, contacts {contacts}")?;
+        let accuracy = self.accuracy.map(|share| format!("accuracy {:.2} %", 100.0 * share));
+        let contacts = self.contacts.map(|count| format!("contacts {count}"));
+        let judged: Vec<String> = accuracy.into_iter().chain(contacts).collect();
+        if !judged.is_empty() {
+            writeln!(f, "  {}", judged.join(", "))?;
+        }
         if let Some(step) = &self.step {
             writeln!(f, "  a step: median {:.1} ms, 99 % within {:.1} ms", step.median_ms, step.p99_ms)?;
         }

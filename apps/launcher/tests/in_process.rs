@@ -161,6 +161,7 @@ fn run(folder: &Path, sets: &[&str]) -> Outcome {
         auto: true,
         in_process: true,
         detached: false,
+        background: false,
         registry: Registry::new(&[TYPES]),
     };
     launch(mission, &options).unwrap()

@@ -48,8 +48,8 @@ impl<'a> Output<'a> {
         Self { to, screen, look: || None, colours: false, standing: 0, resized: false }
     }
 
-    /// Writes to standard output, which `to` is: to its terminal, as wide as that is at the time, with colours if they are
-    /// wanted, or to a pipe or file.
+    /// Writes to standard output, which `to` is: to its terminal, as wide as that is at the time, with colours if they
+    /// are wanted, or to a pipe or file.
     pub fn standard(to: &'a mut dyn Write) -> Self {
         let (look, colours) = (Screen::of_standard_output, colour::on(&std::io::stdout()));
         Self { to, screen: look(), look, colours, standing: 0, resized: false }
@@ -178,8 +178,8 @@ pub struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// The table in lines of at most `columns` characters, as far as it can do without columns; the last column is clipped,
-    /// and what is left out is said.
+    /// The table in lines of at most `columns` characters, as far as it can do without columns; the last column is
+    /// clipped, and what is left out is said.
     pub fn lines(&self, columns: Option<usize>) -> Vec<Line> {
         let mut kept: Vec<usize> = (0..self.rows.first().map_or(0, Vec::len)).collect();
         let mut spare = self.spare.iter().filter(|column| self.says_nothing(**column)).chain(self.spare);

@@ -44,7 +44,7 @@ impl AlogWriter {
         let mut out = BufWriter::new(File::create_new(path).map_err(create)?);
         let banner = format!(
             "{RULE}\n%% LOG FILE:       {}\n%% FILE OPENED ON  {}\n%% LOGSTART               {start:.2}\n{RULE}\n",
-            path.display(),
+            path.file_name().unwrap_or_default().display(),
             date(start)
         );
         out.write_all(banner.as_bytes()).map_err(create)?;

@@ -1,5 +1,5 @@
-//! Arguments in one text, taken apart as a shell does, without a shell: white space separates, quotes and `\` hold together,
-//! and nothing is expanded or left out (a `#` begins no comment).
+//! Arguments in one text, taken apart as a shell does, without a shell: white space separates, quotes and `\` hold
+//! together, and nothing is expanded or left out (a `#` begins no comment).
 
 /// Why a text is no list of arguments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -19,8 +19,8 @@ pub enum ArgumentsError {
     Backslash,
 }
 
-/// The arguments that `text` lists. White space separates them. Within `'…'` every letter is itself; within `"…"` as well,
-/// but for `\"` and `\\`, which are `"` and `\`; elsewhere `\` makes the letter behind it itself.
+/// The arguments that `text` lists. White space separates them. Within `'…'` every letter is itself; within `"…"` as
+/// well, but for `\"` and `\\`, which are `"` and `\`; elsewhere `\` makes the letter behind it itself.
 ///
 /// # Errors
 /// A quote, or a `\`, that has no end.
@@ -100,7 +100,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn quoted_arguments_come_back_as_they_were(arguments in proptest::collection::vec("[ a\\\\\"'#$ä\n]{0,6}", 0..6)) {
+        fn quoted_arguments_come_back(arguments in proptest::collection::vec("[ a\\\\\"'#$ä\n]{0,6}", 0..6)) {
             let single = |argument: &String| format!("'{}'", argument.replace('\'', r"'\''"));
             let double = |argument: &String| format!("\"{}\"", argument.replace('\\', r"\\").replace('"', "\\\""));
             let join = |quote: &dyn Fn(&String) -> String| arguments.iter().map(quote).collect::<Vec<_>>().join(" ");

@@ -6,7 +6,7 @@
 //! | an app's attribute | means |
 //! |---|---|
 //! | `type` | one of the element's types |
-//! | `exec`, `args` | any other executable instead, with its arguments as a shell would take them apart ([`split_arguments`]) |
+//! | `exec`, `args` | any other executable instead, with its arguments ([`split_arguments`]) |
 //! | `name` | its name in the mission and on the bus; the element's, numbered, if not said |
 //! | `restart` | `never` (default): its death fails the mission; `on-failure`, `always`: it is started again |
 //! | `restarts`, `restart-window` | how often within how many seconds (5 in 60); once more, and the mission fails |

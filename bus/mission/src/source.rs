@@ -1,4 +1,4 @@
-//! From the bytes of a mission file to its text: in UTF-8, or in the encoding that its first line or its first bytes name.
+//! From the bytes of a mission file to its text: in UTF-8, or in the encoding that its beginning names.
 
 use crate::problem::{At, Findings};
 

@@ -58,7 +58,7 @@ pub fn clipped(text: &str, longest: usize) -> Cow<'_, str> {
     }
 }
 
-/// The beginning of a line, at most `longest` characters, that ends with a whole word and, if words are left out, with dots.
+/// The beginning of a line, at most `longest` characters: whole words and, if some are left out, dots.
 pub fn clipped_at_words(line: &str, longest: usize) -> Cow<'_, str> {
     let Some((end, _)) = line.char_indices().nth(longest) else { return Cow::Borrowed(line) };
     if longest < 2 {

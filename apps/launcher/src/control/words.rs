@@ -43,6 +43,8 @@ pub enum Request {
     Resume,
     /// Let it take one pose command, paused as it is.
     Step,
+    /// A launcher in the background is to leave the mission to whoever asks.
+    Leave,
 }
 
 /// What a launcher answers: any number of [`Answer::Progress`], then one of the others.

@@ -1,0 +1,32 @@
+//! What the command line says of itself, for shells and for `man`.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result};
+use clap::CommandFactory;
+use clap_complete::Shell;
+
+use crate::cli::Cli;
+use crate::commands::say;
+
+/// `elk completions`
+pub fn completions(shell: Shell) -> Result<ExitCode> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "elk", &mut script);
+    // As it is: a shell reads it.
+    match std::io::stdout().write_all(&script) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// `elk man`
+pub fn man(folder: &Path) -> Result<ExitCode> {
+    let unwritable = || format!("cannot write the pages into {}", folder.display());
+    std::fs::create_dir_all(folder).with_context(unwritable)?;
+    clap_mangen::generate_to(Cli::command(), folder).with_context(unwritable)?;
+    say(&format!("the pages are in {0}: `man {0}/elk.1` shows the first\n", folder.display()))?;
+    Ok(ExitCode::SUCCESS)
+}
