@@ -92,6 +92,32 @@ impl Bvh {
         }
     }
 
+    /// Distance from a point (m, world) to the nearest surface; infinite if there is none.
+    pub fn distance(&self, point: Point3<f64>) -> f64 {
+        let mut nearest = f64::INFINITY;
+        self.approach(0, point, &mut nearest);
+        nearest
+    }
+
+    fn approach(&self, node: usize, point: Point3<f64>, nearest: &mut f64) {
+        match self.nodes[node].content {
+            Content::Triangles { first, count } => {
+                let distances = self.range(first, count).iter().map(|triangle| triangle.distance_to_point(point));
+                *nearest = distances.fold(*nearest, f64::min);
+            }
+            Content::RightChild(right) => {
+                let away = |child: usize| (distance_to_box(&self.nodes[child].bounds, point), child);
+                let (left, right) = (away(node + 1), away(right as usize));
+                let (near, far) = if left.0 <= right.0 { (left, right) } else { (right, left) };
+                for (distance, child) in [near, far] {
+                    if distance < *nearest {
+                        self.approach(child, point, nearest);
+                    }
+                }
+            }
+        }
+    }
+
     /// Every place where the ray meets a surface, in no particular order. At an edge both triangles may answer.
     pub fn hits(&self, ray: &Ray, mut each: impl FnMut(Hit)) {
         self.any(
@@ -144,6 +170,11 @@ impl Bvh {
 
 fn overlap(a: &Bounds, b: &Bounds) -> bool {
     (0..3).all(|i| a.min[i] <= b.max[i] && b.min[i] <= a.max[i])
+}
+
+/// Distance from a point to a box (m); 0 inside.
+fn distance_to_box(bounds: &Bounds, point: Point3<f64>) -> f64 {
+    (point - point.sup(&bounds.min).inf(&bounds.max)).norm()
 }
 
 fn union(a: &Bounds, b: &Bounds) -> Bounds {

@@ -156,22 +156,8 @@ fn widest_near(world: &World, start: Start) -> Start {
 
 fn start_near(world: &World, point: Point3<f64>) -> Option<Start> {
     let place = point.map(|c| (c * 100.0).round() / 100.0);
-    let clearance_m = clearance(world, place);
+    let clearance_m = world.surfaces().distance(place);
     (clearance_m > 0.0 && world.is_free(place)).then_some(Start { place, clearance_m })
-}
-
-/// Distance from a point to the next surface (m), by halving.
-fn clearance(world: &World, point: Point3<f64>) -> f64 {
-    let (mut near, mut far) = (0.0, world.extents().dim().norm());
-    for _ in 0..20 {
-        let middle = (near + far) / 2.0;
-        if world.touches(point, point, middle) {
-            far = middle;
-        } else {
-            near = middle;
-        }
-    }
-    near
 }
 
 impl Inspection {

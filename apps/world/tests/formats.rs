@@ -282,6 +282,8 @@ fn damaged_files_are_worlds_or_errors() {
         ("r.ply", ply("ascii", true)),
         ("r.ply", ply("binary_big_endian", false)),
         ("r.glb", glb(&document, &bytes)),
+        ("r.obj", include_bytes!("../../../tests/cases/obj/rooms-ngon.obj").to_vec()),
+        ("r.obj", include_bytes!("../../../tests/cases/obj/continuation.obj").to_vec()),
     ];
     for (name, whole) in files {
         for i in (0..whole.len()).step_by(whole.len() / 150) {
