@@ -3,6 +3,7 @@
 
 mod common;
 
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -47,6 +48,8 @@ fn a_new_app_is_tested_and_heard_in_a_mission_and_so_is_the_readme_s() {
     made(&elk, "app", "new-app");
     std::fs::create_dir(elk.folder().join("new-app/src/bin")).unwrap();
     std::fs::write(elk.folder().join("new-app/src/bin/readme-app.rs"), readme_app()).unwrap();
+    let check = elk.command(&["check", "mission.xml"]).current_dir(elk.folder().join("new-app")).output().unwrap();
+    assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stderr));
     cargo(&elk, "new-app", &["test"]);
     cargo(&elk, "new-app", &["build"]);
 
@@ -85,16 +88,19 @@ fn a_new_explorer_is_tested_explores_and_is_swapped_in() {
     made(&elk, "explorer", "new-explorer");
     cargo(&elk, "new-explorer", &["test"]);
     cargo(&elk, "new-explorer", &["build"]);
-    let exec = format!("Explorer.exec={}", program("new-explorer").display());
+    // The mission names what `cargo build --release` makes.
     let folder = elk.folder().join("new-explorer");
-    let mut command = elk.command(&["launch", "mission.xml", "--headless", "--set", &exec]);
-    command.args(["--set", "Map.Res=0.25", "--community", elk.community()]).current_dir(&folder);
+    std::fs::create_dir_all(folder.join("target/release")).unwrap();
+    symlink(program("new-explorer"), folder.join("target/release/new-explorer")).unwrap();
+    let mut command = elk.command(&["launch", "mission.xml", "--headless", "--set", "Map.Res=0.25"]);
+    command.args(["--community", elk.community()]).current_dir(&folder);
     let out = command.output().unwrap();
     let said = String::from_utf8_lossy(&out.stdout) + String::from_utf8_lossy(&out.stderr);
     assert!(out.status.success() && said.contains("new-explorer: complete"), "{said}");
     assert!(said.contains("explorer new-explorer"), "{said}");
 
     // A slip in a parameter of its own is answered like one of elk's.
+    let exec = format!("Explorer.exec={}", program("new-explorer").display());
     let slip = ["launch", "mission.xml", "--headless", "--set", &exec, "--set", "Explorer.Clim=2", "--community"];
     let out = elk.command(&slip).arg(elk.community()).current_dir(&folder).output().unwrap();
     let said = String::from_utf8_lossy(&out.stdout) + String::from_utf8_lossy(&out.stderr);

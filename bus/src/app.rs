@@ -70,7 +70,7 @@ pub trait App: Send {
 }
 
 /// Why an app's run ended badly.
-#[derive(Debug, thiserror::Error)]
+#[derive(thiserror::Error)]
 pub enum RunError {
     /// The app could not join.
     #[error(transparent)]

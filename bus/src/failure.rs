@@ -46,9 +46,30 @@ impl fmt::Debug for Failure {
     }
 }
 
+/// Has errors that a `main` is likely to return as they are show themselves as words there, too.
+macro_rules! words_for_main {
+    ($($error:ty),+) => {$(
+        impl fmt::Debug for $error {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                fmt::Display::fmt(self, f)
+            }
+        }
+    )+};
+}
+
+words_for_main!(crate::RunError, crate::OptionError);
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_run_app_returns_is_words_by_itself() {
+        let error = crate::RunError::App { app: "Lamp".into(), source: "no oil".into() };
+        assert_eq!(format!("{error:?}"), "Lamp: no oil");
+        let boxed: Box<dyn Error> = crate::OptionError::Twice("Rate".into()).into();
+        assert_eq!(format!("{boxed:?}"), "Rate is said twice; once is enough");
+    }
 
     #[derive(Debug, thiserror::Error)]
     #[error("the lamp is dark")]

@@ -52,7 +52,7 @@ pub struct RunOptions {
 }
 
 /// What an app was told and cannot be.
-#[derive(Debug, thiserror::Error)]
+#[derive(thiserror::Error)]
 pub enum OptionError {
     /// The community's name is none.
     #[error("{COMMUNITY}: {0}")]
