@@ -6,6 +6,7 @@ mod cli;
 mod commands;
 mod control;
 mod log;
+mod prune;
 mod registry;
 mod replay;
 mod scope;
