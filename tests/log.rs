@@ -186,17 +186,24 @@ fn an_alog_has_moos_layout_and_comes_back() {
     let elk = Elk::new("log-export");
     let log = elk.folder().join("log.mcap");
     write_log(&log, 3);
+    let other = Value::Binary { type_name: "Other".into(), layout: 1, bytes: vec![7; 50] };
+    let all: Vec<Record> = records(&log).into_iter().chain([record(3, "OTHER", other.clone())]).collect();
+    std::fs::remove_file(&log).unwrap();
+    let mut with_other = LogWriter::create(&log, &Metadata { started: 999.0, ..Metadata::default() }).unwrap();
+    all.iter().for_each(|record| with_other.append(&record.as_ref()).unwrap());
+    with_other.finish().unwrap();
     succeed(&elk, &["export", ".", "--to", "alog", "-o", "run.alog"]);
     let alog = std::fs::read_to_string(elk.folder().join("run.alog")).unwrap();
     let lines: Vec<&str> = alog.lines().collect();
     assert_eq!(lines[3], "%% LOGSTART               999.00");
     assert_eq!(lines[5], "1.000           DEPTH                pNav            0.00000      ");
     assert_eq!(lines[6], "1.500           NOTE                 pNav            line 1\\nand another ");
-    assert!(lines[7].contains("<MOOS_BINARY>File=run.blog,Offset=53,Bytes="), "{}", lines[7]);
-    assert_eq!(lines.len(), 8, "a line break in a text breaks no line");
+    assert!(lines[7].contains(r#""path_length_m":2.5"#), "a small typed value is JSON: {}", lines[7]);
+    assert!(lines[8].contains("<MOOS_BINARY>File=run.blog,Offset=53,Bytes="), "{}", lines[8]);
+    assert_eq!(lines.len(), 9, "a line break in a text breaks no line");
     let back: Vec<Record> =
         elk_log::alog::AlogReader::open(&elk.folder().join("run.alog")).unwrap().map(Result::unwrap).collect();
-    assert_eq!(back[2].value, typed(&progress(2)), "a binary value is the same as before");
+    assert_eq!(back[3].value, other, "a binary value is the same as before");
     assert_eq!((back[0].value.clone(), back[0].time), (Value::Double(0.0), 1000.0));
 
     succeed(&elk, &["export", ".", "--to", "csv", "-o", "run.csv"]);
@@ -239,25 +246,77 @@ fn what_is_no_log_is_an_error_of_one_line() {
     }
 }
 
+/// Whether this process was started to outlive its terminal (`nohup`), and those that it starts with it.
+fn ignores_hangups() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 == 1)
+}
+
 #[test]
-fn record_takes_a_part_of_a_running_community() {
+fn record_takes_a_part_of_a_running_community_until_it_is_told_to_end() {
     let elk = Elk::new("log-record");
     let community = elk.community();
     let mut lab = Lab::deaf(&elk);
-    let arguments = ["log", "record", "NAV_*", "SPEED", "--community", community, "-o", "part.mcap"];
-    let mut recorder = elk.command(&arguments).spawn().unwrap();
-    lab.wait_for_reader(&format!("record-{}", recorder.id()));
-    for (key, value) in [("NAV_X", 1.0), ("OTHER", 2.0), ("SPEED", 3.0)] {
-        say(&mut lab.listener, key, value);
+    // A terminal that is closed is an end as good as another.
+    let signals = [("int.mcap", Signal::INT), ("term.mcap", Signal::TERM), ("hup.mcap", Signal::HUP)];
+    for (file, signal) in signals.into_iter().filter(|(_, signal)| *signal != Signal::HUP || !ignores_hangups()) {
+        let arguments = ["log", "record", "NAV_*", "SPEED", "--community", community, "-o", file];
+        let mut recorder = elk.command(&arguments).spawn().unwrap();
+        lab.wait_for_reader(&format!("record-{}", recorder.id()));
+        for (key, value) in [("NAV_X", 1.0), ("OTHER", 2.0), ("SPEED", 3.0)] {
+            say(&mut lab.listener, key, value);
+        }
+        let part = elk.folder().join(file);
+        wait_for_records(&elk, &part, "SPEED", 1);
+        kill(recorder.id() as i32, signal);
+        assert!(recorder.wait().unwrap().success(), "{signal:?}");
+        assert!(succeed(&elk, &["check", file]).contains("whole"), "{signal:?}");
+        let all: Vec<Record> = records(&part).into_iter().filter(|record| record.source == "listener").collect();
+        let said = all.iter().rev().take(2).rev().map(|record| (record.key.as_str(), record.value.clone()));
+        assert!(said.eq([("NAV_X", Value::Double(1.0)), ("SPEED", Value::Double(3.0))]), "{all:?}");
+        assert!(all.iter().all(|record| record.key != "OTHER"), "{all:?}");
     }
-    let part = elk.folder().join("part.mcap");
-    wait_for_records(&elk, &part, "SPEED", 1);
-    kill(recorder.id() as i32, Signal::TERM);
-    assert!(recorder.wait().unwrap().success());
-    let all = records(&part);
-    assert!(all.iter().all(|r| r.source == "listener"), "{all:?}");
-    assert!(all.iter().map(|r| r.key.as_str()).eq(["NAV_X", "SPEED"]), "{all:?}");
     lab.end();
+}
+
+/// One flipped bit in the second of three chunks (mcap 1390).
+#[test]
+fn recover_gives_back_every_message_of_a_log_with_a_flipped_bit() {
+    let elk = Elk::new("log-flipped");
+    let case = concat!(env!("CARGO_MANIFEST_DIR"), "/bus/log/tests/cases/bitflip.mcap");
+    let (code, said) = elk_log(&elk, &["check", case]);
+    assert!(code == Some(1) && said.contains("36 messages, NOT whole") && said.contains("elk log recover"), "{said}");
+    let said = succeed(&elk, &["recover", case, "-o", "mended.mcap"]);
+    assert!(said.contains("133 messages in mended.mcap") && said.contains("a bit of byte 12320 was flipped"), "{said}");
+    assert!(succeed(&elk, &["check", "mended.mcap"]).contains("133 messages, whole"));
+}
+
+#[test]
+fn prune_deletes_old_runs_only_when_it_is_told_to() {
+    let elk = Elk::new("log-prune");
+    let hours = |hours: u64| std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_700_000_000 + 3600 * hours);
+    for (number, name) in (0..).zip(["oldest", "older", "newer"]) {
+        let folder = elk.folder().join("logs").join(name);
+        std::fs::create_dir_all(&folder).unwrap();
+        write_log(&folder.join("log.mcap"), 3);
+        std::fs::File::options()
+            .write(true)
+            .open(folder.join("log.mcap"))
+            .unwrap()
+            .set_modified(hours(number))
+            .unwrap();
+    }
+    std::fs::create_dir(elk.folder().join("logs/no-run")).unwrap();
+    let there = |name: &str| elk.folder().join("logs").join(name).exists();
+    let said = succeed(&elk, &["prune", "--keep", "1"]);
+    assert!(said.contains("logs/oldest") && said.contains("2 runs") && said.contains("--delete"), "{said}");
+    assert!(there("oldest") && there("older"));
+    assert!(
+        succeed(&elk, &["prune", "logs", "--keep", "2", "--older-than", "1", "--delete"]).contains("1 runs deleted")
+    );
+    assert!(!there("oldest") && there("older") && there("newer") && there("no-run"));
+    assert_eq!(elk_log(&elk, &["prune"]).0, Some(2), "nothing is deleted that nobody asked for");
 }
 
 fn say(speaker: &mut Client, key: &str, number: f64) {

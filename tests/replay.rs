@@ -200,6 +200,46 @@ fn one_replay_at_a_time_drives_the_clock_and_scopes_say_which() {
     lab.end();
 }
 
+/// A part of a log is what lies between its bounds, wherever it lies in the file.
+#[test]
+fn a_part_of_a_log_out_of_order_is_played_whole() {
+    let elk = Elk::new("replay-part");
+    let mut lab = Lab::new(&elk);
+    let case = concat!(env!("CARGO_MANIFEST_DIR"), "/bus/log/tests/cases/unsorted.alog");
+    let mut log = LogWriter::create(&elk.folder().join("log.mcap"), &Metadata::default()).unwrap();
+    for record in elk_log::alog::AlogReader::open(Path::new(case)).unwrap() {
+        log.append(&record.unwrap().as_ref()).unwrap();
+        log.flush().unwrap();
+    }
+    log.finish().unwrap();
+    for log in [case, "log.mcap"] {
+        for (part, values) in [(&["--to", "0.15"][..], [1.0, 2.0]), (&["--from", "0.15", "--to", "0.35"], [3.0, 4.0])] {
+            let arguments = [&["replay", log, "--community", elk.community(), "--rate", "max"], part].concat();
+            let player = elk.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+            let heard: Vec<Value> = lab.hear(2).into_iter().map(|(.., value)| value).collect();
+            assert_eq!(heard, values.map(Value::Double), "{log} {part:?}");
+            assert!(said(player.wait_with_output().unwrap()).contains("2 messages"), "{log} {part:?}");
+        }
+    }
+    lab.end();
+}
+
+/// What another tool has recorded is played where elk knows what it says, and named where it does not.
+#[test]
+fn logs_of_other_tools_are_played_as_far_as_they_are_understood() {
+    let elk = Elk::new("replay-foreign");
+    let mut lab = Lab::new(&elk);
+    let case = concat!(env!("CARGO_MANIFEST_DIR"), "/bus/log/tests/cases/plain.mcap");
+    let arguments = ["replay", case, "--community", elk.community(), "--rate", "max"];
+    let player = elk.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let heard: Vec<(String, Value)> = lab.hear(10).into_iter().map(|(key, _, value)| (key, value)).collect();
+    let expected: Vec<_> = (0..10).map(|n| ("sample_topic".to_owned(), Value::Double(f64::from(n)))).collect();
+    assert_eq!(heard, expected);
+    let told = said(player.wait_with_output().unwrap());
+    assert!(told.contains("10 messages") && told.contains("2 messages of bytes were not played"), "{told}");
+    lab.end();
+}
+
 #[test]
 fn an_alog_is_played_like_any_other_log() {
     let elk = Elk::new("replay-alog");

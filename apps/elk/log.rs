@@ -11,10 +11,10 @@ use elk_bus::clock::Clock;
 use elk_bus::{App, Client, RunError, ValueRef, run_app_on, stop_on_signals, tell};
 use elk_log::alog::AlogWriter;
 use elk_log::check::check;
-use elk_log::copy::{Copied, copy};
+use elk_log::copy::{self, Copied, copy};
 use elk_log::csv::{self, put_csv};
 use elk_log::diff::{Diff, DiffOptions, Difference, diff};
-use elk_log::selection::Place;
+use elk_log::selection::{Place, Window};
 use elk_log::{Compression, Index, LogOptions, LogReader, Metadata, Record, RecordRef, Selection};
 use elk_logger::{Logger, Recorder};
 use elk_outside::{text, time};
@@ -23,6 +23,7 @@ use serde_json::{Value as Json, json};
 
 use crate::cli::CommunityArgs;
 use crate::complain;
+use crate::prune::{self, PruneArgs};
 use crate::target::{Target, not_to_a_terminal};
 
 /// So many messages that cannot be read are each complained of; the others are counted.
@@ -30,6 +31,9 @@ const MOST_COMPLAINTS: u64 = 20;
 
 /// A list in a value that is shown has at most so many entries; longer ones are counted.
 const LONGEST_LIST: usize = 16;
+
+/// What is said of a log that is not whole.
+const HOW_TO_MEND: &str = "  elk log recover makes a whole one of all that can be had of it\n";
 
 /// What can be done with logs.
 #[derive(Debug, Subcommand)]
@@ -49,7 +53,7 @@ pub enum LogCommand {
         /// The log: a run's folder, or a file
         log: PathBuf,
     },
-    /// Mend a log that was cut short or damaged: all that can be read, in a new one
+    /// Mend a log that was cut short or damaged: all that can be had, also behind and inside of what is damaged, in a new one
     #[command(after_help = "Example: elk log recover logs/apartment-20261123-224512/log.mcap -o mended.mcap")]
     Recover {
         /// The log: a run's folder, or a file
@@ -114,6 +118,9 @@ pub enum LogCommand {
         #[command(flatten)]
         patterns: PatternArgs,
     },
+    /// Name old runs, or delete them with their logs
+    #[command(after_help = "Example: elk log prune --keep 10 --older-than 7 --delete")]
+    Prune(PruneArgs),
     /// Record a part of a running community until Ctrl-C
     #[command(after_help = "Example: elk log record 'SCAN*' MAP_UPDATE -o scans.mcap")]
     Record {
@@ -135,10 +142,10 @@ pub struct SelectionArgs {
     /// By variable and source.
     #[command(flatten)]
     patterns: PatternArgs,
-    /// Begin so many seconds after the first message
+    /// Begin so many seconds after the earliest message
     #[arg(long, value_name = "S", value_parser = time::parse_seconds)]
     from: Option<f64>,
-    /// End so many seconds after the first message
+    /// End so many seconds after the earliest message
     #[arg(long, value_name = "S", value_parser = time::parse_seconds)]
     to: Option<f64>,
 }
@@ -229,6 +236,7 @@ pub fn run(command: LogCommand) -> Result<ExitCode> {
             compare(&first, &second, &DiffOptions { selection: selection.into(), exact })
         }
         LogCommand::Export { log, to, output, patterns } => export(&log, to, output, &patterns.into()),
+        LogCommand::Prune(arguments) => prune::run(&arguments),
         LogCommand::Record { patterns, community, output } => record(patterns, &community, &output),
     };
     match done {
@@ -331,8 +339,11 @@ fn info_text(index: &Index) -> String {
         dropped => said += &format!("  {dropped} messages are missing: the logger did not keep up\n"),
     }
     match index.whole() {
-        true => said += "  whole\n",
-        false => index.damage().iter().for_each(|reason| said += &format!("  NOT whole: {reason}\n")),
+        true => said += "  has its end (elk log check reads all of it)\n",
+        false => {
+            index.damage().iter().for_each(|reason| said += &format!("  NOT whole: {reason}\n"));
+            said += HOW_TO_MEND;
+        }
     }
     let _ = writeln!(said, "  {:<24} {:<16} {:<20} {:>10}", "variable", "source", "type", "messages");
     for topic in index.topics() {
@@ -352,6 +363,9 @@ fn check_log(log: &Path) -> Result<ExitCode> {
     }
     said += if checked.damage.is_empty() { ", whole\n" } else { ", NOT whole:\n" };
     checked.damage.iter().for_each(|reason| said += &format!("  {reason}\n"));
+    if !checked.damage.is_empty() {
+        said += HOW_TO_MEND;
+    }
     say(&said)?;
     Ok(if checked.damage.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -359,7 +373,7 @@ fn check_log(log: &Path) -> Result<ExitCode> {
 /// `elk log recover`
 fn recover(log: &Path, output: &OutputArgs) -> Result<ExitCode> {
     let target = output.target()?.gone_at_a_signal()?;
-    let copied = copy(log, target.draft(), &Selection::default(), output.options(), &mut progress("recovering"))?;
+    let copied = copy::recover(log, target.draft(), output.options(), &mut progress("recovering"))?;
     for reason in &copied.damage {
         target.say(&format!("  {reason}\n"))?;
     }
@@ -378,11 +392,15 @@ fn cut(log: &Path, selection: &Selection, output: &OutputArgs) -> Result<ExitCod
 
 /// Puts a copy into its place, and says what it came to.
 fn say_copied(copied: &Copied, target: Target) -> Result<()> {
-    let Copied { records, unreadable, .. } = copied;
+    let Copied { records, doubtful, unreadable, left_out, .. } = copied;
     let mut said = format!("{records} messages in {}\n", target.shown());
+    if *doubtful > 0 {
+        said += &format!("{doubtful} of them lie in damaged chunks; some may not be what was recorded\n");
+    }
     if *unreadable > 0 {
         said += &format!("{unreadable} messages could not be read\n");
     }
+    left_out.iter().for_each(|what| said += &format!("left out: {what}\n"));
     finish(target, &said)
 }
 
@@ -407,14 +425,22 @@ fn warn_of(damage: &[String]) {
     }
 }
 
-/// Hands the records of a part of a log to `each`, with their seconds after the log's first message.
+/// When the earliest message of a log was recorded (s).
+fn origin(log: &Path) -> Result<f64> {
+    let index = Index::read(log, &mut progress("reading a log without an index:"))?;
+    Ok(index.span().map_or(0.0, |(start, _)| start))
+}
+
+/// Hands the records of a part of a log to `each`, with their seconds after the log's earliest message.
 fn for_each_record(
     log: &Path,
     selection: &Selection,
     mut each: impl FnMut(f64, &RecordRef<'_>) -> Result<()>,
 ) -> Result<()> {
+    let window = Window { origin: origin(log)?, selection };
     let mut log = LogReader::open(log)?;
-    let (mut start, mut unreadable) = (None, 0_u64);
+    log.within(&window);
+    let mut unreadable = 0_u64;
     while let Some(next) = log.next_ref() {
         let record = match next {
             Ok(record) => record,
@@ -426,11 +452,8 @@ fn for_each_record(
                 continue;
             }
         };
-        let start = *start.get_or_insert(record.received);
-        match selection.place(record.received - start) {
-            Place::After => break,
-            Place::Within if selection.takes(record.key, record.source) => each(record.time - start, &record)?,
-            Place::Within | Place::Before => {}
+        if window.place(record.received) == Place::Within && selection.takes(record.key, record.source) {
+            each(record.time - window.origin, &record)?;
         }
     }
     if unreadable > MOST_COMPLAINTS {

@@ -10,6 +10,7 @@ mod log;
 mod manual;
 mod missions;
 mod new;
+mod prune;
 mod registry;
 mod replay;
 mod scope;

@@ -108,9 +108,14 @@ fn run_onto(arguments: ReplayArgs) -> Result<ExitCode> {
 }
 
 fn report(log: &Path, played: &Played) -> Result<ExitCode> {
-    let Played { to_the_end, messages, bytes, took, dropped, behind, refused, refusal, lateness, unreadable } = played;
+    let Played { to_the_end, messages, bytes, took, dropped, behind, refused, refusal, lateness, unreadable, unknown } =
+        played;
+    let unknown: Vec<String> =
+        unknown.iter().map(|(of, count)| format!("{count} messages of {} were not played", text::name(of))).collect();
     if *to_the_end && *messages == 0 {
-        bail!("{}", elk_replay::ReplayError::Nothing(log.into()));
+        let nothing = elk_replay::ReplayError::Nothing(log.into());
+        let why = if unknown.is_empty() { String::new() } else { format!(": {}", unknown.join(", ")) };
+        bail!("{nothing}{why}");
     }
     let secs = took.as_secs_f64();
     let mut said = format!("{messages} messages, {:.1} MB, in {secs:.3} s", *bytes as f64 / 1e6);
@@ -129,6 +134,7 @@ fn report(log: &Path, played: &Played) -> Result<ExitCode> {
     if *unreadable > 0 {
         said += &format!("{unreadable} could not be read\n");
     }
+    unknown.iter().for_each(|words| said += &format!("{words}: another tool's type, which elk does not know\n"));
     say(&said)?;
     Ok(if *refused > 0 || *unreadable > 0 { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }

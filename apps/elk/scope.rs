@@ -13,7 +13,6 @@ use elk_scope::{
     Drawing, Echo, Info, List, Output, Pattern, Poke, Quantity, Rates, Said, Scope, ScopeError, Top, communities,
     graph, yield_to_others,
 };
-use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use crate::cli::CommunityArgs;
@@ -218,7 +217,7 @@ fn wait_for(unwritten: &ScopeError) {
 /// For a command that goes on until Ctrl-C: that is its good end, even while it cannot write because nobody reads.
 fn stop_on_signals() -> Result<Arc<AtomicBool>, ScopeError> {
     let stop = Arc::new(AtomicBool::new(false));
-    let mut signals = Signals::new([SIGTERM, SIGINT]).map_err(ScopeError::Signals)?;
+    let mut signals = Signals::new(elk_bus::stop_signals()).map_err(ScopeError::Signals)?;
     let told = stop.clone();
     std::thread::spawn(move || {
         signals.forever().next();

@@ -67,7 +67,7 @@ pub use rejection::Rejection;
 /// What [`payload!`] derives: for types of one's own that stand in payloads, with `#[serde(crate = "elk_bus::serde")]`.
 pub use serde;
 pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, running};
-pub use stop::stop_on_signals;
+pub use stop::{stop_on_signals, stop_signals};
 pub use value::{Value, ValueRef};
 pub use words::tell;
 
@@ -85,8 +85,8 @@ impl Client {
     }
 }
 
-/// Runs an app as this process, over shared memory, until it stops itself, fails, its successor is ready, or SIGTERM or
-/// SIGINT comes; if it is in the midst of a message then, it has [`stop::STOP_PATIENCE`] to come to its end. A launcher
+/// Runs an app as this process, over shared memory, until it stops itself, fails, its successor is ready, or one of
+/// [`stop_signals`] comes; if it is in the midst of a message then, it has [`stop::STOP_PATIENCE`] to come to its end. A launcher
 /// may have told more in the environment (see [`RunOptions::as_launched`]).
 pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunError> {
     let stop = stop_on_signals().map_err(RunError::Signals)?;
@@ -95,7 +95,7 @@ pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunErr
     app::run(&mut *app, &mut client, &stop, Some(insistence))
 }
 
-/// Serves a community as this process until SIGTERM or SIGINT.
+/// Serves a community as this process until one of [`stop_signals`] comes.
 pub fn serve_broker(community: Community, config: BrokerConfig, clock: Clock) -> Result<(), ServeError> {
     let io = |source| ServeError::Io { community: community.clone(), source };
     let stop = stop_on_signals().map_err(io)?;

@@ -4,20 +4,33 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use signal_hook::consts::{SIGALRM, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGTERM};
 use signal_hook::low_level::{emulate_default_handler, register};
-
-const SIGNALS: [i32; 2] = [SIGTERM, SIGINT];
 
 /// How long a callback of an app may go on once the app was asked to stop.
 pub const STOP_PATIENCE: Duration = Duration::from_secs(5);
 
 const LAST_WORDS: &str = "elk: asked to stop, and still in the midst of a message: this process ends here\n";
 
-/// Sets `stop` on SIGTERM and SIGINT.
+/// The signals that ask a process to stop: SIGTERM, SIGINT, and, of a terminal that is gone, SIGHUP. Who was started to
+/// outlive its terminal (`nohup`) ignores the last one, and goes on doing so.
+pub fn stop_signals() -> impl Iterator<Item = i32> {
+    [SIGTERM, SIGINT].into_iter().chain((!is_ignored(SIGHUP)).then_some(SIGHUP))
+}
+
+/// Whether this process was started to ignore a signal.
+fn is_ignored(signal: i32) -> bool {
+    let mut action = std::mem::MaybeUninit::<libc::sigaction>::zeroed();
+    // SAFETY: without a new action the call only writes the present one to a place that has room for it.
+    let known = unsafe { libc::sigaction(signal, std::ptr::null(), action.as_mut_ptr()) } == 0;
+    // SAFETY: the action was written, and zeros are one as well.
+    known && unsafe { action.assume_init() }.sa_sigaction == libc::SIG_IGN
+}
+
+/// Sets `stop` on the signals that ask for it (see [`stop_signals`]).
 pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in SIGNALS {
+    for signal in stop_signals() {
         signal_hook::flag::register(signal, stop.clone())?;
     }
     Ok(stop)
@@ -27,11 +40,11 @@ pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
 pub(crate) struct Insistence(Arc<AtomicBool>);
 
 impl Insistence {
-    /// From now on, [`STOP_PATIENCE`] after the first SIGTERM or SIGINT the process ends.
+    /// From now on, [`STOP_PATIENCE`] after the first of these signals the process ends.
     pub fn begin() -> std::io::Result<Self> {
         let insists = Arc::new(AtomicBool::new(true));
         end_saying(SIGALRM, &[LAST_WORDS])?;
-        for signal in SIGNALS {
+        for signal in stop_signals() {
             let insists = insists.clone();
             let set = move || {
                 if insists.load(Ordering::Relaxed) {

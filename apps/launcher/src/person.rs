@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::SIGHUP;
 
 use crate::error::LaunchError;
 
@@ -13,8 +13,7 @@ use crate::error::LaunchError;
 pub(crate) fn stop_signals(detached: bool) -> Result<Arc<AtomicBool>, LaunchError> {
     let stop = Arc::new(AtomicBool::new(false));
     let what = "signals cannot be caught";
-    let signals: &[i32] = if detached { &[SIGINT, SIGTERM] } else { &[SIGINT, SIGTERM, SIGHUP] };
-    for signal in signals.iter().copied() {
+    for signal in elk_bus::stop_signals().filter(|signal| !detached || *signal != SIGHUP) {
         let second = signal_hook::flag::register_conditional_shutdown(signal, 130, stop.clone());
         let first = second.and_then(|_| signal_hook::flag::register(signal, stop.clone()));
         first.map_err(|source| LaunchError::System { what, source })?;

@@ -1,5 +1,6 @@
 //! Plays a log onto the bus.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -121,6 +122,8 @@ pub struct Played {
     pub lateness: Lateness,
     /// Messages of the log that could not be read.
     pub unreadable: u64,
+    /// Messages of other tools that nobody here understands, by their types: they are not said.
+    pub unknown: BTreeMap<String, u64>,
 }
 
 /// The person, and the screen.
@@ -166,8 +169,9 @@ enum Turn {
 
 impl<'a> Player<'a> {
     /// A player of `tape` onto `client`'s community.
-    pub fn new(tape: Tape, options: &'a PlayOptions, client: &'a mut Client) -> Self {
+    pub fn new(mut tape: Tape, options: &'a PlayOptions, client: &'a mut Client) -> Self {
         let (origin, end) = tape.span();
+        tape.within(&options.selection);
         Self {
             tape,
             options,
@@ -193,6 +197,7 @@ impl<'a> Player<'a> {
                 refusal: None,
                 lateness: Lateness::default(),
                 unreadable: 0,
+                unknown: BTreeMap::new(),
             },
         }
     }
@@ -303,13 +308,15 @@ impl<'a> Player<'a> {
             let Some((key, source, time)) = self.tape.head() else {
                 return Ok(false);
             };
-            match self.options.selection.place(time - self.origin) {
-                Place::After => return Ok(false),
-                Place::Within if self.options.selection.takes(key, source) && !matches(OF_THE_BROKER, key) => {
-                    return Ok(true);
-                }
-                Place::Within | Place::Before => {}
+            // What is behind the part may be followed by what is in it.
+            let within = self.options.selection.place(time - self.origin) == Place::Within;
+            if !within || !self.options.selection.takes(key, source) || matches(OF_THE_BROKER, key) {
+                continue;
             }
+            let Some(unknown) = self.tape.unknown_type() else {
+                return Ok(true);
+            };
+            *self.played.unknown.entry(unknown.to_owned()).or_default() += 1;
         }
         Ok(false)
     }

@@ -18,7 +18,7 @@ use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
 use elk_bus::{Client, Community, Mail, tell};
 use elk_log::diff::VOLATILE_KEYS;
-use elk_log::selection::Place;
+use elk_log::selection::{Place, Window};
 use elk_log::{LogReader, Selection};
 use elk_mission::{AppSpec, Mission, Program};
 use elk_outside::time;
@@ -91,6 +91,8 @@ pub fn reproduce(
     stop: &AtomicBool,
 ) -> Result<Reproduced, ReplayError> {
     let mut reader = LogReader::open(log)?;
+    let window = options.selection.window(log)?;
+    reader.within(&window);
     let folder = make_folder(&options.log_dir, &mission.file)?;
     let (apps, logger) = cast(mission, &options.only, &folder, reader.metadata())?;
     // The community is this process' own; its name only stands in the log.
@@ -103,8 +105,8 @@ pub fn reproduce(
     }
     apps.iter().try_for_each(|app| live.start(app))?;
     let names: Vec<String> = apps.iter().map(|app| app.name.clone()).collect();
-    let wanted = stage.wait_for_registrations(&names)?;
-    stage.feed(&mut reader, options, &wanted, &mut live, on_progress, stop)?;
+    stage.wanted = stage.wait_for_registrations(&names)?;
+    stage.feed(&mut reader, &window, options.rate, &mut live, on_progress, stop)?;
     stage.settle(stop)?;
     // As a launcher does it: who commands ends before who obeys, the logger last.
     names.iter().rev().try_for_each(|name| live.stop(name))?;
@@ -192,6 +194,8 @@ struct Stage {
     recorded: BTreeMap<Stream, u64>,
     /// Streams that have fallen behind the recording for good.
     given_up: Vec<Stream>,
+    /// Variables that the live apps read.
+    wanted: Vec<String>,
     /// The longest that an output was waited for.
     longest: Duration,
     played: u64,
@@ -206,7 +210,8 @@ impl Stage {
         client.comms.flush()?;
         let live = apps.iter().map(|app| app.name.clone()).collect();
         let (heard, recorded) = (BTreeMap::new(), BTreeMap::new());
-        Ok(Self { client, live, heard, recorded, given_up: Vec::new(), longest: Duration::ZERO, played: 0 })
+        let (given_up, wanted) = (Vec::new(), Vec::new());
+        Ok(Self { client, live, heard, recorded, given_up, wanted, longest: Duration::ZERO, played: 0 })
     }
 
     fn table(&mut self) -> Result<CommunityTable, ReplayError> {
@@ -245,29 +250,26 @@ impl Stage {
     fn feed(
         &mut self,
         log: &mut LogReader,
-        options: &ReproduceOptions,
-        wanted: &[String],
+        window: &Window<'_>,
+        rate: Rate,
         live: &mut Live,
         on_progress: &mut dyn FnMut(u64, u64),
         stop: &AtomicBool,
     ) -> Result<(), ReplayError> {
-        let mut schedule = Schedule::new(options.rate);
+        let mut schedule = Schedule::new(rate);
         let clock = Stopwatch::start();
-        let (mut start, mut told) = (None, 0);
+        let mut told = 0;
         while log.advance()? && !stop.load(Ordering::Relaxed) {
             let Some((key, source, time)) = log.head() else {
                 break;
             };
-            let place = options.selection.place(time - *start.get_or_insert(time));
-            if place == Place::After {
-                break;
-            }
-            if place == Place::Before || is_volatile(key) {
+            // What elk does not understand no app has registered for.
+            if window.place(time) != Place::Within || is_volatile(key) || log.unknown_type().is_some() {
                 continue;
             }
             if self.live.iter().any(|name| name == source) {
                 *self.recorded.entry((key.into(), source.into())).or_default() += 1;
-            } else if is_input(&options.selection, wanted, key, source) {
+            } else if is_input(window.selection, &self.wanted, key, source) {
                 self.catch_up(live, stop)?;
                 while let Wait::For(left) = schedule.wait(clock.elapsed(), time)
                     && !stop.load(Ordering::Relaxed)

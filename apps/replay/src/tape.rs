@@ -1,10 +1,11 @@
 //! What is played: elk's own logs, and MOOS' text logs.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use elk_log::alog::AlogReader;
 use elk_log::index::OnProgress;
-use elk_log::{Index, LogError, LogReader, Record, RecordRef};
+use elk_log::selection::Window;
+use elk_log::{Index, LogError, LogReader, Record, RecordRef, Selection};
 
 /// A log that can be played from any place.
 pub struct Tape(Kind);
@@ -16,7 +17,6 @@ enum Kind {
 
 /// One of MOOS' logs: they have no index and are small, so a jump reads from the beginning.
 struct Alog {
-    path: PathBuf,
     reader: AlogReader,
     /// The message that was found last.
     found: Option<Record>,
@@ -61,6 +61,22 @@ impl Tape {
         }
     }
 
+    /// Nothing outside of this part is asked for: see [`LogReader::within`].
+    pub fn within(&mut self, selection: &Selection) {
+        let (origin, _) = self.span();
+        if let Kind::Log { reader, .. } = &mut self.0 {
+            reader.within(&Window { selection, origin });
+        }
+    }
+
+    /// The type of the message that was found last, if it is another tool's and nobody here knows it.
+    pub fn unknown_type(&self) -> Option<&str> {
+        match &self.0 {
+            Kind::Log { reader, .. } => reader.unknown_type(),
+            Kind::Alog(_) => None,
+        }
+    }
+
     /// Finds the next message; whether there is one.
     pub fn advance(&mut self) -> Result<bool, LogError> {
         match &mut self.0 {
@@ -99,17 +115,18 @@ impl Tape {
 impl Alog {
     fn open(path: &Path) -> Result<Self, LogError> {
         let (mut span, mut messages) = ((f64::INFINITY, f64::NEG_INFINITY), 0);
-        for record in AlogReader::open(path)? {
+        let all = AlogReader::open(path)?;
+        let reader = all.again()?;
+        for record in all {
             let time = record?.received;
             span = (span.0.min(time), span.1.max(time));
             messages += 1;
         }
-        let reader = AlogReader::open(path)?;
-        Ok(Self { path: path.into(), reader, found: None, next: None, span, messages })
+        Ok(Self { reader, found: None, next: None, span, messages })
     }
 
     fn seek(&mut self, time: f64) -> Result<(), LogError> {
-        self.reader = AlogReader::open(&self.path)?;
+        self.reader = self.reader.again()?;
         let there = |record: &Result<Record, LogError>| record.as_ref().map_or(true, |r| r.received >= time);
         self.next = self.reader.find(there).transpose()?;
         Ok(())

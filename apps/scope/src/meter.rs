@@ -14,6 +14,8 @@ pub struct Count {
     pub intervals: Spread,
     /// Lengths of the values (bytes).
     pub sizes: Spread,
+    /// Whole ticks since the last message.
+    pub silent: usize,
 }
 
 /// One source of one variable.
@@ -22,6 +24,8 @@ struct Pair {
     /// When the last message was published (s).
     last: Option<f64>,
     now: Count,
+    /// Ticks since a message came.
+    silent: usize,
     /// What was counted between earlier ticks, the newest last.
     before: VecDeque<Count>,
 }
@@ -71,6 +75,7 @@ impl Meter {
     pub fn tick(&mut self) {
         self.ticks += 1;
         for pair in &mut self.pairs {
+            pair.silent = if pair.now.sizes.count == 0 { pair.silent + 1 } else { 0 };
             pair.before.push_back(std::mem::take(&mut pair.now));
             if pair.before.len() > self.window {
                 pair.before.pop_front();
@@ -94,7 +99,8 @@ impl Meter {
 
 impl Pair {
     fn over_the_window(&self) -> Count {
-        self.before.iter().fold(Count::default(), |mut all, part| {
+        let none = Count { silent: self.silent, ..Count::default() };
+        self.before.iter().fold(none, |mut all, part| {
             all.intervals.merge(&part.intervals);
             all.sizes.merge(&part.sizes);
             all
@@ -124,6 +130,6 @@ mod tests {
         assert!((count.intervals.max - 0.4).abs() < 1e-12 && (count.intervals.mean - 0.2).abs() < 1e-12);
         meter.tick();
         meter.tick();
-        assert!(meter.counts().all(|(_, _, count)| count == Count::default()));
+        assert!(meter.counts().all(|(_, _, count)| count == Count { silent: 2, ..Count::default() }));
     }
 }

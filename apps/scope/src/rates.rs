@@ -110,12 +110,18 @@ impl Rates {
             Quantity::Rate => {
                 let times = count.intervals;
                 let figures = [times.min, times.mean, times.max, times.deviation()];
-                row.push(known(count.sizes.count, show::hertz(rate(secs, &count))));
+                row.push(match silence(&count) {
+                    Some(secs) => format!("silent {}", show::duration(secs)),
+                    None => known(count.sizes.count, show::hertz(rate(secs, &count))),
+                });
                 row.extend(figures.map(|secs| known(times.count, show::duration(secs))));
             }
             Quantity::Bandwidth => {
                 let sizes = count.sizes;
-                row.push(format!("{}/s", show::bytes(sizes.sum() / secs)));
+                row.push(match silence(&count) {
+                    Some(secs) => format!("silent {}", show::duration(secs)),
+                    None => format!("{}/s", show::bytes(sizes.sum() / secs)),
+                });
                 row.extend([sizes.min, sizes.mean, sizes.max].map(|size| known(sizes.count, show::bytes(size))));
             }
         }
@@ -124,11 +130,13 @@ impl Rates {
 
     fn pair_as_json(&self, secs: f64, (key, source, count): (&str, &str, Count)) -> Value {
         let mut json = json!({"key": key, "source": source, "messages": count.sizes.count});
+        let silence = silence(&count);
+        json["silent_secs"] = silence.map_or(Value::Null, Value::from);
         let known = |count: u64, figure: f64| if count > 0 { json!(figure) } else { Value::Null };
         match self.quantity {
             Quantity::Rate => {
                 let times = count.intervals;
-                json["rate_hz"] = rate(secs, &count).into();
+                json["rate_hz"] = if silence.is_some() { 0.0 } else { rate(secs, &count) }.into();
                 json["min_secs"] = known(times.count, times.min);
                 json["mean_secs"] = known(times.count, times.mean);
                 json["max_secs"] = known(times.count, times.max);
@@ -144,6 +152,14 @@ impl Rates {
         }
         json
     }
+}
+
+/// How long a source has said nothing (s), if that is longer than it ever waited twice within the window: whoever has
+/// stopped has no rate any more.
+fn silence(count: &Count) -> Option<f64> {
+    let secs = count.silent as f64 * PERIOD.as_secs_f64();
+    let expected = if count.intervals.count > 0 { 2.0 * count.intervals.max } else { 0.0 };
+    (secs > expected && (count.intervals.count > 0 || count.sizes.count == 0)).then_some(secs)
 }
 
 /// Messages per second. While a source goes on, the times between its messages say it best; a source that has said one
@@ -185,6 +201,28 @@ mod tests {
         );
         assert_eq!((&json["sources"][1]["rate_hz"], &json["missed"]), (&json!(4.0), &json!(7)));
         assert_eq!(json["sources"][0]["mean_secs"], Value::Null);
+    }
+
+    #[test]
+    fn whoever_has_stopped_has_no_rate_any_more() {
+        let mut meter = Meter::new(10);
+        for i in 0..10 {
+            meter.count("FAST", "cam", 0.1 * f64::from(i), 8);
+            meter.count("SLOW", "map", 5.0 * f64::from(i), 8);
+        }
+        let rates =
+            |quantity| Rates { quantity, patterns: vec![Pattern::any()], window_secs: 10, count: None, json: false };
+        meter.tick();
+        assert!(rates(Quantity::Rate).as_text(&meter, 0, None)[1].text.contains("10.0 Hz"));
+        meter.tick();
+        let (page, json) =
+            (rates(Quantity::Rate).as_text(&meter, 0, None), rates(Quantity::Rate).as_json(&meter, 2.0, 0));
+        assert!(page[1].text.starts_with("FAST") && page[1].text.contains("silent 1.00 s"), "{page:?}");
+        assert_eq!((&json["sources"][0]["rate_hz"], &json["sources"][0]["silent_secs"]), (&json!(0.0), &json!(1.0)));
+        assert!(page[2].text.starts_with("SLOW") && page[2].text.contains("200 mHz"), "it may yet come: {page:?}");
+        assert!(rates(Quantity::Bandwidth).as_text(&meter, 0, None)[1].text.contains("silent"));
+        (0..12).for_each(|_| meter.tick());
+        assert!(rates(Quantity::Rate).as_text(&meter, 0, None)[1].text.contains("silent 13.0 s"), "and still");
     }
 
     #[test]

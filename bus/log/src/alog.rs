@@ -4,15 +4,25 @@
 //! space. Columns that are too narrow are overrun, so a line is read by its white space. What MOOS leaves undone is put
 //! right on the way out: a line break in a text is written as `\n` and breaks no line, and the date is the run's. On the
 //! way in, a line that does not begin with a number goes on with the text of the line before it, as MOOS breaks them.
+//!
+//! A number has as many digits as bring it back bit for bit. What a line means depends on its variable: a file does not say
+//! what is a number, so a variable that is a text once is one throughout, and one that is `nan` or `inf` is a number if it
+//! is one elsewhere. Small typed values are JSON, which MOOS' tools can search; the others lie in the `.blog`. The first
+//! variable that carries camera poses is also written as `NAV_X`, `NAV_Y`, `NAV_Z` (m, world) and `NAV_HEADING`, the
+//! direction of its optical axis on the ground (degrees clockwise from the world's y, MOOS' north).
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use elk_bus::clock::Date;
-use elk_bus::codec::MAX_VALUE_BYTES;
-use elk_bus::{Value, ValueRef};
+use elk_bus::codec::{self, MAX_VALUE_BYTES};
+use elk_bus::{Payload, Value, ValueRef};
 use elk_outside::{file, text, time};
+use elk_spatial::catalogue;
+use elk_spatial::messages::CameraPose;
 
 use crate::error::LogError;
 use crate::record::{Record, RecordRef};
@@ -26,12 +36,19 @@ const BINARY: (&str, &str) = ("<MOOS_BINARY>", "</MOOS_BINARY>");
 /// The type of a binary value that MOOS wrote: it has none.
 pub const MOOS_BINARY: &str = "MOOS_BINARY";
 
+/// Typed values up to this length (bytes) are written as JSON.
+const LONGEST_JSON: usize = 4096;
+/// The variables of which it is noted what they carry have names of so many bytes in all; what others carry each line says.
+const MAX_NAMES_BYTES: usize = 64 << 20;
+
 /// Writes an `.alog`.
 pub struct AlogWriter {
     path: PathBuf,
     out: BufWriter<File>,
     /// The binary values' file, once there is one, and its length.
     blog: Option<(BufWriter<File>, u64)>,
+    /// The variable whose poses are written as MOOS' own.
+    navigated: Option<String>,
     start: f64,
 }
 
@@ -48,18 +65,43 @@ impl AlogWriter {
             date(start)
         );
         out.write_all(banner.as_bytes()).map_err(create)?;
-        Ok(Self { path: path.into(), out, blog: None, start })
+        Ok(Self { path: path.into(), out, blog: None, navigated: None, start })
     }
 
     /// Writes a message.
     pub fn append(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
         let value = match record.value {
-            ValueRef::Double(number) => format!("{number:<12.5}"),
+            ValueRef::Double(number) => format!("{:<12}", digits(number)),
             ValueRef::Text(text) => text.replace("\r\n", "\\n").replace(['\n', '\r'], "\\n"),
-            ValueRef::Binary { type_name, layout, bytes } => self.put_binary(record, type_name, layout, bytes)?,
+            ValueRef::Binary { type_name, layout, bytes } => match as_json(type_name, layout, bytes) {
+                Some(json) => json,
+                None => self.put_binary(record, type_name, layout, bytes)?,
+            },
         };
         let line = format!("{}{value} \n", columns(self.start, record));
-        self.out.write_all(line.as_bytes()).map_err(|source| self.failed(source))
+        self.out.write_all(line.as_bytes()).map_err(|source| self.failed(source))?;
+        self.put_navigation(record)
+    }
+
+    /// Writes a camera's pose as MOOS' tools look for one.
+    fn put_navigation(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
+        let ValueRef::Binary { type_name: CameraPose::NAME, layout: CameraPose::LAYOUT, bytes } = record.value else {
+            return Ok(());
+        };
+        let Ok(camera) = codec::decode::<CameraPose>(bytes, CameraPose::NAME) else {
+            return Ok(());
+        };
+        if self.navigated.get_or_insert_with(|| record.key.to_owned()) != record.key {
+            return Ok(());
+        }
+        let (at, towards) = (camera.pose.position(), camera.pose.forward());
+        let heading = towards.x.atan2(towards.y).to_degrees().rem_euclid(360.0);
+        // Straight up or down there is none.
+        let heading = (towards.x.hypot(towards.y) > 1e-9).then_some(("NAV_HEADING", heading));
+        for (key, number) in [("NAV_X", at.x), ("NAV_Y", at.y), ("NAV_Z", at.z)].into_iter().chain(heading) {
+            self.append(&RecordRef { key, value: ValueRef::Double(number), ..*record })?;
+        }
+        Ok(())
     }
 
     fn put_binary(
@@ -99,12 +141,32 @@ impl AlogWriter {
     }
 }
 
+/// A small value of a type that elk knows, for people and for MOOS' tools.
+fn as_json(type_name: &str, layout: u64, bytes: &[u8]) -> Option<String> {
+    let small = bytes.len() <= LONGEST_JSON;
+    small.then(|| catalogue::to_json(type_name, layout, bytes, usize::MAX).ok()).flatten().map(|json| json.to_string())
+}
+
+/// A number as MOOS writes it, or with as many digits as bring it back bit for bit.
+fn digits(number: f64) -> String {
+    if !number.is_finite() {
+        return format!("{number}").to_lowercase();
+    }
+    let usual = format!("{number:.5}");
+    match usual.parse::<f64>() {
+        Ok(same) if same.to_bits() == number.to_bits() => usual,
+        _ => format!("{number:?}"),
+    }
+}
+
 /// Time, name and source, each in its column.
 fn columns(start: f64, record: &RecordRef<'_>) -> String {
     let aux = if record.source_aux.is_empty() { String::new() } else { format!(":{}", record.source_aux) };
     let word = |text: &str| text.split_whitespace().collect::<Vec<_>>().join("_");
     let (key, source) = (word(record.key), word(&format!("{}{aux}", record.source)));
-    let time = format!("{:.3}", record.time - start);
+    let time = record.time - start;
+    let (usual, exact) = (format!("{time:.3}"), format!("{time:.6}"));
+    let time = if exact.ends_with("000") { usual } else { exact };
     format!("{time:<15} {key:<20} {source:<15} ")
 }
 
@@ -130,6 +192,7 @@ pub struct AlogReader {
     start: f64,
     /// Whether values carry their type: `D:` or `S:`.
     marked: bool,
+    types: Arc<Types>,
     blog: Option<File>,
     /// The message before the line that is read next: more of its text may come.
     ahead: Option<Record>,
@@ -138,31 +201,132 @@ pub struct AlogReader {
     length: u64,
 }
 
+/// What variables carry, as all of a file shows.
+#[derive(Debug, Default)]
+struct Types {
+    /// Those that are a number somewhere.
+    numbers: BTreeSet<String>,
+    /// Those that are a text somewhere.
+    texts: BTreeSet<String>,
+    names_bytes: usize,
+}
+
+impl Types {
+    fn note(&mut self, key: &str, value: &str) {
+        let names = match Word::of(value) {
+            Word::Number(_) => &mut self.numbers,
+            Word::Text => &mut self.texts,
+            Word::NotFinite(_) => return, // a number beside numbers, a word beside words
+        };
+        if !names.contains(key) && self.names_bytes + key.len() <= MAX_NAMES_BYTES {
+            self.names_bytes += key.len();
+            names.insert(key.into());
+        }
+    }
+
+    /// What `value` of `key` is.
+    fn value(&self, key: &str, value: &str) -> Value {
+        match Word::of(value) {
+            Word::Number(number) if !self.texts.contains(key) => Value::Double(number),
+            Word::NotFinite(number) if self.numbers.contains(key) && !self.texts.contains(key) => Value::Double(number),
+            _ => Value::Text(value.into()),
+        }
+    }
+}
+
+/// What a value can be by itself.
+enum Word {
+    Number(f64),
+    /// A number as C writes it that is not finite, or a word.
+    NotFinite(f64),
+    Text,
+}
+
+impl Word {
+    fn of(text: &str) -> Self {
+        match text {
+            "nan" | "-nan" | "NaN" => Self::NotFinite(f64::NAN),
+            "inf" | "+inf" => Self::NotFinite(f64::INFINITY),
+            "-inf" => Self::NotFinite(f64::NEG_INFINITY),
+            _ => number(text).map_or(Self::Text, Self::Number),
+        }
+    }
+}
+
+/// A line that begins a message.
+struct Line<'a> {
+    time: f64,
+    key: &'a str,
+    source: &'a str,
+    value: &'a str,
+}
+
+impl<'a> Line<'a> {
+    fn of(line: &'a str) -> Option<Self> {
+        let (time, rest) = word(line)?;
+        let (key, rest) = word(rest)?;
+        let (source, rest) = word(rest)?;
+        // What is no moment begins no message.
+        Some(Self { time: time::seconds(number(time)?)?, key, source, value: rest.trim() })
+    }
+}
+
 impl AlogReader {
-    /// Opens a file.
+    /// Opens a file, and reads it once to know what its variables carry.
     ///
     /// # Errors
     /// It cannot be read, or has no line of an `.alog` among its first.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let read = |source| LogError::Read { path: path.into(), source };
-        let file = file::open(path).map_err(read)?;
-        let length = file.metadata().map_err(read)?.len();
-        let mut log = Self {
-            path: path.into(),
-            lines: BufReader::new(file),
-            start: 0.0,
-            marked: false,
-            blog: None,
-            ahead: None,
-            messages: 0,
-            read: 0,
-            length,
-        };
+        let types = Self::at_the_beginning(path, Arc::default())?.types()?;
+        Self::of(path, Arc::new(types))
+    }
+
+    /// The same file from its beginning.
+    ///
+    /// # Errors
+    /// As [`AlogReader::open`].
+    pub fn again(&self) -> Result<Self, LogError> {
+        Self::of(&self.path, self.types.clone())
+    }
+
+    fn of(path: &Path, types: Arc<Types>) -> Result<Self, LogError> {
+        let mut log = Self::at_the_beginning(path, types)?;
         log.ahead = log.next_message()?;
         match log.ahead {
             Some(_) => Ok(log),
             None => Err(LogError::NoLog { path: path.into(), reason: "no line of it is one of an .alog".into() }),
         }
+    }
+
+    fn at_the_beginning(path: &Path, types: Arc<Types>) -> Result<Self, LogError> {
+        let read = |source| LogError::Read { path: path.into(), source };
+        let file = file::open(path).map_err(read)?;
+        let length = file.metadata().map_err(read)?.len();
+        Ok(Self {
+            path: path.into(),
+            lines: BufReader::new(file),
+            start: 0.0,
+            marked: false,
+            types,
+            blog: None,
+            ahead: None,
+            messages: 0,
+            read: 0,
+            length,
+        })
+    }
+
+    /// Reads all of the file for what its variables carry.
+    fn types(mut self) -> Result<Types, LogError> {
+        let mut types = Types::default();
+        while let Some(line) = self.line()? {
+            if line.starts_with("%%") {
+                self.banner(&line)?;
+            } else if let Some(line) = Line::of(&line).filter(|line| !line.value.contains(BINARY.0)) {
+                types.note(line.key, line.value);
+            }
+        }
+        Ok(types)
     }
 
     /// When the run started (s since 1970), as the banner says.
@@ -227,12 +391,7 @@ impl AlogReader {
     }
 
     fn message(&mut self, line: &str) -> Option<Record> {
-        let (time, rest) = word(line)?;
-        let (key, rest) = word(rest)?;
-        let (source, rest) = word(rest)?;
-        // What is no moment begins no message.
-        let time = time::seconds(number(time)?)?;
-        let value = rest.trim();
+        let Line { time, key, source, value } = Line::of(line)?;
         let (source, community) = source.split_once('@').unwrap_or((source, ""));
         let (source, source_aux) = source.split_once(':').unwrap_or((source, ""));
         let record = Record {
@@ -245,21 +404,22 @@ impl AlogReader {
             received: self.start + time,
             order: self.messages,
             epoch: 0,
-            value: self.value(value),
+            value: self.value(key, value),
         };
         self.messages += 1;
         Some(record)
     }
 
-    fn value(&mut self, text: &str) -> Value {
+    fn value(&mut self, key: &str, text: &str) -> Value {
         if let Some(binary) = self.binary(text) {
             return binary;
         }
         let marked = if self.marked { text.split_at_checked(2) } else { None };
-        match marked {
-            Some(("S:", text)) => Value::Text(text.into()),
-            Some(("D:", text)) => number(text).map_or_else(|| Value::Text(text.into()), Value::Double),
-            _ => number(text).map_or_else(|| Value::Text(text.into()), Value::Double),
+        match (marked, marked.map(|(_, text)| Word::of(text))) {
+            (Some(("S:", text)), _) => Value::Text(text.into()),
+            (Some(("D:", _)), Some(Word::Number(number) | Word::NotFinite(number))) => Value::Double(number),
+            (Some(("D:", text)), _) => Value::Text(text.into()),
+            _ => self.types.value(key, text),
         }
     }
 
@@ -308,10 +468,13 @@ fn word(text: &str) -> Option<(&str, &str)> {
     (end > 0).then(|| text.split_at(end))
 }
 
-/// A number as MOOS writes it. Words that happen to be numbers elsewhere (`nan`, `infinity`) are words.
+/// A number as C writes it. Words that happen to be numbers elsewhere (`nan`, `infinity`, `+1`, `007`) are words.
 fn number(text: &str) -> Option<f64> {
     let text = text.trim();
-    text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)).then(|| text.parse().ok())?
+    let digits = text.strip_prefix('-').unwrap_or(text);
+    let is_padded = digits.strip_prefix('0').is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+    let is_one = digits.starts_with(|c: char| c.is_ascii_digit() || c == '.') && !is_padded;
+    is_one.then(|| text.parse().ok())?
 }
 
 #[cfg(test)]
@@ -329,6 +492,16 @@ mod tests {
     #[test]
     fn words_are_no_numbers() {
         assert_eq!(["1.5", "-2", ".5", "1e3"].map(number), [Some(1.5), Some(-2.0), Some(0.5), Some(1000.0)]);
-        assert_eq!(["nan", "inf", "-", "1.5m", ""].map(number), [None; 5]);
+        assert_eq!(["nan", "inf", "-", "1.5m", "", "007", "-01", "+49"].map(number), [None; 8]);
+        assert_eq!(["0", "0.5", "-0.0", "1.25e-07"].map(number), [Some(0.0), Some(0.5), Some(-0.0), Some(1.25e-7)]);
+    }
+
+    #[test]
+    fn a_number_has_the_digits_that_bring_it_back() {
+        for number in [1.5, 0.0, -0.0, 42.358_456_123, 1.25e-7, 1e300, 5e-324, f64::MAX, 1.0 / 3.0, -7.0] {
+            let back: f64 = digits(number).parse().unwrap();
+            assert_eq!(back.to_bits(), number.to_bits(), "{}", digits(number));
+        }
+        assert_eq!([1.5, f64::NAN, f64::INFINITY, f64::NEG_INFINITY].map(digits), ["1.50000", "nan", "inf", "-inf"]);
     }
 }

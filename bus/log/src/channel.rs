@@ -1,10 +1,12 @@
 //! A channel of a log: what its messages say of themselves once for all of them.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use mcap::records;
 
 use crate::encoding::{self, Kind};
+use crate::foreign::{Foreign, Schema};
 
 /// A channel, as far as a reader has to know it.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,32 +27,37 @@ pub(crate) enum ChannelKind {
     /// The logger's own losses.
     Dropped,
     /// Another tool's.
-    Foreign,
+    Foreign(Foreign),
 }
 
 impl Channel {
-    /// What `channel` announces, under the schema called `schema`.
-    pub fn announced(channel: records::Channel, schema: &str) -> Self {
+    /// What `channel` announces, whose messages are made as `schema` says.
+    pub fn announced(channel: records::Channel, schema: Option<&Arc<Schema>>) -> Self {
         let said = |name: &str| text(&channel.metadata, name);
-        let kind = match Kind::announced(&channel.message_encoding, schema, &said("type"), &said("layout")) {
+        let name = schema.map_or("", |schema| schema.name.as_str());
+        let (source, community, epoch) = (said("source"), said("community"), said("epoch"));
+        let kind = match Kind::announced(&channel.message_encoding, name, &said("type"), &said("layout")) {
             Some(kind) => ChannelKind::Value(kind),
-            None if schema == encoding::DROPPED => ChannelKind::Dropped,
-            None => ChannelKind::Foreign,
+            None if name == encoding::DROPPED => ChannelKind::Dropped,
+            None => {
+                let (schema, metadata) = (schema.cloned(), channel.metadata);
+                ChannelKind::Foreign(Foreign::announced(schema, channel.message_encoding, metadata))
+            }
         };
-        Self {
-            source: said("source"),
-            community: said("community"),
-            epoch: said("epoch").parse().unwrap_or_default(),
-            schema: schema.into(),
-            key: channel.topic,
-            kind,
-        }
+        let epoch = epoch.parse().unwrap_or_default();
+        Self { source, community, epoch, schema: name.into(), key: channel.topic, kind }
+    }
+
+    /// Whether elk knows what its messages say.
+    pub fn is_understood(&self) -> bool {
+        if let ChannelKind::Foreign(foreign) = &self.kind { foreign.is_understood() } else { true }
     }
 
     /// Bytes of all that is kept of its names.
     pub fn names_bytes(&self) -> usize {
         let Self { key, source, community, schema, .. } = self;
-        [key, source, community, schema].map(String::len).iter().sum::<usize>() + self.type_name().len()
+        let foreign = if let ChannelKind::Foreign(foreign) = &self.kind { foreign.names_bytes() } else { 0 };
+        [key, source, community, schema].map(String::len).iter().sum::<usize>() + self.type_name().len() + foreign
     }
 
     /// What its values are, as the bus calls it: `double`, `text`, or the type's name.
@@ -61,7 +68,8 @@ impl Channel {
             ChannelKind::Value(
                 Kind::Protobuf { type_name, .. } | Kind::Known { type_name, .. } | Kind::Binary { type_name, .. },
             ) => type_name,
-            ChannelKind::Dropped | ChannelKind::Foreign => &self.schema,
+            ChannelKind::Foreign(foreign) => foreign.type_name(),
+            ChannelKind::Dropped => &self.schema,
         }
     }
 }

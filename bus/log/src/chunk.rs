@@ -5,14 +5,16 @@
 //! a chunk may hold ends it: memory is what its records really take, never what somebody says.
 
 use std::io::{BufRead, Read};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use mcap::records::op;
 
-use crate::head::{Head, MAX_RECORD_BYTES, MESSAGE_HEAD};
+use crate::head::{Head, MAX_RECORD_BYTES, MESSAGE_HEAD, word};
 
 /// A chunk's header without the name of its compression.
 pub(crate) const HEAD_BYTES: u64 = 40;
+/// No compression has a longer name.
+pub(crate) const LONGEST_NAME: usize = 8;
 /// No chunk is larger, compressed or not: the largest value of the bus, and a chunk's worth of others.
 pub(crate) const MAX_BYTES: u64 = (1 << 30) + (64 << 20);
 /// A chunk of at most so many bytes may be packed as tightly as its compression can.
@@ -23,9 +25,11 @@ pub(crate) const MAX_RATIO: u64 = 256;
 /// Bytes that are unpacked at once: at most so many are in memory that turn out to be no records.
 const PIECE_BYTES: usize = 1 << 20;
 
-/// The sizes that a chunk gives itself.
+/// What a chunk says of itself.
 #[derive(Debug)]
 pub(crate) struct ChunkHead {
+    /// When its first and its last message were recorded (ns).
+    pub times: (u64, u64),
     pub uncompressed: u64,
     pub crc: u32,
     pub compression: String,
@@ -54,6 +58,27 @@ pub(crate) struct Chunk {
 }
 
 impl ChunkHead {
+    /// The header that a chunk's record begins with; nothing: its compression has no name that it can have.
+    pub fn of(body: &[u8]) -> Option<Self> {
+        let (fixed, rest) = body.split_first_chunk::<32>()?;
+        let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| fixed[at + i]));
+        let name_bytes = Some(number(28) as usize).filter(|bytes| *bytes <= LONGEST_NAME)?;
+        let (name, rest) = rest.split_at_checked(name_bytes)?;
+        Some(Self {
+            times: (word(fixed), word(&fixed[8..])),
+            uncompressed: word(&fixed[16..]),
+            crc: number(24),
+            compression: String::from_utf8_lossy(name).into_owned(),
+            compressed: rest.first_chunk::<8>().map(|size| word(size))?,
+        })
+    }
+
+    /// Whether no message of the chunk was recorded within `times` (ns), as it says itself; some writers say nothing.
+    pub fn is_outside(&self, times: &RangeInclusive<u64>) -> bool {
+        let (first, last) = self.times;
+        (first, last) != (0, 0) && first <= last && (last < *times.start() || first > *times.end())
+    }
+
     /// Length of the header itself.
     pub fn bytes(&self) -> u64 {
         HEAD_BYTES + self.compression.len() as u64
@@ -103,6 +128,16 @@ impl ChunkHead {
 }
 
 impl Chunk {
+    /// The chunk that these bytes are, unpacked; they themselves, if they are not records throughout.
+    pub fn of(bytes: Vec<u8>) -> Result<Self, Vec<u8>> {
+        let length = bytes.len() as u64;
+        let mut chunk = Self { bytes, ..Self::default() };
+        match chunk.see_records(length) {
+            Ok(()) if chunk.end as u64 == length => Ok(chunk),
+            _ => Err(chunk.bytes),
+        }
+    }
+
     /// Reads a chunk from `packed`, as far as it goes.
     ///
     /// # Errors
@@ -155,6 +190,11 @@ impl Chunk {
             self.end = end as usize;
         }
         Ok(())
+    }
+
+    /// Bytes of the records that have come so far.
+    pub fn seen(&self) -> u64 {
+        self.end as u64
     }
 
     /// Forgets everything.

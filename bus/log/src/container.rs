@@ -10,7 +10,7 @@
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use elk_outside::file;
@@ -19,7 +19,7 @@ use mcap::records::op;
 use crate::chunk::{self, Chunk, ChunkHead, Unpacked};
 use crate::error::LogError;
 use crate::footer::{Footer, TAIL_BYTES};
-use crate::head::{Head, MAX_RECORD_BYTES, word};
+use crate::head::{Head, MAX_RECORD_BYTES};
 
 /// Bytes that are read from the file at once.
 const READ_BYTES: usize = 1 << 20;
@@ -31,10 +31,21 @@ pub(crate) enum Found {
     Record(u8),
     /// A chunk that is not what it was when it was written; its messages are lost, the next one is read on.
     Damaged(String),
+    /// Something right that is too large to be kept.
+    LeftOut(String),
     /// The file breaks off; nothing follows.
     Cut(String),
     /// The data have come to their proper end.
     End,
+}
+
+impl Found {
+    /// An attachment that is larger than those that are kept.
+    pub fn too_large(at: u64, length: u64) -> Self {
+        Self::LeftOut(format!(
+            "the attachment at byte {at} has {length} bytes; more than {MAX_RECORD_BYTES} are left out"
+        ))
+    }
 }
 
 /// Where the next record is.
@@ -58,6 +69,8 @@ pub(crate) struct Container {
     found: Option<Range<usize>>,
     /// What is said behind the last record of the chunk, if that is not its proper end.
     ending: Option<Ending>,
+    /// Chunks without a message that was recorded then (ns) are passed over; nothing: none is.
+    wanted: Option<RangeInclusive<u64>>,
 }
 
 /// How a chunk ends whose end is not there.
@@ -71,22 +84,34 @@ enum Ending {
 impl Container {
     /// Opens a file that begins as MCAP does.
     pub fn open(path: &Path) -> Result<Self, LogError> {
+        check_magic(&mut file::open(path).map_err(|source| read_error(path, source))?, path)?;
+        let mut container = Self::unchecked(path)?;
+        container.seek(mcap::MAGIC.len() as u64)?;
+        Ok(container)
+    }
+
+    /// Opens a file, whatever it begins with.
+    pub fn unchecked(path: &Path) -> Result<Self, LogError> {
         let read = |source| LogError::Read { path: path.into(), source };
-        let mut file = file::open(path).map_err(read)?;
+        let file = file::open(path).map_err(read)?;
         let length = file.metadata().map_err(read)?.len();
-        check_magic(&mut file, path)?;
-        let magic = mcap::MAGIC.len() as u64;
         Ok(Self {
             path: path.into(),
             file: BufReader::with_capacity(READ_BYTES, file),
             length,
-            at: magic,
+            at: 0,
             place: Place::File,
             body: Vec::new(),
             chunk: Chunk::default(),
             found: None,
             ending: None,
+            wanted: None,
         })
+    }
+
+    /// From now on passes over chunks without a message that was recorded at one of these times (ns).
+    pub fn want(&mut self, times: RangeInclusive<u64>) {
+        self.wanted = Some(times);
     }
 
     /// Length of the file when it was opened (bytes).
@@ -168,7 +193,10 @@ impl Container {
         match opcode {
             op::DATA_END => Ok(Some(self.end(length)?)),
             op::MESSAGE_INDEX => self.skip(length),
-            op::ATTACHMENT if length > MAX_RECORD_BYTES => self.skip(length),
+            op::ATTACHMENT if length > MAX_RECORD_BYTES => {
+                self.skip(length)?;
+                Ok(Some(Found::too_large(start, length)))
+            }
             _ if length > longest(opcode) => {
                 self.skip(length)?;
                 let most = longest(opcode);
@@ -206,6 +234,10 @@ impl Container {
         };
         let there = head.compressed.min(left - head.bytes());
         let end = start + Head::BYTES as u64 + head.bytes() + there;
+        if there == head.compressed && self.wanted.as_ref().is_some_and(|wanted| head.is_outside(wanted)) {
+            self.at = end;
+            return self.skip(there);
+        }
         let mut packed = (&mut self.file).take(there);
         let unpacked = match head.believable() {
             Ok(()) => self.chunk.unpack(&head, &mut packed),
@@ -230,23 +262,17 @@ impl Container {
 
     /// The chunk's header, held against the length of its record; else what is wrong with it.
     fn chunk_head(&mut self, length: u64, left: u64) -> Result<Result<ChunkHead, String>, LogError> {
-        let mut fixed = [0; 32];
-        if left < chunk::HEAD_BYTES + 8 {
+        const MOST: usize = chunk::HEAD_BYTES as usize + chunk::LONGEST_NAME;
+        if left < MOST as u64 {
             return Ok(Err("is cut short by the end of the file".into()));
         }
-        self.read_exact(&mut fixed)?;
-        let name_bytes = u32::from_le_bytes(std::array::from_fn(|i| fixed[28 + i])) as usize;
-        if name_bytes > 8 {
-            return Ok(Err(format!("names its compression with {name_bytes} letters: its header is damaged")));
-        }
-        let mut rest = [0; 16];
-        self.read_exact(&mut rest[..name_bytes + 8])?;
-        let head = ChunkHead {
-            uncompressed: word(&fixed[16..]),
-            crc: u32::from_le_bytes(std::array::from_fn(|i| fixed[24 + i])),
-            compression: String::from_utf8_lossy(&rest[..name_bytes]).into_owned(),
-            compressed: word(&rest[name_bytes..]),
+        let mut bytes = [0; MOST];
+        self.read_exact(&mut bytes)?;
+        let Some(head) = ChunkHead::of(&bytes) else {
+            return Ok(Err("names a compression that there is not: its header is damaged".into()));
         };
+        let behind = head.bytes().cast_signed() - MOST as i64;
+        self.file.seek_relative(behind).map_err(|source| read_error(&self.path, source))?;
         Ok(head.check(length).map(|()| head))
     }
 
@@ -275,42 +301,51 @@ fn longest(opcode: u8) -> u64 {
 /// Understands a record. The crate `mcap` sets memory aside for as many bytes as a text says it has, up to 4 GiB, and relies
 /// on what follows the texts being there: so all of it is held against the record first.
 pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<mcap::records::Record<'static>, String> {
-    texts_fit(opcode, body).ok_or("what it says to hold is longer than it is")?;
+    rest_of(opcode, body).ok_or("what it says to hold is longer than it is")?;
     mcap::parse_record(opcode, body).map(mcap::records::Record::into_owned).map_err(|error| error.to_string())
 }
 
-/// Whether all texts of a record, and what follows them, end within it.
-fn texts_fit(opcode: u8, mut body: &[u8]) -> Option<()> {
+/// Whether all that a record says to hold fills it to the byte.
+pub(crate) fn fills(opcode: u8, body: &[u8]) -> bool {
+    rest_of(opcode, body).is_some_and(<[u8]>::is_empty)
+}
+
+/// What is left of a record behind all that it says to hold.
+fn rest_of(opcode: u8, mut body: &[u8]) -> Option<&[u8]> {
     let rest = &mut body;
     match opcode {
+        op::HEADER => texts(rest, 2)?,
         op::SCHEMA => {
             skip(rest, 2)?;
-            texts(rest, 2)
+            texts(rest, 3)?; // the last one may be any bytes
         }
         op::CHANNEL => {
             skip(rest, 4)?;
             texts(rest, 2)?;
-            map_of_texts(rest)
+            map_of_texts(rest)?;
         }
         op::METADATA => {
             texts(rest, 1)?;
-            map_of_texts(rest)
+            map_of_texts(rest)?;
         }
         op::ATTACHMENT => {
             skip(rest, 16)?;
             texts(rest, 2)?;
-            // The length of the data, and behind these a checksum: `mcap` panics where there is no room for it.
-            skip(rest, 8 + 4).map(drop)
+            let data = u64::from_le_bytes(skip(rest, 8)?.try_into().ok()?);
+            skip(rest, usize::try_from(data).ok()?)?;
+            // Behind the data a checksum: `mcap` panics where there is no room for it.
+            skip(rest, 4)?;
         }
         op::CHUNK_INDEX => {
             skip(rest, 32)?;
             texts(rest, 1)?; // the map of offsets: a length and so many bytes, as a text is
             skip(rest, 8)?;
-            texts(rest, 1)
+            texts(rest, 1)?;
         }
-        op::STATISTICS => Some(()),
-        _ => None,
+        op::STATISTICS => {}
+        _ => return None,
     }
+    Some(body)
 }
 
 fn skip<'a>(rest: &mut &'a [u8], bytes: usize) -> Option<&'a [u8]> {
@@ -354,6 +389,6 @@ fn read_exact(file: &mut BufReader<File>, path: &Path, bytes: &mut [u8]) -> Resu
     file.read_exact(bytes).map_err(|source| read_error(path, source))
 }
 
-fn read_error(path: &Path, source: std::io::Error) -> LogError {
+pub(crate) fn read_error(path: &Path, source: std::io::Error) -> LogError {
     LogError::Read { path: path.into(), source }
 }

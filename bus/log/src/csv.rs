@@ -1,54 +1,79 @@
 //! Numbers for spreadsheets: one line a number, `time,key,source,value`.
 //!
-//! Besides the doubles of the bus these are the numbers in the fields of small typed values (`PROGRESS.path_length_m`).
-//! Times count from the log's first message (s).
+//! Besides the doubles of the bus these are the numbers in the fields of typed values and of texts that are JSON: a pose as
+//! `SIM_SENSOR.pose.x`, `.y`, `.z` (m) and `.qx`, `.qy`, `.qz`, `.qw`, the entries of a list by their index (`POINT[2]`) as
+//! long as there are at most [`LONGEST_LIST`], what is true or false as 1 or 0. Times count from the log's earliest
+//! message (s).
 
 use std::io::Write;
 
 use elk_bus::ValueRef;
 use elk_spatial::catalogue;
-use serde_json::Value as Json;
+use serde_json::{Map, Value as Json};
 
 use crate::record::RecordRef;
 
-/// A list with more entries than this is no number of a plot.
-const LONGEST_LIST: usize = 0;
+/// A list with more entries than this is nothing that is plotted.
+pub const LONGEST_LIST: usize = 16;
+
+/// What a pose is made of, in JSON, and how its numbers are called.
+const POSE: [(&str, &[&str]); 2] = [("translation", &["x", "y", "z"]), ("rotation", &["qx", "qy", "qz", "qw"])];
 
 /// The first line.
 pub const HEADER: &str = "time,key,source,value\n";
 
-/// Writes the numbers of a record that was published `secs` after the log's first message.
+/// Writes the numbers of a record that was published `secs` after the log's earliest message.
 pub fn put_csv(out: &mut impl Write, secs: f64, record: &RecordRef<'_>) -> std::io::Result<()> {
-    match record.value {
-        ValueRef::Double(number) => line(out, secs, record.key, record, number),
-        ValueRef::Text(_) => Ok(()),
+    let line =
+        |name: &str, number: &str| writeln!(out, "{secs:.6},{},{},{number}", quoted(name), quoted(record.source));
+    let fields = match record.value {
+        ValueRef::Double(number) => return { line }(record.key, &digits(number)),
+        ValueRef::Text(text) if text.starts_with(['{', '[']) => serde_json::from_str(text).ok(),
+        ValueRef::Text(_) => None,
+        // Of a type of somebody else no field is known.
         ValueRef::Binary { type_name, layout, bytes } => {
-            match catalogue::to_json(type_name, layout, bytes, LONGEST_LIST) {
-                Ok(fields) => put_fields(out, secs, record.key, record, &fields),
-                Err(_) => Ok(()), // a type of somebody else: no field of it is known
-            }
+            catalogue::to_json(type_name, layout, bytes, LONGEST_LIST).ok()
         }
-    }
+    };
+    fields.map_or(Ok(()), |fields| each_number(record.key, &fields, &mut { line }))
 }
 
-fn put_fields(
-    out: &mut impl Write,
-    secs: f64,
+/// Hands every number in `value` to `line`, under the name that leads to it.
+fn each_number(
     name: &str,
-    record: &RecordRef<'_>,
     value: &Json,
+    line: &mut impl FnMut(&str, &str) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
     match value {
-        Json::Object(fields) => fields
+        Json::Object(fields) if is_pose(fields) => POSE.iter().try_for_each(|(part, axes)| {
+            let numbers = fields[*part].as_array().into_iter().flatten();
+            axes.iter().zip(numbers).try_for_each(|(axis, number)| each_number(&format!("{name}.{axis}"), number, line))
+        }),
+        Json::Object(fields) => {
+            fields.iter().try_for_each(|(field, value)| each_number(&format!("{name}.{field}"), value, line))
+        }
+        Json::Array(entries) if entries.len() <= LONGEST_LIST => entries
             .iter()
-            .try_for_each(|(field, value)| put_fields(out, secs, &format!("{name}.{field}"), record, value)),
-        Json::Number(number) => line(out, secs, name, record, number.as_f64().unwrap_or(f64::NAN)),
-        _ => Ok(()),
+            .enumerate()
+            .try_for_each(|(index, entry)| each_number(&format!("{name}[{index}]"), entry, line)),
+        Json::Number(number) if number.is_f64() => line(name, &digits(number.as_f64().unwrap_or(f64::NAN))),
+        Json::Number(number) => line(name, &number.to_string()),
+        Json::Bool(flag) => line(name, if *flag { "1" } else { "0" }),
+        Json::Array(_) | Json::String(_) | Json::Null => Ok(()),
     }
 }
 
-fn line(out: &mut impl Write, secs: f64, name: &str, record: &RecordRef<'_>, number: f64) -> std::io::Result<()> {
-    writeln!(out, "{secs:.6},{},{},{number}", quoted(name), quoted(record.source))
+fn is_pose(fields: &Map<String, Json>) -> bool {
+    let has = |(part, axes): &(&str, &[&str])| {
+        fields.get(*part).and_then(Json::as_array).is_some_and(|numbers| numbers.len() == axes.len())
+    };
+    fields.len() == POSE.len() && POSE.iter().all(has)
+}
+
+/// A number that comes back bit for bit, in few letters.
+fn digits(number: f64) -> String {
+    let usual = number == 0.0 || (1e-5..1e16).contains(&number.abs()) || !number.is_finite();
+    if usual { number.to_string() } else { format!("{number:e}") }
 }
 
 /// A field of a line: in quotes if anything in it would end it.

@@ -14,7 +14,7 @@ use serde_json::Value as Json;
 use crate::error::LogError;
 use crate::reader::LogReader;
 use crate::record::Record;
-use crate::selection::{Place, Selection};
+use crate::selection::{Place, Selection, Window};
 
 /// Fields that hold measured times of the processor, wherever they are: not even the same program on the same machine
 /// takes the same time twice.
@@ -106,7 +106,8 @@ struct Stream {
 /// Either cannot be read.
 pub fn diff(first: &Path, second: &Path, options: &DiffOptions) -> Result<Diff, LogError> {
     let mut logs = [LogReader::open(first)?, LogReader::open(second)?];
-    let mut starts = [None; 2];
+    let windows = [options.selection.window(first)?, options.selection.window(second)?];
+    logs.iter_mut().zip(&windows).for_each(|(log, window)| log.within(window));
     let mut streams: BTreeMap<(String, String), Stream> = BTreeMap::new();
     let mut diff = Diff { same: 0, differences: Vec::new(), damage: Vec::new() };
     let mut sides = Sides { reading: [true; 2], waiting: 0 };
@@ -115,7 +116,7 @@ pub fn diff(first: &Path, second: &Path, options: &DiffOptions) -> Result<Diff, 
         if sides.reading == [false; 2] {
             break;
         }
-        let next = if sides.reading[side] { next_of(&mut logs[side], &mut starts[side], options)? } else { None };
+        let next = if sides.reading[side] { next_of(&mut logs[side], &windows[side], options)? } else { None };
         let Some(record) = next else {
             sides.reading[side] = false;
             continue;
@@ -135,14 +136,10 @@ pub fn diff(first: &Path, second: &Path, options: &DiffOptions) -> Result<Diff, 
 }
 
 /// The next record that counts.
-fn next_of(log: &mut LogReader, start: &mut Option<f64>, options: &DiffOptions) -> Result<Option<Record>, LogError> {
+fn next_of(log: &mut LogReader, window: &Window<'_>, options: &DiffOptions) -> Result<Option<Record>, LogError> {
     while let Some(next) = log.next_ref() {
         let record = next?;
-        let place = options.selection.place(record.received - *start.get_or_insert(record.received));
-        if place == Place::After {
-            return Ok(None);
-        }
-        if place == Place::Within
+        if window.place(record.received) == Place::Within
             && options.selection.takes(record.key, record.source)
             && (options.exact || !is_volatile(record.key))
         {

@@ -67,7 +67,7 @@ pub(crate) struct Envelope<'a> {
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     value: Vec<u8>,
-    text: String,
+    pub text: String,
     source_aux: String,
 }
 

@@ -53,7 +53,7 @@ pub(crate) struct SegmentIndex {
 pub struct Topic {
     /// The variable.
     pub name: String,
-    /// Who published it.
+    /// Who published it; empty: another tool, which does not say.
     pub source: String,
     /// What it carries: `double`, `text`, or the type's name.
     pub type_name: String,
@@ -89,7 +89,7 @@ impl Index {
         self.segments.iter().map(|segment| segment.bytes).sum()
     }
 
-    /// Messages of the bus.
+    /// Messages, also those of other tools.
     pub fn messages(&self) -> u64 {
         self.topics().iter().map(|topic| topic.count).sum()
     }
@@ -107,7 +107,7 @@ impl Index {
         let mut topics: BTreeMap<Topic, u64> = BTreeMap::new();
         for segment in &self.segments {
             for (id, channel) in &segment.channels {
-                if matches!(channel.kind, ChannelKind::Value(_)) {
+                if channel.kind != ChannelKind::Dropped {
                     let count = segment.counts.get(id).copied().unwrap_or_default();
                     *topics.entry(topic(channel)).or_default() += count;
                 }
@@ -202,7 +202,7 @@ impl SegmentIndex {
             match segment.next()? {
                 Next::Dropped(total) => dropped = total,
                 Next::End => return Ok(dropped),
-                Next::Message | Next::Damage(_) => {}
+                Next::Message | Next::Damage(_) | Next::Other(_) | Next::LeftOut(_) => {}
             }
         }
     }
@@ -221,6 +221,7 @@ impl SegmentIndex {
                 }
                 Next::Dropped(total) => index.dropped = total,
                 Next::Damage(reason) => index.damage.note(reason),
+                Next::Other(_) | Next::LeftOut(_) => {}
                 Next::End => break,
             }
             if segment.position() != told {

@@ -13,11 +13,13 @@
 //! | `writer`, `staging` | a log that grows, over a disk that may be full |
 //! | `reader`, `segment` | a run's records; one file's messages |
 //! | `container`, `chunk` | one file's bytes, whole or not, honest or not; what is packed |
+//! | `salvage`, `judge`, `flip` | what can be had of a damaged file; what is a record in it; a flipped bit found |
 //! | `summary`, `footer`, `head` | what a file's end says; its last record; what stands before each record |
 //! | [`segments()`] | which files are one run's log |
 //! | [`index`] | what is in a log, and where, without reading it |
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
 //! | [`alog`], [`csv`] | MOOS' own text logs, out and in; numbers for spreadsheets |
+//! | `foreign` | what other tools have written into a log |
 //! | `encoding`, `channel`, `schema`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
 
 pub mod alog;
@@ -31,15 +33,19 @@ mod damage;
 pub mod diff;
 mod encoding;
 mod error;
+mod flip;
 mod footer;
+mod foreign;
 mod foxglove;
 #[doc(hidden)]
 pub mod fuzzing;
 mod head;
 pub mod index;
+mod judge;
 mod protobuf;
 mod reader;
 mod record;
+mod salvage;
 mod schema;
 mod segment;
 mod segments;

@@ -1,6 +1,7 @@
 //! Reading a log, from its first message to where it ends or breaks off.
 
 use std::collections::VecDeque;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use crate::damage::Damage;
@@ -10,23 +11,39 @@ use crate::index::Index;
 use crate::record::{Metadata, Record, RecordRef};
 use crate::segment::{Next, Segment};
 use crate::segments::segments;
+use crate::selection::Window;
 
 /// Gives the records of a log in the order in which they were recorded, all segments of a run one after the other.
 ///
 /// A log whose writer was killed has no end: all its whole messages are given, then the iteration stops and
 /// [`LogReader::whole`] stays false. A chunk that is damaged is passed over, and the log is not whole either;
-/// [`LogReader::damage`] says what was found. Channels that are not elk's (other tools may add theirs) are passed over.
+/// [`LogReader::damage`] says what was found. What other tools have written into the log is given as well: under its
+/// topic, as a number or a text where it is one, else as bytes of a type that is called as its schema.
 pub struct LogReader {
     /// Segments that are still to be read.
     segments: VecDeque<PathBuf>,
     current: Option<Segment>,
+    /// Whether all that can be had of a damaged file is wanted.
+    salvages: bool,
+    /// Nobody asks for messages that were recorded at other times (ns); nothing: all are wanted.
+    wanted: Option<RangeInclusive<u64>>,
     metadata: Metadata,
+    /// What is right and too large to be kept, in words.
+    left_out: Damage,
     damage: Damage,
     /// Losses of the segments before, and of this one so far.
     dropped: (u64, u64),
     /// Bytes of the segments read before, and of all.
     bytes: (u64, u64),
     scratch: Scratch,
+}
+
+/// What is next in a log.
+pub(crate) enum Item {
+    /// A message.
+    Message,
+    /// A record of another tool, of this kind.
+    Other(u8),
 }
 
 impl LogReader {
@@ -38,15 +55,37 @@ impl LogReader {
             None => Metadata::default(),
         };
         let length = paths.iter().map(|path| length(path)).sum();
-        Ok(Self {
+        Ok(Self::of(paths, metadata, length))
+    }
+
+    fn of(paths: Vec<PathBuf>, metadata: Metadata, length: u64) -> Self {
+        Self {
             segments: paths.into(),
             current: None,
+            salvages: false,
+            wanted: None,
             metadata,
+            left_out: Damage::default(),
             damage: Damage::default(),
             dropped: (0, 0),
             bytes: (0, length),
             scratch: Scratch::default(),
-        })
+        }
+    }
+
+    /// As [`LogReader::open`], for a log that may be damaged: gives every message that is whole, also of a chunk that is
+    /// not what was written. Where nobody can tell which of such a chunk's messages are damaged, all are given;
+    /// [`LogReader::damage`] names the chunk.
+    pub fn open_damaged(path: &Path) -> Result<Self, LogError> {
+        let paths = segments(path)?;
+        let metadata = paths.iter().find_map(|path| Segment::metadata_of(path).ok()).unwrap_or_default();
+        let length = paths.iter().map(|path| length(path)).sum();
+        Ok(Self { salvages: true, ..Self::of(paths, metadata, length) })
+    }
+
+    /// Nothing outside of `window` is asked for from now on: it may be given, or passed over unread.
+    pub fn within(&mut self, window: &Window<'_>) {
+        self.wanted = window.bounds();
     }
 
     /// Where the run came from; empty where the log does not say.
@@ -90,7 +129,7 @@ impl LogReader {
         self.segments = later.iter().map(|segment| segment.path.clone()).collect();
         self.current = None;
         if let (Some(path), Some(found)) = (self.segments.pop_front(), later.first()) {
-            let mut segment = Segment::open(&path)?;
+            let mut segment = self.open_segment(&path)?;
             segment.seek(found.chunk_at(time), &found.channels, time)?;
             self.current = Some(segment);
         }
@@ -119,15 +158,51 @@ impl LogReader {
 
     fn find(&mut self) -> Result<bool, LogError> {
         loop {
-            let Some(segment) = &mut self.current else {
-                match self.segments.pop_front() {
-                    None => return Ok(false),
-                    Some(path) => self.current = Some(Segment::open(&path)?),
+            match self.find_item()? {
+                Some(Item::Message) => return Ok(true),
+                Some(Item::Other(_)) => {}
+                None => return Ok(false),
+            }
+        }
+    }
+
+    /// As [`LogReader::advance`], with what other tools have written beside messages.
+    pub(crate) fn next_item(&mut self) -> Option<Item> {
+        loop {
+            match self.find_item() {
+                Ok(item) => return item,
+                Err(error) => {
+                    self.damage.note(error.to_string());
+                    self.leave_segment();
                 }
+            }
+        }
+    }
+
+    fn open_segment(&self, path: &Path) -> Result<Segment, LogError> {
+        if self.salvages {
+            return Segment::open_damaged(path);
+        }
+        let mut segment = Segment::open(path)?;
+        if let Some(times) = &self.wanted {
+            segment.want(times.clone());
+        }
+        Ok(segment)
+    }
+
+    fn find_item(&mut self) -> Result<Option<Item>, LogError> {
+        loop {
+            let Some(segment) = &mut self.current else {
+                let Some(path) = self.segments.pop_front() else {
+                    return Ok(None);
+                };
+                self.current = Some(self.open_segment(&path)?);
                 continue;
             };
             match segment.next()? {
-                Next::Message => return Ok(true),
+                Next::Message => return Ok(Some(Item::Message)),
+                Next::Other(opcode) => return Ok(Some(Item::Other(opcode))),
+                Next::LeftOut(what) => self.left_out.note(what),
                 Next::Dropped(total) => self.dropped.1 = total,
                 Next::Damage(reason) => self.damage.note(reason),
                 Next::End => self.leave_segment(),
@@ -139,6 +214,22 @@ impl LogReader {
     pub fn head(&self) -> Option<(&str, &str, f64)> {
         let (channel, time) = self.current.as_ref()?.head()?;
         Some((&channel.key, &channel.source, seconds(time)))
+    }
+
+    /// The segment that the record that was found last lies in.
+    pub(crate) fn segment(&self) -> Option<&Segment> {
+        self.current.as_ref()
+    }
+
+    /// What is right and was too large to be kept so far, in words.
+    pub(crate) fn left_out(&self) -> Vec<String> {
+        self.left_out.reasons()
+    }
+
+    /// The type of the message that was found last, if another tool wrote it and it is neither a number nor a text.
+    pub fn unknown_type(&self) -> Option<&str> {
+        let (channel, _) = self.current.as_ref()?.foreign()?;
+        (!channel.is_understood()).then(|| channel.type_name())
     }
 
     /// The record that was found last.

@@ -1,18 +1,24 @@
 //! One file of a log, message by message.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mcap::records::{self, ChunkIndex, Record as McapRecord, Statistics, op};
 
+use elk_outside::file;
+
 use crate::channel::{Channel, ChannelKind, text};
-use crate::container::{self, Container, Found};
-use crate::encoding::{self, Decoded, Scratch};
+use crate::container::{self, Container, Found, read_error};
+use crate::encoding::{self, Decoded, Scratch, seconds};
 use crate::error::LogError;
+use crate::foreign::Schema;
 use crate::head::MESSAGE_HEAD;
+use crate::judge::Judge;
 use crate::record::{Metadata, RecordRef};
+use crate::salvage::Salvage;
+use crate::summary::Summary;
 
 /// Names, sources and types of all channels of a file take at most so many bytes; what is announced beyond is not known.
 const MAX_NAMES_BYTES: usize = 64 << 20;
@@ -20,17 +26,59 @@ const MAX_NAMES_BYTES: usize = 64 << 20;
 /// One file of a log.
 pub(crate) struct Segment {
     path: PathBuf,
-    container: Container,
-    schemas: BTreeMap<u16, String>,
+    records: Records,
+    schemas: BTreeMap<u16, Arc<Schema>>,
     channels: Vec<Option<Arc<Channel>>>,
     /// Bytes of all names that were kept.
     names_bytes: usize,
+    /// Whether all channels are known before the first message.
+    knows_channels: bool,
     /// Channels of messages that were never announced, each of which is said once.
     unknown: BTreeSet<u16>,
     messages: u64,
     /// Messages that were recorded before are passed over (ns).
     from: u64,
     metadata: Metadata,
+    /// Whose file it is, as its first record says: `elk`, `ros2`, …
+    profile: String,
+}
+
+/// The records of a file, as long as they are right, or as far as they can be had.
+enum Records {
+    Right(Box<Container>),
+    Salvaged(Box<Salvage>),
+}
+
+/// Calls a method that both kinds of records have.
+macro_rules! either {
+    ($records:expr, $found:ident => $call:expr) => {
+        match $records {
+            Records::Right($found) => $call,
+            Records::Salvaged($found) => $call,
+        }
+    };
+}
+
+impl Records {
+    fn next(&mut self) -> Result<Found, LogError> {
+        either!(self, it => it.next())
+    }
+
+    fn body(&self) -> &[u8] {
+        either!(self, it => it.body())
+    }
+
+    fn in_chunk(&self) -> bool {
+        either!(self, it => it.in_chunk())
+    }
+
+    fn position(&self) -> u64 {
+        either!(self, it => it.position())
+    }
+
+    fn length(&self) -> u64 {
+        either!(self, it => it.length())
+    }
 }
 
 /// What the end of a file says of it.
@@ -47,6 +95,10 @@ pub(crate) enum Next {
     Message,
     /// The logger's note that so many messages are missing by now.
     Dropped(u64),
+    /// A record of another tool, of this kind: metadata, an attachment, or one of its own.
+    Other(u8),
+    /// Something that is too large to be kept, in words.
+    LeftOut(String),
     /// Something that cannot be read, in words; the rest may be.
     Damage(String),
     /// Nothing.
@@ -54,27 +106,127 @@ pub(crate) enum Next {
 }
 
 impl Segment {
-    /// Opens a file.
+    /// Opens a file. Its channels are known from its end, if it has one.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let container = Container::open(path)?;
-        Ok(Self {
+        let mut segment = Self::of(path, Records::Right(Box::new(Container::open(path)?)));
+        if let Some(place) = Self::find_summary(path)? {
+            // What is wrong with it the index says; the channels may be announced once more.
+            segment.knows_channels = segment.summary(place, |_| {})?.is_ok();
+            segment.go_to(mcap::MAGIC.len() as u64)?;
+        }
+        Ok(segment)
+    }
+
+    /// From now on chunks may be passed over that have no message recorded at one of these times (ns), where no channel is
+    /// announced only there.
+    pub fn want(&mut self, times: RangeInclusive<u64>) {
+        if let Records::Right(container) = &mut self.records
+            && self.knows_channels
+        {
+            container.want(times);
+        }
+    }
+
+    /// Opens a file that may be damaged: all that is a record in it is found. Channels are known from its end, else from
+    /// all of it.
+    pub fn open_damaged(path: &Path) -> Result<Self, LogError> {
+        let mut segment = Self::of(path, Records::Salvaged(Box::new(Salvage::open(path)?)));
+        let mut times = None;
+        if let Some(place) = Self::find_summary(path)? {
+            let mut known = Self::of(path, Records::Right(Box::new(Container::unchecked(path)?)));
+            let read = known.summary(place, |said| {
+                if let Said::Statistics(said) = said
+                    && said.message_count > 0
+                {
+                    times = Some(said.message_start_time..=said.message_end_time);
+                }
+            })?;
+            if read.is_ok() {
+                (segment.schemas, segment.channels) = (known.schemas, known.channels);
+                segment.names_bytes = known.names_bytes;
+            }
+        }
+        if segment.channels.is_empty() {
+            times = segment.learn()?;
+        }
+        let channels = segment.channels().map(|(id, _)| id).collect();
+        if let Records::Salvaged(salvage) = &mut segment.records {
+            salvage.begin(Judge { channels, times });
+        }
+        Ok(segment)
+    }
+
+    /// Reads all of the file for its channels, and for when its messages were recorded (ns).
+    fn learn(&mut self) -> Result<Option<RangeInclusive<u64>>, LogError> {
+        let (mut channels, mut times) = (Vec::new(), None);
+        loop {
+            match self.records.next()? {
+                Found::Record(op::MESSAGE) => times = self.times_with(times),
+                // A channel may come before the schema that it names, where that is said again.
+                Found::Record(op::CHANNEL) if channels.len() < usize::from(u16::MAX) => {
+                    channels.push(self.records.body().to_vec());
+                }
+                // What is wrong with any of them is said when they are read once more.
+                Found::Record(opcode @ op::SCHEMA) => drop(self.note(opcode)?),
+                Found::End => break,
+                _ => {}
+            }
+        }
+        channels.iter().for_each(|body| drop(self.note_channel(body)));
+        Ok(times)
+    }
+
+    /// The times with that of the message that was found last, if it can be relied on.
+    fn times_with(&self, times: Option<RangeInclusive<u64>>) -> Option<RangeInclusive<u64>> {
+        let certain = matches!(&self.records, Records::Salvaged(salvage) if salvage.is_certain());
+        match (head(self.records.body()).filter(|_| certain), times) {
+            (None, times) => times,
+            (Some((_, time)), None) => Some(time..=time),
+            (Some((_, time)), Some(times)) => Some(time.min(*times.start())..=time.max(*times.end())),
+        }
+    }
+
+    fn find_summary(path: &Path) -> Result<Option<Range<u64>>, LogError> {
+        let found = file::open(path).and_then(|file| Summary::find(&file));
+        match found.map_err(|source| read_error(path, source))? {
+            Summary::Found(place) => Ok(Some(place)),
+            Summary::Missing | Summary::Damaged(_) => Ok(None),
+        }
+    }
+
+    fn of(path: &Path, records: Records) -> Self {
+        Self {
             path: path.into(),
-            container,
+            records,
             schemas: BTreeMap::new(),
             channels: Vec::new(),
             names_bytes: 0,
+            knows_channels: false,
             unknown: BTreeSet::new(),
             messages: 0,
             from: 0,
             metadata: Metadata::default(),
-        })
+            profile: String::new(),
+        }
+    }
+
+    fn go_to(&mut self, offset: u64) -> Result<(), LogError> {
+        match &mut self.records {
+            Records::Right(container) => container.seek(offset),
+            Records::Salvaged(_) => Ok(()), // it is read from end to end
+        }
+    }
+
+    /// Whose file it is, as far as it was read.
+    pub fn profile(&self) -> &str {
+        &self.profile
     }
 
     /// Where the run came from, as far as a file says so before its first message.
     pub fn metadata_of(path: &Path) -> Result<Metadata, LogError> {
         let mut segment = Self::open(path)?;
-        while let Found::Record(opcode) = segment.container.next()? {
-            if segment.container.in_chunk() {
+        while let Found::Record(opcode) = segment.records.next()? {
+            if segment.records.in_chunk() {
                 break;
             }
             // What is wrong with it is said when the log is read.
@@ -94,22 +246,22 @@ impl Segment {
             self.announce(*id, channel.clone());
         }
         self.from = from;
-        offset.map_or(Ok(()), |offset| self.container.seek(offset))
+        offset.map_or(Ok(()), |offset| self.go_to(offset))
     }
 
     /// Reads what the end of the file, at `place`, says of it; channels are announced as ever. The inner error is what is
     /// wrong with it.
     pub fn summary(&mut self, place: Range<u64>, mut said: impl FnMut(Said)) -> Result<Result<(), String>, LogError> {
-        self.container.seek(place.start)?;
-        while self.container.position() < place.end {
-            let opcode = match self.container.next()? {
-                Found::Record(opcode) if !self.container.in_chunk() => opcode,
-                Found::Record(_) | Found::End => return Ok(Err("it holds data".into())),
+        self.go_to(place.start)?;
+        while self.records.position() < place.end {
+            let opcode = match self.records.next()? {
+                Found::Record(opcode) if !self.records.in_chunk() => opcode,
+                Found::Record(_) | Found::LeftOut(_) | Found::End => return Ok(Err("it holds data".into())),
                 Found::Damaged(reason) | Found::Cut(reason) => return Ok(Err(reason)),
             };
             let noted = match opcode {
                 op::CHUNK_INDEX | op::STATISTICS => self.read_said(opcode).map(&mut said),
-                _ => self.note(opcode)?,
+                _ => self.note(opcode)?.map(drop),
             };
             if let Err(reason) = noted {
                 return Ok(Err(reason));
@@ -119,7 +271,7 @@ impl Segment {
     }
 
     fn read_said(&self, opcode: u8) -> Result<Said, String> {
-        match container::parse(opcode, self.container.body())? {
+        match container::parse(opcode, self.records.body())? {
             McapRecord::ChunkIndex(chunk) => {
                 let tells = |id: &u16| self.channel(*id).is_some_and(|channel| channel.kind == ChannelKind::Dropped);
                 let drops = chunk.message_index_offsets.keys().any(tells);
@@ -132,12 +284,12 @@ impl Segment {
 
     /// How much of the file has been read (bytes).
     pub fn position(&self) -> u64 {
-        self.container.position()
+        self.records.position()
     }
 
     /// Length of the file when it was opened (bytes).
     pub fn length(&self) -> u64 {
-        self.container.length()
+        self.records.length()
     }
 
     /// The channels that were announced so far.
@@ -147,29 +299,30 @@ impl Segment {
 
     /// The channel and the time of recording (ns) of the message that was found last.
     pub fn found(&self) -> (u16, u64) {
-        head(self.container.body()).unwrap_or_default()
+        head(self.records.body()).unwrap_or_default()
     }
 
     /// The channel of the message that was found last, and when it was recorded (ns).
     pub fn head(&self) -> Option<(&Channel, u64)> {
-        let (id, time) = head(self.container.body())?;
+        let (id, time) = head(self.records.body())?;
         Some((self.channel(id)?, time))
     }
 
     /// Finds the next message of the bus.
     pub fn next(&mut self) -> Result<Next, LogError> {
         loop {
-            match self.container.next()? {
+            match self.records.next()? {
                 Found::Record(op::MESSAGE) => {
                     if let Some(next) = self.message() {
                         return Ok(next);
                     }
                 }
-                Found::Record(opcode) => {
-                    if let Err(reason) = self.note(opcode)? {
-                        return Ok(Next::Damage(self.of_this_file(&reason)));
-                    }
-                }
+                Found::Record(opcode) => match self.note(opcode)? {
+                    Err(reason) => return Ok(Next::Damage(self.of_this_file(&reason))),
+                    Ok(true) => {}
+                    Ok(false) => return Ok(Next::Other(opcode)),
+                },
+                Found::LeftOut(what) => return Ok(Next::LeftOut(self.of_this_file(&what))),
                 Found::Damaged(reason) | Found::Cut(reason) => return Ok(Next::Damage(self.of_this_file(&reason))),
                 Found::End => return Ok(Next::End),
             }
@@ -184,19 +337,16 @@ impl Segment {
     fn message(&mut self) -> Option<Next> {
         let number = self.messages;
         self.messages += 1;
-        let Some((id, log_time)) = head(self.container.body()) else {
+        let Some((id, log_time)) = head(self.records.body()) else {
             return Some(Next::Damage(self.of_this_file(&format!("message {number} is too short"))));
         };
         match self.channel(id).map(|channel| &channel.kind) {
             _ if log_time < self.from => None,
-            Some(ChannelKind::Value(_)) => Some(Next::Message),
-            Some(ChannelKind::Foreign) => None,
-            Some(ChannelKind::Dropped) => {
-                Some(match encoding::decode_dropped(&self.container.body()[MESSAGE_HEAD..]) {
-                    Ok(total) => Next::Dropped(total),
-                    Err(reason) => Next::Damage(self.of_this_file(&format!("message {number}: {reason}"))),
-                })
-            }
+            Some(ChannelKind::Value(_) | ChannelKind::Foreign(_)) => Some(Next::Message),
+            Some(ChannelKind::Dropped) => Some(match encoding::decode_dropped(&self.records.body()[MESSAGE_HEAD..]) {
+                Ok(total) => Next::Dropped(total),
+                Err(reason) => Next::Damage(self.of_this_file(&format!("message {number}: {reason}"))),
+            }),
             None => self.unknown.insert(id).then(|| {
                 let reason = format!("the channel {id} of message {number} was never announced; it is passed over");
                 Next::Damage(self.of_this_file(&reason))
@@ -212,13 +362,29 @@ impl Segment {
     pub fn record<'a>(&'a self, scratch: &'a mut Scratch) -> Result<RecordRef<'a>, LogError> {
         let number = self.messages.saturating_sub(1);
         let wrong = |reason| LogError::Message { path: self.path.clone(), number, reason };
-        let body = self.container.body();
+        let body = self.records.body();
         let channel = head(body).and_then(|(id, _)| self.channel(id));
         let Some(channel) = channel else {
             return Err(wrong("its channel was never announced".into()));
         };
-        let ChannelKind::Value(kind) = &channel.kind else {
-            return Err(wrong("it is no message of the bus".into()));
+        let kind = match &channel.kind {
+            ChannelKind::Value(kind) => kind,
+            ChannelKind::Foreign(foreign) => {
+                let word = |at: usize| crate::head::word(&body[at..]);
+                return Ok(RecordRef {
+                    key: &channel.key,
+                    source: &channel.source,
+                    source_aux: "",
+                    community: &channel.community,
+                    time: seconds(word(14)),
+                    sequence: word(2) & 0xffff_ffff,
+                    received: seconds(word(6)),
+                    order: number,
+                    epoch: channel.epoch,
+                    value: foreign.value(&body[MESSAGE_HEAD..], &mut scratch.text),
+                });
+            }
+            ChannelKind::Dropped => return Err(wrong("it is no message of the bus".into())),
         };
         let Decoded { value, envelope } = kind.decode(&body[MESSAGE_HEAD..], scratch).map_err(wrong)?;
         Ok(RecordRef {
@@ -235,44 +401,81 @@ impl Segment {
         })
     }
 
-    /// Takes note of any other record; the inner error is what is wrong with it.
-    fn note(&mut self, opcode: u8) -> Result<Result<(), String>, LogError> {
-        if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::METADATA | op::ATTACHMENT) {
-            return Ok(Ok(()));
+    /// Takes note of any other record: whether it is the log's own; the inner error is what is wrong with it.
+    fn note(&mut self, opcode: u8) -> Result<Result<bool, String>, LogError> {
+        if opcode >= 0x80 {
+            return Ok(Ok(false));
         }
-        let record = match container::parse(opcode, self.container.body()) {
+        if !matches!(opcode, op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::ATTACHMENT) {
+            return Ok(Ok(true));
+        }
+        if opcode == op::CHANNEL {
+            let body = self.records.body().to_vec();
+            return Ok(self.note_channel(&body).map(|()| true));
+        }
+        let record = match container::parse(opcode, self.records.body()) {
             Ok(record) => record,
             Err(reason) => return Ok(Err(reason)),
         };
         match record {
-            // What is said again is not kept again.
-            McapRecord::Schema { header, .. } if self.schemas.get(&header.id) == Some(&header.name) => {}
-            McapRecord::Schema { header, .. } => {
-                if let Err(reason) = self.keep_names(header.name.len()) {
-                    return Ok(Err(reason));
-                }
-                self.schemas.insert(header.id, header.name);
-            }
-            McapRecord::Channel(channel) if self.channel(channel.id).is_some() => {}
-            McapRecord::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
-                let id = channel.id;
-                let channel = Channel::announced(channel, schema);
-                if let Err(reason) = self.keep_names(channel.names_bytes()) {
-                    return Ok(Err(reason));
-                }
-                self.announce(id, Arc::new(channel));
-            }
+            McapRecord::Header(header) => self.profile = header.profile,
+            McapRecord::Schema { header, data } => return Ok(self.note_schema(header, &data).map(|()| true)),
             McapRecord::Metadata(metadata) if metadata.name == encoding::ELK => self.note_metadata(&metadata)?,
-            McapRecord::Attachment { header, data, crc } if header.name == self.metadata.mission_name => {
-                if crc != 0 && crc != attachment_crc(self.container.body()) {
+            McapRecord::Attachment { header, data, crc } => {
+                if crc != 0 && crc != attachment_crc(self.records.body()) {
                     return Ok(Err(format!("the attachment {} does not agree with its checksum", header.name)));
                 }
-                self.metadata.mission = String::from_utf8_lossy(&data).into_owned();
+                let is_mission = !header.name.is_empty() && header.name == self.metadata.mission_name;
+                if is_mission {
+                    self.metadata.mission = String::from_utf8_lossy(&data).into_owned();
+                }
+                return Ok(Ok(is_mission));
             }
-            _ => {}
+            _ => return Ok(Ok(false)),
         }
-        Ok(Ok(()))
+        Ok(Ok(true))
+    }
+
+    fn note_schema(&mut self, header: records::SchemaHeader, data: &[u8]) -> Result<(), String> {
+        let records::SchemaHeader { id, name, encoding } = header;
+        // What is said again is not kept again.
+        if self.schemas.get(&id).is_some_and(|known| known.name == name && known.data == data) {
+            return Ok(());
+        }
+        self.keep_names(name.len() + encoding.len() + data.len())?;
+        self.schemas.insert(id, Arc::new(Schema { name, encoding, data: data.into() }));
+        Ok(())
+    }
+
+    fn note_channel(&mut self, body: &[u8]) -> Result<(), String> {
+        let McapRecord::Channel(channel) = container::parse(op::CHANNEL, body)? else {
+            return Err("a channel is none".into());
+        };
+        let (id, schema_id) = (channel.id, channel.schema_id);
+        if self.channel(id).is_some() {
+            return Ok(());
+        }
+        let channel = Channel::announced(channel, self.schemas.get(&schema_id));
+        self.keep_names(channel.names_bytes())?;
+        self.announce(id, Arc::new(channel));
+        Ok(())
+    }
+
+    /// The message that was found last as another tool wrote it, if one did.
+    pub fn foreign(&self) -> Option<(&Channel, &[u8])> {
+        let body = self.records.body();
+        let channel = self.channel(head(body)?.0)?;
+        matches!(channel.kind, ChannelKind::Foreign(_)).then_some((channel, body))
+    }
+
+    /// Whether the message that was found last lies in a chunk that is not what was written.
+    pub fn is_doubtful(&self) -> bool {
+        matches!(&self.records, Records::Salvaged(salvage) if salvage.is_doubtful())
+    }
+
+    /// The bytes of the record that was found last.
+    pub fn body(&self) -> &[u8] {
+        self.records.body()
     }
 
     /// Whether names of so many bytes more can be kept.

@@ -1,6 +1,13 @@
 //! Which records of a log are meant.
 
+use std::ops::RangeInclusive;
+use std::path::Path;
+
 use elk_bus::pattern::matches;
+
+use crate::encoding::nanoseconds;
+use crate::error::LogError;
+use crate::index::Index;
 
 /// A part of a log: by variable, source, and time.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -11,9 +18,9 @@ pub struct Selection {
     pub sources: Vec<String>,
     /// Patterns of variables to leave out.
     pub exclude: Vec<String>,
-    /// Seconds after the log's first message at which to begin.
+    /// Seconds after the log's earliest message at which to begin.
     pub from_secs: Option<f64>,
-    /// Seconds after the log's first message at which to end.
+    /// Seconds after the log's earliest message at which to end.
     pub to_secs: Option<f64>,
 }
 
@@ -26,6 +33,19 @@ impl Selection {
             && !any(&self.exclude, key)
     }
 
+    /// The part of the log at `log` that this is.
+    ///
+    /// # Errors
+    /// The log cannot be read.
+    pub fn window(&self, log: &Path) -> Result<Window<'_>, LogError> {
+        // Without bounds in time nobody asks when it begins, and a log without an index is not read for it.
+        let origin = match (self.from_secs, self.to_secs) {
+            (None, None) => 0.0,
+            _ => Index::read(log, &mut |_, _| {})?.span().map_or(0.0, |(start, _)| start),
+        };
+        Ok(Window { selection: self, origin })
+    }
+
     /// Where a time lies (s after the log's first message).
     pub fn place(&self, secs: f64) -> Place {
         if self.from_secs.is_some_and(|from| secs < from) {
@@ -35,6 +55,35 @@ impl Selection {
         } else {
             Place::Within
         }
+    }
+}
+
+/// A part of a log that begins at a known time. Messages need not lie in the order of their times: whatever is behind the
+/// part's end may be followed by what is in it.
+#[derive(Debug, Clone, Copy)]
+pub struct Window<'a> {
+    /// What is wanted.
+    pub selection: &'a Selection,
+    /// When the log's earliest message was recorded (s).
+    pub origin: f64,
+}
+
+/// Times in a file are rounded: what is so near to a bound (ns) is looked at.
+const ROUNDING_NS: u64 = 1000;
+
+impl Window<'_> {
+    /// The times of recording (ns) outside of which nothing lies within; nothing: they are not bounded.
+    pub(crate) fn bounds(&self) -> Option<RangeInclusive<u64>> {
+        let Selection { from_secs, to_secs, .. } = self.selection;
+        let at = |secs: f64| nanoseconds(self.origin + secs);
+        let first = from_secs.map_or(0, |from| at(from).saturating_sub(ROUNDING_NS));
+        let last = to_secs.map_or(u64::MAX, |to| at(to).saturating_add(ROUNDING_NS));
+        (from_secs.is_some() || to_secs.is_some()).then_some(first..=last)
+    }
+
+    /// Where what was recorded at `received` (s) lies.
+    pub fn place(&self, received: f64) -> Place {
+        self.selection.place(received - self.origin)
     }
 }
 
@@ -52,6 +101,17 @@ pub enum Place {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_part_of_a_log_is_looked_for_between_its_bounds_only() {
+        let bounds = |from_secs, to_secs| {
+            let selection = Selection { from_secs, to_secs, ..Selection::default() };
+            Window { selection: &selection, origin: 2.0 }.bounds()
+        };
+        assert_eq!(bounds(None, None), None);
+        assert_eq!(bounds(Some(1.0), None), Some(2_999_999_000..=u64::MAX));
+        assert_eq!(bounds(None, Some(1.0)), Some(0..=3_000_001_000));
+    }
 
     #[test]
     fn patterns_choose_variables_and_sources_and_leave_out_others() {

@@ -6,13 +6,16 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use elk_bus::ValueRef;
-use mcap::records::MessageHeader;
+use mcap::records::{AttachmentHeader, MessageHeader, Record as McapRecord};
 use mcap::write::NoSeek;
 use mcap::{Attachment, WriteOptions, Writer};
 
+use crate::channel as announced;
 use crate::chunk;
+use crate::container;
 use crate::encoding::{self, Announcement, nanoseconds};
 use crate::error::LogError;
+use crate::head::{MESSAGE_HEAD, word};
 use crate::record::{Metadata, RecordRef};
 use crate::schema;
 use crate::segments;
@@ -20,6 +23,9 @@ use crate::staging::Staging;
 
 /// What may wait in memory for a disk that takes nothing before records are refused (bytes).
 pub const MAX_STAGED_BYTES: usize = 64 << 20;
+
+/// The profile of elk's own logs.
+const OWN_PROFILE: &str = "elk";
 
 /// A chunk is closed when it is this large (bytes), or when the log is flushed.
 const CHUNK_BYTES: u64 = 1 << 20;
@@ -63,6 +69,8 @@ pub struct LogWriter {
     path: PathBuf,
     options: LogOptions,
     metadata: Metadata,
+    /// Whose files these are, as their first records say.
+    profile: String,
     segment: Segment,
     buffer: Vec<u8>,
 }
@@ -124,8 +132,19 @@ impl LogWriter {
     /// Creates the log at `path`, with `metadata` on the disk when this returns. A log that is there stays: this one goes
     /// on in the next segment (see [`segments`](crate::segments())).
     pub fn create_with(path: &Path, metadata: &Metadata, options: LogOptions) -> Result<Self, LogError> {
-        let segment = Segment::create(path, 0, metadata, options.compression)?;
-        Ok(Self { path: path.into(), options, metadata: metadata.clone(), segment, buffer: Vec::new() })
+        Self::create_for(path, metadata, options, OWN_PROFILE)
+    }
+
+    /// As [`LogWriter::create_with`], for a log of another tool, whose readers go by its profile.
+    pub(crate) fn create_for(
+        path: &Path,
+        metadata: &Metadata,
+        options: LogOptions,
+        profile: &str,
+    ) -> Result<Self, LogError> {
+        let segment = Segment::create(path, 0, metadata, options.compression, profile)?;
+        let (metadata, profile) = (metadata.clone(), profile.to_owned());
+        Ok(Self { path: path.into(), options, metadata, profile, segment, buffer: Vec::new() })
     }
 
     /// The file that is being written.
@@ -152,6 +171,23 @@ impl LogWriter {
         self.segment.append(record, &self.buffer).map_err(|error| refused(error.to_string()))
     }
 
+    /// Writes a message of another tool as it is: `body` is its record, `channel` what it was announced by.
+    pub(crate) fn append_foreign(&mut self, channel: &announced::Channel, body: &[u8]) -> Result<(), LogError> {
+        let refused = |error: mcap::McapError| LogError::Record {
+            key: channel.key.clone(),
+            source_name: channel.source.clone(),
+            reason: error.to_string(),
+        };
+        self.segment.has_room()?;
+        self.segment.append_foreign(channel, body).map_err(refused)
+    }
+
+    /// Writes an attachment, metadata, or a record of another tool's own; answers whether it is one of these.
+    pub(crate) fn append_record(&mut self, opcode: u8, body: &[u8]) -> Result<bool, LogError> {
+        let written = self.segment.append_record(opcode, body);
+        written.map_err(|error| self.segment.write_error(std::io::Error::other(error)))
+    }
+
     /// Notes in the log itself that `newly` more messages are missing from it.
     pub fn note_dropped(&mut self, newly: u64, received: f64) -> Result<(), LogError> {
         let noted = self.segment.note_dropped(newly, received);
@@ -168,7 +204,7 @@ impl LogWriter {
     /// this segment is the one that is written on.
     fn rotate(&mut self, compression: Compression) -> Result<(), LogError> {
         self.segment.flush()?;
-        let next = Segment::create(&self.path, self.segment.number + 1, &self.metadata, compression)?;
+        let next = Segment::create(&self.path, self.segment.number + 1, &self.metadata, compression, &self.profile)?;
         // If the disk does not take its end, a segment is readable up to its last flush, which was just now.
         let _ = std::mem::replace(&mut self.segment, next).finish();
         Ok(())
@@ -223,14 +259,20 @@ impl std::io::Write for Counter {
 }
 
 impl Segment {
-    fn create(path: &Path, from: u64, metadata: &Metadata, compression: Compression) -> Result<Self, LogError> {
+    fn create(
+        path: &Path,
+        from: u64,
+        metadata: &Metadata,
+        compression: Compression,
+        profile: &str,
+    ) -> Result<Self, LogError> {
         let (file, path, number) = segments::create(path, from)?;
         let created =
             |error: mcap::McapError| LogError::Create { path: path.clone(), source: std::io::Error::other(error) };
         let staging = Staging::default();
         let format = WriteOptions::new()
             .compression(compression.of_format())
-            .profile("elk")
+            .profile(profile)
             .library(concat!("elk-log ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
@@ -249,7 +291,9 @@ impl Segment {
             started: None,
             bytes: 0,
         };
-        let written = segment.write_metadata(metadata);
+        // Another tool's log has nothing to say of a run of elk's.
+        let is_of_a_run = profile == OWN_PROFILE || *metadata != Metadata::default();
+        let written = if is_of_a_run { segment.write_metadata(metadata) } else { Ok(()) };
         written
             .map_err(|error| LogError::Create { path: segment.path.clone(), source: std::io::Error::other(error) })?;
         segment.flush()?;
@@ -309,6 +353,45 @@ impl Segment {
             let _ = self.drain();
         }
         Ok(())
+    }
+
+    fn append_foreign(&mut self, channel: &announced::Channel, body: &[u8]) -> mcap::McapResult<()> {
+        let announced::ChannelKind::Foreign(foreign) = &channel.kind else {
+            return Ok(());
+        };
+        let Some((head, bytes)) = body.split_at_checked(MESSAGE_HEAD) else {
+            return Ok(());
+        };
+        // What was announced before is found again by what it says.
+        let schema = match &foreign.schema {
+            Some(schema) => self.format.add_schema(&schema.name, &schema.encoding, &schema.data)?,
+            None => 0,
+        };
+        let channel_id = self.format.add_channel(schema, &channel.key, &foreign.message_encoding, &foreign.metadata)?;
+        let (log_time, publish_time) = (word(&head[6..]), word(&head[14..]));
+        let sequence = word(&head[2..]) as u32;
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time };
+        let waited = self.staging.len();
+        self.format.write_to_known_channel(&header, bytes)?;
+        if self.staging.len() > waited {
+            let _ = self.drain();
+        }
+        Ok(())
+    }
+
+    fn append_record(&mut self, opcode: u8, body: &[u8]) -> mcap::McapResult<bool> {
+        match container::parse(opcode, body) {
+            _ if opcode >= 0x80 => {
+                self.format.write_private_record(opcode, body, Default::default())?;
+            }
+            Ok(McapRecord::Attachment { header, data, .. }) => {
+                let AttachmentHeader { log_time, create_time, name, media_type } = header;
+                self.format.attach(&Attachment { log_time, create_time, name, media_type, data })?;
+            }
+            Ok(McapRecord::Metadata(metadata)) => self.format.write_metadata(&metadata)?,
+            _ => return Ok(false),
+        }
+        Ok(true)
     }
 
     fn drain(&mut self) -> std::io::Result<()> {

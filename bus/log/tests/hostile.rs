@@ -13,7 +13,7 @@ use common::record;
 use elk_bus::Value;
 use elk_log::alog::AlogReader;
 use elk_log::check::check;
-use elk_log::copy::copy;
+use elk_log::copy::{copy, recover};
 use elk_log::diff::{DiffOptions, diff};
 use elk_log::{Compression, Index, LogOptions, LogReader, LogWriter, Metadata, Record, Selection};
 
@@ -150,6 +150,26 @@ fn zeros_that_claim_to_be_a_gigabyte_cost_nothing() {
     }
     let memory = read_all(&path);
     assert!(memory < 16, "{memory} MiB for a hole");
+}
+
+#[test]
+fn what_is_recovered_of_a_trap_costs_no_more_than_one_chunk() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir().unwrap();
+    let recovered = |path: &Path| {
+        let to = folder.path().join("mended.mcap");
+        let _ = std::fs::remove_file(&to);
+        memory_of(|| recover(path, &to, LogOptions::default(), &mut |_, _| {}).unwrap().records)
+    };
+    for (compression, length) in [("zstd", 1024 * MB), ("lz4", 256 * MB)] {
+        let path = trap(folder.path(), &chunk(compression, std::io::repeat(0), length));
+        let (memory, records) = recovered(&path);
+        assert!(memory < 256 && records == 3, "{memory} MiB, {records} messages of {compression}");
+    }
+    // Marks of compressed data, one beside the other.
+    let marks = [0x28, 0xb5, 0x2f, 0xfd].repeat(50_000);
+    let (memory, records) = recovered(&trap(folder.path(), &marks));
+    assert!(memory < 256 && records == 3, "{memory} MiB, {records} messages");
 }
 
 #[test]

@@ -1,0 +1,189 @@
+//! Channels of other tools: what they say is kept byte by byte, and understood where it can be.
+//!
+//! A number or a text is one in JSON, or in one of ROS' standard messages (`std_msgs`), which hold nothing else. What is
+//! other JSON is given as the text that it is, and everything else as bytes of a type that carries the schema's name.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use elk_bus::ValueRef;
+use serde_json::Value as Json;
+
+use crate::encoding::JSON;
+
+/// What the messages of a channel are made of, as a file says it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Schema {
+    pub name: String,
+    pub encoding: String,
+    pub data: Vec<u8>,
+}
+
+/// How another tool's channel announces itself.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Foreign {
+    /// Nothing: it has none.
+    pub schema: Option<Arc<Schema>>,
+    pub message_encoding: String,
+    pub metadata: BTreeMap<String, String>,
+    reading: Reading,
+}
+
+/// How its messages are understood.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Reading {
+    Json,
+    /// A number or a text of ROS behind so many bytes.
+    Ros(Plain, usize),
+    Bytes,
+}
+
+/// What one of ROS' standard messages holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Plain {
+    Text,
+    Float { bytes: usize },
+    Integer { bytes: usize, signed: bool },
+}
+
+impl Plain {
+    /// What the message of this name holds, if it is one number or text.
+    fn named(schema: &str) -> Option<Self> {
+        let name = schema.strip_prefix("std_msgs/msg/").or_else(|| schema.strip_prefix("std_msgs/"))?;
+        let integer =
+            |signed, bits: &str| bits.parse::<usize>().ok().map(|bits| Self::Integer { bytes: bits / 8, signed });
+        match name {
+            "String" => Some(Self::Text),
+            "Float32" => Some(Self::Float { bytes: 4 }),
+            "Float64" => Some(Self::Float { bytes: 8 }),
+            "Bool" | "Byte" => Some(Self::Integer { bytes: 1, signed: false }),
+            "Int8" | "Int16" | "Int32" | "Int64" => integer(true, &name[3..]),
+            "UInt8" | "UInt16" | "UInt32" | "UInt64" => integer(false, &name[4..]),
+            _ => None,
+        }
+    }
+
+    /// What stands in `bytes`, little endian.
+    fn read(self, bytes: &[u8]) -> Option<ValueRef<'_>> {
+        let number = |count: usize| {
+            let bytes = bytes.get(..count)?;
+            Some(bytes.iter().rev().fold(0_u64, |all, byte| all << 8 | u64::from(*byte)))
+        };
+        Some(match self {
+            Self::Text => {
+                let length = number(4)? as usize;
+                let text = bytes.get(4..4 + length)?;
+                ValueRef::Text(std::str::from_utf8(text.strip_suffix(&[0]).unwrap_or(text)).ok()?)
+            }
+            Self::Float { bytes: 4 } => ValueRef::Double(f64::from(f32::from_bits(number(4)? as u32))),
+            Self::Float { bytes } => ValueRef::Double(f64::from_bits(number(bytes)?)),
+            Self::Integer { bytes, signed: false } => ValueRef::Double(number(bytes)? as f64),
+            Self::Integer { bytes, signed: true } => {
+                let unused = 64 - 8 * bytes as u32;
+                ValueRef::Double(((number(bytes)? << unused).cast_signed() >> unused) as f64)
+            }
+        })
+    }
+}
+
+impl Foreign {
+    /// What a channel announces.
+    pub fn announced(
+        schema: Option<Arc<Schema>>,
+        message_encoding: String,
+        metadata: BTreeMap<String, String>,
+    ) -> Self {
+        let name = schema.as_ref().map_or("", |schema| schema.name.as_str());
+        let reading = match (message_encoding.as_str(), Plain::named(name)) {
+            (JSON, _) => Reading::Json,
+            ("cdr", Some(plain)) => Reading::Ros(plain, 4), // behind the word on the order of bytes
+            ("ros1", Some(plain)) => Reading::Ros(plain, 0),
+            _ => Reading::Bytes,
+        };
+        Self { schema, message_encoding, metadata, reading }
+    }
+
+    /// Whether its messages are numbers and texts for elk as well.
+    pub fn is_understood(&self) -> bool {
+        self.reading != Reading::Bytes
+    }
+
+    /// What its messages are, for people.
+    pub fn type_name(&self) -> &str {
+        match &self.schema {
+            Some(schema) => &schema.name,
+            None if self.message_encoding.is_empty() => "bytes",
+            None => &self.message_encoding,
+        }
+    }
+
+    /// Bytes of all that is kept of it.
+    pub fn names_bytes(&self) -> usize {
+        let metadata = self.metadata.iter().map(|(name, said)| name.len() + said.len());
+        self.message_encoding.len() + metadata.sum::<usize>()
+    }
+
+    /// What a message says.
+    pub fn value<'a>(&'a self, bytes: &'a [u8], scratch: &'a mut String) -> ValueRef<'a> {
+        let read = match self.reading {
+            Reading::Json => json(bytes, scratch),
+            Reading::Ros(plain, behind) => bytes.get(behind..).and_then(|bytes| plain.read(bytes)),
+            Reading::Bytes => None,
+        };
+        read.unwrap_or(ValueRef::Binary { type_name: self.type_name(), layout: 0, bytes })
+    }
+}
+
+/// A number or a text in JSON, also as the only field of an object; anything else as the text that it is.
+fn json<'a>(bytes: &'a [u8], scratch: &'a mut String) -> Option<ValueRef<'a>> {
+    let mut value: Json = serde_json::from_slice(bytes).ok()?;
+    if let Json::Object(fields) = &mut value
+        && fields.len() == 1
+        && let Some((_, only)) = fields.iter().next()
+        && !only.is_object()
+        && !only.is_array()
+    {
+        value = only.clone();
+    }
+    match value {
+        Json::Number(number) => number.as_f64().map(ValueRef::Double),
+        Json::Bool(flag) => Some(ValueRef::Double(f64::from(u8::from(flag)))),
+        Json::String(text) => {
+            *scratch = text;
+            Some(ValueRef::Text(scratch))
+        }
+        _ => std::str::from_utf8(bytes).ok().map(ValueRef::Text),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn said(encoding: &str, schema: &str, bytes: &[u8]) -> String {
+        let schema = Arc::new(Schema { name: schema.into(), ..Schema::default() });
+        let foreign = Foreign::announced(Some(schema), encoding.into(), BTreeMap::new());
+        format!("{:?}", foreign.value(bytes, &mut String::new()))
+    }
+
+    #[test]
+    fn numbers_and_texts_of_other_tools_are_numbers_and_texts() {
+        for (json, value) in [
+            (r#"{"value": 1.5}"#, "Double(1.5)"),
+            ("7", "Double(7.0)"),
+            (r#"{"data": "home"}"#, "Text(\"home\")"),
+            (r#"{"on": true}"#, "Double(1.0)"),
+            (r#"{"x": 1, "y": 2}"#, r#"Text("{\"x\": 1, \"y\": 2}")"#),
+        ] {
+            assert_eq!(said("json", "Any", json.as_bytes()), value);
+        }
+        let cdr = |bytes: &[u8]| [&[0, 1, 0, 0], bytes].concat();
+        let double = 42.358_456_123_f64.to_le_bytes();
+        assert_eq!(said("cdr", "std_msgs/msg/Float64", &cdr(&double)), "Double(42.358456123)");
+        assert_eq!(said("cdr", "std_msgs/msg/Int16", &cdr(&(-7_i16).to_le_bytes())), "Double(-7.0)");
+        assert_eq!(said("cdr", "std_msgs/msg/String", &cdr(b"\x05\0\0\0home\0")), "Text(\"home\")");
+        assert_eq!(said("ros1", "std_msgs/String", b"\x04\0\0\0home"), "Text(\"home\")");
+        assert!(said("cdr", "sensor_msgs/msg/Image", &cdr(&double)).contains("sensor_msgs/msg/Image"));
+        assert!(said("cdr", "std_msgs/msg/Float64", b"short").starts_with("Binary"), "too short to be one");
+    }
+}

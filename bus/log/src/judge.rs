@@ -1,0 +1,203 @@
+//! Which bytes of a damaged file are a record: how reading finds its place again.
+//!
+//! A record is known by its head, by texts that fill it to the byte, by a message's channel and time, and by the head
+//! behind it. All of that together does not happen by chance, even in values full of zeros and small numbers.
+
+use std::collections::BTreeSet;
+use std::io::Result;
+use std::ops::RangeInclusive;
+
+use mcap::records::op;
+
+use crate::chunk::{self, ChunkHead};
+use crate::container::fills;
+use crate::head::{Head, MAX_RECORD_BYTES, MESSAGE_HEAD, word};
+
+/// Messages are believed that are said to be so much older or younger (ns) than those that are known: a day.
+const AROUND_NS: u64 = 86_400_000_000_000;
+
+/// Bytes that can be looked at anywhere.
+pub(crate) trait Bytes {
+    /// How many there are.
+    fn length(&self) -> u64;
+    /// `count` of them from `at` on, or as many as there are.
+    fn get(&mut self, at: u64, count: usize) -> Result<&[u8]>;
+}
+
+impl Bytes for &[u8] {
+    fn length(&self) -> u64 {
+        self.len() as u64
+    }
+
+    fn get(&mut self, at: u64, count: usize) -> Result<&[u8]> {
+        let rest = usize::try_from(at).ok().and_then(|at| self.split_at_checked(at)).unwrap_or_default().1;
+        Ok(&rest[..count.min(rest.len())])
+    }
+}
+
+/// A place where a record begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Spot {
+    pub at: u64,
+    pub head: Head,
+}
+
+impl Spot {
+    /// Where the record ends.
+    pub fn end(&self) -> u64 {
+        self.head.end(self.at)
+    }
+}
+
+/// What is known of a file, against which its records are held.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Judge {
+    /// The channels; none: they are not known.
+    pub channels: BTreeSet<u16>,
+    /// When messages were recorded (ns); nothing: that is not known.
+    pub times: Option<RangeInclusive<u64>>,
+}
+
+impl Judge {
+    /// The record at `at`, or the next one behind it that can be relied on; nothing: there is none.
+    pub fn next(&self, bytes: &mut impl Bytes, at: u64) -> Result<Option<Spot>> {
+        let Some(head) = self.record(bytes, at)? else {
+            return self.find(bytes, at + 1, u64::MAX);
+        };
+        let spot = Spot { at, head };
+        if head.opcode == op::CHUNK || follows(bytes, spot.end())? {
+            return Ok(Some(spot));
+        }
+        // Its length is damaged, or the head behind it: if another record begins within it, it is its length.
+        let within = self.find(bytes, at + 1, spot.end())?;
+        Ok(within.or(Some(spot)))
+    }
+
+    /// The first record in `from..to` that can be relied on.
+    fn find(&self, bytes: &mut impl Bytes, from: u64, to: u64) -> Result<Option<Spot>> {
+        let mut at = from;
+        while at < to && at.saturating_add(Head::BYTES as u64) <= bytes.length() {
+            let head = self.record(bytes, at)?.filter(|head| head.opcode < 0x80);
+            if let Some(head) = head
+                && (head.opcode == op::CHUNK || follows(bytes, head.end(at))?)
+            {
+                return Ok(Some(Spot { at, head }));
+            }
+            at += 1;
+        }
+        Ok(None)
+    }
+
+    /// The head at `at`, if it can be a record's as far as it says itself.
+    fn record(&self, bytes: &mut impl Bytes, at: u64) -> Result<Option<Head>> {
+        let Some(head) = head_at(bytes, at)? else {
+            return Ok(None);
+        };
+        let (start, length) = (at + Head::BYTES as u64, head.length);
+        if head.opcode == op::CHUNK {
+            return Ok(chunk_head(bytes, start)?.filter(|chunk| chunk.check(length).is_ok()).map(|_| head));
+        }
+        let there = head.end(at) <= bytes.length();
+        let is = there
+            && match head.opcode {
+                op::MESSAGE => length <= chunk::MAX_BYTES && self.message(bytes.get(start, MESSAGE_HEAD)?),
+                op::ATTACHMENT if length > MAX_RECORD_BYTES => follows(bytes, head.end(at))?,
+                op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::ATTACHMENT => {
+                    length <= MAX_RECORD_BYTES && fills(head.opcode, bytes.get(start, length as usize)?)
+                }
+                op::MESSAGE_INDEX => bytes.get(start, 6)?.last_chunk().is_some_and(|size| {
+                    let size = u64::from(u32::from_le_bytes(*size));
+                    size % 16 == 0 && length == 6 + size
+                }),
+                op::DATA_END => length == 4,
+                op::FOOTER => length == 20 && head.end(at) + mcap::MAGIC.len() as u64 == bytes.length(),
+                op::CHUNK_INDEX..=op::DATA_END | 0x80.. => follows(bytes, head.end(at))?,
+                _ => false,
+            };
+        Ok(is.then_some(head))
+    }
+
+    /// Whether a message may begin so.
+    fn message(&self, head: &[u8]) -> bool {
+        head.len() == MESSAGE_HEAD
+            && (self.channels.is_empty() || self.channels.contains(&u16::from_le_bytes([head[0], head[1]])))
+            && self.times.as_ref().is_none_or(|times| {
+                let time = word(&head[6..]);
+                time.saturating_add(AROUND_NS) >= *times.start() && time <= times.end().saturating_add(AROUND_NS)
+            })
+    }
+}
+
+/// Whether what lies at `at` can be another record, or is the end.
+fn follows(bytes: &mut impl Bytes, at: u64) -> Result<bool> {
+    let length = bytes.length();
+    Ok(match head_at(bytes, at)? {
+        None => at <= length,
+        Some(Head { opcode: op::HEADER..=op::DATA_END | 0x80.., length: size }) => size <= length - at,
+        Some(_) => false,
+    })
+}
+
+fn head_at(bytes: &mut impl Bytes, at: u64) -> Result<Option<Head>> {
+    Ok(bytes.get(at, Head::BYTES)?.first_chunk().map(Head::of))
+}
+
+/// The header of a chunk, which begins at `start`, if it can be one.
+pub(crate) fn chunk_head(bytes: &mut impl Bytes, start: u64) -> Result<Option<ChunkHead>> {
+    let head = ChunkHead::of(bytes.get(start, chunk::HEAD_BYTES as usize + 8)?);
+    Ok(head.filter(|head| matches!(head.compression.as_str(), "" | "lz4" | "zstd")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(channel: u16, time: u64, value: &[u8]) -> Vec<u8> {
+        let length = (MESSAGE_HEAD + value.len()) as u64;
+        let head = [&[op::MESSAGE][..], &length.to_le_bytes(), &channel.to_le_bytes(), &[0; 4]].concat();
+        [&head, &time.to_le_bytes()[..], &time.to_le_bytes(), value].concat()
+    }
+
+    fn found(judge: &Judge, bytes: &[u8]) -> Vec<u64> {
+        let (mut bytes, mut at, mut found) = (bytes, 0, Vec::new());
+        while let Some(spot) = judge.next(&mut bytes, at).unwrap() {
+            found.push(spot.at);
+            at = spot.end();
+        }
+        found
+    }
+
+    #[test]
+    fn a_flipped_bit_in_a_head_costs_one_message_at_most() {
+        let messages: Vec<Vec<u8>> = (0..9).map(|n| message(1, 1 << 60 | n, &vec![n as u8; 40 + n as usize])).collect();
+        let starts: Vec<u64> =
+            messages.iter().scan(0, |at, m| Some(std::mem::replace(at, *at + m.len() as u64))).collect();
+        let bytes = messages.concat();
+        let judge = Judge { channels: BTreeSet::from([1]), times: Some(1 << 60..=1 << 60 | 9) };
+        assert_eq!(found(&judge, &bytes), starts);
+        for (number, start) in starts.iter().enumerate() {
+            for bit in 0..8 * Head::BYTES {
+                let mut damaged = bytes.clone();
+                damaged[*start as usize + bit / 8] ^= 1 << (bit % 8);
+                let found = found(&judge, &damaged);
+                let kept = starts.iter().filter(|start| found.contains(start)).count();
+                assert!(kept >= 8 && found.len() <= 9, "bit {bit} of head {number}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_hole_costs_what_it_touches() {
+        let messages: Vec<Vec<u8>> = (0..100).map(|n| message(n % 3, 1 << 60, &[n as u8; 50])).collect();
+        let size = messages[0].len();
+        let mut bytes = messages.concat();
+        for fill in [0, 5, 0xff] {
+            bytes[1234..2345].fill(fill);
+            let judge = Judge { channels: BTreeSet::from([0, 1, 2]), times: Some(1 << 60..=1 << 60) };
+            let touched = 2344 / size - 1234 / size + 1;
+            let found = found(&judge, &bytes);
+            assert!(found.len() >= 100 - touched, "{} of 100", found.len());
+            assert!(found.iter().all(|at| at % size as u64 == 0), "{found:?}");
+        }
+    }
+}

@@ -1,0 +1,459 @@
+//! A damaged file: every record that is whole, wherever it lies.
+//!
+//! Where [`Container`](crate::container::Container) stops believing, this reader goes on: behind a stretch that is no
+//! record it looks for the next one (`judge.rs`), a chunk whose checksum is wrong is taken apart all the same, one that is
+//! compressed as far as it unpacks, and one whose header is lost by the mark that its compression begins with. A single
+//! flipped bit is put back (`flip.rs`). Everything that is not as it was written is said.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Result as IoResult};
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use elk_outside::file;
+use mcap::records::op;
+
+use crate::chunk::{self, Chunk, ChunkHead, Unpacked};
+use crate::container::{Found, read_error};
+use crate::error::LogError;
+use crate::flip::{Flip, flipped};
+use crate::footer::Footer;
+use crate::head::{Head, MAX_RECORD_BYTES};
+use crate::judge::{Bytes, Judge, Spot, chunk_head};
+use crate::summary::checksum;
+
+/// Bytes that are read from the file at once.
+const READ_BYTES: usize = 1 << 20;
+/// In chunks up to this length (bytes) a flipped bit is looked for: in larger ones too much else passes for one.
+const MAX_MENDED_BYTES: u64 = 4 << 20;
+/// In files up to this length (bytes) a flipped bit is looked for: it takes a second.
+const MAX_MENDED_FILE: u64 = 256 << 20;
+/// What packed bytes begin with.
+const MARKS: [(&str, [u8; 4]); 2] = [("zstd", [0x28, 0xb5, 0x2f, 0xfd]), ("lz4", [0x04, 0x22, 0x4d, 0x18])];
+/// A file may be full of such marks. So many that nothing comes of are tried.
+const MAX_FALSE_MARKS: u32 = 1000;
+
+/// A file that is read as far as it can be.
+pub(crate) struct Salvage {
+    path: PathBuf,
+    source: Source,
+    judge: Judge,
+    /// Where the next record of the file begins.
+    at: u64,
+    over: bool,
+    /// What begins before here lies in a chunk that is not what was written.
+    doubtful_to: u64,
+    chunk: Opened,
+    body: Vec<u8>,
+    /// Where in the chunk the record that was found last lies; nothing: in `body`.
+    found: Option<Range<usize>>,
+    /// What is to be said before anything else is read.
+    said: VecDeque<String>,
+    false_marks: u32,
+}
+
+/// The chunk that is being read.
+enum Opened {
+    None,
+    /// It is what was written.
+    Right(Chunk),
+    /// It is not; where in it the next record is looked for.
+    Wrong {
+        bytes: Vec<u8>,
+        at: u64,
+    },
+}
+
+/// The file's bytes, one of them put right, and those of them that were looked at last.
+struct Source {
+    file: File,
+    length: u64,
+    /// The byte that is put right, and how.
+    mended: Option<(u64, u8)>,
+    window: Vec<u8>,
+    window_at: u64,
+}
+
+impl Source {
+    /// Reads what is at `at`, as far as it goes.
+    fn read_at(&self, at: u64, to: &mut [u8]) -> IoResult<usize> {
+        let mut read = 0;
+        while read < to.len() {
+            match self.file.read_at(&mut to[read..], at + read as u64)? {
+                0 => break,
+                count => read += count,
+            }
+        }
+        if let Some((byte, mask)) = self.mended
+            && let Some(place) = byte.checked_sub(at).filter(|place| *place < read as u64)
+        {
+            to[place as usize] ^= mask;
+        }
+        Ok(read)
+    }
+
+    fn section(&self, Range { start, end }: Range<u64>) -> BufReader<Section<'_>> {
+        BufReader::with_capacity(64 << 10, Section { source: self, at: start, end })
+    }
+}
+
+impl Bytes for Source {
+    fn length(&self) -> u64 {
+        self.length
+    }
+
+    fn get(&mut self, at: u64, count: usize) -> IoResult<&[u8]> {
+        let count = (self.length.saturating_sub(at)).min(count as u64) as usize;
+        let inside = |window: &[u8], window_at: u64| {
+            at.checked_sub(window_at).is_some_and(|from| from + count as u64 <= window.len() as u64)
+        };
+        if !inside(&self.window, self.window_at) {
+            let wanted = (self.length - at.min(self.length)).min(count.max(READ_BYTES) as u64);
+            let mut window = std::mem::take(&mut self.window);
+            window.resize(wanted as usize, 0);
+            let read = self.read_at(at, &mut window)?;
+            window.truncate(read);
+            (self.window, self.window_at) = (window, at);
+        }
+        let from = (at - self.window_at) as usize;
+        let rest = self.window.get(from..).unwrap_or_default();
+        Ok(&rest[..count.min(rest.len())])
+    }
+}
+
+/// A part of the file.
+struct Section<'a> {
+    source: &'a Source,
+    at: u64,
+    end: u64,
+}
+
+impl Read for Section<'_> {
+    fn read(&mut self, to: &mut [u8]) -> IoResult<usize> {
+        let count = (self.end.saturating_sub(self.at)).min(to.len() as u64) as usize;
+        let read = self.source.read_at(self.at, &mut to[..count])?;
+        self.at += read as u64;
+        Ok(read)
+    }
+}
+
+impl Salvage {
+    /// Opens a file, whatever it begins with.
+    pub fn open(path: &Path) -> Result<Self, LogError> {
+        let opened = file::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+        let (length, file) = opened.map_err(|source| read_error(path, source))?;
+        let source = Source { file, length, mended: None, window: Vec::new(), window_at: 0 };
+        let mut salvage = Self {
+            path: path.into(),
+            source,
+            judge: Judge::default(),
+            at: 0,
+            over: false,
+            doubtful_to: 0,
+            chunk: Opened::None,
+            body: Vec::new(),
+            found: None,
+            said: VecDeque::new(),
+            false_marks: 0,
+        };
+        salvage.mend()?;
+        salvage.begin(Judge::default());
+        Ok(salvage)
+    }
+
+    /// Begins anew, with what is known of the file now.
+    pub fn begin(&mut self, judge: Judge) {
+        let magic = mcap::MAGIC.len() as u64;
+        let begins_right = self.source.get(0, mcap::MAGIC.len()).is_ok_and(|bytes| bytes == mcap::MAGIC);
+        (self.at, self.over, self.chunk, self.false_marks) =
+            (if begins_right { magic } else { 0 }, false, Opened::None, 0);
+        (self.judge, self.doubtful_to) = (judge, 0);
+        self.said.clear();
+        if !begins_right {
+            self.said.push_back("it does not begin as an MCAP file does".into());
+        }
+        if let Some((byte, _)) = self.source.mended {
+            self.said.push_back(format!("a bit of byte {byte} was flipped; it is put back"));
+        }
+    }
+
+    /// Puts back the one bit of the data that was flipped, if the checksum over all of them says that it is one, and all
+    /// is right with it then.
+    fn mend(&mut self) -> Result<(), LogError> {
+        let failed = |source| read_error(&self.path, source);
+        let end = match Footer::read(&self.source.file).map_err(failed)? {
+            Some(footer) => footer.index.unwrap_or(footer.start),
+            None => return Ok(()),
+        };
+        let Some(data) = end.checked_sub(Head::BYTES as u64 + 4).filter(|end| *end <= MAX_MENDED_FILE) else {
+            return Ok(());
+        };
+        let mut said = [0; 4];
+        self.source.read_at(data + Head::BYTES as u64, &mut said).map_err(failed)?;
+        let said = u32::from_le_bytes(said);
+        let found = checksum(&self.source.file, 0..data).map_err(failed)?.finalize();
+        if said == 0 || said == found {
+            return Ok(());
+        }
+        if let Some(Flip::Data(byte, mask)) = flipped(data, found, said) {
+            self.source.mended = Some((byte, mask));
+            self.begin(Judge::default());
+            let told = self.said.len();
+            if !self.is_right(told)? {
+                self.source.mended = None;
+            }
+            self.source.window.clear();
+        }
+        Ok(())
+    }
+
+    /// Whether nothing is said of the file beyond the first `told` words.
+    fn is_right(&mut self, told: usize) -> Result<bool, LogError> {
+        let mut damaged = 0;
+        loop {
+            match self.next()? {
+                Found::Damaged(_) => damaged += 1,
+                Found::Cut(_) => return Ok(false),
+                Found::End => return Ok(damaged <= told),
+                Found::Record(_) | Found::LeftOut(_) => {}
+            }
+        }
+    }
+
+    /// Length of the file when it was opened (bytes).
+    pub fn length(&self) -> u64 {
+        self.source.length
+    }
+
+    /// How much of the file has been read (bytes).
+    pub fn position(&self) -> u64 {
+        self.at.min(self.source.length)
+    }
+
+    /// The bytes of the record that was found last.
+    pub fn body(&self) -> &[u8] {
+        match (&self.found, &self.chunk) {
+            (Some(range), Opened::Right(chunk)) => chunk.bytes(range),
+            (Some(range), Opened::Wrong { bytes, .. }) => bytes.get(range.clone()).unwrap_or_default(),
+            _ => &self.body,
+        }
+    }
+
+    /// Whether the record that was found last lies in a chunk.
+    pub fn in_chunk(&self) -> bool {
+        self.found.is_some()
+    }
+
+    /// Whether the record that was found last lies in a chunk that is what was written.
+    pub fn is_certain(&self) -> bool {
+        self.found.is_some() && matches!(self.chunk, Opened::Right(_))
+    }
+
+    /// Whether the record that was found last lies in one that is not.
+    pub fn is_doubtful(&self) -> bool {
+        matches!(self.chunk, Opened::Wrong { .. }) || self.at <= self.doubtful_to
+    }
+
+    /// The next record, or what is said instead.
+    pub fn next(&mut self) -> Result<Found, LogError> {
+        loop {
+            self.found = None;
+            if let Some(said) = self.said.pop_front() {
+                return Ok(Found::Damaged(said));
+            }
+            if self.over {
+                return Ok(Found::End);
+            }
+            let found = match self.chunk {
+                Opened::None => self.record_of_file(),
+                _ => self.record_of_chunk(),
+            };
+            if let Some(found) = found.map_err(|source| read_error(&self.path, source))? {
+                return Ok(found);
+            }
+        }
+    }
+
+    fn record_of_chunk(&mut self) -> IoResult<Option<Found>> {
+        let found = match &mut self.chunk {
+            Opened::None => None,
+            Opened::Right(chunk) => chunk.next(),
+            Opened::Wrong { bytes, at } => {
+                let spot = self.judge.next(&mut bytes.as_slice(), *at)?;
+                *at = spot.map_or(u64::MAX, |spot| spot.end());
+                spot.map(|spot| (spot.head.opcode, spot.at as usize + Head::BYTES..spot.end() as usize))
+            }
+        };
+        match (found, &self.chunk) {
+            (None, _) => {
+                self.chunk = Opened::None;
+                Ok(None)
+            }
+            (Some((opcode, _)), Opened::Wrong { .. }) if !is_of_chunk(opcode) => Ok(None),
+            (Some((opcode, range)), _) => {
+                self.found = Some(range);
+                Ok(Some(Found::Record(opcode)))
+            }
+        }
+    }
+
+    fn record_of_file(&mut self) -> IoResult<Option<Found>> {
+        let spot = self.judge.next(&mut self.source, self.at)?;
+        let to = spot.map_or(self.source.length, |spot| spot.at);
+        match spot {
+            _ if to > self.at => self.pass_over(to).map(|()| None),
+            Some(spot) if spot.head.opcode != op::FOOTER => self.take(spot),
+            _ => self.end().map(Some),
+        }
+    }
+
+    /// Passes over what is no record, up to `to`; a chunk whose header is lost lies in what has the mark of one.
+    fn pass_over(&mut self, to: u64) -> IoResult<()> {
+        let start = std::mem::replace(&mut self.at, to);
+        if let Some((mark, bytes)) = self.packed(start..to)? {
+            self.said.push_back(format!("the header of the chunk before byte {mark} is damaged"));
+            self.chunk = Opened::Wrong { bytes, at: 0 };
+            self.at = mark + 1;
+        } else {
+            let passed = to - start;
+            self.said.push_back(format!("{passed} bytes from byte {start} on are no record; they are passed over"));
+        }
+        Ok(())
+    }
+
+    /// Records that are packed, without the head of a chunk, in a part of the file: where they begin, and what they are.
+    fn packed(&mut self, Range { start, end }: Range<u64>) -> IoResult<Option<(u64, Vec<u8>)>> {
+        for at in start..end {
+            let begin = self.source.get(at, 4)?;
+            let Some((name, _)) = MARKS.iter().find(|(_, mark)| begin == mark) else {
+                continue;
+            };
+            if self.false_marks > MAX_FALSE_MARKS {
+                return Ok(None);
+            }
+            let (bytes, _) = unpack(name, self.source.section(at..self.source.length), chunk::ALWAYS_BYTES)?;
+            let first = self.judge.next(&mut bytes.as_slice(), 0)?;
+            if first.is_some_and(|spot| spot.at == 0 && is_of_chunk(spot.head.opcode)) {
+                return Ok(Some((at, bytes)));
+            }
+            self.false_marks += 1;
+        }
+        Ok(None)
+    }
+
+    /// Takes the record that begins here.
+    fn take(&mut self, spot: Spot) -> IoResult<Option<Found>> {
+        self.at = spot.end();
+        let Head { opcode, length } = spot.head;
+        match opcode {
+            op::CHUNK => self.open_chunk(spot).map(|()| None),
+            op::ATTACHMENT if length > MAX_RECORD_BYTES => Ok(Some(Found::too_large(spot.at, length))),
+            op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::ATTACHMENT | op::METADATA | 0x80.. => {
+                let body = self.source.get(spot.at + Head::BYTES as u64, length as usize)?;
+                self.body.clear();
+                self.body.extend_from_slice(body);
+                Ok(Some(Found::Record(opcode)))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Opens the chunk that begins here, whatever state it is in.
+    fn open_chunk(&mut self, spot: Spot) -> IoResult<()> {
+        let start = spot.at + Head::BYTES as u64;
+        let Some(head) = chunk_head(&mut self.source, start)? else {
+            return Ok(());
+        };
+        let packed = start + head.bytes()..spot.end().min(self.source.length);
+        let mut right = Chunk::default();
+        let reason = match head.believable() {
+            Ok(()) => match right.unpack(&head, &mut self.source.section(packed.clone()))? {
+                Unpacked::Whole => {
+                    self.chunk = Opened::Right(right);
+                    return Ok(());
+                }
+                Unpacked::Broken(reason) | Unpacked::Lost(reason) => reason,
+            },
+            Err(reason) => reason,
+        };
+        let most = right.seen() + chunk::ALWAYS_BYTES;
+        drop(right);
+        if head.compression.is_empty() && head.compressed > MAX_MENDED_BYTES {
+            // Its records are read where they lie, as if there was no chunk: that takes no memory for what is none.
+            self.said.push_back(taken_as_it_is(spot.at, &reason));
+            (self.at, self.doubtful_to) = (packed.start, packed.end);
+            return Ok(());
+        }
+        let (bytes, stopped) = unpack(&head.compression, self.source.section(packed), most)?;
+        let reason = stopped.unwrap_or(reason);
+        let at = spot.at;
+        self.chunk = match mended(bytes, &head) {
+            Ok(chunk) => {
+                self.said.push_back(format!("the chunk at byte {at} had one flipped bit; it is put back"));
+                Opened::Right(chunk)
+            }
+            Err(bytes) => {
+                self.said.push_back(taken_as_it_is(at, &reason));
+                Opened::Wrong { bytes, at: 0 }
+            }
+        };
+        Ok(())
+    }
+
+    /// Nothing more can be found.
+    fn end(&mut self) -> IoResult<Found> {
+        self.over = true;
+        self.at = self.source.length;
+        Ok(match Footer::read(&self.source.file)? {
+            Some(_) => Found::End,
+            None => Found::Cut(format!("it breaks off after {} bytes, or its end is damaged", self.source.length)),
+        })
+    }
+}
+
+fn taken_as_it_is(at: u64, reason: &str) -> String {
+    format!("the chunk at byte {at} {reason}; its messages are taken as they are, as far as it goes")
+}
+
+/// Whether records of this kind are looked for in a damaged chunk. A message's kind with a flipped bit is that of another
+/// program's record, or of one that no chunk has.
+fn is_of_chunk(opcode: u8) -> bool {
+    matches!(opcode, op::MESSAGE | op::SCHEMA | op::CHANNEL)
+}
+
+/// Unpacks as much as can be, up to `most` bytes, and says why it is not more.
+fn unpack(compression: &str, mut packed: impl BufRead, most: u64) -> IoResult<(Vec<u8>, Option<String>)> {
+    let mut bytes = Vec::new();
+    let outcome = match compression {
+        "lz4" => lz4::Decoder::new(packed).and_then(|it| it.take(most).read_to_end(&mut bytes)),
+        "zstd" => zstd::Decoder::with_buffer(packed).and_then(|it| it.take(most).read_to_end(&mut bytes)),
+        _ => return packed.by_ref().take(most).read_to_end(&mut bytes).map(|_| (bytes, None)),
+    };
+    Ok((bytes, outcome.err().map(|error| format!("unpacks only in part: {error}"))))
+}
+
+/// The chunk with its one flipped bit put back; else the bytes as they are.
+fn mended(mut bytes: Vec<u8>, head: &ChunkHead) -> Result<Chunk, Vec<u8>> {
+    let length = bytes.len() as u64;
+    if head.crc == 0 || length != head.uncompressed || length > MAX_MENDED_BYTES {
+        return Err(bytes);
+    }
+    let flip = flipped(length, crc32fast::hash(&bytes), head.crc);
+    let bit = match flip {
+        None => return Err(bytes),
+        Some(Flip::Checksum) => None,
+        Some(Flip::Data(at, mask)) => Some((at as usize, mask)),
+    };
+    let put_back = |bytes: &mut [u8]| {
+        if let Some((byte, mask)) = bit.and_then(|(at, mask)| Some((bytes.get_mut(at)?, mask))) {
+            *byte ^= mask;
+        }
+    };
+    put_back(&mut bytes);
+    Chunk::of(bytes).map_err(|mut bytes| {
+        put_back(&mut bytes);
+        bytes
+    })
+}

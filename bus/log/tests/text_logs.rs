@@ -1,0 +1,118 @@
+//! MOOS' text logs, and numbers for spreadsheets: types, digits, poses.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use common::record;
+use elk_bus::{Payload, Value, codec};
+use elk_log::Record;
+use elk_log::alog::{AlogReader, AlogWriter};
+use elk_log::csv::put_csv;
+use elk_spatial::Pose;
+use elk_spatial::messages::{CameraPose, Progress};
+use nalgebra::{Point3, Vector3};
+
+fn case(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases").join(name)
+}
+
+fn values(path: &Path) -> Vec<(String, Value)> {
+    AlogReader::open(path).unwrap().map(Result::unwrap).map(|record| (record.key, record.value)).collect()
+}
+
+fn export(path: &Path, records: &[Record]) -> String {
+    let _ = std::fs::remove_file(path);
+    let mut alog = AlogWriter::create(path, 0.0).unwrap();
+    records.iter().for_each(|record| alog.append(&record.as_ref()).unwrap());
+    alog.finish().unwrap();
+    std::fs::read_to_string(path).unwrap()
+}
+
+fn typed<T: Payload>(value: &T::View<'_>) -> Value {
+    let mut bytes = Vec::new();
+    codec::encode_onto(value, &mut bytes).unwrap();
+    Value::Binary { type_name: T::NAME.into(), layout: T::LAYOUT, bytes }
+}
+
+#[test]
+fn a_variable_that_is_a_text_once_is_one_throughout() {
+    let text = |text: &str| Value::Text(text.into());
+    let read = values(&case("numtext.alog"));
+    let read: Vec<_> = read.iter().map(|(key, value)| (key.as_str(), value.clone())).collect();
+    let station = ["7", "home", "8"].map(|said| ("STATION", text(said)));
+    assert_eq!(read[..3], station);
+    assert_eq!(read[3..], [("VNAME", text("007")), ("HASH", Value::Double(1e5))]);
+}
+
+#[test]
+fn every_double_comes_back_from_a_text_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.alog");
+    let of_case = values(&case("precise.alog"));
+    assert!(of_case.iter().all(|(_, value)| matches!(value, Value::Double(_))), "{of_case:?}");
+    let others = [1.0 / 3.0, f64::MIN_POSITIVE, 5e-324, -0.0, 1e15, 1e16, f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+    let others = others.iter().map(|number| ("OTHER".to_owned(), Value::Double(*number)));
+    let records: Vec<Record> =
+        (0..).zip(of_case.into_iter().chain(others)).map(|(n, (key, value))| record(n, &key, value)).collect();
+    export(&path, &records);
+    let bits = |value: &Value| if let Value::Double(number) = value { number.to_bits() } else { 1 };
+    let back: Vec<u64> = values(&path).iter().map(|(_, value)| bits(value)).collect();
+    assert_eq!(back, records.iter().map(|record| bits(&record.value)).collect::<Vec<_>>());
+}
+
+#[test]
+fn poses_are_what_moos_calls_so_and_small_values_are_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let looking = |direction| Pose::looking(Point3::new(1.0, 2.5, 0.75), direction);
+    let camera = |number, direction| {
+        record(number, "SIM_SENSOR", typed::<CameraPose>(&CameraPose { command: number, pose: looking(direction) }))
+    };
+    let progress = Progress { scan: 1, revision: 2, scans: 3, path_length_m: 0.1, free: 4, finished: true };
+    let records = [
+        camera(0, Vector3::x()),
+        camera(1, -Vector3::z()),
+        camera(2, -Vector3::y()),
+        record(3, "PROGRESS", typed::<Progress>(&progress)),
+    ];
+    let alog = export(&folder.path().join("run.alog"), &records);
+    let said = |key: &str| {
+        let words = alog.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
+        words.filter(|words| words.get(1) == Some(&key)).map(|words| words[3].to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(said("NAV_X"), ["1.00000"; 3]);
+    assert_eq!((said("NAV_Y"), said("NAV_Z")), (vec!["2.50000".to_owned(); 3], vec!["0.75000".to_owned(); 3]));
+    let headings: Vec<f64> = said("NAV_HEADING").iter().map(|heading| heading.parse().unwrap()).collect();
+    assert_eq!(headings.len(), 2, "straight down there is none");
+    assert!((headings[0] - 90.0).abs() < 1e-9 && (headings[1] - 180.0).abs() < 1e-9, "{headings:?}");
+    assert!(said("PROGRESS")[0].contains("\"path_length_m\":0.1") && !folder.path().join("run.blog").exists());
+}
+
+#[test]
+fn numbers_of_poses_lists_and_flags_have_names_of_their_own() {
+    let csv = |record: &Record| {
+        let mut out = Vec::new();
+        put_csv(&mut out, 0.5, &record.as_ref()).unwrap();
+        String::from_utf8(out).unwrap()
+    };
+    let pose = Pose::looking(Point3::new(1.0, 2.5, 0.75), Vector3::x());
+    let lines = csv(&record(0, "SIM_SENSOR", typed::<CameraPose>(&CameraPose { command: 7, pose })));
+    for line in [
+        "SIM_SENSOR.command,app,7",
+        "SIM_SENSOR.pose.x,app,1",
+        "SIM_SENSOR.pose.y,app,2.5",
+        "SIM_SENSOR.pose.z,app,0.75",
+    ] {
+        assert!(lines.contains(&format!("0.500000,{line}\n")), "{lines}");
+    }
+    assert!(lines.contains("SIM_SENSOR.pose.qw,app,"), "{lines}");
+    let progress = Progress { scan: 1, revision: 2, scans: 3, path_length_m: 0.1, free: u64::MAX, finished: true };
+    let lines = csv(&record(0, "PROGRESS", typed::<Progress>(&progress)));
+    assert!(
+        lines.contains("PROGRESS.finished,app,1\n") && lines.contains(&format!("free,app,{}\n", u64::MAX)),
+        "{lines}"
+    );
+    let json = Value::Text(r#"{"at":[1.5,-2],"label":"x","long":[1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17]}"#.into());
+    assert_eq!(csv(&record(0, "POINT", json)), "0.500000,POINT.at[0],app,1.5\n0.500000,POINT.at[1],app,-2\n");
+    assert_eq!(csv(&record(0, "HUGE", Value::Double(1e300))), "0.500000,HUGE,app,1e300\n");
+}
