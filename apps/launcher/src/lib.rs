@@ -10,7 +10,7 @@
 //! | `observer`, `steps` | what the mission says of itself there; where the time of a step goes |
 //! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
 //! | `launch_state` | what another launcher has to know to pick the mission up |
-//! | `progress`, `summary`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, where it is kept |
+//! | `progress`, `summary`, `shortfall`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, why it came to nothing, where it is kept |
 
 mod conduct;
 mod control;
@@ -28,6 +28,7 @@ mod processes;
 mod progress;
 mod run_folder;
 mod run_place;
+mod shortfall;
 mod steps;
 mod strays;
 mod summary;
@@ -222,7 +223,7 @@ impl Stage<'_> {
         let explorers = conduct.crew.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
         let unwritten = summary.write(folder).err();
-        let picture = (summary.scans > 0).then(|| picture::draw(self.program, folder));
+        let picture = (summary.known_voxels > 0).then(|| picture::draw(self.program, folder));
         Ok(Outcome { folder: (*folder).to_owned(), summary, error, unwritten, picture })
     }
 }

@@ -93,7 +93,7 @@ fn line(observed: &Observer) -> String {
 
 #[cfg(test)]
 mod tests {
-    use elk_spatial::messages::{MapStatus, Progress};
+    use elk_spatial::messages::{MapStatus, Progress, RayTally};
 
     use super::*;
 
@@ -102,8 +102,16 @@ mod tests {
         let mut observed = Observer::default();
         assert_eq!(line(&observed), "0 known 0 frontier | 0 scans 0.0 m | alive: ");
         observed.clients = ["Map", "Sensor", "launcher"].map(str::to_owned).into();
-        observed.map =
-            Some(MapStatus { revision: 3, free: 20, occupied: 5, frontier: 7, resolution: 0.1, cpu_secs: 0.0 });
+        observed.map = Some(MapStatus {
+            revision: 3,
+            free: 20,
+            occupied: 5,
+            frontier: 7,
+            resolution: 0.1,
+            cpu_secs: 0.0,
+            full: false,
+            rays: RayTally::default(),
+        });
         observed.progress =
             Some(Progress { scan: 3, revision: 3, scans: 3, path_length_m: 1.25, free: 20, finished: false });
         observed.steps.note("Controller", 1.0, true);
