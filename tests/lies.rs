@@ -231,8 +231,7 @@ fn assert_well(element: &str, seat: &mut Seat, others: &mut Others) {
             assert_eq!((others.heard.camera.as_ref().unwrap().command, others.heard.scans), (id, scans + 1));
         }
         "Filter" => {
-            let scan =
-                Scan { id: 1, command: 1, pose: at(0.0), points: [Point3::new(0.0, 0.0, 1.0)].into_iter().collect() };
+            let scan = Scan::new(1, 1, at(0.0), [Point3::new(0.0, 0.0, 1.0)].into_iter().collect());
             let before = seat.client.comms.rejected();
             others.client.comms.register(&Key::<Scan<'static>>::new("SCAN_1")).unwrap();
             others.publish(&SCAN, &scan);
@@ -249,7 +248,7 @@ fn assert_well(element: &str, seat: &mut Seat, others: &mut Others) {
             let revision = others.heard.revision;
             for id in [7_000_001, 7_000_002] {
                 let points = [Point3::new(0.0, 0.0, 1.0)].into_iter().collect();
-                others.publish(&Key::<Scan<'static>>::new("SCAN_1"), &Scan { id, command: 1, pose: at(0.0), points });
+                others.publish(&Key::<Scan<'static>>::new("SCAN_1"), &Scan::new(id, 1, at(0.0), points));
             }
             wait(|| {
                 others.settle(seat, element);
@@ -380,10 +379,10 @@ fn long_lies() -> Vec<(String, Value)> {
     let spread =
         |i: i16| elk_spatial::map::BrickStates { brick: [i % 90 * 40, i / 90 * 40, 0], states: vec![0x55; 128] };
     let far = |z: f32| (0..MANY).map(move |i| Point3::new(i as f32 % 1000.0, i as f32 / 1000.0, z)).collect();
-    let scan = |id, points| Scan { id, command: 1, pose: at(0.0), points };
+    let scan = |id, points| Scan::new(id, 1, at(0.0), points);
     let memory = |trail: Vec<Voxel>| ExplorerMemory {
         plan: plan(vec![here]),
-        report: None,
+        ended: None,
         plans: 1,
         stalls: 0,
         fallbacks: 0,
@@ -394,6 +393,7 @@ fn long_lies() -> Vec<(String, Value)> {
         trail,
         standing: Standing::default(),
         progress_at: 0,
+        refused: 0,
     };
     let sample = CoverageSample { free: 1, path_length_m: 0.0 };
     let over = |samples| MotionMemory {

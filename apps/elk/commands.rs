@@ -103,7 +103,12 @@ fn report(outcome: &Outcome) -> Result<()> {
         Some(Err(error)) => say(&format!("  no picture: {error}\n"))?,
         None => {}
     }
-    say(&format!("  all of it is in {}\n", outcome.folder.display()))
+    say(&format!("  all of it is in {}\n", outcome.folder.display()))?;
+    match &outcome.summary {
+        summary if summary.complete => Ok(()),
+        // What matters most comes last, where it is seen.
+        summary => say(&format!("NOT complete: {}\n", summary.reason)),
+    }
 }
 
 /// `elk check`

@@ -28,8 +28,8 @@ impl Record {
         &self.samples
     }
 
-    /// Scans and way to each share of what is known now. A share counts as known from the first scan on after which as
-    /// many free voxels were known.
+    /// Scans and way to each share of what is known now, if that is anything. A share counts as known from the first scan on
+    /// after which as many free voxels were known.
     pub fn report(&self) -> MotionReport {
         let free = self.samples.last().map_or(0, |s| s.free);
         let path_length_m = self.samples.last().map_or(0.0, |s| s.path_length_m);
@@ -44,7 +44,7 @@ impl Record {
             scans: self.samples.len() as u64,
             path_length_m,
             free,
-            marks: SHARES.into_iter().filter_map(mark).collect(),
+            marks: SHARES.into_iter().filter(|_| free > 0).filter_map(mark).collect(),
         }
     }
 }
@@ -68,5 +68,8 @@ mod tests {
     #[test]
     fn without_a_scan_there_is_no_mark() {
         assert!(Record::default().report().marks.is_empty());
+        let mut blind = Record::default();
+        blind.add(0, 0.0);
+        assert!(blind.report().marks.is_empty(), "all of nothing is no mark either");
     }
 }

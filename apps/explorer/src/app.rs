@@ -10,11 +10,10 @@ use elk_spatial::checks::{
 };
 use elk_spatial::clearance::Clearance;
 use elk_spatial::keys::{
-    EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
+    EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
-use elk_spatial::messages::{Decision, ExplorerMemory, Plan, PlanRequest};
-use elk_spatial::voxel::INDEX_RANGE;
+use elk_spatial::messages::{Decision, ExplorerMemory, MapStatus, Plan, PlanRequest};
 use elk_spatial::{Bounds, FrontierSet, Replica, Voxel};
 use nalgebra::Vector3;
 
@@ -80,8 +79,12 @@ const ATTEMPTS: ParamSpec = param(
     "Distinct places from which a frontier voxel is looked at before it is given up as unresolved.",
 );
 const MAX_SCANS: ParamSpec = param("MaxScans", COUNT, "10000", "A run that takes more scans than this has failed.");
-const PATIENCE: ParamSpec =
-    param("Patience", COUNT, "100", "A run that learns nothing new in this many scans has failed.");
+const PATIENCE: ParamSpec = param(
+    "Patience",
+    COUNT,
+    "100",
+    "A run that learns nothing new in this many scans has failed, and so has one in which the sensor refuses as many motions.",
+);
 const START: ParamSpec = param(
     "Start",
     Kind::Choice(&["policy", "flux", "shortest"]),
@@ -135,11 +138,13 @@ const POTENTIAL: &[ParamSpec] = params![START, SOLVER, TOLERANCE];
 /// An explorer of any strategy with the parameters that all share.
 pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>, AppError> {
     let explorer = Explorer::new(strategy, settings(params)?);
+    // The table keeps the number of bricks positive.
+    let max_bricks = params.integer("MaxBricks") as usize;
     Ok(Box::new(ExplorerApp {
         frontier: explorer.frontier(),
         explorer,
-        // The table keeps the number of bricks positive.
-        replica: Replica::new(Some(params.number("Res")), params.integer("MaxBricks") as usize),
+        replica: Replica::new(Some(params.number("Res")), max_bricks),
+        max_bricks,
         requests: Requests::default(),
         recall: Recall::default(),
         plan: None,
@@ -196,6 +201,8 @@ pub struct ExplorerApp {
     explorer: Explorer,
     replica: Replica,
     frontier: FrontierSet,
+    /// Bricks that the map may have.
+    max_bricks: usize,
     /// Requests whose revision of the map is not here yet.
     requests: Requests,
     recall: Recall,
@@ -209,6 +216,14 @@ impl ExplorerApp {
     fn succeed(&mut self, left: ExplorerMemory) {
         self.explorer.succeed(&left);
         self.plan = Some(left.plan);
+    }
+
+    /// Takes note of whether the map is full. One that is has most of its bricks in every copy; one of which that is not true
+    /// is not believed to be.
+    fn on_status(&mut self, status: &MapStatus) {
+        let grid = self.replica.grid();
+        let full = status.full && 2 * grid.bricks().len() >= self.max_bricks;
+        self.frontier.set_full(full, grid);
     }
 
     fn on_request(&mut self, comms: &mut Comms, asker: &str, request: PlanRequest) -> Result<(), AppError> {
@@ -230,14 +245,14 @@ impl ExplorerApp {
         self.answer(comms)
     }
 
-    /// Whether the robot can be where it is said to be: in the map, and near what is known of it.
+    /// Whether the robot can be where it is said to be: in the map, and near what is known of it. Of a map in which there is
+    /// nothing it may be outside; that is then why there is nothing.
     fn look_at_place(&self, request: &PlanRequest) -> Result<(), Rejection> {
         let grid = self.replica.grid();
         let place = request.pose.position();
         let robot = Voxel::containing(place, grid.resolution());
-        let inside = robot.to_array().iter().all(|c| INDEX_RANGE.contains(c));
         let unheard_of = self.replica.is_doubtful() || grid.bricks().is_empty() || request.revision > grid.revision();
-        if inside && (unheard_of || grid.knows_near(robot)) {
+        if unheard_of || (robot.is_mappable() && grid.knows_near(robot)) {
             return Ok(());
         }
         let (x, y, z) = (place.x, place.y, place.z);
@@ -326,6 +341,8 @@ impl App for ExplorerApp {
         self.recall.ask(comms, &EXPLORER_MEMORY)?;
         comms.register(&MAP)?;
         comms.register(&MAP_UPDATE)?;
+        // It comes with the update, and so before any request that follows from that.
+        comms.register(&MAP_KNOWN)?;
         comms.register_number(MAP_RECALL)?;
         comms.register(&PLAN_REQUEST)?;
         Ok(())
@@ -337,6 +354,9 @@ impl App for ExplorerApp {
             self.on_map(comms, &mail.decode(&MAP_UPDATE)?)
         } else if mail.is(&MAP) {
             self.on_map(comms, &mail.decode(&MAP)?)
+        } else if mail.is(&MAP_KNOWN) {
+            self.on_status(&mail.decode(&MAP_KNOWN)?);
+            Ok(())
         } else if mail.is(&PLAN_REQUEST) {
             self.on_request(comms, mail.source(), mail.decode(&PLAN_REQUEST)?)
         } else if mail.key() == MAP_RECALL {

@@ -2,9 +2,13 @@
 
 mod memory;
 mod scene;
+mod verdict;
 
 use elk_spatial::clearance::Clearance;
-use elk_spatial::messages::{Decision, ExplorationReport, ExplorerMemory, Path, Plan, PlanRequest, Standing};
+use elk_spatial::frontier::Edges;
+use elk_spatial::messages::{
+    Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
+};
 use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline};
 use nalgebra::Point3;
 
@@ -14,6 +18,7 @@ use crate::policy::{Policy, looks};
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
 use memory::Memory;
 use scene::Scene;
+use verdict::{End, Verdict};
 
 /// What an explorer is told besides its strategy.
 #[derive(Debug, Clone)]
@@ -37,18 +42,10 @@ pub struct Settings {
     pub attempts: usize,
     /// A run of more scans than this has failed.
     pub max_scans: u64,
-    /// A run that learns nothing new in this many scans has failed.
+    /// A run that learns nothing new in this many scans has failed, and so has one with as many refused paths.
     pub patience: u64,
     /// Seconds of CPU that the thread has used.
     pub clock: fn() -> f64,
-}
-
-/// Why a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum End {
-    Explored,
-    TooManyScans,
-    NoProgress,
 }
 
 /// Plans, remembers what it tried, and knows when it is done.
@@ -104,14 +101,14 @@ impl Explorer {
         self.memory = Memory::recall(left);
         self.journal.recall(left);
         self.plans = left.plans;
-        self.report = left.report.clone();
+        self.report = left.ended.clone();
     }
 
     /// What a successor has to know, `plan` being the last one.
     pub fn memory(&self, plan: &Plan) -> ExplorerMemory {
         let mut memory = ExplorerMemory {
             plan: plan.clone(),
-            report: self.report.clone(),
+            ended: self.report.clone(),
             plans: self.plans,
             stalls: self.journal.stalls,
             fallbacks: self.journal.fallbacks,
@@ -122,6 +119,7 @@ impl Explorer {
             hidden: Vec::new(),
             standing: Standing::default(),
             progress_at: 0,
+            refused: 0,
         };
         self.memory.leave(&mut memory);
         memory
@@ -147,10 +145,13 @@ impl Explorer {
         let mut scene = self.journal.time("space", || Scene::around(grid, from, frontier, memory, settings));
         self.scope = scene.scope();
         if request.revision >= self.settings.max_scans {
-            return self.end(End::TooManyScans, &scene);
+            return self.end(End::TooManyScans, &scene, (grid, frontier));
         }
         if self.memory.scans_without_progress(request.revision) >= self.settings.patience {
-            return self.end(End::NoProgress, &scene);
+            return self.end(End::NoProgress, &scene, (grid, frontier));
+        }
+        if self.memory.refused() >= self.settings.patience {
+            return self.end(End::Refused, &scene, (grid, frontier));
         }
         let mut goals = self.near_goals(&scene);
         if goals.is_empty() {
@@ -162,7 +163,7 @@ impl Explorer {
             goals = self.far_goals(&mut scene, frontier);
         }
         if goals.is_empty() {
-            return self.end(End::Explored, &scene);
+            return self.end(End::Explored, &scene, (grid, frontier));
         }
         match self.choose(&scene, &goals, from) {
             Some((goal, way)) => {
@@ -170,7 +171,7 @@ impl Explorer {
                 self.report = None;
                 Decision::Go(self.path(&scene, frontier, goal, way))
             }
-            None => self.end(End::NoProgress, &scene),
+            None => self.end(End::NoProgress, &scene, (grid, frontier)),
         }
     }
 
@@ -252,32 +253,18 @@ impl Explorer {
         path
     }
 
-    fn end(&mut self, end: End, scene: &Scene) -> Decision {
-        let mut left = scene.left;
+    fn end(&mut self, end: End, scene: &Scene, (grid, frontier): (&OccupancyGrid, &FrontierSet)) -> Decision {
+        let Edges { map, volume, no_room } = Edges::of(grid, frontier);
+        let mut left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
         left.open += scene.targets.len() as u64 + scene.beyond;
-        let missed = left.unresolved + left.open;
-        let beyond = scene.beyond;
-        let reason = match end {
-            End::Explored if missed == 0 => "every frontier that can be reached and seen is resolved".into(),
-            End::Explored if beyond > 0 => {
-                let most = self.settings.max_voxels;
-                format!("{beyond} frontier voxels lie beyond the {most} voxels that are planned over (MaxVoxels)")
-            }
-            End::Explored => {
-                format!("{missed} frontier voxels were looked at from {} places each, in vain", self.settings.attempts)
-            }
-            End::TooManyScans => format!("more than {} scans (MaxScans)", self.settings.max_scans),
-            End::NoProgress => {
-                format!("{} scans taught nothing new (Patience)", self.settings.patience)
-            }
-        };
+        let Verdict { complete, reason } = Verdict::of(end, &left, scene, grid, &self.settings);
         self.report = Some(ExplorationReport {
             explorer: self.strategy.name().into(),
             policy: self.settings.policy.name.into(),
             settings: self.describe(),
-            complete: end == End::Explored && missed == 0,
+            complete,
             reason,
-            left,
+            frontiers_left: left,
             plans: self.plans,
             stalls: self.journal.stalls,
             cpu_secs: self.journal.phases().to_vec(),

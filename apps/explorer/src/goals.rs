@@ -4,6 +4,7 @@
 //! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
 //! every place that sees the unknown at all counts.
 
+use elk_spatial::frontier::counts;
 use elk_spatial::{Bounds, State, Voxel};
 use nalgebra::Point3;
 
@@ -29,9 +30,9 @@ pub struct Target {
 }
 
 impl Target {
-    /// The target of frontier voxel `voxel`: what is unknown beside it, inside `bounds`.
+    /// The target of frontier voxel `voxel`: what is unknown beside it, inside `bounds` and the map.
     pub fn new(volume: &Volume, bounds: Option<Bounds>, voxel: Voxel, tried: Vec<Voxel>) -> Self {
-        let inside = |v: &Voxel| bounds.is_none_or(|b| b.contains(v.center(volume.resolution())));
+        let inside = |v: &Voxel| counts(*v, bounds, volume.resolution());
         let unknown =
             voxel.face_neighbours().into_iter().filter(|n| volume.state(*n) == State::Unknown).filter(inside).collect();
         Self { voxel, unknown, tried }

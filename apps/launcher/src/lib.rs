@@ -12,7 +12,7 @@
 //! | `launch_state` | what another launcher has to know to pick the mission up |
 //! | `provenance` | what a run was made of, so that it can be had again |
 //! | `detach` | giving the terminal back |
-//! | `progress`, `summary`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, where it is kept |
+//! | `progress`, `summary`, `shortfall`, `run_folder`, `run_place` | what people see meanwhile, what the run came to, why it came to nothing, where it is kept |
 
 mod backend;
 mod conduct;
@@ -32,6 +32,7 @@ mod progress;
 mod provenance;
 mod run_folder;
 mod run_place;
+mod shortfall;
 mod steps;
 mod strays;
 mod summary;
@@ -275,7 +276,7 @@ impl Stage<'_> {
         let explorers = conduct.backend.explorers().join(", ");
         let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
         let unwritten = summary.write(folder).err();
-        let picture = (summary.scans > 0).then(|| picture::draw(self.program, folder));
+        let picture = (summary.known_voxels > 0).then(|| picture::draw(self.program, folder));
         Ok(Outcome { folder: (*folder).to_owned(), summary, error, unwritten, picture })
     }
 }

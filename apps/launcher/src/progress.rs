@@ -192,7 +192,7 @@ impl ScanRate {
 
 #[cfg(test)]
 mod tests {
-    use elk_spatial::messages::{MapStatus, Progress};
+    use elk_spatial::messages::{MapStatus, Progress, RayTally};
 
     use super::*;
 
@@ -203,8 +203,16 @@ mod tests {
         let line = |observed: &Observer, paused| what.line(observed, 125.9, 2.5, paused);
         assert_eq!(line(&observed, false), "2:05 | nothing known | 0 scans, 2.5/s, 0.0 m | alive: ");
         observed.clients = ["Map", "Sensor", "launcher", "echo-4711", "top-12"].map(str::to_owned).into();
-        observed.map =
-            Some(MapStatus { revision: 3, free: 20, occupied: 5, frontier: 7, resolution: 0.1, cpu_secs: 0.0 });
+        observed.map = Some(MapStatus {
+            revision: 3,
+            free: 20,
+            occupied: 5,
+            frontier: 7,
+            resolution: 0.1,
+            cpu_secs: 0.0,
+            full: false,
+            rays: RayTally::default(),
+        });
         observed.progress =
             Some(Progress { scan: 3, revision: 3, scans: 3, path_length_m: 1.25, free: 20, finished: false });
         observed.steps.note("Controller", 1.0, true);

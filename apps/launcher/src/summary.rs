@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
-use elk_mission::{Mission, element};
+use elk_mission::{AppSpec, Mission, element};
 use elk_spatial::messages::{CoverageMark, FrontiersLeft};
 use serde::Serialize;
 
 use crate::error::LaunchError;
 use crate::observer::Observer;
+use crate::shortfall::{overflow, shortfall};
 use crate::steps::Spread;
 
 /// A run, summed up. What nobody said is `null`.
@@ -27,7 +28,8 @@ pub struct Summary {
     pub settings: Option<String>,
     /// The seed of everything random.
     pub seed: Option<i64>,
-    /// Whether every frontier that can be reached and seen is resolved, without a contact with the true world.
+    /// Whether every frontier that can be reached and seen is resolved, in a map that holds something, without a contact with
+    /// the true world.
     pub complete: bool,
     /// Why the run ended.
     pub reason: String,
@@ -68,7 +70,7 @@ impl Summary {
     /// did.
     pub(crate) fn of(mission: &Mission, observed: &Observer, explorer: String, ended: Option<&LaunchError>) -> Self {
         let report = observed.exploration.as_ref();
-        let (complete, reason) = outcome(observed, ended);
+        let (complete, reason) = outcome(mission, observed, ended);
         let progress = observed.progress.as_ref();
         let motion = observed.motion.as_ref();
         let (scans, path_length_m) = match (motion, progress) {
@@ -88,11 +90,11 @@ impl Summary {
             reason,
             scans,
             path_length_m,
-            frontiers_left: report.map(|report| report.left),
+            frontiers_left: report.map(|report| report.frontiers_left),
             known_voxels: free + occupied,
             free_voxels: free,
             occupied_voxels: occupied,
-            accuracy: observed.accuracy.as_ref().map(|judged| judged.accuracy),
+            accuracy: observed.accuracy.as_ref().filter(|judged| judged.voxels > 0).map(|judged| judged.accuracy),
             contacts: observed.contacts(),
             seconds: observed.seconds(),
             coverage: motion.map(|motion| motion.marks.clone()).unwrap_or_default(),
@@ -115,19 +117,33 @@ impl Summary {
 }
 
 /// Whether the mission is complete, and why it ended.
-fn outcome(observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
-    match (ended, &observed.exploration, observed.contacts()) {
-        (Some(error), Some(report), _) if report.complete => (false, format!("{}, but {error}", report.reason)),
-        (Some(error), _, _) => (false, error.to_string()),
-        (None, None, _) => (false, "the explorer did not say why it ended".to_owned()),
-        (None, Some(report), _) if !report.complete => (false, report.reason.clone()),
-        (None, Some(report), None) => {
-            (false, format!("{}, but nobody counted contacts with the true world", report.reason))
-        }
-        (None, Some(report), Some(0)) => (true, report.reason.clone()),
-        (None, Some(report), Some(n)) => {
-            (false, format!("{}, but the robot touched the true world {n} times", report.reason))
-        }
+fn outcome(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
+    let Some(report) = &observed.exploration else {
+        let silent = || "the explorer did not say why it ended".to_owned();
+        return (false, ended.map_or_else(silent, LaunchError::to_string));
+    };
+    let reason = &report.reason;
+    match (ended, objection(mission, observed, report.complete)) {
+        (Some(error), _) if report.complete => (false, format!("{reason}, but {error}")),
+        (Some(error), _) => (false, error.to_string()),
+        (None, None) => (report.complete, reason.clone()),
+        (None, Some(objection)) if report.complete => (false, format!("{reason}, but {objection}")),
+        (None, Some(objection)) => (false, format!("{reason}: {objection}")),
+    }
+}
+
+/// What speaks against a mission whose explorer calls it complete, or says more than the explorer can know.
+fn objection(mission: &Mission, observed: &Observer, complete: bool) -> Option<String> {
+    let map = observed.map.as_ref();
+    let filters: Vec<&AppSpec> = mission.of_element(element::FILTER).collect();
+    if let Some(shortfall) = map.and_then(|map| shortfall(&filters, map)) {
+        return Some(shortfall);
+    }
+    match observed.contacts() {
+        _ if !complete => map.and_then(overflow),
+        None => Some("nobody counted contacts with the true world".to_owned()),
+        Some(0) => None,
+        Some(n) => Some(format!("the robot touched the true world {n} times")),
     }
 }
 
@@ -175,13 +191,17 @@ impl fmt::Display for Summary {
         if let Some(left) = &self.frontiers_left {
             writeln!(
                 f,
-                "  {} frontier voxels left: {} unreachable, {} invisible, {} unresolved, {} too small, {} open",
+                "  {} frontier voxels left: {} unreachable, {} invisible, {} unresolved, {} too small, {} open, {} where the \
+                 map ends, {} where it is full, {} where the volume ends",
                 left.total(),
                 left.unreachable,
                 left.invisible,
                 left.unresolved,
                 left.too_small,
-                left.open
+                left.open,
+                left.map_edge,
+                left.no_room,
+                left.volume_edge
             )?;
         }
         let accuracy = self.accuracy.map(|share| format!("accuracy {:.2} %", 100.0 * share));

@@ -11,7 +11,7 @@ use elk_spatial::keys::{
 };
 use elk_spatial::messages::{
     AccuracyReport, CoverageMark, ExplorationReport, FrontiersLeft, MapStatus, MotionReport, PoseCommand, Progress,
-    SensorReport,
+    RayTally, SensorReport,
 };
 use nalgebra::Point3;
 
@@ -59,7 +59,17 @@ impl App for Map {
             return Err("no room".into());
         }
         let revision = scan as u64;
-        let status = MapStatus { revision, free: 3, occupied: 1, frontier: 0, resolution: 0.1, cpu_secs: 0.25 };
+        let rays = RayTally { measured: 4, received: 4, ..RayTally::default() };
+        let status = MapStatus {
+            revision,
+            free: 3,
+            occupied: 1,
+            frontier: 0,
+            resolution: 0.1,
+            cpu_secs: 0.25,
+            full: false,
+            rays,
+        };
         comms.publish(&MAP_KNOWN, &status)?;
         Ok(comms.notify("MAPPED", scan)?)
     }
@@ -114,7 +124,7 @@ impl App for Explorer {
             settings: "as always".into(),
             complete: self.complete,
             reason: "nothing is left".into(),
-            left: FrontiersLeft { invisible: 2, ..FrontiersLeft::default() },
+            frontiers_left: FrontiersLeft { invisible: 2, ..FrontiersLeft::default() },
             plans: 1,
             stalls: 0,
             cpu_secs: vec![("field".into(), 0.125)],

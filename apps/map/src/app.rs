@@ -6,12 +6,12 @@ use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;
-use elk_spatial::checks::{MAX_BRICKS, MAX_POINTS, MAX_REVISIONS_AHEAD, RESOLUTIONS_M};
+use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, RESOLUTIONS_M};
 use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
-use elk_spatial::messages::MapStatus;
+use elk_spatial::messages::{MapStatus, RayTally};
 use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;
 
@@ -64,6 +64,12 @@ const PARAMS: &[ParamSpec] = &[
         "30",
         "Farther points are no hits, their rays free only up to here; 0: no limit.",
     ),
+    number(
+        "FreeNoReturn",
+        ("m", 0.0, 1e4),
+        "0",
+        "How far a ray frees voxels in whose direction the sensor saw nothing, at most MaxRange; 0: not at all.",
+    ),
     ParamSpec {
         name: "MaxBricks",
         kind: Kind::Integer { min: 64, max: MAX_BRICKS as i64 },
@@ -88,6 +94,14 @@ const PARAMS: &[ParamSpec] = &[
 fn config(params: &Params) -> Result<MapConfig, AppError> {
     let dim = Vector3::from(params.point("Dim"));
     let bounds = (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(params.point("Mid").into(), dim));
+    let (max_range, free_no_return) = (params.number("MaxRange"), params.number("FreeNoReturn"));
+    if max_range > 0.0 && free_no_return > max_range {
+        return Err(format!(
+            "FreeNoReturn is {free_no_return} m, which is farther than MaxRange, {max_range} m; right is at most that, or a \
+             larger MaxRange (0: no limit)"
+        )
+        .into());
+    }
     Ok(MapConfig {
         resolution: params.number("Res"),
         hit: params.number("LogOddsHit") as f32,
@@ -99,7 +113,8 @@ fn config(params: &Params) -> Result<MapConfig, AppError> {
             "sticky" => Grazing::Sticky,
             _ => Grazing::Guard,
         },
-        max_range: params.number("MaxRange"),
+        max_range,
+        free_no_return,
         // The table keeps it positive.
         max_bricks: params.integer("MaxBricks") as usize,
         bounds,
@@ -134,16 +149,10 @@ struct MapApp {
     requested: bool,
     /// Whether readers may have a map that this one does not go on from.
     next_is_whole: bool,
-    limits: Limits,
-}
-
-/// What came of the map's limits in this run.
-#[derive(Debug, Default)]
-struct Limits {
     /// Whether it was said that points lie beyond the largest range.
     range_said: bool,
-    /// Points that were left out because the map was full.
-    no_room: u64,
+    /// What became of the rays of all scans, its predecessor's included.
+    rays: RayTally,
 }
 
 impl MapApp {
@@ -160,7 +169,8 @@ impl MapApp {
             waiting: Vec::new(),
             requested: false,
             next_is_whole: false,
-            limits: Limits::default(),
+            range_said: false,
+            rays: RayTally::default(),
         })
     }
 
@@ -176,7 +186,7 @@ impl MapApp {
             past.revisions.push(memory.revision);
         } else if mail.is(&MAP_KNOWN) {
             let known = mail.decode(&MAP_KNOWN)?;
-            self.cpu_secs = known.cpu_secs;
+            (self.cpu_secs, self.rays) = (known.cpu_secs, known.rays);
             past.revisions.push(known.revision);
         } else if mail.is(&MAP_UPDATE) {
             past.revisions.push(mail.decode(&MAP_UPDATE)?.revision);
@@ -280,12 +290,7 @@ impl MapApp {
                 Err(Rejection::new("the map is not there yet, and too many scans wait for it already").into())
             }
             _ => {
-                self.waiting.push(Scan {
-                    id: scan.id,
-                    command: scan.command,
-                    pose: scan.pose,
-                    points: scan.points.into_owned(),
-                });
+                self.waiting.push(scan.into_owned());
                 Ok(())
             }
         }
@@ -293,8 +298,9 @@ impl MapApp {
 
     /// Whether a scan may wait for the map.
     fn has_room_for(&self, scan: &Scan<'_>) -> bool {
-        let points: usize = self.waiting.iter().map(|other| other.points.len()).sum();
-        self.waiting.len() < MOST_WAITING && points + scan.points.len() <= MOST_WAITING_POINTS
+        let rays = |scan: &Scan<'_>| scan.points.len() + scan.no_return.len();
+        let waiting: usize = self.waiting.iter().map(rays).sum();
+        self.waiting.len() < MOST_WAITING && waiting + rays(scan) <= MOST_WAITING_POINTS
     }
 
     fn insert(&mut self, comms: &mut Comms, scan: &Scan<'_>) -> Result<(), AppError> {
@@ -311,9 +317,11 @@ impl MapApp {
         }
         self.last_scan = scan.id;
         let start = thread_cpu_secs();
-        let seen = self.map.insert(scan.pose.position(), scan.world_points());
+        let origin = scan.pose.position();
+        let seen = self.map.insert_with(origin, scan.world_points(), scan.world_no_return(), scan.range_m);
         self.cpu_secs += thread_cpu_secs() - start;
         self.say_what_was_left_out(comms.name(), scan, &seen);
+        self.tally(scan, &seen);
         let update = self.map.advance(&seen.changed, scan.id);
         match std::mem::take(&mut self.next_is_whole) {
             true => comms.publish(&MAP_UPDATE, &self.map.grid().whole(scan.id))?,
@@ -326,13 +334,16 @@ impl MapApp {
     fn say_what_was_left_out(&mut self, name: &str, scan: &Scan<'_>, seen: &Insertion) {
         let (id, points) = (scan.id, scan.points.len());
         let Dropped { invalid, out_of_range, no_room } = seen.dropped;
-        if invalid + out_of_range > 0 {
+        if invalid > 0 {
+            tell(format_args!("{name}: scan {id}: {invalid} points are not finite or at the camera itself; left out"));
+        }
+        if out_of_range > 0 && self.rays.outside == 0 {
             tell(format_args!(
-                "{name}: scan {id}: {invalid} points are not finite or at the camera itself, {out_of_range} lie beyond the \
-                 map's 65536 voxels an axis; left out"
+                "{name}: {out_of_range} of {points} points of scan {id} lie outside the map's 65536 voxels an axis, and are \
+                 left out; move the world nearer to the origin, or set a coarser Res. Counted from now on"
             ));
         }
-        if seen.cut > 0 && !std::mem::replace(&mut self.limits.range_said, true) {
+        if seen.cut > 0 && !std::mem::replace(&mut self.range_said, true) {
             let range = self.map.config().max_range;
             tell(format_args!(
                 "{name}: {} of {points} points of scan {id} are farther than {range} m (MaxRange): they are no hits, and \
@@ -340,14 +351,30 @@ impl MapApp {
                 seen.cut
             ));
         }
-        if no_room > 0 && self.limits.no_room == 0 {
+        if no_room > 0 && self.rays.no_room == 0 {
             let most = self.map.config().max_bricks;
             tell(format_args!(
                 "{name}: the map is full: {no_room} of {points} points of scan {id} lie beyond its {most} bricks (MaxBricks) \
                  and are left out; set Map.MaxBricks or a coarser Res. Counted from now on"
             ));
         }
-        self.limits.no_room += no_room as u64;
+    }
+
+    fn tally(&mut self, scan: &Scan<'_>, seen: &Insertion) {
+        let Dropped { invalid, out_of_range, no_room } = seen.dropped;
+        let rays = &mut self.rays;
+        let counts = [
+            (&mut rays.no_return, scan.no_return.len()),
+            (&mut rays.measured, scan.measured as usize),
+            (&mut rays.received, scan.points.len()),
+            (&mut rays.invalid, invalid),
+            (&mut rays.outside, out_of_range),
+            (&mut rays.too_far, seen.cut),
+            (&mut rays.no_room, no_room),
+        ];
+        for (sum, more) in counts {
+            *sum = (*sum + more as u64).min(MAX_COUNT);
+        }
     }
 
     fn status(&self) -> MapStatus {
@@ -359,6 +386,8 @@ impl MapApp {
             frontier: self.map.frontier_len() as u64,
             resolution: grid.resolution(),
             cpu_secs: self.cpu_secs,
+            full: self.map.is_full(),
+            rays: self.rays,
         }
     }
 
@@ -427,8 +456,11 @@ impl App for MapApp {
     }
 
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        if self.limits.no_room > 0 {
-            tell(format_args!("{}: the map was full: {} points were left out", comms.name(), self.limits.no_room));
+        let RayTally { no_room, outside, .. } = self.rays;
+        for (count, where_) in [(no_room, "where the map had no more room"), (outside, "outside the map")] {
+            if count > 0 {
+                tell(format_args!("{}: {count} points were left out that lay {where_}", comms.name()));
+            }
         }
         if !matches!(self.stage, Stage::Here) {
             // What it does not have it cannot leave; its successor asks again.

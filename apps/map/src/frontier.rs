@@ -28,8 +28,11 @@ impl Volume {
         Self(bounds.map(|b| std::array::from_fn(|axis| range(b, axis))))
     }
 
-    /// The cells of the brick at `position` (in bricks) that lie in the volume.
+    /// The cells of the brick at `position` (in bricks) that lie in the volume, and where a map can have voxels at all.
     pub fn mask(&self, position: Voxel) -> Mask {
+        if !voxel_at(position, 0).is_mappable() {
+            return mask::NONE;
+        }
         let Some(ranges) = self.0 else {
             return mask::ALL;
         };
@@ -88,6 +91,8 @@ impl OccupancyMap {
         let inside = self.volume.mask(position);
         match self.table.find(position) {
             Some(i) => std::array::from_fn(|z| inside[z] & !self.bricks[i].known[z]),
+            // What there is no room for it cannot come to know.
+            None if self.table.is_full() => mask::NONE,
             None => inside,
         }
     }

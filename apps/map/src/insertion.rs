@@ -8,7 +8,7 @@ use elk_spatial::Voxel;
 use elk_spatial::bricks::{brick_of, voxel_at};
 use elk_spatial::mask::{self, Mask};
 use elk_spatial::voxel::INDEX_RANGE;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use crate::growth::grown;
 use crate::occupancy::{Brick, Grazing, MapConfig, Marks, OccupancyMap};
@@ -26,7 +26,7 @@ const GRAZED_SHARE: f32 = 0.25;
 pub struct Dropped {
     /// Points that are not finite, or at the sensor's very position.
     pub invalid: usize,
-    /// Points outside the 16-bit indices of OctoMap's files.
+    /// Points outside the 16-bit indices of OctoMap's files; their rays free what is inside.
     pub out_of_range: usize,
     /// Points whose rays came to where the map has no room for more bricks.
     pub no_room: usize,
@@ -43,21 +43,45 @@ pub struct Insertion {
     pub cut: usize,
 }
 
-/// A point as the map takes it: the end of its ray, and whether something is there.
+/// What is at the end of a ray.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tip {
+    /// A surface: the last voxel is hit.
+    Hit,
+    /// Nothing that is known of: the ray passes the voxels before the last.
+    Open,
+    /// The last voxel that a map can have, and the ray goes on behind it.
+    Edge,
+}
+
+/// A ray as the map takes it: from the sensor to its end, in units of voxels.
 struct Ray {
     end: Point3<f64>,
-    hit: bool,
+    tip: Tip,
 }
 
 impl OccupancyMap {
     /// Inserts what was seen from `origin`: one ray to each of `points` (both m, world). The voxel of a point is hit,
     /// those from the sensor's own up to it are passed.
     pub fn insert(&mut self, origin: Point3<f64>, points: impl IntoIterator<Item = Point3<f64>>) -> Insertion {
+        self.insert_with(origin, points, [], 0.0)
+    }
+
+    /// The same, with the directions (world) in which nothing was seen up to `range` (m; 0: as far as there is anything):
+    /// there the voxels are passed as far as the map is told to believe that ([`MapConfig::free_no_return`]).
+    pub fn insert_with(
+        &mut self,
+        origin: Point3<f64>,
+        points: impl IntoIterator<Item = Point3<f64>>,
+        no_return: impl IntoIterator<Item = Vector3<f64>>,
+        range: f64,
+    ) -> Insertion {
         let (mut dropped, mut cut) = (Dropped::default(), 0);
-        let Some(start) = lattice(origin, self.config.resolution) else {
+        let start = origin / self.config.resolution;
+        if !within_map(start) {
             dropped.out_of_range = points.into_iter().count();
             return Insertion { dropped, ..Insertion::default() };
-        };
+        }
         let Some(home) = self.table.find_or_add(brick_of(Voxel::containing(start, 1.0))) else {
             dropped.no_room = points.into_iter().count();
             return Insertion { dropped, ..Insertion::default() };
@@ -68,18 +92,21 @@ impl OccupancyMap {
                 dropped.invalid += 1;
                 continue;
             };
-            let Some(end) = lattice(ray.end, self.config.resolution) else {
-                dropped.out_of_range += 1;
-                continue;
-            };
-            cut += usize::from(!ray.hit);
-            dropped.no_room += usize::from(!self.mark(Walk::new(start, end), home, ray.hit));
+            dropped.out_of_range += usize::from(ray.tip == Tip::Edge);
+            cut += usize::from(ray.tip == Tip::Open);
+            dropped.no_room += usize::from(!self.mark(Walk::new(start, ray.end), home, ray.tip));
+        }
+        let (reach, resolution) = (self.config.reach_without_return(range), self.config.resolution);
+        let empty = no_return.into_iter().filter(|_| reach > 0.0);
+        for ray in empty.filter_map(|direction| empty_ray(origin, direction, reach, resolution)) {
+            // What there is no room for is not missed: there was nothing.
+            self.mark(Walk::new(start, ray.end), home, ray.tip);
         }
         Insertion { changed: self.update_marked(), dropped, cut }
     }
 
-    /// Walks a ray from brick `home` on, marks what it passes, and its end if it is a hit; whether it came to its end.
-    fn mark(&mut self, mut walk: Walk, home: usize, hit: bool) -> bool {
+    /// Walks a ray from brick `home` on, marks what it passes, and its end as it is; whether it came to its end.
+    fn mark(&mut self, mut walk: Walk, home: usize, tip: Tip) -> bool {
         let mut i = home;
         self.touch(i);
         loop {
@@ -99,9 +126,11 @@ impl OccupancyMap {
             i = next;
             self.touch(i);
         }
-        if hit {
-            let (layer, bit) = walk.cell();
-            self.marks[i].hit[layer] |= bit;
+        let (layer, bit) = walk.cell();
+        match tip {
+            Tip::Hit => self.marks[i].hit[layer] |= bit,
+            Tip::Edge => self.marks[i].passed[layer] |= bit,
+            Tip::Open => {}
         }
         true
     }
@@ -123,7 +152,10 @@ impl OccupancyMap {
         // By position, not in the order in which rays came by: the answer does not depend on the order of the points.
         touched.sort_unstable_by_key(|&i| self.table.position(i));
         let spared: Vec<Mask> = touched.iter().map(|&i| self.spared(i)).collect();
-        let (mut changed, mut changed_bricks) = (Vec::new(), Vec::new());
+        let mut changed = Vec::new();
+        // A map that has become full has another frontier everywhere.
+        let became_full = self.table.is_full() && !std::mem::replace(&mut self.full, self.table.is_full());
+        let mut changed_bricks: Vec<usize> = if became_full { (0..self.bricks.len()).collect() } else { Vec::new() };
         for (&i, spared) in touched.iter().zip(&spared) {
             let marks = std::mem::take(&mut self.marks[i]);
             let cells = self.bricks[i].update(&marks, spared, &self.config);
@@ -210,14 +242,48 @@ fn ray_to(origin: Point3<f64>, point: Point3<f64>, config: &MapConfig) -> Option
     }
     let cut = config.max_range > 0.0 && range > config.max_range;
     let length = if cut { config.max_range } else { range + ADVANCE };
-    Some(Ray { end: origin + offset * (length / range), hit: !cut })
+    let end = origin + offset * (length / range);
+    Some(Ray::between(origin, end, if cut { Tip::Open } else { Tip::Hit }, config.resolution))
 }
 
-/// A point (m) in units of voxels; `None` where OctoMap's keys end.
-fn lattice(point: Point3<f64>, resolution: f64) -> Option<Point3<f64>> {
-    let (low, high) = (f64::from(*INDEX_RANGE.start()), f64::from(*INDEX_RANGE.end()) + 1.0);
-    let scaled = point / resolution;
-    scaled.iter().all(|c| (low..high).contains(c)).then_some(scaled)
+/// The ray in a direction in which there is nothing up to `reach` (m). `None`: it is no direction.
+fn empty_ray(origin: Point3<f64>, direction: Vector3<f64>, reach: f64, resolution: f64) -> Option<Ray> {
+    let direction = direction.try_normalize(0.0).filter(|d| d.iter().all(|c| c.is_finite()))?;
+    Some(Ray::between(origin, origin + direction * reach, Tip::Open, resolution))
+}
+
+impl Ray {
+    /// The ray between two points (m), the first of which lies in the map; cut where the map ends.
+    fn between(origin: Point3<f64>, end: Point3<f64>, tip: Tip, resolution: f64) -> Self {
+        let end_of_ray = end / resolution;
+        match within_map(end_of_ray) {
+            true => Self { end: end_of_ray, tip },
+            false => Self { end: cut_to_map(origin / resolution, end_of_ray), tip: Tip::Edge },
+        }
+    }
+}
+
+/// Smallest coordinate of a map, and the one behind its largest (voxels).
+const LOW: f64 = *INDEX_RANGE.start() as f64;
+const HIGH: f64 = *INDEX_RANGE.end() as f64 + 1.0;
+/// How far inside the map a ray ends that leaves it (voxels): far enough that rounding does not carry it out again.
+const INSIDE: f64 = 1e-6;
+
+/// Whether a point (voxels) lies where OctoMap's keys reach.
+fn within_map(point: Point3<f64>) -> bool {
+    point.iter().all(|c| (LOW..HIGH).contains(c))
+}
+
+/// Where the way from `start`, inside the map, to `end`, outside, leaves it (all in voxels).
+fn cut_to_map(start: Point3<f64>, end: Point3<f64>) -> Point3<f64> {
+    let way = end - start;
+    let share = |axis: usize| match end[axis] {
+        c if c < LOW => (LOW - start[axis]) / way[axis],
+        c if c >= HIGH => (HIGH - start[axis]) / way[axis],
+        _ => 1.0,
+    };
+    let share = (0..3).map(share).fold(1.0, f64::min);
+    (start + way * share).map(|c| c.clamp(LOW, HIGH - INSIDE))
 }
 
 #[cfg(test)]

@@ -45,6 +45,8 @@ pub struct MapConfig {
     pub grazing: Grazing,
     /// Farther points (m from the sensor) are no hits, and their rays free voxels only up to here; 0: no limit.
     pub max_range: f64,
+    /// How far a ray without a return frees voxels (m); 0: not at all, as nothing is known of where it ended.
+    pub free_no_return: f64,
     /// Bricks that the map may have (8³ voxels and about 3 kB each); what lies in others is left out.
     pub max_bricks: usize,
     /// The volume in which frontiers count; `None`: everywhere.
@@ -62,9 +64,19 @@ impl Default for MapConfig {
             clamp_max: 3.5,
             grazing: Grazing::default(),
             max_range: 0.0,
+            free_no_return: 0.0,
             max_bricks: MAX_BRICKS,
             bounds: None,
         }
+    }
+}
+
+impl MapConfig {
+    /// How far a ray frees voxels of which the sensor says that it saw nothing up to `range` (m; 0: as far as there is
+    /// anything).
+    pub(crate) fn reach_without_return(&self, range: f64) -> f64 {
+        let limits = [range, self.max_range].into_iter().filter(|limit| *limit > 0.0);
+        limits.fold(self.free_no_return, f64::min)
     }
 }
 
@@ -112,6 +124,8 @@ pub struct OccupancyMap {
     pub(crate) grid: OccupancyGrid,
     pub(crate) volume: Volume,
     pub(crate) frontier_len: usize,
+    /// Whether the frontier is that of a full map.
+    pub(crate) full: bool,
 }
 
 impl OccupancyMap {
@@ -126,6 +140,7 @@ impl OccupancyMap {
             grid: OccupancyGrid::new(config.resolution),
             volume: Volume::new(config.bounds, config.resolution),
             frontier_len: 0,
+            full: false,
         }
     }
 
@@ -158,6 +173,11 @@ impl OccupancyMap {
     /// [`OccupancyMap::insert`] answered, `scan` the scan's number.
     pub fn advance(&mut self, changed: &[Voxel], scan: u64) -> MapUpdate {
         self.grid.advance(changed, scan)
+    }
+
+    /// Whether it has all the bricks that it may have.
+    pub fn is_full(&self) -> bool {
+        self.table.is_full()
     }
 
     /// The state that log-odds stand for.

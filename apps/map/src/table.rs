@@ -37,10 +37,10 @@ impl BrickTable {
         if let Some(i) = self.find(position) {
             return Some(i);
         }
-        let next = self.positions.len();
-        if next >= self.most {
+        if self.is_full() {
             return None;
         }
+        let next = self.positions.len();
         self.index.insert(position, next as u32);
         self.positions.push(position);
         self.links.push([UNLINKED; 6]);
@@ -69,6 +69,11 @@ impl BrickTable {
     /// The position of brick `i`, in bricks.
     pub fn position(&self, i: usize) -> Voxel {
         self.positions[i]
+    }
+
+    /// Whether there is no room for a further brick.
+    pub fn is_full(&self) -> bool {
+        self.positions.len() >= self.most
     }
 
     /// Number of bricks.

@@ -109,7 +109,7 @@ fn write_run(run: &Path, stretch: f64) {
     for (i, &pose) in poses.iter().enumerate() {
         let id = i as u64 + 1;
         put(record(&keys::POSE_COMMAND, &PoseCommand { id, via: vec![], pose }, id));
-        put(record(&keys::SCAN, &Scan { id, command: id, pose, points: Points::default() }, id));
+        put(record(&keys::SCAN, &Scan::new(id, id, pose, Points::default()), id));
     }
     let scans = poses.len() as u64;
     put(record(&keys::MAP, &explored(stretch).whole(scans), scans));
@@ -122,7 +122,7 @@ fn write_run(run: &Path, stretch: f64) {
         settings: "as always".into(),
         complete: true,
         reason: "no frontier is left".into(),
-        left: FrontiersLeft::default(),
+        frontiers_left: FrontiersLeft::default(),
         plans: 13,
         stalls: 0,
         cpu_secs: vec![],

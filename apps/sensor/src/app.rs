@@ -3,7 +3,7 @@
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, DecodeError, Key, Mail, Recall, Rejection, tell};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
-use elk_spatial::checks::{MAX_COMMANDS_LOST, MAX_POINTS, MAX_REVISIONS_AHEAD};
+use elk_spatial::checks::{self, MAX_COMMANDS_LOST, MAX_POINTS, MAX_REVISIONS_AHEAD};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
@@ -61,6 +61,12 @@ const PARAMS: &[ParamSpec] = &[
         Kind::Number { unit: "deg", min: 1.0, max: 170.0 },
         "75",
         "Horizontal field of view; pixels are square, so Width and Height give the vertical one.",
+    ),
+    param(
+        "Range",
+        Kind::Number { unit: "m", min: 0.0, max: 1e4 },
+        "0",
+        "How far the camera sees: what is farther gives no return; 0: as far as there is anything.",
     ),
     param(
         "NoiseSigma",
@@ -158,6 +164,9 @@ fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
     let world = world(params)?;
     let remarks = remarks(params.text("World"), &world);
     let start = start(params, &world)?;
+    checks::point(&start.position()).map_err(|invalid| {
+        format!("Start: {invalid}, as no map reaches farther; move the world nearer to the origin")
+    })?;
     let simulator = Simulator::new(world, settings(params), start)
         .map_err(|refusal| format!("Start: {refusal}; choose a free place, or RandomStart true"))?;
     Ok(Box::new(SimulatorApp {
@@ -211,6 +220,7 @@ fn settings(params: &Params) -> Settings {
         noise: (noise.sigma_px > 0.0).then_some(noise),
         seed: seed(params),
         body_radius: params.number("BodyRadius"),
+        range: Some(params.number("Range")).filter(|range| *range > 0.0),
     }
 }
 

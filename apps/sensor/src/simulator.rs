@@ -1,7 +1,7 @@
 //! A robot with a depth camera in a world that only the simulator knows (thesis 3.3).
 
 use elk_spatial::messages::{CameraPose, PoseCommand};
-use elk_spatial::{Points, Pose, Scan};
+use elk_spatial::{Pose, Scan};
 use nalgebra::{Point3, Vector3};
 
 use crate::camera::Camera;
@@ -26,12 +26,20 @@ pub struct Settings {
     pub seed: u64,
     /// Radius of its body, a ball around the camera (m).
     pub body_radius: f64,
+    /// How far its camera sees (m); `None`: as far as there is anything.
+    pub range: Option<f64>,
 }
 
 impl Default for Settings {
     /// The thesis' camera: 100×100 px, 75° wide, without noise.
     fn default() -> Self {
-        Self { camera: Camera::new(100, 100, 75_f64.to_radians()), noise: None, seed: 1, body_radius: 0.05 }
+        Self {
+            camera: Camera::new(100, 100, 75_f64.to_radians()),
+            noise: None,
+            seed: 1,
+            body_radius: 0.05,
+            range: None,
+        }
     }
 }
 
@@ -164,29 +172,32 @@ impl Simulator {
         way.windows(2).any(|s| self.world.touches(s[0], s[1], radius))
     }
 
-    /// One ray through the centre of each pixel; a ray that hits nothing gives no point. Noise depends on the seed and on
-    /// the scan's number alone, not on what was seen before.
+    /// One ray through the centre of each pixel; one that hits nothing within the camera's range gives no point, but a
+    /// direction without a return. Noise depends on the seed and on the scan's number alone, not on what was seen before.
     fn scan(&self) -> Scan<'static> {
-        let Settings { camera, noise, seed, .. } = &self.settings;
+        let Settings { camera, noise, seed, range, .. } = &self.settings;
         let mut random = Random::new(*seed, self.scans);
-        let points: Points = camera
-            .pixels()
-            .filter_map(|(u, v)| {
-                let depth = self.depth(u, v)?;
-                match noise {
-                    Some(noise) => noise.measure(camera, (u, v), depth, &mut random),
-                    None => Some(camera.point(u, v, depth)),
-                }
-            })
-            .map(|p| p.cast())
-            .collect();
-        Scan { id: self.scans, command: self.command, pose: self.pose, points }
+        let (mut points, mut no_return) = (Vec::new(), Vec::new());
+        for (u, v) in camera.pixels() {
+            let measured = self.depth(u, v).map(|depth| match noise {
+                Some(noise) => noise.measure(camera, (u, v), depth, &mut random),
+                None => Some(camera.point(u, v, depth)),
+            });
+            match measured {
+                Some(point) => points.extend(point.map(|p| p.cast())),
+                None => no_return.push(Point3::from(camera.direction(u, v).normalize()).cast()),
+            }
+        }
+        let scan = Scan::new(self.scans, self.command, self.pose, points.into_iter().collect());
+        Scan { range_m: range.unwrap_or(0.0), no_return: no_return.into_iter().collect(), ..scan }
     }
 
     /// True depth at a pixel (m along the optical axis).
     fn depth(&self, u: f64, v: f64) -> Option<f64> {
-        let direction = self.pose.0.rotation * self.settings.camera.direction(u, v);
-        self.world.cast(self.pose.position(), direction)
+        let in_camera = self.settings.camera.direction(u, v);
+        let depth = self.world.cast(self.pose.position(), self.pose.0.rotation * in_camera)?;
+        let near = self.settings.range.is_none_or(|range| depth * in_camera.norm() <= range);
+        near.then_some(depth)
     }
 }
 

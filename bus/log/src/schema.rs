@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(progress["path_length_m"]["type"], "number");
         assert_eq!(progress["finished"]["type"], "boolean");
         let report = &of("ExplorationReport")["properties"]["value"]["properties"];
-        assert_eq!(report["left"]["properties"]["invisible"]["type"], "integer");
+        assert_eq!(report["frontiers_left"]["properties"]["invisible"]["type"], "integer");
         assert!(report.get("cpu_secs").is_none(), "a list of pairs");
         let memory = &of("MotionMemory")["properties"]["value"]["properties"];
         assert_eq!(memory["samples"]["items"]["properties"]["free"]["type"], "integer");

@@ -180,7 +180,7 @@ mod tests {
     #[test]
     fn a_scan_is_stored_once_and_comes_back() {
         let points = (0..1000).map(|i| Point3::new(i as f32, 0.5, -1.5)).collect();
-        let scan = Scan { id: 7, command: 6, pose: Pose(Isometry3::identity()), points };
+        let scan = Scan::new(7, 6, Pose(Isometry3::identity()), points);
         let value = encoded(&scan);
         let mut message = Vec::new();
         put(Shape::Scan, 1, b"", &value, &mut message);

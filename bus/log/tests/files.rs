@@ -244,7 +244,7 @@ fn spatial() -> Vec<Record> {
     let plan = Plan { request: 1, revision: 1, decision: Decision::Go(way), motion, cpu_secs: 0.5 };
     vec![
         record("SIM_SENSOR", 0, binary::<CameraPose>(&CameraPose { command: 1, pose })),
-        record("SCAN", 1, binary::<Scan<'static>>(&Scan { id: 1, command: 1, pose, points })),
+        record("SCAN", 1, binary::<Scan<'static>>(&Scan::new(1, 1, pose, points))),
         record("MAP", 2, binary::<elk_spatial::map::MapUpdate>(&map.whole(1))),
         record("PLAN", 3, binary::<Plan>(&plan)),
         record(

@@ -8,6 +8,7 @@ use crate::element;
 use crate::mission::Mode;
 use crate::params::ParamValue;
 use crate::problem::Findings;
+use crate::resolve::Given;
 use crate::variables;
 
 /// Parameters that are the same for both elements: said of one, they hold for the other.
@@ -46,17 +47,38 @@ pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Findings) {
         hand_on(drafts, param, [other, one]);
         agree(drafts, param, [one, other], problems);
     }
-    drafts.iter().for_each(|draft| affordable(draft, problems));
+    for draft in drafts.iter() {
+        affordable(draft, problems);
+        within_range(draft, problems);
+    }
+}
+
+/// What a number is, and where it is said if it is not the default.
+fn number<'a>(draft: &'a Draft, param: &str) -> Option<(f64, Option<&'a Given>)> {
+    match draft.value(param) {
+        Some((ParamValue::Number(value), given)) => Some((value, Some(given))),
+        Some(_) => None,
+        None => Some((draft.said_or_default(param)?.parse().ok()?, None)),
+    }
+}
+
+/// What a map frees without a return is no farther than it believes of any ray.
+fn within_range(draft: &Draft, problems: &mut Findings) {
+    let (Some((free, said)), Some((most, most_said))) = (number(draft, "FreeNoReturn"), number(draft, "MaxRange"))
+    else {
+        return;
+    };
+    if let Some(given) = said.or(most_said).filter(|_| most > 0.0 && free > most) {
+        let said = format!(
+            "FreeNoReturn {free} m is farther than MaxRange, {most} m; right is at most that, or a larger MaxRange (0: no limit)"
+        );
+        problems.add(&given.value_place, said);
+    }
 }
 
 /// A robot's `Radius` and the voxels' `Res` go together.
 fn affordable(draft: &Draft, problems: &mut Findings) {
-    let number = |param| match draft.value(param) {
-        Some((ParamValue::Number(value), given)) => Some((value, Some(given))),
-        Some(_) => None,
-        None => Some((draft.said_or_default(param)?.parse().ok()?, None)),
-    };
-    let (Some((radius, said)), Some((res, res_said))) = (number("Radius"), number("Res")) else {
+    let (Some((radius, said)), Some((res, res_said))) = (number(draft, "Radius"), number(draft, "Res")) else {
         return;
     };
     if let Some(given) = said.or(res_said).filter(|_| !Clearance::affordable(radius, res)) {

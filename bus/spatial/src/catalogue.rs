@@ -16,7 +16,7 @@
 //! ```
 //!
 //! The JSON is the type's fields by name, in their order; a pose is `{"rotation": [x, y, z, w], "translation": [x, y, z]}`,
-//! an enum its variant's name. Two types have a form of their own: a scan's points are `[[x, y, z], …]`, and the cells of
+//! an enum its variant's name. Two types have a form of their own: a scan's points and directions are `[[x, y, z], …]`, and the cells of
 //! a map's brick a text of 512 characters, x fastest, `?` for unknown, `.` for free, `#` for occupied. JSON has no
 //! infinity and no NaN: they become `null`, which is not taken back.
 
@@ -44,7 +44,7 @@ pub const CATALOGUE: &[PayloadType] = &[
     PayloadType {
         name: Scan::NAME,
         layout: Scan::LAYOUT,
-        example: r#"{"id":1,"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"points":[[0.1,-0.2,3.0]]}"#,
+        example: r#"{"id":1,"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"range_m":5.0,"measured":1,"no_return":[[0.0,0.0,1.0]],"points":[[0.1,-0.2,3.0]]}"#,
         check: check::<Scan<'static>>,
         read: ScanForm::read,
         write: ScanForm::write,
@@ -57,7 +57,9 @@ pub const CATALOGUE: &[PayloadType] = &[
         read: MapUpdateForm::read,
         write: MapUpdateForm::write,
     },
-    plain::<MapStatus>(r#"{"revision":1,"free":8,"occupied":2,"frontier":3,"resolution":0.1,"cpu_secs":0.01}"#),
+    plain::<MapStatus>(
+        r#"{"revision":1,"free":8,"occupied":2,"frontier":3,"resolution":0.1,"cpu_secs":0.01,"full":false,"rays":{"no_return":1,"measured":9,"received":9,"invalid":0,"outside":0,"too_far":0,"no_room":0}}"#,
+    ),
     plain::<PlanRequest>(
         r#"{"id":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"revision":1,"outcome":"First"}"#,
     ),
@@ -69,7 +71,7 @@ pub const CATALOGUE: &[PayloadType] = &[
         r#"{"scans":9,"path_length_m":2.5,"free":8,"marks":[{"share":0.95,"scans":7,"path_length_m":2.0}]}"#,
     ),
     plain::<ExplorationReport>(
-        r#"{"explorer":"Potential","policy":"elk","settings":"clearance 0.1 m","complete":true,"reason":"nothing is left","left":{"unreachable":0,"invisible":1,"unresolved":0,"too_small":2,"open":0},"plans":9,"stalls":0,"cpu_secs":[["solve",0.5]]}"#,
+        r#"{"explorer":"Potential","policy":"elk","settings":"clearance 0.1 m","complete":true,"reason":"nothing is left","frontiers_left":{"unreachable":0,"invisible":1,"unresolved":0,"too_small":2,"open":0,"map_edge":0,"no_room":0,"volume_edge":0},"plans":9,"stalls":0,"cpu_secs":[["solve",0.5]]}"#,
     ),
     plain::<SensorReport>(r#"{"scans":9,"contacts":0,"scan":9,"cpu_secs":0.5}"#),
     plain::<AccuracyReport>(r#"{"revision":9,"accuracy":0.99,"voxels":1000}"#),
@@ -80,7 +82,7 @@ pub const CATALOGUE: &[PayloadType] = &[
         r#"{"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"awaited":{"Map":{"id":1,"via":[],"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}},"commands":1,"allowed":1,"steps":0,"requests":1,"path_length_m":2.5,"leg":{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"resolution":0.1,"allowed":[],"done_m":2.5,"step_m":0.5,"blocked":false,"looks":0},"samples":[{"free":8,"path_length_m":0.0}]}"#,
     ),
     plain::<ExplorerMemory>(
-        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"report":null,"plans":1,"stalls":0,"fallbacks":0,"iterations":14,"cpu_secs":[["field",0.5]],"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1}],"hidden":[],"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1}"#,
+        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"ended":null,"plans":1,"stalls":0,"fallbacks":0,"iterations":14,"cpu_secs":[["field",0.5]],"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1}],"hidden":[],"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0}"#,
     ),
 ];
 

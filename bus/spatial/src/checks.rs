@@ -15,7 +15,7 @@ use crate::map::{BrickStates, MapUpdate, OccupancyGrid};
 use crate::messages::{
     AccuracyReport, Awaited, BrickMemory, CameraPose, CoverageMark, CoverageSample, Decision, ExplorationReport,
     ExplorerMemory, FrontiersLeft, Leg, MapMemory, MapStatus, MotionMemory, MotionPolicy, MotionReport, Path, Plan,
-    PlanRequest, PoseCommand, Progress, SensorReport, Standing, TargetRecord,
+    PlanRequest, PoseCommand, Progress, RayTally, SensorReport, Standing, TargetRecord,
 };
 use crate::polyline::Polyline;
 use crate::pose::Pose;
@@ -196,7 +196,14 @@ pub(crate) fn map_status(status: &MapStatus) -> Checked {
     let MapStatus { revision, free, occupied, frontier, .. } = *status;
     counts([("revision", revision), ("free", free), ("occupied", occupied), ("frontier", frontier)])?;
     resolution("resolution", status.resolution)?;
-    sum("cpu_secs", status.cpu_secs)
+    sum("cpu_secs", status.cpu_secs)?;
+    within("rays", ray_tally(&status.rays))
+}
+
+fn ray_tally(rays: &RayTally) -> Checked {
+    let RayTally { no_return, measured, received, invalid, outside, too_far, no_room } = *rays;
+    counts([("no_return", no_return), ("measured", measured), ("received", received), ("invalid", invalid)])?;
+    counts([("outside", outside), ("too_far", too_far), ("no_room", no_room)])
 }
 
 pub(crate) fn plan_request(request: &PlanRequest) -> Checked {
@@ -232,14 +239,15 @@ pub(crate) fn exploration_report(report: &ExplorationReport) -> Checked {
     let texts = [("explorer", explorer), ("policy", policy), ("settings", settings), ("reason", reason)];
     texts.into_iter().try_for_each(|(field, value)| text(field, value))?;
     counts([("plans", report.plans), ("stalls", report.stalls)])?;
-    within("left", frontiers_left(&report.left))?;
+    within("frontiers_left", frontiers_left(&report.frontiers_left))?;
     phases(&report.cpu_secs)
 }
 
 fn frontiers_left(left: &FrontiersLeft) -> Checked {
-    let FrontiersLeft { unreachable, invisible, unresolved, too_small, open } = *left;
+    let FrontiersLeft { unreachable, invisible, unresolved, too_small, open, map_edge, no_room, volume_edge } = *left;
     counts([("unreachable", unreachable), ("invisible", invisible), ("unresolved", unresolved)])?;
-    counts([("too_small", too_small), ("open", open)])
+    counts([("too_small", too_small), ("open", open), ("map_edge", map_edge)])?;
+    counts([("no_room", no_room), ("volume_edge", volume_edge)])
 }
 
 fn phases(cpu_secs: &[(String, f64)]) -> Checked {
@@ -362,9 +370,10 @@ pub fn path_in(grid: &OccupancyGrid, path: &Path, clearance_m: f64) -> Result<Po
 
 pub(crate) fn explorer_memory(memory: &ExplorerMemory) -> Checked {
     within("plan", plan(&memory.plan))?;
-    memory.report.as_ref().map_or(Ok(()), |report| within("report", exploration_report(report)))?;
-    let ExplorerMemory { plans, stalls, fallbacks, iterations, progress_at, .. } = *memory;
+    memory.ended.as_ref().map_or(Ok(()), |report| within("ended", exploration_report(report)))?;
+    let ExplorerMemory { plans, stalls, fallbacks, iterations, progress_at, refused, .. } = *memory;
     counts([("plans", plans), ("stalls", stalls), ("fallbacks", fallbacks), ("iterations", iterations)])?;
+    count("refused", refused)?;
     phases(&memory.cpu_secs)?;
     list("trail", &memory.trail, MAX_REMEMBERED, voxel)?;
     list("targets", &memory.targets, MAX_REMEMBERED, target_record)?;
@@ -382,12 +391,22 @@ fn target_record(record: &TargetRecord) -> Checked {
     tries("cuts", record.cuts).and_then(|()| tries("planned", record.planned))
 }
 
-/// Points that are not finite the map leaves out one by one; to look for them here would cost a walk over all.
+/// Points and directions that are not finite the map leaves out one by one; to look for them here would cost a walk over
+/// all.
 pub(crate) fn scan(scan: &Scan<'_>) -> Checked {
     counts([("id", scan.id), ("command", scan.command)])?;
     within("pose", pose(&scan.pose))?;
-    let points = scan.points.len();
-    holds("points", points <= MAX_POINTS, format!("a list of {points}"), "at most 4194304 points")
+    number("range_m", scan.range_m, 0.0..=FARTHEST_M, " m")?;
+    for (field, length) in [("points", scan.points.len()), ("no_return", scan.no_return.len())] {
+        holds(field, length <= MAX_POINTS, format!("a list of {length}"), "at most 4194304 points")?;
+    }
+    let measured = scan.points.len() as u64..=MAX_POINTS as u64;
+    holds(
+        "measured",
+        measured.contains(&scan.measured),
+        scan.measured,
+        "at least the number of points, and below 2^22 + 1",
+    )
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
-use crate::bricks::Bricks;
+use crate::bricks::{Bricks, brick_of};
 use crate::map::{OccupancyGrid, State};
 use crate::voxel::{Bounds, Voxel};
 
@@ -17,17 +17,68 @@ pub fn unknown_neighbours(grid: &OccupancyGrid, voxel: Voxel) -> impl Iterator<I
     voxel.face_neighbours().into_iter().filter(|n| grid.state(*n) == State::Unknown)
 }
 
+/// Whether what is unknown in `voxel` counts: it lies in the volume to explore (`None`: everywhere), and a map has a place
+/// for it.
+pub fn counts(voxel: Voxel, bounds: Option<Bounds>, resolution: f64) -> bool {
+    voxel.is_mappable() && bounds.is_none_or(|b| b.contains(voxel.center(resolution)))
+}
+
+/// Free voxels that would be frontier voxels if the map, or the volume to explore, went on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Edges {
+    /// Where the map ends: it has no indices for what is beyond.
+    pub map: u64,
+    /// Where the volume to explore ends.
+    pub volume: u64,
+    /// Where a map that is full has no brick: what is there it cannot come to know.
+    pub no_room: u64,
+}
+
+impl Edges {
+    /// Those of a map whose frontier this is; no frontier voxel is among them.
+    pub fn of(grid: &OccupancyGrid, frontier: &FrontierSet) -> Self {
+        let mut edges = Self::default();
+        let free = grid.bricks().voxels().filter(|(_, state)| *state == State::Free).map(|(voxel, _)| voxel);
+        let inside = |voxel: Voxel| counts(voxel, frontier.bounds, grid.resolution());
+        for voxel in free.filter(|voxel| inside(*voxel) && !frontier.contains(*voxel)) {
+            let mut unknown = unknown_neighbours(grid, voxel).peekable();
+            if unknown.peek().is_none() {
+                continue;
+            }
+            let beyond: Vec<Voxel> = unknown.collect();
+            if beyond.iter().any(|beyond| !beyond.is_mappable()) {
+                edges.map += 1;
+            } else if beyond.iter().any(|beyond| inside(*beyond)) {
+                edges.no_room += 1;
+            } else {
+                edges.volume += 1;
+            }
+        }
+        edges
+    }
+}
+
 /// All frontier voxels inside a bounded volume, in lexicographic order.
 #[derive(Debug, Clone, Default)]
 pub struct FrontierSet {
     voxels: BTreeSet<Voxel>,
     bounds: Option<Bounds>,
+    /// The map is full: it comes to know nothing of bricks that it does not have.
+    full: bool,
 }
 
 impl FrontierSet {
-    /// No frontier yet; voxels whose unknown neighbours all lie outside `bounds` will not count.
+    /// No frontier yet; voxels whose unknown neighbours all lie outside `bounds`, or outside the map, will not count.
     pub fn new(bounds: Option<Bounds>) -> Self {
-        Self { voxels: BTreeSet::new(), bounds }
+        Self { voxels: BTreeSet::new(), bounds, full: false }
+    }
+
+    /// Takes note that the map is full, or that it is not.
+    pub fn set_full(&mut self, full: bool, grid: &OccupancyGrid) {
+        if std::mem::replace(&mut self.full, full) != full {
+            let free = grid.bricks().voxels().filter(|(_, state)| *state == State::Free);
+            free.for_each(|(voxel, _)| self.revise(grid, voxel));
+        }
     }
 
     /// Takes note that these voxels of `grid` changed.
@@ -50,8 +101,10 @@ impl FrontierSet {
     }
 
     fn counts(&self, grid: &OccupancyGrid, voxel: Voxel) -> bool {
-        let inside = |v: Voxel| self.bounds.is_none_or(|b| b.contains(v.center(grid.resolution())));
-        grid.state(voxel) == State::Free && inside(voxel) && unknown_neighbours(grid, voxel).any(inside)
+        let inside = |v: Voxel| counts(v, self.bounds, grid.resolution());
+        let knowable = |v: Voxel| !self.full || grid.bricks().brick(brick_of(v)).is_some();
+        let resolvable = |v: Voxel| inside(v) && knowable(v);
+        grid.state(voxel) == State::Free && inside(voxel) && unknown_neighbours(grid, voxel).any(resolvable)
     }
 
     /// Whether `voxel` is a frontier voxel.
@@ -83,6 +136,7 @@ impl FrontierSet {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::voxel::INDEX_RANGE;
     use proptest::prelude::*;
 
     proptest! {
@@ -117,5 +171,54 @@ mod tests {
             set.update(&grid, [n]);
         }
         assert!(set.is_empty(), "what is left unknown lies outside");
+    }
+
+    /// Regression: what is beyond the map stays unknown, and was looked at for ever.
+    #[test]
+    fn where_the_map_or_the_volume_ends_is_no_frontier_but_an_edge() {
+        let mut grid = OccupancyGrid::new(1.0);
+        let last = Voxel::new(*INDEX_RANGE.end(), 0, 0);
+        let all: Vec<Voxel> = std::iter::once(last).chain(last.face_neighbours()).collect();
+        grid.set(last, State::Free);
+        let mut set = FrontierSet::new(None);
+        set.update(&grid, [last]);
+        assert!(set.contains(last) && Edges::of(&grid, &set) == Edges::default());
+        for voxel in all.iter().filter(|voxel| voxel.is_mappable() && **voxel != last) {
+            grid.set(*voxel, State::Occupied);
+            set.update(&grid, [voxel]);
+        }
+        assert!(set.is_empty());
+        assert_eq!(Edges::of(&grid, &set), Edges { map: 1, ..Edges::default() });
+        grid.set(last, State::Occupied);
+        assert_eq!(Edges::of(&grid, &set), Edges::default(), "a wall there is where the world ends");
+
+        let origin = Voxel::new(0, 0, 0);
+        let mut bounded = FrontierSet::new(Some(Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() }));
+        grid.set(origin, State::Free);
+        bounded.update(&grid, [origin]);
+        assert_eq!(Edges::of(&grid, &bounded), Edges { volume: 1, ..Edges::default() });
+        set.update(&grid, [origin]);
+        assert!(set.contains(origin), "without a volume it is a frontier voxel");
+        assert_eq!(Edges::of(&grid, &set), Edges::default());
+    }
+
+    /// Regression: what a full map has no room for was looked at for thousands of scans.
+    #[test]
+    fn what_a_full_map_has_no_brick_for_is_no_frontier() {
+        let mut grid = OccupancyGrid::new(1.0);
+        let all: Vec<Voxel> =
+            (0..8).flat_map(|x| (0..8).flat_map(move |y| (0..8).map(move |z| Voxel::new(x, y, z)))).collect();
+        all.iter().for_each(|voxel| assert!(grid.set(*voxel, State::Free)));
+        let mut set = FrontierSet::new(None);
+        set.update(&grid, &all);
+        let surface = set.len();
+        set.set_full(true, &grid);
+        assert!(set.is_empty());
+        assert_eq!(Edges::of(&grid, &set), Edges { no_room: surface as u64, ..Edges::default() });
+        grid.set(all[0], State::Unknown);
+        set.update(&grid, [all[0]]);
+        assert_eq!(set.len(), 3, "in its own bricks it can come to know everything");
+        set.set_full(false, &grid);
+        assert_eq!(set.len(), surface - 1);
     }
 }

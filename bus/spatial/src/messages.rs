@@ -70,6 +70,10 @@ elk_bus::payload! {
         pub resolution: f64,
         /// Seconds of CPU spent on insertion.
         pub cpu_secs: f64,
+        /// Whether it has all the bricks that it may have (`MaxBricks`): of what lies in others it comes to know nothing.
+        pub full: bool,
+        /// What became of the rays of all scans so far.
+        pub rays: RayTally,
     }
 
     /// Controller to explorer: where to go from here?
@@ -114,7 +118,7 @@ elk_bus::payload! {
         /// Why it ended, for people.
         pub reason: String,
         /// Frontier voxels left, by cause.
-        pub left: FrontiersLeft,
+        pub frontiers_left: FrontiersLeft,
         /// Plans made.
         pub plans: u64,
         /// Streamlines that stalled before they reached a frontier.
@@ -195,7 +199,7 @@ elk_bus::payload! {
         /// The last plan.
         pub plan: Plan,
         /// Why it ended, if that was the last plan.
-        pub report: Option<ExplorationReport>,
+        pub ended: Option<ExplorationReport>,
         /// Plans made.
         pub plans: u64,
         /// Streamlines that stalled before they reached a frontier.
@@ -216,6 +220,34 @@ elk_bus::payload! {
         pub standing: Standing,
         /// The map's revision then.
         pub progress_at: u64,
+        /// Paths on which the sensor did not take a single step.
+        pub refused: u64,
+    }
+}
+
+/// What became of the rays of all scans, on their way from the sensor into the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct RayTally {
+    /// Rays that saw nothing up to the sensor's range.
+    pub no_return: u64,
+    /// Points that the sensor measured.
+    pub measured: u64,
+    /// Of these, points that came to the map: the others were left out by filters.
+    pub received: u64,
+    /// Of those received, points that are not finite, or at the camera itself.
+    pub invalid: u64,
+    /// Of those received, points outside the map's 65,536 voxels an axis.
+    pub outside: u64,
+    /// Of those received, points farther than the map's `MaxRange`.
+    pub too_far: u64,
+    /// Of those received, points for which the map had no more bricks (`MaxBricks`).
+    pub no_room: u64,
+}
+
+impl RayTally {
+    /// Points that the map took, as hits or as free ways up to its `MaxRange`.
+    pub fn taken(&self) -> u64 {
+        self.received.saturating_sub(self.invalid).saturating_sub(self.outside).saturating_sub(self.no_room)
     }
 }
 
@@ -374,11 +406,18 @@ pub struct FrontiersLeft {
     pub too_small: u64,
     /// Still to be resolved when the run ended before its time.
     pub open: u64,
+    /// Where the map ends: it has no place for what is beyond (65,536 voxels an axis).
+    pub map_edge: u64,
+    /// Where a full map has no brick (`MaxBricks`): what is there it cannot come to know.
+    pub no_room: u64,
+    /// Where the volume to explore ends (`Mid`, `Dim`): what is beyond is not asked for.
+    pub volume_edge: u64,
 }
 
 impl FrontiersLeft {
     /// All of them.
     pub fn total(&self) -> u64 {
-        self.unreachable + self.invisible + self.unresolved + self.too_small + self.open
+        let looked_for = self.unreachable + self.invisible + self.unresolved + self.too_small + self.open;
+        looked_for + self.map_edge + self.no_room + self.volume_edge
     }
 }

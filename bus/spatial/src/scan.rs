@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use elk_bus::key::Invalid;
 use elk_bus::{Payload, fnv1a};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -94,14 +94,24 @@ pub struct Scan<'a> {
     pub command: u64,
     /// Pose of the camera at capture (world).
     pub pose: Pose,
-    /// Points in the camera frame (x right, y down, z forward; m). A ray that hit nothing has no point.
+    /// How far the sensor sees (m); 0: as far as there is anything.
+    pub range_m: f64,
+    /// Points that the sensor measured. Filters hand the number on, so that it can be told what they left out.
+    pub measured: u64,
+    /// Directions in the camera frame (unit vectors) in which the sensor saw that there is nothing up to its range. A pixel
+    /// that measured nothing for any other reason is not among them: of its ray nothing is known.
+    #[serde(borrow)]
+    pub no_return: Points<'a>,
+    /// Points in the camera frame (x right, y down, z forward; m).
     #[serde(borrow)]
     pub points: Points<'a>,
 }
 
 impl Payload for Scan<'static> {
     const NAME: &'static str = "Scan";
-    const LAYOUT: u64 = fnv1a("Scan id:u64 command:u64 pose:Isometry3<f64> points:bytes f32x3");
+    const LAYOUT: u64 = fnv1a(
+        "Scan id:u64 command:u64 pose:Isometry3<f64> range_m:f64 measured:u64 no_return:bytes f32x3 points:bytes f32x3",
+    );
     type View<'a> = Scan<'a>;
 
     fn check(scan: &Scan<'_>) -> Result<(), Invalid> {
@@ -109,10 +119,27 @@ impl Payload for Scan<'static> {
     }
 }
 
-impl Scan<'_> {
+impl<'a> Scan<'a> {
+    /// The scan of a sensor that sees as far as there is anything, and saw these points and nothing else.
+    pub fn new(id: u64, command: u64, pose: Pose, points: Points<'a>) -> Self {
+        Self { id, command, pose, range_m: 0.0, measured: points.len() as u64, no_return: Points::default(), points }
+    }
+
     /// The same scan with other points: what a filter makes of it.
     pub fn with_points(&self, points: impl IntoIterator<Item = Point3<f32>>) -> Scan<'static> {
-        Scan { id: self.id, command: self.command, pose: self.pose, points: points.into_iter().collect() }
+        let no_return = self.no_return.clone().into_owned();
+        Scan { points: points.into_iter().collect(), no_return, ..*self }
+    }
+
+    /// The same scan, owned.
+    pub fn into_owned(self) -> Scan<'static> {
+        let (points, no_return) = (self.points.into_owned(), self.no_return.into_owned());
+        Scan { points, no_return, ..self }
+    }
+
+    /// The directions without a return in the world frame (unit vectors).
+    pub fn world_no_return(&self) -> impl ExactSizeIterator<Item = Vector3<f64>> + '_ {
+        self.no_return.iter().map(|p| self.pose.0.rotation * p.coords.cast())
     }
 
     /// The points in the world frame (m).

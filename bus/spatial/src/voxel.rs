@@ -61,6 +61,11 @@ impl Voxel {
         Vector3::new(f64::from(d.x), f64::from(d.y), f64::from(d.z)).norm()
     }
 
+    /// Whether a map has a place for it: every index is in [`INDEX_RANGE`].
+    pub fn is_mappable(self) -> bool {
+        self.to_array().iter().all(|c| INDEX_RANGE.contains(c))
+    }
+
     /// The indices as an array.
     pub fn to_array(self) -> [i32; 3] {
         [self.x, self.y, self.z]

@@ -27,6 +27,7 @@ pub struct Memory {
     /// How things stood when they last changed, and the revision then.
     standing: Standing,
     progress_at: u64,
+    refused: u64,
 }
 
 impl Memory {
@@ -43,6 +44,7 @@ impl Memory {
             hidden: left.hidden.iter().copied().collect(),
             standing: left.standing,
             progress_at: left.progress_at,
+            refused: left.refused,
         }
     }
 
@@ -53,6 +55,7 @@ impl Memory {
         to.hidden = self.hidden.iter().copied().collect();
         to.standing = self.standing;
         to.progress_at = self.progress_at;
+        to.refused = self.refused;
     }
 
     fn record(&mut self, target: Voxel) -> &mut TargetRecord {
@@ -66,6 +69,9 @@ impl Memory {
         let robot = Voxel::containing(request.pose.position(), resolution);
         self.trail.push(robot);
         if let Some(path) = self.path.take() {
+            // What cuts a path is seen on the way. Where it began the map was the plan's, and free.
+            let begun = path.points.first() != Some(&request.pose.position());
+            self.refused += u64::from(request.outcome == Outcome::Cut && !begun);
             self.extend_trail(&path, robot, resolution);
             if frontier.contains(path.target) {
                 self.judge(&path, request.outcome, robot, resolution);
@@ -151,6 +157,11 @@ impl Memory {
         self.targets.get(&target).is_some_and(|record| {
             record.tried.len() >= attempts || u64::from(record.planned) >= RETURNS * attempts as u64
         })
+    }
+
+    /// Paths on which the sensor did not take a single step.
+    pub fn refused(&self) -> u64 {
+        self.refused
     }
 
     /// Scans since anything was learned.

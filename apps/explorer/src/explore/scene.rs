@@ -52,6 +52,11 @@ impl Scene {
         self.sort_out(frontier, memory, settings);
     }
 
+    /// The robot's own voxel.
+    pub fn robot(&self) -> Voxel {
+        self.volume.voxel(self.robot)
+    }
+
     /// What of the map it is made over.
     pub fn scope(&self) -> Scope {
         self.extent.scope

@@ -130,7 +130,7 @@ fn every_strategy_and_policy_sees_everything_that_can_be_seen() {
     ];
     for Run { report, grid, .. } in &runs {
         assert!(report.complete, "{report:?}");
-        assert_eq!((report.left.open, report.left.unresolved), (0, 0), "{report:?}");
+        assert_eq!((report.frontiers_left.open, report.frontiers_left.unresolved), (0, 0), "{report:?}");
         let missed = free_voxels_in_the_rooms() - grid.free();
         assert!(missed <= 30, "{missed} free voxels were never seen: {report:?}");
     }
@@ -150,7 +150,7 @@ fn a_capped_run_has_failed() {
     let capped = Settings { max_scans: 3, ..settings(Policy::elk(0.4)) };
     let report = run(Box::new(ClosestFrontier), capped).report;
     assert!(!report.complete && report.reason.contains("MaxScans"), "{report:?}");
-    assert!(report.left.open > 0);
+    assert!(report.frontiers_left.open > 0);
 }
 
 #[test]
@@ -196,7 +196,7 @@ fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
 #[test]
 fn a_blind_robot_gives_up() {
     let (report, _) = blind_run(settings(Policy::elk(0.4)));
-    assert!(!report.complete && report.left.unresolved + report.left.open > 0, "{report:?}");
+    assert!(!report.complete && report.frontiers_left.unresolved + report.frontiers_left.open > 0, "{report:?}");
 }
 
 /// Regression: the nearest were taken first, and hid all others once they were given up.

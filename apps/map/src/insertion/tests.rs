@@ -153,7 +153,7 @@ fn what_is_no_point_is_dropped_and_counted() {
     let points = [at(f64::NAN, 0.0), at(f64::INFINITY, 0.0), at(0.5, 0.5), at(4e4, 0.0), at(2.5, 0.5)];
     let seen = map.insert(at(0.5, 0.5), points);
     assert_eq!(seen.dropped, Dropped { invalid: 3, out_of_range: 1, no_room: 0 });
-    assert_eq!(seen.changed.len(), 3);
+    assert_eq!(seen.changed.len(), 32_768, "the ray that leaves the map frees its way there; on it there is one hit");
     let nowhere = map.insert(at(1e9, 0.5), points);
     assert_eq!(nowhere.dropped, Dropped { invalid: 0, out_of_range: 5, no_room: 0 });
 }
@@ -171,4 +171,63 @@ fn the_update_carries_what_the_scan_changed() {
         assert_eq!(read, changed);
     }
     assert_eq!((reader.free(), reader.occupied()), (map.grid().free(), map.grid().occupied()));
+}
+
+#[test]
+fn a_ray_without_a_return_frees_as_far_as_it_is_believed() {
+    let freed = |free_no_return: f64, max_range: f64, sensor_range: f64| {
+        let config = MapConfig { resolution: 1.0, free_no_return, max_range, ..MapConfig::default() };
+        let mut map = OccupancyMap::new(config);
+        map.insert_with(at(0.5, 0.5), [], [Vector3::x()], sensor_range);
+        assert_eq!(map.grid().occupied(), 0);
+        map.grid().free()
+    };
+    assert_eq!(freed(0.0, 0.0, 0.0), 0, "unless it is asked for, nothing is known of such a ray");
+    assert_eq!(freed(5.0, 0.0, 0.0), 5);
+    assert_eq!(freed(5.0, 3.0, 0.0), 3, "no farther than any ray");
+    assert_eq!(freed(5.0, 0.0, 2.0), 2, "no farther than the sensor sees");
+    let mut map = OccupancyMap::new(MapConfig { free_no_return: 5.0, ..MapConfig::default() });
+    map.insert_with(at(0.5, 0.5), [], [Vector3::zeros(), Vector3::x() * f64::NAN, Vector3::x() * f64::INFINITY], 0.0);
+    assert_eq!(map.grid().free(), 0, "what is no direction frees nothing");
+}
+
+/// Regression: a ray to a point outside freed nothing of what it passed inside, and that stayed a frontier for ever.
+#[test]
+fn a_ray_that_leaves_the_map_frees_it_to_its_last_voxel() {
+    let last = *INDEX_RANGE.end();
+    let mut map = map(Grazing::None);
+    let origin = at(f64::from(last) - 2.5, 0.5);
+    let seen = map.insert(origin, [at(f64::from(last) + 9.0, 0.5), at(f64::from(last) + 0.5, 0.5)]);
+    assert_eq!((seen.dropped.out_of_range, map.grid().free(), map.grid().occupied()), (1, 3, 1));
+    let mut alone = self::map(Grazing::None);
+    alone.insert(origin, [at(f64::from(last) + 9.0, 0.5)]);
+    assert_eq!(alone.grid().state(Voxel::new(last, 0, 0)), State::Free);
+    assert_eq!((alone.grid().free(), alone.grid().bricks().len()), (4, 1));
+    let outside = alone.insert(at(f64::from(last) + 5.0, 0.5), [origin]);
+    assert_eq!((outside.dropped.out_of_range, outside.changed.len()), (1, 0), "from outside nothing is inserted");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    /// Wherever a ray leaves the map, its end is inside, and it has not turned.
+    #[test]
+    fn a_ray_is_cut_where_the_map_ends(start in prop::array::uniform3(-32767.9..32767.9f64), way in prop::array::uniform3(-1e5..1e5f64)) {
+        let (start, way) = (Point3::from(start), Vector3::from(way));
+        prop_assume!(!within_map(start + way));
+        let end = cut_to_map(start, start + way);
+        prop_assert!(within_map(end));
+        let gone = end - start;
+        prop_assert!(gone.cross(&way).norm() <= 1e-3 * way.norm(), "{} {}", gone, way);
+    }
+}
+
+#[test]
+fn what_a_full_map_has_no_room_for_is_no_frontier() {
+    let mut map = OccupancyMap::new(MapConfig { resolution: 1.0, max_bricks: 1, ..MapConfig::default() });
+    let seen = map.insert(at(0.5, 0.5), [at(20.5, 0.5), at(4.5, 0.5)]);
+    assert_eq!((seen.dropped.no_room, map.is_full()), (1, true));
+    let at_its_end = Voxel::new(7, 0, 0);
+    assert_eq!(map.grid().state(at_its_end), State::Free);
+    assert!(map.frontier().all(|voxel| voxel.face_neighbours().iter().any(|n| brick_of(*n) == brick_of(voxel))));
+    assert!(map.frontier().any(|voxel| voxel == at_its_end), "beside it, in its own brick, there is more to be known");
 }

@@ -10,7 +10,7 @@ use super::{as_json, counted, encoded};
 use crate::bricks::BRICK_CELLS;
 use crate::map::{BrickStates, MapUpdate, State};
 use crate::pose::Pose;
-use crate::scan::Scan;
+use crate::scan::{Points, Scan};
 
 /// A scan with its points written out.
 #[derive(Serialize, Deserialize)]
@@ -19,26 +19,38 @@ pub(super) struct ScanForm {
     id: u64,
     command: u64,
     pose: Pose,
+    range_m: f64,
+    measured: u64,
+    no_return: Value,
     points: Value,
 }
 
 impl ScanForm {
     pub(super) fn read(bytes: &[u8], longest: usize) -> Result<Value, DecodeError> {
-        let scan: Scan<'_> = codec::decode(bytes, Scan::NAME)?;
-        let points = match scan.points.len() {
-            many if many > longest => counted(many, "points"),
-            _ => scan.points.iter().map(|p| Value::from([p.x, p.y, p.z].map(shortest).to_vec())).collect(),
-        };
-        as_json(&Self { id: scan.id, command: scan.command, pose: scan.pose, points }, Scan::NAME)
+        let Scan { id, command, pose, range_m, measured, no_return, points } = codec::decode(bytes, Scan::NAME)?;
+        let (no_return, points) = (listed(&no_return, "directions", longest), listed(&points, "points", longest));
+        as_json(&Self { id, command, pose, range_m, measured, no_return, points }, Scan::NAME)
     }
 
     pub(super) fn write(json: &Value) -> Result<Vec<u8>, String> {
         let form = Self::deserialize(json).map_err(|error| error.to_string())?;
-        let points: Vec<[f32; 3]> =
-            Vec::deserialize(&form.points).map_err(|error| format!("the points are no list of [x, y, z]: {error}"))?;
-        let points = points.into_iter().map(Point3::from).collect();
-        encoded(&Scan { id: form.id, command: form.command, pose: form.pose, points })
+        let Self { id, command, pose, range_m, measured, no_return, points } = form;
+        let (no_return, points) = (unlisted(&no_return, "directions")?, unlisted(&points, "points")?);
+        encoded(&Scan { id, command, pose, range_m, measured, no_return, points })
     }
+}
+
+fn listed(points: &Points<'_>, what: &str, longest: usize) -> Value {
+    match points.len() {
+        many if many > longest => counted(many, what),
+        _ => points.iter().map(|p| Value::from([p.x, p.y, p.z].map(shortest).to_vec())).collect(),
+    }
+}
+
+fn unlisted(list: &Value, what: &str) -> Result<Points<'static>, String> {
+    let points: Vec<[f32; 3]> =
+        Vec::deserialize(list).map_err(|error| format!("the {what} are no list of [x, y, z]: {error}"))?;
+    Ok(points.into_iter().map(Point3::from).collect())
 }
 
 /// The number that people write for an f32: 0.1 and not 0.10000000149011612. It reads back as the same f32.

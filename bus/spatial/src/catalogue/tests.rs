@@ -109,12 +109,8 @@ fn a_map_is_written_a_character_a_cell() {
 
 #[test]
 fn long_lists_are_counted() {
-    let scan = Scan {
-        id: 1,
-        command: 1,
-        pose: Pose::looking(Point3::origin(), Vector3::x()),
-        points: (0..300).map(|i| Point3::new(i as f32, 0.0, 0.1)).collect(),
-    };
+    let points = (0..300).map(|i| Point3::new(i as f32, 0.0, 0.1)).collect();
+    let scan = Scan::new(1, 1, Pose::looking(Point3::origin(), Vector3::x()), points);
     let bytes = encoded(&scan).unwrap();
     let short = to_json(Scan::NAME, Scan::LAYOUT, &bytes, 8).unwrap();
     assert_eq!(short["points"], "300 points");
@@ -130,7 +126,7 @@ proptest! {
     #[test]
     fn points_come_back_bit_for_bit(points in prop::collection::vec(prop::array::uniform3(prop::num::f32::NORMAL | prop::num::f32::ZERO | prop::num::f32::SUBNORMAL), 0..20)) {
         let pose = Pose::looking(Point3::origin(), Vector3::x());
-        let scan = Scan { id: 1, command: 2, pose, points: points.into_iter().map(Point3::from).collect() };
+        let scan = Scan::new(1, 2, pose, points.into_iter().map(Point3::from).collect());
         let bytes = encoded(&scan).unwrap();
         let json = to_json(Scan::NAME, Scan::LAYOUT, &bytes, usize::MAX).unwrap();
         let read: Value = serde_json::from_str(&json.to_string()).unwrap();

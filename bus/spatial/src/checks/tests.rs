@@ -58,7 +58,7 @@ fn what_is_believed_is_finite_and_within_what_a_mission_can_mean() {
             believed += 1;
             let json = payload.to_json(&bytes, usize::MAX).unwrap();
             // JSON has no NaN and no infinity: they would be null, as what is not there at all is.
-            let absent = ["leg", "report"].iter().filter(|field| json.get(**field) == Some(&Value::Null)).count();
+            let absent = ["leg", "ended"].iter().filter(|field| json.get(**field) == Some(&Value::Null)).count();
             let mut nulls = 0;
             ends(&json, &mut |end| {
                 nulls += usize::from(end.is_null());
@@ -120,6 +120,15 @@ fn a_scan_is_checked_where_it_lies() {
     assert!(value(&bytes).decode(&crate::keys::SCAN).is_ok());
     let said = value(&spoilt).decode(&crate::keys::SCAN).unwrap_err().to_string();
     assert!(said.starts_with("Scan.pose.rotation"), "{said}");
+    let scan = crate::Scan::new(1, 1, Pose::looking(Point3::origin(), nalgebra::Vector3::x()), Default::default());
+    let said = |scan: crate::Scan<'_>| super::scan(&scan).unwrap_err().to_string();
+    assert_eq!(super::scan(&scan), Ok(()));
+    assert!(said(crate::Scan { range_m: f64::NAN, ..scan.clone() }).starts_with("range_m is NaN"));
+    assert!(said(crate::Scan { measured: 1 << 40, ..scan.clone() }).starts_with("measured is 1099511627776"));
+    let point = [Point3::origin()].into_iter().collect();
+    assert!(
+        said(crate::Scan { points: point, ..scan }).starts_with("measured is 0; it has to be at least the number of")
+    );
 }
 
 #[test]

@@ -1,0 +1,145 @@
+//! What a run came to: whether it is complete, and why it ended, for people.
+
+use elk_spatial::messages::FrontiersLeft;
+use elk_spatial::{Bounds, OccupancyGrid, State, Voxel};
+use nalgebra::Point3;
+
+use super::Settings;
+use super::scene::Scene;
+
+/// Why no further plan is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// There is no goal left.
+    Explored,
+    /// It took more scans than it may.
+    TooManyScans,
+    /// Nothing new is learned, or no goal can be got to.
+    NoProgress,
+    /// The sensor refused to go where the map calls everything free, too often for a map that is a little wrong.
+    Refused,
+}
+
+/// What that means.
+pub struct Verdict {
+    /// Whether every frontier that can be reached and seen is resolved, in a map that holds something.
+    pub complete: bool,
+    /// Why it ended.
+    pub reason: String,
+}
+
+impl Verdict {
+    /// Judges a run by how it ended, by the frontier that is left, and by the map.
+    pub fn of(end: End, left: &FrontiersLeft, scene: &Scene, grid: &OccupancyGrid, settings: &Settings) -> Self {
+        let failed = |reason| Self { complete: false, reason };
+        match end {
+            End::TooManyScans => failed(format!("more than {} scans (MaxScans)", settings.max_scans)),
+            End::NoProgress => failed(format!("{} scans taught nothing new (Patience)", settings.patience)),
+            End::Refused => failed(format!(
+                "{} motions were refused by the sensor (Patience): the map calls free what cannot be entered; if the world is \
+                 open there, limit the volume to explore (Explorer.Mid, Dim)",
+                settings.patience
+            )),
+            End::Explored => match nothing_to_explore(scene.robot(), grid, settings.bounds) {
+                Some(reason) => failed(reason),
+                None => left_over(left, scene.beyond, grid.resolution(), settings).map_or_else(Self::explored, failed),
+            },
+        }
+    }
+
+    fn explored() -> Self {
+        Self { complete: true, reason: "every frontier that can be reached and seen is resolved".into() }
+    }
+}
+
+/// What is missing where the robot could go on, or the world does.
+fn left_over(left: &FrontiersLeft, beyond: u64, resolution: f64, settings: &Settings) -> Option<String> {
+    let missed = left.unresolved + left.open;
+    if beyond > 0 {
+        let most = settings.max_voxels;
+        return Some(format!(
+            "{beyond} frontier voxels lie beyond the {most} voxels that are planned over (MaxVoxels)"
+        ));
+    }
+    if missed > 0 {
+        let places = settings.attempts;
+        return Some(format!("{missed} frontier voxels were looked at from {places} places each, in vain"));
+    }
+    if left.no_room > 0 {
+        let behind = left.no_room;
+        return Some(format!(
+            "the rest is explored, but the world goes on behind {behind} voxels where the map is full"
+        ));
+    }
+    (left.map_edge > 0).then(|| {
+        format!(
+            "the rest is explored, but the world goes on behind {} voxels where the map ends, {}: move the world nearer to \
+             the origin, or set a coarser Res",
+            left.map_edge,
+            reach(resolution)
+        )
+    })
+}
+
+/// Why there was nothing to explore, if there was not: no frontier is left then, either.
+fn nothing_to_explore(robot: Voxel, grid: &OccupancyGrid, bounds: Option<Bounds>) -> Option<String> {
+    let resolution = grid.resolution();
+    if grid.free() == 0 && !robot.is_mappable() {
+        return Some(format!("the robot at {} m is outside the map", shown(robot.center(resolution))));
+    }
+    if grid.free() == 0 {
+        return Some("nothing is known of the world".into());
+    }
+    let bounds = bounds.filter(|bounds| !free_in(grid, bounds))?;
+    let (mid, dim) = (shown(bounds.mid()), shown(bounds.dim().into()));
+    let known = grid.free() + grid.occupied();
+    Some(format!(
+        "of the volume to explore (Mid {mid}, Dim {dim} m) nothing was seen: none of the {known} voxels that are known is free \
+         and lies in it; set Explorer.Mid and Explorer.Dim so that it is seen from the start, or Dim to 0; 0; 0 for everything"
+    ))
+}
+
+fn free_in(grid: &OccupancyGrid, bounds: &Bounds) -> bool {
+    let free =
+        |(voxel, state): (Voxel, State)| state == State::Free && bounds.contains(voxel.center(grid.resolution()));
+    grid.bricks().voxels().any(free)
+}
+
+/// Where a map of voxels of `resolution` (m) ends.
+fn reach(resolution: f64) -> String {
+    format!("32768 voxels of {resolution} m ({} m) from the origin along each axis", shortest(32768.0 * resolution))
+}
+
+fn shown(p: Point3<f64>) -> String {
+    format!("{}; {}; {}", shortest(p.x), shortest(p.y), shortest(p.z))
+}
+
+/// To the centimetre, and no more digits than that takes.
+fn shortest(metres: f64) -> f64 {
+    (metres * 100.0).round() / 100.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(state: State) -> OccupancyGrid {
+        let mut grid = OccupancyGrid::new(0.1);
+        grid.set(Voxel::new(0, 0, 0), state);
+        grid
+    }
+
+    #[test]
+    fn a_volume_in_which_nothing_free_was_seen_was_not_explored() {
+        let here = Voxel::new(0, 0, 0);
+        let bounds = |x: f64| Some(Bounds { min: [x, -1.0, -1.0].into(), max: [x + 2.0, 1.0, 1.0].into() });
+        assert_eq!(nothing_to_explore(here, &map(State::Free), None), None);
+        assert_eq!(nothing_to_explore(here, &map(State::Free), bounds(-1.0)), None);
+        let apart = nothing_to_explore(here, &map(State::Free), bounds(99.0)).unwrap();
+        assert!(apart.contains("Mid 100; 0; 0, Dim 2; 2; 2 m") && apart.contains("none of the 1 voxels"), "{apart}");
+        let walled = nothing_to_explore(here, &map(State::Occupied), None).unwrap();
+        assert!(walled.starts_with("nothing is known"), "{walled}");
+        let outside = nothing_to_explore(Voxel::new(40_000, 0, 0), &OccupancyGrid::new(0.1), None).unwrap();
+        assert!(outside.contains("4000.05; 0.05; 0.05 m is outside the map"), "{outside}");
+    }
+}
