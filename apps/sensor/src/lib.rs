@@ -1,7 +1,7 @@
 //! Where depth comes from: a simulated depth camera in a world of `elk-world`.
 //!
-//! [`Simulator`] is a robot with a depth camera in a [`World`](elk_world::World), which is what is truly there and which only
-//! it knows. [`app`] puts it on the bus.
+//! [`Simulator`] is a robot with a depth camera in a [`World`](elk_world::World), which is what is truly there and
+//! which only it knows. [`app`] puts it on the bus.
 
 pub mod app;
 pub mod camera;

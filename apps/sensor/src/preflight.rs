@@ -10,7 +10,8 @@ use crate::app::{pixels, start, world};
 /// The map's parameters where the mission has a map of another kind.
 const RESOLUTION_M: f64 = 0.1;
 
-/// Loads the world, and sees that the robot can start in it, and that map and filters have something of what it sees there.
+/// Loads the world, and sees that the robot can start in it, and that map and filters have something of what it sees
+/// there.
 pub(crate) fn preflight(params: &Params, mission: &Mission) -> Findings {
     let looked = pixels(params).and_then(|_| {
         let world = world(params)?;

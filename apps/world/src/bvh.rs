@@ -13,7 +13,8 @@ use crate::triangle::{Triangle, bounds_of};
 const LEAF: usize = 4;
 /// Places along the longest axis at which a split is considered, plus one.
 const BINS: usize = 16;
-/// Boxes are a little larger than what they hold (m), so that rounding in the box test cannot lose a triangle on a face.
+/// Boxes are a little larger than what they hold (m), so that rounding in the box test cannot lose a triangle on a
+/// face.
 const SLACK: f64 = 1e-9;
 
 /// The hierarchy, which owns its triangles.

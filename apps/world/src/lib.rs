@@ -1,4 +1,5 @@
-//! The worlds that a simulated sensor sees: read from OBJ, STL, PLY and glTF, checked, and asked where their surfaces are.
+//! The worlds that a simulated sensor sees: read from OBJ, STL, PLY and glTF, checked, and asked where their surfaces
+//! are.
 //!
 //! | module | one idea |
 //! |---|---|

@@ -23,7 +23,8 @@ const TOWARDS_RIM: f64 = 0.9;
 const MOST_RIMS: usize = 20_000;
 /// Stream of random places.
 const STREAM: u64 = 1;
-/// A rim along which other surfaces come so near (share of the world's diagonal) is no end: the next surface goes on there.
+/// A rim along which other surfaces come so near (share of the world's diagonal) is no end: the next surface goes on
+/// there.
 const SEAM: f64 = 1e-6;
 
 /// A hole in a surface: rims that hang together.

@@ -21,9 +21,9 @@ const FLAT: f64 = 1e-12;
 /// The triangles' area differs by more than this share from the polygon's where its outline crosses itself.
 const DEVIATION: f64 = 1e-6;
 
-/// Hands the triangles of a polygon to `each`, all of them turned as it is. A convex polygon is cut into the fan around its
-/// first corner; any other by ears, after it was projected along the axis that its normal is nearest to, which keeps
-/// coordinates as they are. Corners that lie off the polygon's plane stay where they are.
+/// Hands the triangles of a polygon to `each`, all of them turned as it is. A convex polygon is cut into the fan around
+/// its first corner; any other by ears, after it was projected along the axis that its normal is nearest to, which
+/// keeps coordinates as they are. Corners that lie off the polygon's plane stay where they are.
 pub fn triangulate(corners: &[Point3<f64>], mut each: impl FnMut(Triangle)) -> Cut {
     let outline = without_repetition(corners);
     let normal = normal(&outline);

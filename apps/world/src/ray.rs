@@ -45,8 +45,8 @@ impl Ray {
     /// Where the ray meets the triangle, beyond its origin: Woop, Benthin and Wald, *Watertight Ray/Triangle
     /// Intersection* (JCGT 2013), in double precision.
     ///
-    /// The rounded difference of two rounded products has the sign of the exact one or is zero, and zero counts as inside:
-    /// of the triangles around an edge or a corner at least one is hit, always.
+    /// The rounded difference of two rounded products has the sign of the exact one or is zero, and zero counts as
+    /// inside: of the triangles around an edge or a corner at least one is hit, always.
     pub fn hit(&self, triangle: &Triangle) -> Option<Hit> {
         let [a, b, c] = triangle.0.map(|corner| self.sheared(corner));
         let u = c.x * b.y - c.y * b.x;

@@ -40,7 +40,8 @@ impl Triangle {
     }
 
     /// Distance between the triangle and the segment `from`–`to` (m): 0 if the segment pierces it; otherwise it is
-    /// attained at an end of the segment or on an edge of the triangle (Ericson, *Real-Time Collision Detection*, 5.1.10).
+    /// attained at an end of the segment or on an edge of the triangle (Ericson, *Real-Time Collision Detection*,
+    /// 5.1.10).
     pub fn distance_to_segment(&self, from: Point3<f64>, to: Point3<f64>) -> f64 {
         if from != to
             && let Some(hit) = Ray::new(from, to - from).hit(self)
@@ -67,7 +68,8 @@ impl Triangle {
     }
 
     /// Whether it shares a point with the box, faces included: no axis among the box's three, the triangle's normal and
-    /// the nine cross products of their edges separates them (Akenine-Möller, *Fast 3D Triangle-Box Overlap Testing*, 2001).
+    /// the nine cross products of their edges separates them (Akenine-Möller, *Fast 3D Triangle-Box Overlap Testing*,
+    /// 2001).
     pub fn overlaps(&self, bounds: &Bounds) -> bool {
         let center = bounds.mid();
         let half = bounds.dim() / 2.0;

@@ -25,8 +25,8 @@ impl Accuracy {
     }
 }
 
-/// How far a surface has to reach into a voxel to be in it, as a share of the voxel's edge. What comes to less is a touch:
-/// a wall that lies on the faces of the lattice belongs to the voxels on both of its sides, or to either.
+/// How far a surface has to reach into a voxel to be in it, as a share of the voxel's edge. What comes to less is a
+/// touch: a wall that lies on the faces of the lattice belongs to the voxels on both of its sides, or to either.
 pub const TOUCH: f64 = 0.01;
 
 /// What a voxel is in truth.
@@ -36,7 +36,8 @@ pub enum Truth {
     Free,
     /// A surface goes through it, by more than [`TOUCH`] from its faces, or it lies in a solid or outside the world.
     Occupied,
-    /// It is free, and a surface touches it: a map that calls it free is right, and so is one that has the surface there.
+    /// It is free, and a surface touches it: a map that calls it free is right, and so is one that has the surface
+    /// there.
     Touched,
 }
 
@@ -115,8 +116,8 @@ mod tests {
     use super::*;
     use crate::scenery::{Scenery, Solid};
 
-    /// A room from (0, 0, 0) to (3, 3, 3) m with a box from (1.02, 1.02, 1.02) to (1.98, 1.98, 1.98) in it; on a lattice
-    /// of 0.1 m the box touches the voxels 10 to 19 along each axis.
+    /// A room from (0, 0, 0) to (3, 3, 3) m with a box from (1.02, 1.02, 1.02) to (1.98, 1.98, 1.98) in it; on a
+    /// lattice of 0.1 m the box touches the voxels 10 to 19 along each axis.
     fn world() -> World {
         let mut scenery = Scenery::within(Solid::block("room", [-0.02; 3], [3.02; 3]));
         scenery.block("box", [1.02; 3], [1.98; 3]);
@@ -174,7 +175,8 @@ mod tests {
         span(0).flat_map(move |x| span(1).flat_map(move |y| span(2).map(move |z| Voxel::new(x, y, z))))
     }
 
-    /// Regression: on the lattice's own faces both voxels beside a wall counted as occupied, and 18 % of a map as wrong.
+    /// Regression: on the lattice's own faces both voxels beside a wall counted as occupied, and 18 % of a map as
+    /// wrong.
     #[test]
     fn a_room_is_judged_the_same_wherever_it_lies_on_the_lattice() {
         for offset in [0.0, 0.03, 0.05] {

@@ -16,8 +16,8 @@ const CENTIMETRES: Unit = Unit { name: "centimetres", metres: 0.01 };
 const MILLIMETRES: Unit = Unit { name: "millimetres", metres: 0.001 };
 const KILOMETRES: Unit = Unit { name: "kilometres", metres: 1000.0 };
 
-/// The unit that a world is probably in whose longest edge is so long in it; `None`: nothing fits. Rooms, houses and sites
-/// are from half a metre to 300 m long; what is longer in metres is a room in centimetres or millimetres.
+/// The unit that a world is probably in whose longest edge is so long in it; `None`: nothing fits. Rooms, houses and
+/// sites are from half a metre to 300 m long; what is longer in metres is a room in centimetres or millimetres.
 pub fn guess(longest: f64) -> Option<Unit> {
     match longest {
         0.000_5..0.05 => Some(KILOMETRES),

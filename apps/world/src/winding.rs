@@ -1,12 +1,13 @@
 //! Which side of a surface is free, found out where a file does not say it right.
 //!
-//! Files have their faces turned in any way: a room that was drawn as a box looks outwards, a chair was mirrored, a face was
-//! turned over by accident. What is free can be told without it, by parity: a ray from a free place to infinity meets an odd
-//! number of surfaces, one for the shell around it and two for each solid on its way. So a point is taken on both sides of
-//! some faces of each shell; if one side is free and the other is not, the face has to look to the free one.
+//! Files have their faces turned in any way: a room that was drawn as a box looks outwards, a chair was mirrored, a
+//! face was turned over by accident. What is free can be told without it, by parity: a ray from a free place to
+//! infinity meets an odd number of surfaces, one for the shell around it and two for each solid on its way. So a point
+//! is taken on both sides of some faces of each shell; if one side is free and the other is not, the face has to look
+//! to the free one.
 //!
-//! Other files have no shell around the free space: their walls are solids of their own, as in a model of a building. There
-//! an even number is free, and outside is free, too.
+//! Other files have no shell around the free space: their walls are solids of their own, as in a model of a building.
+//! There an even number is free, and outside is free, too.
 
 use elk_spatial::Bounds;
 use nalgebra::{Point3, Vector3};
@@ -135,8 +136,8 @@ fn volume(shell: &Shell, against: &[bool], triangles: &[Triangle]) -> f64 {
     shell.triangles.iter().map(under).sum()
 }
 
-/// Whether most shells but the one around everything are turned the wrong way; `None`: it is known of none. A file follows
-/// one habit: what is unclear is as the others are.
+/// Whether most shells but the one around everything are turned the wrong way; `None`: it is known of none. A file
+/// follows one habit: what is unclear is as the others are.
 fn most_are_wrong(verdicts: &[Verdict], around: usize) -> Option<bool> {
     let others = || verdicts.iter().enumerate().filter(|(i, _)| *i != around).map(|(_, verdict)| verdict);
     let count = |wanted: Verdict| others().filter(|verdict| **verdict == wanted).count();
@@ -183,8 +184,8 @@ impl<'a> Judge<'a> {
         self.topology.shells.iter().map(|shell| self.verdict(shell, inner, free_is_even)).collect()
     }
 
-    /// Whether the free space is that between the surfaces' solids: a house whose walls have an outside and an inside, or a
-    /// wall that is a box. Then more of the space that surfaces enclose is in none of the solids than in them.
+    /// Whether the free space is that between the surfaces' solids: a house whose walls have an outside and an inside,
+    /// or a wall that is a box. Then more of the space that surfaces enclose is in none of the solids than in them.
     fn rooms_are_between_solids(&self, extents: &Bounds) -> bool {
         const PLACES: usize = 1000;
         const ENCLOSED: usize = 6;
@@ -230,8 +231,8 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Whether rays cross an odd number of surfaces that lead away from the middle of a triangle, before and behind it. They
-    /// do not meet the triangle itself, and so tell a sheet from a wall.
+    /// Whether rays cross an odd number of surfaces that lead away from the middle of a triangle, before and behind it.
+    /// They do not meet the triangle itself, and so tell a sheet from a wall.
     fn sides(&self, index: usize, inner: &Bounds) -> Option<(bool, bool)> {
         let triangle = self.surfaces.triangles()[index];
         let middle = triangle.middle();

@@ -40,9 +40,9 @@ pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
 /// Tries before a world counts as too narrow for a random start.
 const START_TRIES: u32 = 100_000;
 
-/// A world: a shell that looks inwards and solids in it that look outwards, so that every face is anticlockwise as seen from
-/// the free side. Solids may touch, overlap and stick out through the shell. Files whose faces are turned otherwise are
-/// mended as they are read.
+/// A world: a shell that looks inwards and solids in it that look outwards, so that every face is anticlockwise as seen
+/// from the free side. Solids may touch, overlap and stick out through the shell. Files whose faces are turned
+/// otherwise are mended as they are read.
 #[derive(Debug, Clone)]
 pub struct World {
     surfaces: Bvh,
@@ -151,8 +151,8 @@ impl World {
         Self::from_bytes(name, &bytes, placement)
     }
 
-    /// The world that the bytes of a file describe, whatever they are. `name` is for error messages; its ending counts where
-    /// the bytes do not tell the format, and a glTF file's buffers are looked for beside it.
+    /// The world that the bytes of a file describe, whatever they are. `name` is for error messages; its ending counts
+    /// where the bytes do not tell the format, and a glTF file's buffers are looked for beside it.
     ///
     /// # Errors
     /// It is no world; why.
@@ -258,8 +258,8 @@ impl World {
     }
 
     /// Whether `point` (m, world) is inside the shell and in no solid: whether its winding number is negative, by a
-    /// majority of directions, since a single ray may count an edge twice, or leave an open world. Where walls are solids
-    /// and there is no shell, it is enough to be in no solid.
+    /// majority of directions, since a single ray may count an edge twice, or leave an open world. Where walls are
+    /// solids and there is no shell, it is enough to be in no solid.
     pub fn is_free(&self, point: Point3<f64>) -> bool {
         if !self.extents.contains(point) {
             return false;

@@ -1,4 +1,5 @@
-//! Files as people have them: the cases of public bug reports, each the world that it should be, or an error with its place.
+//! Files as people have them: the cases of public bug reports, each the world that it should be, or an error with its
+//! place.
 
 use std::path::PathBuf;
 

@@ -1,7 +1,8 @@
-//! What a mission needs and its file cannot show: executables that run, files that hold what they should, apps that agree.
+//! What a mission needs and its file cannot show: executables that run, files that hold what they should, apps that
+//! agree.
 //!
-//! An [`AppType`](crate::AppType) may bring a look of its own at what it needs; of any other type it is seen that it can be
-//! built. So what passes here starts.
+//! An [`AppType`](crate::AppType) may bring a look of its own at what it needs; of any other type it is seen that it
+//! can be built. So what passes here starts.
 
 use std::path::Path;
 
@@ -9,7 +10,8 @@ use crate::exchange::executable;
 use crate::mission::{AppSpec, Mission, Program};
 use crate::params::Params;
 
-/// How an app type looks at what one of its apps needs, in the mission that it is part of. It starts and changes nothing.
+/// How an app type looks at what one of its apps needs, in the mission that it is part of. It starts and changes
+/// nothing.
 pub type Preflight = fn(&Params, &Mission) -> Findings;
 
 /// What a look came to.

@@ -1,7 +1,8 @@
 //! Files of worlds: one reader a format, behind one interface.
 //!
 //! A reader goes through the bytes and hands each polygon to the [`Soup`], with the place where it stands. What is the
-//! same in all formats is done there: corners that are no numbers, polygons with more than three corners, faces without area.
+//! same in all formats is done there: corners that are no numbers, polygons with more than three corners, faces without
+//! area.
 
 mod format;
 mod gltf;

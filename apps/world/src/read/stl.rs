@@ -4,7 +4,8 @@ use nalgebra::Point3;
 
 use crate::read::{Fault, Place, Soup, text};
 
-/// Bytes before the number of triangles, before the first triangle, and of each of them: normal, three corners, two bytes.
+/// Bytes before the number of triangles, before the first triangle, and of each of them: normal, three corners, two
+/// bytes.
 const HEADER: usize = 80;
 const FIRST: usize = 84;
 const RECORD: usize = 50;

@@ -8,8 +8,8 @@ const BOM: &[u8] = b"\xef\xbb\xbf";
 /// Bytes at the beginning of a file that are looked at to tell what it is.
 const BEGINNING: usize = 64 << 10;
 
-/// The text in an encoding that agrees with ASCII: UTF-16 becomes UTF-8; anything else is left as it is, since what is not
-/// ASCII can only be in comments and names.
+/// The text in an encoding that agrees with ASCII: UTF-16 becomes UTF-8; anything else is left as it is, since what is
+/// not ASCII can only be in comments and names.
 pub(crate) fn ascii_compatible(bytes: &[u8]) -> Cow<'_, [u8]> {
     let unit: fn([u8; 2]) -> u16 = match bytes {
         [0xff, 0xfe, ..] => u16::from_le_bytes,
