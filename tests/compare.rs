@@ -20,9 +20,11 @@ fn strategies_are_compared_over_seeds_and_a_failed_run_is_a_row_that_says_why() 
     std::fs::write(elk.folder().join("mission.xml"), small("manual", "")).unwrap();
     explorer_script(&elk, "mine.sh", "ClosestFrontier");
     elk.script("dies.sh", "echo alas; exit 3\n");
-    let strategies = ["compare", "ClosestFrontier", "./mine.sh", "./dies.sh", "mission.xml"];
-    let out =
-        elk.command(&[&strategies[..], &["--seeds", "1..2", "-j", "2", "-o", "out.csv"]].concat()).output().unwrap();
+    let strategies = ["compare", "ClosestFrontier", "./mine.sh", "./dies.sh"];
+    let out = elk
+        .command(&[&strategies[..], &["--seeds", "1..2", "-j", "2", "mission.xml", "-o", "out.csv"]].concat())
+        .output()
+        .unwrap();
     let (table, said) = (String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
     assert_eq!(out.status.code(), Some(1), "not all are complete: {table}{said}");
 
@@ -51,6 +53,7 @@ fn a_comparison_that_cannot_be_right_starts_nothing() {
     for (arguments, right) in [
         (vec!["Potental", "mission.xml"], "Potental is no strategy; did you mean Potential?"),
         (vec!["./none", "mission.xml"], "./none cannot be run: No such file or directory"),
+        (vec!["mission.xml"], "mission.xml alone: right is one strategy at least, and then the mission"),
         (vec!["Potential", "none.xml"], "cannot read the mission file none.xml"),
     ] {
         let out = elk.command(&[&["compare"][..], &arguments].concat()).output().unwrap();

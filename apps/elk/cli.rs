@@ -67,6 +67,7 @@ pub enum Command {
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(MissionArgs),
     /// Run strategies against each other in one mission, over seeds: a table with mean and spread, and a CSV file
+    #[command(override_usage = "elk compare [OPTIONS] STRATEGY… MISSION")]
     #[command(after_help = "Example: elk compare Potential ClosestFrontier ./target/release/mine --seeds 1..10 -j 2 \
                             mission-files/apartment.xml\n\nA run that fails is a row that says why. Ends with 1 if a run is \
                             not complete.")]

@@ -24,7 +24,7 @@ use run::{Plan, Row, Running};
 #[derive(Debug, Args)]
 pub struct CompareArgs {
     /// Strategies, each a type of explorer or an executable (a path with a /), and last the mission: a file or a run's folder
-    #[arg(required = true, num_args = 2.., value_name = "STRATEGY… MISSION")]
+    #[arg(required = true, num_args = 1.., value_name = "STRATEGY… MISSION")]
     words: Vec<String>,
     /// Seeds, first and last included: `1..10`, `7`, `1,4,9`; the mission's own if not said
     #[arg(long)]
@@ -74,7 +74,9 @@ impl FromStr for Seeds {
 
 /// `elk compare`
 pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
-    let Some((mission_file, strategies)) = arguments.words.split_last() else { bail!("nothing is to be compared") };
+    let Some((mission_file, strategies @ [_, ..])) = arguments.words.split_last() else {
+        bail!("{} alone: right is one strategy at least, and then the mission", arguments.words.join(" "))
+    };
     let mission_file = Path::new(mission_file);
     // Everything is looked at before anything starts.
     let mission = load(mission_file, &arguments.sets)?;
