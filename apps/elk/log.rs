@@ -184,7 +184,7 @@ pub struct OutputArgs {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// How it is compressed
-    #[arg(long, default_value = "none")]
+    #[arg(long, default_value = "zstd")]
     compression: Packing,
 }
 

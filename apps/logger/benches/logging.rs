@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos, thread_cpu_secs};
 use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail, Origin, ValueRef, run_app_on};
-use elk_log::{Index, Metadata};
+use elk_log::{Compression, Index, LogOptions, Metadata};
 use elk_logger::{Logger, Recorder};
 
 const SMALL: u64 = 2_000_000;
@@ -24,11 +24,13 @@ const TURNS: usize = 5;
 fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let run = |name: &str| wanted.is_empty() || wanted.iter().any(|word| word == name);
-    if run("small") {
-        flat_out("64 B messages", "small", SMALL, 64);
-    }
-    if run("bulk") {
-        flat_out("1 MB values", "bulk", BULK, BULK_BYTES);
+    for compression in [Compression::None, Compression::Zstd] {
+        if run("small") {
+            flat_out("64 B messages", "small", SMALL, 64, compression);
+        }
+        if run("bulk") {
+            flat_out("1 MB values", "bulk", BULK, BULK_BYTES, compression);
+        }
     }
     if run("latency") {
         latency();
@@ -101,9 +103,14 @@ impl App for Counted {
 }
 
 /// A logger of `BENCH*` on a thread; its end answers the CPU that it took (s).
-fn start_logger(broker: &Broker, path: &Path) -> (Arc<AtomicBool>, Arc<AtomicU64>, JoinHandle<f64>) {
+fn start_logger(
+    broker: &Broker,
+    path: &Path,
+    compression: Compression,
+) -> (Arc<AtomicBool>, Arc<AtomicU64>, JoinHandle<f64>) {
     let (stop, seen) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-    let recorder = Recorder::new(path.into(), Metadata::default());
+    let options = LogOptions { compression, ..LogOptions::default() };
+    let recorder = Recorder::new(path.into(), Metadata::default()).with_options(options);
     let mut app = Counted { logger: Logger::of(recorder, vec!["BENCH*".into()]), seen: seen.clone() };
     let (stopped, community) = (stop.clone(), broker.community.clone());
     let thread = std::thread::spawn(move || {
@@ -115,13 +122,20 @@ fn start_logger(broker: &Broker, path: &Path) -> (Arc<AtomicBool>, Arc<AtomicU64
     (stop, seen, thread)
 }
 
-fn flat_out(what: &str, name: &str, count: u64, bytes: usize) {
+fn flat_out(what: &str, name: &str, count: u64, bytes: usize, compression: Compression) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("log.mcap");
-    let broker = Broker::start(name);
+    let broker = Broker::start(&format!("{name}-{compression:?}"));
     let mut publisher = broker.join("publisher");
-    let (stop, seen, logger) = start_logger(&broker, &path);
-    let value = vec![7_u8; bytes];
+    let (stop, seen, logger) = start_logger(&broker, &path, compression);
+    // As hard to pack as coordinates are: three bytes of noise, and one that is nearly always the same.
+    let mut noise = 1_u32;
+    let value: Vec<u8> = (0..bytes)
+        .map(|at| {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            if at % 4 == 3 { 0x41 } else { (noise >> 24) as u8 }
+        })
+        .collect();
     let clock = Stopwatch::start();
     for _ in 0..count {
         let value = ValueRef::Binary { type_name: "Bench", layout: 1, bytes: &value };
@@ -138,7 +152,7 @@ fn flat_out(what: &str, name: &str, count: u64, bytes: usize) {
     let megabytes = index.bytes() as f64 / 1e6;
     let baseline = disk(folder.path(), index.bytes().min(1 << 30));
     println!(
-        "{what}: {:.0} k/s, {:.0} MB/s in the log; the logger's CPU {cpu:.2} s in {secs:.2} s ({:.0} k/s a core); \
+        "{what}, {compression:?}: {:.0} k/s, {:.0} MB/s in the log; the logger's CPU {cpu:.2} s in {secs:.2} s ({:.0} k/s a core); \
          {} of {count} in the log, {} missing; a plain file takes {baseline:.0} MB/s",
         count as f64 / secs / 1e3,
         megabytes / secs,
@@ -188,7 +202,7 @@ fn one_way(turn: usize) -> [f64; 2] {
     let folder = tempfile::tempdir().expect("a folder");
     let broker = Broker::start(&format!("turn-{turn}"));
     let mut publisher = broker.join("publisher");
-    let logger = logged.then(|| start_logger(&broker, &folder.path().join("log.mcap")));
+    let logger = logged.then(|| start_logger(&broker, &folder.path().join("log.mcap"), Compression::Zstd));
     let community = broker.community.clone();
     let ready = Arc::new(AtomicBool::new(false));
     let listening = ready.clone();
