@@ -70,7 +70,7 @@ impl Walk {
         self.at & BRICK_BITS
     }
 
-    /// The present voxel's layer in its brick (z), and its bit in the layer (see [`crate::mask`]).
+    /// The present voxel's layer in its brick (z), and its bit in the layer (see [`elk_spatial::mask`]).
     #[inline]
     pub fn cell(&self) -> (usize, u64) {
         let bit = self.at & 7 | self.at >> (FIELD - 3) & 56;
