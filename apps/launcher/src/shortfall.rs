@@ -40,7 +40,7 @@ const MORE_ROOM: &str = "set a larger Map.MaxBricks, or a coarser Map.Res";
 fn filtered(filters: &[&AppSpec], measured: u64) -> String {
     let names: Vec<String> = filters.iter().map(|app| named(app)).collect();
     let whose = match names.is_empty() {
-        true => "none of them came to the map".to_owned(),
+        true => "none came to the map".to_owned(),
         false => format!("none came through {}; let it keep some of them", names.join(" and ")),
     };
     format!("of {measured} points that the sensor measured {whose}")
