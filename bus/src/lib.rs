@@ -89,8 +89,8 @@ impl Client {
 /// [`stop_signals`] comes; if it is in the midst of a message then, it has [`stop::STOP_PATIENCE`] to come to its end. A launcher
 /// may have told more in the environment (see [`RunOptions::as_launched`]).
 pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunError> {
-    let stop = stop_on_signals().map_err(RunError::Signals)?;
     let insistence = stop::Insistence::begin().map_err(RunError::Signals)?;
+    let stop = stop_on_signals().map_err(RunError::Signals)?;
     let mut client = Client::join(&options.clone().as_launched())?;
     app::run(&mut *app, &mut client, &stop, Some(insistence))
 }

@@ -40,7 +40,8 @@ pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
 pub(crate) struct Insistence(Arc<AtomicBool>);
 
 impl Insistence {
-    /// From now on, [`STOP_PATIENCE`] after the first of these signals the process ends.
+    /// From now on, [`STOP_PATIENCE`] after the first of these signals the process ends. It begins before
+    /// [`stop_on_signals`]: then whoever sees that it is to stop, and says that it heeds that, finds the alarm set already.
     pub fn begin() -> std::io::Result<Self> {
         let insists = Arc::new(AtomicBool::new(true));
         end_saying(SIGALRM, &[LAST_WORDS])?;
@@ -106,8 +107,8 @@ mod tests {
     #[test]
     fn is_deaf() {
         let Ok(heeds) = std::env::var(DEAF) else { return };
-        let stop = stop_on_signals().unwrap();
         let insistence = Insistence::begin().unwrap();
+        let stop = stop_on_signals().unwrap();
         kill_process(getpid(), Signal::TERM).unwrap();
         while !stop.load(Ordering::Relaxed) {
             std::thread::yield_now();

@@ -236,7 +236,7 @@ fn children(pid: i32) -> Vec<i32> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::{BufRead, BufReader};
+    use std::io::{BufRead, BufReader, Read, Write};
     use std::os::unix::process::CommandExt;
     use std::process::{Child, Stdio};
 
@@ -282,9 +282,12 @@ mod tests {
     #[test]
     fn whoever_was_given_a_run_is_found_by_it() {
         let (one, other) = (Run::fresh().unwrap(), Run::fresh().unwrap());
-        let mut command = Command::new("sleep");
+        let mut command = Command::new("cat");
         one.give(&mut command);
-        let mut child = command.arg("1000").spawn().unwrap();
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        // The kernel shows no environment until the program has begun.
+        child.stdin.as_mut().unwrap().write_all(b"!").unwrap();
+        child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
         let id = ProcessId::of(child.id() as i32).unwrap();
         assert_eq!((one.processes(), other.processes()), (vec![id], vec![]));
         child.kill().unwrap();

@@ -228,6 +228,8 @@ fn an_app_that_fails_in_the_midst_of_it_fails_the_mission_by_name() {
     let Some(LaunchError::ThreadEnded { app, how, .. }) = &outcome.error else { panic!("{:?}", outcome.error) };
     assert_eq!((app.as_str(), how.as_str()), ("Map", "Map: no room"));
     assert!(!outcome.summary.complete);
-    assert_eq!(outcome.summary.reason, "Map ended before the mission was over: Map: no room");
+    // The launcher may not have come to see everybody register.
+    let reason = &outcome.summary.reason;
+    assert!(reason.starts_with("Map ended before ") && reason.ends_with(": Map: no room"), "{reason}");
     assert!(outcome.folder.join("summary.json").is_file());
 }
