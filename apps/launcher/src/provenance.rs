@@ -201,8 +201,10 @@ pub fn mission_of_run(
     let provenance = Provenance::read(folder)?;
     provenance.check(overrides, revision)?;
     let mut mission = Mission::load(&folder.join(&provenance.effective_mission), registry, overrides)?;
-    // The next run is called after it, and keeps it.
+    // The next run is called after the file of the first, and keeps that.
     mission.file = folder.join(&provenance.mission);
+    let no_run = |source| RerunError::NoRun { file: mission.file.clone(), source };
+    mission.bytes = file::read(&mission.file, LONGEST).map_err(no_run)?;
     Ok(mission)
 }
 
