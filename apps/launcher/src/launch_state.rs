@@ -118,7 +118,9 @@ impl LaunchState {
         let kept = Self::kept(community).filter(Self::is_alive);
         match (Self::said(community), kept) {
             (Ok(said), Some(kept)) if said.number < kept.number => Ok(kept),
-            (Err(LaunchError::Connect(ConnectError::NoBroker(_)) | LaunchError::Attach { .. }), Some(kept)) => Ok(kept),
+            // A launcher that lives has the name.
+            (Err(refused @ LaunchError::Connect(ConnectError::Refused { .. })), _) => Err(refused),
+            (Err(_), Some(kept)) => Ok(kept),
             (said, _) => said,
         }
     }
@@ -180,12 +182,14 @@ impl LaunchState {
     }
 }
 
-/// Joins; the name of a launcher that died just now is free in a moment.
+/// Joins; the name of a launcher that died just now is free in a moment, and a broker that dies just now is gone in one.
 fn join(community: &Community) -> Result<Client, ConnectError> {
     let clock = Stopwatch::start();
     loop {
         match Client::connect(community, crate::NAME) {
-            Err(ConnectError::Refused { .. }) if clock.elapsed() < PATIENCE => std::thread::sleep(ASK_EVERY),
+            Err(ConnectError::Refused { .. } | ConnectError::Handshake { .. }) if clock.elapsed() < PATIENCE => {
+                std::thread::sleep(ASK_EVERY)
+            }
             joined => return joined,
         }
     }

@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+use elk_outside::file;
+
 use crate::damage::Damage;
 use crate::encoding::{Scratch, nanoseconds, seconds};
 use crate::error::LogError;
@@ -76,8 +78,15 @@ impl LogReader {
     /// As [`LogReader::open`], for a log that may be damaged: gives every message that is whole, also of a chunk that is
     /// not what was written. Where nobody can tell which of such a chunk's messages are damaged, all are given;
     /// [`LogReader::damage`] names the chunk.
+    ///
+    /// # Errors
+    /// None of its files can be read at all.
     pub fn open_damaged(path: &Path) -> Result<Self, LogError> {
         let paths = segments(path)?;
+        let mut opened = paths.iter().map(|path| file::open(path).map_err(|source| (path, source)));
+        if let (Some(Err((path, source))), true) = (opened.next(), opened.all(|one| one.is_err())) {
+            return Err(LogError::Read { path: path.clone(), source });
+        }
         let metadata = paths.iter().find_map(|path| Segment::metadata_of(path).ok()).unwrap_or_default();
         let length = paths.iter().map(|path| length(path)).sum();
         Ok(Self { salvages: true, ..Self::of(paths, metadata, length) })
