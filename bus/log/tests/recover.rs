@@ -1,7 +1,7 @@
 //! What `recover` gives back of damaged logs, against a count of its own of what is whole in them.
 //!
 //! The short run is part of the tests. The long one, whose figures stand in docs/log.md:
-//! `cargo test --release -p elk-log --test recover -- --ignored --nocapture`
+//! `ELK_FLIPS=1000 ELK_HOLES=200 cargo test --release -p elk-log --test recover -- --nocapture`
 
 mod common;
 
@@ -199,13 +199,12 @@ fn recovers(flips: usize, holes: usize) {
     }
 }
 
-#[test]
-fn nearly_all_that_is_whole_in_a_damaged_log_is_recovered() {
-    recovers(25, 10);
+/// So many of each kind of damage as the environment says, else the few that every run has.
+fn many(variable: &str, few: usize) -> usize {
+    std::env::var(variable).ok().map_or(few, |many| many.parse().expect("a whole number"))
 }
 
 #[test]
-#[ignore = "the long run: minutes"]
-fn a_thousand_flipped_bits_and_two_hundred_holes() {
-    recovers(1000, 200);
+fn nearly_all_that_is_whole_in_a_damaged_log_is_recovered() {
+    recovers(many("ELK_FLIPS", 25), many("ELK_HOLES", 10));
 }
