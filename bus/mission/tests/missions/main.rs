@@ -1,0 +1,166 @@
+//! Whole mission files against a small table of types: what parses, what it means, and what every mistake is answered with.
+
+mod command_line;
+mod exchange;
+mod mistakes;
+mod preflight;
+mod table;
+mod wiring;
+
+use std::path::Path;
+
+use elk_mission::{Mode, Policy, Program, Registry, Restart, describe};
+use proptest::prelude::*;
+
+use table::{LISTING_2, SENSOR, parse, registry, settings, with};
+
+#[test]
+fn the_listing_of_the_thesis_parses_as_printed() {
+    let mission = parse(LISTING_2, &[]).unwrap();
+    assert_eq!((mission.name.as_str(), mission.mode), ("Simulator", Mode::Manual));
+    let apps: Vec<String> = mission.apps.iter().map(|app| format!("{} {}", app.name, app.type_name())).collect();
+    assert_eq!(
+        apps,
+        [
+            "Sensor Simulator",
+            "Filter Distance",
+            "Map OctoMap",
+            "Explorer Potential",
+            "Controller MOOSSim",
+            "Logger Mcap"
+        ]
+    );
+    assert_eq!(
+        settings(&mission, "Sensor"),
+        "MOOSHost=localhost MOOSPort=9000 MOOSPoseVarName=SIM_SENSOR PoseEstimator=none World=car-interior"
+    );
+    assert_eq!(settings(&mission, "Explorer"), "Mid=0; 0; 0 Dim=5.7; 4.3; 4.5 Res=0.1 Policy=elk");
+    let Program::Builtin(_, params) = &mission.apps[3].program else { panic!("not built in") };
+    assert_eq!(params.point("Dim"), [5.7, 4.3, 4.5]);
+    assert_eq!(params.number("Res"), 0.1);
+    assert_eq!(params.text("Policy"), "elk");
+}
+
+#[test]
+fn any_executable_can_take_a_stages_place() {
+    let exec = r#"<Filter exec="./mine" args="-v  --fast" name="Mine" restart="on-failure"><K>3</K></Filter>"#;
+    let mission = parse(&with(exec), &[]).unwrap();
+    let mine = mission.apps.iter().find(|app| app.name == "Mine").unwrap();
+    let Program::Foreign { exec, args } = &mine.program else { panic!("not foreign") };
+    assert_eq!((exec.as_path(), args.len()), (Path::new("./mine"), 2));
+    assert_eq!(mine.policy, Policy { restart: Restart::OnFailure, ..Policy::default() });
+    assert_eq!(settings(&mission, "Mine"), "K=3 Input=SCAN Output=SCAN_1");
+    assert_eq!(settings(&mission, "Map"), "Res=0.1 Input=SCAN_1");
+}
+
+#[test]
+fn what_happens_to_those_who_die_or_hang_is_said_in_attributes() {
+    let policy = |line: &str| {
+        let mission = parse(&with(line), &[]).unwrap();
+        mission.of_element("Filter").next().unwrap().policy
+    };
+    assert_eq!(policy(r#"<Filter type="Distance"/>"#), Policy::default());
+    let (restart, health_secs) = (Restart::Always, Some(30.0));
+    let always = Policy { restart, health_secs, ..Policy::default() };
+    assert_eq!(policy(r#"<Filter type="Distance" restart="always"/>"#), always);
+    let said = r#"<Filter type="Distance" restart="always" restarts="9" restart-window="2 s" health="off"/>"#;
+    assert_eq!(policy(said), Policy { restart, restarts: 9, window_secs: 2.0, health_secs: None });
+    // Somebody else's program need not speak.
+    assert_eq!(policy(r#"<Filter exec="x" restart="always"/>"#), Policy { restart, ..Policy::default() });
+    assert_eq!(policy(r#"<Filter exec="x" health="7"/>"#), Policy { health_secs: Some(7.0), ..Policy::default() });
+
+    let text = with("").replace("type=\"auto\"", "broker-restarts=\"1000\" broker-window=\"3600\" mailbox=\"64\"");
+    let mission = parse(&text, &[]).unwrap();
+    assert_eq!(mission.broker, Policy { restarts: 1000, window_secs: 3600.0, ..Policy::BROKER });
+    assert_eq!((mission.mailbox_mb, parse(&with(""), &[]).unwrap().mailbox_mb), (64, 4));
+    let text = with("").replace("type=\"auto\"", "broker-restarts=\"some\"");
+    let said = "m.xml:1:37: broker-restarts \"some\" is no whole number; right is a whole number from 1 to 1000000";
+    assert_eq!(parse(&text, &[]).unwrap_err(), said);
+}
+
+#[test]
+fn a_mission_without_a_logger_gets_one_unless_it_says_none() {
+    let names = |line| {
+        let mission = parse(&with(line), &[]).unwrap();
+        mission.of_element("Logger").map(|app| app.name.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(names(""), ["Logger"]);
+    assert_eq!(names(r#"<Logger type="none"/>"#), [""; 0]);
+    assert_eq!(names(r#"<Logger type="Mcap" name="L"/>"#), ["L"]);
+}
+
+#[test]
+fn one_app_by_itself_is_checked_against_the_same_table() {
+    let filter = registry().find("Filter", "Distance").unwrap();
+    let pair = |name: &str, text: &str| (name.to_owned(), text.to_owned());
+    let params = filter.check(&[pair("Threshold", "3 m")], Path::new("")).unwrap();
+    assert_eq!(params.number("Threshold"), 3.0);
+    let error = filter.check(&[pair("Threshold", "3 km")], Path::new("")).unwrap_err();
+    assert_eq!(error.to_string(), r#"Threshold=3 km: Threshold: "3 km" is in km; the unit must be m"#);
+}
+
+#[test]
+fn the_table_is_shown_to_people() {
+    let text = describe(&Registry::new(&[SENSOR]));
+    assert!(text.starts_with(
+        "<Sensor type=\"Simulator\">  A depth camera in a world of triangles.\n    MOOSHost         Accepted.\n"
+    ));
+    assert!(text.contains("(a whole number from 1 to 65535; default: 9000)"));
+    assert!(text.contains("    restart         What happens when the app dies"));
+    assert!(text.contains("(a number from 1 to 86400, in s; default: 60)"));
+    let text = describe(&registry());
+    assert!(text.contains("(three numbers \"x; y; z\", in m; must be said)"));
+}
+
+proptest! {
+    #[test]
+    fn no_text_makes_the_parser_panic(text in "\\PC{0,200}") {
+        let _ = parse(&text, &[]);
+    }
+
+    #[test]
+    fn no_mutation_of_a_mission_makes_the_parser_panic(
+        cut in 0..LISTING_2.len(), length in 0usize..40, put in "[<>/&=\"'a-zA-Z0-9; éλ\\n-]{0,12}"
+    ) {
+        let end = (cut + length).min(LISTING_2.len());
+        let text = format!("{}{put}{}", &LISTING_2[..cut], &LISTING_2[end..]);
+        match parse(&text, &[]) {
+            Ok(mission) => prop_assert!(mission.apps.len() >= 4),
+            Err(said) => prop_assert!(said.starts_with("m.xml:"), "{}", said),
+        }
+    }
+
+    #[test]
+    fn settings_say_the_same_again(x in -1e6..1e6f64, y in -1e6..1e6f64, res in 0.001..10.0f64) {
+        let sets = [format!("Explorer.Mid={x}; {y}; 0"), format!("Explorer.Res={res}"), format!("Map.Res={res}")];
+        let mission = parse(LISTING_2, &[&sets[0], &sets[1], &sets[2]]).unwrap();
+        let explorer = mission.of_element("Explorer").next().unwrap();
+        let Program::Builtin(app_type, params) = &explorer.program else { panic!("not built in") };
+        let again = app_type.check(&explorer.settings, Path::new("")).unwrap();
+        prop_assert_eq!(params, &again);
+        prop_assert_eq!(params.point("Mid"), [x, y, 0.0]);
+    }
+}
+
+#[test]
+fn a_mission_written_down_again_is_the_same_mission() {
+    let more = "<App name=\"Mine\" exec=\"./mine\" args=\"-v\" restart=\"always\" restarts=\"3\"><K>a &lt; b</K></App>";
+    let sets = ["Map.Res=0.05", "Explorer.type=ClosestFrontier"];
+    for (text, sets) in
+        [(LISTING_2.to_owned(), vec![]), (with(more), sets.to_vec()), (with("<Logger type=\"none\"/>"), vec![])]
+    {
+        let mission = parse(&text, &sets).unwrap();
+        let again = parse(&mission.to_xml(&|_, _| false), &[]).unwrap();
+        assert_eq!((&again.name, again.mode, again.broker), (&mission.name, mission.mode, mission.broker));
+        assert_eq!(again.apps.len(), mission.apps.len());
+        for (one, other) in again.apps.iter().zip(&mission.apps) {
+            assert_eq!((&one.name, &one.element, one.type_name()), (&other.name, &other.element, other.type_name()));
+            assert_eq!((&one.settings, one.policy), (&other.settings, other.policy));
+            if let (Program::Foreign { exec, args }, Program::Foreign { args: others, .. }) =
+                (&one.program, &other.program)
+            {
+                assert!(exec.is_absolute() && args == others);
+            }
+        }
+    }
+}
