@@ -288,9 +288,11 @@ fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::broker::BrokerConfig;
     use crate::clock::Clock;
     use crate::community::Community;
-    use crate::link::{Batch, Fill, Link, Rejoin, Uplink};
+    use crate::link::{Batch, Link};
+    use crate::memory::MemoryBroker;
     use crate::wire::Header;
 
     /// The far end of a client whose broker says this one batch.
@@ -316,31 +318,6 @@ mod tests {
         }
     }
 
-    struct Nowhere;
-
-    impl Uplink for Nowhere {
-        fn send(&mut self, _: &[u8]) -> Result<(), LinkError> {
-            Ok(())
-        }
-        fn handled(&self) -> u64 {
-            u64::MAX
-        }
-        fn send_bulk(&mut self, _: usize, _: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError> {
-            Ok(None)
-        }
-        fn kept_bulk(&self, _: u64) -> Option<&[u8]> {
-            None
-        }
-        fn say_goodbye(&mut self) {}
-        fn keep_bulk(&mut self, _: &dyn Fn(u64) -> bool) {}
-    }
-
-    impl Rejoin for Nowhere {
-        fn rejoin(&mut self) -> Result<Link, LinkError> {
-            Err(LinkError::BrokerGone("lab".into()))
-        }
-    }
-
     /// Regression: a message of variable 1,800,000,000, of which no name was said, made its reader ask for 43 GB.
     #[test]
     fn a_message_of_a_variable_without_a_name_is_of_no_use_and_costs_nothing() {
@@ -351,8 +328,8 @@ mod tests {
             let header = Header { key, value_kind: ValueKind::Double, ..Header::new(FrameKind::Notify) };
             wire::put(&mut batch, &header, &[], &1.5_f64.to_le_bytes());
         }
-        let (up, back, down) = (Box::new(Nowhere), Box::new(Nowhere), Box::new(Said(Some(batch))));
-        let link = Link { up, down, back, clock: Clock::new(1.0), epoch: 1 };
+        let broker = MemoryBroker::new(BrokerConfig::new("lab"), Clock::new(1.0));
+        let link = Link { down: Box::new(Said(Some(batch))), ..broker.connect("reader").unwrap() };
         let mut client = crate::Client::over(link, "reader", &Community::new("lab").unwrap());
         let mut heard = Vec::new();
         client.receive(Duration::ZERO, |mail| heard.push(mail.key().to_owned())).unwrap();
