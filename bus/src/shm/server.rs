@@ -210,6 +210,7 @@ impl Server {
                 Some(fault) => self.expel(now, id, &format_args!("its page cannot be true: {fault}")),
                 None => !self.broker.holds_back(now, id) && self.take_batch(now, id),
             };
+            self.give_up_the_late(now, id);
         }
         any
     }
@@ -239,7 +240,7 @@ impl Server {
         self.spare.push(small);
         self.note_successions();
         if let Some(sample) = bulk {
-            self.note_under_way(now, id, sample);
+            self.note_under_way(id, sample);
         }
         self.attach_all();
         let mut lost = Vec::new();
@@ -305,17 +306,26 @@ impl Server {
         true
     }
 
-    /// Notes for the bulk value that just went out where it stands in the mail of those who got it. Who is far behind may
-    /// be dead, and the news of that still to come.
-    fn note_under_way(&mut self, now: f64, publisher: ClientId, sample: u64) {
+    /// Notes for the bulk value that just went out where it stands in the mail of those who got it.
+    fn note_under_way(&mut self, publisher: ClientId, sample: u64) {
         let reached = self.broker.reached();
-        let Some(held) = self.held(publisher) else { return };
-        held.note_under_way(sample, reached);
+        if let Some(held) = self.held(publisher) {
+            held.note_under_way(sample, reached);
+        }
+    }
+
+    /// Gives up those who are far behind with a publisher's bulk values. They may be dead, and the news of that still to
+    /// come: then their mail is given the values first. Not in the midst of a batch, since it may take others.
+    fn give_up_the_late(&mut self, now: f64, publisher: ClientId) {
         let Some(Peer { bulk: Some(held), .. }) = self.peers.get(&publisher) else { return };
         for behind in held.far_behind(&self.broker) {
             self.let_go_if_dead(now, behind);
         }
-        self.held(publisher).into_iter().for_each(Held::make_room);
+        let (peers, broker) = (&mut self.peers, &self.broker);
+        if let Some(held) = peers.get_mut(&publisher).and_then(|peer| peer.bulk.as_mut()) {
+            held.make_room();
+            held.let_go_of_unwanted(|sample| broker.is_latest_bulk(publisher, sample));
+        }
     }
 
     fn held(&mut self, publisher: ClientId) -> Option<&mut Held> {

@@ -59,7 +59,7 @@ impl Lab {
                 broker.note_missed(id, u64::arbitrary(from)?);
             }
             5 => {
-                let _ = (broker.take_successions(), broker.take_attached(), broker.take_places());
+                let _ = (broker.take_successions(), broker.take_attached(), broker.take_sessions());
                 let _ = (broker.take_retiring(), broker.take_retained(|_| None), broker.reached());
                 let _ = (broker.holds_back(*now, id), broker.waits_for(*now, id), broker.handled_batches(id));
                 let _ = (broker.is_idle(id), broker.mail_done(id), broker.with_mail().count());
