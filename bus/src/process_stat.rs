@@ -18,7 +18,8 @@ pub struct ProcessStat {
 impl ProcessStat {
     /// That of the process that has this number now; `None`: there is none.
     pub fn of(pid: i32) -> Option<Self> {
-        Self::parse(&std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?)
+        // The kernel cuts names in the midst of a letter.
+        Self::parse(&String::from_utf8_lossy(&std::fs::read(format!("/proc/{pid}/stat")).ok()?))
     }
 
     /// The name may hold anything, parentheses too; the fields behind it are counted from the third.
