@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// What is built.
-const SOURCES: [&str; 4] = ["apps", "bus", "Cargo.toml", "Cargo.lock"];
+const SOURCES: [&str; 5] = ["apps", "bus", "mission-files", "Cargo.toml", "Cargo.lock"];
 
 fn main() {
     println!("cargo:rustc-env=ELK_REVISION={}", revision().unwrap_or_else(|| "unknown".to_owned()));

@@ -107,11 +107,15 @@ impl Provenance {
     /// Sees that everything is what it was, but for what is said anew: another world makes another run, and another program
     /// perhaps one.
     fn check(&self, anew: &[Override], built: &str) -> Result<(), RerunError> {
-        if (self.version.as_str(), self.revision.as_str()) != (env!("CARGO_PKG_VERSION"), built) {
-            let (version, revision) = (&self.version, &self.revision);
+        let (version, revision) = (&self.version, &self.revision);
+        if (version.as_str(), revision.as_str()) != (env!("CARGO_PKG_VERSION"), built) {
             tell(format_args!(
                 "this run was made by elk {version} ({revision}), this is another: it may go another way"
             ));
+        } else if revision == "unknown" || revision.ends_with("-changed") {
+            tell(
+                "this run was made by an elk of sources that no revision has: if this is another, it may go another way",
+            );
         }
         let said =
             |one: &Ingredient| anew.iter().any(|set| set.app == one.app && set.param.eq_ignore_ascii_case(&one.param));
