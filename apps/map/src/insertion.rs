@@ -92,9 +92,11 @@ impl OccupancyMap {
                 dropped.invalid += 1;
                 continue;
             };
-            dropped.out_of_range += usize::from(ray.tip == Tip::Edge);
             cut += usize::from(ray.tip == Tip::Open);
-            dropped.no_room += usize::from(!self.mark(Walk::new(start, ray.end), home, ray.tip));
+            match (ray.tip, self.mark(Walk::new(start, ray.end), home, ray.tip)) {
+                (Tip::Edge, _) => dropped.out_of_range += 1,
+                (_, came_to_its_end) => dropped.no_room += usize::from(!came_to_its_end),
+            }
         }
         let (reach, resolution) = (self.config.reach_without_return(range), self.config.resolution);
         let empty = no_return.into_iter().filter(|_| reach > 0.0);
