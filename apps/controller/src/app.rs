@@ -99,8 +99,8 @@ impl ControllerApp {
 
     fn on_camera_pose(&mut self, name: &str, camera: &CameraPose) -> Result<(), AppError> {
         let before = self.follower.commands();
-        self.pace.is_at(&camera.pose);
         self.held.extend(self.follower.on_camera_pose(camera).map_err(Rejection::new)?);
+        self.pace.is_at(&camera.pose);
         if self.follower.commands() < before {
             (self.allowed, self.steps) = (0, 0);
             tell(format_args!(
