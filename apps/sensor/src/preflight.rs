@@ -16,7 +16,7 @@ pub(crate) fn preflight(params: &Params, mission: &Mission) -> Findings {
     let looked = pixels(params).and_then(|_| {
         let world = world(params)?;
         let start = start(params, &world)?;
-        Ok(suitability(&world, &wanted(start.position(), mission)))
+        Ok(suitability(&world, &wanted(start.position(), params, mission)))
     });
     let named = |what: String| format!("World {}: {what}", params.text("World"));
     match looked {
@@ -28,12 +28,13 @@ pub(crate) fn preflight(params: &Params, mission: &Mission) -> Findings {
     }
 }
 
-/// What the mission's other apps say of it. Their parameters are checked, and read as they were written.
-fn wanted(start: Point3<f64>, mission: &Mission) -> Wanted {
+/// What the sensor itself and the mission's other apps, whose parameters are checked, say of it.
+fn wanted(start: Point3<f64>, params: &Params, mission: &Mission) -> Wanted {
     let numbers = |element: &'static str, param: &'static str| {
         mission.of_element(element).filter_map(move |app| app.setting(param)?.parse::<f64>().ok())
     };
-    let ranges = numbers("Filter", "Threshold").chain(numbers("Map", "MaxRange").filter(|range| *range > 0.0));
+    let limits = numbers("Map", "MaxRange").chain([params.number("Range")]).filter(|range| *range > 0.0);
+    let ranges = numbers("Filter", "Threshold").chain(limits);
     Wanted {
         resolution: numbers("Map", "Res").next().filter(|res| *res > 0.0).unwrap_or(RESOLUTION_M),
         start: Some(start),
