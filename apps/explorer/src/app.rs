@@ -145,6 +145,7 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         explorer,
         replica: Replica::new(Some(params.number("Res")), max_bricks),
         max_bricks,
+        said_full: false,
         requests: Requests::default(),
         recall: Recall::default(),
         plan: None,
@@ -203,6 +204,8 @@ pub struct ExplorerApp {
     frontier: FrontierSet,
     /// Bricks that the map may have.
     max_bricks: usize,
+    /// Whether the map has said last that it is full.
+    said_full: bool,
     /// Requests whose revision of the map is not here yet.
     requests: Requests,
     recall: Recall,
@@ -218,11 +221,16 @@ impl ExplorerApp {
         self.plan = Some(left.plan);
     }
 
-    /// Takes note of whether the map is full. One that is has most of its bricks in every copy; one of which that is not true
-    /// is not believed to be.
     fn on_status(&mut self, status: &MapStatus) {
+        self.said_full = status.full;
+        self.look_whether_full();
+    }
+
+    /// Takes note of whether the map is full. One that is has most of its bricks in every copy; one of which that is not true
+    /// is not believed to be, yet: the copy of a successor comes after the word.
+    fn look_whether_full(&mut self) {
         let grid = self.replica.grid();
-        let full = status.full && 2 * grid.bricks().len() >= self.max_bricks;
+        let full = self.said_full && 2 * grid.bricks().len() >= self.max_bricks;
         self.frontier.set_full(full, grid);
     }
 
@@ -264,6 +272,7 @@ impl ExplorerApp {
         self.ask_for_map(comms)?;
         if let Some(changes) = taken.map_err(Rejection::new)? {
             self.frontier.update(self.replica.grid(), changes.voxels());
+            self.look_whether_full();
         }
         self.answer(comms)
     }
