@@ -295,7 +295,9 @@ impl Conduct<'_> {
                 Request::Resume => self.pause(false),
                 Request::Step => self.step(),
                 Request::Leave if self.background => {
-                    self.leaves = Some(ticket);
+                    if let Some(earlier) = self.leaves.replace(ticket) {
+                        self.tell(earlier, Word::Failed("another launcher takes it over".to_owned()));
+                    }
                     continue;
                 }
                 Request::Leave => Word::Failed("somebody sits at this mission's launcher".to_owned()),

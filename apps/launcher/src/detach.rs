@@ -2,13 +2,13 @@
 
 use std::fs::OpenOptions;
 use std::io::{Read, Write};
+use std::os::fd::AsFd;
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 
 use rustix::stdio::{dup2_stderr, dup2_stdin, dup2_stdout};
 
 use crate::error::LaunchError;
-use crate::progress::put;
 
 /// What the launcher says last to who waits, if the mission runs; no text holds it.
 const BEGUN: u8 = 0;
@@ -24,9 +24,14 @@ pub(crate) fn leave_terminal(folder: &Path) -> Result<(), LaunchError> {
     let nothing = OpenOptions::new().read(true).open("/dev/null").map_err(unwritable)?;
     // It fails for who leads a session already, and needs none of its own.
     let _ = rustix::process::setsid();
-    put("\0");
+    // What is said already is for them, too.
+    let _ = std::io::stdout().flush();
+    let who_waits = std::io::stdout().as_fd().try_clone_to_owned().map_err(unwritable)?;
     let moved = dup2_stdin(&nothing).and_then(|()| dup2_stdout(&log)).and_then(|()| dup2_stderr(&log));
-    moved.map_err(|error| unwritable(error.into()))
+    moved.map_err(|error| unwritable(error.into()))?;
+    // Who does not wait any more is no reason to end a mission that is to outlive them.
+    let _ = rustix::io::write(&who_waits, &[BEGUN]);
+    Ok(())
 }
 
 /// Starts a launcher that is to give the terminal back, and passes on what it says until it does. How it ended, if it

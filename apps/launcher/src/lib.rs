@@ -256,7 +256,8 @@ impl Stage<'_> {
             folder,
             state,
             said_state: None,
-            background: self.background,
+            // Until everybody is there, there is nothing that another launcher could go on with.
+            background: false,
             leaves: None,
             running: Stopwatch::start(),
         };
@@ -264,6 +265,7 @@ impl Stage<'_> {
             true => detach::leave_terminal(folder),
             false => Ok(()),
         });
+        conduct.background = self.background;
         let failed = begun.and_then(|()| conduct.run()).err();
         if let Some(relieved @ LaunchError::Relieved) = failed {
             conduct.hand_over();
