@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::message::Message;
 use crate::clock::Dial;
-use crate::wire::{self, ATTACH, BULK, Frame, FrameKind, Header, Named};
+use crate::wire::{self, ATTACH, BULK, Frame, FrameKind, HEADER, Header, Named};
 
 /// Frames that wait for a client, back to back in one buffer, what the client must know before them, and the batches
 /// that it was given and has not handled yet.
@@ -347,20 +347,26 @@ impl Mailbox {
         self.owed.clear();
     }
 
-    /// Puts what `bulk` makes of them in the place of the references in the mail that waits, as far as there is room.
-    pub(super) fn resolve(&mut self, mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>)) {
+    /// Puts the values that `bulk` finds in the place of the references in the mail that waits, as far as there is room.
+    /// The reader of a reference that stays will find nothing behind it, and count: of a value that is gone, or that has no
+    /// room here even alone.
+    pub(super) fn resolve<'a>(&mut self, bulk: impl Fn(&Frame<'_>) -> Option<&'a [u8]>) {
         let new = self.mail.split_off(self.resolved.max(self.head));
         for frame in wire::frames(&new).map_while(Result::ok) {
-            match frame.header.flags & BULK {
-                0 => self.mail.extend_from_slice(frame.bytes),
-                _ => bulk(&frame, &mut self.mail),
+            let value = if frame.header.flags & BULK == 0 { None } else { bulk(&frame) };
+            match value.filter(|value| HEADER + frame.aux.len() + value.len() <= self.limit) {
+                Some(value) => {
+                    let header = Header { flags: frame.header.flags & !BULK, ..frame.header };
+                    wire::put(&mut self.mail, &header, frame.aux, value);
+                }
+                None => self.mail.extend_from_slice(frame.bytes),
             }
+            while self.waiting() > self.limit {
+                self.drop_oldest();
+            }
+            self.resolved = self.mail.len();
+            self.reclaim();
         }
-        self.resolved = self.mail.len();
-        while self.waiting() > self.limit {
-            self.drop_oldest();
-        }
-        self.reclaim();
     }
 
     fn drop_oldest(&mut self) {

@@ -51,11 +51,11 @@ impl Broker {
     }
 
     /// Puts values in the place of references in the mail of those who are dead and may have a successor: until that one
-    /// comes, the values could be gone. `bulk` appends what there is.
-    pub fn resolve_mail(&mut self, mut bulk: impl FnMut(&Frame<'_>, &mut Vec<u8>)) {
+    /// comes, the values could be gone. `bulk` finds what there is.
+    pub fn resolve_mail<'a>(&mut self, bulk: impl Fn(&Frame<'_>) -> Option<&'a [u8]>) {
         for id in std::mem::take(&mut self.to_resolve) {
             if let Some(client) = self.clients.get_mut(&id) {
-                client.mailbox.resolve(&mut bulk);
+                client.mailbox.resolve(&bulk);
             }
         }
     }

@@ -32,7 +32,7 @@ use crate::community::Community;
 use crate::limits;
 use crate::link::LinkError;
 use crate::process_id::ProcessId;
-use crate::wire::{self, BULK, Frame};
+use crate::wire::Frame;
 use crate::words::tell;
 use bulk_values::{Held, bulk_values_of, kept, place_bulk};
 
@@ -265,14 +265,7 @@ impl Server {
     /// the last few where they lie; until a successor comes there may be many.
     fn resolve_mail_of_the_dead(&mut self) {
         let (peers, departed) = (&self.peers, &self.departed);
-        self.broker.resolve_mail(|frame, mail| match kept(peers, departed, frame) {
-            Some(value) => {
-                let header = wire::Header { flags: frame.header.flags & !BULK, ..frame.header };
-                wire::put(mail, &header, frame.aux, value);
-            }
-            // Its reader will find nothing behind it, and count.
-            None => mail.extend_from_slice(frame.bytes),
-        });
+        self.broker.resolve_mail(|frame| kept(peers, departed, frame));
     }
 
     /// Latest values of publishers that are gone for which there was no room.

@@ -163,9 +163,10 @@ fn mail_of_the_dead_holds_the_values_themselves() {
     let c = b.connect(0.0, &Introduction { lease_secs: 5.0, ..Introduction::new("c") }).unwrap();
     Speaker::with(c).register(b, 0.0, "X", "*", 0.0);
     a.bulk(b, "X", 1);
-    let value = |frame: &Frame<'_>, mail: &mut Vec<u8>| {
+    let values = ["", "1", "2", "3", "4"];
+    let value = |frame: &Frame<'_>| {
         let sample = BulkRef::from_bytes(frame.value).unwrap().sample;
-        put(mail, &Header { flags: 0, ..frame.header }, &[], sample.to_string().as_bytes());
+        Some(values[sample as usize].as_bytes())
     };
     b.resolve_mail(value);
     assert!(wire::is_bulk(&b.clients[&c].mailbox.clone_mail()[56..]), "who lives reads it in place");
@@ -287,4 +288,29 @@ fn what_a_reader_expects_yields_to_no_other_and_a_type_to_none() {
     reader.expect(b, "MOTION", "Motion");
     writer.text(b, 0.0, "MOTION", "run");
     assert_eq!(person.texts(b, 0.0), ["pause", "run"]);
+}
+
+/// Regression: values were copied whole before anybody looked whether there was room, and one that had none drove out all
+/// other mail.
+#[test]
+fn a_value_that_has_no_room_in_the_mail_of_the_dead_is_not_copied() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    let c = b.connect(0.0, &Introduction { lease_secs: 5.0, ..Introduction::new("c") }).unwrap();
+    Speaker::with(c).register(b, 0.0, "X", "*", 0.0);
+    let mailbox = |b: &mut Broker| b.clients[&c].mailbox.clone_mail();
+    b.clients.get_mut(&c).unwrap().mailbox.set_limit(2000);
+    b.disconnect(1.0, c, 0, false);
+    let (short, long) = (vec![1; 500], vec![2; 2000]);
+    for sample in 1..4 {
+        a.bulk(b, "X", sample);
+        b.resolve_mail(|frame| match BulkRef::from_bytes(frame.value).unwrap().sample {
+            2 => Some(&long),
+            _ => Some(&short),
+        });
+    }
+    let mail = mailbox(b);
+    let messages = wire::frames(&mail).map_while(Result::ok).filter(|frame| frame.header.kind == FrameKind::Notify);
+    let kept: Vec<_> = messages.map(|frame| (wire::is_bulk(frame.bytes), frame.value.len())).collect();
+    assert_eq!(kept[kept.len() - 3..], [(false, 500), (true, size_of::<BulkRef>()), (false, 500)], "{kept:?}");
 }
