@@ -377,6 +377,9 @@ fn recover(log: &Path, output: &OutputArgs) -> Result<ExitCode> {
     for reason in &copied.damage {
         target.say(&format!("  {reason}\n"))?;
     }
+    if copied.records == 0 && !copied.damage.is_empty() {
+        bail!("no message is left in {}: is it a log?", log.display());
+    }
     say_copied(&copied, target)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -87,7 +87,9 @@ impl LogReader {
         if let (Some(Err((path, source))), true) = (opened.next(), opened.all(|one| one.is_err())) {
             return Err(LogError::Read { path: path.clone(), source });
         }
-        let metadata = paths.iter().find_map(|path| Segment::metadata_of(path).ok()).unwrap_or_default();
+        // Each file of a log says it again.
+        let mut said = paths.iter().filter_map(|path| Segment::metadata_of_damaged(path).ok());
+        let metadata = said.find(|said| *said != Metadata::default()).unwrap_or_default();
         let length = paths.iter().map(|path| length(path)).sum();
         Ok(Self { salvages: true, ..Self::of(paths, metadata, length) })
     }

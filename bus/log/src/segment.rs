@@ -224,15 +224,25 @@ impl Segment {
 
     /// Where the run came from, as far as a file says so before its first message.
     pub fn metadata_of(path: &Path) -> Result<Metadata, LogError> {
-        let mut segment = Self::open(path)?;
-        while let Found::Record(opcode) = segment.records.next()? {
-            if segment.records.in_chunk() {
-                break;
+        Self::open(path)?.read_metadata()
+    }
+
+    /// As [`Segment::metadata_of`], of a file that may be damaged.
+    pub fn metadata_of_damaged(path: &Path) -> Result<Metadata, LogError> {
+        Self::open_damaged(path)?.read_metadata()
+    }
+
+    fn read_metadata(mut self) -> Result<Metadata, LogError> {
+        loop {
+            match self.records.next()? {
+                Found::Record(_) if self.records.in_chunk() => break,
+                // What is wrong with it is said when the log is read.
+                Found::Record(opcode) => drop(self.note(opcode)?),
+                Found::Damaged(_) | Found::LeftOut(_) => {}
+                Found::Cut(_) | Found::End => break,
             }
-            // What is wrong with it is said when the log is read.
-            let _ = segment.note(opcode)?;
         }
-        Ok(segment.metadata)
+        Ok(self.metadata)
     }
 
     /// Goes on at the record that begins at `offset`, among `channels`, with the first message recorded at `from` (ns).
