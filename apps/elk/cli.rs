@@ -1,9 +1,12 @@
 //! The command line.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use clap::{Args, Parser, Subcommand};
 use elk_bus::Community;
+use elk_bus::launched::COMMUNITY;
 use elk_mission::Override;
 
 use crate::compare::CompareArgs;
@@ -34,15 +37,15 @@ pub enum Command {
     /// Run a mission: start its broker and apps, watch over them, sum up
     #[command(
         after_help = "Example: elk launch mission-files/apartment.xml --set Explorer.type=ClosestFrontier\n         \
-                            elk launch mission-files/apartment.xml --set Explorer.exec=./target/release/mine\n         \
-                            elk launch logs/apartment-20261123-224512"
+                            elk launch car --set Explorer.exec=../mine/target/release/mine\n         \
+                            elk launch logs/apartment-20261123-224512 --headless"
     )]
     Launch(LaunchArgs),
     /// Bring a mission that was launched with --detach back to this terminal, whether its launcher lives or not
-    #[command(after_help = "Example: elk attach --community lab")]
+    #[command(after_help = "Example: elk launch car --detach; elk attach")]
     Attach(AttachArgs),
     /// Show who runs in a mission: process, state, CPU, memory, mail dropped, restarts
-    #[command(after_help = "Example: elk apps --community lab --json")]
+    #[command(after_help = "Example: elk apps --json")]
     Apps(control::AppsArgs),
     /// Stop an app of a running mission
     #[command(after_help = "Example: elk stop Filter")]
@@ -52,37 +55,35 @@ pub enum Command {
     Start(control::StartArgs),
     /// Exchange an app of a running mission: its mail goes on to the new one
     #[command(after_help = "Example: elk swap Explorer type=ClosestFrontier\n         \
-                            elk swap Map exec=./target/release/my_map Res=0.05")]
+                            elk swap Explorer exec=../mine/target/release/mine Climb=2")]
     Swap(control::SwapArgs),
     /// Hold the robot of a running mission before its next pose
     #[command(after_help = "Example: elk pause")]
     Pause(CommunityArgs),
     /// Let the robot of a paused or manual mission run on
-    #[command(after_help = "Example: elk resume")]
+    #[command(after_help = "Example: elk pause; elk resume")]
     Resume(CommunityArgs),
     /// Let the robot of a paused or manual mission take one pose
-    #[command(after_help = "Example: elk step")]
+    #[command(after_help = "Example: elk pause; elk step; elk resume")]
     Step(CommunityArgs),
     /// Check a mission file, its world, its start and its executables, and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(MissionArgs),
     /// Run strategies against each other in one mission, over seeds: a table with mean and spread, and a CSV file
     #[command(override_usage = "elk compare [OPTIONS] STRATEGY… MISSION")]
-    #[command(after_help = "Example: elk compare Potential ClosestFrontier ./target/release/mine --seeds 1..10 -j 2 \
-                            mission-files/apartment.xml\n\nA run that fails is a row that says why. Ends with 1 if a run is \
+    #[command(after_help = "Example: elk compare Potential ClosestFrontier ../mine/target/release/mine --seeds 1..3 \
+                            -j 2 car\n\nA run that fails is a row that says why. Ends with 1 if a run is \
                             not complete.")]
     Compare(CompareArgs),
     /// Make a crate of your own that builds, runs and is tested: an app, or an explorer
     #[command(after_help = "Example: elk new explorer mine --path ../mine")]
     New(NewArgs),
     /// List the missions that are built in, with their worlds: they run from anywhere
-    #[command(after_help = "Example: elk missions; elk launch apartment")]
+    #[command(after_help = "Example: elk missions; elk launch car")]
     Missions,
     /// Print what makes a shell complete elk's commands
-    #[command(
-        after_help = "Examples: elk completions bash > ~/.local/share/bash-completion/completions/elk\n          \
-                            elk completions fish > ~/.config/fish/completions/elk.fish"
-    )]
+    #[command(after_help = "Example: source <(elk completions bash)\n         \
+                            mkdir -p ~/.config/fish/completions; elk completions fish > ~/.config/fish/completions/elk.fish")]
     Completions {
         /// The shell
         shell: clap_complete::Shell,
@@ -100,7 +101,7 @@ pub enum Command {
         element: Option<String>,
     },
     /// Serve a community: the broker by itself
-    #[command(after_help = "Example: elk db --community lab")]
+    #[command(after_help = "Example: elk db --mailbox 64")]
     Db(BrokerArgs),
     /// Run a sensor by itself
     #[command(after_help = "Example: elk sensor --type Simulator World=mission-files/worlds/car.obj")]
@@ -125,7 +126,7 @@ pub enum Command {
     Scope(ScopeCommand),
     /// Look at a world before a robot is sent into it
     #[command(after_help = "Example: elk world info mission-files/worlds/car.obj\n         \
-                            elk world check room.stl --scale 0.001 --start '1; 1; 0.8'")]
+                            elk world check room.obj --scale 0.5 --start '0.5; 0.5; 0.4'")]
     World {
         /// What to do
         #[command(subcommand)]
@@ -152,11 +153,16 @@ pub enum Command {
     Guard,
 }
 
+/// The community of commands that say none. It is a default, and not the argument's variable, for commands that are of no
+/// community at all.
+static USUAL_COMMUNITY: LazyLock<OsString> =
+    LazyLock::new(|| std::env::var_os(COMMUNITY).unwrap_or_else(|| "elk".into()));
+
 /// Which community.
 #[derive(Debug, Args)]
 pub struct CommunityArgs {
-    /// The community's name; communities of one machine do not hear each other
-    #[arg(long, default_value = "elk")]
+    /// The community's name, without it $ELK_COMMUNITY; communities of one machine do not hear each other
+    #[arg(long, default_value = USUAL_COMMUNITY.as_os_str())]
     pub community: Community,
 }
 

@@ -125,7 +125,7 @@ pub enum LogCommand {
     #[command(after_help = "Example: elk log record 'SCAN*' MAP_UPDATE -o scans.mcap")]
     Record {
         /// Patterns of the variables to record
-        #[arg(required = true)]
+        #[arg(default_value = "*")]
         patterns: Vec<String>,
         /// Which community
         #[command(flatten)]

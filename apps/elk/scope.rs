@@ -22,7 +22,7 @@ use crate::complain;
 #[derive(Debug, Subcommand)]
 pub enum ScopeCommand {
     /// List the clients and variables of a running community
-    #[command(after_help = "Example: elk list 'NAV_*' --community lab")]
+    #[command(after_help = "Example: elk list 'MAP*' --json")]
     List {
         /// Only the variables that match: '*' is any run of characters, '?' a single one
         #[arg(default_value = "*")]
@@ -33,7 +33,7 @@ pub enum ScopeCommand {
     },
     /// Show every message of the variables that match
     #[command(
-        after_help = "Examples: elk echo PATH    elk echo 'NAV_*' '*_STATUS' --json    elk echo SCAN --latest --count 1"
+        after_help = "Examples: elk echo PROGRESS    elk echo 'SCAN*' '*_STATUS' --json    elk echo SCAN --latest --count 1"
     )]
     Echo {
         /// The variables: '*' is any run of characters, '?' a single one

@@ -125,7 +125,8 @@ impl Elk {
         self.spawn(said, self.command(arguments))
     }
 
-    fn spawn(&self, said: &str, mut command: Command) -> Launcher {
+    /// Starts a command; what it says stands in the folder under this name.
+    pub fn spawn(&self, said: &str, mut command: Command) -> Launcher {
         let said = self.folder().join(said);
         let out = std::fs::File::create(&said).unwrap();
         let child = command.stdout(out.try_clone().unwrap()).stderr(out).spawn().unwrap();
@@ -205,19 +206,30 @@ impl Launcher {
 
     /// Waits until it has said something.
     pub fn wait_for(&mut self, words: &str) {
+        self.wait_until(words, |said| said.contains(words));
+    }
+
+    /// Waits until what it has said is right.
+    pub fn wait_until(&mut self, what: &str, is_right: impl Fn(&str) -> bool) {
         let mut events = Events::in_folders(self.said.parent()).or_end_of(self.id());
         loop {
             let over = self.is_over();
-            if self.said().contains(words) {
+            if is_right(&self.said()) {
                 return;
             }
-            assert!(!over && events.happen(), "never said {words:?}:\n{}", self.said());
+            assert!(!over && events.happen(), "never said {what:?}:\n{}", self.said());
         }
     }
 
     /// Waits for its end; its exit code, and all that it said.
-    pub fn end(mut self) -> (Option<i32>, String) {
-        let status = end_of(&mut self.child).unwrap_or_else(|| panic!("never ended:\n{}", self.said()));
+    pub fn end(self) -> (Option<i32>, String) {
+        self.end_of_several(1)
+    }
+
+    /// … of so many missions, one after the other.
+    pub fn end_of_several(mut self, missions: usize) -> (Option<i32>, String) {
+        let status = (0..missions).find_map(|_| end_of(&mut self.child));
+        let status = status.unwrap_or_else(|| panic!("never ended:\n{}", self.said()));
         (status.code(), self.said())
     }
 
