@@ -265,8 +265,7 @@ impl World {
             return false;
         }
         let outside = i32::from(self.reading.winding.solids);
-        let votes = PROBES.iter().filter(|&&d| self.winding(point, d.into()) < outside);
-        2 * votes.count() > PROBES.len()
+        winding::majority(&PROBES, |&direction| self.winding(point, direction.into()) < outside)
     }
 
     /// Surfaces left minus surfaces entered on the way from `point` to infinity: −1 for the shell around it, +1 for
