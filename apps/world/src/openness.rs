@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
 use crate::random::Random;
-use crate::topology::{Rim, Topology};
+use crate::topology::Rim;
 use crate::triangle::bounds_of;
 use crate::world::World;
 
@@ -19,8 +19,6 @@ const HOLES: usize = 64;
 /// Corners of its rim towards which a hole is looked through, and how far towards them.
 const AIMS: usize = 8;
 const TOWARDS_RIM: f64 = 0.9;
-/// Rims that are looked at: a surface with more ends than this is open for certain.
-const MOST_RIMS: usize = 20_000;
 /// Stream of random places.
 const STREAM: u64 = 1;
 /// A rim along which other surfaces come so near (share of the world's diagonal) is no end: the next surface goes on
@@ -154,8 +152,7 @@ fn exit(origin: Point3<f64>, direction: Vector3<f64>, bounds: &Bounds) -> Point3
 
 /// Where surfaces end, the largest first.
 fn holes(world: &World) -> Vec<Hole> {
-    let topology = Topology::of(world.surfaces().triangles(), &world.extents());
-    let ends: Vec<&Rim> = topology.rims.iter().take(MOST_RIMS).filter(|rim| !is_seam(world, rim)).collect();
+    let ends: Vec<&Rim> = world.rims().iter().filter(|rim| !is_seam(world, rim)).collect();
     let mut holes: Vec<Hole> = connected(&ends).iter().map(|rims| hole(rims)).collect();
     holes.sort_by(|a, b| b.size.norm().total_cmp(&a.size.norm()));
     holes

@@ -1,6 +1,7 @@
 //! The true world: surfaces from a file, and what is free between them.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use elk_outside::file;
 use elk_spatial::Bounds;
@@ -11,7 +12,7 @@ use crate::placement::Placement;
 use crate::random::Random;
 use crate::ray::Ray;
 use crate::read::{self, Fault, Format, Place};
-use crate::topology::Topology;
+use crate::topology::{Rim, Topology};
 use crate::triangle::{Triangle, bounds_of};
 use crate::winding::{self, PROBES, Winding};
 
@@ -37,6 +38,9 @@ fn built_in(name: &str) -> Option<&'static str> {
 /// The largest file that is read (bytes): some five million triangles, which take a gigabyte.
 pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
 
+/// Rims that are kept: a surface with more ends than this is open for certain.
+const MOST_RIMS: usize = 20_000;
+
 /// Tries before a world counts as too narrow for a random start.
 const START_TRIES: u32 = 100_000;
 
@@ -50,6 +54,8 @@ pub struct World {
     bounding: Option<Bvh>,
     extents: Bounds,
     reading: Reading,
+    /// Where surfaces end, once it is known.
+    rims: OnceLock<Vec<Rim>>,
 }
 
 /// What was noticed while a world was read.
@@ -129,6 +135,10 @@ pub enum WorldError {
     },
 }
 
+fn first_rims(topology: Topology) -> Vec<Rim> {
+    topology.rims.into_iter().take(MOST_RIMS).collect()
+}
+
 fn without_area(degenerate: usize) -> String {
     if degenerate == 0 { String::new() } else { format!(" but {degenerate} without area") }
 }
@@ -194,13 +204,14 @@ impl World {
             return Err(WorldError::TooLarge { name: name.into(), extents });
         }
         let reading = Reading { polygons: triangles.len(), ..Reading::default() };
-        Ok(Self { extents, surfaces: Bvh::new(triangles), bounding: None, reading })
+        Ok(Self { extents, surfaces: Bvh::new(triangles), bounding: None, reading, rims: OnceLock::new() })
     }
 
     /// Turns faces over that look the wrong way.
     fn mend(&mut self, name: &str) -> Result<(), WorldError> {
         let topology = Topology::of(self.surfaces.triangles(), &self.extents);
         let mended = winding::mend(&mut self.surfaces, &topology, &self.extents);
+        self.rims = OnceLock::from(first_rims(topology));
         let undecided = |undecided: winding::Undecided| WorldError::Winding { name: name.into(), edge: undecided.edge };
         let (winding, is_sheet) = mended.map_err(undecided)?;
         self.reading.winding = winding;
@@ -244,6 +255,11 @@ impl World {
     /// All surfaces.
     pub fn surfaces(&self) -> &Bvh {
         &self.surfaces
+    }
+
+    /// Where surfaces end: the first [`MOST_RIMS`] of such edges.
+    pub(crate) fn rims(&self) -> &[Rim] {
+        self.rims.get_or_init(|| first_rims(Topology::of(self.surfaces.triangles(), &self.extents)))
     }
 
     /// What was noticed while it was read.
@@ -332,5 +348,22 @@ fn in_words(place: &Place) -> String {
     match place {
         Place::Line(line) => format!(" in line {line}"),
         other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Regression: what hangs together was found out again each time that somebody asked where a world is open.
+    #[test]
+    fn where_surfaces_end_is_known_once_a_world_is_read() {
+        let box_without_lid = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+                               f 1 2 3 4\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
+        let world = World::from_bytes("box.obj", box_without_lid.as_bytes(), &Placement::default()).unwrap();
+        assert_eq!(world.rims.get().map(Vec::len), Some(4));
+        let again = World::from_triangles("box", world.surfaces.triangles().to_vec()).unwrap();
+        let ends = |world: &World| world.rims().iter().map(|rim| rim.ends).collect::<Vec<_>>();
+        assert_eq!(ends(&again), ends(&world));
     }
 }
