@@ -31,7 +31,7 @@ pub const TOUCH: f64 = 0.01;
 
 /// What a voxel is in truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Truth {
+enum Truth {
     /// Free, and no surface comes near it.
     Free,
     /// A surface goes through it, by more than [`TOUCH`] from its faces, or it lies in a solid or outside the world.
@@ -43,21 +43,12 @@ pub enum Truth {
 
 impl Truth {
     /// Whether a map may call it so.
-    pub fn allows(self, state: State) -> bool {
+    fn allows(self, state: State) -> bool {
         match self {
             Self::Free => state == State::Free,
             Self::Occupied => state == State::Occupied,
             Self::Touched => state != State::Unknown,
         }
-    }
-}
-
-/// What a voxel is in truth.
-pub fn truth(world: &World, voxel: Voxel, resolution: f64) -> Truth {
-    match meeting(world, voxel, resolution) {
-        Meeting::Through => Truth::Occupied,
-        Meeting::Touch => between_surfaces(world, voxel, resolution, Truth::Touched),
-        Meeting::None => between_surfaces(world, voxel, resolution, Truth::Free),
     }
 }
 
@@ -79,11 +70,13 @@ fn meeting(world: &World, voxel: Voxel, resolution: f64) -> Meeting {
     }
 }
 
-/// `free`, or occupied if the voxel's centre lies in a solid or outside the world.
-fn between_surfaces(world: &World, voxel: Voxel, resolution: f64, free: Truth) -> Truth {
-    match world.is_free(voxel.center(resolution)) {
-        true => free,
-        false => Truth::Occupied,
+/// What a voxel is in truth that surfaces meet so.
+fn truth(world: &World, voxel: Voxel, resolution: f64, met: Meeting) -> Truth {
+    match met {
+        Meeting::Through => Truth::Occupied,
+        _ if !world.is_free(voxel.center(resolution)) => Truth::Occupied,
+        Meeting::Touch => Truth::Touched,
+        Meeting::None => Truth::Free,
     }
 }
 
@@ -99,9 +92,7 @@ pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
             let met = meeting(world, voxel, resolution);
             let truth = match (met, untouched) {
                 (Meeting::None, Some((last, truth))) if last + 1 == cell && cell % BRICK as usize != 0 => truth,
-                (Meeting::None, _) => between_surfaces(world, voxel, resolution, Truth::Free),
-                (Meeting::Touch, _) => between_surfaces(world, voxel, resolution, Truth::Touched),
-                (Meeting::Through, _) => Truth::Occupied,
+                _ => truth(world, voxel, resolution, met),
             };
             untouched = (met == Meeting::None).then_some((cell, truth));
             accuracy.known += 1;
@@ -125,6 +116,10 @@ mod tests {
         World::from_triangles("room", centred).unwrap()
     }
 
+    fn truth_of(world: &World, voxel: Voxel) -> Truth {
+        truth(world, voxel, 0.1, meeting(world, voxel, 0.1))
+    }
+
     fn true_state(v: Voxel) -> State {
         let within = |low: i32, high: i32| v.to_array().iter().all(|c| (low..=high).contains(c));
         match within(10, 19) || !within(0, 29) {
@@ -145,7 +140,7 @@ mod tests {
     fn a_voxel_is_occupied_by_surfaces_by_solids_and_by_what_is_outside() {
         let world = world();
         for voxel in all() {
-            let truth = truth(&world, voxel, 0.1);
+            let truth = truth_of(&world, voxel);
             assert!(truth.allows(true_state(voxel)) && truth != Truth::Touched, "{voxel:?}: {truth:?}");
         }
     }
@@ -192,7 +187,7 @@ mod tests {
     fn a_touched_voxel_is_free_only_before_the_wall() {
         let room = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0]));
         let world = World::from_triangles("room", room.triangles_at(Vector3::zeros())).unwrap();
-        let of = |x: i32| truth(&world, Voxel::new(x, 10, 10), 0.1);
+        let of = |x: i32| truth_of(&world, Voxel::new(x, 10, 10));
         assert_eq!([-2, -1, 0, 1].map(of), [Truth::Occupied, Truth::Occupied, Truth::Touched, Truth::Free]);
         assert_eq!([38, 39, 40].map(of), [Truth::Free, Truth::Touched, Truth::Occupied]);
     }
