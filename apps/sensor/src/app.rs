@@ -9,7 +9,7 @@ use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
 use elk_spatial::{OccupancyGrid, Pose, Scan};
 use elk_world::openness::openness;
-use elk_world::placement::UP;
+use elk_world::placement::{SCALES, UP};
 use elk_world::truth::accuracy;
 use elk_world::{BUILT_IN, CAR_INTERIOR, Placement, World};
 use nalgebra::{Isometry3, Point3};
@@ -44,7 +44,7 @@ const PARAMS: &[ParamSpec] = &[
     ),
     param(
         "Scale",
-        Kind::Number { unit: "", min: 1e-6, max: 1e6 },
+        Kind::Number { unit: "", min: *SCALES.start(), max: *SCALES.end() },
         "1",
         "Metres that the world's unit is long: 0.001 for millimetres.",
     ),
