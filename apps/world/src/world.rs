@@ -14,6 +14,7 @@ use crate::ray::Ray;
 use crate::read::{self, Fault, Format, Place};
 use crate::topology::{Rim, Topology};
 use crate::triangle::{Triangle, bounds_of};
+use crate::units::{self, shown};
 use crate::winding::{self, PROBES, Winding};
 
 /// The world that is built into the program.
@@ -35,7 +36,7 @@ fn built_in(name: &str) -> Option<&'static str> {
     })
 }
 
-/// The largest file that is read (bytes): some five million triangles, which take a gigabyte.
+/// The largest file that is read (bytes): five million triangles as binary STL.
 pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
 
 /// Rims that are kept: a surface with more ends than this is open for certain.
@@ -116,7 +117,7 @@ pub enum WorldError {
     #[error(
         "the world {name} has faces that are turned against each other, for example at the edge from {} to {}, and which of \
          them look to the free side cannot be told: make their normals consistent and export it again",
-        shown(&.edge[0]), shown(&.edge[1])
+        shown(&.edge[0], 3), shown(&.edge[1], 3)
     )]
     Winding {
         /// The world.
@@ -141,10 +142,6 @@ fn first_rims(topology: Topology) -> Vec<Rim> {
 
 fn without_area(degenerate: usize) -> String {
     if degenerate == 0 { String::new() } else { format!(" but {degenerate} without area") }
-}
-
-fn shown(p: &Point3<f64>) -> String {
-    format!("({:.3}; {:.3}; {:.3})", p.x, p.y, p.z)
 }
 
 impl World {
@@ -250,6 +247,11 @@ impl World {
     /// The smallest axis-aligned box around everything.
     pub fn extents(&self) -> Bounds {
         self.extents
+    }
+
+    /// Digits behind the point that lengths in it (m) are shown with.
+    pub(crate) fn digits(&self) -> usize {
+        units::digits(self.extents.dim().max())
     }
 
     /// All surfaces.

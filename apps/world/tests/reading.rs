@@ -273,6 +273,13 @@ fn an_inspection_says_what_a_person_wants_to_know() {
     for word in ["4.00 × 3.00 × 2.00 m", "metres", "closed   yes", "61.80 m²", "<Start>"] {
         assert!(words.contains(word), "{word}: {words}");
     }
+    // Regression: places were rounded to the centimetre, whatever the world's size.
+    let bytes = std::fs::read(case("rooms-ngon")).unwrap();
+    let small = World::from_bytes("r.obj", &bytes, &Placement { scale: 0.001, up: None }).unwrap();
+    let found = inspect("in kilometres", &small);
+    assert_eq!((found.starts.len(), found.unit.unwrap().metres), (2, 1000.0), "{found}");
+    assert!(found.starts.iter().all(|start| small.is_free(start.place) && start.clearance_m > 0.0007), "{found}");
+    assert!(found.to_string().contains("0.00400 × 0.00300 × 0.00200 m"), "{found}");
     let open = inspect("open", &load("noceiling")).to_string();
     assert!(open.contains("closed   no: ") && open.contains("a hole of"), "{open}");
 }
