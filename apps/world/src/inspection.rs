@@ -7,7 +7,7 @@ use elk_spatial::voxel::FACES;
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
-use crate::openness::{Openness, openness};
+use crate::openness::Openness;
 use crate::units::{self, Unit};
 use crate::world::World;
 
@@ -75,7 +75,7 @@ pub struct Inspection {
 /// Looks at a world. `name` is for people.
 pub fn inspect(name: &str, world: &World) -> Inspection {
     let reading = world.reading();
-    let (bounds, openness) = (world.extents(), openness(world));
+    let (bounds, openness) = (world.extents(), world.openness().clone());
     let lattice = Lattice::over(world);
     let triangles = world.surfaces().triangles();
     Inspection {

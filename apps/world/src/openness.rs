@@ -107,7 +107,7 @@ impl Hole {
 }
 
 /// How open a world is, seen from places drawn from all that are free, always the same ones.
-pub fn openness(world: &World) -> Openness {
+pub(crate) fn openness(world: &World) -> Openness {
     let mut random = Random::new(0, STREAM);
     let places: Vec<Point3<f64>> = (0..PLACES).map_while(|_| world.draw_place(0.0, &mut random).ok()).collect();
     let mut openness =

@@ -6,7 +6,7 @@ use nalgebra::Point3;
 
 use crate::bvh::overlap;
 use crate::inspection::{Start, starts};
-use crate::openness::{direction, openness};
+use crate::openness::direction;
 use crate::units::{self, Unit, shown};
 use crate::world::World;
 
@@ -38,7 +38,7 @@ pub struct Suitability {
 /// Holds a world against what a mission wants of it.
 pub fn suitability(world: &World, wanted: &Wanted) -> Suitability {
     let mut found = Suitability { faults: Vec::new(), warnings: world.reading().remarks() };
-    found.warnings.extend(openness(world).words().map(|words| {
+    found.warnings.extend(world.openness().words().map(|words| {
         format!(
             "it is open: {words}. Such rays say nothing; whoever wants all of it explored closes it or sets Mid and Dim"
         )

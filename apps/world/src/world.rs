@@ -8,6 +8,7 @@ use elk_spatial::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;
+use crate::openness::{Openness, openness};
 use crate::placement::Placement;
 use crate::random::Random;
 use crate::ray::Ray;
@@ -57,6 +58,8 @@ pub struct World {
     reading: Reading,
     /// Where surfaces end, once it is known.
     rims: OnceLock<Vec<Rim>>,
+    /// How open it is, once somebody asked.
+    openness: OnceLock<Openness>,
 }
 
 /// What was noticed while a world was read.
@@ -201,7 +204,14 @@ impl World {
             return Err(WorldError::TooLarge { name: name.into(), extents });
         }
         let reading = Reading { polygons: triangles.len(), ..Reading::default() };
-        Ok(Self { extents, surfaces: Bvh::new(triangles), bounding: None, reading, rims: OnceLock::new() })
+        Ok(Self {
+            extents,
+            surfaces: Bvh::new(triangles),
+            bounding: None,
+            reading,
+            rims: OnceLock::new(),
+            openness: OnceLock::new(),
+        })
     }
 
     /// Turns faces over that look the wrong way.
@@ -262,6 +272,11 @@ impl World {
     /// Where surfaces end: the first [`MOST_RIMS`] of such edges.
     pub(crate) fn rims(&self) -> &[Rim] {
         self.rims.get_or_init(|| first_rims(Topology::of(self.surfaces.triangles(), &self.extents)))
+    }
+
+    /// How open it is.
+    pub fn openness(&self) -> &Openness {
+        self.openness.get_or_init(|| openness(self))
     }
 
     /// What was noticed while it was read.
