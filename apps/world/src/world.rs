@@ -84,7 +84,8 @@ pub struct Reading {
 pub enum WorldError {
     /// The file cannot be read.
     #[error(
-        "cannot read the world {}: {source}; right is an OBJ, STL, PLY or glTF file, or `{CAR_INTERIOR}`", path.display()
+        "cannot read the world {}: {source}; right is an OBJ, STL, PLY or glTF file, or built in: {}",
+        path.display(), BUILT_IN.join(", ")
     )]
     Read {
         /// The file.

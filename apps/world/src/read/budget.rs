@@ -1,6 +1,6 @@
 //! What a file may come to: a few bytes can name a whole mesh again, so that its length alone bounds nothing.
 
-/// The most triangles of a world, each face counted as those that it can be cut into; they take some two gigabytes.
+/// The most triangles of a world, each face counted as those that it can be cut into; they take nearly three gigabytes while they are read.
 pub(crate) const MOST_TRIANGLES: usize = 1 << 23;
 /// The most vertices that faces can name.
 pub(crate) const MOST_VERTICES: usize = 3 * MOST_TRIANGLES;
