@@ -109,7 +109,7 @@ impl Hole {
 /// How open a world is, seen from places drawn from all that are free, always the same ones.
 pub(crate) fn openness(world: &World) -> Openness {
     let mut random = Random::new(0, STREAM);
-    let places: Vec<Point3<f64>> = (0..PLACES).map_while(|_| world.draw_place(0.0, &mut random).ok()).collect();
+    let places: Vec<Point3<f64>> = world.free_places(0.0, &mut random).take(PLACES).collect();
     let mut openness =
         Openness { places: places.len(), holes: holes(world), digits: world.digits(), ..Openness::default() };
     let apart = world.extents().dim().norm() * APART;

@@ -43,8 +43,8 @@ pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
 /// Rims that are kept: a surface with more ends than this is open for certain.
 const MOST_RIMS: usize = 20_000;
 
-/// Tries before a world counts as too narrow for a random start.
-const START_TRIES: u32 = 100_000;
+/// Places that are drawn in search of free ones: a world in which none of them is counts as too narrow for a start.
+const TRIES: u32 = 100_000;
 
 /// A world: a shell that looks inwards and solids in it that look outwards, so that every face is anticlockwise as seen
 /// from the free side. Solids may touch, overlap and stick out through the shell. Files whose faces are turned
@@ -321,11 +321,15 @@ impl World {
     /// # Errors
     /// None was found.
     pub fn draw_place(&self, clearance: f64, random: &mut Random) -> Result<Point3<f64>, WorldError> {
+        self.free_places(clearance, random).next().ok_or(WorldError::NoFreePlace { clearance })
+    }
+
+    /// Such places, one after the other, among the first [`TRIES`] that are drawn.
+    pub(crate) fn free_places(&self, clearance: f64, random: &mut Random) -> impl Iterator<Item = Point3<f64>> {
         let Bounds { min, max } = self.extents;
-        (0..START_TRIES)
-            .map(|_| Point3::from(std::array::from_fn(|i| random.between(min[i], max[i]))))
-            .find(|&p| !self.touches(p, p, clearance) && self.is_free(p))
-            .ok_or(WorldError::NoFreePlace { clearance })
+        (0..TRIES)
+            .map(move |_| Point3::from(std::array::from_fn(|i| random.between(min[i], max[i]))))
+            .filter(move |&p| !self.touches(p, p, clearance) && self.is_free(p))
     }
 }
 
@@ -372,6 +376,21 @@ fn in_words(place: &Place) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenery::{Scenery, Solid};
+
+    /// Regression: each of 64 places was looked for 100,000 times, where hardly anything of a world is free.
+    #[test]
+    fn places_in_a_world_that_is_hardly_free_are_looked_for_so_often_and_no_more() {
+        let mut scenery = Scenery::within(Solid::block("room", [0.0; 3], [1.0; 3]));
+        scenery.block("pole", [0.0, 0.0, 0.0], [1e-3, 1e-3, 1e4]);
+        let world = World::from_triangles("pole", scenery.triangles_at(Vector3::zeros())).unwrap();
+        let found = world.free_places(0.0, &mut Random::new(0, 1)).count();
+        assert!((1..64).contains(&found), "{found}");
+        assert_eq!(world.openness().places, found);
+        let mut random = Random::new(0, 1);
+        let first = world.draw_place(0.0, &mut random).unwrap();
+        assert_eq!(world.free_places(0.0, &mut Random::new(0, 1)).next(), Some(first));
+    }
 
     /// Regression: what hangs together was found out again each time that somebody asked where a world is open.
     #[test]
