@@ -31,9 +31,9 @@ pub fn guess(longest: f64) -> Option<Unit> {
 }
 
 /// Digits behind the point that lengths (m) are rounded to and shown with in a world whose longest edge is so long (m):
-/// a thousandth of it counts, and a centimetre in any case.
+/// a thousandth of it counts, a centimetre in any case, and less than a micrometre in none.
 pub fn digits(longest: f64) -> usize {
-    (2.0 - longest.log10().floor()).clamp(2.0, 12.0) as usize
+    (2.0 - longest.log10().floor()).clamp(2.0, 6.0) as usize
 }
 
 /// A length (m), rounded to so many digits behind the point.
@@ -63,7 +63,7 @@ mod tests {
 
     #[test]
     fn small_worlds_are_shown_with_more_digits() {
-        assert_eq!([7000.0, 40.0, 7.0, 0.7, 0.007, 0.0].map(digits), [2, 2, 2, 3, 5, 12]);
+        assert_eq!([7000.0, 40.0, 7.0, 0.7, 0.007, 0.0].map(digits), [2, 2, 2, 3, 5, 6]);
         assert_eq!([2, 5].map(|digits| rounded(0.001_234_9, digits)), [0.0, 0.001_23]);
         assert_eq!(shown(&Point3::new(1.0, -0.5, 0.0), 2), "(1.00; -0.50; 0.00)");
     }
