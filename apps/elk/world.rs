@@ -1,5 +1,6 @@
 //! `elk world`: looks at a world before a robot is sent into it.
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -7,8 +8,9 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use elk_mission::Kind;
 use elk_outside::text;
+use elk_spatial::checks::RESOLUTIONS_M;
 use elk_world::inspection::inspect;
-use elk_world::placement::UP;
+use elk_world::placement::{SCALES, UP};
 use elk_world::suitability::{Suitability, Wanted, suitability};
 use elk_world::{Placement, World};
 use nalgebra::Point3;
@@ -46,7 +48,7 @@ pub enum WorldCommand {
 /// Which world, and how it is placed.
 #[derive(Debug, Args)]
 pub struct WorldArgs {
-    /// The file: OBJ, STL, PLY or glTF; or `car-interior`
+    /// The file: OBJ, STL, PLY or glTF; or a built-in world: `car`, `kitchen`, …
     pub world: PathBuf,
     /// Metres that the file's unit is long: 0.001 for millimetres
     #[arg(long, default_value_t = 1.0, value_parser = scale)]
@@ -108,14 +110,15 @@ fn point(text: &str) -> Result<Point3<f64>, String> {
 }
 
 fn resolution(text: &str) -> Result<f64, String> {
-    number(text, &Kind::Number { unit: "m", min: 0.001, max: 10.0 })
+    number(text, "m", &RESOLUTIONS_M)
 }
 
 fn scale(text: &str) -> Result<f64, String> {
-    number(text, &Kind::Number { unit: "", min: 1e-6, max: 1e6 })
+    number(text, "", &SCALES)
 }
 
-fn number(text: &str, kind: &Kind) -> Result<f64, String> {
+fn number(text: &str, unit: &'static str, range: &RangeInclusive<f64>) -> Result<f64, String> {
+    let kind = Kind::Number { unit, min: *range.start(), max: *range.end() };
     match kind.parse(text, "".as_ref()) {
         Ok(elk_mission::ParamValue::Number(number)) => Ok(number),
         Ok(_) => Err(format!("right is {}", kind.expected())),

@@ -8,8 +8,7 @@ use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camer
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
 use elk_spatial::{OccupancyGrid, Pose, Scan};
-use elk_world::openness::openness;
-use elk_world::placement::UP;
+use elk_world::placement::{SCALES, UP};
 use elk_world::truth::accuracy;
 use elk_world::{BUILT_IN, CAR_INTERIOR, Placement, World};
 use nalgebra::{Isometry3, Point3};
@@ -44,7 +43,7 @@ const PARAMS: &[ParamSpec] = &[
     ),
     param(
         "Scale",
-        Kind::Number { unit: "", min: 1e-6, max: 1e6 },
+        Kind::Number { unit: "", min: *SCALES.start(), max: *SCALES.end() },
         "1",
         "Metres that the world's unit is long: 0.001 for millimetres.",
     ),
@@ -197,7 +196,7 @@ pub(crate) fn world(params: &Params) -> Result<World, AppError> {
 
 /// What whoever looks at the scans should know of the world.
 fn remarks(name: &str, world: &World) -> Vec<String> {
-    let open = openness(world).words().map(|words| format!("it is open: {words}"));
+    let open = world.openness().words().map(|words| format!("it is open: {words}"));
     let all = world.reading().remarks().into_iter().chain(open);
     all.map(|remark| format!("World {name}: {remark}")).collect()
 }

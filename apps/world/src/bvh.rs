@@ -169,7 +169,8 @@ impl Bvh {
     }
 }
 
-fn overlap(a: &Bounds, b: &Bounds) -> bool {
+/// Whether two boxes share a point.
+pub(crate) fn overlap(a: &Bounds, b: &Bounds) -> bool {
     (0..3).all(|i| a.min[i] <= b.max[i] && b.min[i] <= a.max[i])
 }
 

@@ -7,7 +7,7 @@ use elk_spatial::voxel::FACES;
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
-use crate::openness::{Openness, openness};
+use crate::openness::Openness;
 use crate::units::{self, Unit};
 use crate::world::World;
 
@@ -15,13 +15,15 @@ use crate::world::World;
 const CELLS: usize = 28;
 /// Free places of which the distance to the next surface is looked at.
 const MEASURED: usize = 400;
+/// Less room gained than this share of a world's longest edge is not worth a step.
+const GAIN: f64 = 1e-4;
 /// Starts that are offered.
 const STARTS: usize = 3;
 
 /// A place where a robot could start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Start {
-    /// Where (m, world), to the centimetre.
+    /// Where (m, world), rounded as [`units::digits`] says.
     pub place: Point3<f64>,
     /// Distance to the next surface (m).
     pub clearance_m: f64,
@@ -56,7 +58,7 @@ pub struct Inspection {
     pub turned_triangles: usize,
     /// The file has its inside out.
     pub inside_out: bool,
-    /// Whether no ray from a free place gets out.
+    /// Whether none of the rays that were cast from free places gets out.
     pub closed: bool,
     /// Where it is open.
     pub openness: Openness,
@@ -73,7 +75,7 @@ pub struct Inspection {
 /// Looks at a world. `name` is for people.
 pub fn inspect(name: &str, world: &World) -> Inspection {
     let reading = world.reading();
-    let (bounds, openness) = (world.extents(), openness(world));
+    let (bounds, openness) = (world.extents(), world.openness().clone());
     let lattice = Lattice::over(world);
     let triangles = world.surfaces().triangles();
     Inspection {
@@ -141,13 +143,14 @@ fn starts_among(world: &World, free: &[Point3<f64>]) -> Vec<Start> {
 /// The place with the most room that is reached by steps from one to a better one, which become smaller.
 fn widest_near(world: &World, start: Start) -> Start {
     let mut best = start;
-    for step in [0.5, 0.25, 0.1, 0.05, 0.02].map(|share| share * start.clearance_m.max(0.01)) {
+    let least = world.extents().dim().max() * GAIN;
+    for step in [0.5, 0.25, 0.1, 0.05, 0.02].map(|share| share * start.clearance_m.max(least)) {
         let mut better = true;
         while better {
             let around = FACES.map(|face| Vector3::from(face.to_array().map(f64::from)) * step);
             let next = around.into_iter().filter_map(|step| start_near(world, best.place + step));
             let next = next.max_by(|a, b| a.clearance_m.total_cmp(&b.clearance_m));
-            better = next.is_some_and(|next| next.clearance_m > best.clearance_m + 0.001);
+            better = next.is_some_and(|next| next.clearance_m > best.clearance_m + least);
             best = next.filter(|_| better).unwrap_or(best);
         }
     }
@@ -155,7 +158,7 @@ fn widest_near(world: &World, start: Start) -> Start {
 }
 
 fn start_near(world: &World, point: Point3<f64>) -> Option<Start> {
-    let place = point.map(|c| (c * 100.0).round() / 100.0);
+    let place = point.map(|c| units::rounded(c, world.digits()));
     let clearance_m = world.surfaces().distance(place);
     (clearance_m > 0.0 && world.is_free(place)).then_some(Start { place, clearance_m })
 }
@@ -194,11 +197,12 @@ impl fmt::Display for Inspection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, size, bounds: Bounds { min, max }, .. } = self;
         let format = self.format.as_deref().unwrap_or("a world");
-        let point = |p: &Point3<f64>| format!("{:.2}; {:.2}; {:.2}", p.x, p.y, p.z);
+        let digits = units::digits(size.max());
+        let point = |p: &Point3<f64>| format!("{:.digits$}; {:.digits$}; {:.digits$}", p.x, p.y, p.z);
         writeln!(f, "{name}: {format}, {} faces, {} triangles", self.faces, self.triangles)?;
         writeln!(
             f,
-            "  size     {:.2} × {:.2} × {:.2} m, from ({}) to ({})",
+            "  size     {:.digits$} × {:.digits$} × {:.digits$} m, from ({}) to ({})",
             size.x,
             size.y,
             size.z,
@@ -209,13 +213,17 @@ impl fmt::Display for Inspection {
         writeln!(f, "  shells   {}{}", self.shells, self.sheets_in_words())?;
         writeln!(f, "  closed   {}", self.closed_in_words())?;
         writeln!(f, "  winding  {}", self.winding_in_words())?;
-        writeln!(f, "  surface  {:.2} m²", self.surface_m2)?;
-        writeln!(f, "  free     about {:.1} m³", self.free_volume_m3)?;
+        writeln!(f, "  surface  {:.*} m²", 2 * digits - 2, self.surface_m2)?;
+        writeln!(f, "  free     about {:.*} m³", 3 * digits - 5, self.free_volume_m3)?;
         match self.starts.as_slice() {
             [] => writeln!(f, "  start    nowhere: no free place was found")?,
             starts => {
                 for Start { place, clearance_m } in starts {
-                    writeln!(f, "  start    <Start>{}</Start>, {clearance_m:.2} m off every surface", point(place))?;
+                    writeln!(
+                        f,
+                        "  start    <Start>{}</Start>, {clearance_m:.digits$} m off every surface",
+                        point(place)
+                    )?;
                 }
             }
         }

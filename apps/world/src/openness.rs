@@ -7,8 +7,9 @@ use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
 use crate::random::Random;
-use crate::topology::{Rim, Topology};
+use crate::topology::Rim;
 use crate::triangle::bounds_of;
+use crate::units::shown;
 use crate::world::World;
 
 /// Places that are looked from, and directions that are looked in from each.
@@ -19,8 +20,8 @@ const HOLES: usize = 64;
 /// Corners of its rim towards which a hole is looked through, and how far towards them.
 const AIMS: usize = 8;
 const TOWARDS_RIM: f64 = 0.9;
-/// Rims that are looked at: a surface with more ends than this is open for certain.
-const MOST_RIMS: usize = 20_000;
+/// How far apart exits lie that are told, as a share of the world's diagonal.
+const APART: f64 = 0.1;
 /// Stream of random places.
 const STREAM: u64 = 1;
 /// A rim along which other surfaces come so near (share of the world's diagonal) is no end: the next surface goes on
@@ -41,6 +42,9 @@ pub struct Hole {
     /// Points in it that are looked through: its middle, and towards the corners of its rim.
     #[serde(skip)]
     aims: Vec<Point3<f64>>,
+    /// Digits behind the point with which it is shown.
+    #[serde(skip)]
+    digits: usize,
 }
 
 /// How open a world is.
@@ -54,6 +58,9 @@ pub struct Openness {
     pub holes: Vec<Hole>,
     /// Where some of the rays that met nothing left the box around the world (m, world).
     pub exits: Vec<Point3<f64>>,
+    /// Digits behind the point with which these are shown.
+    #[serde(skip)]
+    digits: usize,
 }
 
 impl Openness {
@@ -68,9 +75,8 @@ impl Openness {
         if !self.is_open() {
             return None;
         }
-        let at = |p: &Point3<f64>| format!("({:.2}; {:.2}; {:.2})", p.x, p.y, p.z);
         let holes: Vec<String> = self.holes.iter().filter(|hole| hole.leads_out).take(SHOWN).map(Hole::words).collect();
-        let exits = || self.exits.iter().map(at).collect::<Vec<_>>().join(", ");
+        let exits = || self.exits.iter().map(|exit| shown(exit, self.digits)).collect::<Vec<_>>().join(", ");
         let whereabouts = match holes.as_slice() {
             [] => format!("some leave it at {}", exits()),
             holes => format!("there is {}", holes.join(", and ")),
@@ -94,22 +100,25 @@ impl Hole {
     }
 
     fn words(&self) -> String {
-        let Self { middle: p, size, .. } = self;
-        format!("a hole of {:.2} × {:.2} × {:.2} m around ({:.2}; {:.2}; {:.2})", size.x, size.y, size.z, p.x, p.y, p.z)
+        let Self { middle, size, digits, .. } = self;
+        let around = shown(middle, *digits);
+        format!("a hole of {:.digits$} × {:.digits$} × {:.digits$} m around {around}", size.x, size.y, size.z)
     }
 }
 
 /// How open a world is, seen from places drawn from all that are free, always the same ones.
-pub fn openness(world: &World) -> Openness {
+pub(crate) fn openness(world: &World) -> Openness {
     let mut random = Random::new(0, STREAM);
-    let places: Vec<Point3<f64>> = (0..PLACES).map_while(|_| world.draw_place(0.0, &mut random).ok()).collect();
-    let mut openness = Openness { places: places.len(), holes: holes(world), ..Openness::default() };
+    let places: Vec<Point3<f64>> = world.free_places(0.0, &mut random).take(PLACES).collect();
+    let mut openness =
+        Openness { places: places.len(), holes: holes(world), digits: world.digits(), ..Openness::default() };
+    let apart = world.extents().dim().norm() * APART;
     let directions: Vec<Vector3<f64>> = (0..DIRECTIONS).map(|i| direction(i, DIRECTIONS)).collect();
     let mut escaped = 0_usize;
     for &place in &places {
         for &direction in directions.iter().filter(|&&direction| world.cast(place, direction).is_none()) {
             escaped += 1;
-            openness.remember(exit(place, direction, &world.extents()));
+            openness.remember(exit(place, direction, &world.extents()), apart);
         }
     }
     openness.escaping = escaped as f64 / (places.len() * DIRECTIONS).max(1) as f64;
@@ -124,11 +133,10 @@ pub fn openness(world: &World) -> Openness {
 }
 
 impl Openness {
-    /// Keeps a few exits that lie apart.
-    fn remember(&mut self, exit: Point3<f64>) {
+    /// Keeps a few exits that lie so far (m) apart.
+    fn remember(&mut self, exit: Point3<f64>, apart: f64) {
         const KEPT: usize = 3;
-        const APART_M: f64 = 1.0;
-        if self.exits.len() < KEPT && self.exits.iter().all(|other| (other - exit).norm() > APART_M) {
+        if self.exits.len() < KEPT && self.exits.iter().all(|other| (other - exit).norm() > apart) {
             self.exits.push(exit);
         }
     }
@@ -154,9 +162,8 @@ fn exit(origin: Point3<f64>, direction: Vector3<f64>, bounds: &Bounds) -> Point3
 
 /// Where surfaces end, the largest first.
 fn holes(world: &World) -> Vec<Hole> {
-    let topology = Topology::of(world.surfaces().triangles(), &world.extents());
-    let ends: Vec<&Rim> = topology.rims.iter().take(MOST_RIMS).filter(|rim| !is_seam(world, rim)).collect();
-    let mut holes: Vec<Hole> = connected(&ends).iter().map(|rims| hole(rims)).collect();
+    let ends: Vec<&Rim> = world.rims().iter().filter(|rim| !is_seam(world, rim)).collect();
+    let mut holes: Vec<Hole> = connected(&ends).iter().map(|rims| hole(rims, world.digits())).collect();
     holes.sort_by(|a, b| b.size.norm().total_cmp(&a.size.norm()));
     holes
 }
@@ -193,7 +200,7 @@ fn connected<'a>(rims: &[&'a Rim]) -> Vec<Vec<&'a Rim>> {
     groups
 }
 
-fn hole(rims: &[&Rim]) -> Hole {
+fn hole(rims: &[&Rim], digits: usize) -> Hole {
     let around = bounds_of(rims.iter().flat_map(|rim| &rim.ends));
     let length = |rim: &Rim| (rim.ends[1] - rim.ends[0]).norm();
     let whole: f64 = rims.iter().map(|rim| length(rim)).sum();
@@ -202,5 +209,5 @@ fn hole(rims: &[&Rim]) -> Hole {
     let middle = if whole > 0.0 { around.min + sum / whole } else { around.mid() };
     let ends = rims.iter().step_by(rims.len().div_ceil(AIMS)).map(|rim| rim.ends[0]);
     let aims = std::iter::once(middle).chain(ends.map(|end| middle + (end - middle) * TOWARDS_RIM)).collect();
-    Hole { middle, size: around.dim(), edges: rims.len(), leads_out: false, aims }
+    Hole { middle, size: around.dim(), edges: rims.len(), leads_out: false, aims, digits }
 }

@@ -1,5 +1,6 @@
 //! How a file's coordinates become metres with z up.
 
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use nalgebra::Point3;
@@ -15,6 +16,9 @@ pub enum Axis {
     MinusY,
     MinusZ,
 }
+
+/// How long a file's unit may be (m).
+pub const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
 
 /// The words for an axis that points up: as a mission says them, the format's own first.
 pub const UP: &[&str] = &["format", "x", "y", "z", "-x", "-y", "-z"];

@@ -4,9 +4,10 @@ use elk_spatial::Bounds;
 use elk_spatial::voxel::INDEX_RANGE;
 use nalgebra::Point3;
 
+use crate::bvh::overlap;
 use crate::inspection::{Start, starts};
-use crate::openness::{direction, openness};
-use crate::units::{self, Unit};
+use crate::openness::direction;
+use crate::units::{self, Unit, shown};
 use crate::world::World;
 
 /// Rays that are cast from the start.
@@ -37,7 +38,7 @@ pub struct Suitability {
 /// Holds a world against what a mission wants of it.
 pub fn suitability(world: &World, wanted: &Wanted) -> Suitability {
     let mut found = Suitability { faults: Vec::new(), warnings: world.reading().remarks() };
-    found.warnings.extend(openness(world).words().map(|words| {
+    found.warnings.extend(world.openness().words().map(|words| {
         format!(
             "it is open: {words}. Such rays say nothing; whoever wants all of it explored closes it or sets Mid and Dim"
         )
@@ -73,8 +74,8 @@ fn look_at_limits(world: &World, wanted: &Wanted, found: &mut Suitability) {
     }
     let words = format!(
         "it reaches from {} to {}, and a map of {} m voxels from {:.1} to {:.1} m along each axis (65,536 voxels)",
-        shown(&extents.min),
-        shown(&extents.max),
+        shown(&extents.min, world.digits()),
+        shown(&extents.max, world.digits()),
         wanted.resolution,
         limits.min.x,
         limits.max.x
@@ -93,31 +94,24 @@ fn look_at_limits(world: &World, wanted: &Wanted, found: &mut Suitability) {
 fn look_around(world: &World, start: Point3<f64>, range_m: f64, found: &mut Suitability) {
     if !start.iter().all(|c| c.is_finite()) || !world.is_free(start) {
         let instead = match starts(world).first() {
-            Some(Start { place, .. }) => {
-                format!("free is, for example, {:.2}; {:.2}; {:.2}", place.x, place.y, place.z)
-            }
+            Some(Start { place, .. }) => format!("free is, for example, {}; {}; {}", place.x, place.y, place.z),
             None => "nothing in it is free".to_owned(),
         };
-        found.faults.push(format!("the start {} is inside an obstacle or outside the world; {instead}", shown(&start)));
+        found.faults.push(format!(
+            "the start {} is inside an obstacle or outside the world; {instead}",
+            shown(&start, world.digits())
+        ));
         return;
     }
     let returns = (0..RAYS).filter_map(|i| world.cast(start, direction(i, RAYS)));
     let nearest = returns.fold(f64::INFINITY, f64::min);
     if nearest.is_infinite() {
-        found.faults.push(format!("no ray from the start {} meets a surface", shown(&start)));
+        found.faults.push(format!("no ray from the start {} meets a surface", shown(&start, world.digits())));
     } else if nearest > range_m {
         found.warnings.push(format!(
             "nothing is seen from the start {}: the next surface is {nearest:.2} m away, and what is farther than {range_m} m \
              does not come into the map (Threshold of a filter, MaxRange of the map)",
-            shown(&start)
+            shown(&start, world.digits())
         ));
     }
-}
-
-fn overlap(a: &Bounds, b: &Bounds) -> bool {
-    (0..3).all(|i| a.min[i] <= b.max[i] && b.min[i] <= a.max[i])
-}
-
-fn shown(p: &Point3<f64>) -> String {
-    format!("({:.2}; {:.2}; {:.2})", p.x, p.y, p.z)
 }

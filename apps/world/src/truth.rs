@@ -31,10 +31,10 @@ pub const TOUCH: f64 = 0.01;
 
 /// What a voxel is in truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Truth {
+enum Truth {
     /// Free, and no surface comes near it.
     Free,
-    /// A surface goes through it, by more than [`TOUCH`] from its faces, or it lies in a solid or outside the world.
+    /// A surface goes through it, by more than [`TOUCH`] from its faces, or it lies in a solid or outside a closed world.
     Occupied,
     /// It is free, and a surface touches it: a map that calls it free is right, and so is one that has the surface
     /// there.
@@ -43,21 +43,12 @@ pub enum Truth {
 
 impl Truth {
     /// Whether a map may call it so.
-    pub fn allows(self, state: State) -> bool {
+    fn allows(self, state: State) -> bool {
         match self {
             Self::Free => state == State::Free,
             Self::Occupied => state == State::Occupied,
             Self::Touched => state != State::Unknown,
         }
-    }
-}
-
-/// What a voxel is in truth.
-pub fn truth(world: &World, voxel: Voxel, resolution: f64) -> Truth {
-    match meeting(world, voxel, resolution) {
-        Meeting::Through => Truth::Occupied,
-        Meeting::Touch => between_surfaces(world, voxel, resolution, Truth::Touched),
-        Meeting::None => between_surfaces(world, voxel, resolution, Truth::Free),
     }
 }
 
@@ -69,41 +60,67 @@ enum Meeting {
     Through,
 }
 
-fn meeting(world: &World, voxel: Voxel, resolution: f64) -> Meeting {
-    let cube = |edge: f64| Bounds::from_mid_dim(voxel.center(resolution), Vector3::repeat(resolution * edge));
-    let meets = |edge: f64| world.surfaces().overlaps(&cube(edge));
-    match () {
-        () if !meets(1.0 + 2.0 * TOUCH) => Meeting::None,
-        () if meets(1.0 - 2.0 * TOUCH) => Meeting::Through,
-        () => Meeting::Touch,
-    }
+/// What holds a map against the world.
+struct Judge<'a> {
+    world: &'a World,
+    resolution: f64,
+    /// A ray gets out of the world: what lies beyond the box around it is free, and can be seen.
+    is_open: bool,
 }
 
-/// `free`, or occupied if the voxel's centre lies in a solid or outside the world.
-fn between_surfaces(world: &World, voxel: Voxel, resolution: f64, free: Truth) -> Truth {
-    match world.is_free(voxel.center(resolution)) {
-        true => free,
-        false => Truth::Occupied,
+impl<'a> Judge<'a> {
+    fn new(world: &'a World, resolution: f64) -> Self {
+        Self { world, resolution, is_open: world.openness().is_open() }
+    }
+
+    fn meeting(&self, voxel: Voxel) -> Meeting {
+        let edge = |share: f64| Vector3::repeat(self.resolution * share);
+        let middle = voxel.center(self.resolution);
+        let meets = |share: f64| self.world.surfaces().overlaps(&Bounds::from_mid_dim(middle, edge(share)));
+        match () {
+            () if !meets(1.0 + 2.0 * TOUCH) => Meeting::None,
+            () if meets(1.0 - 2.0 * TOUCH) => Meeting::Through,
+            () => Meeting::Touch,
+        }
+    }
+
+    /// What a voxel is in truth that surfaces meet so.
+    fn truth(&self, voxel: Voxel, met: Meeting) -> Truth {
+        match met {
+            Meeting::Through => Truth::Occupied,
+            _ if !self.is_free(voxel) => Truth::Occupied,
+            Meeting::Touch => Truth::Touched,
+            Meeting::None => Truth::Free,
+        }
+    }
+
+    fn is_free(&self, voxel: Voxel) -> bool {
+        self.is_beyond(voxel) || self.world.is_free(voxel.center(self.resolution))
+    }
+
+    /// Whether it lies beyond the box around a world that is open.
+    fn is_beyond(&self, voxel: Voxel) -> bool {
+        self.is_open && !self.world.extents().contains(voxel.center(self.resolution))
     }
 }
 
 /// Holds every known voxel of `map` against the world.
 pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
-    let resolution = map.resolution();
+    let judge = Judge::new(world, map.resolution());
     let mut accuracy = Accuracy::default();
     for (brick, cells) in map.bricks().iter() {
-        // Two neighbours that no surface touches have none between them either: what the one is, the other is.
-        let mut untouched: Option<(usize, Truth)> = None;
+        // Two neighbours that no surface touches have none between them either: what the one is, the other is, on the same
+        // side of the box around the world.
+        let mut untouched: Option<(usize, bool, Truth)> = None;
         for cell in (0..BRICK_CELLS).filter(|&i| cells[i] != State::Unknown) {
             let voxel = voxel_at(brick, cell);
-            let met = meeting(world, voxel, resolution);
+            let (met, beyond) = (judge.meeting(voxel), judge.is_beyond(voxel));
+            let follows = |last: usize| last + 1 == cell && cell % BRICK as usize != 0;
             let truth = match (met, untouched) {
-                (Meeting::None, Some((last, truth))) if last + 1 == cell && cell % BRICK as usize != 0 => truth,
-                (Meeting::None, _) => between_surfaces(world, voxel, resolution, Truth::Free),
-                (Meeting::Touch, _) => between_surfaces(world, voxel, resolution, Truth::Touched),
-                (Meeting::Through, _) => Truth::Occupied,
+                (Meeting::None, Some((last, side, truth))) if follows(last) && side == beyond => truth,
+                _ => judge.truth(voxel, met),
             };
-            untouched = (met == Meeting::None).then_some((cell, truth));
+            untouched = (met == Meeting::None).then_some((cell, beyond, truth));
             accuracy.known += 1;
             accuracy.right += u64::from(truth.allows(cells[cell]));
         }
@@ -115,6 +132,7 @@ pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
 mod tests {
     use super::*;
     use crate::scenery::{Scenery, Solid};
+    use crate::triangle::Triangle;
 
     /// A room from (0, 0, 0) to (3, 3, 3) m with a box from (1.02, 1.02, 1.02) to (1.98, 1.98, 1.98) in it; on a
     /// lattice of 0.1 m the box touches the voxels 10 to 19 along each axis.
@@ -123,6 +141,11 @@ mod tests {
         scenery.block("box", [1.02; 3], [1.98; 3]);
         let centred = scenery.triangles_at(Vector3::zeros());
         World::from_triangles("room", centred).unwrap()
+    }
+
+    fn truth_of(world: &World, voxel: Voxel) -> Truth {
+        let judge = Judge::new(world, 0.1);
+        judge.truth(voxel, judge.meeting(voxel))
     }
 
     fn true_state(v: Voxel) -> State {
@@ -145,7 +168,7 @@ mod tests {
     fn a_voxel_is_occupied_by_surfaces_by_solids_and_by_what_is_outside() {
         let world = world();
         for voxel in all() {
-            let truth = truth(&world, voxel, 0.1);
+            let truth = truth_of(&world, voxel);
             assert!(truth.allows(true_state(voxel)) && truth != Truth::Touched, "{voxel:?}: {truth:?}");
         }
     }
@@ -192,9 +215,27 @@ mod tests {
     fn a_touched_voxel_is_free_only_before_the_wall() {
         let room = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0]));
         let world = World::from_triangles("room", room.triangles_at(Vector3::zeros())).unwrap();
-        let of = |x: i32| truth(&world, Voxel::new(x, 10, 10), 0.1);
+        let of = |x: i32| truth_of(&world, Voxel::new(x, 10, 10));
         assert_eq!([-2, -1, 0, 1].map(of), [Truth::Occupied, Truth::Occupied, Truth::Touched, Truth::Free]);
         assert_eq!([38, 39, 40].map(of), [Truth::Free, Truth::Touched, Truth::Occupied]);
+    }
+
+    /// Regression: what rays freed above a room without a ceiling was judged as if it were solid.
+    #[test]
+    fn beyond_an_open_world_is_free_and_beyond_a_closed_one_is_not() {
+        let room = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0])).triangles_at(Vector3::repeat(0.05));
+        let is_ceiling = |triangle: &Triangle| triangle.0.iter().all(|corner| corner.z > 2.0);
+        let open: Vec<Triangle> = room.iter().filter(|triangle| !is_ceiling(triangle)).copied().collect();
+        let of = |triangles: &[Triangle]| {
+            let world = World::from_triangles("room", triangles.to_vec()).unwrap();
+            [19, 20, 21, 40].map(|z| truth_of(&world, Voxel::new(20, 15, z)))
+        };
+        assert_eq!(of(&room), [Truth::Free, Truth::Occupied, Truth::Occupied, Truth::Occupied]);
+        assert_eq!(of(&open), [Truth::Free; 4]);
+        let world = World::from_triangles("room", open).unwrap();
+        let mut map = OccupancyGrid::new(0.1);
+        (1..60).for_each(|z| assert!(map.set(Voxel::new(20, 15, z), State::Free)));
+        assert_eq!(accuracy(&world, &map), Accuracy { known: 59, right: 59 });
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! In which unit a world was probably drawn, told by its size.
 
+use nalgebra::Point3;
 use serde::Serialize;
 
 /// A unit that worlds are drawn in.
@@ -16,8 +17,9 @@ const CENTIMETRES: Unit = Unit { name: "centimetres", metres: 0.01 };
 const MILLIMETRES: Unit = Unit { name: "millimetres", metres: 0.001 };
 const KILOMETRES: Unit = Unit { name: "kilometres", metres: 1000.0 };
 
-/// The unit that a world is probably in whose longest edge is so long in it; `None`: nothing fits. Rooms, houses and
-/// sites are from half a metre to 300 m long; what is longer in metres is a room in centimetres or millimetres.
+/// The unit that a world is probably in whose longest edge is so long in it; `None`: nothing fits. Worlds in metres are
+/// from 5 cm to 300 m long; what is longer is taken for one in centimetres or millimetres, what is shorter for a site in
+/// kilometres.
 pub fn guess(longest: f64) -> Option<Unit> {
     match longest {
         0.000_5..0.05 => Some(KILOMETRES),
@@ -26,6 +28,23 @@ pub fn guess(longest: f64) -> Option<Unit> {
         2_500.0..300_000.0 => Some(MILLIMETRES),
         _ => None,
     }
+}
+
+/// Digits behind the point that lengths (m) are rounded to and shown with in a world whose longest edge is so long (m):
+/// a thousandth of it counts, a centimetre in any case, and less than a micrometre in none.
+pub fn digits(longest: f64) -> usize {
+    (2.0 - longest.log10().floor()).clamp(2.0, 6.0) as usize
+}
+
+/// A length (m), rounded to so many digits behind the point.
+pub(crate) fn rounded(length: f64, digits: usize) -> f64 {
+    let grains = 10_f64.powi(digits as i32);
+    (length * grains).round() / grains
+}
+
+/// A point (m), for people.
+pub(crate) fn shown(point: &Point3<f64>, digits: usize) -> String {
+    format!("({:.digits$}; {:.digits$}; {:.digits$})", point.x, point.y, point.z)
 }
 
 #[cfg(test)]
@@ -40,5 +59,12 @@ mod tests {
         assert_eq!(said(7000.0), Some("millimetres"));
         assert_eq!(said(1e7), None);
         assert_eq!(said(0.0), None);
+    }
+
+    #[test]
+    fn small_worlds_are_shown_with_more_digits() {
+        assert_eq!([7000.0, 40.0, 7.0, 0.7, 0.007, 0.0].map(digits), [2, 2, 2, 3, 5, 6]);
+        assert_eq!([2, 5].map(|digits| rounded(0.001_234_9, digits)), [0.0, 0.001_23]);
+        assert_eq!(shown(&Point3::new(1.0, -0.5, 0.0), 2), "(1.00; -0.50; 0.00)");
     }
 }

@@ -35,6 +35,8 @@ const STREAM: u64 = 2;
 const LOOKS: usize = 4096;
 const LEAST_LOOKS: usize = 3;
 const MOST_LOOKS: usize = 24;
+/// Shells that are looked at: the largest. The others, crumbs beside them, are taken to be as those are.
+const MOST_SHELLS: usize = 4096;
 /// So many times as many faces have to say one thing as the other.
 const CLEARLY: usize = 9;
 
@@ -84,9 +86,10 @@ pub(crate) fn mend(
     topology: &Topology,
     extents: &Bounds,
 ) -> Result<(Winding, Vec<bool>), Undecided> {
-    let judge = Judge::new(surfaces, topology, extents);
-    let around = outermost(surfaces, topology);
-    let inner = topology.shells.get(around).map_or(*extents, |shell| bounds_of_shell(shell, surfaces.triangles()));
+    let boxes: Vec<Bounds> = topology.shells.iter().map(|shell| bounds_of_shell(shell, surfaces.triangles())).collect();
+    let around = outermost(&boxes);
+    let inner = boxes.get(around).copied().unwrap_or(*extents);
+    let judge = Judge::new(surfaces, topology, extents, looked_at(&topology.shells, &boxes, around));
     let mut verdicts = judge.verdicts(&inner, false);
     let solids = verdicts.get(around) == Some(&Verdict::Wrong)
         && most_are_wrong(&verdicts, around) != Some(false)
@@ -146,10 +149,21 @@ fn most_are_wrong(verdicts: &[Verdict], around: usize) -> Option<bool> {
 }
 
 /// The shell with the largest box by volume; the first of them.
-fn outermost(surfaces: &Bvh, topology: &Topology) -> usize {
-    let size = |shell: &Shell| bounds_of_shell(shell, surfaces.triangles()).dim().product();
-    let sizes: Vec<f64> = topology.shells.iter().map(size).collect();
+fn outermost(boxes: &[Bounds]) -> usize {
+    let sizes: Vec<f64> = boxes.iter().map(|around| around.dim().product()).collect();
     (0..sizes.len()).rev().max_by(|&a, &b| sizes[a].total_cmp(&sizes[b])).unwrap_or_default()
+}
+
+/// The shells that are looked at: the one around everything, those of which nothing else decides, and the largest.
+fn looked_at(shells: &[Shell], boxes: &[Bounds], around: usize) -> Vec<usize> {
+    let mut all: Vec<usize> = (0..shells.len()).collect();
+    if all.len() > MOST_SHELLS {
+        let rank = |i: usize| (i != around, shells[i].closed || shells[i].conflict.is_none());
+        let size = |i: usize| boxes[i].dim().norm();
+        all.sort_by(|&a, &b| rank(a).cmp(&rank(b)).then(size(b).total_cmp(&size(a))));
+        all.truncate(MOST_SHELLS);
+    }
+    all
 }
 
 /// Whether those that are turned against the first have nearly all of the area; `None`: neither has.
@@ -171,17 +185,32 @@ struct Judge<'a> {
     surfaces: &'a Bvh,
     topology: &'a Topology,
     step: f64,
+    /// Shells that are looked at, and faces of each.
+    shells: Vec<usize>,
     looks: usize,
 }
 
 impl<'a> Judge<'a> {
-    fn new(surfaces: &'a Bvh, topology: &'a Topology, extents: &Bounds) -> Self {
-        let looks = (LOOKS / topology.shells.len().max(1)).clamp(LEAST_LOOKS, MOST_LOOKS);
-        Self { surfaces, topology, step: extents.dim().norm() * STEP, looks }
+    fn new(surfaces: &'a Bvh, topology: &'a Topology, extents: &Bounds, shells: Vec<usize>) -> Self {
+        let looks = (LOOKS / shells.len().max(1)).clamp(LEAST_LOOKS, MOST_LOOKS);
+        Self { surfaces, topology, step: extents.dim().norm() * STEP, shells, looks }
     }
 
     fn verdicts(&self, inner: &Bounds, free_is_even: bool) -> Vec<Verdict> {
-        self.topology.shells.iter().map(|shell| self.verdict(shell, inner, free_is_even)).collect()
+        let shells = &self.topology.shells;
+        let mut verdicts: Vec<Option<Verdict>> = vec![None; shells.len()];
+        for &i in &self.shells {
+            verdicts[i] = Some(self.verdict(&shells[i], inner, free_is_even));
+        }
+        let open = || verdicts.iter().zip(shells).filter(|(_, shell)| !shell.closed).map(|(verdict, _)| *verdict);
+        let count = |wanted: Verdict| open().filter(|verdict| *verdict == Some(wanted)).count();
+        // Where nothing is known, nothing is taken to be in them.
+        let most_are_sheets = count(Verdict::Sheet) >= count(Verdict::Right).max(count(Verdict::Wrong));
+        let as_others = |shell: &Shell| match !shell.closed && most_are_sheets {
+            true => Verdict::Sheet,
+            false => Verdict::Unclear,
+        };
+        verdicts.iter().zip(shells).map(|(verdict, shell)| verdict.unwrap_or_else(|| as_others(shell))).collect()
     }
 
     /// Whether the free space is that between the surfaces' solids: a house whose walls have an outside and an inside,
@@ -247,8 +276,21 @@ impl<'a> Judge<'a> {
             let away = if direction.dot(&normal) < 0.0 { -direction } else { direction };
             self.crossed(origin, away) % 2 == 1
         };
-        2 * PROBES.iter().filter(|direction| odd(direction)).count() > PROBES.len()
+        majority(&PROBES, odd)
     }
+}
+
+/// Whether most of them say so; no more are asked than are needed to know.
+pub(crate) fn majority<T>(all: &[T], says: impl Fn(&T) -> bool) -> bool {
+    let mut counts = [0; 2];
+    for one in all {
+        let count = &mut counts[usize::from(says(one))];
+        *count += 1;
+        if 2 * *count > all.len() {
+            break;
+        }
+    }
+    counts[1] > counts[0]
 }
 
 #[cfg(test)]
@@ -321,5 +363,28 @@ mod tests {
         triangles.extend(curtain.map(|t| Triangle(t.map(Point3::from))));
         let (winding, _) = mended(&triangles).unwrap();
         assert_eq!((winding.shells, winding.sheets, winding.turned), (2, 1, 0));
+    }
+
+    /// Regression: three faces of each shell were looked at, however many there were: minutes for a file of crumbs.
+    #[test]
+    fn of_many_shells_the_largest_speak_for_the_others() {
+        let mut scenery = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0]));
+        let places: Vec<Vector3<f64>> = (0..5000)
+            .map(|i| Vector3::new(f64::from(i % 70) * 0.03 + 1.0, f64::from(i / 70) * 0.03 + 0.4, 0.3))
+            .collect();
+        for at in &places {
+            let [low, high] = [0.0, 0.01].map(|edge| at.add_scalar(edge).into());
+            scenery.block("crumb", low, high);
+        }
+        let mut triangles = turned(&scenery.triangles_at(Vector3::zeros()), |i| i >= 12);
+        let leaf = [[0.0, 0.0, 1.0], [0.01, 0.0, 1.0], [0.0, 0.01, 1.0]];
+        triangles.extend(places.iter().map(|at| Triangle(leaf.map(|corner| Point3::from(corner) + at))));
+        let extents = bounds_of(triangles.iter().flat_map(|t| &t.0));
+        let topology = Topology::of(&triangles, &extents);
+        let boxes: Vec<Bounds> = topology.shells.iter().map(|shell| bounds_of_shell(shell, &triangles)).collect();
+        let looked_at = looked_at(&topology.shells, &boxes, 0);
+        assert_eq!((topology.shells.len(), looked_at.len(), looked_at[0]), (10_001, MOST_SHELLS, 0));
+        let (winding, _) = mended(&triangles).unwrap();
+        assert_eq!((winding.sheets, winding.turned, winding.inside_out), (5000, 5000, false), "{winding:?}");
     }
 }

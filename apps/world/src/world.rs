@@ -1,18 +1,21 @@
 //! The true world: surfaces from a file, and what is free between them.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use elk_outside::file;
 use elk_spatial::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;
+use crate::openness::{Openness, openness};
 use crate::placement::Placement;
 use crate::random::Random;
 use crate::ray::Ray;
 use crate::read::{self, Fault, Format, Place};
-use crate::topology::Topology;
+use crate::topology::{Rim, Topology};
 use crate::triangle::{Triangle, bounds_of};
+use crate::units::{self, shown};
 use crate::winding::{self, PROBES, Winding};
 
 /// The world that is built into the program.
@@ -34,11 +37,14 @@ fn built_in(name: &str) -> Option<&'static str> {
     })
 }
 
-/// The largest file that is read (bytes): some five million triangles, which take a gigabyte.
+/// The largest file that is read (bytes): five million triangles as binary STL.
 pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
 
-/// Tries before a world counts as too narrow for a random start.
-const START_TRIES: u32 = 100_000;
+/// Rims that are kept: a surface with more ends than this is open for certain.
+const MOST_RIMS: usize = 20_000;
+
+/// Places that are drawn in search of free ones: a world in which none of them is counts as too narrow for a start.
+const TRIES: u32 = 100_000;
 
 /// A world: a shell that looks inwards and solids in it that look outwards, so that every face is anticlockwise as seen
 /// from the free side. Solids may touch, overlap and stick out through the shell. Files whose faces are turned
@@ -50,6 +56,10 @@ pub struct World {
     bounding: Option<Bvh>,
     extents: Bounds,
     reading: Reading,
+    /// Where surfaces end, once it is known.
+    rims: OnceLock<Vec<Rim>>,
+    /// How open it is, once somebody asked.
+    openness: OnceLock<Openness>,
 }
 
 /// What was noticed while a world was read.
@@ -74,7 +84,8 @@ pub struct Reading {
 pub enum WorldError {
     /// The file cannot be read.
     #[error(
-        "cannot read the world {}: {source}; right is an OBJ, STL, PLY or glTF file, or `{CAR_INTERIOR}`", path.display()
+        "cannot read the world {}: {source}; right is an OBJ, STL, PLY or glTF file, or built in: {}",
+        path.display(), BUILT_IN.join(", ")
     )]
     Read {
         /// The file.
@@ -110,7 +121,7 @@ pub enum WorldError {
     #[error(
         "the world {name} has faces that are turned against each other, for example at the edge from {} to {}, and which of \
          them look to the free side cannot be told: make their normals consistent and export it again",
-        shown(&.edge[0]), shown(&.edge[1])
+        shown(&.edge[0], 3), shown(&.edge[1], 3)
     )]
     Winding {
         /// The world.
@@ -129,12 +140,12 @@ pub enum WorldError {
     },
 }
 
-fn without_area(degenerate: usize) -> String {
-    if degenerate == 0 { String::new() } else { format!(" but {degenerate} without area") }
+fn first_rims(topology: Topology) -> Vec<Rim> {
+    topology.rims.into_iter().take(MOST_RIMS).collect()
 }
 
-fn shown(p: &Point3<f64>) -> String {
-    format!("({:.3}; {:.3}; {:.3})", p.x, p.y, p.z)
+fn without_area(degenerate: usize) -> String {
+    if degenerate == 0 { String::new() } else { format!(" but {degenerate} without area") }
 }
 
 impl World {
@@ -194,13 +205,21 @@ impl World {
             return Err(WorldError::TooLarge { name: name.into(), extents });
         }
         let reading = Reading { polygons: triangles.len(), ..Reading::default() };
-        Ok(Self { extents, surfaces: Bvh::new(triangles), bounding: None, reading })
+        Ok(Self {
+            extents,
+            surfaces: Bvh::new(triangles),
+            bounding: None,
+            reading,
+            rims: OnceLock::new(),
+            openness: OnceLock::new(),
+        })
     }
 
     /// Turns faces over that look the wrong way.
     fn mend(&mut self, name: &str) -> Result<(), WorldError> {
         let topology = Topology::of(self.surfaces.triangles(), &self.extents);
         let mended = winding::mend(&mut self.surfaces, &topology, &self.extents);
+        self.rims = OnceLock::from(first_rims(topology));
         let undecided = |undecided: winding::Undecided| WorldError::Winding { name: name.into(), edge: undecided.edge };
         let (winding, is_sheet) = mended.map_err(undecided)?;
         self.reading.winding = winding;
@@ -241,9 +260,24 @@ impl World {
         self.extents
     }
 
+    /// Digits behind the point that lengths in it (m) are shown with.
+    pub(crate) fn digits(&self) -> usize {
+        units::digits(self.extents.dim().max())
+    }
+
     /// All surfaces.
     pub fn surfaces(&self) -> &Bvh {
         &self.surfaces
+    }
+
+    /// Where surfaces end: the first [`MOST_RIMS`] of such edges.
+    pub(crate) fn rims(&self) -> &[Rim] {
+        self.rims.get_or_init(|| first_rims(Topology::of(self.surfaces.triangles(), &self.extents)))
+    }
+
+    /// How open it is.
+    pub fn openness(&self) -> &Openness {
+        self.openness.get_or_init(|| openness(self))
     }
 
     /// What was noticed while it was read.
@@ -265,8 +299,7 @@ impl World {
             return false;
         }
         let outside = i32::from(self.reading.winding.solids);
-        let votes = PROBES.iter().filter(|&&d| self.winding(point, d.into()) < outside);
-        2 * votes.count() > PROBES.len()
+        winding::majority(&PROBES, |&direction| self.winding(point, direction.into()) < outside)
     }
 
     /// Surfaces left minus surfaces entered on the way from `point` to infinity: −1 for the shell around it, +1 for
@@ -288,11 +321,15 @@ impl World {
     /// # Errors
     /// None was found.
     pub fn draw_place(&self, clearance: f64, random: &mut Random) -> Result<Point3<f64>, WorldError> {
+        self.free_places(clearance, random).next().ok_or(WorldError::NoFreePlace { clearance })
+    }
+
+    /// Such places, one after the other, among the first [`TRIES`] that are drawn.
+    pub(crate) fn free_places(&self, clearance: f64, random: &mut Random) -> impl Iterator<Item = Point3<f64>> {
         let Bounds { min, max } = self.extents;
-        (0..START_TRIES)
-            .map(|_| Point3::from(std::array::from_fn(|i| random.between(min[i], max[i]))))
-            .find(|&p| !self.touches(p, p, clearance) && self.is_free(p))
-            .ok_or(WorldError::NoFreePlace { clearance })
+        (0..TRIES)
+            .map(move |_| Point3::from(std::array::from_fn(|i| random.between(min[i], max[i]))))
+            .filter(move |&p| !self.touches(p, p, clearance) && self.is_free(p))
     }
 }
 
@@ -333,5 +370,37 @@ fn in_words(place: &Place) -> String {
     match place {
         Place::Line(line) => format!(" in line {line}"),
         other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenery::{Scenery, Solid};
+
+    /// Regression: each of 64 places was looked for 100,000 times, where hardly anything of a world is free.
+    #[test]
+    fn places_in_a_world_that_is_hardly_free_are_looked_for_so_often_and_no_more() {
+        let mut scenery = Scenery::within(Solid::block("room", [0.0; 3], [1.0; 3]));
+        scenery.block("pole", [0.0, 0.0, 0.0], [1e-3, 1e-3, 1e4]);
+        let world = World::from_triangles("pole", scenery.triangles_at(Vector3::zeros())).unwrap();
+        let found = world.free_places(0.0, &mut Random::new(0, 1)).count();
+        assert!((1..64).contains(&found), "{found}");
+        assert_eq!(world.openness().places, found);
+        let mut random = Random::new(0, 1);
+        let first = world.draw_place(0.0, &mut random).unwrap();
+        assert_eq!(world.free_places(0.0, &mut Random::new(0, 1)).next(), Some(first));
+    }
+
+    /// Regression: what hangs together was found out again each time that somebody asked where a world is open.
+    #[test]
+    fn where_surfaces_end_is_known_once_a_world_is_read() {
+        let box_without_lid = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+                               f 1 2 3 4\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
+        let world = World::from_bytes("box.obj", box_without_lid.as_bytes(), &Placement::default()).unwrap();
+        assert_eq!(world.rims.get().map(Vec::len), Some(4));
+        let again = World::from_triangles("box", world.surfaces.triangles().to_vec()).unwrap();
+        let ends = |world: &World| world.rims().iter().map(|rim| rim.ends).collect::<Vec<_>>();
+        assert_eq!(ends(&again), ends(&world));
     }
 }

@@ -266,10 +266,75 @@ fn what_is_wrong_with_a_gltf_is_said_with_its_part() {
     let draco = json!({ "attributes": { "POSITION": 0 }, "extensions": { "KHR_draco_mesh_compression": {} } });
     assert!(says("/meshes/0/primitives/0", draco).contains("it is compressed"));
     assert!(says("/buffers/0", json!({ "uri": "https://example.org/a.bin" })).contains("no file beside this one"));
+    for outside in
+        ["/etc/hostname", "%2Fetc/hostname", "../r.bin", "%2e%2e/r.bin", "a/%2e%2E%2f..%2Fr.bin", "..%2Fr.bin", ""]
+    {
+        let found = says("/buffers/0", json!({ "uri": outside }));
+        assert!(found.contains("is no file beside this one") || outside.is_empty(), "{found}");
+    }
     assert!(says("/buffers/0", json!({ "uri": "none.bin" })).contains("cannot read none.bin"));
     assert!(said("r.gltf", b"{\n\"asset\": {\n\"version\": \"2.0\",\n}}").starts_with("r.gltf:4: this is no glTF"));
     let whole = glb(&document, &bytes);
     assert!(said("r.glb", &whole[..whole.len() / 2]).contains("cut off"));
+}
+
+/// Regression: a few bytes named a mesh again and again, and what they came to was bounded by no length of the file.
+#[test]
+fn what_a_file_comes_to_is_bounded() {
+    const TOO_MANY: &str = "more than 8388608 triangles";
+    let header = "ply\nformat binary_little_endian 1.0\nelement face 9000000\nproperty list uchar uchar vertex_indices\nend_header\n";
+    let found = said("r.ply", &[header.as_bytes(), &vec![0; 9_000_000]].concat());
+    assert!(found.contains(TOO_MANY), "{found}");
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 26000000\nproperty char x\nelement face 0\nproperty list uchar uchar vertex_indices\nend_header\n";
+    let found = said("r.ply", &[header.as_bytes(), &vec![0; 26_000_000]].concat());
+    assert!(found.contains("more than 25165824 vertices"), "{found}");
+    let found = said("r.obj", &[b"v 0 0 0\n", "f 1\n".repeat(9_000_000).as_bytes()].concat());
+    assert!(found.contains(TOO_MANY), "{found}");
+    // Faces that are large, and few.
+    let star: String = (0..30_000).map(|i| format!("v {} {} 0\n", i % 2, i)).collect();
+    let face = format!("f{}\n", (1..=30_000).map(|i| format!(" {i}")).collect::<String>());
+    assert!(said("r.obj", format!("{star}{}", face.repeat(10)).as_bytes()).contains("its large faces come to more"));
+    // A mesh in many nodes: of triangles, or of primitives that have none.
+    let (mut document, bytes) = gltf(None);
+    let nodes = |count: usize, mesh: &Value| json!(vec![json!({ "mesh": mesh }); count]);
+    let all_nodes = |count: usize| json!({ "nodes": (0..count).collect::<Vec<_>>() });
+    document["nodes"] = nodes(3000, &json!(0));
+    document["scenes"][0] = all_nodes(3000);
+    document["meshes"][0]["primitives"] = json!(vec![json!({ "mode": 0 }); 3000]);
+    assert!(said("r.glb", &glb(&document, &bytes)).contains(TOO_MANY));
+    document["meshes"][0]["primitives"] = json!(vec![json!({ "attributes": { "POSITION": 0 }, "indices": 2 }); 200]);
+    document["bufferViews"][0] = json!({ "buffer": 0, "byteLength": bytes.len() });
+    document["accessors"][2] =
+        json!({ "bufferView": 0, "componentType": 5121, "count": bytes.len(), "type": "SCALAR" });
+    let mut zeros = bytes;
+    zeros.fill(0);
+    let found = said("r.glb", &glb(&document, &zeros));
+    assert!(found.contains(TOO_MANY), "{found}");
+    document["nodes"] = json!(vec![json!({}); 3_000_000]);
+    assert!(said("r.glb", &glb(&document, &[])).contains("at most 2097152 are read"));
+}
+
+/// Regression: each buffer was bounded, and not what all of them come to; whose roots nobody names took time with the
+/// square of the nodes.
+#[test]
+fn buffers_and_nodes_of_a_gltf_are_bounded_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let sparse = std::fs::File::create(folder.path().join("zeros.bin")).unwrap();
+    sparse.set_len(200 << 20).unwrap();
+    let (mut document, _) = gltf(None);
+    document["buffers"] = json!(vec![json!({ "uri": "zeros.bin" }); 2]);
+    document["bufferViews"][1]["buffer"] = json!(1);
+    let file = folder.path().join("rooms.gltf");
+    std::fs::write(&file, document.to_string()).unwrap();
+    let found = World::load(file.to_str().unwrap(), &Placement::default()).unwrap_err().to_string();
+    assert!(found.contains("zeros.bin its buffers come to more than 256 MiB"), "{found}");
+    // In the order of a hundred thousand million looks, if each node is looked for in all others.
+    let (mut document, bytes) = gltf(None);
+    document["nodes"].as_array_mut().unwrap().truncate(3);
+    let bare = json!(vec![json!({ "children": [] }); 400_000]);
+    document["nodes"].as_array_mut().unwrap().extend(bare.as_array().unwrap().clone());
+    document.as_object_mut().unwrap().retain(|key, _| !key.starts_with("scene"));
+    assert_is_base(&of("rooms.glb", &glb(&document, &bytes)), Format::Gltf, "no scene");
 }
 
 /// A flip of any byte, or the end at any place: a world or an error, and no panic.

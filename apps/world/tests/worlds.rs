@@ -187,6 +187,7 @@ fn what_is_no_file_is_no_world_and_nobody_waits_for_it() {
         (folder.path(), "it is a folder; right is a file"),
         (std::path::Path::new("/dev/zero"), "it is a device; right is an ordinary file"),
         (hole.as_path(), "it is longer than 268 MB"),
+        (std::path::Path::new("kitchn"), "or built in: car-interior, apartment, car, garage, hall, hall-long, kitchen"),
     ] {
         assert!(said(path).contains(words), "{}", said(path));
     }

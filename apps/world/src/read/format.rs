@@ -120,12 +120,10 @@ fn contains(text: &[u8], wanted: &[u8]) -> bool {
     text.windows(wanted.len()).any(|window| window == wanted)
 }
 
-/// Whether a line begins as a vertex or a face does in OBJ.
+/// Whether a line begins as a vertex does in OBJ.
 fn looks_like_obj(beginning: &[u8]) -> bool {
-    let is_number = |word: &[u8]| std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok());
-    let mut lines = beginning.split(|&byte| byte == b'\n' || byte == b'\r').map(text::without_bom);
-    lines.any(|line| {
-        let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-        words.next() == Some(b"v") && words.next().is_some_and(is_number)
+    text::lines(beginning).any(|(_, line)| {
+        let mut words = text::words(line);
+        words.next() == Some(b"v") && words.next().is_some_and(|word| text::number(word).is_ok())
     })
 }

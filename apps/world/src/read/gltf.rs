@@ -4,16 +4,23 @@
 
 mod buffers;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::read::{Fault, Place, Soup};
-use buffers::Buffers;
+use buffers::{Buffers, Elements};
 
 /// Nodes below nodes; a scene's tree is seldom deeper than ten.
 const DEEPEST: usize = 256;
+/// Objects and lists in the JSON: each may be a node, of which two bytes make some three hundred.
+const MOST_PARTS: usize = 1 << 21;
+
+/// Those of a part of the file, by name; of most it is enough to know that they are there.
+type Extensions = BTreeMap<String, IgnoredAny>;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
@@ -51,7 +58,7 @@ struct Node {
     /// x, y, z, w.
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
-    extensions: serde_json::Map<String, serde_json::Value>,
+    extensions: Extensions,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -68,7 +75,7 @@ struct Primitive {
     indices: Option<usize>,
     /// 4: triangles (the default), 5: strip, 6: fan; the others are points and lines.
     mode: Option<u32>,
-    extensions: serde_json::Map<String, serde_json::Value>,
+    extensions: Extensions,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -88,7 +95,7 @@ struct Accessor {
     count: usize,
     #[serde(rename = "type")]
     kind: String,
-    sparse: Option<serde_json::Value>,
+    sparse: Option<IgnoredAny>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -98,7 +105,7 @@ struct View {
     byte_offset: usize,
     byte_length: usize,
     byte_stride: Option<usize>,
-    extensions: serde_json::Map<String, serde_json::Value>,
+    extensions: Extensions,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -111,6 +118,12 @@ struct Buffer {
 pub(crate) fn read(bytes: &[u8], folder: &Path, soup: &mut Soup) -> Result<(), Fault> {
     let (json, blob) = if bytes.starts_with(b"glTF") { buffers::chunks(bytes)? } else { (bytes, None) };
     let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+    let parts = json.iter().filter(|&&byte| byte == b'{' || byte == b'[').count();
+    if parts > MOST_PARTS {
+        return Err(Fault::whole(format_args!(
+            "this glTF has {parts} parts (objects and lists in its JSON); at most {MOST_PARTS} are read: export less of it"
+        )));
+    }
     let document: Document = serde_json::from_slice(json).map_err(|error| match error.line() {
         0 => Fault::whole(format_args!("this is no glTF: {error}")),
         line => Fault::line(line, format_args!("this is no glTF: {error}")),
@@ -148,7 +161,12 @@ impl Walk<'_> {
             },
             (None, Some(first)) => Ok(first.nodes.clone()),
             (None, None) => {
-                Ok((0..nodes.len()).filter(|i| !nodes.iter().any(|node| node.children.contains(i))).collect())
+                let mut is_below = vec![false; nodes.len()];
+                for &child in nodes.iter().flat_map(|node| &node.children) {
+                    // A child that is not there is found when its parent is looked at.
+                    is_below.get_mut(child).into_iter().for_each(|is_below| *is_below = true);
+                }
+                Ok((0..nodes.len()).filter(|&node| !is_below[node]).collect())
             }
         }
     }
@@ -178,47 +196,54 @@ impl Walk<'_> {
     fn mesh(&mut self, index: usize, transform: &Matrix4<f64>) -> Result<(), Fault> {
         let missing = || Fault::at(Place::Part(format!("mesh {index}")), "there is no such mesh");
         let mesh = self.document.meshes.get(index).ok_or_else(missing)?;
-        let name = mesh.name.as_deref().map(|name| format!(" ({})", elk_outside::text::name(name))).unwrap_or_default();
+        let name =
+            || mesh.name.as_deref().map(|name| format!(" ({})", elk_outside::text::name(name))).unwrap_or_default();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            let place = Place::Part(format!("mesh {index}{name}, primitive {number}"));
+            let place = || Place::Part(format!("mesh {index}{}, primitive {number}", name()));
             self.primitive(primitive, transform, &place).map_err(|what| match what {
-                Trouble::Said(what) => Fault::at(place.clone(), what),
+                Trouble::Said(what) => Fault::at(place(), what),
                 Trouble::Fault(fault) => fault,
             })?;
         }
         Ok(())
     }
 
-    fn primitive(&mut self, primitive: &Primitive, transform: &Matrix4<f64>, place: &Place) -> Result<(), Trouble> {
+    fn primitive(
+        &mut self,
+        primitive: &Primitive,
+        transform: &Matrix4<f64>,
+        place: &impl Fn() -> Place,
+    ) -> Result<(), Trouble> {
         if primitive.extensions.contains_key("KHR_draco_mesh_compression") {
             return Err(Trouble::Said(
                 "it is compressed (KHR_draco_mesh_compression); right is no compression: export it again".into(),
             ));
         }
+        self.soup.part(place).map_err(Trouble::Fault)?;
         let mode = primitive.mode.unwrap_or(4);
         let Some(position) = primitive.attributes.position.filter(|_| (4..=6).contains(&mode)) else { return Ok(()) };
-        let corners: Vec<Point3<f64>> =
-            self.buffers.points(position)?.into_iter().map(|p| transform.transform_point(&p)).collect();
-        let indices = match primitive.indices {
-            Some(indices) => self.buffers.indices(indices)?,
-            None => (0..corners.len()).collect(),
-        };
+        let vertices = self.buffers.points(position)?;
+        let indices = primitive.indices.map(|indices| self.buffers.indices(indices)).transpose()?;
         // What is mirrored is turned back.
         let mirrored = transform.fixed_view::<3, 3>(0, 0).determinant() < 0.0;
-        for [a, b, c] in triangles(mode, &indices) {
+        for [a, b, c] in triangles(mode, indices.as_ref().map_or(vertices.count, |indices| indices.count)) {
             let [a, b, c] = if mirrored { [a, c, b] } else { [a, b, c] };
-            let corner = |index: usize| {
-                let there = corners.len();
-                corners
-                    .get(index)
-                    .copied()
-                    .ok_or_else(|| format!("a face has the vertex {index}, and there are {there}"))
-            };
+            let corner =
+                |i: usize| vertex(&vertices, indices.as_ref(), i).map(|point| transform.transform_point(&point));
             let triangle = [corner(a)?, corner(b)?, corner(c)?];
-            self.soup.polygon(&triangle, || place.clone()).map_err(Trouble::Fault)?;
+            self.soup.polygon(&triangle, place).map_err(Trouble::Fault)?;
         }
         Ok(())
     }
+}
+
+/// The `i`-th vertex of a primitive: by way of its indices, if it has any.
+fn vertex(vertices: &Elements, indices: Option<&Elements>, i: usize) -> Result<Point3<f64>, String> {
+    let index = indices.map_or(Some(i), |indices| indices.whole(i));
+    index.and_then(|index| vertices.point(index)).ok_or_else(|| {
+        let said = index.map_or("a number below 0".to_owned(), |index| format!("the vertex {index}"));
+        format!("a face has {said}, and there are {}", vertices.count)
+    })
 }
 
 /// What is wrong: still without its place, or with it.
@@ -233,17 +258,15 @@ impl From<String> for Trouble {
     }
 }
 
-/// The corners of triangles that are given one by one, as a strip, or as a fan.
-fn triangles(mode: u32, indices: &[usize]) -> Vec<[usize; 3]> {
-    match mode {
-        4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        5 => indices
-            .windows(3)
-            .enumerate()
-            .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })
-            .collect(),
-        _ => indices.windows(2).skip(1).map(|pair| [indices[0], pair[0], pair[1]]).collect(),
-    }
+/// Which of so many vertices are the corners of triangles that are given one by one, as a strip, or as a fan.
+fn triangles(mode: u32, vertices: usize) -> impl Iterator<Item = [usize; 3]> {
+    let count = if mode == 4 { vertices / 3 } else { vertices.saturating_sub(2) };
+    (0..count).map(move |i| match mode {
+        4 => [3 * i, 3 * i + 1, 3 * i + 2],
+        5 if i % 2 == 0 => [i, i + 1, i + 2],
+        5 => [i + 1, i, i + 2],
+        _ => [0, i + 1, i + 2],
+    })
 }
 
 impl Node {

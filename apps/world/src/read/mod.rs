@@ -2,10 +2,12 @@
 //!
 //! A reader goes through the bytes and hands each polygon to the [`Soup`], with the place where it stands. What is the
 //! same in all formats is done there: corners that are no numbers, polygons with more than three corners, faces without
-//! area.
+//! area, more of them than there may be.
 
+mod budget;
 mod format;
 mod gltf;
+mod mesh;
 mod obj;
 mod ply;
 mod soup;

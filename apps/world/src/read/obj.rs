@@ -2,44 +2,37 @@
 
 use nalgebra::Point3;
 
+use crate::read::budget::MOST_CORNERS;
+use crate::read::mesh::Mesh;
 use crate::read::{Fault, Place, Soup, text};
 
 /// Statements whose end may be anything, a `\` included: names of objects, groups, materials and files.
 const NAMES: [&[u8]; 6] = [b"o", b"g", b"usemtl", b"mtllib", b"usemap", b"maplib"];
 
+/// Words of a statement that are kept: its keyword, and one corner more than a face may have.
+const MOST_WORDS: usize = MOST_CORNERS + 2;
+
 /// A word and the line that it stands in.
 type Word<'a> = (usize, &'a [u8]);
 
-/// A face as it was said: the line that it begins in, and where its corners are in [`Obj::corners`].
-struct Face {
-    line: usize,
-    first: usize,
-    end: usize,
-}
-
-#[derive(Default)]
-struct Obj {
-    vertices: Vec<Point3<f64>>,
-    /// Indices of vertices, from 0, with the line that says them. They may be of vertices that come later.
-    corners: Vec<(usize, usize)>,
-    faces: Vec<Face>,
-}
+struct Obj(Mesh);
 
 /// Reads all faces.
 pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
-    let mut obj = Obj::default();
+    let mut obj = Obj(Mesh::new(Place::Line, 1));
     let decoded = text::ascii_compatible(bytes);
     let mut statement: Vec<Word> = Vec::new();
     for (number, line) in text::lines(&decoded) {
         let (words, goes_on) = parts(line, statement.first());
-        statement.extend(text::words(words).map(|word| (number, word)));
+        let left = MOST_WORDS - statement.len();
+        statement.extend(text::words(words).take(left).map(|word| (number, word)));
         if !goes_on {
             obj.take(&statement)?;
             statement.clear();
         }
     }
     obj.take(&statement)?;
-    obj.put_into(soup)
+    obj.0.put_into(soup)
 }
 
 /// A line without its comment and its `\`, and whether the next one belongs to it. A comment begins with the line or
@@ -66,9 +59,6 @@ impl Obj {
 
     /// `v x y z`; what follows is a weight or a colour.
     fn vertex(&mut self, line: usize, numbers: &[Word]) -> Result<(), Fault> {
-        if self.vertices.len() == u32::MAX as usize {
-            return Err(Fault::line(line, "there are more than 4,294,967,295 vertices"));
-        }
         let coordinate = |axis: usize| match numbers.get(axis) {
             Some((line, word)) => text::number(word).map_err(|what| Fault::line(*line, what)),
             None => {
@@ -76,8 +66,7 @@ impl Obj {
                 Err(Fault::line(line, format_args!("a vertex has {found} of three coordinates; right is `v x y z`")))
             }
         };
-        self.vertices.push(Point3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?));
-        Ok(())
+        self.0.vertex(line, Point3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?))
     }
 
     /// `f a b c …`, each corner a vertex, perhaps with `/texture/normal`.
@@ -85,46 +74,27 @@ impl Obj {
         if corners.is_empty() {
             return Err(Fault::line(line, "a face has no corners; right is `f 1 2 3`, the numbers of its vertices"));
         }
-        let first = self.corners.len();
         for (line, word) in corners {
             let index = self.index(word).map_err(|what| Fault::line(*line, what))?;
-            self.corners.push((index, *line));
+            self.0.corner(*line, index)?;
         }
-        self.faces.push(Face { line, first, end: self.corners.len() });
-        Ok(())
+        self.0.end_face(line)
     }
 
     /// The index, from 0, of a corner's vertex: counted from 1, or back from the last one so far.
-    fn index(&self, word: &[u8]) -> Result<usize, String> {
+    fn index(&self, word: &[u8]) -> Result<u64, String> {
         let vertex = word.split(|&byte| byte == b'/').next().unwrap_or_default();
         let number = std::str::from_utf8(vertex).ok().and_then(|text| text.parse::<i64>().ok());
-        let so_far = self.vertices.len();
+        let so_far = self.0.vertices() as u64;
         let index = match number {
             Some(0) => Err("vertices are counted from 1; there is no 0".to_owned()),
-            Some(back @ ..0) => usize::try_from(back.unsigned_abs())
-                .ok()
-                .and_then(|back| so_far.checked_sub(back))
+            Some(back @ ..0) => so_far
+                .checked_sub(back.unsigned_abs())
                 .ok_or_else(|| format!("there are {so_far} vertices before this face")),
-            Some(number) => usize::try_from(number - 1).map_err(|error| error.to_string()),
+            Some(number @ 1..) => Ok(number.unsigned_abs() - 1),
             None => Err("right is the number of a vertex, for example 7 or 7/1/3".to_owned()),
         };
         index.map_err(|right| format!("a face has the corner {}; {right}", text::shown(word)))
-    }
-
-    fn put_into(&self, soup: &mut Soup) -> Result<(), Fault> {
-        let mut outline = Vec::new();
-        for face in &self.faces {
-            outline.clear();
-            for &(index, line) in &self.corners[face.first..face.end] {
-                let corner = self.vertices.get(index).ok_or_else(|| {
-                    let (asked, there) = (index as u64 + 1, self.vertices.len());
-                    Fault::line(line, format_args!("a face has the vertex {asked}, and the file has {there}"))
-                })?;
-                outline.push(*corner);
-            }
-            soup.polygon(&outline, || Place::Line(face.line))?;
-        }
-        Ok(())
     }
 }
 

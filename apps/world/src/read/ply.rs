@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 
+use crate::read::mesh::Mesh;
 use crate::read::{Fault, Place, Soup, text};
 
 /// The names of a face's list of vertices; both are in use.
@@ -41,75 +42,62 @@ enum Encoding {
     Big,
 }
 
+/// Words of a line of the header that are looked at: one more than any has.
+const MOST_WORDS: usize = 6;
+
 /// Reads all faces.
 pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
     let bytes = text::without_bom(bytes);
     let header = Header::read(bytes)?;
     let mut values = Values::new(&bytes[header.length..], &header);
-    let mut vertices: Vec<Point3<f64>> = Vec::new();
-    let mut faces: Vec<(Place, Vec<u64>)> = Vec::new();
+    let mut mesh = Mesh::new(values.kind_of_place(), 0);
     for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
         for _ in 0..element.count {
-            let place = values.place();
             match element.name.as_str() {
-                "vertex" => vertices.push(vertex(element, &mut values)?),
-                "face" => faces.push((place, face(element, &mut values)?)),
-                "tristrips" => return Err(Fault::at(place, "strips of triangles are not read: export it with faces")),
-                _ => passed_over(element, &mut values)?,
+                "vertex" => vertex(element, &mut values, &mut mesh)?,
+                "face" => face(element, &mut values, &mut mesh)?,
+                "tristrips" => {
+                    return Err(Fault::at(values.place(), "strips of triangles are not read: export it with faces"));
+                }
+                _ => element.properties.iter().try_for_each(|property| values.pass_over(property))?,
             }
         }
     }
-    put_into(soup, &vertices, &faces)
+    mesh.put_into(soup)
 }
 
-fn put_into(soup: &mut Soup, vertices: &[Point3<f64>], faces: &[(Place, Vec<u64>)]) -> Result<(), Fault> {
-    for (place, indices) in faces {
-        let corner = |&index: &u64| {
-            usize::try_from(index).ok().and_then(|index| vertices.get(index)).copied().ok_or_else(|| {
-                let there = vertices.len();
-                Fault::at(
-                    place.clone(),
-                    format_args!("a face has the vertex {index}, and the file has {there}, counted from 0"),
-                )
-            })
-        };
-        let corners: Vec<Point3<f64>> = indices.iter().map(corner).collect::<Result<_, _>>()?;
-        soup.polygon(&corners, || place.clone())?;
-    }
-    Ok(())
-}
-
-fn vertex(element: &Element, values: &mut Values) -> Result<Point3<f64>, Fault> {
+fn vertex(element: &Element, values: &mut Values, mesh: &mut Mesh) -> Result<(), Fault> {
+    let at = values.position();
     let mut point = Point3::from([f64::NAN; 3]);
     for property in &element.properties {
-        let value = values.property(property)?;
-        if let (Some(axis), [value]) =
-            (["x", "y", "z"].iter().position(|name| *name == property.name), value.as_slice())
-        {
-            point[axis] = *value;
+        match ["x", "y", "z"].iter().position(|name| *name == property.name) {
+            Some(axis) if property.length.is_none() => point[axis] = values.next(property.scalar)?,
+            _ => values.pass_over(property)?,
         }
     }
-    Ok(point)
+    mesh.vertex(at, point)
 }
 
-fn face(element: &Element, values: &mut Values) -> Result<Vec<u64>, Fault> {
+fn face(element: &Element, values: &mut Values, mesh: &mut Mesh) -> Result<(), Fault> {
+    let at = values.position();
     let place = values.place();
-    let mut indices = Vec::new();
+    let is_outline = |property: &&Property| property.length.is_some() && INDICES.contains(&property.name.as_str());
+    let outline = element.properties.iter().find(is_outline);
     for property in &element.properties {
-        let list = values.property(property)?;
-        if property.length.is_some() && INDICES.contains(&property.name.as_str()) {
-            indices = list;
+        if !outline.is_some_and(|outline| std::ptr::eq(outline, property)) {
+            values.pass_over(property)?;
+            continue;
+        }
+        for _ in 0..values.count(property)? {
+            let value = values.next(property.scalar)?;
+            if !(value >= 0.0 && value.fract() == 0.0) {
+                let what = format_args!("a face has the vertex {value}; right is a number from 0");
+                return Err(Fault::at(place, what));
+            }
+            mesh.corner(at, value as u64)?;
         }
     }
-    let index = |value: f64| match value >= 0.0 && value.fract() == 0.0 {
-        true => Ok(value as u64),
-        false => Err(Fault::at(place.clone(), format_args!("a face has the vertex {value}; right is a number from 0"))),
-    };
-    indices.into_iter().map(index).collect()
-}
-
-fn passed_over(element: &Element, values: &mut Values) -> Result<(), Fault> {
-    element.properties.iter().try_for_each(|property| values.property(property).map(|_| ()))
+    mesh.end_face(at)
 }
 
 struct Header {
@@ -128,7 +116,8 @@ impl Header {
             let line = &bytes[header.length..header.length + end];
             header.length += end + 1;
             header.lines += 1;
-            let words: Vec<String> = text::words(line).map(|word| String::from_utf8_lossy(word).into_owned()).collect();
+            let words = text::words(line).take(MOST_WORDS);
+            let words: Vec<String> = words.map(|word| String::from_utf8_lossy(word).into_owned()).collect();
             let words: Vec<&str> = words.iter().map(String::as_str).collect();
             match words.as_slice() {
                 ["format", name, ..] => format = Some(encoding(name, header.lines)?),
@@ -232,22 +221,38 @@ impl<'a> Values<'a> {
         }
     }
 
-    /// Where the next value stands, or the last one of a text.
-    fn place(&self) -> Place {
+    /// Where the next value stands, or the last one of a text: the line, counted from 1, or the byte, from 0.
+    fn position(&self) -> usize {
         match self {
-            Self::Text { line, .. } => Place::Line(*line),
-            Self::Binary { at, first, .. } => Place::Byte(first + at),
+            Self::Text { line, .. } => *line,
+            Self::Binary { at, first, .. } => first + at,
         }
     }
 
-    /// The values of a property: one, or those of a list.
-    fn property(&mut self, property: &Property) -> Result<Vec<f64>, Fault> {
-        let Some(length) = property.length else { return Ok(vec![self.next(property.scalar)?]) };
-        let (place, length) = (self.place(), self.next(length)?);
-        if !(length >= 0.0 && length.fract() == 0.0) {
-            return Err(Fault::at(place, format_args!("a list has the length {length}")));
+    fn kind_of_place(&self) -> fn(usize) -> Place {
+        match self {
+            Self::Text { .. } => Place::Line,
+            Self::Binary { .. } => Place::Byte,
         }
-        (0..length as u64).map(|_| self.next(property.scalar)).collect()
+    }
+
+    fn place(&self) -> Place {
+        self.kind_of_place()(self.position())
+    }
+
+    /// How many values a property has: one, or as many as its list is long, which it says itself.
+    fn count(&mut self, property: &Property) -> Result<u64, Fault> {
+        let Some(length) = property.length else { return Ok(1) };
+        let (place, length) = (self.place(), self.next(length)?);
+        match length >= 0.0 && length.fract() == 0.0 {
+            true => Ok(length as u64),
+            false => Err(Fault::at(place, format_args!("a list has the length {length}"))),
+        }
+    }
+
+    /// Passes over all values of a property.
+    fn pass_over(&mut self, property: &Property) -> Result<(), Fault> {
+        (0..self.count(property)?).try_for_each(|_| self.next(property.scalar).map(|_| ()))
     }
 
     fn next(&mut self, scalar: Scalar) -> Result<f64, Fault> {

@@ -3,11 +3,10 @@
 use nalgebra::Point3;
 
 use crate::polygon::{self, Cut};
+use crate::read::budget::Budget;
 use crate::read::{Fault, Place};
 use crate::triangle::Triangle;
 
-/// The most corners of a polygon: cutting one takes time with their square, at worst.
-const MOST_CORNERS: usize = 1 << 15;
 /// Larger coordinates than this are a mistake, and products of them no numbers.
 const FARTHEST: f64 = 1e15;
 
@@ -24,13 +23,14 @@ pub struct Soup {
     pub crossed: usize,
     /// Where the first of these stands.
     pub first_crossed: Option<Place>,
+    budget: Budget,
 }
 
 impl Soup {
     /// Takes a polygon: its corners in order, along holes by way of bridges to them.
     ///
     /// # Errors
-    /// A corner is not a finite number, or beyond all worlds, or there are more than 32,768.
+    /// A corner is not a finite number, or beyond all worlds; or there are too many of them, or too many polygons.
     pub fn polygon(&mut self, corners: &[Point3<f64>], place: impl Fn() -> Place) -> Result<(), Fault> {
         let out_of_reach = |corner: &&Point3<f64>| corner.iter().any(|c| !c.is_finite() || c.abs() > FARTHEST);
         if let Some(corner) = corners.iter().find(out_of_reach) {
@@ -39,10 +39,7 @@ impl Soup {
             let what = format_args!("a face has the corner ({x:?}; {y:?}; {z:?}), which is {why}: export it again");
             return Err(Fault::at(place(), what));
         }
-        if corners.len() > MOST_CORNERS {
-            let what = format_args!("a face has {} corners; at most {MOST_CORNERS} are read", corners.len());
-            return Err(Fault::at(place(), what));
-        }
+        self.budget.face(corners.len()).map_err(|what| Fault::at(place(), what))?;
         self.polygons += 1;
         let before = self.triangles.len();
         let cut = polygon::triangulate(corners, |triangle| self.triangles.push(triangle));
@@ -52,5 +49,13 @@ impl Soup {
         }
         self.degenerate += usize::from(self.triangles.len() == before);
         Ok(())
+    }
+
+    /// Counts a part of the file that is gone through, and perhaps has no polygon: one can be named very often.
+    ///
+    /// # Errors
+    /// It is one too many.
+    pub(crate) fn part(&mut self, place: impl Fn() -> Place) -> Result<(), Fault> {
+        self.budget.face(0).map_err(|what| Fault::at(place(), what))
     }
 }

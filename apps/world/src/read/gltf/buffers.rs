@@ -1,7 +1,8 @@
 //! The bytes of a glTF file: in the file itself, in its JSON, or in files beside it.
 
-use std::cell::OnceCell;
-use std::path::Path;
+use std::cell::{Cell, OnceCell};
+use std::io::ErrorKind;
+use std::path::{Component as Step, Path};
 
 use elk_outside::file;
 use nalgebra::Point3;
@@ -13,6 +14,9 @@ use crate::world::MAX_FILE_BYTES;
 /// Types of a `.glb` file's chunks.
 const JSON: &[u8] = b"JSON";
 const BINARY: &[u8] = b"BIN\0";
+
+/// What is said where buffers come to more than [`MAX_FILE_BYTES`].
+const TOO_MUCH: &str = "its buffers come to more than 256 MiB, the most that is read: export less of it";
 
 /// The JSON of a `.glb` file, and its bytes, if it has any.
 pub(super) fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Fault> {
@@ -45,32 +49,24 @@ pub(super) struct Buffers<'a> {
     blob: Option<&'a [u8]>,
     folder: &'a Path,
     read: Vec<OnceCell<Vec<u8>>>,
+    /// Bytes that all buffers together may still have.
+    left: Cell<u64>,
 }
 
 impl<'a> Buffers<'a> {
     pub fn new(document: &'a Document, blob: Option<&'a [u8]>, folder: &'a Path) -> Self {
-        Self { document, blob, folder, read: document.buffers.iter().map(|_| OnceCell::new()).collect() }
+        let read = document.buffers.iter().map(|_| OnceCell::new()).collect();
+        Self { document, blob, folder, read, left: Cell::new(MAX_FILE_BYTES) }
     }
 
     /// The points of an accessor.
-    pub fn points(&self, index: usize) -> Result<Vec<Point3<f64>>, String> {
-        let accessor = self.accessor(index, "VEC3")?;
-        let component = Component::of(accessor)?;
-        let point = |bytes: &[u8]| {
-            let size = component.size();
-            Point3::from([0, 1, 2].map(|axis| component.value(&bytes[axis * size..], accessor.normalized)))
-        };
-        Ok(self.elements(accessor, 3 * component.size())?.map(point).collect())
+    pub fn points(&self, index: usize) -> Result<Elements<'_>, String> {
+        self.elements(self.accessor(index, "VEC3")?, 3)
     }
 
     /// The whole numbers of an accessor.
-    pub fn indices(&self, index: usize) -> Result<Vec<usize>, String> {
-        let accessor = self.accessor(index, "SCALAR")?;
-        let component = Component::of(accessor)?;
-        // A negative one becomes one that no vertex has.
-        let whole = |bytes: &[u8]| component.value(bytes, false);
-        let number = |value: f64| if value >= 0.0 { value as usize } else { usize::MAX };
-        Ok(self.elements(accessor, component.size())?.map(whole).map(number).collect())
+    pub fn indices(&self, index: usize) -> Result<Elements<'_>, String> {
+        Ok(Elements { normalized: false, ..self.elements(self.accessor(index, "SCALAR")?, 1)? })
     }
 
     fn accessor(&self, index: usize, kind: &str) -> Result<&'a Accessor, String> {
@@ -84,8 +80,10 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    /// The bytes of an accessor's elements, of `size` bytes each.
-    fn elements(&self, accessor: &Accessor, size: usize) -> Result<impl Iterator<Item = &[u8]>, String> {
+    /// The elements of an accessor, of so many components each.
+    fn elements(&self, accessor: &Accessor, components: usize) -> Result<Elements<'_>, String> {
+        let component = Component::of(accessor)?;
+        let size = components * component.size();
         let index = accessor.buffer_view.ok_or("an accessor has no bufferView")?;
         let view = self.document.buffer_views.get(index).ok_or_else(|| format!("there is no bufferView {index}"))?;
         let bytes = self.view(view).map_err(|what| format!("bufferView {index}: {what}"))?;
@@ -93,14 +91,15 @@ impl<'a> Buffers<'a> {
         if stride < size {
             return Err(format!("bufferView {index} has a stride of {stride} bytes, and elements of {size}"));
         }
-        let last = accessor.count.checked_sub(1).and_then(|last| last.checked_mul(stride));
+        let count = accessor.count;
+        let last = count.checked_sub(1).and_then(|last| last.checked_mul(stride));
         let end = last.and_then(|last| last.checked_add(accessor.byte_offset)?.checked_add(size));
-        let fits = accessor.count == 0 || end.is_some_and(|end| end <= bytes.len());
-        if !fits {
-            let (count, length) = (accessor.count, bytes.len());
+        if count > 0 && end.is_none_or(|end| end > bytes.len()) {
+            let length = bytes.len();
             return Err(format!("bufferView {index} has {length} bytes, too few for the {count} elements in it"));
         }
-        Ok((0..accessor.count).map(move |i| &bytes[accessor.byte_offset + i * stride..][..size]))
+        let bytes = bytes.get(accessor.byte_offset..).unwrap_or_default();
+        Ok(Elements { bytes, stride, component, normalized: accessor.normalized, count })
     }
 
     fn view(&self, view: &View) -> Result<&[u8], String> {
@@ -125,24 +124,65 @@ impl<'a> Buffers<'a> {
                 .ok_or_else(|| format!("buffer {index} has neither a uri nor bytes in the file"));
         };
         if read.get().is_none() {
-            let bytes = bytes_of(uri, self.folder).map_err(|what| format!("buffer {index}: {what}"))?;
+            let bytes =
+                bytes_of(uri, self.folder, self.left.get()).map_err(|what| format!("buffer {index}: {what}"))?;
+            self.left.update(|left| left.saturating_sub(bytes.len() as u64));
             let _ = read.set(bytes);
         }
         Ok(read.get().map_or(&[], Vec::as_slice))
     }
 }
 
-/// What a URI stands for: bytes that it holds itself, or a file in the folder.
-fn bytes_of(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
+/// The elements of an accessor, each looked at when it is asked for.
+pub(super) struct Elements<'a> {
+    /// From the first element on.
+    bytes: &'a [u8],
+    stride: usize,
+    component: Component,
+    normalized: bool,
+    /// How many there are.
+    pub count: usize,
+}
+
+impl Elements<'_> {
+    /// The `i`-th as a point.
+    pub fn point(&self, i: usize) -> Option<Point3<f64>> {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.component(i, axis));
+        Some(Point3::new(x?, y?, z?))
+    }
+
+    /// The `i`-th as a whole number; `None` also if it is below 0.
+    pub fn whole(&self, i: usize) -> Option<usize> {
+        self.component(i, 0).filter(|value| *value >= 0.0).map(|value| value as usize)
+    }
+
+    fn component(&self, i: usize, number: usize) -> Option<f64> {
+        let size = self.component.size();
+        let at = i.checked_mul(self.stride)?.checked_add(number * size)?;
+        let bytes = self.bytes.get(at..at.checked_add(size)?).filter(|_| i < self.count)?;
+        Some(self.component.value(bytes, self.normalized))
+    }
+}
+
+/// What a URI stands for: bytes that it holds itself, or a file in the folder or below it; at most so many bytes.
+fn bytes_of(uri: &str, folder: &Path, most: u64) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let encoded = data.split_once(";base64,").ok_or("its data are not in base64")?.1;
-        return base64(encoded).ok_or_else(|| "its data are no base64".to_owned());
+        let bytes = base64(encoded).ok_or("its data are no base64")?;
+        let fits = bytes.len() as u64 <= most;
+        return fits.then_some(bytes).ok_or_else(|| format!("with it {TOO_MUCH}"));
     }
-    if uri.contains("://") || uri.starts_with('/') {
-        return Err(format!("{} is no file beside this one", elk_outside::text::name(uri)));
+    let name = unescaped(uri);
+    let is_below = Path::new(&name).components().all(|step| matches!(step, Step::Normal(_) | Step::CurDir));
+    if uri.contains("://") || !is_below {
+        let shown = elk_outside::text::name(uri);
+        return Err(format!("{shown} is no file beside this one, or in a folder beside it"));
     }
-    let path = folder.join(unescaped(uri));
-    file::read(&path, MAX_FILE_BYTES).map_err(|error| format!("cannot read {}: {error}", path.display()))
+    let path = folder.join(name);
+    file::read(&path, most).map_err(|error| match error.kind() {
+        ErrorKind::FileTooLarge => format!("with {} {TOO_MUCH}", path.display()),
+        _ => format!("cannot read {}: {error}", path.display()),
+    })
 }
 
 /// `%20` as the space that it stands for.
@@ -150,7 +190,8 @@ fn unescaped(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
     while let Some((&first, after)) = rest.split_first() {
-        let digits = after.get(..2).filter(|_| first == b'%').and_then(|two| std::str::from_utf8(two).ok());
+        let is_code = |two: &&[u8]| first == b'%' && two.iter().all(u8::is_ascii_hexdigit);
+        let digits = after.get(..2).filter(is_code).and_then(|two| std::str::from_utf8(two).ok());
         let code = digits.and_then(|digits| u8::from_str_radix(digits, 16).ok());
         bytes.push(code.unwrap_or(first));
         rest = if code.is_some() { &after[2..] } else { after };
@@ -241,6 +282,6 @@ mod tests {
         assert_eq!(base64("ZWxr"), Some(b"elk".to_vec()));
         assert_eq!(base64("ZWxrIQ=="), Some(b"elk!".to_vec()));
         assert_eq!(base64("ZW xr"), None);
-        assert_eq!(unescaped("my%20room%.bin"), "my room%.bin");
+        assert_eq!(unescaped("my%20room%+1%.bin"), "my room%+1%.bin");
     }
 }
