@@ -54,6 +54,18 @@ fn missions_are_built_in_with_their_worlds() {
     succeed(&elk, &["check", run.join("car.xml").to_str().unwrap()]);
 }
 
+#[test]
+fn what_the_environment_says_is_heeded_or_an_error() {
+    let elk = Elk::new("environment");
+    for (variable, wrong) in [("ELK_LEASE_SECS", "soon"), ("ELK_LEASE_SECS", "-1"), ("ELK_SUCCEED", "yes")] {
+        let mut logger = elk.command(&["logger", "--type", "Mcap", "File=x.mcap", "--community", elk.community()]);
+        let Output { status, stderr, .. } = logger.env(variable, wrong).output().unwrap();
+        let said = String::from_utf8_lossy(&stderr).into_owned();
+        let right = said.starts_with(&format!("elk: {variable}={wrong}: right is "));
+        assert!(status.code() == Some(1) && right, "{said}");
+    }
+}
+
 /// Case: six arguments, two of them with spaces in quotes of either kind, one behind a backslash.
 #[test]
 fn arguments_of_an_executable_may_have_spaces() {

@@ -190,7 +190,7 @@ pub fn app(element: &str, arguments: AppArgs) -> Result<ExitCode> {
     let params = app_type.check(&arguments.settings, Path::new(""))?;
     let name = arguments.name.unwrap_or_else(|| element.to_owned());
     let app = (app_type.build)(&params).map_err(|error| anyhow!("{name}: {error}"))?;
-    run_app(app, &RunOptions::new(name, arguments.community.community))?;
+    run_app(app, &RunOptions::new(name, arguments.community.community).as_launched()?)?;
     Ok(ExitCode::SUCCESS)
 }
 
