@@ -44,6 +44,8 @@ fn missions_are_built_in_with_their_worlds() {
     assert_eq!(names(elk.folder()), [""; 0], "no file is needed, and none is left");
 
     let sets = ["Map.Res=0.25", "Explorer.Mid=0; 0; 0.5", "Explorer.Dim=3; 3; 3", "Explorer.type=ClosestFrontier"];
+    // A folder of the same name is in nobody's way.
+    std::fs::create_dir(elk.folder().join("car")).unwrap();
     let mut arguments = vec!["launch", "car", "--headless", "--community", elk.community()];
     arguments.extend(sets.iter().flat_map(|set| ["--set", set]));
     succeed(&elk, &arguments);

@@ -58,7 +58,7 @@ pub struct ReplayArgs {
     /// Let the community's time be that of the recording: the apps that are there follow it through pauses and jumps
     #[arg(long)]
     clock: bool,
-    /// Play into live apps of this mission instead of onto the bus
+    /// Play into live apps of this mission instead of onto the bus: its file, a built-in one's name, or a run's folder
     #[arg(long, value_name = "MISSION", requires = "only", conflicts_with_all = ["remap", "repeat", "lossless", "clock", "community"])]
     into: Option<PathBuf>,
     /// The live apps, by name or element, separated by commas
