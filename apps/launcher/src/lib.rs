@@ -20,7 +20,7 @@ mod control;
 mod detach;
 mod error;
 mod guard;
-mod handle;
+pub mod handle;
 mod launch_state;
 mod listener;
 mod observer;

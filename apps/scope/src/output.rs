@@ -155,6 +155,8 @@ pub struct Table<'a> {
     pub spare: &'a [usize],
     /// Rows, from 1, that something has to be done about.
     pub bad: Vec<usize>,
+    /// What has all columns, where one is left out; if nothing is said here, `--json`.
+    pub all: &'a str,
 }
 
 impl Table<'_> {
@@ -184,7 +186,8 @@ impl Table<'_> {
         let gone: Vec<&str> =
             heads.filter(|(column, _)| !kept.contains(column)).map(|(_, head)| head.as_str()).collect();
         if !gone.is_empty() {
-            lines.push(clip(format!("no room here for {}; --json has all", gone.join(", "))).into());
+            let all = if self.all.is_empty() { "--json" } else { self.all };
+            lines.push(clip(format!("no room here for {}; {all} has all", gone.join(", "))).into());
         }
         lines
     }
@@ -288,7 +291,7 @@ mod tests {
             row(["Map", "OctoMap", "0", "3 Hz", "signal 9 (SIGKILL), and more"]),
             row(["Explorer", "Potential", "-", "12 Hz", "-"]),
         ];
-        let table = Table { rows, right: &[2, 3], spare: &[1, 2, 3], bad: vec![1] };
+        let table = Table { rows, right: &[2, 3], spare: &[1, 2, 3], bad: vec![1], ..Table::default() };
         let whole = table.lines(None);
         assert_eq!(whole[1], "Map       OctoMap       0   3 Hz  signal 9 (SIGKILL), and more");
         assert_eq!([whole[0].style, whole[1].style, whole[2].style], [Style::Head, Style::Bad, Style::Plain]);

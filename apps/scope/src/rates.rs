@@ -95,7 +95,7 @@ impl Rates {
         rows.extend(meter.counts().map(|one| self.row(secs, one)));
         let mut lines = match rows.len() {
             1 => vec![format!("nothing was said in {secs} s").into()],
-            _ => Table { rows, right: &[2, 3, 4, 5, 6, 7], spare: &[2, 7, 4, 6, 5], bad: vec![] }.lines(columns),
+            _ => Table { rows, right: &[2, 3, 4, 5, 6, 7], spare: &[2, 7, 4, 6, 5], ..Table::default() }.lines(columns),
         };
         if missed > 0 {
             lines.push(format!("… {missed} messages missed: more is said than this command can read").into());
