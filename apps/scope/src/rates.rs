@@ -144,7 +144,7 @@ impl Rates {
             }
             Quantity::Bandwidth => {
                 let sizes = count.sizes;
-                json["bytes_per_sec"] = (sizes.sum() / secs).into();
+                json["bytes_per_sec"] = if silence.is_some() { 0.0 } else { sizes.sum() / secs }.into();
                 json["min_bytes"] = known(sizes.count, sizes.min);
                 json["mean_bytes"] = known(sizes.count, sizes.mean);
                 json["max_bytes"] = known(sizes.count, sizes.max);
@@ -221,6 +221,9 @@ mod tests {
         assert_eq!((&json["sources"][0]["rate_hz"], &json["sources"][0]["silent_secs"]), (&json!(0.0), &json!(1.0)));
         assert!(page[2].text.starts_with("SLOW") && !page[2].text.contains("silent"), "it may yet come: {page:?}");
         assert!(rates(Quantity::Bandwidth).as_text(&meter, 0, None)[1].text.contains("silent"));
+        let json = rates(Quantity::Bandwidth).as_json(&meter, 2.0, 0);
+        assert_eq!(json["sources"][0]["bytes_per_sec"], 0.0, "as many as the table for people says: {json}");
+        assert_eq!(json["sources"][1]["bytes_per_sec"], 40.0, "{json}");
         (0..12).for_each(|_| meter.tick());
         assert!(rates(Quantity::Rate).as_text(&meter, 0, None)[1].text.contains("silent 13.0 s"), "and still");
     }
