@@ -3,7 +3,7 @@
 mod run;
 mod table;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
@@ -103,16 +103,17 @@ pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
 fn plans(strategies: &[String], file: &Path, mission: &Mission, arguments: &CompareArgs) -> Result<Vec<Plan>> {
     let explorer = mission.of_element(element::EXPLORER).next().context("the mission has no Explorer")?;
     let seedings = seedings(mission, arguments)?;
-    let mut plans = Vec::new();
+    let (mut plans, mut notes) = (Vec::new(), BTreeSet::new());
     for strategy in strategies {
         let exchanged = set(&explorer.name, what_runs(strategy)?, strategy);
         let sets = [&arguments.sets[..], &[exchanged]].concat();
-        let edge_m = check(file, &sets, &seedings).with_context(|| strategy.clone())?;
+        let edge_m = check(file, &sets, &seedings, &mut notes).with_context(|| strategy.clone())?;
         plans.extend(seedings.iter().map(|(seed, seeding)| {
             let sets = sets.iter().cloned().chain(seeding.clone()).collect();
             Plan { strategy: strategy.clone(), seed: *seed, mission: file.to_owned(), sets, edge_m }
         }));
     }
+    notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
     Ok(plans)
 }
 
@@ -137,13 +138,13 @@ fn set(app: &str, param: &str, text: &str) -> Override {
 }
 
 /// Sees that a strategy's runs would start, as `elk check` does: with the least and with the greatest seed, and so with all.
-/// Answers the edge of the map's voxels (m), if it is known.
-fn check(file: &Path, sets: &[Override], seedings: &[Seeding]) -> Result<Option<f64>> {
+/// What is worth a word is put to the `notes`. Answers the edge of the map's voxels (m), if it is known.
+fn check(file: &Path, sets: &[Override], seedings: &[Seeding], notes: &mut BTreeSet<String>) -> Result<Option<f64>> {
     let extremes = [seedings.iter().min_by_key(|(seed, _)| seed), seedings.iter().max_by_key(|(seed, _)| seed)];
     let mut edge_m = None;
     for (_, seeding) in extremes.into_iter().flatten() {
         let mission = load(file, &[sets, seeding.as_slice()].concat())?;
-        mission.preflight()?;
+        notes.extend(mission.preflight()?);
         edge_m = mission.of_element(element::MAP).find_map(|map| map.setting("Res")?.parse().ok());
     }
     Ok(edge_m)
