@@ -193,7 +193,7 @@ impl Broker {
     }
 
     /// Whether the client's next batch has to wait until it has the session that it came for.
-    pub(super) fn waits_for_its_place(client: &Client) -> bool {
+    pub(super) fn waits_for_its_session(client: &Client) -> bool {
         matches!(client.standing, Standing::Joining { ready: true, .. })
     }
 
