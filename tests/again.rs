@@ -13,21 +13,13 @@ fn said(out: &Output) -> String {
     String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr)
 }
 
-/// The only run of a folder.
-fn only_run(logs: &Path) -> PathBuf {
-    let mut runs = std::fs::read_dir(logs).unwrap().map(|entry| entry.unwrap().path());
-    let run = runs.next().unwrap();
-    assert!(runs.next().is_none(), "more than one run in {}", logs.display());
-    run
-}
-
 /// Launches from `place`, with the logs in `logs` there; the run's folder.
 fn launched(elk: &Elk, place: &Path, logs: &str, arguments: &[&str]) -> PathBuf {
     let mut command = elk.command(&["launch"]);
     command.args(arguments).args(["--headless", "--log-dir", logs, "--community", elk.community()]).current_dir(place);
     let out = command.output().unwrap();
     assert!(out.status.success(), "{arguments:?}: {}", said(&out));
-    only_run(&place.join(logs))
+    elk.run_in(place.join(logs))
 }
 
 const MISSION: &str = "<Scenario name=\"Twice\" type=\"manual\"><Sensor type=\"Simulator\"><World>worlds/car.obj</World>\

@@ -44,14 +44,28 @@ fn missions_are_built_in_with_their_worlds() {
     assert_eq!(names(elk.folder()), [""; 0], "no file is needed, and none is left");
 
     let sets = ["Map.Res=0.25", "Explorer.Mid=0; 0; 0.5", "Explorer.Dim=3; 3; 3", "Explorer.type=ClosestFrontier"];
+    // A folder of the same name is in nobody's way.
+    std::fs::create_dir(elk.folder().join("car")).unwrap();
     let mut arguments = vec!["launch", "car", "--headless", "--community", elk.community()];
     arguments.extend(sets.iter().flat_map(|set| ["--set", set]));
     succeed(&elk, &arguments);
     let summary = elk.summary();
     assert_eq!((&summary["complete"], &summary["mission"]), (&true.into(), &"Car interior".into()), "{summary}");
     // What the run keeps is a mission that runs from anywhere, too.
-    let run = std::fs::read_dir(elk.folder().join("logs")).unwrap().next().unwrap().unwrap().path();
+    let run = elk.run();
     succeed(&elk, &["check", run.join("car.xml").to_str().unwrap()]);
+}
+
+#[test]
+fn what_the_environment_says_is_heeded_or_an_error() {
+    let elk = Elk::new("environment");
+    for (variable, wrong) in [("ELK_LEASE_SECS", "soon"), ("ELK_LEASE_SECS", "-1"), ("ELK_SUCCEED", "yes")] {
+        let mut logger = elk.command(&["logger", "--type", "Mcap", "File=x.mcap", "--community", elk.community()]);
+        let Output { status, stderr, .. } = logger.env(variable, wrong).output().unwrap();
+        let said = String::from_utf8_lossy(&stderr).into_owned();
+        let right = said.starts_with(&format!("elk: {variable}={wrong}: right is "));
+        assert!(status.code() == Some(1) && right, "{said}");
+    }
 }
 
 /// Case: six arguments, two of them with spaces in quotes of either kind, one behind a backslash.

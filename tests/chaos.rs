@@ -138,7 +138,8 @@ fn role() {
         }
         false => Box::new(Subscriber { record: folder.into(), file: None, last: String::new() }),
     };
-    run_app(app, &RunOptions::new(name, Community::new(community).unwrap())).unwrap();
+    let options = RunOptions::new(name, Community::new(community).unwrap()).as_launched().unwrap();
+    run_app(app, &options).unwrap();
 }
 
 /// The processes of a stream, each started again when it was killed.

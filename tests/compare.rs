@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::os::unix::fs::PermissionsExt;
+
 use common::events::{Events, end_of};
 use common::small::small;
 use common::{Elk, kill};
@@ -39,6 +41,10 @@ fn strategies_are_compared_over_seeds_and_a_failed_run_is_a_row_that_says_why() 
         "{table}"
     );
 
+    // A folder as runs have it: of its owner alone, called after the mission and the second.
+    let folder = elk.run();
+    assert!(folder.file_name().unwrap().to_str().unwrap().starts_with("compare-mission-20"), "{}", folder.display());
+    assert_eq!(folder.metadata().unwrap().permissions().mode() & 0o777, 0o700);
     let csv = std::fs::read_to_string(elk.folder().join("out.csv")).unwrap();
     let rows: Vec<&str> =
         csv.lines().filter(|row| !row.starts_with(' ') && row.contains(",1,") | row.contains(",2,")).collect();
@@ -50,7 +56,18 @@ fn strategies_are_compared_over_seeds_and_a_failed_run_is_a_row_that_says_why() 
 fn a_comparison_that_cannot_be_right_starts_nothing() {
     let elk = Elk::new("compare-wrong");
     std::fs::write(elk.folder().join("mission.xml"), small("auto", "")).unwrap();
+    let app = "<App name=\"Lamp\" exec=\"./no-lamp\"/>";
+    std::fs::write(elk.folder().join("lamp.xml"), small("auto", app)).unwrap();
     for (arguments, right) in [
+        (vec!["Potential", "lamp.xml"], "Potential: Lamp: ./no-lamp cannot be run: No such file or directory"),
+        (
+            vec!["Potential", "mission.xml", "--set", "Sensor.Seed=5", "--seeds", "1..2"],
+            "--seeds and --set Sensor.Seed=5 both say the seed; one of them is right",
+        ),
+        (
+            vec!["Potential", "mission.xml", "--seeds", "1,18446744073709551615"],
+            "--set Sensor.Seed=18446744073709551615: ",
+        ),
         (vec!["Potental", "mission.xml"], "Potental is no strategy; did you mean Potential?"),
         (vec!["./none", "mission.xml"], "./none cannot be run: No such file or directory"),
         (vec!["mission.xml"], "mission.xml alone: right is one strategy at least, and then the mission"),

@@ -4,7 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::Elk;
+use common::{Elk, summary_of};
 use elk_log::LogReader;
 use elk_spatial::Scan;
 use serde_json::Value;
@@ -46,10 +46,8 @@ fn run(elk: &Elk, mission: &str, arguments: &[&str]) -> Run {
     let [told, apart] = [out.stdout, out.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
     let last = told.lines().last().unwrap_or_default().to_owned();
     let said = told + &apart;
-    let runs = std::fs::read_dir(elk.folder().join("logs")).unwrap();
-    let folder = runs.map(|f| f.unwrap().path()).max().unwrap();
-    let summary = std::fs::read_to_string(folder.join("summary.json")).unwrap();
-    Run { code: out.status.code(), said, last, folder, summary: serde_json::from_str(&summary).unwrap() }
+    let folder = elk.run();
+    Run { code: out.status.code(), said, last, summary: summary_of(&folder), folder }
 }
 
 /// What is set in a run within one process.

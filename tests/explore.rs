@@ -24,12 +24,7 @@ fn explore(elk: &Elk, name: &str, arguments: &[&str]) -> (PathBuf, Value) {
     let out = elk.command(&all).output().unwrap();
     let said = format!("{}{}", String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
     assert!(out.status.success(), "{name} {arguments:?}:\n{said}");
-    let mut runs: Vec<PathBuf> =
-        std::fs::read_dir(elk.folder().join("logs")).unwrap().map(|f| f.unwrap().path()).collect();
-    runs.sort();
-    let run = runs.pop().unwrap();
-    let summary = std::fs::read_to_string(run.join("summary.json")).unwrap();
-    (run, serde_json::from_str(&summary).unwrap())
+    (elk.run(), elk.summary())
 }
 
 fn assert_explored(name: &str, summary: &Value) {
@@ -81,8 +76,7 @@ fn the_same_mission_goes_the_same_way_every_time_in_seven_processes_or_in_one() 
                 let mut command = vec!["launch", &file, "--headless", "--community", elk.community()];
                 command.extend(&all);
                 elk.command(&command).output().unwrap();
-                let runs = std::fs::read_dir(elk.folder().join(arguments[1])).unwrap();
-                way(&runs.map(|f| f.unwrap().path()).next().unwrap())
+                way(&elk.run_in(arguments[1]))
             })
             .collect();
     assert!(commands[0].len() >= 59, "only {} pose commands", commands[0].len());

@@ -246,19 +246,50 @@ fn a_mission_that_is_wrong_starts_nothing() {
     assert!(!elk.folder().join("logs").exists());
 }
 
+/// A mission with an app that starts, by `start`, two processes in sessions of their own; they do not listen to SIGTERM.
+fn mission_with_strays(elk: &Elk, kind: &str, start: &str) -> String {
+    let (program, arguments) = elk.idle_client("Daemon");
+    let stray = "setsid sh -c 'trap \"\" TERM; echo $$ >>strays; exec sleep 1000' &";
+    let start = start.replace("STRAY", stray);
+    elk.script("daemon.sh", &format!("cd {}\n{start}\n{start}\nexec {program} {arguments}\n", elk.folder().display()));
+    small(kind, "<App name=\"Daemon\" exec=\"./daemon.sh\"/>")
+}
+
+/// Those that have said that they run.
+fn strays(elk: &Elk) -> Vec<i32> {
+    let said = std::fs::read_to_string(elk.folder().join("strays")).unwrap_or_default();
+    said.lines().filter_map(|line| line.parse().ok()).collect()
+}
+
+/// Regression: nobody knew of the orphans of a launcher that was gone.
+#[test]
+fn what_an_app_has_started_ends_with_a_detached_mission_too_whoever_launches_it_by_then() {
+    let elk = Elk::new("stray-detached");
+    // Their parent has ended by then.
+    let mission = mission_with_strays(&elk, "manual", "(STRAY)");
+    let (code, said) = elk.launch_with(&mission, &["--detach"]).end();
+    assert_eq!(code, Some(0), "{said}");
+    elk.events().wait_until("two strays", || strays(&elk).len() == 2);
+    let launcher = elk.process("launcher");
+    kill(launcher, Signal::KILL);
+    wait_until_gone("the launcher", || Some(launcher).filter(|id| alive(*id)));
+    let mut attached = elk.attach();
+    attached.wait_for("attached to run");
+    elk.obeyed(&["step"]);
+    assert!(strays(&elk).into_iter().all(alive), "they go on with the mission");
+    elk.obeyed(&["resume"]);
+    let (code, said) = attached.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(!strays(&elk).into_iter().any(alive), "they outlive the mission");
+}
+
 #[test]
 fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
     for (test, killed) in [("ends", false), ("killed", true)] {
         let elk = Elk::new(&format!("stray-{test}"));
-        let (program, arguments) = elk.idle_client("Daemon");
-        let start = "setsid sh -c 'trap \"\" TERM; echo $$ >>strays; exec sleep 1000' &\n";
-        elk.script("daemon.sh", &format!("cd {}\n{start}{start}exec {program} {arguments}\n", elk.folder().display()));
         let kind = if killed { "manual" } else { "auto" };
-        let mut launcher = elk.launch(&small(kind, "<App name=\"Daemon\" exec=\"./daemon.sh\"/>"));
-        let strays = || -> Vec<i32> {
-            let said = std::fs::read_to_string(elk.folder().join("strays")).unwrap_or_default();
-            said.lines().filter_map(|line| line.parse().ok()).collect()
-        };
+        let mut launcher = elk.launch(&mission_with_strays(&elk, kind, "STRAY"));
+        let strays = || strays(&elk);
         elk.events().wait_until("two strays", || strays().len() == 2);
         if killed {
             launcher.wait_for("Enter takes a step");

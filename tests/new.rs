@@ -25,7 +25,7 @@ fn cargo(elk: &Elk, name: &str, arguments: &[&str]) {
     assert!(out.status.success(), "cargo {arguments:?} in {name}:\n{said}");
 }
 
-/// Makes a crate in the test's folder.
+/// Makes a crate in the test's folder. Its name is one that the templates have words of.
 fn made(elk: &Elk, kind: &str, name: &str) {
     let out = elk.command(&["new", kind, name]).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -44,21 +44,21 @@ fn readme_app() -> String {
 
 #[test]
 fn a_new_app_is_tested_and_heard_in_a_mission_and_so_is_the_readme_s() {
-    let elk = Elk::new("new-app");
-    made(&elk, "app", "new-app");
-    std::fs::create_dir(elk.folder().join("new-app/src/bin")).unwrap();
-    std::fs::write(elk.folder().join("new-app/src/bin/readme-app.rs"), readme_app()).unwrap();
+    let elk = Elk::new("hello-me");
+    made(&elk, "app", "hello-me");
+    std::fs::create_dir(elk.folder().join("hello-me/src/bin")).unwrap();
+    std::fs::write(elk.folder().join("hello-me/src/bin/readme-app.rs"), readme_app()).unwrap();
     // The mission is right but for the program, which is not built yet.
-    let check = elk.command(&["check", "mission.xml"]).current_dir(elk.folder().join("new-app")).output().unwrap();
-    let missing = "elk: Mine: ./target/release/new-app cannot be run: No such file or directory (os error 2)\n";
+    let check = elk.command(&["check", "mission.xml"]).current_dir(elk.folder().join("hello-me")).output().unwrap();
+    let missing = "elk: Mine: ./target/release/hello-me cannot be run: No such file or directory (os error 2)\n";
     assert_eq!(String::from_utf8_lossy(&check.stderr), missing);
-    cargo(&elk, "new-app", &["test"]);
-    cargo(&elk, "new-app", &["build"]);
+    cargo(&elk, "hello-me", &["test"]);
+    cargo(&elk, "hello-me", &["build"]);
 
     let app = |name: &str, program_name: &str, more: &str| {
         format!("<App name=\"{name}\" exec=\"{}\" restart=\"on-failure\">{more}</App>", program(program_name).display())
     };
-    let both = app("Mine", "readme-app", "") + &app("Other", "new-app", "<Greeting>good evening</Greeting>");
+    let both = app("Mine", "readme-app", "") + &app("Other", "hello-me", "<Greeting>good evening</Greeting>");
     let mut launcher = elk.launch(&small("manual", &both));
     launcher.wait_for("Enter takes a step");
     let mut guest = elk.join("guest");
@@ -79,34 +79,34 @@ fn a_new_app_is_tested_and_heard_in_a_mission_and_so_is_the_readme_s() {
     launcher.end();
 
     // Who says something that the app does not have is told so, in words.
-    let odd = app("Other", "new-app", "<Greting>hi</Greting>").replace(" restart=\"on-failure\"", "");
+    let odd = app("Other", "hello-me", "<Greting>hi</Greting>").replace(" restart=\"on-failure\"", "");
     let said = elk.launch_and_fail(&small("auto", &odd));
     assert!(said.contains("Greting=hi says nothing to this app; it has Greeting"), "{said}");
 }
 
 #[test]
 fn a_new_explorer_is_tested_explores_and_is_swapped_in() {
-    let elk = Elk::new("new-explorer");
-    made(&elk, "explorer", "new-explorer");
-    cargo(&elk, "new-explorer", &["test"]);
-    cargo(&elk, "new-explorer", &["build"]);
+    let elk = Elk::new("level-hello");
+    made(&elk, "explorer", "level-hello");
+    cargo(&elk, "level-hello", &["test"]);
+    cargo(&elk, "level-hello", &["build"]);
     // The mission names what `cargo build --release` makes.
-    let folder = elk.folder().join("new-explorer");
+    let folder = elk.folder().join("level-hello");
     std::fs::create_dir_all(folder.join("target/release")).unwrap();
-    symlink(program("new-explorer"), folder.join("target/release/new-explorer")).unwrap();
+    symlink(program("level-hello"), folder.join("target/release/level-hello")).unwrap();
     let mut command = elk.command(&["launch", "mission.xml", "--headless", "--set", "Map.Res=0.25"]);
     command.args(["--community", elk.community()]).current_dir(&folder);
     let out = command.output().unwrap();
     let said = String::from_utf8_lossy(&out.stdout) + String::from_utf8_lossy(&out.stderr);
-    assert!(out.status.success() && said.contains("new-explorer: complete"), "{said}");
-    assert!(said.contains("explorer new-explorer"), "{said}");
+    assert!(out.status.success() && said.contains("level-hello: complete"), "{said}");
+    assert!(said.contains("explorer level-hello"), "{said}");
 
     // A slip in a parameter of its own is answered like one of elk's.
-    let exec = format!("Explorer.exec={}", program("new-explorer").display());
+    let exec = format!("Explorer.exec={}", program("level-hello").display());
     let slip = ["launch", "mission.xml", "--headless", "--set", &exec, "--set", "Explorer.Clim=2", "--community"];
     let out = elk.command(&slip).arg(elk.community()).current_dir(&folder).output().unwrap();
     let said = String::from_utf8_lossy(&out.stdout) + String::from_utf8_lossy(&out.stderr);
-    assert!(said.contains("Explorer NewExplorer has no parameter Clim; did you mean Climb?"), "{said}");
+    assert!(said.contains("Explorer LevelHello has no parameter Clim; did you mean Climb?"), "{said}");
 
     let mut launcher = elk.launch(&small("manual", ""));
     launcher.wait_for("Enter takes a step");

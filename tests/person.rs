@@ -199,7 +199,7 @@ fn a_detached_mission_that_cannot_start_says_why_and_one_that_is_over_has_its_su
     assert!(status.success(), "{shown}");
     wait_until_gone("the mission", || processes_of(&elk).first().copied());
     assert_eq!(elk.summary()["complete"], true);
-    let run = std::fs::read_dir(elk.folder().join("logs")).unwrap().next().unwrap().unwrap().path();
+    let run = elk.run();
     let said = std::fs::read_to_string(run.join("launcher.log")).unwrap();
     assert!(said.contains("Small: complete") && !said.contains('\0'), "{said}");
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -294,13 +294,6 @@ fn mission(name: &str) -> String {
     format!("{}/mission-files/{name}.xml", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The only folder in `folder`.
-fn only_folder(folder: &Path) -> PathBuf {
-    let mut all: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    assert_eq!(all.len(), 1, "{all:?}");
-    all.pop().unwrap()
-}
-
 /// A run in seven processes, its scans then through a live map and explorer: the same maps, the same paths, bit for bit.
 #[test]
 fn recorded_scans_give_live_apps_the_same_map_and_the_same_paths() {
@@ -310,12 +303,11 @@ fn recorded_scans_give_live_apps_the_same_map_and_the_same_paths() {
     let launch = ["launch", &car, "--headless", "--community", community, "--log-dir", "old"];
     // Capped, the run fails as such; what was said until then counts here.
     elk.command(&[&launch[..], &["--set", "Explorer.MaxScans=40"]].concat()).output().unwrap();
-    let old = only_folder(&elk.folder().join("old")).display().to_string();
-    let into = ["replay", &old, "--rate", "max", "--keys", "SCAN*", "--into", &car, "--only", "Map,Explorer"];
-    let told = said(
-        elk.command(&[&into[..], &["--set", "Explorer.MaxScans=40", "--log-dir", "new"]].concat()).output().unwrap(),
-    );
-    let new = only_folder(&elk.folder().join("new")).display().to_string();
+    let old = elk.run_in("old").display().to_string();
+    let replay = ["replay", &old, "--rate", "max", "--keys", "SCAN*", "--only", "Map,Explorer", "--into"];
+    // The mission of the run itself, which is as it was launched.
+    let told = said(elk.command(&[&replay[..], &[&old, "--log-dir", "new"]].concat()).output().unwrap());
+    let new = elk.run_in("new").display().to_string();
     assert!(told.contains(&format!("compare: elk log diff {old} new/car-replayed")), "{told}");
     let keys = ["--keys", "MAP_UPDATE", "--keys", "PLAN", "--keys", "MAP_KNOWN", "--keys", "EXPLORATION_REPORT"];
     let diff = |new: &str| elk.command(&[&["log", "diff", &old, new], &keys[..]].concat()).output().unwrap();
@@ -332,9 +324,10 @@ fn recorded_scans_give_live_apps_the_same_map_and_the_same_paths() {
     let times: Vec<f64> = live.map(|record| record.time).collect();
     assert!(!times.is_empty() && times.iter().all(|time| (span.0..=span.1).contains(time)), "{span:?}: {times:?}");
     // Another map is another run, and the difference is named.
-    let other = [&into[..], &["--set", "Explorer.MaxScans=40", "--set", "Map.Grazing=none", "--log-dir", "other"]];
+    let other =
+        [&replay[..], &[&car, "--set", "Explorer.MaxScans=40", "--set", "Map.Grazing=none", "--log-dir", "other"]];
     elk.command(&other.concat()).output().unwrap();
-    let output = diff(&only_folder(&elk.folder().join("other")).display().to_string());
+    let output = diff(&elk.run_in("other").display().to_string());
     assert_eq!(output.status.code(), Some(1));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(said.contains("first: MAP_UPDATE by Map") || said.contains("first: MAP_KNOWN by Map"), "{said}");

@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 use std::process::Command;
 
-use common::Elk;
+use common::{Elk, summary_of};
 use serde_json::Value;
 
 /// The program at the repository's root: exit code, what it said.
@@ -153,7 +153,7 @@ fn a_sensor_says_at_its_start_that_its_world_is_open() {
         mission("noceiling", START, "").replace("\"Potential\"/>", "\"Potential\"><MaxScans>3</MaxScans></Explorer>");
     let said = elk.launch_and_fail(&few);
     assert!(said.contains("note: Sensor: World ") && said.contains("it is open: "), "{said}");
-    let run = std::fs::read_dir(elk.folder().join("logs")).unwrap().next().unwrap().unwrap().path();
+    let run = elk.run();
     let log = std::fs::read_to_string(run.join("Sensor.log")).unwrap();
     assert!(
         log.contains("it is open: ") && log.contains("a hole of 4.00 × 3.00 × 0.00 m around (2.00; 1.50; 2.00)"),
@@ -189,7 +189,5 @@ fn accuracy(elk: &Elk, mission: &Path) -> f64 {
         ["launch", mission.to_str().unwrap(), "--headless", "--in-process", "--log-dir", logs.to_str().unwrap()];
     let output = elk.command(&[&arguments[..], &["--community", elk.community()]].concat()).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let run = std::fs::read_dir(logs).unwrap().next().unwrap().unwrap().path();
-    let summary: Value = serde_json::from_str(&std::fs::read_to_string(run.join("summary.json")).unwrap()).unwrap();
-    summary["accuracy"].as_f64().unwrap()
+    summary_of(&elk.run_in(logs))["accuracy"].as_f64().unwrap()
 }

@@ -6,8 +6,8 @@ use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker};
-use elk_launcher::{AttachOptions, LaunchOptions, Outcome, mission_of_run};
-use elk_mission::{AppType, Mission, Override, Registry, describe, element, instead};
+use elk_launcher::{AttachOptions, LaunchOptions, Outcome};
+use elk_mission::{AppType, Mission, Registry, describe, element, instead};
 use elk_outside::colour::{self, Style};
 use elk_outside::text;
 use elk_scope::{Output, ScopeError, Table};
@@ -21,7 +21,7 @@ pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
     if arguments.detach && !arguments.background {
         return launch_in_background(&arguments.community.community);
     }
-    let mut mission = load(&arguments.mission.mission, &arguments.mission.sets)?;
+    let mut mission = missions::load(&arguments.mission.mission, &arguments.mission.sets)?;
     if let Some(pace) = arguments.pace {
         set_pace(&mut mission, pace)?;
     }
@@ -113,7 +113,7 @@ fn report(outcome: &Outcome) -> Result<()> {
 
 /// `elk check`
 pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
-    let mission = load(&arguments.mission, &arguments.sets)?;
+    let mission = missions::load(&arguments.mission, &arguments.sets)?;
     let warnings = mission.preflight()?;
     let mut text = format!("{}: {} is right\n", arguments.mission.display(), mission.name);
     for app in &mission.apps {
@@ -124,14 +124,6 @@ pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
     }
     say(&text)?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// The mission of a file, of a name, or of a run's folder.
-pub fn load(mission: &Path, sets: &[Override]) -> Result<Mission> {
-    match mission.is_dir() {
-        true => Ok(mission_of_run(mission, &registry(), sets, REVISION)?),
-        false => Ok(missions::load(mission, sets)?),
-    }
 }
 
 /// `elk missions`
@@ -190,7 +182,7 @@ pub fn app(element: &str, arguments: AppArgs) -> Result<ExitCode> {
     let params = app_type.check(&arguments.settings, Path::new(""))?;
     let name = arguments.name.unwrap_or_else(|| element.to_owned());
     let app = (app_type.build)(&params).map_err(|error| anyhow!("{name}: {error}"))?;
-    run_app(app, &RunOptions::new(name, arguments.community.community))?;
+    run_app(app, &RunOptions::new(name, arguments.community.community).as_launched()?)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -3,7 +3,7 @@
 mod run;
 mod table;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
@@ -12,11 +12,13 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
-use elk_bus::clock::{Clock, Date};
+use elk_bus::clock::Clock;
 use elk_bus::{stop_on_signals, tell};
-use elk_mission::{Mission, Override, element, instead};
+use elk_launcher::{create_run_folder, handle};
+use elk_mission::{AppSpec, Mission, Override, element, instead};
 
-use crate::commands::{load, say};
+use crate::commands::{print_table, say};
+use crate::missions::load;
 use crate::registry::registry;
 use run::{Plan, Row, Running};
 
@@ -81,14 +83,15 @@ pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
     // Everything is looked at before anything starts.
     let mission = load(mission_file, &arguments.sets)?;
     let plans = plans(strategies, mission_file, &mission, arguments)?;
-    let folder = folder(&arguments.log_dir, mission_file)?;
+    let folder = folder(&arguments.log_dir, &mission)?;
     let csv = arguments.output.clone().unwrap_or_else(|| folder.join("compare.csv"));
     elk_outside::file::try_write(&csv).with_context(|| format!("cannot write {}", csv.display()))?;
     let stop = stop_on_signals().context("signals cannot be caught")?;
     let rows = run_all(&plans, &folder, usize::from(arguments.jobs), &stop)?;
     elk_outside::file::write(&csv, table::csv(&rows).as_bytes())
         .with_context(|| format!("cannot write {}", csv.display()))?;
-    say(&table::table(&rows))?;
+    print_table(&table::table(&rows))?;
+    say(&table::incomplete(&rows))?;
     say(&format!("all rows are in {}, the runs beside them in {}\n", csv.display(), folder.display()))?;
     if stop.load(Ordering::Relaxed) {
         bail!("stopped: {} of {} runs came to their end", rows.iter().filter(|row| row.ended).count(), plans.len());
@@ -99,29 +102,58 @@ pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
 /// All runs, strategy by strategy for each seed, each checked.
 fn plans(strategies: &[String], file: &Path, mission: &Mission, arguments: &CompareArgs) -> Result<Vec<Plan>> {
     let explorer = mission.of_element(element::EXPLORER).next().context("the mission has no Explorer")?;
-    let seeded = mission.apps.iter().find(|app| app.element != element::LOGGER && app.takes("Seed"));
-    let seeds: Vec<Option<u64>> = match (&arguments.seeds, seeded) {
-        (None, _) => vec![None],
-        (Some(Seeds(seeds)), Some(_)) => seeds.iter().copied().map(Some).collect(),
-        (Some(_), None) => bail!("no app of the mission has a Seed; without --seeds each strategy runs once"),
-    };
-    let set = |app: &str, param: &str, text: &str| {
-        let (app, param, text) = (app.to_owned(), param.to_owned(), text.to_owned());
-        Override { app, param, text }
-    };
-    let mut plans = Vec::new();
+    let seedings = seedings(mission, arguments)?;
+    let (mut plans, mut notes) = (Vec::new(), BTreeSet::new());
     for strategy in strategies {
         let exchanged = set(&explorer.name, what_runs(strategy)?, strategy);
         let sets = [&arguments.sets[..], &[exchanged]].concat();
-        let checked = load(file, &sets).with_context(|| strategy.clone())?;
-        let edge_m = checked.of_element(element::MAP).find_map(|map| map.setting("Res")?.parse().ok());
-        for seed in &seeds {
-            let seeding = seed.zip(seeded).map(|(seed, app)| set(&app.name, "Seed", &seed.to_string()));
-            let sets = sets.iter().cloned().chain(seeding).collect();
-            plans.push(Plan { strategy: strategy.clone(), seed: *seed, mission: file.to_owned(), sets, edge_m });
-        }
+        let edge_m = check(file, &sets, &seedings, &mut notes).with_context(|| strategy.clone())?;
+        plans.extend(seedings.iter().map(|(seed, seeding)| {
+            let sets = sets.iter().cloned().chain(seeding.clone()).collect();
+            Plan { strategy: strategy.clone(), seed: *seed, mission: file.to_owned(), sets, edge_m }
+        }));
     }
+    notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
     Ok(plans)
+}
+
+/// Each seed, and how it is said to the mission.
+type Seeding = (Option<u64>, Option<Override>);
+
+fn seedings(mission: &Mission, arguments: &CompareArgs) -> Result<Vec<Seeding>> {
+    const SEED: &str = "Seed";
+    let Some(Seeds(seeds)) = &arguments.seeds else { return Ok(vec![(None, None)]) };
+    let is_seeded = |app: &&AppSpec| app.element != element::LOGGER && app.takes(SEED);
+    let Some(app) = mission.apps.iter().find(is_seeded) else {
+        bail!("no app of the mission has a Seed; without --seeds each strategy runs once")
+    };
+    if let Some(said) = arguments.sets.iter().find(|set| set.app == app.name && set.param.eq_ignore_ascii_case(SEED)) {
+        bail!("--seeds and --set {}.{}={} both say the seed; one of them is right", said.app, said.param, said.text);
+    }
+    Ok(seeds.iter().map(|seed| (Some(*seed), Some(set(&app.name, SEED, &seed.to_string())))).collect())
+}
+
+fn set(app: &str, param: &str, text: &str) -> Override {
+    Override { app: app.to_owned(), param: param.to_owned(), text: text.to_owned() }
+}
+
+/// Sees that a strategy's runs would start, as `elk check` does: with the least and with the greatest seed, and so with all.
+/// What is worth a word is put to the `notes`. Answers the edge of the map's voxels (m), if it is known.
+fn check(file: &Path, sets: &[Override], seedings: &[Seeding], notes: &mut BTreeSet<String>) -> Result<Option<f64>> {
+    let extremes = [seedings.iter().min_by_key(|(seed, _)| seed), seedings.iter().max_by_key(|(seed, _)| seed)];
+    let mut edge_m = None;
+    for (_, seeding) in extremes.into_iter().flatten() {
+        let mission = load(file, &[sets, seeding.as_slice()].concat())?;
+        notes.extend(mission.preflight()?);
+        edge_m = mission.of_element(element::MAP).find_map(|map| map.setting("Res")?.parse().ok());
+    }
+    Ok(edge_m)
+}
+
+/// Makes the comparison's folder.
+fn folder(log_dir: &Path, mission: &Mission) -> Result<PathBuf> {
+    let stem = mission.file.file_stem().unwrap_or_default().to_string_lossy();
+    Ok(create_run_folder(log_dir, format!("compare-{stem}.xml").as_ref(), Clock::new(1.0).now())?)
 }
 
 /// Whether a strategy is a `type`, or an `exec`.
@@ -138,17 +170,7 @@ fn what_runs(strategy: &str) -> Result<&'static str> {
     }
 }
 
-/// Makes the comparison's folder.
-fn folder(log_dir: &Path, mission: &Path) -> Result<PathBuf> {
-    let Date { year, month, day, hour, minute, second, .. } = Date::of(Clock::new(1.0).now());
-    let stem = mission.file_stem().unwrap_or_default().to_string_lossy();
-    let stamp = format!("{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}");
-    let folder = log_dir.join(format!("compare-{stem}-{stamp}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    std::path::absolute(&folder).with_context(|| format!("cannot find {}", folder.display()))
-}
-
-/// How often runs are looked at.
+/// How often it is seen whether the comparison is to stop.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Carries out all runs, at most `jobs` at a time, until they have ended or `stop` is set: then those that run are ended,
@@ -171,15 +193,12 @@ fn run_all(plans: &[Plan], folder: &Path, jobs: usize, stop: &AtomicBool) -> Res
                 Err(error) => rows.push((number, Row::failed(plan, &format!("{error:#}")))),
             }
         }
-        let (ended, still): (Vec<_>, Vec<_>) = running.into_iter().partition(|(_, run)| run.has_ended());
-        running = still;
-        for (number, run) in ended {
-            let row = run.row();
-            tell(&row);
-            rows.push((number, row));
-        }
+        let ended = running.extract_if(.., |(_, run)| run.has_ended());
+        let ended: Vec<(usize, Row)> = ended.map(|(number, run)| (number, run.row())).collect();
+        ended.iter().for_each(|(_, row)| tell(row));
+        rows.extend(ended);
         if !running.is_empty() {
-            std::thread::sleep(LOOK);
+            handle::wait(&running.iter().map(|(_, run)| run.handle()).collect::<Vec<_>>(), LOOK);
         }
     }
     rows.sort_by_key(|(number, _)| *number);

@@ -170,7 +170,7 @@ fn table(rows: &[AppRow]) -> Table<'static> {
     let is_bad = |row: &AppRow| !["running", "starting", "ended"].contains(&row.state.as_str());
     let bad = rows.iter().zip(1..).filter(|(row, _)| is_bad(row)).map(|(_, number)| number).collect();
     let rows = std::iter::once(heads).chain(rows.iter().map(cells)).collect();
-    Table { rows, right: &NUMBERS, spare: &SPARE, bad }
+    Table { rows, right: &NUMBERS, spare: &SPARE, bad, ..Table::default() }
 }
 
 fn cells(row: &AppRow) -> Vec<String> {

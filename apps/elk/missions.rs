@@ -1,10 +1,13 @@
-//! The missions that are built into the program, with their worlds: they run from anywhere.
+//! From an argument to a mission, for every command: a file, a run's folder, or one of those that are built into the program
+//! with their worlds, which run from anywhere.
 
 use std::path::Path;
 
 use anyhow::{Result, anyhow};
+use elk_launcher::{is_run, mission_of_run};
 use elk_mission::{Mission, MissionError, Override, instead};
 
+use crate::cli::REVISION;
 use crate::registry::registry;
 
 /// The folder that a built-in mission's errors name: there is none.
@@ -52,13 +55,15 @@ impl BuiltIn {
     }
 }
 
-/// The mission in the file `mission`, or, if there is no such file, the built-in one of that name.
+/// The mission in the file `mission`, that of the run in the folder `mission`, or, if there is neither, the built-in one of
+/// that name: a folder of another kind hides none.
 pub fn load(mission: &Path, sets: &[Override]) -> Result<Mission> {
-    match BuiltIn::called(mission).filter(|_| !mission.is_file()) {
+    match BuiltIn::called(mission).filter(|_| !mission.is_file() && !is_run(mission)) {
         Some(one) => {
             let file = Path::new(FOLDER).join(format!("{}.xml", one.name));
             Ok(Mission::parse(&one.text(), &file, &registry(), sets)?)
         }
+        None if mission.is_dir() => Ok(mission_of_run(mission, &registry(), sets, REVISION)?),
         None => Mission::load(mission, &registry(), sets).map_err(|error| with_others(error, mission)),
     }
 }
@@ -101,5 +106,8 @@ mod tests {
         let file = folder.path().join("apartment");
         std::fs::write(&file, "<Scenario/>").unwrap();
         assert!(load(&file, &[]).is_err(), "it is read, although a built-in one has its name");
+        let other = folder.path().join("of-another-kind");
+        std::fs::create_dir(&other).unwrap();
+        assert!(said(&other.display().to_string()).contains("run.json is no run's folder"));
     }
 }

@@ -8,12 +8,12 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use elk_bus::{Client, stop_on_signals, tell};
 use elk_mission::Override;
+use elk_outside::screen::Screen;
 use elk_outside::text;
 use elk_replay::keyboard::{self, Keyboard};
 use elk_replay::{
     Console, PlayOptions, Played, Player, Press, Progress, Rate, ReproduceOptions, Reproduced, Tape, reproduce,
 };
-use rustix::termios::tcgetwinsize;
 
 use crate::cli::CommunityArgs;
 use crate::commands::say;
@@ -31,7 +31,7 @@ pub const HELP: &str = "Example: elk replay logs/apartment-20261123-224512 --rat
     --into mission-files/apartment.xml --only Map,Explorer";
 
 /// Characters of the progress bar, where there is room.
-const BAR: usize = 30;
+const BAR_LENGTH: usize = 30;
 /// Fewer say nothing.
 const SHORTEST_BAR: usize = 5;
 
@@ -58,7 +58,7 @@ pub struct ReplayArgs {
     /// Let the community's time be that of the recording: the apps that are there follow it through pauses and jumps
     #[arg(long)]
     clock: bool,
-    /// Play into live apps of this mission instead of onto the bus
+    /// Play into live apps of this mission instead of onto the bus: its file, a built-in one's name, or a run's folder
     #[arg(long, value_name = "MISSION", requires = "only", conflicts_with_all = ["remap", "repeat", "lossless", "clock", "community"])]
     into: Option<PathBuf>,
     /// The live apps, by name or element, separated by commas
@@ -101,7 +101,7 @@ fn run_onto(arguments: ReplayArgs) -> Result<ExitCode> {
     let stop = stop_on_signals().context("signals cannot be caught")?;
     let (start, end) = tape.span();
     say(&format!("{}: {} messages in {:.3} s\n", log.display(), tape.messages(), end - start))?;
-    let mut screen = Screen::new();
+    let mut screen = Bar::new();
     let played = Player::new(tape, &options, &mut client).play(&mut screen, &stop)?;
     drop(screen);
     report(&log, &played)
@@ -169,22 +169,22 @@ fn report_reproduced(log: &Path, done: &Reproduced) -> Result<ExitCode> {
 }
 
 /// A terminal with a bar and keys; in a pipe, a line every tenth of the way, and for each client that is waited for.
-struct Screen {
+struct Bar {
     keyboard: Option<Keyboard>,
     terminal: bool,
     /// The tenth, and the client, that were told last.
     told: (Option<u64>, Option<String>),
 }
 
-impl Screen {
+impl Bar {
     fn new() -> Self {
         let keyboard = Keyboard::open();
         let terminal = std::io::stderr().is_terminal();
-        let screen = Self { keyboard, terminal, told: (None, None) };
-        if screen.keyboard.is_some() && screen.is_drawn_on() {
+        let bar = Self { keyboard, terminal, told: (None, None) };
+        if bar.keyboard.is_some() && bar.is_drawn_on() {
             tell(keyboard::HELP);
         }
-        screen
+        bar
     }
 
     /// Whether there is a bar: not where a shell or another job has the terminal.
@@ -193,14 +193,14 @@ impl Screen {
     }
 }
 
-impl Console for Screen {
+impl Console for Bar {
     fn presses(&mut self) -> Vec<Press> {
         self.keyboard.as_mut().map(Keyboard::presses).unwrap_or_default()
     }
 
     fn show(&mut self, progress: &Progress) {
         if self.is_drawn_on() {
-            let columns = tcgetwinsize(std::io::stderr()).map_or(0, |size| usize::from(size.ws_col));
+            let columns = Screen::of(&std::io::stderr()).map_or(0, |screen| screen.columns);
             draw(&format!("\r{}\x1b[K", line(progress, columns)));
         } else if !self.terminal {
             let waits_for = progress.waits_for.clone().or_else(|| self.told.1.clone());
@@ -227,7 +227,7 @@ impl Console for Screen {
     }
 }
 
-impl Drop for Screen {
+impl Drop for Bar {
     fn drop(&mut self) {
         if self.is_drawn_on() {
             tell("");
@@ -247,12 +247,12 @@ fn words(progress: &Progress) -> String {
     format!("{secs:.1} / {of_secs:.1} s at {rate}{paused}{waits}, {messages} messages")
 }
 
-/// Words with a bar before them, as far as there is room in so many columns (0: nobody knows how many there are). The
-/// last column stays free: what reaches it may go on in the next line.
+/// Words with a bar before them, as far as there is room in so many columns. The last one stays free: what reaches it
+/// may go on in the next line.
 fn line(progress: &Progress, columns: usize) -> String {
     let words = words(progress);
-    let room = columns.checked_sub(1).unwrap_or(usize::MAX);
-    let bar = room.saturating_sub(words.len() + "[] ".len()).min(BAR);
+    let room = columns.saturating_sub(1);
+    let bar = room.saturating_sub(words.len() + "[] ".len()).min(BAR_LENGTH);
     if bar < SHORTEST_BAR {
         return words.chars().take(room).collect();
     }
@@ -269,8 +269,8 @@ mod tests {
         let progress =
             Progress { secs: 5.0, of_secs: 20.0, messages: 7, rate: Rate::Times(2.0), paused: true, waits_for: None };
         let words = "5.0 / 20.0 s at 2x, paused, 7 messages";
-        assert_eq!(line(&progress, 0), format!("[########......................] {words}"));
-        assert_eq!(line(&progress, 80), line(&progress, 0));
+        assert_eq!(line(&progress, 80), format!("[########......................] {words}"));
+        assert_eq!(line(&progress, 200), line(&progress, 80));
         assert_eq!(line(&progress, 60), format!("[#####.............] {words}"));
         assert_eq!(line(&progress, 40), words);
         assert_eq!(line(&progress, 20), "5.0 / 20.0 s at 2x,");
@@ -281,6 +281,6 @@ mod tests {
     fn a_log_without_duration_is_played_as_a_whole() {
         let progress =
             Progress { secs: 0.0, of_secs: 0.0, messages: 1, rate: Rate::Max, paused: false, waits_for: None };
-        assert_eq!(line(&progress, 0), format!("[{}] 0.0 / 0.0 s at max, 1 messages", "#".repeat(BAR)));
+        assert_eq!(line(&progress, 80), format!("[{}] 0.0 / 0.0 s at max, 1 messages", "#".repeat(BAR_LENGTH)));
     }
 }

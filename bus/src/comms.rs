@@ -298,7 +298,7 @@ impl Comms {
     }
 
     /// Whether the client is about to say what has to be said before its mail may flow: until it has, a client that
-    /// takes another's place does not have that place.
+    /// comes as a successor does not have the session.
     pub(crate) fn set_starting(&mut self, starting: bool) {
         self.starting = starting;
     }
@@ -309,7 +309,7 @@ impl Comms {
         }
     }
 
-    /// Says goodbye: whoever leaves without a word is thought to have died, and its place may be kept.
+    /// Says goodbye: whoever leaves without a word is thought to have died, and its session may be kept.
     pub(crate) fn say_goodbye(&mut self) -> Result<(), CommsError> {
         self.flush()?;
         self.up.say_goodbye();

@@ -27,16 +27,7 @@ impl<E: Into<Box<dyn Error + Send + Sync>>> From<E> for Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut said = self.0.to_string();
-        let mut cause = self.0.source();
-        while let Some(error) = cause {
-            let words = error.to_string();
-            if !said.contains(&words) {
-                said = format!("{said}: {words}");
-            }
-            cause = error.source();
-        }
-        f.write_str(&elk_outside::text::printable_lines(&said))
+        write_words(f, &*self.0)
     }
 }
 
@@ -46,12 +37,26 @@ impl fmt::Debug for Failure {
     }
 }
 
+/// Writes an error and its causes, each once, for a terminal, whatever of somebody else's is in them.
+fn write_words(f: &mut fmt::Formatter<'_>, error: &(dyn Error + 'static)) -> fmt::Result {
+    let mut said = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let words = error.to_string();
+        if !said.contains(&words) {
+            said = format!("{said}: {words}");
+        }
+        cause = error.source();
+    }
+    f.write_str(&elk_outside::text::printable_lines(&said))
+}
+
 /// Has errors that a `main` is likely to return as they are show themselves as words there, too.
 macro_rules! words_for_main {
     ($($error:ty),+) => {$(
         impl fmt::Debug for $error {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                fmt::Display::fmt(self, f)
+                write_words(f, self)
             }
         }
     )+};
@@ -69,6 +74,11 @@ mod tests {
         assert_eq!(format!("{error:?}"), "Lamp: no oil");
         let boxed: Box<dyn Error> = crate::OptionError::Twice("Rate".into()).into();
         assert_eq!(format!("{boxed:?}"), "Rate is said twice; once is enough");
+        let odd = crate::OptionError::Twice("Rate\x1b[2J".into());
+        assert_eq!(format!("{odd:?}"), "Rate\\u{1b}[2J is said twice; once is enough", "a terminal only shows it");
+        let dark = Dark("x".parse::<u8>().unwrap_err());
+        let error = crate::RunError::App { app: "Lamp".into(), source: dark.into() };
+        assert_eq!(format!("{error:?}"), "Lamp: the lamp is dark: invalid digit found in string", "with its causes");
     }
 
     #[derive(Debug, thiserror::Error)]

@@ -87,7 +87,7 @@ pub const fn fnv1a(text: &str) -> u64 {
 }
 
 /// Goes on with [`fnv1a`], whose value so far is `hash`, over more bytes: what is hashed in pieces is hashed as a whole.
-pub const fn fnv1a_on(mut hash: u64, bytes: &[u8]) -> u64 {
+const fn fnv1a_on(mut hash: u64, bytes: &[u8]) -> u64 {
     let mut i = 0;
     while i < bytes.len() {
         hash = (hash ^ bytes[i] as u64).wrapping_mul(0x0100_0000_01b3);

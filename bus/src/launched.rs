@@ -14,6 +14,7 @@
 //! joined and its [`App::on_start_up`](crate::App::on_start_up) is through; [`run_app`](crate::run_app) sees to all of that.
 //! By hand it is started as `ELK_COMMUNITY=lab ./my-app Param=Value`.
 
+use std::ffi::OsString;
 use std::fmt::Display;
 use std::path::Path;
 use std::str::FromStr;
@@ -59,7 +60,17 @@ pub enum OptionError {
     Community(#[from] CommunityNameError),
     /// An argument or a variable of the environment is no text.
     #[error("{0:?} is no UTF-8; right are names and values that are")]
-    Text(std::ffi::OsString),
+    Text(OsString),
+    /// A variable of the environment says something that it cannot.
+    #[error("{name}={said}: {right}")]
+    Variable {
+        /// The variable.
+        name: &'static str,
+        /// What it says.
+        said: String,
+        /// What would be right.
+        right: String,
+    },
     /// A parameter is said twice.
     #[error("{0} is said twice; once is enough")]
     Twice(String),
@@ -95,26 +106,18 @@ impl RunOptions {
     /// or a person at a terminal.
     ///
     /// # Errors
-    /// What was handed over is no text, no community's name, or says a parameter twice.
+    /// What was handed over is no text, no community's name, no time, or says a parameter twice.
     pub fn from_launcher() -> Result<Self, OptionError> {
-        let text = |said: std::ffi::OsString| said.into_string().map_err(OptionError::Text);
-        let variable = |name: &str| std::env::var_os(name).map(text).transpose();
         let mut arguments = std::env::args_os();
         let program = arguments.next().map(text).transpose()?.unwrap_or_default();
-        let (name, community) = (variable(NAME)?, variable(COMMUNITY)?);
         let arguments = arguments.map(text).collect::<Result<Vec<_>, _>>()?;
-        Ok(Self::told(&program, name, community, arguments)?.as_launched())
+        Self::told(&program, &variable, arguments)
     }
 
-    fn told(
-        program: &str,
-        name: Option<String>,
-        community: Option<String>,
-        arguments: Vec<String>,
-    ) -> Result<Self, OptionError> {
+    fn told(program: &str, variable: &Variables<'_>, arguments: Vec<String>) -> Result<Self, OptionError> {
         let own_name = || Path::new(program).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let community = Community::new(community.unwrap_or_else(|| USUAL_COMMUNITY.to_owned()))?;
-        let mut options = Self::new(name.unwrap_or_else(own_name), community);
+        let community = Community::new(variable(COMMUNITY)?.unwrap_or_else(|| USUAL_COMMUNITY.to_owned()))?;
+        let mut options = Self::new(variable(NAME)?.unwrap_or_else(own_name), community).succeeding(variable)?;
         for argument in arguments {
             match argument.split_once('=').map(|(name, text)| (name.trim(), text.trim())) {
                 Some((name, _)) if options.text(name).is_some() => return Err(OptionError::Twice(name.to_owned())),
@@ -127,14 +130,32 @@ impl RunOptions {
         Ok(options)
     }
 
-    /// What a launcher has told this process about leases and succession, in its environment:
-    /// [`LEASE`] and [`SUCCEED`].
-    pub fn as_launched(mut self) -> Self {
-        let said = |name: &str| std::env::var(name).ok();
-        let lease = said(LEASE).and_then(|secs| parse_seconds(&secs).ok());
-        self.lease_secs = lease.unwrap_or(self.lease_secs);
-        self.succeeds |= said(SUCCEED).is_some_and(|word| word == "1");
-        self
+    /// What a launcher has told this process about leases and succession, in its environment ([`LEASE`] and [`SUCCEED`]):
+    /// for a program that is told its name and its community otherwise. [`RunOptions::from_launcher`] has it already.
+    ///
+    /// # Errors
+    /// The lease is no time, or the other one is neither `1` nor `0`.
+    pub fn as_launched(self) -> Result<Self, OptionError> {
+        self.succeeding(&variable)
+    }
+
+    fn succeeding(mut self, variable: &Variables<'_>) -> Result<Self, OptionError> {
+        let wrong = |name, said, right| OptionError::Variable { name, said, right };
+        if let Some(said) = variable(LEASE)? {
+            self.lease_secs = match parse_seconds(&said) {
+                Ok(secs @ 0.0..) => secs,
+                Ok(_) => return Err(wrong(LEASE, said, "right is 0 s or more".to_owned())),
+                Err(right) => return Err(wrong(LEASE, said, right)),
+            };
+        }
+        if let Some(said) = variable(SUCCEED)? {
+            self.succeeds = match said.as_str() {
+                "1" => true,
+                "0" | "" => false,
+                _ => return Err(wrong(SUCCEED, said, "right is 1, or 0 as without it".to_owned())),
+            };
+        }
+        Ok(self)
     }
 
     /// What was said of a parameter. As in MOOS, case does not count.
@@ -186,14 +207,46 @@ impl RunOptions {
     }
 }
 
+/// What a variable of the environment says.
+type Variables<'a> = dyn Fn(&'static str) -> Result<Option<String>, OptionError> + 'a;
+
+/// That of this process.
+fn variable(name: &'static str) -> Result<Option<String>, OptionError> {
+    std::env::var_os(name).map(text).transpose()
+}
+
+fn text(said: OsString) -> Result<String, OptionError> {
+    said.into_string().map_err(OptionError::Text)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn launched(variables: &[(&str, &str)], arguments: &[&str]) -> Result<RunOptions, OptionError> {
+        let variable = |name: &'static str| {
+            let said = variables.iter().find(|(one, _)| *one == name);
+            Ok(said.map(|(_, text)| (*text).to_owned()))
+        };
+        RunOptions::told("target/debug/my-app", &variable, arguments.iter().map(ToString::to_string).collect())
+    }
+
     fn told(name: Option<&str>, community: Option<&str>, arguments: &[&str]) -> Result<RunOptions, OptionError> {
-        let owned = |text: &str| text.to_owned();
-        let arguments = arguments.iter().map(|one| owned(one)).collect();
-        RunOptions::told("target/debug/my-app", name.map(owned), community.map(owned), arguments)
+        let variables: Vec<_> =
+            [(NAME, name), (COMMUNITY, community)].into_iter().filter_map(|(n, t)| Some((n, t?))).collect();
+        launched(&variables, arguments)
+    }
+
+    #[test]
+    fn a_lease_and_a_succession_are_what_the_environment_says_or_an_error() {
+        let options = launched(&[(LEASE, "15"), (SUCCEED, "1")], &[]).unwrap();
+        assert_eq!((options.lease_secs, options.succeeds), (15.0, true));
+        let options = launched(&[(SUCCEED, "0")], &[]).unwrap();
+        assert_eq!((options.lease_secs, options.succeeds), (0.0, false));
+        for (name, wrong) in [(LEASE, "soon"), (LEASE, "-1"), (LEASE, "NaN"), (LEASE, ""), (SUCCEED, "yes")] {
+            let error = launched(&[(name, wrong)], &[]).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("{name}={wrong}: ")) && error.contains("right is"), "{error}");
+        }
     }
 
     #[test]

@@ -86,12 +86,13 @@ impl Client {
 }
 
 /// Runs an app as this process, over shared memory, until it stops itself, fails, its successor is ready, or one of
-/// [`stop_signals`] comes; if it is in the midst of a message then, it has [`stop::STOP_PATIENCE`] to come to its end. A launcher
-/// may have told more in the environment (see [`RunOptions::as_launched`]).
+/// [`stop_signals`] comes; if it is in the midst of a message then, it has [`stop::STOP_PATIENCE`] to come to its end. What a
+/// launcher has told this process is in the options of [`RunOptions::from_launcher`] and [`RunOptions::as_launched`]; here
+/// nobody looks for it.
 pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunError> {
     let insistence = stop::Insistence::begin().map_err(RunError::Signals)?;
     let stop = stop_on_signals().map_err(RunError::Signals)?;
-    let mut client = Client::join(&options.clone().as_launched())?;
+    let mut client = Client::join(options)?;
     app::run(&mut *app, &mut client, &stop, Some(insistence))
 }
 

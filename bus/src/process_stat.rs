@@ -5,6 +5,8 @@
 pub struct ProcessStat {
     /// Field 3: `R`, `S`, …; `Z` if it has ended and nobody has waited for it.
     pub state: char,
+    /// Field 4: its parent; 0 if that cannot be seen from here.
+    pub parent: i32,
     /// Field 5: its group; 0 if the group's leader cannot be seen from here.
     pub group: i32,
     /// Fields 14 and 15: CPU that it has used, in the kernel and outside (ticks).
@@ -29,6 +31,7 @@ impl ProcessStat {
         let count = |number: usize| field(number)?.parse::<u64>().ok();
         Some(Self {
             state: field(3)?.chars().next()?,
+            parent: field(4)?.parse().ok()?,
             group: field(5)?.parse().ok()?,
             cpu_ticks: count(14)?.saturating_add(count(15)?),
             started: count(22)?,
@@ -49,7 +52,7 @@ mod tests {
     #[test]
     fn a_name_may_look_like_fields() {
         let mut stat = "7 (a) R 1) S 1 7 7 0 -1 0 0 0 0 0 100 20 0 0 20 0 1 0 4242 999 3\n".to_owned();
-        let found = ProcessStat { state: 'S', group: 7, cpu_ticks: 120, started: 4242, resident_pages: 3 };
+        let found = ProcessStat { state: 'S', parent: 1, group: 7, cpu_ticks: 120, started: 4242, resident_pages: 3 };
         assert_eq!(ProcessStat::parse(&stat), Some(found));
         assert!(!found.has_ended() && ProcessStat { state: 'Z', ..found }.has_ended());
         stat.truncate(30);

@@ -70,7 +70,8 @@ fn role() {
         let config = BrokerConfig::new(community.as_str()).with_mailboxes_of(MAILBOX_BYTES);
         serve_broker(community, config, Clock::new(1.0)).unwrap();
     } else {
-        run_app(Box::new(Reader(record.into())), &RunOptions::new("reader", community)).unwrap();
+        let options = RunOptions::new("reader", community).as_launched().unwrap();
+        run_app(Box::new(Reader(record.into())), &options).unwrap();
     }
 }
 

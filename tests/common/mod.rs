@@ -16,7 +16,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use elk_bus::{Client, Community};
+use elk_bus::{Client, Community, ProcessStat};
 use events::{Events, end_of, once_served, wait_until_gone};
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -167,12 +167,22 @@ impl Elk {
         self.row(app)["pid"].as_i64().unwrap() as i32
     }
 
+    /// The folder of the only run.
+    pub fn run(&self) -> PathBuf {
+        self.run_in("logs")
+    }
+
+    /// The folder of the only run whose logs are in the folder of this name.
+    pub fn run_in(&self, logs: impl AsRef<Path>) -> PathBuf {
+        let runs = std::fs::read_dir(self.folder().join(logs)).unwrap();
+        let runs: Vec<PathBuf> = runs.map(|run| run.unwrap().path()).collect();
+        assert_eq!(runs.len(), 1, "{runs:?}");
+        runs.into_iter().next().unwrap()
+    }
+
     /// The summary of the only run.
     pub fn summary(&self) -> serde_json::Value {
-        let mut runs = std::fs::read_dir(self.folder().join("logs")).unwrap();
-        let run = runs.next().unwrap().unwrap().path();
-        assert!(runs.next().is_none(), "more than one run");
-        serde_json::from_str(&std::fs::read_to_string(run.join("summary.json")).unwrap()).unwrap()
+        summary_of(&self.run())
     }
 
     /// Launches a mission that cannot succeed; what was said.
@@ -267,6 +277,11 @@ impl Drop for Launcher {
     }
 }
 
+/// The summary of a run.
+pub fn summary_of(run: &Path) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(run.join("summary.json")).unwrap()).unwrap()
+}
+
 struct Process {
     id: i32,
     parent: i32,
@@ -278,25 +293,18 @@ fn processes() -> Vec<Process> {
     let entries = std::fs::read_dir("/proc").unwrap().flatten();
     let ids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
     ids.filter_map(|id: i32| {
-        let (state, parent) = state_and_parent(id)?;
+        let stat = ProcessStat::of(id).filter(|stat| !stat.has_ended())?;
         let mut line = Vec::new();
         std::fs::File::open(format!("/proc/{id}/cmdline")).ok()?.read_to_end(&mut line).ok()?;
         let line = String::from_utf8_lossy(&line).into_owned();
-        (state != 'Z').then_some(Process { id, parent, line })
+        Some(Process { id, parent: stat.parent, line })
     })
     .collect()
 }
 
-/// From `/proc/ID/stat`: after the name in parentheses.
-fn state_and_parent(id: i32) -> Option<(char, i32)> {
-    let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
-    let mut fields = stat.rsplit_once(") ")?.1.split(' ');
-    Some((fields.next()?.chars().next()?, fields.next()?.parse().ok()?))
-}
-
 /// Whether a process runs; one that has ended and was not waited for does not.
 pub fn alive(id: i32) -> bool {
-    state_and_parent(id).is_some_and(|(state, _)| state != 'Z')
+    ProcessStat::of(id).is_some_and(|stat| !stat.has_ended())
 }
 
 /// Processes that have the test's community among their arguments.

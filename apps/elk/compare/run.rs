@@ -2,14 +2,17 @@
 
 use std::fmt;
 use std::fs::File;
+use std::os::fd::OwnedFd;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
+use elk_launcher::handle;
 use elk_mission::Override;
 use elk_outside::file;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, pidfd_send_signal};
 use serde_json::Value as Json;
 
 /// The longest summary, and the longest of a run's last words, that are read (bytes).
@@ -30,6 +33,7 @@ pub struct Plan {
 /// A run that was begun.
 pub struct Running {
     child: Child,
+    handle: OwnedFd,
     place: PathBuf,
     row: Row,
     edge_m: Option<f64>,
@@ -89,27 +93,32 @@ impl Running {
         command.arg(format!("--community=compare-{}-{number}", std::process::id()));
         command.args(plan.sets.iter().map(|set| format!("--set={}.{}={}", set.app, set.param, set.text)));
         command.stdin(Stdio::null()).stdout(said.try_clone()?).stderr(said).process_group(0);
-        let child = command.spawn().context("elk cannot be started")?;
+        let mut child = command.spawn().context("elk cannot be started")?;
+        let handle = handle::of_child(Pid::from_child(&child)).inspect_err(|_| {
+            // Nobody could wait for it.
+            let _ = child.kill().and_then(|()| child.wait());
+        });
+        let handle = handle.context("no handle of a new process")?;
         let row = Row { reason: "it said nothing".to_owned(), ..Row::failed(plan, "") };
-        Ok(Self { child, place, row, edge_m: plan.edge_m, asked: false })
+        Ok(Self { child, handle, place, row, edge_m: plan.edge_m, asked: false })
     }
 
     /// Asks it, once, to end: a second time would cut its own end short.
     pub fn end(&mut self) {
-        if !std::mem::replace(&mut self.asked, true)
-            && let Some(pid) = Pid::from_raw(self.child.id() as i32)
-        {
+        if !std::mem::replace(&mut self.asked, true) {
             // It may have ended by itself just now.
-            let _ = kill_process(pid, Signal::TERM);
+            let _ = pidfd_send_signal(&self.handle, Signal::TERM);
         }
     }
 
     /// Whether it has ended.
     pub fn has_ended(&self) -> bool {
-        let mut status = rustix::process::WaitIdOptions::EXITED;
-        status |= rustix::process::WaitIdOptions::NOHANG | rustix::process::WaitIdOptions::NOWAIT;
-        let Some(pid) = Pid::from_raw(self.child.id() as i32) else { return true };
-        !matches!(rustix::process::waitid(rustix::process::WaitId::Pid(pid), status), Ok(None))
+        handle::wait(&[&self.handle], Duration::ZERO)
+    }
+
+    /// What tells when it ends.
+    pub fn handle(&self) -> &OwnedFd {
+        &self.handle
     }
 
     /// What came of it, once it has ended.

@@ -1,6 +1,6 @@
 //! Rows of a comparison as a table for people, a line a strategy, and as CSV, a line a run.
 
-use elk_scope::output::in_columns;
+use elk_scope::Table;
 
 use super::run::Row;
 
@@ -16,9 +16,12 @@ const MEASURES: [Measure; 6] = [
     ("CONTACTS", |row| row.contacts, 1),
 ];
 
+/// Columns that can be done without, the first one first.
+const SPARE: [usize; 4] = [7, 5, 6, 4];
+
 /// A line a strategy: how many of its runs are complete, and mean ± standard deviation of what its runs measured, complete
-/// or not; then a line for each run that is not complete.
-pub fn table(rows: &[Row]) -> String {
+/// or not.
+pub fn table(rows: &[Row]) -> Table<'static> {
     let mut strategies: Vec<&str> = Vec::new();
     for row in rows {
         if !strategies.contains(&row.strategy.as_str()) {
@@ -30,10 +33,14 @@ pub fn table(rows: &[Row]) -> String {
     cells.extend(strategies.iter().map(|strategy| line(strategy, rows)));
     // The last column is free: an empty one has all others aligned.
     cells.iter_mut().for_each(|line: &mut Vec<String>| line.push(String::new()));
-    let lines = in_columns(&cells, &[1, 2, 3, 4, 5, 6, 7]);
-    let lines: String = lines.iter().map(|line| format!("{}\n", line.trim_end())).collect();
-    let failed = rows.iter().filter(|row| !row.complete).map(|row| format!("{row}\n"));
-    lines + &failed.collect::<String>()
+    let is_bad = |strategy: &str| rows.iter().any(|row| row.strategy == strategy && !row.complete);
+    let bad = (1..).zip(&strategies).filter(|(_, strategy)| is_bad(strategy)).map(|(line, _)| line).collect();
+    Table { rows: cells, right: &[1, 2, 3, 4, 5, 6, 7], spare: &SPARE, bad, all: "the CSV file" }
+}
+
+/// A line for each run that is not complete.
+pub fn incomplete(rows: &[Row]) -> String {
+    rows.iter().filter(|row| !row.complete).map(|row| format!("{row}\n")).collect()
 }
 
 fn line(strategy: &str, rows: &[Row]) -> Vec<String> {
@@ -85,6 +92,8 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use elk_outside::colour::Style;
+
     use super::*;
 
     fn row(strategy: &str, seed: u64, way_m: Option<f64>) -> Row {
@@ -96,13 +105,16 @@ mod tests {
     #[test]
     fn a_strategy_is_a_line_with_mean_and_spread_and_a_failure_says_why() {
         let rows = [row("A", 1, Some(1.0)), row("B", 1, Some(7.25)), row("A", 2, Some(3.0)), row("A", 3, None)];
-        let text = table(&rows);
-        let lines: Vec<&str> = text.lines().collect();
+        let shown = table(&rows).lines(None);
+        let lines: Vec<&str> = shown.iter().map(|line| line.text.as_str()).collect();
         assert_eq!(lines[0].split_whitespace().take(4).collect::<Vec<_>>(), ["STRATEGY", "COMPLETE", "WAY", "m"]);
-        assert!(lines[1].starts_with("A") && lines[1].contains("2 of 3  2.0 ± 1.4"), "{text}");
-        assert!(lines[2].starts_with("B") && lines[2].contains("1 of 1") && lines[2].contains(" 7.2"), "{text}");
-        assert_eq!(lines[3], "A, seed 3: NOT complete: the camera fell off, \"again\"");
-        assert_eq!(lines.len(), 4);
+        assert!(lines[1].starts_with("A") && lines[1].contains("2 of 3  2.0 ± 1.4"), "{lines:?}");
+        assert!(lines[2].starts_with("B") && lines[2].contains("1 of 1") && lines[2].contains(" 7.2"), "{lines:?}");
+        assert_eq!((lines.len(), shown[1].style, shown[2].style), (3, Style::Bad, Style::Plain));
+        assert_eq!(incomplete(&rows), "A, seed 3: NOT complete: the camera fell off, \"again\"\n");
+        let narrow = table(&rows).lines(Some(40));
+        assert!(narrow.iter().all(|line| line.text.chars().count() <= 40), "{narrow:?}");
+        assert!(narrow[3].text.starts_with("no room here for"), "{narrow:?}");
     }
 
     #[test]

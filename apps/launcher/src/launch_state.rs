@@ -12,11 +12,12 @@ use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, R
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
+use crate::strays::Run;
 
 /// The variable.
 pub(crate) const KEY: &str = "LAUNCH_STATE";
 /// Counts up when the words change.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// What it is called in the community's folder.
 const KEPT: &str = "launch-state";
 /// How long the broker may take to say the variable's value.
@@ -32,6 +33,8 @@ pub(crate) struct LaunchState {
     number: u64,
     /// The run's folder.
     pub folder: PathBuf,
+    /// By what the mission's processes are known, once there are any.
+    pub run: Option<Run>,
     /// The mission's name, and the file that it was read from.
     name: String,
     file: PathBuf,
@@ -84,6 +87,7 @@ impl LaunchState {
             version: VERSION,
             number: 0,
             folder: folder.to_owned(),
+            run: None,
             name: mission.name.clone(),
             file: std::path::absolute(&mission.file).unwrap_or_else(|_| mission.file.clone()),
             manual,

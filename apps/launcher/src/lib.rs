@@ -20,7 +20,7 @@ mod control;
 mod detach;
 mod error;
 mod guard;
-mod handle;
+pub mod handle;
 mod launch_state;
 mod listener;
 mod observer;
@@ -54,7 +54,8 @@ pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use detach::wait_until_begun;
 pub use error::LaunchError;
 pub use guard::guard;
-pub use provenance::{RerunError, mission_of_run};
+pub use provenance::{RerunError, is_run, mission_of_run};
+pub use run_folder::create as create_run_folder;
 pub use steps::{Spread, StepTimes};
 pub use summary::Summary;
 

@@ -272,8 +272,7 @@ mod tests {
         let (exit, killed) = shell.stop(Duration::ZERO);
         assert_eq!((exit.unwrap().how.as_str(), killed), ("signal 9 (SIGKILL)", true));
         // Killed, it is gone, or a zombie until whoever adopted it looks.
-        let state = || std::fs::read_to_string(format!("/proc/{child}/stat")).unwrap_or_default();
-        while !state().is_empty() && !state().contains(") Z ") {
+        while elk_bus::ProcessStat::of(child).is_some_and(|stat| !stat.has_ended()) {
             std::thread::yield_now();
         }
     }

@@ -75,6 +75,8 @@ pub(crate) struct Processes {
     words: Vec<(Ticket, Word)>,
     explorers: Vec<String>,
     samples: Samples,
+    /// Whether a launcher which is gone has begun the mission.
+    adopted: bool,
     /// Whether they are another launcher's now.
     let_go: bool,
     clock: Stopwatch,
@@ -94,7 +96,10 @@ struct Post {
 impl Processes {
     /// The backend of a mission. Nothing but the guard is started yet.
     pub fn new(mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
-        let run = Run::fresh()?;
+        Self::of_run(Run::fresh()?, mission, yard)
+    }
+
+    fn of_run(run: Run, mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
         let guard = match yard.detached {
             true => None,
             false => Some(Guard::start(&yard.program, &run)?),
@@ -117,6 +122,7 @@ impl Processes {
             words: Vec::new(),
             explorers: Vec::new(),
             samples: Samples::default(),
+            adopted: false,
             let_go: false,
             clock: Stopwatch::start(),
         };
@@ -130,7 +136,9 @@ impl Processes {
     /// next [`Backend::check`].
     pub fn adopt(mission: &Mission, yard: Yard, state: &LaunchState) -> Result<Self, LaunchError> {
         let folder = yard.place.folder.clone();
-        let mut all = Self::new(mission, yard)?;
+        let run = state.run.clone().map_or_else(Run::fresh, Ok)?;
+        let mut all = Self::of_run(run, mission, yard)?;
+        all.adopted = true;
         all.explorers.clone_from(&state.explorers);
         all.posts[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log_of(&folder, DB)));
         all.supervisor.adopt(BROKER, State::Running, Duration::ZERO);
@@ -222,7 +230,10 @@ impl Processes {
     /// Sees who descends from whom before anybody ends: afterwards it cannot be told any more.
     fn look_for_strays(&mut self) {
         let (apps, ours) = self.started();
-        let sights = self.strays.look_now(self.now(), &apps, &ours);
+        let mut sights = self.strays.look_now(self.now(), &apps, &ours);
+        if self.adopted {
+            sights.extend(self.strays.look_for_lost(&self.run, &apps, &ours));
+        }
         self.note(&sights);
     }
 
@@ -596,6 +607,7 @@ impl Backend for Processes {
 
     fn note_state(&self, state: &mut LaunchState) -> bool {
         state.broker = self.posts[BROKER].holder.as_ref().and_then(Process::id);
+        state.run = Some(self.run.clone());
         state.explorers.clone_from(&self.explorers);
         for (place, app) in (BROKER + 1..).zip(&mut state.apps) {
             self.note_app(place, app);

@@ -7,6 +7,7 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use elk_bus::tell;
 use elk_mission::{Mission, Program, element};
+use elk_outside::screen::Screen;
 use elk_outside::text;
 
 use crate::observer::Observer;
@@ -87,19 +88,12 @@ impl Display {
     }
 
     fn write(&self, line: &str) {
-        if self.terminal {
+        match Screen::of(&std::io::stdout()).filter(|_| self.terminal) {
             // The last column stays free: what reaches it may go on in the next line.
-            put(&format!("{REWIND}{}", text::clipped_at_words(line, columns().saturating_sub(1))));
-        } else {
-            put(&format!("{line}\n"));
+            Some(screen) => put(&format!("{REWIND}{}", text::clipped_at_words(line, screen.columns.saturating_sub(1)))),
+            None => put(&format!("{line}\n")),
         }
     }
-}
-
-/// Characters in a line of the terminal as it is now.
-fn columns() -> usize {
-    let size = rustix::termios::tcgetwinsize(std::io::stdout());
-    size.ok().map(|size| usize::from(size.ws_col)).filter(|columns| *columns > 0).unwrap_or(80)
 }
 
 /// Writes to standard output at once. A terminal or a reader that has gone is no reason to end a mission.

@@ -14,8 +14,8 @@ use crate::summary;
 
 /// The file in the run's folder.
 pub(crate) const RUN: &str = "run.json";
-/// The longest that is read (bytes).
-const LONGEST: u64 = 1 << 20;
+/// The longest that is read (bytes): it names a file of each app at least.
+const LONGEST: u64 = 16 * Mission::LONGEST;
 
 /// What a run was made of.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -104,9 +104,8 @@ impl Provenance {
         }
     }
 
-    /// Sees that everything is what it was, but for what is said anew: another world makes another run, and another program
-    /// perhaps one.
-    fn check(&self, anew: &[Override], built: &str) -> Result<(), RerunError> {
+    /// Says that elk itself is another one, and perhaps another run follows.
+    fn compare_elk(&self, built: &str) {
         let (version, revision) = (&self.version, &self.revision);
         if (version.as_str(), revision.as_str()) != (env!("CARGO_PKG_VERSION"), built) {
             tell(format_args!(
@@ -117,22 +116,41 @@ impl Provenance {
                 "this run was made by an elk of sources that no revision has: if this is another, it may go another way",
             );
         }
+    }
+
+    /// Sees that what apps read is what it was, but for what is said anew: another world makes another run.
+    fn check_files(&self, anew: &[Override]) -> Result<(), RerunError> {
         let said =
             |one: &Ingredient| anew.iter().any(|set| set.app == one.app && set.param.eq_ignore_ascii_case(&one.param));
-        for one in self.files.iter().filter(|one| !said(one)) {
-            let (found, was, file) = (checksum(&one.file), one.checksum.clone(), one.file.clone());
-            if found == was {
-                continue;
+        for one in self.files.iter().filter(|one| one.param != EXEC && !said(one)) {
+            let (found, was) = (checksum(&one.file), one.checksum.clone());
+            if found != was {
+                let (app, param, file) = (one.app.clone(), one.param.clone(), one.file.clone());
+                return Err(RerunError::Changed { app, param, file, found, was });
             }
-            if one.param == EXEC {
-                let app = &one.app;
-                tell(format_args!("{app}: {} is not the program that it was: it may go another way", file.display()));
-                continue;
-            }
-            let (app, param) = (one.app.clone(), one.param.clone());
-            return Err(RerunError::Changed { app, param, file, found, was });
         }
         Ok(())
+    }
+
+    /// What is to be said of the programs that `mission`, this run's, would start now, but for those that are said anew: one
+    /// that is not what it was perhaps makes another run.
+    fn other_programs(&self, mission: &Mission, anew: &[Override]) -> Vec<String> {
+        let said = |app: &str| anew.iter().any(|set| set.app == app && ["type", EXEC].contains(&set.param.as_str()));
+        let before = self.files.iter().filter(|one| one.param == EXEC && !said(&one.app));
+        let now: Vec<Ingredient> = mission.apps.iter().filter_map(program).collect();
+        let words = before.filter_map(|was| {
+            let found = now.iter().find(|one| one.app == was.app)?;
+            let (app, file, then) = (&was.app, found.file.display(), was.file.display());
+            match (found.checksum == was.checksum, was.checksum.is_empty()) {
+                (true, false) => None,
+                (_, true) => Some(format!("{app}: nobody can tell whether {file} is the program that it was")),
+                _ if found.file == was.file => {
+                    Some(format!("{app}: {file} is not the program that it was: it may go another way"))
+                }
+                _ => Some(format!("{app}: {file} is not the program that {then} was: it may go another way")),
+            }
+        });
+        words.collect()
     }
 }
 
@@ -144,26 +162,33 @@ fn is_file_name(name: &str) -> bool {
     matches!((steps.next(), steps.next()), (Some(Component::Normal(_)), None))
 }
 
-/// Files that an app reads before anything else, and its program if it is not elk.
-fn ingredients(app: &AppSpec) -> Vec<Ingredient> {
-    let of = |param: &str, file: &Path| {
+impl Ingredient {
+    fn of(app: &AppSpec, param: &str, file: &Path) -> Self {
         let (app, param, file, checksum) = (app.name.clone(), param.to_owned(), file.to_owned(), checksum(file));
-        Ingredient { app, param, file, checksum }
-    };
-    match &app.program {
-        Program::Foreign { exec, .. } => {
-            let path = std::path::absolute(exec).ok().filter(|_| exec.as_os_str().to_string_lossy().contains('/'));
-            vec![of(EXEC, path.as_deref().unwrap_or(exec))]
-        }
-        Program::Builtin(app_type, _) => {
-            let files = app_type.params.iter().filter_map(|param| match param.kind {
-                Kind::File { builtin } => Some((param.name, app.setting(param.name)?, builtin)),
-                _ => None,
-            });
-            let named = files.filter(|(_, file, builtin)| !file.is_empty() && !builtin.contains(file));
-            named.map(|(param, file, _)| of(param, Path::new(file))).collect()
-        }
+        Self { app, param, file, checksum }
     }
+}
+
+/// An app's program, where it is found now, if it is not elk.
+fn program(app: &AppSpec) -> Option<Ingredient> {
+    let Program::Foreign { exec, .. } = &app.program else { return None };
+    // One that is not there is told by whoever would start it.
+    let found = app.program.executable().ok().flatten().unwrap_or_else(|| exec.clone());
+    Some(Ingredient::of(app, EXEC, &std::path::absolute(&found).unwrap_or(found)))
+}
+
+/// Files that an app reads before anything else, and its program.
+fn ingredients(app: &AppSpec) -> Vec<Ingredient> {
+    let files = match &app.program {
+        Program::Builtin(app_type, _) => app_type.params,
+        Program::Foreign { .. } => &[],
+    };
+    let files = files.iter().filter_map(|param| match param.kind {
+        Kind::File { builtin } => Some((param.name, app.setting(param.name)?, builtin)),
+        _ => None,
+    });
+    let named = files.filter(|(_, file, builtin)| !file.is_empty() && !builtin.contains(file));
+    named.map(|(param, file, _)| Ingredient::of(app, param, Path::new(file))).chain(program(app)).collect()
 }
 
 fn checksum(file: &Path) -> String {
@@ -191,6 +216,11 @@ fn is_of_run(app: &AppSpec, param: &str) -> bool {
     }
 }
 
+/// Whether a folder is a run's.
+pub fn is_run(folder: &Path) -> bool {
+    folder.join(RUN).is_file()
+}
+
 /// The mission of a run, from the run's folder, changed by `overrides`. That `revision`, which this program was built from,
 /// is not the run's is said.
 ///
@@ -203,12 +233,14 @@ pub fn mission_of_run(
     revision: &str,
 ) -> Result<Mission, RerunError> {
     let provenance = Provenance::read(folder)?;
-    provenance.check(overrides, revision)?;
-    let mut mission = Mission::load(&folder.join(&provenance.effective_mission), registry, overrides)?;
+    provenance.compare_elk(revision);
+    provenance.check_files(overrides)?;
+    let mut mission = Mission::load_effective(&folder.join(&provenance.effective_mission), registry, overrides)?;
+    provenance.other_programs(&mission, overrides).into_iter().for_each(tell);
     // The next run is called after the file of the first, and keeps that.
     mission.file = folder.join(&provenance.mission);
     let no_run = |source| RerunError::NoRun { file: mission.file.clone(), source };
-    mission.bytes = file::read(&mission.file, LONGEST).map_err(no_run)?;
+    mission.bytes = file::read(&mission.file, Mission::LONGEST_EFFECTIVE).map_err(no_run)?;
     Ok(mission)
 }
 
@@ -229,5 +261,77 @@ mod tests {
         std::fs::write(folder.path().join(RUN), odd).unwrap();
         let error = mission_of_run(folder.path(), &Registry::default(), &[], "").unwrap_err().to_string();
         assert!(error.contains("\"../x\" is no name of a file in it"), "{error}");
+    }
+
+    /// A run of five programs of these names, kept in a folder.
+    fn kept_run(folder: &Path, explorer: &str, more: &str) -> Mission {
+        let text = format!(
+            "<Scenario><Sensor exec=\"/bin/sh\"/><Map exec=\"sh\"/><Explorer exec=\"{explorer}\">{more}</Explorer>\
+             <Controller exec=\"/bin/sh\"/></Scenario>"
+        );
+        let file = folder.join("m.xml");
+        std::fs::write(&file, text).unwrap();
+        let mission = Mission::load(&file, &Registry::default(), &[]).unwrap();
+        keep(&mission, folder, "abc").unwrap();
+        mission
+    }
+
+    fn script(file: &Path, text: &str) {
+        use std::os::unix::fs::PermissionsExt;
+        std::fs::write(file, format!("#!/bin/sh\n{text}\n")).unwrap();
+        std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o755)).unwrap();
+    }
+
+    #[test]
+    fn a_program_is_known_by_what_is_in_it_wherever_it_was_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let mine = folder.path().join("mine");
+        script(&mine, "exit 1");
+        kept_run(folder.path(), "./mine", "");
+        let provenance = Provenance::read(folder.path()).unwrap();
+        let recorded = |app: &str| provenance.files.iter().find(|one| one.app == app && one.param == EXEC).unwrap();
+        let shell = recorded("Map");
+        assert!(shell.file.is_absolute() && shell.checksum.len() == 16, "found in PATH: {shell:?}");
+        assert_eq!(recorded("Explorer").file, mine);
+
+        let again = |sets: &[Override]| {
+            let mission = mission_of_run(folder.path(), &Registry::default(), sets, "abc").unwrap();
+            provenance.other_programs(&mission, sets)
+        };
+        assert_eq!(again(&[]), [""; 0]);
+        script(&mine, "exit 2");
+        let words = again(&[]);
+        assert_eq!(words.len(), 1, "{words:?}");
+        assert!(
+            words[0].starts_with("Explorer: ")
+                && words[0].ends_with("is not the program that it was: it may go another way")
+        );
+        let anew = Override { app: "Explorer".into(), param: "exec".into(), text: "/bin/sh".into() };
+        assert_eq!(again(&[anew]), [""; 0], "it is said anew");
+
+        // Another one is found in PATH than then, as after an update.
+        let mut moved = provenance.clone();
+        let map = moved.files.iter_mut().find(|one| one.app == "Map").unwrap();
+        (map.file, map.checksum) = ("/old/bin/sh".into(), "0".repeat(16));
+        let mission = mission_of_run(folder.path(), &Registry::default(), &[], "abc").unwrap();
+        let words = moved.other_programs(&mission, &[]);
+        assert!(
+            words[0].starts_with("Map: ") && words[0].contains("is not the program that /old/bin/sh was"),
+            "{words:?}"
+        );
+        // Of a run of an older elk nobody knows.
+        moved.files.iter_mut().filter(|one| one.app == "Map").for_each(|one| one.checksum.clear());
+        assert!(moved.other_programs(&mission, &[])[0].contains("nobody can tell whether"));
+    }
+
+    #[test]
+    fn a_mission_that_became_longer_as_it_ran_is_had_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "\"".repeat(400_000);
+        kept_run(folder.path(), "sh", &format!("<Words>{text}</Words>"));
+        assert!(folder.path().join("m.effective.xml").metadata().unwrap().len() > Mission::LONGEST);
+        let mission = mission_of_run(folder.path(), &Registry::default(), &[], "abc").unwrap();
+        let explorer = mission.of_element(element::EXPLORER).next().unwrap();
+        assert_eq!(explorer.setting("Words").map(str::len), Some(text.len()));
     }
 }

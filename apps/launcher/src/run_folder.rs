@@ -15,9 +15,12 @@ const TRIES: u32 = 1000;
 /// The longest name that is taken over from a mission (bytes).
 const LONGEST: usize = 100;
 
-/// Makes, for its owner alone, the folder of a run of `mission` that starts at `now` (s since 1970, UTC); a second one of the same second is
-/// numbered.
-pub(crate) fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, LaunchError> {
+/// Makes, for its owner alone, the folder of a run of `mission` that starts at `now` (s since 1970, UTC); a second one of
+/// the same second is numbered.
+///
+/// # Errors
+/// It cannot be made in `logs`.
+pub fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, LaunchError> {
     let name = format!("{}-{}", plain(mission.file_stem()), stamp(now));
     let unwritable = |source| LaunchError::Folder { folder: logs.to_owned(), source };
     std::fs::create_dir_all(logs).map_err(unwritable)?;

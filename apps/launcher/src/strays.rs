@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use elk_bus::{ProcessId, ProcessStat};
 use rustix::process::{Pid, Signal, WaitOptions, getpid, pidfd_send_signal, waitpid};
+use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
 use crate::handle;
@@ -22,8 +23,8 @@ const UNSEEN: Duration = Duration::from_millis(5);
 /// The environment variable by which whoever descends from a launcher's apps is known, whoever its parent is by now.
 const RUN: &str = "ELK_RUN";
 
-/// A number that no other launcher has.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// A number that no other mission has, whoever launches it by now.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Run(String);
 
 impl Run {
@@ -126,6 +127,19 @@ impl Strays {
             return Vec::new();
         }
         self.look_now(now, apps, ours)
+    }
+
+    /// Looks for descendants that are nobody's children any more: those of a launcher that is gone, to which orphans came,
+    /// are the machine's first process'. Whoever is of a group of `apps` is none.
+    pub fn look_for_lost(&mut self, run: &Run, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sight> {
+        let groups: BTreeSet<i32> = apps.iter().map(|app| app.as_raw_nonzero().get()).collect();
+        let is_lost = |id: &ProcessId| {
+            let is_of_app = group(id.pid).is_some_and(|group| groups.contains(&group));
+            !is_of_app && !ours.contains(&id.pid) && self.known.get(&id.pid).is_none_or(|known| known.id != *id)
+        };
+        let lost: Vec<ProcessId> = run.processes().into_iter().filter(is_lost).collect();
+        self.known.extend(lost.iter().map(|id| (id.pid, Stray { id: *id, app: None, fate: Fate::Spared })));
+        lost.into_iter().map(Sight::Found).collect()
     }
 
     /// As [`Strays::look`], whatever the time.

@@ -292,7 +292,7 @@ fn read_if_said(file: &str) -> Result<String, AppError> {
     match file {
         "" => Ok(String::new()),
         // An effective mission is longer than what it came from.
-        file => Ok(file::read_text(Path::new(file), 4 * Mission::LONGEST)
+        file => Ok(file::read_text(Path::new(file), Mission::LONGEST_EFFECTIVE)
             .map_err(|error| format!("cannot read {file}: {error}"))?),
     }
 }

@@ -49,7 +49,7 @@ fn as_text(seen: &[Seen], columns: Option<usize>) -> Vec<Line> {
     }
     let mut rows = vec![["COMMUNITY", "USER", "PROCESS", "UP", "CLIENTS"].map(str::to_owned).to_vec()];
     rows.extend(seen.iter().map(row));
-    Table { rows, right: &[2, 3], spare: &[2, 1, 3], bad: vec![] }.lines(columns)
+    Table { rows, right: &[2, 3], spare: &[2, 1, 3], ..Table::default() }.lines(columns)
 }
 
 fn row((one, table): &Seen) -> Vec<String> {

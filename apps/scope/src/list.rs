@@ -53,7 +53,7 @@ pub(crate) fn as_text(table: &CommunityTable, variables: &[&VariableEntry], colu
     lines.extend(show::clock(table).map(Line::from));
     match variables {
         [] => lines.push("no variables".to_owned().into()),
-        _ => lines.extend(Table { rows, right: &[3, 4], spare: &[1, 3, 2, 4], bad: vec![] }.lines(columns)),
+        _ => lines.extend(Table { rows, right: &[3, 4], spare: &[1, 3, 2, 4], ..Table::default() }.lines(columns)),
     }
     lines
 }

@@ -1,33 +1,13 @@
 //! Where a scope writes: lines that follow each other, or a page that is written anew in place.
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 
 use elk_outside::colour::{self, Style};
+pub use elk_outside::screen::Screen;
 use elk_outside::text;
 use serde::Serialize;
 
 use crate::error::ScopeError;
-
-/// The size of a terminal, in characters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Screen {
-    /// Characters in a line.
-    pub columns: usize,
-    /// Lines.
-    pub rows: usize,
-}
-
-impl Screen {
-    /// The terminal that standard output is, if it is one.
-    pub fn of_standard_output() -> Option<Self> {
-        let out = std::io::stdout();
-        if !out.is_terminal() {
-            return None;
-        }
-        let size = rustix::termios::tcgetwinsize(&out).ok().filter(|size| size.ws_col > 0 && size.ws_row > 1);
-        Some(size.map_or(Self { columns: 80, rows: 24 }, |s| Self { columns: s.ws_col.into(), rows: s.ws_row.into() }))
-    }
-}
 
 /// Where a scope writes.
 pub struct Output<'a> {
@@ -51,7 +31,7 @@ impl<'a> Output<'a> {
     /// Writes to standard output, which `to` is: to its terminal, as wide as that is at the time, with colours if they
     /// are wanted, or to a pipe or file.
     pub fn standard(to: &'a mut dyn Write) -> Self {
-        let (look, colours) = (Screen::of_standard_output, colour::on(&std::io::stdout()));
+        let (look, colours) = (|| Screen::of(&std::io::stdout()), colour::on(&std::io::stdout()));
         Self { to, screen: look(), look, colours, standing: 0, resized: false }
     }
 
@@ -175,6 +155,8 @@ pub struct Table<'a> {
     pub spare: &'a [usize],
     /// Rows, from 1, that something has to be done about.
     pub bad: Vec<usize>,
+    /// What has all columns, where one is left out; if nothing is said here, `--json`.
+    pub all: &'a str,
 }
 
 impl Table<'_> {
@@ -204,7 +186,8 @@ impl Table<'_> {
         let gone: Vec<&str> =
             heads.filter(|(column, _)| !kept.contains(column)).map(|(_, head)| head.as_str()).collect();
         if !gone.is_empty() {
-            lines.push(clip(format!("no room here for {}; --json has all", gone.join(", "))).into());
+            let all = if self.all.is_empty() { "--json" } else { self.all };
+            lines.push(clip(format!("no room here for {}; {all} has all", gone.join(", "))).into());
         }
         lines
     }
@@ -308,7 +291,7 @@ mod tests {
             row(["Map", "OctoMap", "0", "3 Hz", "signal 9 (SIGKILL), and more"]),
             row(["Explorer", "Potential", "-", "12 Hz", "-"]),
         ];
-        let table = Table { rows, right: &[2, 3], spare: &[1, 2, 3], bad: vec![1] };
+        let table = Table { rows, right: &[2, 3], spare: &[1, 2, 3], bad: vec![1], ..Table::default() };
         let whole = table.lines(None);
         assert_eq!(whole[1], "Map       OctoMap       0   3 Hz  signal 9 (SIGKILL), and more");
         assert_eq!([whole[0].style, whole[1].style, whole[2].style], [Style::Head, Style::Bad, Style::Plain]);

@@ -95,7 +95,7 @@ impl Rates {
         rows.extend(meter.counts().map(|one| self.row(secs, one)));
         let mut lines = match rows.len() {
             1 => vec![format!("nothing was said in {secs} s").into()],
-            _ => Table { rows, right: &[2, 3, 4, 5, 6, 7], spare: &[2, 7, 4, 6, 5], bad: vec![] }.lines(columns),
+            _ => Table { rows, right: &[2, 3, 4, 5, 6, 7], spare: &[2, 7, 4, 6, 5], ..Table::default() }.lines(columns),
         };
         if missed > 0 {
             lines.push(format!("… {missed} messages missed: more is said than this command can read").into());
@@ -144,7 +144,7 @@ impl Rates {
             }
             Quantity::Bandwidth => {
                 let sizes = count.sizes;
-                json["bytes_per_sec"] = (sizes.sum() / secs).into();
+                json["bytes_per_sec"] = if silence.is_some() { 0.0 } else { sizes.sum() / secs }.into();
                 json["min_bytes"] = known(sizes.count, sizes.min);
                 json["mean_bytes"] = known(sizes.count, sizes.mean);
                 json["max_bytes"] = known(sizes.count, sizes.max);
@@ -221,6 +221,9 @@ mod tests {
         assert_eq!((&json["sources"][0]["rate_hz"], &json["sources"][0]["silent_secs"]), (&json!(0.0), &json!(1.0)));
         assert!(page[2].text.starts_with("SLOW") && !page[2].text.contains("silent"), "it may yet come: {page:?}");
         assert!(rates(Quantity::Bandwidth).as_text(&meter, 0, None)[1].text.contains("silent"));
+        let json = rates(Quantity::Bandwidth).as_json(&meter, 2.0, 0);
+        assert_eq!(json["sources"][0]["bytes_per_sec"], 0.0, "as many as the table for people says: {json}");
+        assert_eq!(json["sources"][1]["bytes_per_sec"], 40.0, "{json}");
         (0..12).for_each(|_| meter.tick());
         assert!(rates(Quantity::Rate).as_text(&meter, 0, None)[1].text.contains("silent 13.0 s"), "and still");
     }

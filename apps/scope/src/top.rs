@@ -146,13 +146,19 @@ impl<'a> Change<'a> {
         ];
         rows.extend(self.clients.iter().map(ClientChange::row));
         let losing = self.clients.iter().zip(1..).filter(|(client, _)| client.dropped > 0).map(|(_, row)| row);
-        let clients = Table { rows, right: &[1, 2, 3, 4, 5, 6, 7], spare: &[7, 3, 5, 4, 6], bad: losing.collect() };
+        let clients = Table {
+            rows,
+            right: &[1, 2, 3, 4, 5, 6, 7],
+            spare: &[7, 3, 5, 4, 6],
+            bad: losing.collect(),
+            ..Table::default()
+        };
         lines.extend(clients.lines(columns));
         let mut rows =
             vec![["VARIABLE", "TYPE", "WRITER", "RATE", "BANDWIDTH", "MESSAGES"].map(str::to_owned).to_vec()];
         rows.extend(self.variables.iter().map(VariableChange::row));
         lines.push(String::new().into());
-        lines.extend(Table { rows, right: &[3, 4, 5], spare: &[5, 1, 2, 4], bad: vec![] }.lines(columns));
+        lines.extend(Table { rows, right: &[3, 4, 5], spare: &[5, 1, 2, 4], ..Table::default() }.lines(columns));
         lines
     }
 

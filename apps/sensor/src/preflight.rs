@@ -1,6 +1,6 @@
 //! Whether a simulated mission can be run in its world, looked at before anything starts.
 
-use elk_mission::{Findings, Mission, Params};
+use elk_mission::{Mission, Params, PreflightReport};
 use elk_spatial::Bounds;
 use elk_world::suitability::{Suitability, Wanted, suitability};
 use nalgebra::{Point3, Vector3};
@@ -12,7 +12,7 @@ const RESOLUTION_M: f64 = 0.1;
 
 /// Loads the world, and sees that the robot can start in it, and that map and filters have something of what it sees
 /// there.
-pub(crate) fn preflight(params: &Params, mission: &Mission) -> Findings {
+pub(crate) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
     let looked = pixels(params).and_then(|_| {
         let world = world(params)?;
         let start = start(params, &world)?;
@@ -20,11 +20,11 @@ pub(crate) fn preflight(params: &Params, mission: &Mission) -> Findings {
     });
     let named = |what: String| format!("World {}: {what}", params.text("World"));
     match looked {
-        Ok(Suitability { faults, warnings }) => Findings {
+        Ok(Suitability { faults, warnings }) => PreflightReport {
             faults: faults.into_iter().map(named).collect(),
             warnings: warnings.into_iter().map(named).collect(),
         },
-        Err(error) => Findings::fault(error),
+        Err(error) => PreflightReport::fault(error),
     }
 }
 

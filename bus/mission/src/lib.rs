@@ -50,7 +50,7 @@ pub use name::is_app_name;
 pub use nearest::{instead, nearest};
 pub use params::{ParamValue, Params};
 pub use policy::{Policy, Restart};
-pub use preflight::{Findings, NotReady, Preflight};
+pub use preflight::{NotReady, Preflight, PreflightReport};
 pub use problem::{Place, Problem, Problems};
 pub use registry::Registry;
 pub use setting::{Override, OverrideError};

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use elk_outside::file;
 
+use crate::exchange::executable;
 use crate::params::Params;
 use crate::policy::Policy;
 use crate::problem::{Findings, Problems};
@@ -92,14 +93,34 @@ pub enum MissionError {
 impl Mission {
     /// The longest mission file that is read (bytes); one of a thousand apps is shorter.
     pub const LONGEST: u64 = 512_000;
+    /// The longest mission that a run keeps as it ran (bytes): every default is said in it, and a character of a text may
+    /// have become six.
+    pub const LONGEST_EFFECTIVE: u64 = 16 * Self::LONGEST;
 
     /// Reads and checks a mission file, changed by `overrides`.
     ///
     /// # Errors
     /// The file cannot be read, or everything that is wrong with it.
     pub fn load(file: &Path, registry: &Registry, overrides: &[Override]) -> Result<Self, MissionError> {
+        Self::load_up_to(Self::LONGEST, file, registry, overrides)
+    }
+
+    /// As [`Mission::load`], of a mission as it ran ([`Mission::to_xml`]).
+    ///
+    /// # Errors
+    /// As there.
+    pub fn load_effective(file: &Path, registry: &Registry, overrides: &[Override]) -> Result<Self, MissionError> {
+        Self::load_up_to(Self::LONGEST_EFFECTIVE, file, registry, overrides)
+    }
+
+    fn load_up_to(
+        longest: u64,
+        file: &Path,
+        registry: &Registry,
+        overrides: &[Override],
+    ) -> Result<Self, MissionError> {
         let unreadable = |source| MissionError::Unreadable { file: file.to_owned(), source };
-        let bytes = file::read(file, Self::LONGEST).map_err(unreadable)?;
+        let bytes = file::read(file, longest).map_err(unreadable)?;
         let text = source::text_of(&bytes).map_err(|(findings, text)| findings.located(file, &text))?;
         Ok(Self { bytes, ..Self::parse(&text, file, registry, overrides)? })
     }
@@ -120,6 +141,19 @@ impl Mission {
     /// The apps of an element, in the order of the file.
     pub fn of_element(&self, element: &str) -> impl Iterator<Item = &AppSpec> {
         self.apps.iter().filter(move |app| app.element == element)
+    }
+}
+
+impl Program {
+    /// The file that runs, found as it will be at the start: a path as it is, a bare name in `PATH`; none: it is elk itself.
+    ///
+    /// # Errors
+    /// There is none that can be run, in words.
+    pub fn executable(&self) -> Result<Option<PathBuf>, String> {
+        match self {
+            Self::Builtin(..) => Ok(None),
+            Self::Foreign { exec, .. } => executable(&exec.to_string_lossy(), Path::new("")).map(Some),
+        }
     }
 }
 

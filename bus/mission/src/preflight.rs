@@ -4,26 +4,23 @@
 //! An [`AppType`](crate::AppType) may bring a look of its own at what it needs; of any other type it is seen that it
 //! can be built. So what passes here starts.
 
-use std::path::Path;
-
-use crate::exchange::executable;
 use crate::mission::{AppSpec, Mission, Program};
 use crate::params::Params;
 
 /// How an app type looks at what one of its apps needs, in the mission that it is part of. It starts and changes
 /// nothing.
-pub type Preflight = fn(&Params, &Mission) -> Findings;
+pub type Preflight = fn(&Params, &Mission) -> PreflightReport;
 
-/// What a look came to.
+/// What such a look came to.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Findings {
+pub struct PreflightReport {
     /// Why the app could not do its work; what was found and what would be right.
     pub faults: Vec<String>,
     /// What will probably not be as it was meant.
     pub warnings: Vec<String>,
 }
 
-impl Findings {
+impl PreflightReport {
     /// One fault.
     pub fn fault(what: impl ToString) -> Self {
         Self { faults: vec![what.to_string()], warnings: Vec::new() }
@@ -54,15 +51,14 @@ impl Mission {
         if faults.is_empty() { Ok(warnings) } else { Err(NotReady { faults }) }
     }
 
-    fn look_at(&self, app: &AppSpec) -> Findings {
+    fn look_at(&self, app: &AppSpec) -> PreflightReport {
         match &app.program {
             Program::Builtin(app_type, params) => match app_type.preflight {
                 Some(look) => look(params, self),
-                None => (app_type.build)(params).map_or_else(Findings::fault, |_| Findings::default()),
+                None => (app_type.build)(params).map_or_else(PreflightReport::fault, |_| PreflightReport::default()),
             },
-            Program::Foreign { exec, .. } => {
-                let said = exec.to_string_lossy();
-                executable(&said, Path::new("")).map_or_else(Findings::fault, |_| Findings::default())
+            program @ Program::Foreign { .. } => {
+                program.executable().map_or_else(PreflightReport::fault, |_| PreflightReport::default())
             }
         }
     }

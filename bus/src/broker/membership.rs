@@ -73,7 +73,7 @@ pub struct Session {
     pub registrations: Vec<Registration>,
 }
 
-/// How long those who come in the place of the dead wait, after a broker's death, for those who live to come back and say
+/// How long those who take over sessions of the dead wait, after a broker's death, for those who live to come back and say
 /// again what they know (s).
 const RETURN_PATIENCE_SECS: f64 = 2.0;
 
@@ -193,7 +193,7 @@ impl Broker {
     }
 
     /// Whether the client's next batch has to wait until it has the session that it came for.
-    pub(super) fn waits_for_its_place(client: &Client) -> bool {
+    pub(super) fn waits_for_its_session(client: &Client) -> bool {
         matches!(client.standing, Standing::Joining { ready: true, .. })
     }
 
@@ -231,7 +231,7 @@ impl Broker {
         awaited && self.returns_awaited_until.is_some_and(|until| now < until)
     }
 
-    /// Lets those take their places who waited for others to come back.
+    /// Gives those their sessions who waited for others to come back.
     pub(super) fn seat_those_who_wait(&mut self, now: f64) {
         if self.returns_awaited_until.is_none() || self.awaits_returns(now) {
             return;

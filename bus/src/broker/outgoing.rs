@@ -12,7 +12,7 @@ impl Broker {
         let patience = self.config.lossless_patience_secs;
         let full = |id: &ClientId| self.clients.get(id).is_some_and(|c| c.mailbox.holds_back(now, patience));
         let client = self.clients.get(&from);
-        client.is_some_and(|client| Self::waits_for_its_place(client) || client.feeds.iter().any(full))
+        client.is_some_and(|client| Self::waits_for_its_session(client) || client.feeds.iter().any(full))
     }
 
     /// Whether publishers wait until a client has read what they sent it. One that has stopped reading is waited for with

@@ -88,7 +88,7 @@ pub fn a_broker_may_die_and_nothing_is_lost_or_heard_twice<T: Transport + Sync>(
 }
 
 pub fn what_was_left_by_those_who_are_gone_outlives_brokers<T: Transport>() {
-    let t = T::start("legacy");
+    let t = T::start("left-by-the-dead");
     let mut a = t.connect("a").unwrap();
     a.comms.notify("NUMBER", 1.0).unwrap();
     a.comms.notify("TEXT", "last will").unwrap();

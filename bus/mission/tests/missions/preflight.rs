@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use elk_mission::{AppType, Findings, Kind, Mission, ParamSpec, Params, Preflight, Registry};
+use elk_mission::{AppType, Kind, Mission, ParamSpec, Params, Preflight, PreflightReport, Registry};
 
 use crate::table::{param, unbuilt};
 
 /// What the file cannot show is looked at before anything starts, all of it at once.
 #[test]
 fn executables_and_what_apps_need_are_looked_at() {
-    fn look(params: &Params, mission: &Mission) -> Findings {
+    fn look(params: &Params, mission: &Mission) -> PreflightReport {
         let warnings = vec![format!("{} apps, K is {}", mission.apps.len(), params.number("K"))];
         let faults = if params.number("K") > 2.0 { vec!["K is too much".to_owned()] } else { Vec::new() };
-        Findings { faults, warnings }
+        PreflightReport { faults, warnings }
     }
     const K: ParamSpec = param("K", Kind::Number { unit: "", min: 0.0, max: 9.0 }, Some("1"), "A number.");
     const fn row(name: &'static str, preflight: Option<Preflight>) -> AppType {
