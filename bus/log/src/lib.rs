@@ -19,7 +19,7 @@
 //! | [`index`] | what is in a log, and where, without reading it |
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
 //! | [`alog`], [`csv`] | MOOS' own text logs, out and in; numbers for spreadsheets |
-//! | `foreign` | what other tools have written into a log |
+//! | `foreign`, `plain` | what other tools have written into a log; JSON that is a number or a text |
 //! | `encoding`, `channel`, `schema`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
 
 pub mod alog;
@@ -42,6 +42,7 @@ pub mod fuzzing;
 mod head;
 pub mod index;
 mod judge;
+mod plain;
 mod protobuf;
 mod reader;
 mod record;
