@@ -242,3 +242,29 @@ fn what_a_run_came_from_is_put_back_as_well() {
         assert_eq!((mended.metadata().seed, &mended.metadata().mission), (said.seed, &said.mission), "{marker}");
     }
 }
+
+/// Regression: one flipped bit of a packed chunk can make one of what it unpacks to; so can others, by chance.
+#[test]
+fn a_packed_chunk_that_had_to_be_mended_is_doubtful() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, to) = (folder.path().join("damaged.mcap"), folder.path().join("mended.mcap"));
+    let finished = log_bytes(folder.path(), Compression::Lz4);
+    let killed = &finished[..records_of(&finished, 8).last().unwrap().1.end];
+    let chunk = &chunks_of(&finished)[3];
+    let unpacked_otherwise = |at: &usize| {
+        let mut packed = finished[chunk.packed.clone()].to_vec();
+        packed[*at] ^= 1;
+        let bits =
+            unpack("lz4", &packed).iter().zip(&chunk.unpacked).map(|(one, other)| (one ^ other).count_ones()).sum();
+        Some(bits).filter(|bits: &u32| *bits > 0)
+    };
+    let at = (100..chunk.packed.len()).find(|at| unpacked_otherwise(at) == Some(1)).expect("a byte that is not packed");
+    let mut damaged = killed.to_vec();
+    damaged[chunk.packed.start + at] ^= 1;
+    std::fs::write(&path, damaged).unwrap();
+    let copied = recover(&path, &to, LogOptions::default(), &mut |_, _| {}).unwrap();
+    assert_eq!((copied.records, copied.doubtful as usize), (MESSAGES, chunk.messages.len()), "{:?}", copied.damage);
+    assert!(copied.damage.iter().any(|reason| reason.contains("but for one bit")), "{:?}", copied.damage);
+    let read = LogReader::open(&to).unwrap().map(Result::unwrap);
+    assert!(read.zip(0..).all(|(read, number)| read == record(number)), "the bit is put back all the same");
+}
