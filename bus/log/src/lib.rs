@@ -10,7 +10,7 @@
 //!
 //! | module | one idea |
 //! |---|---|
-//! | `writer`, `staging` | a log that grows, over a disk that may be full |
+//! | `writer`, `staging`, `again` | a log that grows, over a disk that may be full; its channels said again |
 //! | `reader`, `segment` | a run's records; one file's messages |
 //! | `container`, `chunk` | one file's bytes, whole or not, honest or not; what is packed |
 //! | `salvage`, `judge`, `flip` | what can be had of a damaged file; what is a record in it; a flipped bit found |
@@ -22,6 +22,7 @@
 //! | `foreign`, `plain` | what other tools have written into a log; JSON that is a number or a text |
 //! | `encoding`, `channel`, `schema`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
 
+mod again;
 pub mod alog;
 mod channel;
 pub mod check;

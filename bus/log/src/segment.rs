@@ -9,6 +9,7 @@ use mcap::records::{self, ChunkIndex, Record as McapRecord, Statistics, op};
 
 use elk_outside::file;
 
+use crate::again::{self, SaidChannel};
 use crate::channel::{Channel, ChannelKind, text};
 use crate::container::{self, Container, Found, read_error};
 use crate::encoding::{self, Decoded, Scratch, seconds};
@@ -184,8 +185,9 @@ impl Segment {
                 Found::Record(op::CHANNEL) if channels.len() < usize::from(u16::MAX) => {
                     channels.push(self.records.body().to_vec());
                 }
-                // What is wrong with any of them is said when they are read once more.
-                Found::Record(opcode @ op::SCHEMA) => drop(self.note(opcode)?),
+                // What is wrong with any of them is said when they are read once more. Channels that are said again have
+                // a checksum of their own, and come first.
+                Found::Record(opcode @ (op::SCHEMA | op::METADATA)) => drop(self.note(opcode)?),
                 Found::End => break,
                 _ => {}
             }
@@ -458,6 +460,10 @@ impl Segment {
             McapRecord::Metadata(metadata) if metadata.name == encoding::ELK => {
                 return Ok(self.note_metadata(&metadata)?.map(|()| true));
             }
+            McapRecord::Metadata(metadata) if metadata.name == again::NAME => {
+                let said = again::channels(&metadata);
+                return Ok(said.into_iter().try_for_each(|channel| self.note_said(channel)).map(|()| true));
+            }
             McapRecord::Attachment { header, data, crc } => {
                 if crc != 0 && crc != attachment_crc(self.records.body()) {
                     return Ok(Err(format!("the attachment {} does not agree with its checksum", header.name)));
@@ -498,8 +504,22 @@ impl Segment {
         Ok(())
     }
 
+    /// Takes note of a channel that is said again.
+    fn note_said(&mut self, said: SaidChannel) -> Result<(), String> {
+        let SaidChannel { id, topic, schema, encoding: message_encoding, metadata } = said;
+        if self.channel(id).is_some() {
+            return Ok(());
+        }
+        let schema = Arc::new(Schema { name: schema, ..Schema::default() });
+        let channel = records::Channel { id, schema_id: 0, topic, message_encoding, metadata };
+        let channel = Channel::announced(channel, Some(&schema));
+        self.keep_names(channel.names_bytes())?;
+        self.announce(id, Arc::new(channel));
+        Ok(())
+    }
+
     /// The message that was found last as another tool wrote it, if one did.
-    pub fn foreign(&self) -> Option<(&Channel, &[u8])> {
+    pub fn foreign(&self) -> Option<(&Arc<Channel>, &[u8])> {
         let body = self.records.body();
         let channel = self.channel(head(body)?.0)?;
         matches!(channel.kind, ChannelKind::Foreign(_)).then_some((channel, body))
