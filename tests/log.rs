@@ -319,6 +319,22 @@ fn prune_deletes_old_runs_only_when_it_is_told_to() {
     assert_eq!(elk_log(&elk, &["prune"]).0, Some(2), "nothing is deleted that nobody asked for");
 }
 
+/// Regression: a run that had nothing to record for a minute, because it was paused, say, was deleted under its logger.
+#[test]
+fn prune_leaves_a_run_whose_log_is_still_written() {
+    let elk = Elk::new("log-prune-paused");
+    let folder = elk.folder().join("logs/paused");
+    std::fs::create_dir_all(&folder).unwrap();
+    let log = LogWriter::create(&folder.join("log.mcap"), &Metadata::default()).unwrap();
+    let long_ago = std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_700_000_000);
+    std::fs::File::open(folder.join("log.mcap")).unwrap().set_modified(long_ago).unwrap();
+    assert!(succeed(&elk, &["prune", "--keep", "0", "--delete"]).contains("0 runs deleted"));
+    assert!(folder.exists());
+    drop(log);
+    assert!(succeed(&elk, &["prune", "--keep", "0", "--delete"]).contains("1 runs deleted"));
+    assert!(!folder.exists());
+}
+
 fn say(speaker: &mut Client, key: &str, number: f64) {
     speaker.comms.notify(key, number).unwrap();
     speaker.comms.flush().unwrap();

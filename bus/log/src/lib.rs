@@ -61,6 +61,6 @@ pub use error::LogError;
 pub use index::{Index, Topic};
 pub use reader::LogReader;
 pub use record::{Metadata, Record, RecordRef};
-pub use segments::segments;
+pub use segments::{is_written, segments};
 pub use selection::Selection;
 pub use writer::{Compression, LogOptions, LogWriter, MAX_STAGED_BYTES};

@@ -249,7 +249,8 @@ impl Segment {
 
     /// As [`Segment::metadata_of`], of a file that may be damaged.
     pub fn metadata_of_damaged(path: &Path) -> Result<Metadata, LogError> {
-        Self::open_damaged(path)?.read_metadata()
+        // What it says of the run needs no channels: all of the file is not read for them.
+        Self::of(path, Records::Salvaged(Box::new(Salvage::open(path)?))).read_metadata()
     }
 
     fn read_metadata(mut self) -> Result<Metadata, LogError> {

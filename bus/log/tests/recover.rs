@@ -35,8 +35,8 @@ fn record(number: u64) -> Record {
         1 => Value::Text(format!("line {number} of many, and some more words for each of them")),
         _ => {
             let mut random = Random(number);
-            let bytes =
-                (0..400 + 7 * number as usize % 4000).map(|at| if at % 4 == 3 { 0x41 } else { random.below(64) as u8 });
+            let bytes = (0..400 + 7 * (number as usize % 4000) % 4000)
+                .map(|at| if at % 4 == 3 { 0x41 } else { random.below(64) as u8 });
             Value::Binary { type_name: "Points".into(), layout: 1, bytes: bytes.collect() }
         }
     };
