@@ -99,6 +99,20 @@ fn info_says_what_is_in_a_log_whole_or_not() {
     assert!(info["messages"].as_u64().is_some_and(|count| (1..9).contains(&count)), "{info}");
 }
 
+/// Regression: a tree was built of whatever a log says of its run, for sixteen times its length.
+#[test]
+fn what_a_log_says_of_its_run_is_shown_as_a_text_if_it_is_long() {
+    let elk = Elk::new("log-long-run");
+    for (zeros, is_text) in [(10, false), (1 << 20, true)] {
+        let path = elk.folder().join("log.mcap");
+        let _ = std::fs::remove_file(&path);
+        let run = format!("[{}0]", "0,".repeat(zeros));
+        LogWriter::create(&path, &Metadata { run, ..Metadata::default() }).unwrap().finish().unwrap();
+        let info: Json = serde_json::from_str(&succeed(&elk, &["info", ".", "--json"])).unwrap();
+        assert_eq!((info["run"].is_string(), info["run"].is_array()), (is_text, !is_text));
+    }
+}
+
 #[test]
 fn check_finds_every_flipped_byte() {
     let elk = Elk::new("log-check");

@@ -32,6 +32,10 @@ const MOST_COMPLAINTS: u64 = 20;
 /// A list in a value that is shown has at most so many entries; longer ones are counted.
 const LONGEST_LIST: usize = 16;
 
+/// What a log says of its run is shown as the text that it is if it is longer (bytes): a tree of it takes many times its
+/// length.
+const LONGEST_RUN: usize = 1 << 20;
+
 /// What is said of a log that is not whole.
 const HOW_TO_MEND: &str = "  elk log recover makes a whole one of all that can be had of it\n";
 
@@ -318,7 +322,7 @@ fn info_json(index: &Index) -> Result<String> {
         "world": world,
         "world_checksum": world_checksum,
         "effective_mission": effective_mission,
-        "run": serde_json::from_str::<Json>(run).unwrap_or_default(),
+        "run": if run.len() > LONGEST_RUN { Json::from(run.as_str()) } else { serde_json::from_str(run).unwrap_or_default() },
     });
     Ok(text::printable_json(&serde_json::to_string_pretty(&info)?).into_owned() + "\n")
 }
