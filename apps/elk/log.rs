@@ -32,8 +32,8 @@ const MOST_COMPLAINTS: u64 = 20;
 /// A list in a value that is shown has at most so many entries; longer ones are counted.
 const LONGEST_LIST: usize = 16;
 
-/// What a log says of its run is shown as the text that it is if it is longer (bytes): a tree of it takes many times its
-/// length.
+/// What a log says of its run is shown as the text that it is if it is longer (bytes): a tree of it takes many times
+/// its length.
 const LONGEST_RUN: usize = 1 << 20;
 
 /// What is said of a log that is not whole.
@@ -305,6 +305,10 @@ fn info_json(index: &Index) -> Result<String> {
     let Metadata { mission_name, version, seed, started, world, world_checksum, effective_mission, run, .. } =
         &index.metadata;
     let span = index.span();
+    let said = match run.len() > LONGEST_RUN {
+        true => Json::from(run.as_str()),
+        false => serde_json::from_str(run).unwrap_or_default(),
+    };
     let info = json!({
         "files": index.files().collect::<Vec<_>>(),
         "bytes": index.bytes(),
@@ -322,7 +326,7 @@ fn info_json(index: &Index) -> Result<String> {
         "world": world,
         "world_checksum": world_checksum,
         "effective_mission": effective_mission,
-        "run": if run.len() > LONGEST_RUN { Json::from(run.as_str()) } else { serde_json::from_str(run).unwrap_or_default() },
+        "run": said,
     });
     Ok(text::printable_json(&serde_json::to_string_pretty(&info)?).into_owned() + "\n")
 }
@@ -602,8 +606,8 @@ fn beside(log: &Path, to: Format) -> PathBuf {
     if log.is_dir() { log.join("log").with_extension(extension) } else { log.with_extension(extension) }
 }
 
-/// When the run of a log began (s since 1970): MOOS counts from there. A log that does not say so begins with its earliest
-/// message.
+/// When the run of a log began (s since 1970): MOOS counts from there. A log that does not say so begins with its
+/// earliest message.
 fn started(log: &Path) -> Result<f64> {
     let mut reader = LogReader::open(log)?;
     let started = reader.metadata().started;

@@ -1,8 +1,9 @@
 //! Channels said again: so that they outlive the place where they were announced.
 //!
-//! A channel is announced once, in the chunk of its first message, and once more at the end of the file. If the logger was
-//! killed there is no end, and whatever makes that chunk unreadable takes the names of all that its channels said. So the
-//! writer says them again in a metadata record beside the chunks, which other programs pass over: as JSON, with its checksum.
+//! A channel is announced once, in the chunk of its first message, and once more at the end of the file. If the logger
+//! was killed there is no end, and whatever makes that chunk unreadable takes the names of all that its channels said.
+//! So the writer says them again in a metadata record beside the chunks, which other programs pass over: as JSON, with
+//! its checksum.
 
 use std::collections::BTreeMap;
 

@@ -1,10 +1,11 @@
 //! Numbers for spreadsheets: one line a number, `time,key,source,value`.
 //!
-//! Besides the doubles of the bus these are the numbers in the fields of typed values and of texts that are JSON: a pose as
-//! `SIM_SENSOR.pose.x`, `.y`, `.z` (m) and `.qx`, `.qy`, `.qz`, `.qw`, the entries of a list by their index (`POINT[2]`) as
-//! long as there are at most [`LONGEST_LIST`], what is true or false as 1 or 0. Times count from the log's earliest
-//! message (s). A text of more than [`LONGEST_JSON`] bytes, or deeper than 127 levels, is a text; a field to which a name of
-//! more than [`LONGEST_NAME`] bytes leads has no line, so that a small text does not make a large table.
+//! Besides the doubles of the bus these are the numbers in the fields of typed values and of texts that are JSON: a
+//! pose as `SIM_SENSOR.pose.x`, `.y`, `.z` (m) and `.qx`, `.qy`, `.qz`, `.qw`, the entries of a list by their index
+//! (`POINT[2]`) as long as there are at most [`LONGEST_LIST`], what is true or false as 1 or 0. Times count from the
+//! log's earliest message (s). A text of more than [`LONGEST_JSON`] bytes, or deeper than 127 levels, is a text; a
+//! field to which a name of more than [`LONGEST_NAME`] bytes leads has no line, so that a small text does not make a
+//! large table.
 
 use std::io::Write;
 

@@ -3,8 +3,8 @@
 //! A number or a text is one in JSON, or in one of ROS' standard messages (`std_msgs`), which hold nothing else. What is
 //! other JSON is given as the text that it is, and everything else as bytes of a type that carries the schema's name.
 //!
-//! JSON may be a trap: of any length, and as deep as it is long. It is read without a tree being built of it, so that memory
-//! is at most the one text that it holds.
+//! JSON may be a trap: of any length, and as deep as it is long. It is read without a tree being built of it, so that
+//! memory is at most the one text that it holds.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -226,7 +226,8 @@ mod tests {
         assert!(said("cdr", "std_msgs/msg/Float64", &[1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]).starts_with("Binary"));
     }
 
-    /// Regression: a tree was built of whatever JSON there was, for sixteen times its length; JSON that is deep was none.
+    /// Regression: a tree was built of whatever JSON there was, for sixteen times its length; JSON that is deep was
+    /// none.
     #[test]
     fn json_of_any_length_and_depth_is_the_text_that_it_is() {
         let deep = [vec![b'['; 1 << 20], vec![b']'; 1 << 20]].concat();

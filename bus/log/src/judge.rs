@@ -3,8 +3,8 @@
 //! A record is known by its head, by texts that fill it to the byte, by a message's channel and time, and by the head
 //! behind it. All of that together does not happen by chance, even in values full of zeros and small numbers.
 //!
-//! Any byte may be a head, and what it claims may lead anywhere: so of each only a few bytes are looked at, wherever they
-//! lie, and looking at all of a file costs no more than its length.
+//! Any byte may be a head, and what it claims may lead anywhere: so of each only a few bytes are looked at, wherever
+//! they lie, and looking at all of a file costs no more than its length.
 
 use std::collections::BTreeSet;
 use std::io::Result;
@@ -174,7 +174,8 @@ fn head_at(bytes: &mut impl Bytes, at: u64) -> Result<Option<Head>> {
     Ok(bytes.peek(at)?.as_ref().map(Head::of))
 }
 
-/// Whether all that a record says to hold fills it to the byte: from `at` to `end`. Of its texts only the lengths are read.
+/// Whether all that a record says to hold fills it to the byte: from `at` to `end`. Of its texts only the lengths are
+/// read.
 fn fills(opcode: u8, bytes: &mut impl Bytes, at: u64, end: u64) -> Result<bool> {
     let mut texts = Texts { bytes, at, end, left: MAX_TEXTS };
     let ends = match opcode {

@@ -408,8 +408,8 @@ impl Salvage {
         };
         let packed = start + head.bytes()..spot.end().min(self.source.length);
         if head.compression.is_empty() && spot.at < self.doubtful_to {
-            // It begins within a damaged one: its records are read where they lie, too. One may begin at every byte, and
-            // each would be read to its end.
+            // It begins within a damaged one: its records are read where they lie, too. One may begin at every byte,
+            // and each would be read to its end.
             (self.at, self.doubtful_to) = (packed.start, self.doubtful_to.max(packed.end));
             return Ok(());
         }
@@ -440,8 +440,8 @@ impl Salvage {
                 self.said.push_back(format!("the chunk at byte {at} had one flipped bit; it is put back"));
                 Opened::Right(chunk)
             }
-            // What was flipped is packed: one bit of that makes many others of what it unpacks to, some of which pass for
-            // one. So this chunk may be what was written, and may not.
+            // What was flipped is packed: one bit of that makes many others of what it unpacks to, some of which pass
+            // for one. So this chunk may be what was written, and may not.
             Ok(chunk) => {
                 self.said
                     .push_back(format!("the chunk at byte {at} agrees with its checksum but for one bit, put back"));

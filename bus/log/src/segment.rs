@@ -185,8 +185,8 @@ impl Segment {
                 Found::Record(op::CHANNEL) if channels.len() < usize::from(u16::MAX) => {
                     channels.push(self.records.body().to_vec());
                 }
-                // What is wrong with any of them is said when they are read once more. Channels that are said again have
-                // a checksum of their own, and come first.
+                // What is wrong with any of them is said when they are read once more. Channels that are said again
+                // have a checksum of their own, and come first.
                 Found::Record(opcode @ (op::SCHEMA | op::METADATA)) => drop(self.note(opcode)?),
                 Found::End => break,
                 _ => {}
@@ -554,8 +554,8 @@ impl Segment {
         self.channels[place].get_or_insert(channel);
     }
 
-    /// Takes what is said of the run. A log of a later format is not read; of a damaged one nobody knows whether that is
-    /// its format or its damage, and what can be had of it is wanted: there it is said.
+    /// Takes what is said of the run. A log of a later format is not read; of a damaged one nobody knows whether that
+    /// is its format or its damage, and what can be had of it is wanted: there it is said.
     fn note_metadata(&mut self, said: &records::Metadata) -> Result<Result<(), String>, LogError> {
         let text = |name: &str| text(&said.metadata, name);
         let (format, known) = (text("format"), encoding::FORMAT);

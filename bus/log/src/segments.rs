@@ -69,7 +69,8 @@ fn segment(path: &Path, number: u64) -> PathBuf {
     }
 }
 
-/// Whether the log file at `path` is being written by a process of this machine that lives: it holds the file until then.
+/// Whether the log file at `path` is being written by a process of this machine that lives: it holds the file until
+/// then.
 pub fn is_written(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == EXTENSION)
         && file::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))

@@ -32,8 +32,8 @@ const OWN_PROFILE: &str = "elk";
 /// A chunk is closed when it is this large (bytes), or when the log is flushed.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// Channels are said again when the file has grown by so much since the last one of them was announced (bytes): a hole of
-/// some pages does not reach from there to here. Then whenever it is four times as long.
+/// Channels are said again when the file has grown by so much since the last one of them was announced (bytes): a hole
+/// of some pages does not reach from there to here. Then whenever it is four times as long.
 const AGAIN_BYTES: u64 = 64 << 10;
 
 /// How chunks are compressed. A chunk that is flushed is compressed by itself, so nothing waits longer for it.

@@ -117,7 +117,8 @@ fn numbers_of_poses_lists_and_flags_have_names_of_their_own() {
     assert_eq!(csv(&record(0, "HUGE", Value::Double(1e300))), "0.500000,HUGE,app,1e300\n");
 }
 
-/// Regression: a text of any length was parsed, for sixteen times its memory, and one long name stood before each number.
+/// Regression: a text of any length was parsed, for sixteen times its memory, and one long name stood before each
+/// number.
 #[test]
 fn a_long_text_and_long_names_make_no_large_table() {
     let bytes = |text: String| {
