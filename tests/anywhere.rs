@@ -172,6 +172,22 @@ fn results_go_into_a_pipe() {
     assert_eq!(names(elk.folder()), ["log.mcap"]);
 }
 
+/// Regression: what was exported into a pipe was written to a file first, all of it.
+#[test]
+fn an_export_into_a_pipe_needs_no_disk() {
+    let elk = Elk::new("no-disk");
+    write_log(&elk.folder().join("log.mcap"), 20_000);
+    for format in ["csv", "alog"] {
+        // No file may have a byte.
+        let command = ["log", "export", "log.mcap", "--to", format, "-o", "-"];
+        let output = elk.limited("trap '' XFSZ; ulimit -f 0", &command).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && said.is_empty(), "{said}");
+        let lines = String::from_utf8_lossy(&output.stdout).lines().filter(|line| line.contains("COUNT")).count();
+        assert_eq!(lines, 20_000, "{format}");
+    }
+}
+
 /// Regression: an export that failed left what it had written by then.
 #[test]
 fn an_export_that_fails_leaves_no_file() {

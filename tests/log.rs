@@ -99,6 +99,20 @@ fn info_says_what_is_in_a_log_whole_or_not() {
     assert!(info["messages"].as_u64().is_some_and(|count| (1..9).contains(&count)), "{info}");
 }
 
+/// Regression: a tree was built of whatever a log says of its run, for sixteen times its length.
+#[test]
+fn what_a_log_says_of_its_run_is_shown_as_a_text_if_it_is_long() {
+    let elk = Elk::new("log-long-run");
+    for (zeros, is_text) in [(10, false), (1 << 20, true)] {
+        let path = elk.folder().join("log.mcap");
+        let _ = std::fs::remove_file(&path);
+        let run = format!("[{}0]", "0,".repeat(zeros));
+        LogWriter::create(&path, &Metadata { run, ..Metadata::default() }).unwrap().finish().unwrap();
+        let info: Json = serde_json::from_str(&succeed(&elk, &["info", ".", "--json"])).unwrap();
+        assert_eq!((info["run"].is_string(), info["run"].is_array()), (is_text, !is_text));
+    }
+}
+
 #[test]
 fn check_finds_every_flipped_byte() {
     let elk = Elk::new("log-check");
@@ -317,6 +331,22 @@ fn prune_deletes_old_runs_only_when_it_is_told_to() {
     );
     assert!(!there("oldest") && there("older") && there("newer") && there("no-run"));
     assert_eq!(elk_log(&elk, &["prune"]).0, Some(2), "nothing is deleted that nobody asked for");
+}
+
+/// Regression: a run that had nothing to record for a minute, because it was paused, say, was deleted under its logger.
+#[test]
+fn prune_leaves_a_run_whose_log_is_still_written() {
+    let elk = Elk::new("log-prune-paused");
+    let folder = elk.folder().join("logs/paused");
+    std::fs::create_dir_all(&folder).unwrap();
+    let log = LogWriter::create(&folder.join("log.mcap"), &Metadata::default()).unwrap();
+    let long_ago = std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_700_000_000);
+    std::fs::File::open(folder.join("log.mcap")).unwrap().set_modified(long_ago).unwrap();
+    assert!(succeed(&elk, &["prune", "--keep", "0", "--delete"]).contains("0 runs deleted"));
+    assert!(folder.exists());
+    drop(log);
+    assert!(succeed(&elk, &["prune", "--keep", "0", "--delete"]).contains("1 runs deleted"));
+    assert!(!folder.exists());
 }
 
 fn say(speaker: &mut Client, key: &str, number: f64) {

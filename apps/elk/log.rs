@@ -32,6 +32,10 @@ const MOST_COMPLAINTS: u64 = 20;
 /// A list in a value that is shown has at most so many entries; longer ones are counted.
 const LONGEST_LIST: usize = 16;
 
+/// What a log says of its run is shown as the text that it is if it is longer (bytes): a tree of it takes many times
+/// its length.
+const LONGEST_RUN: usize = 1 << 20;
+
 /// What is said of a log that is not whole.
 const HOW_TO_MEND: &str = "  elk log recover makes a whole one of all that can be had of it\n";
 
@@ -246,7 +250,8 @@ pub fn run(command: LogCommand) -> Result<ExitCode> {
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+    let of_system = |error: &std::io::Error| error.kind() == ErrorKind::BrokenPipe;
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(of_system))
 }
 
 /// Writes lines to standard output. Names and values of a log are anybody's: the terminal only shows them.
@@ -300,6 +305,10 @@ fn info_json(index: &Index) -> Result<String> {
     let Metadata { mission_name, version, seed, started, world, world_checksum, effective_mission, run, .. } =
         &index.metadata;
     let span = index.span();
+    let said = match run.len() > LONGEST_RUN {
+        true => Json::from(run.as_str()),
+        false => serde_json::from_str(run).unwrap_or_default(),
+    };
     let info = json!({
         "files": index.files().collect::<Vec<_>>(),
         "bytes": index.bytes(),
@@ -317,7 +326,7 @@ fn info_json(index: &Index) -> Result<String> {
         "world": world,
         "world_checksum": world_checksum,
         "effective_mission": effective_mission,
-        "run": serde_json::from_str::<Json>(run).unwrap_or_default(),
+        "run": said,
     });
     Ok(text::printable_json(&serde_json::to_string_pretty(&info)?).into_owned() + "\n")
 }
@@ -556,13 +565,38 @@ fn brief(value: &Json) -> String {
 /// `elk log export`
 fn export(log: &Path, to: Format, output: Option<PathBuf>, selection: &Selection) -> Result<ExitCode> {
     let output = output.unwrap_or_else(|| beside(log, to));
-    let target = Target::new(&output, if to == Format::Alog { "log.alog" } else { "log.csv" })?.gone_at_a_signal()?;
-    match to {
-        Format::Alog => export_alog(log, target.draft(), selection)?,
-        Format::Csv => export_csv(log, target.draft(), selection)?,
+    if output == Path::new("-") {
+        return export_piped(log, to, selection);
     }
-    let said = if target.is_standard_output() { String::new() } else { format!("{}\n", target.shown()) };
+    let target = Target::new(&output, "")?.gone_at_a_signal()?;
+    match to {
+        Format::Alog => {
+            export_alog(log, AlogWriter::create(target.draft(), started(log)?)?, selection)?;
+        }
+        Format::Csv => {
+            let named = || format!("cannot write {}", output.display());
+            export_csv(log, std::fs::File::create_new(target.draft()).with_context(named)?, named, selection)?;
+        }
+    }
+    let said = format!("{}\n", target.shown());
     finish(target, &said)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Exports to standard output, message by message as they are read.
+fn export_piped(log: &Path, to: Format, selection: &Selection) -> Result<ExitCode> {
+    let (name, out) = ("standard output", std::io::stdout());
+    match to {
+        Format::Alog => {
+            let alog = AlogWriter::piped(Path::new(name), out, started(log)?)?;
+            if export_alog(log, alog, selection)?.is_some() {
+                complain(&format!(
+                    "the binary values are left out: {name} has no room for a second file; right is -o FILE"
+                ));
+            }
+        }
+        Format::Csv => export_csv(log, out, || format!("cannot write {name}"), selection)?,
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -572,20 +606,26 @@ fn beside(log: &Path, to: Format) -> PathBuf {
     if log.is_dir() { log.join("log").with_extension(extension) } else { log.with_extension(extension) }
 }
 
-fn export_alog(log: &Path, output: &Path, selection: &Selection) -> Result<()> {
-    // MOOS counts from the start of the run; a log that does not say when that was begins with its first message.
-    let mut started = LogReader::open(log)?.metadata().started;
-    if let (true, Some(first)) = (started <= 0.0, LogReader::open(log)?.next()) {
-        started = first?.time;
+/// When the run of a log began (s since 1970): MOOS counts from there. A log that does not say so begins with its
+/// earliest message.
+fn started(log: &Path) -> Result<f64> {
+    let mut reader = LogReader::open(log)?;
+    let started = reader.metadata().started;
+    if started > 0.0 {
+        return Ok(started);
     }
-    let mut alog = AlogWriter::create(output, started)?;
+    // Published before it was recorded; what cannot be read is said when all is read.
+    let first = reader.find_map(Result::ok).map_or(f64::INFINITY, |record| record.time);
+    Ok(origin(log)?.min(first))
+}
+
+fn export_alog(log: &Path, mut alog: AlogWriter, selection: &Selection) -> Result<Option<PathBuf>> {
     for_each_record(log, selection, |_, record| Ok(alog.append(record)?))?;
     Ok(alog.finish()?)
 }
 
-fn export_csv(log: &Path, output: &Path, selection: &Selection) -> Result<()> {
-    let named = || format!("cannot write {}", output.display());
-    let mut out = BufWriter::new(std::fs::File::create_new(output).with_context(named)?);
+fn export_csv(log: &Path, out: impl Write, named: impl Fn() -> String + Copy, selection: &Selection) -> Result<()> {
+    let mut out = BufWriter::new(out);
     out.write_all(csv::HEADER.as_bytes()).with_context(named)?;
     for_each_record(log, selection, |secs, record| put_csv(&mut out, secs, record).with_context(named))?;
     out.flush().with_context(named)

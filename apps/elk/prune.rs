@@ -1,5 +1,7 @@
 //! `elk log prune`: old runs, their logs and all, out of the way.
 
+use std::fs::DirEntry;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::UNIX_EPOCH;
@@ -12,7 +14,7 @@ use crate::commands::say;
 
 /// The file that makes a folder a run's.
 const LOG: &str = "log.mcap";
-/// A log that was written so lately (s) may be written on.
+/// A log that was written so lately (s) may be written on, also by an older elk, which does not hold it.
 const BUSY_SECS: f64 = 60.0;
 const DAY_SECS: f64 = 86_400.0;
 
@@ -46,18 +48,19 @@ struct Run {
 pub fn run(arguments: &PruneArgs) -> Result<ExitCode> {
     let PruneArgs { folder, keep, older_than, delete } = arguments;
     let now = Clock::new(1.0).now();
-    let runs = runs(folder, now).with_context(|| format!("cannot read the folder {}", folder.display()))?;
+    let runs = runs(folder, now)?;
     let old = outdated(runs, keep.unwrap_or(0), older_than.map_or(0.0, |days| days * DAY_SECS));
-    let mut failed = 0;
+    let (mut failed, mut left) = (0, 0);
     for Run { folder, age_secs, bytes } in &old {
         let (megabytes, days) = (*bytes as f64 / 1e6, age_secs / DAY_SECS);
         say(&format!("{}: {megabytes:.1} MB, {days:.1} days old\n", folder.display()))?;
         if *delete && let Err(error) = std::fs::remove_dir_all(folder) {
             failed += 1;
+            left += bytes;
             crate::complain(&format!("cannot delete {}: {error}", folder.display()));
         }
     }
-    let megabytes = old.iter().map(|run| run.bytes).sum::<u64>() as f64 / 1e6;
+    let megabytes = (old.iter().map(|run| run.bytes).sum::<u64>() - left) as f64 / 1e6;
     let count = old.len() - failed;
     say(&match delete {
         true => format!("{count} runs deleted, {megabytes:.1} MB\n"),
@@ -69,40 +72,64 @@ pub fn run(arguments: &PruneArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The runs' folders in `folder`: those that hold a log and are no links.
-fn runs(folder: &Path, now: f64) -> std::io::Result<Vec<Run>> {
+/// The runs' folders in `folder`: those that hold a log and are no links. None that somebody writes to.
+fn runs(folder: &Path, now: f64) -> Result<Vec<Run>> {
+    let unreadable = |folder: &Path| format!("cannot read the folder {}", folder.display());
     let mut runs = Vec::new();
-    for entry in std::fs::read_dir(folder)? {
-        let entry = entry?;
-        let log = entry.path().join(LOG);
-        if entry.file_type()?.is_dir()
-            && let Ok(metadata) = log.symlink_metadata()
-            && metadata.is_file()
-        {
-            let written = newest(&entry.path())?;
-            runs.push(Run { age_secs: now - written, bytes: bytes_in(&entry.path())?, folder: entry.path() });
+    for entry in std::fs::read_dir(folder).with_context(|| unreadable(folder))? {
+        let entry = entry.with_context(|| unreadable(folder))?;
+        let folder = entry.path();
+        let is_run = entry.file_type().is_ok_and(|kind| kind.is_dir())
+            && folder.join(LOG).symlink_metadata().is_ok_and(|log| log.is_file());
+        if !is_run {
+            continue;
+        }
+        match Held::by(&folder) {
+            Ok(held) if held.is_written => {}
+            Ok(Held { newest, bytes, .. }) => runs.push(Run { age_secs: now - newest, bytes, folder }),
+            Err(error) => crate::complain(&format!("{}: {error}; it is passed over", unreadable(&folder))),
         }
     }
     Ok(runs)
 }
 
-/// When any file of a folder was last written (s since 1970).
-fn newest(folder: &Path) -> std::io::Result<f64> {
-    let mut newest = 0.0_f64;
-    for entry in std::fs::read_dir(folder)? {
-        let modified = entry?.metadata()?.modified()?;
-        newest = newest.max(modified.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64()));
-    }
-    Ok(newest)
+/// What a folder holds, with all that lies in it.
+#[derive(Default)]
+struct Held {
+    bytes: u64,
+    /// When any file was last written (s since 1970).
+    newest: f64,
+    /// Whether a log in it is being written: its logger holds it, however long it has had nothing to say.
+    is_written: bool,
 }
 
-fn bytes_in(folder: &Path) -> std::io::Result<u64> {
-    let mut bytes = 0;
-    for entry in std::fs::read_dir(folder)? {
-        let entry = entry?;
-        bytes += if entry.file_type()?.is_dir() { bytes_in(&entry.path())? } else { entry.metadata()?.len() };
+impl Held {
+    fn by(folder: &Path) -> std::io::Result<Self> {
+        let mut held = Self::default();
+        for entry in std::fs::read_dir(folder)? {
+            match entry.and_then(|entry| held.add(&entry)) {
+                Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+                _ => {} // what is gone meanwhile is not held
+            }
+        }
+        Ok(held)
     }
-    Ok(bytes)
+
+    fn add(&mut self, entry: &DirEntry) -> std::io::Result<()> {
+        let metadata = entry.metadata()?;
+        if metadata.is_dir() {
+            let Self { bytes, newest, is_written } = Self::by(&entry.path())?;
+            self.bytes += bytes;
+            self.newest = self.newest.max(newest);
+            self.is_written |= is_written;
+            return Ok(());
+        }
+        let written = metadata.modified()?.duration_since(UNIX_EPOCH);
+        self.newest = self.newest.max(written.map_or(0.0, |since| since.as_secs_f64()));
+        self.bytes += metadata.len();
+        self.is_written |= metadata.is_file() && elk_log::is_written(&entry.path());
+        Ok(())
+    }
 }
 
 /// The runs beyond the newest `keep` that are older than `oldest_secs`, the oldest first; none that is still going on.

@@ -73,8 +73,7 @@ const PARAMS: &[ParamSpec] = &[
         name: "Compression",
         kind: Kind::Choice(&["none", "lz4", "zstd"]),
         default: Some("zstd"),
-        doc: "How the log is compressed: not at all (none), a little (lz4), to a third or less of its size for 3 ms of a \
-              processor a megabyte (zstd).",
+        doc: "How the log is compressed: not at all (none), a little (lz4), to about a third of its size (zstd).",
     },
     ParamSpec {
         name: "RotateSize",

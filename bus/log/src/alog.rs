@@ -44,9 +44,11 @@ const MAX_NAMES_BYTES: usize = 64 << 20;
 /// Writes an `.alog`.
 pub struct AlogWriter {
     path: PathBuf,
-    out: BufWriter<File>,
+    out: BufWriter<Box<dyn Write>>,
+    /// Whether there is room beside it for the binary values.
+    piped: bool,
     /// The binary values' file, once there is one, and its length.
-    blog: Option<(BufWriter<File>, u64)>,
+    blog: Option<(BufWriter<Box<dyn Write>>, u64)>,
     /// The variable whose poses are written as MOOS' own.
     navigated: Option<String>,
     start: f64,
@@ -55,17 +57,28 @@ pub struct AlogWriter {
 impl AlogWriter {
     /// Creates the file at `path`, for a run that started at `start` (s since 1970).
     pub fn create(path: &Path, start: f64) -> Result<Self, LogError> {
+        let file = File::create_new(path).map_err(|source| LogError::Create { path: path.into(), source })?;
+        Self::begin(path, Box::new(file), false, start)
+    }
+
+    /// Writes to `out`, which is called `path` for people, as it comes. Binary values are left out:
+    /// [`AlogWriter::finish`] says whether there were any.
+    pub fn piped(path: &Path, out: impl Write + 'static, start: f64) -> Result<Self, LogError> {
+        Self::begin(path, Box::new(out), true, start)
+    }
+
+    fn begin(path: &Path, out: Box<dyn Write>, piped: bool, start: f64) -> Result<Self, LogError> {
         // LOGSTART has two decimals; times count from what is written there.
         let start = (start * 100.0).round() / 100.0;
         let create = |source| LogError::Create { path: path.into(), source };
-        let mut out = BufWriter::new(File::create_new(path).map_err(create)?);
+        let mut out = BufWriter::new(out);
         let banner = format!(
             "{RULE}\n%% LOG FILE:       {}\n%% FILE OPENED ON  {}\n%% LOGSTART               {start:.2}\n{RULE}\n",
             path.file_name().unwrap_or_default().display(),
             date(start)
         );
         out.write_all(banner.as_bytes()).map_err(create)?;
-        Ok(Self { path: path.into(), out, blog: None, navigated: None, start })
+        Ok(Self { path: path.into(), out, piped, blog: None, navigated: None, start })
     }
 
     /// Writes a message.
@@ -115,7 +128,8 @@ impl AlogWriter {
         let create = |source| LogError::Create { path: path.clone(), source };
         let (mut blog, mut length) = match self.blog.take() {
             Some(blog) => blog,
-            None => (BufWriter::new(File::create_new(&path).map_err(create)?), 0),
+            None if self.piped => (BufWriter::new(Box::new(std::io::sink()) as Box<dyn Write>), 0),
+            None => (BufWriter::new(Box::new(File::create_new(&path).map_err(create)?) as Box<dyn Write>), 0),
         };
         let head = columns(self.start, record);
         let written = [head.as_bytes(), bytes, b"\n"].iter().try_for_each(|part| blog.write_all(part));
@@ -130,10 +144,11 @@ impl AlogWriter {
         Ok(format!("{open}File={file},Offset={offset},Bytes={bytes},Type={type_name},Layout={layout:016x}{close}"))
     }
 
-    /// Brings everything into the files.
-    pub fn finish(mut self) -> Result<(), LogError> {
+    /// Brings everything into the files. Answers the file of the binary values, if there are any.
+    pub fn finish(mut self) -> Result<Option<PathBuf>, LogError> {
         let flushed = self.out.flush().and_then(|()| self.blog.as_mut().map_or(Ok(()), |(blog, _)| blog.flush()));
-        flushed.map_err(|source| self.failed(source))
+        flushed.map_err(|source| self.failed(source))?;
+        Ok(self.blog.map(|_| blog_of(&self.path)))
     }
 
     fn failed(&self, source: std::io::Error) -> LogError {

@@ -138,6 +138,11 @@ impl Chunk {
         }
     }
 
+    /// All of its bytes.
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
     /// Reads a chunk from `packed`, as far as it goes.
     ///
     /// # Errors

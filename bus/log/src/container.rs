@@ -305,11 +305,6 @@ pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<mcap::records::Record<'st
     mcap::parse_record(opcode, body).map(mcap::records::Record::into_owned).map_err(|error| error.to_string())
 }
 
-/// Whether all that a record says to hold fills it to the byte.
-pub(crate) fn fills(opcode: u8, body: &[u8]) -> bool {
-    rest_of(opcode, body).is_some_and(<[u8]>::is_empty)
-}
-
 /// What is left of a record behind all that it says to hold.
 fn rest_of(opcode: u8, mut body: &[u8]) -> Option<&[u8]> {
     let rest = &mut body;

@@ -1,9 +1,11 @@
 //! Numbers for spreadsheets: one line a number, `time,key,source,value`.
 //!
-//! Besides the doubles of the bus these are the numbers in the fields of typed values and of texts that are JSON: a pose as
-//! `SIM_SENSOR.pose.x`, `.y`, `.z` (m) and `.qx`, `.qy`, `.qz`, `.qw`, the entries of a list by their index (`POINT[2]`) as
-//! long as there are at most [`LONGEST_LIST`], what is true or false as 1 or 0. Times count from the log's earliest
-//! message (s).
+//! Besides the doubles of the bus these are the numbers in the fields of typed values and of texts that are JSON: a
+//! pose as `SIM_SENSOR.pose.x`, `.y`, `.z` (m) and `.qx`, `.qy`, `.qz`, `.qw`, the entries of a list by their index
+//! (`POINT[2]`) as long as there are at most [`LONGEST_LIST`], what is true or false as 1 or 0. Times count from the
+//! log's earliest message (s). A text of more than [`LONGEST_JSON`] bytes, or deeper than 127 levels, is a text; a
+//! field to which a name of more than [`LONGEST_NAME`] bytes leads has no line, so that a small text does not make a
+//! large table.
 
 use std::io::Write;
 
@@ -16,6 +18,11 @@ use crate::record::RecordRef;
 /// A list with more entries than this is nothing that is plotted.
 pub const LONGEST_LIST: usize = 16;
 
+/// A longer text (bytes) is not looked into for numbers.
+pub const LONGEST_JSON: usize = 1 << 20;
+/// Names of fields take at most so many bytes beside their variable's.
+pub const LONGEST_NAME: usize = 256;
+
 /// What a pose is made of, in JSON, and how its numbers are called.
 const POSE: [(&str, &[&str]); 2] = [("translation", &["x", "y", "z"]), ("rotation", &["qx", "qy", "qz", "qw"])];
 
@@ -24,18 +31,22 @@ pub const HEADER: &str = "time,key,source,value\n";
 
 /// Writes the numbers of a record that was published `secs` after the log's earliest message.
 pub fn put_csv(out: &mut impl Write, secs: f64, record: &RecordRef<'_>) -> std::io::Result<()> {
-    let line =
+    let mut line =
         |name: &str, number: &str| writeln!(out, "{secs:.6},{},{},{number}", quoted(name), quoted(record.source));
     let fields = match record.value {
-        ValueRef::Double(number) => return { line }(record.key, &digits(number)),
-        ValueRef::Text(text) if text.starts_with(['{', '[']) => serde_json::from_str(text).ok(),
+        ValueRef::Double(number) => return line(record.key, &digits(number)),
+        ValueRef::Text(text) if text.starts_with(['{', '[']) && text.len() <= LONGEST_JSON => {
+            serde_json::from_str(text).ok()
+        }
         ValueRef::Text(_) => None,
         // Of a type of somebody else no field is known.
         ValueRef::Binary { type_name, layout, bytes } => {
             catalogue::to_json(type_name, layout, bytes, LONGEST_LIST).ok()
         }
     };
-    fields.map_or(Ok(()), |fields| each_number(record.key, &fields, &mut { line }))
+    let most = record.key.len() + LONGEST_NAME;
+    let mut line = |name: &str, number: &str| if name.len() > most { Ok(()) } else { line(name, number) };
+    fields.map_or(Ok(()), |fields| each_number(record.key, &fields, &mut line))
 }
 
 /// Hands every number in `value` to `line`, under the name that leads to it.

@@ -2,14 +2,17 @@
 //!
 //! A number or a text is one in JSON, or in one of ROS' standard messages (`std_msgs`), which hold nothing else. What is
 //! other JSON is given as the text that it is, and everything else as bytes of a type that carries the schema's name.
+//!
+//! JSON may be a trap: of any length, and as deep as it is long. It is read without a tree being built of it, so that
+//! memory is at most the one text that it holds.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use elk_bus::ValueRef;
-use serde_json::Value as Json;
 
 use crate::encoding::JSON;
+use crate::plain::PlainJson;
 
 /// What the messages of a channel are made of, as a file says it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -33,8 +36,10 @@ pub(crate) struct Foreign {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Reading {
     Json,
-    /// A number or a text of ROS behind so many bytes.
-    Ros(Plain, usize),
+    /// A number or a text of ROS, packed as CDR.
+    Cdr(Plain),
+    /// One as ROS 1 packs it: little endian, with nothing before it.
+    Ros1(Plain),
     Bytes,
 }
 
@@ -63,16 +68,13 @@ impl Plain {
         }
     }
 
-    /// What stands in `bytes`, little endian.
-    fn read(self, bytes: &[u8]) -> Option<ValueRef<'_>> {
-        let number = |count: usize| {
-            let bytes = bytes.get(..count)?;
-            Some(bytes.iter().rev().fold(0_u64, |all, byte| all << 8 | u64::from(*byte)))
-        };
+    /// What stands in `bytes`.
+    fn read(self, bytes: &[u8], order: Order) -> Option<ValueRef<'_>> {
+        let number = |count: usize| Some(order.number(bytes.get(..count)?));
         Some(match self {
             Self::Text => {
                 let length = number(4)? as usize;
-                let text = bytes.get(4..4 + length)?;
+                let text = bytes.get(4..)?.get(..length)?;
                 ValueRef::Text(std::str::from_utf8(text.strip_suffix(&[0]).unwrap_or(text)).ok()?)
             }
             Self::Float { bytes: 4 } => ValueRef::Double(f64::from(f32::from_bits(number(4)? as u32))),
@@ -86,6 +88,33 @@ impl Plain {
     }
 }
 
+/// Which byte of a number comes first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Order {
+    Big,
+    Little,
+}
+
+impl Order {
+    /// The order in which a message of CDR is packed, and what lies behind the four bytes that say so (OMG DDS-XTypes
+    /// 1.3, table 60); nothing: it is packed otherwise, as a list of parameters or with a length before it.
+    fn of_cdr(message: &[u8]) -> Option<(Self, &[u8])> {
+        let (&[0, packing, ..], packed) = message.split_first_chunk::<4>()? else {
+            return None;
+        };
+        let order = if packing & 1 == 1 { Self::Little } else { Self::Big };
+        matches!(packing, 0 | 1 | 6 | 7).then_some((order, packed)) // CDR, and CDR 2 of what has a fixed end
+    }
+
+    fn number(self, bytes: &[u8]) -> u64 {
+        let add = |all: u64, byte: &u8| all << 8 | u64::from(*byte);
+        match self {
+            Self::Big => bytes.iter().fold(0, add),
+            Self::Little => bytes.iter().rev().fold(0, add),
+        }
+    }
+}
+
 impl Foreign {
     /// What a channel announces.
     pub fn announced(
@@ -96,8 +125,8 @@ impl Foreign {
         let name = schema.as_ref().map_or("", |schema| schema.name.as_str());
         let reading = match (message_encoding.as_str(), Plain::named(name)) {
             (JSON, _) => Reading::Json,
-            ("cdr", Some(plain)) => Reading::Ros(plain, 4), // behind the word on the order of bytes
-            ("ros1", Some(plain)) => Reading::Ros(plain, 0),
+            ("cdr", Some(plain)) => Reading::Cdr(plain),
+            ("ros1", Some(plain)) => Reading::Ros1(plain),
             _ => Reading::Bytes,
         };
         Self { schema, message_encoding, metadata, reading }
@@ -127,7 +156,8 @@ impl Foreign {
     pub fn value<'a>(&'a self, bytes: &'a [u8], scratch: &'a mut String) -> ValueRef<'a> {
         let read = match self.reading {
             Reading::Json => json(bytes, scratch),
-            Reading::Ros(plain, behind) => bytes.get(behind..).and_then(|bytes| plain.read(bytes)),
+            Reading::Cdr(plain) => Order::of_cdr(bytes).and_then(|(order, packed)| plain.read(packed, order)),
+            Reading::Ros1(plain) => plain.read(bytes, Order::Little),
             Reading::Bytes => None,
         };
         read.unwrap_or(ValueRef::Binary { type_name: self.type_name(), layout: 0, bytes })
@@ -136,23 +166,13 @@ impl Foreign {
 
 /// A number or a text in JSON, also as the only field of an object; anything else as the text that it is.
 fn json<'a>(bytes: &'a [u8], scratch: &'a mut String) -> Option<ValueRef<'a>> {
-    let mut value: Json = serde_json::from_slice(bytes).ok()?;
-    if let Json::Object(fields) = &mut value
-        && fields.len() == 1
-        && let Some((_, only)) = fields.iter().next()
-        && !only.is_object()
-        && !only.is_array()
-    {
-        value = only.clone();
-    }
-    match value {
-        Json::Number(number) => number.as_f64().map(ValueRef::Double),
-        Json::Bool(flag) => Some(ValueRef::Double(f64::from(u8::from(flag)))),
-        Json::String(text) => {
+    match serde_json::from_slice(bytes).ok()? {
+        PlainJson::Number(number) => Some(ValueRef::Double(number)),
+        PlainJson::Text(text) => {
             *scratch = text;
             Some(ValueRef::Text(scratch))
         }
-        _ => std::str::from_utf8(bytes).ok().map(ValueRef::Text),
+        PlainJson::Other => std::str::from_utf8(bytes).ok().map(ValueRef::Text),
     }
 }
 
@@ -185,5 +205,40 @@ mod tests {
         assert_eq!(said("ros1", "std_msgs/String", b"\x04\0\0\0home"), "Text(\"home\")");
         assert!(said("cdr", "sensor_msgs/msg/Image", &cdr(&double)).contains("sensor_msgs/msg/Image"));
         assert!(said("cdr", "std_msgs/msg/Float64", b"short").starts_with("Binary"), "too short to be one");
+    }
+
+    /// Regression: what a big-endian machine recorded was read as little endian, 1.0 as 3e-319.
+    #[test]
+    fn numbers_of_both_orders_of_bytes_are_read_and_other_packings_are_bytes() {
+        let of = |packing: u8, schema: &str, bytes: &[u8]| said("cdr", schema, &[&[0, packing, 0, 0], bytes].concat());
+        for (big, little) in [(0, 1), (6, 7)] {
+            let double = 42.358_456_123_f64;
+            assert_eq!(of(big, "std_msgs/msg/Float64", &double.to_be_bytes()), "Double(42.358456123)");
+            assert_eq!(of(little, "std_msgs/msg/Float64", &double.to_le_bytes()), "Double(42.358456123)");
+            assert_eq!(of(big, "std_msgs/msg/Float32", &1.5_f32.to_be_bytes()), "Double(1.5)");
+            assert_eq!(of(big, "std_msgs/msg/Int32", &(-7_i32).to_be_bytes()), "Double(-7.0)");
+            assert_eq!(of(big, "std_msgs/msg/String", b"\0\0\0\x05home\0"), "Text(\"home\")");
+        }
+        // Lists of parameters, and what has its length before it.
+        for packing in [2, 3, 8, 9, 10, 11] {
+            assert!(of(packing, "std_msgs/msg/Float64", &[0; 8]).starts_with("Binary"), "{packing}");
+        }
+        assert!(said("cdr", "std_msgs/msg/Float64", &[1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]).starts_with("Binary"));
+    }
+
+    /// Regression: a tree was built of whatever JSON there was, for sixteen times its length; JSON that is deep was
+    /// none.
+    #[test]
+    fn json_of_any_length_and_depth_is_the_text_that_it_is() {
+        let deep = [vec![b'['; 1 << 20], vec![b']'; 1 << 20]].concat();
+        let in_a_field = [&b"{\"a\":"[..], &deep, b"}"].concat();
+        let long = format!("[{}0]", "0,".repeat(1 << 20)).into_bytes();
+        let foreign = Foreign::announced(None, "json".into(), BTreeMap::new());
+        for json in [&deep, &in_a_field, &long] {
+            let mut scratch = String::new();
+            assert_eq!(foreign.value(json, &mut scratch), ValueRef::Text(std::str::from_utf8(json).unwrap()));
+            assert_eq!(scratch.capacity(), 0);
+        }
+        assert!(said("json", "Any", &deep[..1 << 20]).starts_with("Binary"), "it is not all there");
     }
 }

@@ -5,12 +5,15 @@ use std::path::Path;
 
 use crate::alog::AlogReader;
 use crate::check::check;
+use crate::copy::recover;
 use crate::index::Index;
 use crate::reader::LogReader;
+use crate::writer::LogOptions;
 
-/// Reads the file at `path` as a log in every way there is: records, index, jumps, check. Answers how many records
-/// there were.
+/// Reads the file at `path` as a log in every way there is: records, index, jumps, check, and as a damaged one; what
+/// recover makes of it beside it is a whole log. Answers how many records there were.
 pub fn read_log(path: &Path) -> u64 {
+    recover_log(path);
     let Ok(mut log) = LogReader::open(path) else {
         return 0;
     };
@@ -29,6 +32,19 @@ pub fn read_log(path: &Path) -> u64 {
     }
     let _ = check(path, &mut |_, _| {});
     records
+}
+
+/// Recovers the file at `path`, whatever it is, and checks what comes of it.
+fn recover_log(path: &Path) {
+    let mended = path.with_extension("mended.mcap");
+    let _ = std::fs::remove_file(&mended);
+    let copied = recover(path, &mended, LogOptions::default(), &mut |_, _| {});
+    if let Ok(copied) = copied {
+        let checked = check(&mended, &mut |_, _| {}).expect("what recover has written can be read");
+        assert!(checked.damage.is_empty(), "what recover has written is whole: {:?}", checked.damage);
+        assert_eq!(checked.messages, copied.records, "and holds all that it gave back");
+    }
+    let _ = std::fs::remove_file(&mended);
 }
 
 /// Reads the file at `path` as an `.alog`. Answers how many messages there were.

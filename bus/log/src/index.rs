@@ -158,7 +158,8 @@ impl SegmentIndex {
         let reason = match Summary::find(&file).map_err(read)? {
             Summary::Missing => return Self::by_reading(path, on_progress),
             Summary::Found(place) => match Self::from_summary(path, place)? {
-                Ok(index) => return Ok(index),
+                Ok(Some(index)) => return Ok(index),
+                Ok(None) => return Self::by_reading(path, on_progress),
                 Err(reason) => reason,
             },
             Summary::Damaged(reason) => reason,
@@ -167,35 +168,46 @@ impl SegmentIndex {
         Ok(Self { index_damage, ..Self::by_reading(path, on_progress)? })
     }
 
-    /// What the records at the end of the file say, in the bytes `place`; else what is wrong with them.
-    fn from_summary(path: &Path, place: Range<u64>) -> Result<Result<Self, String>, LogError> {
-        let mut segment = Segment::open(path)?;
+    /// What the records at the end of the file say, in the bytes `place`, or nothing where they leave out channels or
+    /// counts, as they may; else what is wrong with them.
+    fn from_summary(path: &Path, place: Range<u64>) -> Result<Result<Option<Self>, String>, LogError> {
+        let mut segment = Segment::at_the_beginning(path)?;
         let mut index = Self { path: path.into(), bytes: segment.length(), ..Self::default() };
-        let mut last_drop = None;
+        let (mut last_drop, mut counted) = (None, None);
         if let Err(reason) = segment.summary(place, |record| match record {
             Said::Chunk(chunk, drops) => {
                 index.chunks.push((chunk.message_end_time, chunk.chunk_start_offset));
                 last_drop = last_drop.max(drops.then_some(chunk.chunk_start_offset));
             }
-            Said::Statistics(said) => {
-                let (start, end) = (said.message_start_time, said.message_end_time);
-                (index.start, index.end) = if said.message_count > 0 { (Some(start), Some(end)) } else { (None, None) };
-                index.counts = said.channel_message_counts;
-            }
+            Said::Statistics(said) => counted = Some(said),
         })? {
             return Ok(Err(reason));
         }
+        let Some(counted) = counted.filter(|counted| segment.names_all(counted)) else {
+            return Ok(Ok(None));
+        };
+        if counted.message_count > 0 {
+            (index.start, index.end) = (Some(counted.message_start_time), Some(counted.message_end_time));
+        }
+        if index.chunks.len() as u64 != u64::from(counted.chunk_count) {
+            index.chunks.clear(); // where what lies the data say
+        }
+        index.counts = counted.channel_message_counts;
         index.channels = segment.channels().map(|(id, channel)| (id, channel.clone())).collect();
         index.chunks.sort_by_key(|(_, start)| *start);
+        let tells = |id: &u16| index.channels.get(id).is_some_and(|channel| channel.kind == ChannelKind::Dropped);
+        if last_drop.is_none() && index.counts.keys().any(tells) {
+            return Ok(Ok(None)); // of losses that no index leads to
+        }
         if let Some(offset) = last_drop {
             index.dropped = index.read_dropped(offset)?;
         }
-        Ok(Ok(index))
+        Ok(Ok(Some(index)))
     }
 
     /// The last count of losses in the chunk at `offset`, or behind it.
     fn read_dropped(&self, offset: u64) -> Result<u64, LogError> {
-        let mut segment = Segment::open(&self.path)?;
+        let mut segment = Segment::at_the_beginning(&self.path)?;
         segment.seek(Some(offset), &self.channels, 0)?;
         let mut dropped = 0;
         loop {

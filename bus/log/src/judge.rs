@@ -2,6 +2,9 @@
 //!
 //! A record is known by its head, by texts that fill it to the byte, by a message's channel and time, and by the head
 //! behind it. All of that together does not happen by chance, even in values full of zeros and small numbers.
+//!
+//! Any byte may be a head, and what it claims may lead anywhere: so of each only a few bytes are looked at, wherever
+//! they lie, and looking at all of a file costs no more than its length.
 
 use std::collections::BTreeSet;
 use std::io::Result;
@@ -10,18 +13,24 @@ use std::ops::RangeInclusive;
 use mcap::records::op;
 
 use crate::chunk::{self, ChunkHead};
-use crate::container::fills;
 use crate::head::{Head, MAX_RECORD_BYTES, MESSAGE_HEAD, word};
 
 /// Messages are believed that are said to be so much older or younger (ns) than those that are known: a day.
 const AROUND_NS: u64 = 86_400_000_000_000;
 
+/// Bytes that are searched at once.
+pub(crate) const AHEAD_BYTES: usize = 4096;
+/// What is searched for records has at most so many texts in one.
+const MAX_TEXTS: u32 = 4096;
+
 /// Bytes that can be looked at anywhere.
 pub(crate) trait Bytes {
     /// How many there are.
     fn length(&self) -> u64;
-    /// `count` of them from `at` on, or as many as there are.
+    /// `count` of them from `at` on, or as many as there are; what is looked at next lies near them.
     fn get(&mut self, at: u64, count: usize) -> Result<&[u8]>;
+    /// A few of them that lie anywhere; nothing: so many there are not.
+    fn peek<const N: usize>(&mut self, at: u64) -> Result<Option<[u8; N]>>;
 }
 
 impl Bytes for &[u8] {
@@ -32,6 +41,10 @@ impl Bytes for &[u8] {
     fn get(&mut self, at: u64, count: usize) -> Result<&[u8]> {
         let rest = usize::try_from(at).ok().and_then(|at| self.split_at_checked(at)).unwrap_or_default().1;
         Ok(&rest[..count.min(rest.len())])
+    }
+
+    fn peek<const N: usize>(&mut self, at: u64) -> Result<Option<[u8; N]>> {
+        Ok(self.get(at, N)?.first_chunk().copied())
     }
 }
 
@@ -73,12 +86,31 @@ impl Judge {
         Ok(within.or(Some(spot)))
     }
 
+    /// Whether these bytes can be the first ones of a chunk: of a schema, a channel, or a message.
+    pub fn may_begin(&self, mut bytes: &[u8]) -> bool {
+        bytes.split_off(..Head::BYTES).and_then(<[u8]>::first_chunk).map(Head::of).is_some_and(|head| {
+            match head.opcode {
+                op::MESSAGE => {
+                    head.length <= chunk::MAX_BYTES && bytes.get(..MESSAGE_HEAD).is_some_and(|head| self.message(head))
+                }
+                op::SCHEMA | op::CHANNEL => head.length <= MAX_RECORD_BYTES,
+                _ => false,
+            }
+        })
+    }
+
     /// The first record in `from..to` that can be relied on.
     fn find(&self, bytes: &mut impl Bytes, from: u64, to: u64) -> Result<Option<Spot>> {
         let mut at = from;
         while at < to && at.saturating_add(Head::BYTES as u64) <= bytes.length() {
-            let head = self.record(bytes, at)?.filter(|head| head.opcode < 0x80);
-            if let Some(head) = head
+            let ahead = bytes.get(at, AHEAD_BYTES)?;
+            let Some(skipped) = ahead.iter().position(|byte| (op::HEADER..=op::DATA_END).contains(byte)) else {
+                at += ahead.len().max(1) as u64;
+                continue;
+            };
+            at += skipped as u64;
+            if let Some(head) = self.record(bytes, at)?
+                && at < to
                 && (head.opcode == op::CHUNK || follows(bytes, head.end(at))?)
             {
                 return Ok(Some(Spot { at, head }));
@@ -103,7 +135,7 @@ impl Judge {
                 op::MESSAGE => length <= chunk::MAX_BYTES && self.message(bytes.get(start, MESSAGE_HEAD)?),
                 op::ATTACHMENT if length > MAX_RECORD_BYTES => follows(bytes, head.end(at))?,
                 op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::ATTACHMENT => {
-                    length <= MAX_RECORD_BYTES && fills(head.opcode, bytes.get(start, length as usize)?)
+                    length <= MAX_RECORD_BYTES && fills(head.opcode, bytes, start, head.end(at))?
                 }
                 op::MESSAGE_INDEX => bytes.get(start, 6)?.last_chunk().is_some_and(|size| {
                     let size = u64::from(u32::from_le_bytes(*size));
@@ -139,7 +171,83 @@ fn follows(bytes: &mut impl Bytes, at: u64) -> Result<bool> {
 }
 
 fn head_at(bytes: &mut impl Bytes, at: u64) -> Result<Option<Head>> {
-    Ok(bytes.get(at, Head::BYTES)?.first_chunk().map(Head::of))
+    Ok(bytes.peek(at)?.as_ref().map(Head::of))
+}
+
+/// Whether all that a record says to hold fills it to the byte: from `at` to `end`. Of its texts only the lengths are
+/// read.
+fn fills(opcode: u8, bytes: &mut impl Bytes, at: u64, end: u64) -> Result<bool> {
+    let mut texts = Texts { bytes, at, end, left: MAX_TEXTS };
+    let ends = match opcode {
+        op::HEADER => texts.skip(2)?,
+        op::SCHEMA => texts.behind(2).skip(3)?, // the last one may be any bytes
+        op::CHANNEL => texts.behind(4).skip(2)? && texts.map()?,
+        op::METADATA => texts.skip(1)? && texts.map()?,
+        // Behind the data a checksum.
+        op::ATTACHMENT => texts.behind(16).skip(2)? && texts.data()? && texts.behind(4).at == end,
+        _ => false,
+    };
+    Ok(ends && texts.at == end)
+}
+
+/// The texts of a record, one after the other.
+struct Texts<'a, B> {
+    bytes: &'a mut B,
+    at: u64,
+    end: u64,
+    /// So many more are looked at.
+    left: u32,
+}
+
+impl<B: Bytes> Texts<'_, B> {
+    /// Passes over so many bytes.
+    fn behind(&mut self, bytes: u64) -> &mut Self {
+        self.at = self.at.saturating_add(bytes);
+        self
+    }
+
+    /// Passes over so many texts; whether they are there.
+    fn skip(&mut self, count: u32) -> Result<bool> {
+        for _ in 0..count {
+            let Some(length) = self.length()? else {
+                return Ok(false);
+            };
+            self.behind(length);
+        }
+        Ok(self.at <= self.end)
+    }
+
+    /// Passes over the length of a text, and answers it.
+    fn length(&mut self) -> Result<Option<u64>> {
+        if self.left == 0 || self.at.saturating_add(4) > self.end {
+            return Ok(None);
+        }
+        self.left -= 1;
+        let length = self.bytes.peek(self.at)?.map(|length| u64::from(u32::from_le_bytes(length)));
+        self.behind(4);
+        Ok(length)
+    }
+
+    /// Passes over the texts of a map, which has its length before it.
+    fn map(&mut self) -> Result<bool> {
+        let Some(end) = self.length()?.map(|length| self.at + length).filter(|end| *end <= self.end) else {
+            return Ok(false);
+        };
+        while self.at < end {
+            if !self.skip(2)? {
+                return Ok(false);
+            }
+        }
+        Ok(self.at == end)
+    }
+
+    /// Passes over bytes with their length before them.
+    fn data(&mut self) -> Result<bool> {
+        let length = if self.at + 8 <= self.end { self.bytes.peek(self.at)? } else { None };
+        let length = length.map(u64::from_le_bytes);
+        self.behind(8).behind(length.unwrap_or_default());
+        Ok(length.is_some() && self.at <= self.end)
+    }
 }
 
 /// The header of a chunk, which begins at `start`, if it can be one.

@@ -10,7 +10,7 @@
 //!
 //! | module | one idea |
 //! |---|---|
-//! | `writer`, `staging` | a log that grows, over a disk that may be full |
+//! | `writer`, `staging`, `again` | a log that grows, over a disk that may be full; its channels said again |
 //! | `reader`, `segment` | a run's records; one file's messages |
 //! | `container`, `chunk` | one file's bytes, whole or not, honest or not; what is packed |
 //! | `salvage`, `judge`, `flip` | what can be had of a damaged file; what is a record in it; a flipped bit found |
@@ -19,9 +19,10 @@
 //! | [`index`] | what is in a log, and where, without reading it |
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
 //! | [`alog`], [`csv`] | MOOS' own text logs, out and in; numbers for spreadsheets |
-//! | `foreign` | what other tools have written into a log |
+//! | `foreign`, `plain` | what other tools have written into a log; JSON that is a number or a text |
 //! | `encoding`, `channel`, `schema`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
 
+mod again;
 pub mod alog;
 mod channel;
 pub mod check;
@@ -42,6 +43,7 @@ pub mod fuzzing;
 mod head;
 pub mod index;
 mod judge;
+mod plain;
 mod protobuf;
 mod reader;
 mod record;
@@ -59,6 +61,6 @@ pub use error::LogError;
 pub use index::{Index, Topic};
 pub use reader::LogReader;
 pub use record::{Metadata, Record, RecordRef};
-pub use segments::segments;
+pub use segments::{is_written, segments};
 pub use selection::Selection;
 pub use writer::{Compression, LogOptions, LogWriter, MAX_STAGED_BYTES};

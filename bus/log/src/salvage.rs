@@ -5,6 +5,7 @@
 //! compressed as far as it unpacks, and one whose header is lost by the mark that its compression begins with. A single
 //! flipped bit is put back (`flip.rs`). Everything that is not as it was written is said.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Result as IoResult};
@@ -21,19 +22,25 @@ use crate::error::LogError;
 use crate::flip::{Flip, flipped};
 use crate::footer::Footer;
 use crate::head::{Head, MAX_RECORD_BYTES};
-use crate::judge::{Bytes, Judge, Spot, chunk_head};
+use crate::judge::{AHEAD_BYTES, Bytes, Judge, Spot, chunk_head};
 use crate::summary::checksum;
 
 /// Bytes that are read from the file at once.
 const READ_BYTES: usize = 1 << 20;
+/// Packed bytes that are read at once.
+const PACKED_BYTES: usize = 16 << 10;
 /// In chunks up to this length (bytes) a flipped bit is looked for: in larger ones too much else passes for one.
 const MAX_MENDED_BYTES: u64 = 4 << 20;
 /// In files up to this length (bytes) a flipped bit is looked for: it takes a second.
 const MAX_MENDED_FILE: u64 = 256 << 20;
 /// What packed bytes begin with.
 const MARKS: [(&str, [u8; 4]); 2] = [("zstd", [0x28, 0xb5, 0x2f, 0xfd]), ("lz4", [0x04, 0x22, 0x4d, 0x18])];
-/// A file may be full of such marks. So many that nothing comes of are tried.
-const MAX_FALSE_MARKS: u32 = 1000;
+/// Behind such marks so many times the length of the file is read.
+const MOST_BEHIND_MARKS: u64 = 4;
+/// Behind such a mark so many bytes are unpacked to see whether they begin a record.
+const TRIED_BYTES: u64 = 64;
+/// The window begins so far before what is looked for in it: a record's head is looked at before its texts.
+const LOOK_BACK_BYTES: u64 = 256;
 
 /// A file that is read as far as it can be.
 pub(crate) struct Salvage {
@@ -51,7 +58,8 @@ pub(crate) struct Salvage {
     found: Option<Range<usize>>,
     /// What is to be said before anything else is read.
     said: VecDeque<String>,
-    false_marks: u32,
+    /// Bytes that were read behind marks of packed ones: a file may be full of these.
+    behind_marks: u64,
 }
 
 /// The chunk that is being read.
@@ -74,6 +82,8 @@ struct Source {
     mended: Option<(u64, u8)>,
     window: Vec<u8>,
     window_at: u64,
+    /// Bytes that were read from the file so far, some of them again and again.
+    read: Cell<u64>,
 }
 
 impl Source {
@@ -86,6 +96,7 @@ impl Source {
                 count => read += count,
             }
         }
+        self.read.set(self.read.get() + read as u64);
         if let Some((byte, mask)) = self.mended
             && let Some(place) = byte.checked_sub(at).filter(|place| *place < read as u64)
         {
@@ -94,8 +105,14 @@ impl Source {
         Ok(read)
     }
 
+    /// These bytes, if they were looked at last.
+    fn in_window(&self, at: u64, count: usize) -> Option<&[u8]> {
+        let from = usize::try_from(at.checked_sub(self.window_at)?).ok()?;
+        self.window.get(from..)?.get(..count)
+    }
+
     fn section(&self, Range { start, end }: Range<u64>) -> BufReader<Section<'_>> {
-        BufReader::with_capacity(64 << 10, Section { source: self, at: start, end })
+        BufReader::with_capacity(PACKED_BYTES, Section { source: self, at: start, end })
     }
 }
 
@@ -106,20 +123,26 @@ impl Bytes for Source {
 
     fn get(&mut self, at: u64, count: usize) -> IoResult<&[u8]> {
         let count = (self.length.saturating_sub(at)).min(count as u64) as usize;
-        let inside = |window: &[u8], window_at: u64| {
-            at.checked_sub(window_at).is_some_and(|from| from + count as u64 <= window.len() as u64)
-        };
-        if !inside(&self.window, self.window_at) {
-            let wanted = (self.length - at.min(self.length)).min(count.max(READ_BYTES) as u64);
+        if self.in_window(at, count).is_none() {
+            let start = at.min(self.length).saturating_sub(LOOK_BACK_BYTES);
+            let wanted = (self.length - start).min(count as u64 + READ_BYTES as u64);
             let mut window = std::mem::take(&mut self.window);
             window.resize(wanted as usize, 0);
-            let read = self.read_at(at, &mut window)?;
+            let read = self.read_at(start, &mut window)?;
             window.truncate(read);
-            (self.window, self.window_at) = (window, at);
+            (self.window, self.window_at) = (window, start);
         }
         let from = (at - self.window_at) as usize;
         let rest = self.window.get(from..).unwrap_or_default();
         Ok(&rest[..count.min(rest.len())])
+    }
+
+    fn peek<const N: usize>(&mut self, at: u64) -> IoResult<Option<[u8; N]>> {
+        if let Some(there) = self.in_window(at, N) {
+            return Ok(there.first_chunk().copied());
+        }
+        let mut bytes = [0; N];
+        Ok((self.read_at(at, &mut bytes)? == N).then_some(bytes))
     }
 }
 
@@ -144,7 +167,7 @@ impl Salvage {
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let opened = file::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
         let (length, file) = opened.map_err(|source| read_error(path, source))?;
-        let source = Source { file, length, mended: None, window: Vec::new(), window_at: 0 };
+        let source = Source { file, length, mended: None, window: Vec::new(), window_at: 0, read: Cell::new(0) };
         let mut salvage = Self {
             path: path.into(),
             source,
@@ -156,7 +179,7 @@ impl Salvage {
             body: Vec::new(),
             found: None,
             said: VecDeque::new(),
-            false_marks: 0,
+            behind_marks: 0,
         };
         salvage.mend()?;
         salvage.begin(Judge::default());
@@ -167,7 +190,7 @@ impl Salvage {
     pub fn begin(&mut self, judge: Judge) {
         let magic = mcap::MAGIC.len() as u64;
         let begins_right = self.source.get(0, mcap::MAGIC.len()).is_ok_and(|bytes| bytes == mcap::MAGIC);
-        (self.at, self.over, self.chunk, self.false_marks) =
+        (self.at, self.over, self.chunk, self.behind_marks) =
             (if begins_right { magic } else { 0 }, false, Opened::None, 0);
         (self.judge, self.doubtful_to) = (judge, 0);
         self.said.clear();
@@ -324,21 +347,38 @@ impl Salvage {
     }
 
     /// Records that are packed, without the head of a chunk, in a part of the file: where they begin, and what they are.
-    fn packed(&mut self, Range { start, end }: Range<u64>) -> IoResult<Option<(u64, Vec<u8>)>> {
-        for at in start..end {
-            let begin = self.source.get(at, 4)?;
-            let Some((name, _)) = MARKS.iter().find(|(_, mark)| begin == mark) else {
-                continue;
-            };
-            if self.false_marks > MAX_FALSE_MARKS {
+    fn packed(&mut self, Range { mut start, end }: Range<u64>) -> IoResult<Option<(u64, Vec<u8>)>> {
+        while let Some((at, name)) = self.mark(start..end)? {
+            start = at + 1;
+            if self.behind_marks > self.source.length.saturating_mul(MOST_BEHIND_MARKS) {
                 return Ok(None);
             }
-            let (bytes, _) = unpack(name, self.source.section(at..self.source.length), chunk::ALWAYS_BYTES)?;
+            let before = self.source.read.get();
+            let packed = at..self.source.length;
+            // Most of what has such a mark is something else: that is seen after a few bytes.
+            let (begin, _) = unpack(name, self.source.section(packed.clone()), TRIED_BYTES)?;
+            let mut bytes = Vec::new();
+            if self.judge.may_begin(&begin) {
+                (bytes, _) = unpack(name, self.source.section(packed), chunk::ALWAYS_BYTES)?;
+            }
+            self.behind_marks += self.source.read.get() - before;
             let first = self.judge.next(&mut bytes.as_slice(), 0)?;
             if first.is_some_and(|spot| spot.at == 0 && is_of_chunk(spot.head.opcode)) {
                 return Ok(Some((at, bytes)));
             }
-            self.false_marks += 1;
+        }
+        Ok(None)
+    }
+
+    /// The first mark that begins in a part of the file, and of what.
+    fn mark(&mut self, Range { mut start, end }: Range<u64>) -> IoResult<Option<(u64, &'static str)>> {
+        while start < end {
+            let ahead = self.source.get(start, AHEAD_BYTES)?;
+            let marks = ahead.windows(4).map(|bytes| MARKS.iter().find(|(_, mark)| mark == bytes));
+            if let Some((at, name)) = (start..end).zip(marks).find_map(|(at, mark)| Some((at, mark?.0))) {
+                return Ok(Some((at, name)));
+            }
+            start += (ahead.len() as u64).saturating_sub(3).max(1);
         }
         Ok(None)
     }
@@ -367,6 +407,12 @@ impl Salvage {
             return Ok(());
         };
         let packed = start + head.bytes()..spot.end().min(self.source.length);
+        if head.compression.is_empty() && spot.at < self.doubtful_to {
+            // It begins within a damaged one: its records are read where they lie, too. One may begin at every byte,
+            // and each would be read to its end.
+            (self.at, self.doubtful_to) = (packed.start, self.doubtful_to.max(packed.end));
+            return Ok(());
+        }
         let mut right = Chunk::default();
         let reason = match head.believable() {
             Ok(()) => match right.unpack(&head, &mut self.source.section(packed.clone()))? {
@@ -390,9 +436,16 @@ impl Salvage {
         let reason = stopped.unwrap_or(reason);
         let at = spot.at;
         self.chunk = match mended(bytes, &head) {
-            Ok(chunk) => {
+            Ok(chunk) if head.compression.is_empty() => {
                 self.said.push_back(format!("the chunk at byte {at} had one flipped bit; it is put back"));
                 Opened::Right(chunk)
+            }
+            // What was flipped is packed: one bit of that makes many others of what it unpacks to, some of which pass
+            // for one. So this chunk may be what was written, and may not.
+            Ok(chunk) => {
+                self.said
+                    .push_back(format!("the chunk at byte {at} agrees with its checksum but for one bit, put back"));
+                Opened::Wrong { bytes: chunk.into_bytes(), at: 0 }
             }
             Err(bytes) => {
                 self.said.push_back(taken_as_it_is(at, &reason));
@@ -428,7 +481,9 @@ fn unpack(compression: &str, mut packed: impl BufRead, most: u64) -> IoResult<(V
     let mut bytes = Vec::new();
     let outcome = match compression {
         "lz4" => lz4::Decoder::new(packed).and_then(|it| it.take(most).read_to_end(&mut bytes)),
-        "zstd" => zstd::Decoder::with_buffer(packed).and_then(|it| it.take(most).read_to_end(&mut bytes)),
+        "zstd" => {
+            zstd::Decoder::with_buffer(packed).and_then(|it| it.single_frame().take(most).read_to_end(&mut bytes))
+        }
         _ => return packed.by_ref().take(most).read_to_end(&mut bytes).map(|_| (bytes, None)),
     };
     Ok((bytes, outcome.err().map(|error| format!("unpacks only in part: {error}"))))
@@ -456,4 +511,73 @@ fn mended(mut bytes: Vec<u8>, head: &ChunkHead) -> Result<Chunk, Vec<u8>> {
         put_back(&mut bytes);
         bytes
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bytes that were read of a file to recover all that there is in it.
+    fn read_of(bytes: &[u8]) -> u64 {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("damaged.mcap");
+        std::fs::write(&path, bytes).unwrap();
+        let mut salvage = Salvage::open(&path).unwrap();
+        let mut found = 0;
+        while !matches!(salvage.next().unwrap(), Found::End) {
+            found += 1;
+        }
+        assert!(found > 0);
+        salvage.source.read.get()
+    }
+
+    fn head(opcode: u8, length: u64) -> Vec<u8> {
+        [&[opcode][..], &length.to_le_bytes()].concat()
+    }
+
+    /// A chunk, uncompressed, that says to have so many bytes.
+    fn chunk(length: u64) -> Vec<u8> {
+        let body = [&[0; 16][..], &length.to_le_bytes(), &7_u32.to_le_bytes(), &[0; 4], &length.to_le_bytes()].concat();
+        [head(op::CHUNK, 40 + length), body].concat()
+    }
+
+    /// Files in which every few bytes something claims to lead far away, of so many bytes each.
+    fn traps(length: u64) -> Vec<(&'static str, Vec<u8>)> {
+        let again = |make: &dyn Fn(u64) -> Vec<u8>| {
+            let mut bytes = mcap::MAGIC.to_vec();
+            while (bytes.len() as u64) < length {
+                let left = length - bytes.len() as u64;
+                bytes.extend(make(left));
+            }
+            bytes
+        };
+        let message = |left: u64| [head(op::MESSAGE, left / 2), vec![0; MESSAGE_BYTES]].concat();
+        vec![
+            ("records of another program", again(&|left| head(0x80, left / 2))),
+            ("messages", again(&message)),
+            ("schemas", again(&|left| [head(op::SCHEMA, left / 2), vec![0; 7]].concat())),
+            ("metadata", again(&|left| [head(op::METADATA, left / 2), vec![0; 4]].concat())),
+            ("texts of a map", again(&|left| [head(op::METADATA, left / 2), vec![0; 200]].concat())),
+            ("chunks in chunks", again(&|left| [chunk(left), message(left)].concat())),
+            ("marks of zstd", again(&|_| vec![0x28, 0xb5, 0x2f, 0xfd])),
+            ("marks of lz4", again(&|_| vec![0x04, 0x22, 0x4d, 0x18, 0x64, 0x40, 0xa7])),
+            ("zeros", again(&|_| vec![0])),
+            ("small numbers", again(&|_| vec![1, 0, 5, 0, 0, 0, 0, 0, 0, 0, 0])),
+        ]
+    }
+
+    const MESSAGE_BYTES: usize = crate::head::MESSAGE_HEAD;
+
+    /// Regression: a megabyte was read for every byte that could be a head, before and after it.
+    #[test]
+    fn a_damaged_file_is_read_a_few_times_whatever_is_in_it() {
+        // So many times: to learn the channels and to read, each to look for records and for marks, and what is tried.
+        const MOST: u64 = 16;
+        for length in [2 << 20, 6 << 20] {
+            for (what, bytes) in traps(length) {
+                let read = read_of(&bytes);
+                assert!(read <= MOST * length, "{what}: {read} bytes of {length}");
+            }
+        }
+    }
 }

@@ -9,6 +9,7 @@ use mcap::records::{self, ChunkIndex, Record as McapRecord, Statistics, op};
 
 use elk_outside::file;
 
+use crate::again::{self, SaidChannel};
 use crate::channel::{Channel, ChannelKind, text};
 use crate::container::{self, Container, Found, read_error};
 use crate::encoding::{self, Decoded, Scratch, seconds};
@@ -89,6 +90,12 @@ pub(crate) enum Said {
     Statistics(Statistics),
 }
 
+impl Said {
+    fn statistics(self) -> Option<Statistics> {
+        if let Self::Statistics(said) = self { Some(said) } else { None }
+    }
+}
+
 /// What comes next in a segment.
 pub(crate) enum Next {
     /// A message of the bus.
@@ -108,13 +115,29 @@ pub(crate) enum Next {
 impl Segment {
     /// Opens a file. Its channels are known from its end, if it has one.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let mut segment = Self::of(path, Records::Right(Box::new(Container::open(path)?)));
+        let mut segment = Self::at_the_beginning(path)?;
         if let Some(place) = Self::find_summary(path)? {
+            let mut counted = None;
             // What is wrong with it the index says; the channels may be announced once more.
-            segment.knows_channels = segment.summary(place, |_| {})?.is_ok();
+            let read = segment.summary(place, |said| counted = said.statistics().or(counted.take()))?;
+            segment.knows_channels = read.is_ok() && counted.is_some_and(|counted| segment.names_all(&counted));
             segment.go_to(mcap::MAGIC.len() as u64)?;
         }
         Ok(segment)
+    }
+
+    /// Opens a file without a look at its end: its channels are known as they come, or by [`Segment::seek`].
+    pub fn at_the_beginning(path: &Path) -> Result<Self, LogError> {
+        Ok(Self::of(path, Records::Right(Box::new(Container::open(path)?))))
+    }
+
+    /// Whether all channels that the end of the file counts are known, and all of its messages are theirs. The end of a
+    /// file need not repeat the channels, nor count the messages of each: then only the data know.
+    pub fn names_all(&self, counted: &Statistics) -> bool {
+        let counts = &counted.channel_message_counts;
+        self.channels().count() as u64 >= u64::from(counted.channel_count)
+            && counts.keys().all(|id| self.channel(*id).is_some())
+            && counts.values().fold(0_u64, |all, count| all.saturating_add(*count)) == counted.message_count
     }
 
     /// From now on chunks may be passed over that have no message recorded at one of these times (ns), where no channel is
@@ -131,24 +154,20 @@ impl Segment {
     /// all of it.
     pub fn open_damaged(path: &Path) -> Result<Self, LogError> {
         let mut segment = Self::of(path, Records::Salvaged(Box::new(Salvage::open(path)?)));
-        let mut times = None;
+        let mut counted = None;
         if let Some(place) = Self::find_summary(path)? {
             let mut known = Self::of(path, Records::Right(Box::new(Container::unchecked(path)?)));
-            let read = known.summary(place, |said| {
-                if let Said::Statistics(said) = said
-                    && said.message_count > 0
-                {
-                    times = Some(said.message_start_time..=said.message_end_time);
-                }
-            })?;
-            if read.is_ok() {
+            let read = known.summary(place, |said| counted = said.statistics().or(counted.take()))?;
+            counted = counted.filter(|counted| read.is_ok() && known.names_all(counted) && counted.message_count > 0);
+            if counted.is_some() {
                 (segment.schemas, segment.channels) = (known.schemas, known.channels);
                 segment.names_bytes = known.names_bytes;
             }
         }
-        if segment.channels.is_empty() {
-            times = segment.learn()?;
-        }
+        let times = match counted {
+            Some(counted) => Some(counted.message_start_time..=counted.message_end_time),
+            None => segment.learn()?,
+        };
         let channels = segment.channels().map(|(id, _)| id).collect();
         if let Records::Salvaged(salvage) = &mut segment.records {
             salvage.begin(Judge { channels, times });
@@ -166,8 +185,9 @@ impl Segment {
                 Found::Record(op::CHANNEL) if channels.len() < usize::from(u16::MAX) => {
                     channels.push(self.records.body().to_vec());
                 }
-                // What is wrong with any of them is said when they are read once more.
-                Found::Record(opcode @ op::SCHEMA) => drop(self.note(opcode)?),
+                // What is wrong with any of them is said when they are read once more. Channels that are said again
+                // have a checksum of their own, and come first.
+                Found::Record(opcode @ (op::SCHEMA | op::METADATA)) => drop(self.note(opcode)?),
                 Found::End => break,
                 _ => {}
             }
@@ -224,12 +244,13 @@ impl Segment {
 
     /// Where the run came from, as far as a file says so before its first message.
     pub fn metadata_of(path: &Path) -> Result<Metadata, LogError> {
-        Self::open(path)?.read_metadata()
+        Self::at_the_beginning(path)?.read_metadata()
     }
 
     /// As [`Segment::metadata_of`], of a file that may be damaged.
     pub fn metadata_of_damaged(path: &Path) -> Result<Metadata, LogError> {
-        Self::open_damaged(path)?.read_metadata()
+        // What it says of the run needs no channels: all of the file is not read for them.
+        Self::of(path, Records::Salvaged(Box::new(Salvage::open(path)?))).read_metadata()
     }
 
     fn read_metadata(mut self) -> Result<Metadata, LogError> {
@@ -271,6 +292,8 @@ impl Segment {
             };
             let noted = match opcode {
                 op::CHUNK_INDEX | op::STATISTICS => self.read_said(opcode).map(&mut said),
+                // Its schema need not be repeated: then only the data say what the channel's messages are.
+                op::CHANNEL if !self.knows_schema_of(self.records.body()) => Ok(()),
                 _ => self.note(opcode)?.map(drop),
             };
             if let Err(reason) = noted {
@@ -278,6 +301,11 @@ impl Segment {
             }
         }
         Ok(Ok(()))
+    }
+
+    fn knows_schema_of(&self, channel: &[u8]) -> bool {
+        let schema = channel.get(2..).and_then(<[u8]>::first_chunk).map_or(0, |id| u16::from_le_bytes(*id));
+        schema == 0 || self.schemas.contains_key(&schema)
     }
 
     fn read_said(&self, opcode: u8) -> Result<Said, String> {
@@ -430,7 +458,13 @@ impl Segment {
         match record {
             McapRecord::Header(header) => self.profile = header.profile,
             McapRecord::Schema { header, data } => return Ok(self.note_schema(header, &data).map(|()| true)),
-            McapRecord::Metadata(metadata) if metadata.name == encoding::ELK => self.note_metadata(&metadata)?,
+            McapRecord::Metadata(metadata) if metadata.name == encoding::ELK => {
+                return Ok(self.note_metadata(&metadata)?.map(|()| true));
+            }
+            McapRecord::Metadata(metadata) if metadata.name == again::NAME => {
+                let said = again::channels(&metadata);
+                return Ok(said.into_iter().try_for_each(|channel| self.note_said(channel)).map(|()| true));
+            }
             McapRecord::Attachment { header, data, crc } => {
                 if crc != 0 && crc != attachment_crc(self.records.body()) {
                     return Ok(Err(format!("the attachment {} does not agree with its checksum", header.name)));
@@ -471,8 +505,22 @@ impl Segment {
         Ok(())
     }
 
+    /// Takes note of a channel that is said again.
+    fn note_said(&mut self, said: SaidChannel) -> Result<(), String> {
+        let SaidChannel { id, topic, schema, encoding: message_encoding, metadata } = said;
+        if self.channel(id).is_some() {
+            return Ok(());
+        }
+        let schema = Arc::new(Schema { name: schema, ..Schema::default() });
+        let channel = records::Channel { id, schema_id: 0, topic, message_encoding, metadata };
+        let channel = Channel::announced(channel, Some(&schema));
+        self.keep_names(channel.names_bytes())?;
+        self.announce(id, Arc::new(channel));
+        Ok(())
+    }
+
     /// The message that was found last as another tool wrote it, if one did.
-    pub fn foreign(&self) -> Option<(&Channel, &[u8])> {
+    pub fn foreign(&self) -> Option<(&Arc<Channel>, &[u8])> {
         let body = self.records.body();
         let channel = self.channel(head(body)?.0)?;
         matches!(channel.kind, ChannelKind::Foreign(_)).then_some((channel, body))
@@ -506,11 +554,14 @@ impl Segment {
         self.channels[place].get_or_insert(channel);
     }
 
-    fn note_metadata(&mut self, said: &records::Metadata) -> Result<(), LogError> {
+    /// Takes what is said of the run. A log of a later format is not read; of a damaged one nobody knows whether that
+    /// is its format or its damage, and what can be had of it is wanted: there it is said.
+    fn note_metadata(&mut self, said: &records::Metadata) -> Result<Result<(), String>, LogError> {
         let text = |name: &str| text(&said.metadata, name);
-        let format = text("format");
-        if format.parse::<u32>().map_or(true, |format| format > encoding::FORMAT) {
-            return Err(LogError::Newer { path: self.path.clone(), found: format, known: encoding::FORMAT });
+        let (format, known) = (text("format"), encoding::FORMAT);
+        let newer = format.parse::<u32>().map_or(true, |format| format > known);
+        if newer && matches!(self.records, Records::Right(_)) {
+            return Err(LogError::Newer { path: self.path.clone(), found: format, known });
         }
         self.metadata = Metadata {
             mission_name: text("mission_name"),
@@ -523,7 +574,11 @@ impl Segment {
             run: text("run"),
             mission: std::mem::take(&mut self.metadata.mission),
         };
-        Ok(())
+        Ok(if newer {
+            Err(format!("its format is said to be {format:?}; it is read as format {known}"))
+        } else {
+            Ok(())
+        })
     }
 }
 

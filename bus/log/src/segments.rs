@@ -3,7 +3,7 @@
 //! A new segment begins when the one before it is large or old enough, and when a logger finds a log that it has not
 //! written itself: nothing that is there is ever overwritten.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::ErrorKind;
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
@@ -69,6 +69,13 @@ fn segment(path: &Path, number: u64) -> PathBuf {
     }
 }
 
+/// Whether the log file at `path` is being written by a process of this machine that lives: it holds the file until
+/// then.
+pub fn is_written(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == EXTENSION)
+        && file::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
+}
+
 /// Creates the first segment of the log at `path`, from number `from` on, that is not there yet; answers its number too.
 /// A device (`/dev/full`) is opened as it is; a FIFO or a socket is not waited for.
 pub(crate) fn create(path: &Path, from: u64) -> Result<(File, PathBuf, u64), LogError> {
@@ -83,7 +90,11 @@ pub(crate) fn create(path: &Path, from: u64) -> Result<(File, PathBuf, u64), Log
     for number in from.. {
         let path = segment(path, number);
         match OpenOptions::new().write(true).create_new(true).open(&path) {
-            Ok(file) => return Ok((file, path, number)),
+            Ok(file) => {
+                // A file system without locks tells nobody that the log is written; that stops no logger.
+                let _ = file.try_lock();
+                return Ok((file, path, number));
+            }
             Err(error) if error.kind() == ErrorKind::AlreadyExists && !path.is_dir() => {}
             Err(source) => return Err(LogError::Create { path, source }),
         }

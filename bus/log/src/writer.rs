@@ -4,12 +4,14 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use elk_bus::ValueRef;
 use mcap::records::{AttachmentHeader, MessageHeader, Record as McapRecord};
 use mcap::write::NoSeek;
 use mcap::{Attachment, WriteOptions, Writer};
 
+use crate::again::{self, SaidChannel};
 use crate::channel as announced;
 use crate::chunk;
 use crate::container;
@@ -29,6 +31,10 @@ const OWN_PROFILE: &str = "elk";
 
 /// A chunk is closed when it is this large (bytes), or when the log is flushed.
 const CHUNK_BYTES: u64 = 1 << 20;
+
+/// Channels are said again when the file has grown by so much since the last one of them was announced (bytes): a hole
+/// of some pages does not reach from there to here. Then whenever it is four times as long.
+const AGAIN_BYTES: u64 = 64 << 10;
 
 /// How chunks are compressed. A chunk that is flushed is compressed by itself, so nothing waits longer for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -84,6 +90,11 @@ struct Segment {
     staging: Staging,
     format: Writer<NoSeek<Staging>>,
     channels: HashMap<String, Vec<Channel>>,
+    /// What was announced, and how long the file is when it is said again (bytes).
+    said: Vec<SaidChannel>,
+    again_at: u64,
+    /// Channels of other tools, by the address of their announcement, which is kept for that.
+    foreign: HashMap<usize, (Arc<announced::Channel>, u16)>,
     /// The channel of the logger's losses.
     losses: Option<u16>,
     /// Messages that are missing from this segment.
@@ -165,21 +176,31 @@ impl LogWriter {
             |reason: String| LogError::Record { key: record.key.into(), source_name: record.source.into(), reason };
         self.buffer.clear();
         encoding::encode(record, &mut self.buffer).map_err(refused)?;
-        if self.segment.compression == Compression::Zstd && packs_too_tightly(&self.buffer) {
-            self.rotate(Compression::None)?;
-        }
+        let message = std::mem::take(&mut self.buffer);
+        let loosened = self.loosen(&message);
+        self.buffer = message;
+        loosened?;
         self.segment.append(record, &self.buffer).map_err(|error| refused(error.to_string()))
     }
 
     /// Writes a message of another tool as it is: `body` is its record, `channel` what it was announced by.
-    pub(crate) fn append_foreign(&mut self, channel: &announced::Channel, body: &[u8]) -> Result<(), LogError> {
+    pub(crate) fn append_foreign(&mut self, channel: &Arc<announced::Channel>, body: &[u8]) -> Result<(), LogError> {
         let refused = |error: mcap::McapError| LogError::Record {
             key: channel.key.clone(),
             source_name: channel.source.clone(),
             reason: error.to_string(),
         };
         self.segment.has_room()?;
+        self.loosen(body)?;
         self.segment.append_foreign(channel, body).map_err(refused)
+    }
+
+    /// Sees to it that readers will believe the chunk that `message` comes into.
+    fn loosen(&mut self, message: &[u8]) -> Result<(), LogError> {
+        match self.segment.compression == Compression::Zstd && packs_too_tightly(message) {
+            true => self.rotate(Compression::None),
+            false => Ok(()),
+        }
     }
 
     /// Writes an attachment, metadata, or a record of another tool's own; answers whether it is one of these.
@@ -286,6 +307,9 @@ impl Segment {
             staging,
             format,
             channels: HashMap::new(),
+            said: Vec::new(),
+            again_at: u64::MAX,
+            foreign: HashMap::new(),
             losses: None,
             dropped: 0,
             started: None,
@@ -355,19 +379,13 @@ impl Segment {
         Ok(())
     }
 
-    fn append_foreign(&mut self, channel: &announced::Channel, body: &[u8]) -> mcap::McapResult<()> {
-        let announced::ChannelKind::Foreign(foreign) = &channel.kind else {
-            return Ok(());
-        };
+    fn append_foreign(&mut self, channel: &Arc<announced::Channel>, body: &[u8]) -> mcap::McapResult<()> {
         let Some((head, bytes)) = body.split_at_checked(MESSAGE_HEAD) else {
             return Ok(());
         };
-        // What was announced before is found again by what it says.
-        let schema = match &foreign.schema {
-            Some(schema) => self.format.add_schema(&schema.name, &schema.encoding, &schema.data)?,
-            None => 0,
+        let Some(channel_id) = self.foreign_channel(channel)? else {
+            return Ok(());
         };
-        let channel_id = self.format.add_channel(schema, &channel.key, &foreign.message_encoding, &foreign.metadata)?;
         let (log_time, publish_time) = (word(&head[6..]), word(&head[14..]));
         let sequence = word(&head[2..]) as u32;
         let header = MessageHeader { channel_id, sequence, log_time, publish_time };
@@ -377,6 +395,24 @@ impl Segment {
             let _ = self.drain();
         }
         Ok(())
+    }
+
+    /// The channel in this file for another tool's; nothing: it is not another tool's.
+    fn foreign_channel(&mut self, channel: &Arc<announced::Channel>) -> mcap::McapResult<Option<u16>> {
+        if let Some((_, id)) = self.foreign.get(&Arc::as_ptr(channel).addr()) {
+            return Ok(Some(*id));
+        }
+        let announced::ChannelKind::Foreign(foreign) = &channel.kind else {
+            return Ok(None);
+        };
+        // What another file of the same log has announced is found again by what it says.
+        let schema = match &foreign.schema {
+            Some(schema) => self.format.add_schema(&schema.name, &schema.encoding, &schema.data)?,
+            None => 0,
+        };
+        let id = self.format.add_channel(schema, &channel.key, &foreign.message_encoding, &foreign.metadata)?;
+        self.foreign.insert(Arc::as_ptr(channel).addr(), (channel.clone(), id));
+        Ok(Some(id))
     }
 
     fn append_record(&mut self, opcode: u8, body: &[u8]) -> mcap::McapResult<bool> {
@@ -427,6 +463,13 @@ impl Segment {
             }
         };
         let id = self.format.add_channel(schema, record.key, said.message_encoding, &metadata)?;
+        self.say_again(SaidChannel {
+            id,
+            topic: record.key.into(),
+            schema: said.schema_name,
+            encoding: said.message_encoding.into(),
+            metadata,
+        });
         let RecordRef { source, community, epoch, .. } = *record;
         let channel = Channel { id, source: source.into(), community: community.into(), epoch, kind: carried };
         self.channels.entry(record.key.into()).or_default().push(channel);
@@ -439,7 +482,11 @@ impl Segment {
             None => {
                 let schema = schema::DROPPED.as_bytes();
                 let schema = self.format.add_schema(encoding::DROPPED, encoding::JSON_SCHEMA, schema)?;
-                self.format.add_channel(schema, encoding::DROPPED, encoding::JSON, &BTreeMap::new())?
+                let id = self.format.add_channel(schema, encoding::DROPPED, encoding::JSON, &BTreeMap::new())?;
+                let (topic, schema) = (encoding::DROPPED.to_owned(), encoding::DROPPED.to_owned());
+                let metadata = BTreeMap::new();
+                self.say_again(SaidChannel { id, topic, schema, encoding: encoding::JSON.into(), metadata });
+                id
             }
         };
         self.losses = Some(channel_id);
@@ -449,9 +496,27 @@ impl Segment {
         self.format.write_to_known_channel(&header, encoding::dropped(self.dropped, received).as_bytes())
     }
 
+    /// Notes a channel that was announced just now.
+    fn say_again(&mut self, channel: SaidChannel) {
+        self.said.push(channel);
+        self.again_at = self.bytes + AGAIN_BYTES;
+    }
+
     fn flush(&mut self) -> Result<(), LogError> {
         let closed = self.format.flush().map_err(std::io::Error::other);
-        closed.and_then(|()| self.drain()).map_err(|source| self.write_error(source))
+        let written = closed.and_then(|()| self.drain()).and_then(|()| self.put_channels());
+        written.map_err(|source| self.write_error(source))
+    }
+
+    /// Says all channels again, if that is due.
+    fn put_channels(&mut self) -> std::io::Result<()> {
+        if self.bytes < self.again_at {
+            return Ok(());
+        }
+        self.again_at = 4 * self.bytes;
+        let record = again::record(&self.said)?;
+        self.format.write_metadata(&record).map_err(std::io::Error::other)?;
+        self.drain()
     }
 
     fn finish(mut self) -> Result<(), LogError> {

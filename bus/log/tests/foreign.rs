@@ -1,11 +1,16 @@
 //! Logs, channels, attachments and metadata of other tools: shown, counted, and kept byte by byte.
 
+mod common;
+
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use elk_bus::Value;
 use elk_log::check::check;
 use elk_log::copy::{Copied, copy, recover};
-use elk_log::{Index, LogOptions, LogReader, Selection};
+use elk_log::{Index, LogOptions, LogReader, LogWriter, Metadata, Selection};
+use mcap::WriteOptions;
 
 fn case(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases").join(name)
@@ -91,4 +96,95 @@ fn a_flipped_bit_costs_no_message() {
     let pulses: Vec<Value> =
         LogReader::open(&to).unwrap().map(Result::unwrap).filter(|r| r.key == "PULSE").map(|r| r.value).collect();
     assert!(pulses.len() == 120, "{}", pulses.len());
+}
+
+/// The log at `from` as another program writes it, chunk by chunk of a kilobyte, its end as `options` say.
+fn written_by_another(from: &Path, to: &Path, options: WriteOptions) {
+    let bytes = std::fs::read(from).unwrap();
+    let options = options.chunk_size(Some(1024)).compression(None);
+    let mut writer = options.create(BufWriter::new(File::create(to).unwrap())).unwrap();
+    mcap::MessageStream::new(&bytes).unwrap().for_each(|message| writer.write(&message.unwrap()).unwrap());
+    writer.finish().unwrap();
+}
+
+type Leaving = fn(WriteOptions) -> WriteOptions;
+
+/// What the end of a file may leave out.
+const LEFT_OUT: [(&str, Leaving); 7] = [
+    ("nothing", |options| options),
+    ("statistics", |options| options.emit_statistics(false)),
+    ("channels", |options| options.repeat_channels(false)),
+    ("schemas", |options| options.repeat_schemas(false)),
+    ("indexes", |options| options.emit_chunk_indexes(false).emit_message_indexes(false)),
+    ("all but indexes", |options| options.emit_statistics(false).repeat_channels(false).repeat_schemas(false)),
+    ("all but statistics", |options| options.repeat_channels(false).repeat_schemas(false).emit_chunk_indexes(false)),
+];
+
+/// Regression: a file whose end does not repeat its channels had "0 messages", and was called whole.
+#[test]
+fn what_the_end_of_a_file_leaves_out_its_data_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = folder.path().join("own.mcap");
+    let mut log = LogWriter::create(&own, &Metadata::default()).unwrap();
+    for number in 0..60 {
+        let (key, value) =
+            if number % 3 == 0 { ("TEXT", Value::Text("x".repeat(100))) } else { ("NUMBER", Value::Double(0.5)) };
+        log.append(&common::record(number, key, value).as_ref()).unwrap();
+    }
+    log.note_dropped(7, 60.0).unwrap();
+    log.finish().unwrap();
+    let path = folder.path().join("other.mcap");
+    for (what, options) in LEFT_OUT {
+        written_by_another(&own, &path, options(WriteOptions::new()));
+        let index = Index::read(&path, &mut |_, _| {}).unwrap();
+        let topics: Vec<_> = index.topics().into_iter().map(|t| (t.name, t.type_name, t.count)).collect();
+        let expected = [("NUMBER", "double", 40), ("TEXT", "text", 20)];
+        assert_eq!(topics, expected.map(|(key, of, count)| (key.to_owned(), of.to_owned(), count)), "without {what}");
+        assert_eq!((index.messages(), index.dropped(), index.whole()), (60, 7, true), "without {what}");
+        let checked = check(&path, &mut |_, _| {}).unwrap();
+        assert_eq!((checked.messages, checked.damage), (60, Vec::new()), "without {what}");
+        // A part of it, of which the first chunk has nothing but the channels.
+        let part = Selection { from_secs: Some(30.0), to_secs: Some(39.5), ..Selection::default() };
+        let to = folder.path().join("part.mcap");
+        let copied = copy(&path, &to, &part, LogOptions::default(), &mut |_, _| {}).unwrap();
+        assert_eq!((copied.records, copied.damage), (10, Vec::new()), "without {what}");
+        let mut log = LogReader::open(&path).unwrap();
+        log.seek(&index, 45.0).unwrap();
+        let orders: Vec<u64> = log.map(|record| record.unwrap().order).collect();
+        assert_eq!(orders, (45..60).collect::<Vec<u64>>(), "without {what}");
+        // Ten bytes of the last message are lost.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let at = bytes.windows(11).rposition(|window| window == b"\"order\":59}").unwrap();
+        bytes[at..at + 10].fill(0);
+        let (damaged, mended) = (folder.path().join("damaged.mcap"), folder.path().join("mended.mcap"));
+        std::fs::write(&damaged, bytes).unwrap();
+        let copied = recover(&damaged, &mended, LogOptions::default(), &mut |_, _| {}).unwrap();
+        assert_eq!((copied.records, copied.unreadable), (59, 1), "without {what}: {:?}", copied.damage);
+        [to, mended].iter().for_each(|file| std::fs::remove_file(file).unwrap());
+    }
+}
+
+/// Regression: a damaged byte in what a log says of its format ended recover.
+#[test]
+fn a_format_that_nobody_knows_is_said_and_recover_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, to) = (folder.path().join("run.mcap"), folder.path().join("mended.mcap"));
+    let mut log = LogWriter::create(&path, &Metadata { seed: 7, ..Metadata::default() }).unwrap();
+    (0..9).for_each(|number| log.append(&common::record(number, "KEY", 1.0.into()).as_ref()).unwrap());
+    log.flush().unwrap();
+    drop(log);
+    let bytes = std::fs::read(&path).unwrap();
+    let at = bytes.windows(6).position(|window| window == b"format").unwrap() + 10;
+    assert_eq!(bytes[at], b'1');
+    for said in [b'9', b'x', 0] {
+        let mut damaged = bytes.clone();
+        damaged[at] = said;
+        std::fs::write(&path, damaged).unwrap();
+        assert!(LogReader::open(&path).is_err(), "whoever only reads does not guess");
+        let copied = recover(&path, &to, LogOptions::default(), &mut |_, _| {}).unwrap();
+        assert_eq!(copied.records, 9);
+        assert!(copied.damage.iter().any(|reason| reason.contains("its format is said to be")), "{:?}", copied.damage);
+        assert_eq!(LogReader::open(&to).unwrap().metadata().seed, 7);
+        std::fs::remove_file(&to).unwrap();
+    }
 }

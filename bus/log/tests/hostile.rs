@@ -278,6 +278,33 @@ fn what_a_writer_writes_is_believed_however_tightly_it_packs() {
     assert!(log.by_ref().map(Result::unwrap).eq(records) && log.whole(), "{:?}", log.damage());
 }
 
+/// Regression: the guard was for elk's own messages alone.
+#[test]
+fn a_message_of_another_tool_is_believed_as_well_however_tightly_it_packs() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir().unwrap();
+    let (path, copied) = (folder.path().join("other.mcap"), folder.path().join("copied"));
+    std::fs::create_dir(&copied).unwrap();
+    let mut other = mcap::WriteOptions::new().compression(None).create(File::create(&path).unwrap()).unwrap();
+    let channel_id = other.add_channel(0, "images", "raw", &Default::default()).unwrap();
+    let lengths = [10, 70 * MB, 10];
+    for (sequence, length) in (0..).zip(lengths) {
+        let header = mcap::records::MessageHeader { channel_id, sequence, log_time: 1, publish_time: 1 };
+        other.write_to_known_channel(&header, &vec![0; length as usize]).unwrap();
+    }
+    other.finish().unwrap();
+    let options = LogOptions { compression: Compression::Zstd, ..LogOptions::default() };
+    let made = copy(&path, &copied.join("log.mcap"), &Selection::default(), options, &mut |_, _| {}).unwrap();
+    assert_eq!(made.records, 3);
+    let mut log = LogReader::open(&copied).unwrap();
+    let length = |record: Record| match record.value {
+        Value::Binary { bytes, .. } => bytes.len() as u64,
+        other => panic!("{other:?}"),
+    };
+    let read: Vec<u64> = log.by_ref().map(|record| length(record.unwrap())).collect();
+    assert!(read == lengths && log.whole(), "{read:?}, {:?}", log.damage());
+}
+
 #[test]
 fn what_packs_too_tightly_is_refused_where_there_is_no_room_for_another_segment() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);

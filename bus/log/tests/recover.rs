@@ -35,8 +35,8 @@ fn record(number: u64) -> Record {
         1 => Value::Text(format!("line {number} of many, and some more words for each of them")),
         _ => {
             let mut random = Random(number);
-            let bytes =
-                (0..400 + 7 * number as usize % 4000).map(|at| if at % 4 == 3 { 0x41 } else { random.below(64) as u8 });
+            let bytes = (0..400 + 7 * (number as usize % 4000) % 4000)
+                .map(|at| if at % 4 == 3 { 0x41 } else { random.below(64) as u8 });
             Value::Binary { type_name: "Points".into(), layout: 1, bytes: bytes.collect() }
         }
     };
@@ -145,12 +145,6 @@ struct Count {
 }
 
 impl Count {
-    fn merge(&mut self, other: &Count) {
-        self.whole += other.whole;
-        self.recovered += other.recovered;
-        self.wrong += other.wrong;
-    }
-
     fn add(&mut self, folder: &Path, damaged: &[u8], whole: &BTreeSet<u64>) {
         let (path, to) = (folder.join("damaged.mcap"), folder.join("mended.mcap"));
         let _ = std::fs::remove_file(&to);
@@ -177,7 +171,6 @@ fn recovers(flips: usize, holes: usize) {
         let chunks = chunks_of(&finished);
         assert_eq!(chunks.iter().map(|chunk| chunk.messages.len()).sum::<usize>(), MESSAGES as usize);
         let data = records_of(&finished, 8).last().unwrap().1.end;
-        let mut together = [Count::default(), Count::default()];
         for (ending, bytes) in [("finished", &finished[..]), ("killed", &finished[..data])] {
             let mut random = Random(7);
             let (mut flipped, mut holed) = (Count::default(), Count::default());
@@ -197,14 +190,15 @@ fn recovers(flips: usize, holes: usize) {
                 holed.add(folder, &damaged, &whole_in(&chunks, &damaged, &(at..at + HOLE)));
             }
             println!("{compression:?}, {ending}: {flips} flips {flipped:?}, {holes} holes {holed:?}");
-            together.iter_mut().zip([&flipped, &holed]).for_each(|(sum, count)| sum.merge(count));
+            for (damage, count) in [("flips", &flipped), ("holes", &holed)] {
+                if count.recovered * 100 < count.whole * 99 {
+                    too_few.push(format!("{compression:?}, {ending}, {damage}: {count:?}"));
+                }
+            }
             // Where there is a checksum over what was flipped, the one bit is found and put back.
             if ending == "finished" || compression == Compression::None {
                 assert_eq!(flipped.wrong, 0, "{compression:?}, {ending}: {flipped:?}");
             }
-        }
-        if together.iter().any(|count| count.recovered * 100 < count.whole * 99) {
-            too_few.push(format!("{compression:?}: {together:?}"));
         }
     }
     assert!(too_few.is_empty(), "{too_few:#?}");
@@ -240,5 +234,53 @@ fn what_a_run_came_from_is_put_back_as_well() {
         recover(&path, &to, LogOptions::default(), &mut |_, _| {}).unwrap();
         let mended = LogReader::open(&to).unwrap();
         assert_eq!((mended.metadata().seed, &mended.metadata().mission), (said.seed, &said.mission), "{marker}");
+    }
+}
+
+/// Regression: one flipped bit of a packed chunk can make one of what it unpacks to; so can others, by chance.
+#[test]
+fn a_packed_chunk_that_had_to_be_mended_is_doubtful() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, to) = (folder.path().join("damaged.mcap"), folder.path().join("mended.mcap"));
+    let finished = log_bytes(folder.path(), Compression::Lz4);
+    let killed = &finished[..records_of(&finished, 8).last().unwrap().1.end];
+    let chunk = &chunks_of(&finished)[3];
+    let unpacked_otherwise = |at: &usize| {
+        let mut packed = finished[chunk.packed.clone()].to_vec();
+        packed[*at] ^= 1;
+        let bits =
+            unpack("lz4", &packed).iter().zip(&chunk.unpacked).map(|(one, other)| (one ^ other).count_ones()).sum();
+        Some(bits).filter(|bits: &u32| *bits > 0)
+    };
+    let at = (100..chunk.packed.len()).find(|at| unpacked_otherwise(at) == Some(1)).expect("a byte that is not packed");
+    let mut damaged = killed.to_vec();
+    damaged[chunk.packed.start + at] ^= 1;
+    std::fs::write(&path, damaged).unwrap();
+    let copied = recover(&path, &to, LogOptions::default(), &mut |_, _| {}).unwrap();
+    assert_eq!((copied.records, copied.doubtful as usize), (MESSAGES, chunk.messages.len()), "{:?}", copied.damage);
+    assert!(copied.damage.iter().any(|reason| reason.contains("but for one bit")), "{:?}", copied.damage);
+    let read = LogReader::open(&to).unwrap().map(Result::unwrap);
+    assert!(read.zip(0..).all(|(read, number)| read == record(number)), "the bit is put back all the same");
+}
+
+/// Regression: what was announced in a chunk that is lost had no name any more, if the logger was killed.
+#[test]
+fn the_names_of_channels_outlive_the_chunk_that_announced_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, to) = (folder.path().join("damaged.mcap"), folder.path().join("mended.mcap"));
+    for compression in ALL {
+        let finished = log_bytes(folder.path(), compression);
+        let mut killed = finished[..records_of(&finished, 8).last().unwrap().1.end].to_vec();
+        let chunks = chunks_of(&finished);
+        // The first one has one message, the second one the first of all other channels.
+        let lost = chunks[0].packed.start..chunks[1].packed.end;
+        killed[lost].fill(0);
+        std::fs::write(&path, killed).unwrap();
+        let _ = std::fs::remove_file(&to);
+        let copied = recover(&path, &to, LogOptions::default(), &mut |_, _| {}).unwrap();
+        let kept = MESSAGES - (chunks[0].messages.len() + chunks[1].messages.len()) as u64;
+        assert_eq!((copied.records, copied.unreadable), (kept, 0), "{compression:?}: {:?}", copied.damage);
+        let read = LogReader::open(&to).unwrap().map(Result::unwrap);
+        assert!(read.zip(MESSAGES - kept..).all(|(read, number)| read == record(number)), "{compression:?}");
     }
 }

@@ -116,3 +116,20 @@ fn numbers_of_poses_lists_and_flags_have_names_of_their_own() {
     assert_eq!(csv(&record(0, "POINT", json)), "0.500000,POINT.at[0],app,1.5\n0.500000,POINT.at[1],app,-2\n");
     assert_eq!(csv(&record(0, "HUGE", Value::Double(1e300))), "0.500000,HUGE,app,1e300\n");
 }
+
+/// Regression: a text of any length was parsed, for sixteen times its memory, and one long name stood before each
+/// number.
+#[test]
+fn a_long_text_and_long_names_make_no_large_table() {
+    let bytes = |text: String| {
+        let mut out = Vec::new();
+        put_csv(&mut out, 0.5, &record(0, "TRAP", Value::Text(text)).as_ref()).unwrap();
+        out.len()
+    };
+    let numbers = |count: usize| (0..count).map(|n| format!("\"{n}\":1")).collect::<Vec<_>>().join(",");
+    let named = |name: usize, count: usize| format!("{{\"{}\":{{{}}}}}", "x".repeat(name), numbers(count));
+    assert!(bytes(named(200, 1000)) > 200_000, "names that a person can read have their lines");
+    assert_eq!(bytes(named(100_000, 1000)), 0);
+    assert_eq!(bytes(format!("[[{}0],1]", "0,".repeat(1 << 20))), 0, "longer than what is looked into");
+    assert_eq!(bytes("[".repeat(1 << 19) + &"]".repeat(1 << 19)), 0, "deeper");
+}

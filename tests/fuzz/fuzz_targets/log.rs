@@ -1,4 +1,4 @@
-//! Any bytes as a log of elk: records, index, jumps, check.
+//! Any bytes as a log of elk: records, index, jumps, check, recover.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
