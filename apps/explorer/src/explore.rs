@@ -13,7 +13,7 @@ use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline};
 use nalgebra::Point3;
 
 use crate::extent::Scope;
-use crate::goals::{Goal, Goals, Target};
+use crate::goals::{Goal, Goals, Known, Target};
 use crate::policy::{Policy, looks};
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
 use memory::Memory;
@@ -133,45 +133,45 @@ impl Explorer {
         Plan {
             request: request.id,
             revision: grid.revision(),
-            decision: self.decide(grid, frontier, request),
+            decision: self.decide(Known { grid, frontier }, request),
             motion: self.settings.policy.motion(self.settings.radius_m),
             cpu_secs: self.journal.total_secs() - before,
         }
     }
 
-    fn decide(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Decision {
+    fn decide(&mut self, known: Known, request: &PlanRequest) -> Decision {
         let from = request.pose.position();
         let (memory, settings) = (&self.memory, &self.settings);
-        let mut scene = self.journal.time("space", || Scene::around(grid, from, frontier, memory, settings));
+        let mut scene = self.journal.time("space", || Scene::around(known, from, memory, settings));
         self.scope = scene.scope();
         if request.revision >= self.settings.max_scans {
-            return self.end(End::TooManyScans, &scene, (grid, frontier));
+            return self.end(End::TooManyScans, &scene, known);
         }
         if self.memory.scans_without_progress(request.revision) >= self.settings.patience {
-            return self.end(End::NoProgress, &scene, (grid, frontier));
+            return self.end(End::NoProgress, &scene, known);
         }
         if self.memory.refused() >= self.settings.patience {
-            return self.end(End::Refused, &scene, (grid, frontier));
+            return self.end(End::Refused, &scene, known);
         }
         let mut goals = self.near_goals(&scene);
         if goals.is_empty() {
             // Perhaps the robot stands in a corner that became too tight.
-            self.journal.time("space", || scene.back_off(frontier, &self.memory, &self.settings));
+            self.journal.time("space", || scene.back_off(known, &self.memory, &self.settings));
             goals = self.near_goals(&scene);
         }
         if goals.is_empty() {
-            goals = self.far_goals(&mut scene, frontier);
+            goals = self.far_goals(&mut scene, known.frontier);
         }
         if goals.is_empty() {
-            return self.end(End::Explored, &scene, (grid, frontier));
+            return self.end(End::Explored, &scene, known);
         }
         match self.choose(&scene, &goals, from) {
             Some((goal, way)) => {
                 // Whoever goes on has not ended, whatever a predecessor or a request out of turn came to.
                 self.report = None;
-                Decision::Go(self.path(&scene, frontier, goal, way))
+                Decision::Go(self.path(&scene, known, goal, way))
             }
-            None => self.end(End::NoProgress, &scene, (grid, frontier)),
+            None => self.end(End::NoProgress, &scene, known),
         }
     }
 
@@ -232,7 +232,7 @@ impl Explorer {
     }
 
     /// The path to follow, and what to do at its end.
-    fn path(&mut self, scene: &Scene, frontier: &FrontierSet, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
+    fn path(&mut self, scene: &Scene, known: Known, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
         let (volume, target) = (&scene.volume, &goal.target);
         let policy = &self.settings.policy;
         let path = self.journal.time("path", || {
@@ -243,7 +243,7 @@ impl Explorer {
             let points = shaped.map_or(way, |s| s.points().to_vec());
             let end = points.last().copied().unwrap_or(goal.position);
             Path {
-                looks: looks(volume, frontier, end, target),
+                looks: looks(volume, known, end, target),
                 points,
                 target: target.voxel,
                 unknown: target.unknown.clone(),
@@ -253,11 +253,11 @@ impl Explorer {
         path
     }
 
-    fn end(&mut self, end: End, scene: &Scene, (grid, frontier): (&OccupancyGrid, &FrontierSet)) -> Decision {
-        let Edges { map, volume, no_room } = Edges::of(grid, frontier);
+    fn end(&mut self, end: End, scene: &Scene, known: Known) -> Decision {
+        let Edges { map, volume, no_room } = Edges::of(known.grid, known.frontier);
         let mut left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
         left.open += scene.targets.len() as u64 + scene.beyond;
-        let Verdict { complete, reason } = Verdict::of(end, &left, scene, grid, &self.settings);
+        let Verdict { complete, reason } = Verdict::of(end, &left, scene, known.grid, &self.settings);
         self.report = Some(ExplorationReport {
             explorer: self.strategy.name().into(),
             policy: self.settings.policy.name.into(),
