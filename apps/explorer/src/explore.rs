@@ -4,6 +4,7 @@ mod memory;
 mod scene;
 mod verdict;
 
+use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::clearance::Clearance;
 use elk_spatial::frontier::Edges;
 use elk_spatial::messages::{
@@ -104,15 +105,15 @@ impl Explorer {
         self.report = left.ended.clone();
     }
 
-    /// What a successor has to know, `plan` being the last one.
+    /// What a successor has to know, `plan` being the last one: never more than it believes, whatever this one was left.
     pub fn memory(&self, plan: &Plan) -> ExplorerMemory {
         let mut memory = ExplorerMemory {
             plan: plan.clone(),
             ended: self.report.clone(),
             plans: self.plans,
-            stalls: self.journal.stalls,
-            fallbacks: self.journal.fallbacks,
-            iterations: self.journal.iterations,
+            stalls: self.journal.stalls.min(MAX_COUNT),
+            fallbacks: self.journal.fallbacks.min(MAX_COUNT),
+            iterations: self.journal.iterations.min(MAX_COUNT),
             cpu_secs: self.journal.phases().to_vec(),
             trail: Vec::new(),
             targets: Vec::new(),
@@ -128,7 +129,7 @@ impl Explorer {
     /// Answers a request from a map at the asked revision and its frontier.
     pub fn plan(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
-        self.plans += 1;
+        self.plans = (self.plans + 1).min(MAX_COUNT);
         self.memory.learn(request, grid, frontier);
         Plan {
             request: request.id,
@@ -266,7 +267,7 @@ impl Explorer {
             reason,
             frontiers_left: left,
             plans: self.plans,
-            stalls: self.journal.stalls,
+            stalls: self.journal.stalls.min(MAX_COUNT),
             cpu_secs: self.journal.phases().to_vec(),
         });
         Decision::Done

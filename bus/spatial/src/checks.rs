@@ -61,11 +61,11 @@ pub const MAX_WAY_VOXELS: f64 = 1e6;
 pub const MAX_LOOKUPS: f64 = 5e8;
 
 /// Largest length of way and amount of time that anything adds up to (m, s).
-const LARGEST_SUM: f64 = 1e12;
+pub const LARGEST_SUM: f64 = 1e12;
 /// Largest log-odds of a voxel: twice what the map's parameters allow.
 const LOG_ODDS: RangeInclusive<f64> = -200.0..=200.0;
 /// Largest count of what an explorer tried with one target.
-const MAX_TRIES: u32 = 1 << 30;
+pub const MAX_TRIES: u32 = 1 << 30;
 
 /// The same, of what lies in `field`.
 fn within(field: &str, checked: Checked) -> Checked {
@@ -304,9 +304,11 @@ pub(crate) fn motion_memory(memory: &MotionMemory) -> Checked {
     length("path_length_m", memory.path_length_m)?;
     memory.leg.as_ref().map_or(Ok(()), |underway| within("leg", leg(underway)))?;
     list("samples", &memory.samples, MAX_REMEMBERED, |sample: &CoverageSample| {
-        count("free", sample.free)?;
+        counts([("scans", sample.scans), ("free", sample.free)])?;
         length("path_length_m", sample.path_length_m)
-    })
+    })?;
+    let ascending = memory.samples.is_sorted_by(|one, next| one.scans < next.scans);
+    holds("samples", ascending, "a list out of order", "in the order of scans")
 }
 
 fn awaited(awaited: &Awaited, memory: &MotionMemory) -> Checked {

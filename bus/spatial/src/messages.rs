@@ -189,7 +189,7 @@ elk_bus::payload! {
         pub path_length_m: f64,
         /// The path that it is on.
         pub leg: Option<Leg>,
-        /// What was known after each scan so far.
+        /// What was known after each scan so far; of a very long run, after some of them and the last.
         pub samples: Vec<CoverageSample>,
     }
 
@@ -265,6 +265,8 @@ pub struct CoverageMark {
 /// What was known after a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CoverageSample {
+    /// Scans taken by then.
+    pub scans: u64,
     /// Free voxels known.
     pub free: u64,
     /// Length of the way by then (m).

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use elk_spatial::checks::MAX_REMEMBERED;
+use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
 use elk_spatial::ray::Traversal;
 use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
@@ -67,16 +67,18 @@ impl Memory {
     pub fn learn(&mut self, request: &PlanRequest, grid: &OccupancyGrid, frontier: &FrontierSet) {
         let resolution = grid.resolution();
         let robot = Voxel::containing(request.pose.position(), resolution);
-        self.trail.push(robot);
-        if let Some(path) = self.path.take() {
+        // A predecessor's may be anything; nobody has followed one that is no path of this map.
+        let followed = self.path.take().filter(|path| path_in(grid, path, 0.0).is_ok());
+        if let Some(path) = &followed {
             // What cuts a path is seen on the way. Where it began the map was the plan's, and free.
             let begun = path.points.first() != Some(&request.pose.position());
-            self.refused += u64::from(request.outcome == Outcome::Cut && !begun);
-            self.extend_trail(&path, robot, resolution);
+            self.refused = (self.refused + u64::from(request.outcome == Outcome::Cut && !begun)).min(MAX_COUNT);
             if frontier.contains(path.target) {
-                self.judge(&path, request.outcome, robot, resolution);
+                self.judge(path, request.outcome, robot, resolution);
             }
         }
+        self.extend_trail(followed.as_ref(), robot, resolution);
+        self.forget(robot, frontier);
         let now = Standing {
             free: grid.free() as u64,
             occupied: grid.occupied() as u64,
@@ -87,33 +89,51 @@ impl Memory {
             self.standing = now;
             self.progress_at = request.revision;
         }
+        self.progress_at = self.progress_at.min(request.revision);
+    }
+
+    /// Makes room for one more target, so that a successor believes them all: what is no frontier any more goes first, then
+    /// what is farthest from the robot.
+    fn forget(&mut self, robot: Voxel, frontier: &FrontierSet) {
+        if self.targets.len() >= MAX_REMEMBERED {
+            self.targets.retain(|target, _| frontier.contains(*target));
+        }
+        if self.targets.len() >= MAX_REMEMBERED {
+            let (kept, _) = nearest(self.targets.keys().copied().collect(), robot, MAX_REMEMBERED - 1);
+            self.targets.retain(|target, _| kept.binary_search(target).is_ok());
+        }
     }
 
     fn judge(&mut self, path: &Path, outcome: Outcome, robot: Voxel, resolution: f64) {
         let end = path.points.last().copied();
         let record = self.record(path.target);
+        let tried_from = |record: &mut TargetRecord, place: Voxel| {
+            if record.tried.len() < MAX_CORNERS {
+                record.tried.push(place);
+            }
+        };
         match outcome {
-            Outcome::Unresolved => record.tried.push(robot),
+            Outcome::Unresolved => tried_from(record, robot),
             Outcome::Cut => {
                 record.cuts += 1;
                 if record.cuts >= CUTS {
                     record.cuts = 0;
-                    record.tried.push(end.map_or(robot, |p| Voxel::containing(p, resolution)));
+                    tried_from(record, end.map_or(robot, |p| Voxel::containing(p, resolution)));
                 }
             }
             Outcome::First | Outcome::Resolved => {}
         }
     }
 
-    /// The robot went along `path` until it was in `robot`.
-    fn extend_trail(&mut self, path: &Path, robot: Voxel, resolution: f64) {
-        let pairs = path.points.windows(2);
-        let way = pairs.flat_map(|p| Traversal::new(p[0], p[1], resolution));
+    /// The robot went along `path`, if there was one, until it was in `robot`. Where the map has no voxels it leaves no trail.
+    fn extend_trail(&mut self, path: Option<&Path>, robot: Voxel, resolution: f64) {
+        let corners = path.map_or(&[][..], |path| &path.points);
+        let way = corners.windows(2).flat_map(|p| Traversal::new(p[0], p[1], resolution));
         let mut gone: Vec<Voxel> = way.collect();
         let arrived = gone.iter().rposition(|v| *v == robot);
         gone.truncate(arrived.map_or(0, |n| n + 1));
         gone.push(robot);
-        self.trail.extend(gone);
+        self.trail.extend(gone.into_iter().filter(|voxel| voxel.is_mappable()));
         self.trail.sort_unstable();
         self.trail.dedup();
         (self.trail, _) = nearest(std::mem::take(&mut self.trail), robot, MAX_REMEMBERED);
@@ -138,7 +158,8 @@ impl Memory {
 
     /// Has the explorer's last decision.
     pub fn remember(&mut self, path: &Path) {
-        self.record(path.target).planned += 1;
+        let record = self.record(path.target);
+        record.planned = (record.planned + 1).min(MAX_TRIES);
         self.path = Some(path.clone());
     }
 

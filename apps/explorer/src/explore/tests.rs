@@ -1,8 +1,9 @@
 use super::*;
 use crate::laplace::Solver;
 use crate::strategy::{Potential, Start};
-use elk_spatial::checks::MAX_REMEMBERED;
-use elk_spatial::messages::Outcome;
+use elk_bus::Payload;
+use elk_spatial::checks::{LARGEST_SUM, MAX_CORNERS, MAX_PHASES, MAX_REMEMBERED, MAX_TRIES};
+use elk_spatial::messages::{Outcome, TargetRecord};
 use elk_spatial::ray::Traversal;
 use elk_spatial::{Pose, State, Voxel};
 use nalgebra::Vector3;
@@ -214,6 +215,68 @@ fn a_successor_at_every_plan_makes_the_same_run() {
     let relayed = relay(new(), |_| Some(new()));
     let once = relay(new(), |_| None);
     assert_eq!((relayed.poses, relayed.report), (once.poses, once.report));
+}
+
+/// A memory in which every list is as long, and every count as high, as anybody believes.
+fn fullest_memory(path: Path) -> ExplorerMemory {
+    let target = path.target;
+    let record = |target, tried| TargetRecord { target, tried, cuts: MAX_TRIES, planned: MAX_TRIES };
+    let line = |z| (-20_000..).map(move |x| Voxel::new(x % 32_768, x / 32_768, z)).take(MAX_REMEMBERED - 1);
+    let elsewhere = line(30_000).map(|voxel| record(voxel, vec![]));
+    let motion = Policy::elk(0.4).motion(0.1);
+    ExplorerMemory {
+        plan: Plan { request: 1, revision: MAX_COUNT, decision: Decision::Go(path), motion, cpu_secs: 0.0 },
+        ended: None,
+        plans: MAX_COUNT,
+        stalls: MAX_COUNT,
+        fallbacks: MAX_COUNT,
+        iterations: MAX_COUNT,
+        cpu_secs: (0..MAX_PHASES).map(|n| (format!("phase {n}"), LARGEST_SUM)).collect(),
+        trail: line(1).collect(),
+        targets: elsewhere.chain([record(target, vec![target; MAX_CORNERS])]).collect(),
+        hidden: line(2).collect(),
+        standing: Standing::default(),
+        progress_at: MAX_COUNT,
+        refused: MAX_COUNT - 1,
+    }
+}
+
+/// Regression: one more entry in a list that was full, and the next successor was refused all of it; and a path as long as a
+/// message allows was gone through voxel by voxel.
+#[test]
+fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
+    let patient = Settings { patience: u64::MAX, ..settings(Policy::elk(0.4)) };
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), patient);
+    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    let changed = scan(&mut grid, &start);
+    grid.advance(&changed, 0);
+    frontier.update(&grid, &changed);
+    let ahead = Vector3::new(0.1, 0.0, 0.0);
+    let far = (0..MAX_CORNERS).map(|n| start.position() + ahead * if n % 2 == 0 { 1.0 } else { 3e6 }).collect();
+    for points in [vec![start.position() + ahead, start.position()], far] {
+        let path = Path { points, target: frontier.iter().next().unwrap(), unknown: vec![], looks: vec![] };
+        let left = fullest_memory(path);
+        ExplorerMemory::check(&left).unwrap();
+        explorer.succeed(&left);
+        let request = PlanRequest { id: 2, pose: start, revision: grid.revision(), outcome: Outcome::Cut };
+        let plan = explorer.plan(&grid, &frontier, &request);
+        assert!(matches!(plan.decision, Decision::Go(_)));
+        ExplorerMemory::check(&explorer.memory(&plan)).unwrap();
+    }
+}
+
+/// Regression: a robot beyond the map's last voxel left a trail there that no successor believes.
+#[test]
+fn where_the_map_has_no_voxels_there_is_no_trail() {
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    let (grid, frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let pose = Pose::looking(Point3::new(9000.0, 0.0, 0.0), Vector3::x());
+    let request = PlanRequest { id: 1, pose, revision: 0, outcome: Outcome::First };
+    let plan = explorer.plan(&grid, &frontier, &request);
+    let memory = explorer.memory(&plan);
+    ExplorerMemory::check(&memory).unwrap();
+    assert!(memory.trail.is_empty() && plan.decision == Decision::Done, "{plan:?}");
 }
 
 #[test]
