@@ -242,7 +242,7 @@ impl ExplorerApp {
         self.replica.hear_of(request.revision);
         self.ask_for_map(comms)?;
         self.look_at_place(&request)?;
-        if let Err((left_out, request)) = self.requests.add(asker, request, revision) {
+        if let Some((left_out, request)) = self.requests.add(asker, request, revision) {
             let why =
                 format!("revision is {}; {MOST_ASKERS} others wait for what comes before already", request.revision);
             if left_out == asker {
