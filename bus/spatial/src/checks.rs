@@ -20,7 +20,7 @@ use crate::messages::{
 use crate::polyline::Polyline;
 use crate::pose::Pose;
 use crate::scan::Scan;
-use crate::voxel::{INDEX_RANGE, Voxel};
+use crate::voxel::{INDEX_RANGE, Voxel, reach_m};
 
 /// What a check comes to.
 pub type Checked = Result<(), Invalid>;
@@ -30,7 +30,7 @@ pub const MAX_COUNT: u64 = (1 << 48) - 1;
 /// Edges of voxels (m), as the parameter `Res` has them.
 pub const RESOLUTIONS_M: RangeInclusive<f64> = 0.001..=10.0;
 /// Largest distance of anything from the world's origin along an axis (m): 32,768 of the coarsest voxels.
-pub const FARTHEST_M: f64 = 327_680.0;
+pub const FARTHEST_M: f64 = reach_m(*RESOLUTIONS_M.end());
 /// Clearances (m), as the parameter `Radius` has them.
 pub const CLEARANCES_M: RangeInclusive<f64> = 0.0..=10.0;
 /// Lengths of way between two scans (m), as the parameter `ScanSpacing` has them.
