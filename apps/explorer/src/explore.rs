@@ -172,7 +172,7 @@ impl Explorer {
                 self.report = None;
                 Decision::Go(self.path(&scene, known, goal, way))
             }
-            None => self.end(End::NoProgress, &scene, known),
+            None => self.end(End::NoWay, &scene, known),
         }
     }
 
@@ -217,10 +217,13 @@ impl Explorer {
         let view = View { volume, space, from: if backed_off { volume.center(start) } else { robot }, goals };
         // A robot that stands in a goal looks first: for the field it would be source and sink at once.
         let here = goals.contains(start).then(|| Route { points: vec![view.from], goal: start });
-        let route = here.or_else(|| self.strategy.plan(&view, &mut self.journal)).or_else(|| {
-            self.journal.fallbacks += 1;
-            ClosestFrontier.plan(&view, &mut self.journal)
-        })?;
+        let route = here
+            .or_else(|| self.strategy.plan(&view, &mut self.journal))
+            .filter(|r| goals.contains(r.goal))
+            .or_else(|| {
+                self.journal.fallbacks += 1;
+                ClosestFrontier.plan(&view, &mut self.journal)
+            })?;
         let goal = goals.at(route.goal)?;
         let escape = space.escape.iter().skip(1).map(|i| volume.center(*i));
         let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();

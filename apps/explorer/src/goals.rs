@@ -153,12 +153,12 @@ impl Goals {
 
     /// The goal in the voxel at an index.
     pub fn at(&self, index: usize) -> Option<&Goal> {
-        self.list.get((self.at[index] as usize).wrapping_sub(1))
+        self.list.get((*self.at.get(index)? as usize).wrapping_sub(1))
     }
 
     /// Whether there is a goal in the voxel at an index.
     pub fn contains(&self, index: usize) -> bool {
-        self.at[index] != 0
+        self.at(index).is_some()
     }
 
     /// All goals, always in the same order for the same map.

@@ -49,7 +49,7 @@ struct Run {
     length_m: f64,
 }
 
-fn settings(policy: Policy) -> Settings {
+pub(super) fn settings(policy: Policy) -> Settings {
     Settings {
         policy,
         bounds: None,
@@ -215,6 +215,23 @@ fn a_successor_at_every_plan_makes_the_same_run() {
     let relayed = relay(new(), |_| Some(new()));
     let once = relay(new(), |_| None);
     assert_eq!((relayed.poses, relayed.report), (once.poses, once.report));
+}
+
+/// A strategy that is sure of a goal that there is not.
+struct Dreamer;
+
+impl Strategy for Dreamer {
+    fn plan(&mut self, view: &View<'_>, _: &mut Journal) -> Option<Route> {
+        Some(Route { points: vec![view.from], goal: usize::MAX })
+    }
+}
+
+/// Regression: a route to no goal ended the run, with patience as the reason, or the process.
+#[test]
+fn a_strategy_that_answers_with_no_goal_has_no_answer() {
+    let run = |strategy| run(strategy, settings(Policy::elk(0.4))).report;
+    let (dreamt, closest) = (run(Box::new(Dreamer)), run(Box::new(ClosestFrontier)));
+    assert!(dreamt.complete && dreamt.plans == closest.plans, "{dreamt:?}");
 }
 
 /// A memory in which every list is as long, and every count as high, as anybody believes.
