@@ -209,6 +209,16 @@ fn an_open_world_whose_sky_is_free_is_explored_to_an_end() {
     assert!(limited.summary["frontiers_left"]["volume_edge"].as_u64().is_some());
 }
 
+/// Regression: each voxel below an open sky was looked at for itself, from four places, 3000 scans and no end.
+#[test]
+fn an_open_sky_of_which_nothing_is_believed_is_looked_at_to_an_end() {
+    let coarse = ["Map.Res=0.2", "Sensor.Width=40", "Sensor.Height=40", "Explorer.Radius=0.2"];
+    let run = run(&Elk::new("sky"), &mission("noceiling", START, ""), &alone(&coarse));
+    run.assert_failed(&["the sensor sees nothing", "Explorer.Mid, Dim", "Map.FreeNoReturn"]);
+    let left = &run.summary["frontiers_left"];
+    assert!(left["no_return"].as_u64().unwrap() > 100 && left["open"] == 0, "{left}");
+}
+
 #[test]
 fn a_map_that_frees_farther_than_it_believes_is_refused_by_check() {
     let elk = Elk::new("free-too-far");

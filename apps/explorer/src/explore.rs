@@ -10,7 +10,7 @@ use elk_spatial::frontier::Edges;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
-use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline};
+use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
 use crate::extent::Scope;
@@ -58,6 +58,8 @@ pub struct Explorer {
     plans: u64,
     report: Option<ExplorationReport>,
     scope: Scope,
+    /// Rays of all scans that went without a return.
+    no_return: u64,
 }
 
 impl Explorer {
@@ -71,7 +73,13 @@ impl Explorer {
             plans: 0,
             report: None,
             scope: Scope::default(),
+            no_return: 0,
         }
+    }
+
+    /// Of the rays of all scans so far, so many went without a return. Where nothing is seen, looking again is in vain.
+    pub fn hear_of_rays(&mut self, no_return: u64) {
+        self.no_return = no_return;
     }
 
     /// What of the map the last plan was made over.
@@ -121,6 +129,7 @@ impl Explorer {
             standing: Standing::default(),
             progress_at: 0,
             refused: 0,
+            no_return: 0,
         };
         self.memory.leave(&mut memory);
         memory
@@ -130,11 +139,12 @@ impl Explorer {
     pub fn plan(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
         self.plans = (self.plans + 1).min(MAX_COUNT);
-        self.memory.learn(request, grid, frontier);
+        let known = Known { grid, frontier };
+        self.memory.learn(request, known, self.no_return);
         Plan {
             request: request.id,
             revision: grid.revision(),
-            decision: self.decide(Known { grid, frontier }, request),
+            decision: self.decide(known, request),
             motion: self.settings.policy.motion(self.settings.radius_m),
             cpu_secs: self.journal.total_secs() - before,
         }
@@ -199,7 +209,10 @@ impl Explorer {
                 break;
             }
             left.invisible += far.invisible.len() as u64;
-            left.unresolved += far.exhausted.len() as u64;
+            let (silent, exhausted): (Vec<Voxel>, Vec<Voxel>) =
+                far.exhausted.iter().partition(|voxel| self.memory.saw_nothing(**voxel));
+            left.no_return += silent.len() as u64;
+            left.unresolved += exhausted.len() as u64;
         }
         goals
     }

@@ -58,8 +58,13 @@ impl Target {
 
     /// Whether looking from `voxel` would be something new.
     pub fn untried(&self, voxel: Voxel) -> bool {
-        self.tried.iter().all(|t| t.distance(voxel) > 1.5)
+        is_untried(&self.tried, voxel)
     }
+}
+
+/// Whether looking from `voxel` would be something new to who has looked from the voxels `tried`.
+pub(crate) fn is_untried(tried: &[Voxel], voxel: Voxel) -> bool {
+    tried.iter().all(|t| t.distance(voxel) > 1.5)
 }
 
 /// A place from which a target can be resolved.

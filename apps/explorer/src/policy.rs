@@ -17,9 +17,9 @@ const SIGHT_STEP_M: f64 = 0.05;
 /// Frontier voxels this near the target share its first look (m).
 const LOOK_RADIUS_M: f64 = 0.35;
 /// Frontier this near counts when a look chooses its direction (m).
-const LOOK_RANGE_M: f64 = 3.0;
+pub(crate) const LOOK_RANGE_M: f64 = 3.0;
 /// What a look is sure to have in view: a cone of this half angle (rad), inside the thesis' 75°.
-const VIEW_HALF_ANGLE: f64 = 35.0 * std::f64::consts::PI / 180.0;
+pub(crate) const VIEW_HALF_ANGLE: f64 = 35.0 * std::f64::consts::PI / 180.0;
 /// How far the optical axis may turn away from the target to have more in view (rad).
 const TILTS: [f64; 2] = [15.0 * std::f64::consts::PI / 180.0, 28.0 * std::f64::consts::PI / 180.0];
 /// Looks straight at single unknown voxels, after the first look.

@@ -244,7 +244,9 @@ pub(crate) fn exploration_report(report: &ExplorationReport) -> Checked {
 }
 
 fn frontiers_left(left: &FrontiersLeft) -> Checked {
-    let FrontiersLeft { unreachable, invisible, unresolved, too_small, open, map_edge, no_room, volume_edge } = *left;
+    let FrontiersLeft { unreachable, invisible, unresolved, no_return, too_small, open, .. } = *left;
+    let FrontiersLeft { map_edge, no_room, volume_edge, .. } = *left;
+    count("no_return", no_return)?;
     counts([("unreachable", unreachable), ("invisible", invisible), ("unresolved", unresolved)])?;
     counts([("too_small", too_small), ("open", open), ("map_edge", map_edge)])?;
     counts([("no_room", no_room), ("volume_edge", volume_edge)])
@@ -375,7 +377,7 @@ pub(crate) fn explorer_memory(memory: &ExplorerMemory) -> Checked {
     memory.ended.as_ref().map_or(Ok(()), |report| within("ended", exploration_report(report)))?;
     let ExplorerMemory { plans, stalls, fallbacks, iterations, progress_at, refused, .. } = *memory;
     counts([("plans", plans), ("stalls", stalls), ("fallbacks", fallbacks), ("iterations", iterations)])?;
-    count("refused", refused)?;
+    counts([("refused", refused), ("no_return", memory.no_return)])?;
     phases(&memory.cpu_secs)?;
     list("trail", &memory.trail, MAX_REMEMBERED, voxel)?;
     list("targets", &memory.targets, MAX_REMEMBERED, target_record)?;

@@ -66,6 +66,8 @@ impl Scene {
         // Before the nearest are taken: those would hide the others behind them for good.
         let (given_up, open): (Vec<Voxel>, Vec<Voxel>) =
             large.into_iter().partition(|voxel| memory.gave_up(*voxel, settings.attempts));
+        let (silent, given_up): (Vec<Voxel>, Vec<Voxel>) =
+            given_up.into_iter().partition(|voxel| memory.saw_nothing(*voxel));
         let (near, far) = nearest(open, self.volume.voxel(self.space.start()), settings.max_targets);
         let target = |voxel| Target::new(known, voxel, memory.tried(voxel).to_vec());
         self.targets = near.into_iter().map(target).collect();
@@ -73,6 +75,7 @@ impl Scene {
         self.left = FrontiersLeft {
             unreachable: (apart.len() - beyond) as u64,
             unresolved: given_up.len() as u64,
+            no_return: silent.len() as u64,
             too_small: small as u64,
             ..FrontiersLeft::default()
         };

@@ -24,22 +24,25 @@ fn is_solid(v: Voxel) -> bool {
 
 /// A perfect sensor of all directions in a cone: every voxel on a ray up to a solid one becomes known.
 fn scan(grid: &mut OccupancyGrid, pose: &Pose) -> Vec<Voxel> {
-    let mut seen = BTreeSet::new();
+    scan_of(grid, pose, is_solid).0
+}
+
+/// The same in any world, and the rays that met nothing: they say nothing.
+fn scan_of(grid: &mut OccupancyGrid, pose: &Pose, is_solid: fn(Voxel) -> bool) -> (Vec<Voxel>, u64) {
+    let (mut seen, mut no_return) = (BTreeSet::new(), 0);
     let from = pose.position();
     for u in -50..50 {
         for v in -50..50 {
             let ray = Vector3::new(f64::from(u) + 0.5, f64::from(v) + 0.5, 65.0).normalize();
-            let way = Traversal::new(from, pose.to_world(Point3::from(ray * 8.0)), RESOLUTION);
-            for voxel in way {
-                seen.insert(voxel);
-                if is_solid(voxel) {
-                    break;
-                }
+            let mut way = Traversal::new(from, pose.to_world(Point3::from(ray * 8.0)), RESOLUTION);
+            match way.clone().position(is_solid) {
+                Some(surface) => seen.extend(way.by_ref().take(surface + 1)),
+                None => no_return += 1,
             }
         }
     }
     let state = |v: Voxel| if is_solid(v) { State::Occupied } else { State::Free };
-    seen.into_iter().filter(|v| grid.set(*v, state(*v))).collect()
+    (seen.into_iter().filter(|v| grid.set(*v, state(*v))).collect(), no_return)
 }
 
 struct Run {
@@ -194,6 +197,54 @@ fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
     (explorer.report().unwrap().clone(), targets)
 }
 
+/// The left room without its ceiling.
+fn is_wall(v: Voxel) -> bool {
+    v.z < 8 && (is_solid(v) || v.x >= 20)
+}
+
+/// A run under an open sky: what it says in the end, and the scans that it took. A deaf one is not told of rays.
+fn run_under_the_sky(deaf: bool) -> (ExplorationReport, u64) {
+    let settings = Settings { max_scans: 600, ..settings(Policy::elk(0.4)) };
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
+    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let mut rays = 0;
+    let mut look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid, frontier: &mut FrontierSet| {
+        let (changed, no_return) = scan_of(grid, pose, is_wall);
+        grid.advance(&changed, 0);
+        frontier.update(grid, &changed);
+        rays += no_return;
+        explorer.hear_of_rays(if deaf { 0 } else { rays });
+    };
+    let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    look(&pose, &mut explorer, &mut grid, &mut frontier);
+    let mut outcome = Outcome::First;
+    for id in 1.. {
+        let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
+        let Decision::Go(path) = explorer.plan(&grid, &frontier, &request).decision else { break };
+        for next in &path.looks {
+            if !frontier.contains(path.target) {
+                break;
+            }
+            pose = *next;
+            look(&pose, &mut explorer, &mut grid, &mut frontier);
+        }
+        outcome = if frontier.contains(path.target) { Outcome::Unresolved } else { Outcome::Resolved };
+    }
+    (explorer.report().unwrap().clone(), grid.revision())
+}
+
+/// Regression: every voxel below an open sky was looked at for itself, from four places.
+#[test]
+fn where_rays_go_without_a_return_what_is_in_view_is_looked_at_in_vain_with_the_target() {
+    let (deaf, _) = run_under_the_sky(true);
+    assert!(deaf.reason.contains("more than 600 scans") && deaf.frontiers_left.no_return == 0, "{deaf:?}");
+    let (report, scans) = run_under_the_sky(false);
+    assert!(!report.complete && report.reason.contains("the sensor sees nothing"), "{report:?}");
+    let left = report.frontiers_left;
+    assert!(left.no_return > 100 && left.unresolved + left.open == 0, "{left:?}");
+    assert!(scans < 600, "{scans} scans, {report:?}");
+}
+
 #[test]
 fn a_blind_robot_gives_up() {
     let (report, _) = blind_run(settings(Policy::elk(0.4)));
@@ -237,7 +288,7 @@ fn a_strategy_that_answers_with_no_goal_has_no_answer() {
 /// A memory in which every list is as long, and every count as high, as anybody believes.
 fn fullest_memory(path: Path) -> ExplorerMemory {
     let target = path.target;
-    let record = |target, tried| TargetRecord { target, tried, cuts: MAX_TRIES, planned: MAX_TRIES };
+    let record = |target, tried| TargetRecord { target, tried, cuts: MAX_TRIES, planned: MAX_TRIES, no_return: false };
     let line = |z| (-20_000..).map(move |x| Voxel::new(x % 32_768, x / 32_768, z)).take(MAX_REMEMBERED - 1);
     let elsewhere = line(30_000).map(|voxel| record(voxel, vec![]));
     let motion = Policy::elk(0.4).motion(0.1);
@@ -255,6 +306,7 @@ fn fullest_memory(path: Path) -> ExplorerMemory {
         standing: Standing::default(),
         progress_at: MAX_COUNT,
         refused: MAX_COUNT - 1,
+        no_return: MAX_COUNT,
     }
 }
 

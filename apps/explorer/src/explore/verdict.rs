@@ -74,6 +74,13 @@ fn left_over(left: &FrontiersLeft, beyond: u64, resolution: f64, settings: &Sett
             "{beyond} frontier voxels lie beyond the {most} voxels that are planned over (MaxVoxels)"
         ));
     }
+    if left.no_return > 0 {
+        return Some(format!(
+            "behind {} frontier voxels the sensor sees nothing: the world is open there, or goes on beyond its range; limit the \
+             volume to explore (Explorer.Mid, Dim), or let rays without a return free what they pass (Map.FreeNoReturn)",
+            left.no_return
+        ));
+    }
     if missed > 0 {
         let places = settings.attempts;
         return Some(format!("{missed} frontier voxels were looked at from {places} places each, in vain"));
