@@ -4,6 +4,7 @@ use elk_spatial::bricks::{BRICK, BRICK_CELLS, voxel_at};
 use elk_spatial::{Bounds, OccupancyGrid, State, Voxel};
 use nalgebra::Vector3;
 
+use crate::openness::openness;
 use crate::world::World;
 
 /// How many of a map's known voxels are what they are in truth.
@@ -34,8 +35,11 @@ pub const TOUCH: f64 = 0.01;
 pub enum Truth {
     /// Free, and no surface comes near it.
     Free,
-    /// A surface goes through it, by more than [`TOUCH`] from its faces, or it lies in a solid or outside the world.
+    /// A surface goes through it, by more than [`TOUCH`] from its faces.
     Occupied,
+    /// No surface goes through it, and it is not in the world's free space: it lies in a solid, or outside. In a closed world
+    /// nobody can see into it, so it is as good as occupied; in an open one nobody can tell a solid from the open.
+    Beyond,
     /// It is free, and a surface touches it: a map that calls it free is right, and so is one that has the surface
     /// there.
     Touched,
@@ -46,7 +50,7 @@ impl Truth {
     pub fn allows(self, state: State) -> bool {
         match self {
             Self::Free => state == State::Free,
-            Self::Occupied => state == State::Occupied,
+            Self::Occupied | Self::Beyond => state == State::Occupied,
             Self::Touched => state != State::Unknown,
         }
     }
@@ -79,17 +83,18 @@ fn meeting(world: &World, voxel: Voxel, resolution: f64) -> Meeting {
     }
 }
 
-/// `free`, or occupied if the voxel's centre lies in a solid or outside the world.
+/// `free`, or beyond if the voxel's centre lies in a solid or outside the world.
 fn between_surfaces(world: &World, voxel: Voxel, resolution: f64, free: Truth) -> Truth {
     match world.is_free(voxel.center(resolution)) {
         true => free,
-        false => Truth::Occupied,
+        false => Truth::Beyond,
     }
 }
 
-/// Holds every known voxel of `map` against the world.
+/// Holds every known voxel of `map` against the world; of an open world those that lie in it, as what is beyond is not known.
 pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
     let resolution = map.resolution();
+    let open = openness(world).is_open();
     let mut accuracy = Accuracy::default();
     for (brick, cells) in map.bricks().iter() {
         // Two neighbours that no surface touches have none between them either: what the one is, the other is.
@@ -104,6 +109,9 @@ pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
                 (Meeting::Through, _) => Truth::Occupied,
             };
             untouched = (met == Meeting::None).then_some((cell, truth));
+            if open && truth == Truth::Beyond {
+                continue;
+            }
             accuracy.known += 1;
             accuracy.right += u64::from(truth.allows(cells[cell]));
         }
@@ -115,6 +123,7 @@ pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
 mod tests {
     use super::*;
     use crate::scenery::{Scenery, Solid};
+    use crate::triangle::Triangle;
 
     /// A room from (0, 0, 0) to (3, 3, 3) m with a box from (1.02, 1.02, 1.02) to (1.98, 1.98, 1.98) in it; on a
     /// lattice of 0.1 m the box touches the voxels 10 to 19 along each axis.
@@ -193,8 +202,25 @@ mod tests {
         let room = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0]));
         let world = World::from_triangles("room", room.triangles_at(Vector3::zeros())).unwrap();
         let of = |x: i32| truth(&world, Voxel::new(x, 10, 10), 0.1);
-        assert_eq!([-2, -1, 0, 1].map(of), [Truth::Occupied, Truth::Occupied, Truth::Touched, Truth::Free]);
-        assert_eq!([38, 39, 40].map(of), [Truth::Free, Truth::Touched, Truth::Occupied]);
+        assert_eq!([-2, -1, 0, 1].map(of), [Truth::Beyond, Truth::Beyond, Truth::Touched, Truth::Free]);
+        assert_eq!([38, 39, 40].map(of), [Truth::Free, Truth::Touched, Truth::Beyond]);
+    }
+
+    /// Regression: what a map rightly called free above a room without a ceiling counted as wrong.
+    #[test]
+    fn above_a_room_without_a_ceiling_nothing_is_judged() {
+        let room = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0])).triangles_at(Vector3::repeat(0.05));
+        let is_ceiling = |Triangle([a, b, c]): &Triangle| [a, b, c].iter().all(|corner| corner.z > 2.0);
+        let roofless: Vec<Triangle> = room.iter().filter(|triangle| !is_ceiling(triangle)).cloned().collect();
+        assert_eq!(roofless.len(), room.len() - 2);
+        let mut map = OccupancyGrid::new(0.1);
+        (0..60)
+            .for_each(|z| assert!(map.set(Voxel::new(20, 15, z), if z == 0 { State::Occupied } else { State::Free })));
+        let of = |triangles| accuracy(&World::from_triangles("room", triangles).unwrap(), &map);
+        let closed = of(room);
+        assert_eq!(closed, Accuracy { known: 60, right: 20 });
+        let open = of(roofless);
+        assert!(open.known == open.right && (10..=21).contains(&open.known), "{open:?}");
     }
 
     #[test]
