@@ -103,6 +103,21 @@ fn a_mission_file_in_another_encoding_is_read_and_a_document_type_is_named() {
     assert!(with("latin1.xml", latin1, &mission).0);
     let (right, said) = with("undeclared.xml", b"<!-- a -->\n<!-- K\xfcche -->\n", &mission);
     assert!(!right && said.starts_with("elk: undeclared.xml:2:7: the byte 0xfc is not UTF-8"), "{said}");
+    let cdata = mission.replace("0.25 m", "<![CDATA[0.25 m]]>");
+    let entities = mission.replace("0.25", "&#48;.2&#x35;");
+    assert!(cdata != mission && entities != mission, "{mission}");
+    for (name, head, mission) in [
+        ("bom.xml", "\u{feff}", mission.as_str()),
+        ("crlf.xml", "", &mission.replace('\n', "\r\n").replace("><", ">\r\n<")),
+        ("cdata.xml", "", &cdata),
+        ("entities.xml", "", &entities),
+    ] {
+        let (right, said) = with(name, head.as_bytes(), mission);
+        assert!(right, "{said}");
+    }
+    let bomb = b"<!DOCTYPE Scenario [<!ENTITY a \"ha\"><!ENTITY b \"&a;&a;&a;&a;&a;&a;&a;&a;\">]>\n";
+    let (right, said) = with("bomb.xml", bomb, &mission.replace("0.25", "&b;"));
+    assert!(!right && said.contains("a mission has no <!DOCTYPE …>"), "{said}");
     let (right, said) = with("doctype.xml", b"<!-- a -->\n<!DOCTYPE Scenario>\n", &mission);
     assert!(!right && said.starts_with("elk: doctype.xml:2:1: a mission has no <!DOCTYPE …>"), "{said}");
 }

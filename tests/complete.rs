@@ -78,13 +78,15 @@ impl Run {
     }
 }
 
-/// The base of the cases: what is recorded of it.
+/// The base of the cases, and case 1, in which its wall with the doorway is one concave polygon: what is recorded of it.
 #[test]
 fn two_rooms_are_explored_to_the_last_voxel() {
-    let run = run(&Elk::new("rooms"), &mission("rooms-quads", START, ""), &alone(&[]));
-    run.assert_complete();
-    let counts = ["scans", "free_voxels", "occupied_voxels"].map(|key| run.count(key));
-    assert_eq!(counts, [32, 23096, 5941], "{}", run.said);
+    for world in ["rooms-quads", "rooms-ngon"] {
+        let run = run(&Elk::new(world), &mission(world, START, ""), &alone(&[]));
+        run.assert_complete();
+        let counts = ["scans", "free_voxels", "occupied_voxels"].map(|key| run.count(key));
+        assert_eq!(counts, [32, 23096, 5941], "{world}: {}", run.said);
+    }
 }
 
 /// Regression: "complete", with 0 voxels known.
@@ -203,6 +205,16 @@ fn an_open_world_whose_sky_is_free_is_explored_to_an_end() {
     let limited = run(&Elk::new("up-to-the-sky"), &mission, &alone(&[&coarse[..], &room].concat()));
     limited.assert_complete();
     assert!(limited.summary["frontiers_left"]["volume_edge"].as_u64().is_some());
+}
+
+/// Regression: each voxel below an open sky was looked at for itself, from four places, 3000 scans and no end.
+#[test]
+fn an_open_sky_of_which_nothing_is_believed_is_looked_at_to_an_end() {
+    let coarse = ["Map.Res=0.2", "Sensor.Width=40", "Sensor.Height=40", "Explorer.Radius=0.2"];
+    let run = run(&Elk::new("sky"), &mission("noceiling", START, ""), &alone(&coarse));
+    run.assert_failed(&["the sensor sees nothing", "Explorer.Mid, Dim", "Map.FreeNoReturn"]);
+    let left = &run.summary["frontiers_left"];
+    assert!(left["no_return"].as_u64().unwrap() > 100 && left["open"] == 0, "{left}");
 }
 
 #[test]

@@ -394,8 +394,9 @@ fn long_lies() -> Vec<(String, Value)> {
         standing: Standing::default(),
         progress_at: 0,
         refused: 0,
+        no_return: 0,
     };
-    let sample = CoverageSample { free: 1, path_length_m: 0.0 };
+    let sample = CoverageSample { scans: 1, free: 1, path_length_m: 0.0 };
     let over = |samples| MotionMemory {
         pose: at(0.0),
         awaited: Awaited::Start,

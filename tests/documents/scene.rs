@@ -163,8 +163,10 @@ impl Scene {
             mission.signal(Signal::INT);
             mission.end();
         }
-        background.iter().for_each(|terminal| terminal.signal(Signal::TERM));
-        self.elk.wait_until_deserted();
+        for mut terminal in background {
+            terminal.signal(Signal::TERM);
+            terminal.end();
+        }
         // The shell of a new part is in the clone again.
         std::fs::write(self.elk.folder().join("shell/folder"), self.root.to_str().unwrap()).unwrap();
     }
@@ -199,6 +201,10 @@ impl Scene {
         if matches!(course, Course::Says(_) | Course::Joins(_)) {
             terminal.signal(Signal::INT);
         }
+        if matches!(course, Course::Background) {
+            drop(self.elk.join("reader"));
+            return Some(terminal);
+        }
         let (code, said) = terminal.end();
         let fails = command.shown.first().is_some_and(|line| line.starts_with("elk: "));
         match course {
@@ -208,10 +214,7 @@ impl Scene {
         }
         let missing = self.missing(command, &said);
         assert_eq!(missing, None, "{} does not show it, but\n{said}", command.line);
-        matches!(course, Course::Background).then(|| {
-            drop(self.elk.join("reader"));
-            terminal
-        })
+        None
     }
 
     /// What the page says that is shown, and is not. An error is shown as it is printed; in other lines numbers differ,
@@ -225,13 +228,14 @@ impl Scene {
         })
     }
 
-    /// Starts a line in the shell, in a group of processes of its own.
+    /// Starts a line in the shell, in a group of processes of its own. The shell waits for what it leaves running.
     fn open(&mut self, line: &str) -> Terminal {
         self.find_runs(line);
         let shell = self.elk.folder().join("shell");
         let script = format!(
             "cd \"$(cat {0}/folder)\" && . {0}/environment\n{line}\n\
-             code=$?\nexport -p > {0}/environment\npwd > {0}/folder\nexit $code\n",
+             code=$?\nexport -p > {0}/environment\npwd > {0}/folder\n\
+             trap : TERM\nwait\nwait\nexit $code\n",
             shell.display()
         );
         let mut bash = Process::new("bash");

@@ -233,7 +233,7 @@ impl Follower {
 
     /// Whether the run has hardly begun, and from another command than the sensor's last: of the two the sensor knows.
     fn began_beside(&self, camera: &CameraPose) -> bool {
-        let hardly = self.record.samples().is_empty() && matches!(self.awaited, Awaited::Map(_)) && !self.inherited;
+        let hardly = self.record.scans() == 0 && matches!(self.awaited, Awaited::Map(_)) && !self.inherited;
         hardly && !(camera.command..=camera.command + 1).contains(&self.commands)
     }
 
@@ -364,7 +364,7 @@ impl Follower {
         Progress {
             scan,
             revision: self.replica.grid().revision(),
-            scans: self.record.samples().len() as u64,
+            scans: self.record.scans(),
             path_length_m: self.path_length_m,
             free: self.replica.grid().free() as u64,
             finished,

@@ -223,6 +223,7 @@ impl ExplorerApp {
 
     fn on_status(&mut self, status: &MapStatus) {
         self.said_full = status.full;
+        self.explorer.hear_of_rays(status.rays.no_return);
         self.look_whether_full();
     }
 
@@ -242,7 +243,7 @@ impl ExplorerApp {
         self.replica.hear_of(request.revision);
         self.ask_for_map(comms)?;
         self.look_at_place(&request)?;
-        if let Err((left_out, request)) = self.requests.add(asker, request, revision) {
+        if let Some((left_out, request)) = self.requests.add(asker, request, revision) {
             let why =
                 format!("revision is {}; {MOST_ASKERS} others wait for what comes before already", request.revision);
             if left_out == asker {

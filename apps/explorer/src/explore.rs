@@ -4,16 +4,17 @@ mod memory;
 mod scene;
 mod verdict;
 
+use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::clearance::Clearance;
 use elk_spatial::frontier::Edges;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
-use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline};
+use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
 use crate::extent::Scope;
-use crate::goals::{Goal, Goals, Target};
+use crate::goals::{Goal, Goals, Known, Target};
 use crate::policy::{Policy, looks};
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
 use memory::Memory;
@@ -57,6 +58,8 @@ pub struct Explorer {
     plans: u64,
     report: Option<ExplorationReport>,
     scope: Scope,
+    /// Rays of all scans that went without a return.
+    no_return: u64,
 }
 
 impl Explorer {
@@ -70,7 +73,13 @@ impl Explorer {
             plans: 0,
             report: None,
             scope: Scope::default(),
+            no_return: 0,
         }
+    }
+
+    /// Of the rays of all scans so far, so many went without a return. Where nothing is seen, looking again is in vain.
+    pub fn hear_of_rays(&mut self, no_return: u64) {
+        self.no_return = no_return;
     }
 
     /// What of the map the last plan was made over.
@@ -104,15 +113,15 @@ impl Explorer {
         self.report = left.ended.clone();
     }
 
-    /// What a successor has to know, `plan` being the last one.
+    /// What a successor has to know, `plan` being the last one: never more than it believes, whatever this one was left.
     pub fn memory(&self, plan: &Plan) -> ExplorerMemory {
         let mut memory = ExplorerMemory {
             plan: plan.clone(),
             ended: self.report.clone(),
             plans: self.plans,
-            stalls: self.journal.stalls,
-            fallbacks: self.journal.fallbacks,
-            iterations: self.journal.iterations,
+            stalls: self.journal.stalls.min(MAX_COUNT),
+            fallbacks: self.journal.fallbacks.min(MAX_COUNT),
+            iterations: self.journal.iterations.min(MAX_COUNT),
             cpu_secs: self.journal.phases().to_vec(),
             trail: Vec::new(),
             targets: Vec::new(),
@@ -120,6 +129,7 @@ impl Explorer {
             standing: Standing::default(),
             progress_at: 0,
             refused: 0,
+            no_return: 0,
         };
         self.memory.leave(&mut memory);
         memory
@@ -128,50 +138,51 @@ impl Explorer {
     /// Answers a request from a map at the asked revision and its frontier.
     pub fn plan(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
-        self.plans += 1;
-        self.memory.learn(request, grid, frontier);
+        self.plans = (self.plans + 1).min(MAX_COUNT);
+        let known = Known { grid, frontier };
+        self.memory.learn(request, known, self.no_return);
         Plan {
             request: request.id,
             revision: grid.revision(),
-            decision: self.decide(grid, frontier, request),
+            decision: self.decide(known, request),
             motion: self.settings.policy.motion(self.settings.radius_m),
             cpu_secs: self.journal.total_secs() - before,
         }
     }
 
-    fn decide(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Decision {
+    fn decide(&mut self, known: Known, request: &PlanRequest) -> Decision {
         let from = request.pose.position();
         let (memory, settings) = (&self.memory, &self.settings);
-        let mut scene = self.journal.time("space", || Scene::around(grid, from, frontier, memory, settings));
+        let mut scene = self.journal.time("space", || Scene::around(known, from, memory, settings));
         self.scope = scene.scope();
         if request.revision >= self.settings.max_scans {
-            return self.end(End::TooManyScans, &scene, (grid, frontier));
+            return self.end(End::TooManyScans, &scene, known);
         }
         if self.memory.scans_without_progress(request.revision) >= self.settings.patience {
-            return self.end(End::NoProgress, &scene, (grid, frontier));
+            return self.end(End::NoProgress, &scene, known);
         }
         if self.memory.refused() >= self.settings.patience {
-            return self.end(End::Refused, &scene, (grid, frontier));
+            return self.end(End::Refused, &scene, known);
         }
         let mut goals = self.near_goals(&scene);
         if goals.is_empty() {
             // Perhaps the robot stands in a corner that became too tight.
-            self.journal.time("space", || scene.back_off(frontier, &self.memory, &self.settings));
+            self.journal.time("space", || scene.back_off(known, &self.memory, &self.settings));
             goals = self.near_goals(&scene);
         }
         if goals.is_empty() {
-            goals = self.far_goals(&mut scene, frontier);
+            goals = self.far_goals(&mut scene, known.frontier);
         }
         if goals.is_empty() {
-            return self.end(End::Explored, &scene, (grid, frontier));
+            return self.end(End::Explored, &scene, known);
         }
         match self.choose(&scene, &goals, from) {
             Some((goal, way)) => {
                 // Whoever goes on has not ended, whatever a predecessor or a request out of turn came to.
                 self.report = None;
-                Decision::Go(self.path(&scene, frontier, goal, way))
+                Decision::Go(self.path(&scene, known, goal, way))
             }
-            None => self.end(End::NoProgress, &scene, (grid, frontier)),
+            None => self.end(End::NoWay, &scene, known),
         }
     }
 
@@ -198,7 +209,10 @@ impl Explorer {
                 break;
             }
             left.invisible += far.invisible.len() as u64;
-            left.unresolved += far.exhausted.len() as u64;
+            let (silent, exhausted): (Vec<Voxel>, Vec<Voxel>) =
+                far.exhausted.iter().partition(|voxel| self.memory.saw_nothing(**voxel));
+            left.no_return += silent.len() as u64;
+            left.unresolved += exhausted.len() as u64;
         }
         goals
     }
@@ -216,10 +230,13 @@ impl Explorer {
         let view = View { volume, space, from: if backed_off { volume.center(start) } else { robot }, goals };
         // A robot that stands in a goal looks first: for the field it would be source and sink at once.
         let here = goals.contains(start).then(|| Route { points: vec![view.from], goal: start });
-        let route = here.or_else(|| self.strategy.plan(&view, &mut self.journal)).or_else(|| {
-            self.journal.fallbacks += 1;
-            ClosestFrontier.plan(&view, &mut self.journal)
-        })?;
+        let route = here
+            .or_else(|| self.strategy.plan(&view, &mut self.journal))
+            .filter(|r| goals.contains(r.goal))
+            .or_else(|| {
+                self.journal.fallbacks += 1;
+                ClosestFrontier.plan(&view, &mut self.journal)
+            })?;
         let goal = goals.at(route.goal)?;
         let escape = space.escape.iter().skip(1).map(|i| volume.center(*i));
         let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
@@ -232,7 +249,7 @@ impl Explorer {
     }
 
     /// The path to follow, and what to do at its end.
-    fn path(&mut self, scene: &Scene, frontier: &FrontierSet, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
+    fn path(&mut self, scene: &Scene, known: Known, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
         let (volume, target) = (&scene.volume, &goal.target);
         let policy = &self.settings.policy;
         let path = self.journal.time("path", || {
@@ -243,7 +260,7 @@ impl Explorer {
             let points = shaped.map_or(way, |s| s.points().to_vec());
             let end = points.last().copied().unwrap_or(goal.position);
             Path {
-                looks: looks(volume, frontier, end, target),
+                looks: looks(volume, known, end, target),
                 points,
                 target: target.voxel,
                 unknown: target.unknown.clone(),
@@ -253,11 +270,11 @@ impl Explorer {
         path
     }
 
-    fn end(&mut self, end: End, scene: &Scene, (grid, frontier): (&OccupancyGrid, &FrontierSet)) -> Decision {
-        let Edges { map, volume, no_room } = Edges::of(grid, frontier);
+    fn end(&mut self, end: End, scene: &Scene, known: Known) -> Decision {
+        let Edges { map, volume, no_room } = Edges::of(known.grid, known.frontier);
         let mut left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
         left.open += scene.targets.len() as u64 + scene.beyond;
-        let Verdict { complete, reason } = Verdict::of(end, &left, scene, grid, &self.settings);
+        let Verdict { complete, reason } = Verdict::of(end, &left, scene, known.grid, &self.settings);
         self.report = Some(ExplorationReport {
             explorer: self.strategy.name().into(),
             policy: self.settings.policy.name.into(),
@@ -266,7 +283,7 @@ impl Explorer {
             reason,
             frontiers_left: left,
             plans: self.plans,
-            stalls: self.journal.stalls,
+            stalls: self.journal.stalls.min(MAX_COUNT),
             cpu_secs: self.journal.phases().to_vec(),
         });
         Decision::Done

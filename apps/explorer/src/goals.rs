@@ -4,8 +4,7 @@
 //! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
 //! every place that sees the unknown at all counts.
 
-use elk_spatial::frontier::counts;
-use elk_spatial::{Bounds, State, Voxel};
+use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
 use nalgebra::Point3;
 
 use crate::visibility::{Lookout, sees};
@@ -18,24 +17,37 @@ const LAST_RESORT_M: f64 = 6.0;
 /// A search for places that see from afar ends with this many targets seen: the next plan is made from a better map.
 const ENOUGH_TARGETS: usize = 16;
 
+/// A map, and the frontier that is kept up to date with it.
+#[derive(Debug, Clone, Copy)]
+pub struct Known<'a> {
+    /// The map.
+    pub grid: &'a OccupancyGrid,
+    /// Its frontier.
+    pub frontier: &'a FrontierSet,
+}
+
+impl<'a> Known<'a> {
+    /// What makes `voxel` frontier ([`FrontierSet::unknown_beside`]).
+    pub fn unknown_beside(self, voxel: Voxel) -> impl Iterator<Item = Voxel> + 'a {
+        self.frontier.unknown_beside(self.grid, voxel)
+    }
+}
+
 /// A frontier voxel to be resolved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
     /// The frontier voxel.
     pub voxel: Voxel,
-    /// Its unknown face neighbours that count.
+    /// Its unknown face neighbours that make it frontier.
     pub unknown: Vec<Voxel>,
     /// Voxels from which it was looked at in vain.
     pub tried: Vec<Voxel>,
 }
 
 impl Target {
-    /// The target of frontier voxel `voxel`: what is unknown beside it, inside `bounds` and the map.
-    pub fn new(volume: &Volume, bounds: Option<Bounds>, voxel: Voxel, tried: Vec<Voxel>) -> Self {
-        let inside = |v: &Voxel| counts(*v, bounds, volume.resolution());
-        let unknown =
-            voxel.face_neighbours().into_iter().filter(|n| volume.state(*n) == State::Unknown).filter(inside).collect();
-        Self { voxel, unknown, tried }
+    /// The target of frontier voxel `voxel`, which was looked at in vain from the voxels `tried`.
+    pub fn new(known: Known, voxel: Voxel, tried: Vec<Voxel>) -> Self {
+        Self { voxel, unknown: known.unknown_beside(voxel).collect(), tried }
     }
 
     /// Whether a camera at `from` (m, world) sees any of the unknown, from a place not tried yet.
@@ -46,8 +58,13 @@ impl Target {
 
     /// Whether looking from `voxel` would be something new.
     pub fn untried(&self, voxel: Voxel) -> bool {
-        self.tried.iter().all(|t| t.distance(voxel) > 1.5)
+        is_untried(&self.tried, voxel)
     }
+}
+
+/// Whether looking from `voxel` would be something new to who has looked from the voxels `tried`.
+pub(crate) fn is_untried(tried: &[Voxel], voxel: Voxel) -> bool {
+    tried.iter().all(|t| t.distance(voxel) > 1.5)
 }
 
 /// A place from which a target can be resolved.
@@ -141,12 +158,12 @@ impl Goals {
 
     /// The goal in the voxel at an index.
     pub fn at(&self, index: usize) -> Option<&Goal> {
-        self.list.get((self.at[index] as usize).wrapping_sub(1))
+        self.list.get((*self.at.get(index)? as usize).wrapping_sub(1))
     }
 
     /// Whether there is a goal in the voxel at an index.
     pub fn contains(&self, index: usize) -> bool {
-        self.at[index] != 0
+        self.at(index).is_some()
     }
 
     /// All goals, always in the same order for the same map.
@@ -188,10 +205,10 @@ fn ball(radius: f64) -> Vec<Voxel> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::OccupancyGrid;
+    use elk_spatial::{Bounds, State};
 
     /// A free box of 10³ voxels, its floor occupied but for what `unknown` leaves open.
-    fn room(unknown: &[Voxel]) -> Volume {
+    fn room(unknown: &[Voxel]) -> (OccupancyGrid, Volume) {
         let mut grid = OccupancyGrid::new(0.1);
         for x in -1..11 {
             for y in -1..11 {
@@ -205,7 +222,12 @@ mod tests {
                 }
             }
         }
-        Volume::of(&grid, Voxel::new(0, 0, 0), 2)
+        let volume = Volume::of(&grid, Voxel::new(0, 0, 0), 2);
+        (grid, volume)
+    }
+
+    fn target(grid: &OccupancyGrid, bounds: Option<Bounds>, tried: Vec<Voxel>) -> Target {
+        Target::new(Known { grid, frontier: &FrontierSet::new(bounds) }, Voxel::new(5, 5, 0), tried)
     }
 
     fn reach(volume: &Volume, margin: i32) -> Vec<bool> {
@@ -216,9 +238,9 @@ mod tests {
     #[test]
     fn what_cannot_be_entered_is_looked_at_from_near() {
         let hole = Voxel::new(5, 5, -1);
-        let volume = room(&[hole]);
+        let (grid, volume) = room(&[hole]);
         let frontier = Voxel::new(5, 5, 0);
-        let target = Target::new(&volume, None, frontier, vec![]);
+        let target = target(&grid, None, vec![]);
         assert_eq!(target.unknown, vec![hole]);
 
         let entered = Goals::near(&volume, &reach(&volume, 0), std::slice::from_ref(&target));
@@ -233,9 +255,9 @@ mod tests {
     #[test]
     fn a_place_tried_in_vain_is_not_tried_again() {
         let hole = Voxel::new(5, 5, -1);
-        let volume = room(&[hole]);
+        let (grid, volume) = room(&[hole]);
         let tried = vec![Voxel::new(5, 5, 0), Voxel::new(5, 5, 2)];
-        let target = Target::new(&volume, None, Voxel::new(5, 5, 0), tried.clone());
+        let target = target(&grid, None, tried.clone());
         let goals = Goals::near(&volume, &reach(&volume, 1), &[target]);
         assert_eq!(goals.len(), 1);
         for t in tried {
@@ -245,17 +267,32 @@ mod tests {
 
     #[test]
     fn outside_the_bounds_nothing_is_unknown() {
-        let volume = room(&[Voxel::new(5, 5, -1)]);
+        let (grid, _) = room(&[Voxel::new(5, 5, -1)]);
         let bounds = Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() };
-        let target = Target::new(&volume, Some(bounds), Voxel::new(5, 5, 0), vec![]);
+        let target = target(&grid, Some(bounds), vec![]);
         assert!(target.unknown.is_empty());
+    }
+
+    /// Regression: what a full map cannot come to know was looked into all the same, when something else made its neighbour
+    /// a target.
+    #[test]
+    fn what_a_full_map_has_no_brick_for_is_no_part_of_a_target() {
+        let mut grid = OccupancyGrid::new(0.1);
+        let (hole, rim) = (Voxel::new(6, 5, 5), Voxel::new(7, 5, 5));
+        let brick = (0..8).flat_map(|x| (0..8).flat_map(move |y| (0..8).map(move |z| Voxel::new(x, y, z))));
+        brick.filter(|voxel| *voxel != hole).for_each(|voxel| assert!(grid.set(voxel, State::Free)));
+        let mut frontier = FrontierSet::new(None);
+        let of = |frontier: &FrontierSet| Target::new(Known { grid: &grid, frontier }, rim, vec![]).unknown;
+        assert_eq!(of(&frontier), [hole, rim + Voxel::new(1, 0, 0)]);
+        frontier.set_full(true, &grid);
+        assert_eq!(of(&frontier), [hole]);
     }
 
     #[test]
     fn what_nothing_sees_is_invisible() {
         let hole = Voxel::new(5, 5, -1);
-        let volume = room(&[hole]);
-        let target = Target::new(&volume, None, Voxel::new(5, 5, 0), vec![]);
+        let (grid, volume) = room(&[hole]);
+        let target = target(&grid, None, vec![]);
         let nowhere = vec![false; volume.len()];
         let (goals, far) = Goals::far(&volume, &nowhere, std::slice::from_ref(&target));
         assert!(goals.is_empty() && far.invisible == vec![target.voxel]);

@@ -5,10 +5,10 @@
 //! target's unknown side is in sight, cuts bends that nothing asks for, and looks at the target on the way.
 
 use elk_spatial::messages::MotionPolicy;
-use elk_spatial::{FrontierSet, Polyline, Pose, Voxel};
+use elk_spatial::{Polyline, Pose, Voxel};
 use nalgebra::{Point3, Vector3};
 
-use crate::goals::Target;
+use crate::goals::{Known, Target};
 use crate::visibility::sees;
 use crate::volume::Volume;
 
@@ -17,9 +17,9 @@ const SIGHT_STEP_M: f64 = 0.05;
 /// Frontier voxels this near the target share its first look (m).
 const LOOK_RADIUS_M: f64 = 0.35;
 /// Frontier this near counts when a look chooses its direction (m).
-const LOOK_RANGE_M: f64 = 3.0;
+pub(crate) const LOOK_RANGE_M: f64 = 3.0;
 /// What a look is sure to have in view: a cone of this half angle (rad), inside the thesis' 75°.
-const VIEW_HALF_ANGLE: f64 = 35.0 * std::f64::consts::PI / 180.0;
+pub(crate) const VIEW_HALF_ANGLE: f64 = 35.0 * std::f64::consts::PI / 180.0;
 /// How far the optical axis may turn away from the target to have more in view (rad).
 const TILTS: [f64; 2] = [15.0 * std::f64::consts::PI / 180.0, 28.0 * std::f64::consts::PI / 180.0];
 /// Looks straight at single unknown voxels, after the first look.
@@ -145,11 +145,11 @@ fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>
 
 /// The poses to scan from at `position`, in order: first the one that has most of the frontier in view beside the target,
 /// then straight into each of its unknown neighbours, those in sight first.
-pub fn looks(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, target: &Target) -> Vec<Pose> {
+pub fn looks(volume: &Volume, known: Known, position: Point3<f64>, target: &Target) -> Vec<Pose> {
     let toward = |v: &Voxel| v.center(volume.resolution()) - position;
     let mut exact: Vec<Voxel> = target.unknown.clone();
     exact.sort_by_key(|u| !sees(volume, position, *u));
-    let first = widest(volume, frontier, position, target);
+    let first = widest(volume, known, position, target);
     std::iter::once(first)
         .chain(exact.iter().take(EXACT_LOOKS).map(toward))
         .map(|direction| Pose::looking(position, direction))
@@ -157,14 +157,14 @@ pub fn looks(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, tar
 }
 
 /// Of directions that keep the target in view, the one that has most of what is unknown around in view.
-fn widest(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, target: &Target) -> Vector3<f64> {
+fn widest(volume: &Volume, known: Known, position: Point3<f64>, target: &Target) -> Vector3<f64> {
     let toward = |u: &Voxel| (u.center(volume.resolution()) - position).try_normalize(1e-9);
     let in_sight = |u: &&Voxel| sees(volume, position, **u);
     let Some(axis) = target.unknown.iter().find(in_sight).and_then(toward) else {
-        return outward(volume, frontier, position, target);
+        return outward(volume, known, position, target);
     };
     let around: Vec<Vector3<f64>> =
-        unknown_around(volume, frontier, position).iter().filter(in_sight).filter_map(toward).collect();
+        unknown_around(volume, known, position).iter().filter(in_sight).filter_map(toward).collect();
     let in_view = |d: &Vector3<f64>| around.iter().filter(|u| u.dot(d) >= VIEW_HALF_ANGLE.cos()).count();
     let mut best = (0, axis);
     for direction in tilted(axis) {
@@ -189,12 +189,13 @@ fn tilted(axis: Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> {
 }
 
 /// The unknown voxels beside the frontier within [`LOOK_RANGE_M`] of `position`.
-fn unknown_around(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>) -> Vec<Voxel> {
+fn unknown_around(volume: &Volume, known: Known, position: Point3<f64>) -> Vec<Voxel> {
     let resolution = volume.resolution();
-    let mut unknown: Vec<Voxel> = frontier
+    let mut unknown: Vec<Voxel> = known
+        .frontier
         .iter()
         .filter(|v| (v.center(resolution) - position).norm() <= LOOK_RANGE_M)
-        .flat_map(|v| Target::new(volume, frontier.bounds(), v, vec![]).unknown)
+        .flat_map(|v| known.unknown_beside(v))
         .collect();
     unknown.sort_unstable();
     unknown.dedup();
@@ -203,7 +204,7 @@ fn unknown_around(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>
 
 /// The mean direction from `position` to what is unknown around the target: seen from afar that is the target, seen from
 /// its own voxel it is the frontier's outward normal.
-fn outward(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, target: &Target) -> Vector3<f64> {
+fn outward(volume: &Volume, known: Known, position: Point3<f64>, target: &Target) -> Vector3<f64> {
     let resolution = volume.resolution();
     let n = (LOOK_RADIUS_M / resolution).floor() as i32;
     let side = || -n..=n;
@@ -212,8 +213,8 @@ fn outward(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, targe
         .filter(|d| d.distance(Voxel::new(0, 0, 0)) * resolution <= LOOK_RADIUS_M);
     let sum: Vector3<f64> = offsets
         .map(|d| target.voxel + d)
-        .filter(|v| frontier.contains(*v))
-        .flat_map(|v| Target::new(volume, frontier.bounds(), v, vec![]).unknown)
+        .filter(|v| known.frontier.contains(*v))
+        .flat_map(|v| known.unknown_beside(v))
         .filter_map(|u| (u.center(resolution) - position).try_normalize(1e-9))
         .sum();
     let direct = target.voxel.center(resolution) - position;
@@ -226,7 +227,7 @@ fn outward(volume: &Volume, frontier: &FrontierSet, position: Point3<f64>, targe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::{OccupancyGrid, State};
+    use elk_spatial::{FrontierSet, OccupancyGrid, State};
 
     /// An L-shaped corridor, 5 voxels wide and high: 30 along x, then 30 along y; its far end is open.
     fn corridor() -> (OccupancyGrid, FrontierSet, Volume, Vec<bool>, Target) {
@@ -246,7 +247,7 @@ mod tests {
         frontier.update(&grid, &all);
         let volume = Volume::of(&grid, Voxel::new(0, 0, 0), 2);
         let reach: Vec<bool> = volume.states().iter().map(|s| *s == State::Free).collect();
-        let target = Target::new(&volume, None, Voxel::new(27, 29, 2), vec![]);
+        let target = Target::new(Known { grid: &grid, frontier: &frontier }, Voxel::new(27, 29, 2), vec![]);
         (grid, frontier, volume, reach, target)
     }
 
@@ -282,15 +283,16 @@ mod tests {
 
     #[test]
     fn the_first_look_is_along_the_frontiers_normal_the_next_into_the_unknown() {
-        let (_, frontier, volume, _, target) = corridor();
+        let (grid, frontier, volume, _, target) = corridor();
+        let known = Known { grid: &grid, frontier: &frontier };
         let inside = target.voxel.center(0.1);
-        let poses = looks(&volume, &frontier, inside, &target);
+        let poses = looks(&volume, known, inside, &target);
         assert_eq!(poses.len(), 2);
         for pose in &poses {
             assert!(pose.forward().y > 0.999, "{:?}", pose.forward());
         }
         let afar = Voxel::new(27, 2, 2).center(0.1);
-        assert!(looks(&volume, &frontier, afar, &target)[0].forward().y > 0.99);
+        assert!(looks(&volume, known, afar, &target)[0].forward().y > 0.99);
     }
 
     #[test]

@@ -21,23 +21,22 @@ impl Requests {
     /// Only so many can wait. The one that goes is the one that would wait longest: whoever has the map asks about the next
     /// revisions of it, so nobody loses that place to others who make up later ones.
     ///
-    /// # Errors
-    /// The request that has no place; it may be this one.
-    pub fn add(&mut self, asker: &str, request: PlanRequest, revision: u64) -> Result<(), Asked> {
+    /// Answers the request that has no place now, if there is one: that of another asker, while this one waits, or this one.
+    pub fn add(&mut self, asker: &str, request: PlanRequest, revision: u64) -> Option<Asked> {
         let new = asker.to_owned();
         if self.0.len() < MOST_ASKERS || self.0.contains_key(asker) {
             self.0.insert(new, request);
-            return Ok(());
+            return None;
         }
         let waits = |request: &PlanRequest| if is_outdated(request, revision) { u64::MAX } else { request.revision };
         let longest = self.0.iter().max_by_key(|(_, other)| waits(other));
         let Some(longest) = longest.filter(|(_, other)| waits(other) > waits(&request)) else {
-            return Err((new, request));
+            return Some((new, request));
         };
         let pushed_out = (longest.0.clone(), longest.1.clone());
         self.0.remove(&pushed_out.0);
         self.0.insert(new, request);
-        Err(pushed_out)
+        Some(pushed_out)
     }
 
     /// Takes out the requests that a map at `revision` is there for. One that is outdated goes on waiting: perhaps it is
@@ -71,7 +70,7 @@ mod tests {
 
     fn full(revision: u64) -> Requests {
         let mut requests = Requests::default();
-        (0..MOST_ASKERS).for_each(|n| requests.add(&format!("liar {n}"), of(revision), 2).unwrap());
+        (0..MOST_ASKERS).for_each(|n| assert_eq!(requests.add(&format!("liar {n}"), of(revision), 2), None));
         requests
     }
 
@@ -79,10 +78,10 @@ mod tests {
     #[test]
     fn whoever_makes_up_revisions_takes_no_place_from_who_has_the_map() {
         let mut requests = full(900);
-        let (pushed_out, _) = requests.add("Controller", of(3), 2).unwrap_err();
+        let (pushed_out, _) = requests.add("Controller", of(3), 2).unwrap();
         assert_eq!(pushed_out, "liar 7", "the one that goes is named");
         for revision in [900, 901] {
-            assert_eq!(requests.add("another", of(revision), 2), Err(("another".into(), of(revision))), "first come");
+            assert_eq!(requests.add("another", of(revision), 2), Some(("another".into(), of(revision))), "first come");
         }
         assert_eq!(requests.take_due(3), [of(3)]);
     }
@@ -91,8 +90,8 @@ mod tests {
     #[test]
     fn a_request_that_the_map_has_left_behind_is_the_first_to_go() {
         let (mut requests, far) = (full(3), 4 + MAX_REVISIONS_AHEAD);
-        requests.add("liar 3", of(4), far).unwrap();
-        assert_eq!(requests.add("Controller", of(far + 1), far).unwrap_err().0, "liar 7");
+        assert_eq!(requests.add("liar 3", of(4), far), None);
+        assert_eq!(requests.add("Controller", of(far + 1), far).unwrap().0, "liar 7");
         assert_eq!(requests.take_due(far), [of(4)]);
         assert_eq!(requests.take_due(far + 1), [of(far + 1)]);
         assert_eq!(requests.take_due(3).len(), MOST_ASKERS - 2, "the map was none, and they were right");
@@ -101,7 +100,7 @@ mod tests {
     #[test]
     fn an_asker_waits_with_its_last_request() {
         let mut requests = full(900);
-        requests.add("liar 3", of(901), 2).unwrap();
+        assert_eq!(requests.add("liar 3", of(901), 2), None);
         assert_eq!(requests.take_due(900).len(), MOST_ASKERS - 1);
         assert_eq!(requests.take_due(901), [of(901)]);
     }

@@ -10,8 +10,13 @@ use crate::volume::Volume;
 /// Whether a camera at `from` (m, world) can look into voxel `target`: every voxel before it, on the straight line to
 /// its centre, is free.
 pub fn sees(volume: &Volume, from: Point3<f64>, target: Voxel) -> bool {
-    let to = target.center(volume.resolution());
-    Traversal::new(from, to, volume.resolution()).take_while(|v| *v != target).all(|v| volume.state(v) == State::Free)
+    in_sight(volume.resolution(), |voxel| volume.state(voxel), from, target)
+}
+
+/// The same among voxels of `resolution` (m) of these states.
+pub fn in_sight(resolution: f64, state: impl Fn(Voxel) -> State, from: Point3<f64>, target: Voxel) -> bool {
+    let way = Traversal::new(from, target.center(resolution), resolution);
+    way.take_while(|v| *v != target).all(|v| state(v) == State::Free)
 }
 
 /// Looks for places that see into a voxel, over all directions at the map's resolution.

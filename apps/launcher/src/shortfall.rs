@@ -2,9 +2,7 @@
 
 use elk_mission::AppSpec;
 use elk_spatial::messages::{MapStatus, RayTally};
-
-/// Voxels of a map to each side of the origin along an axis.
-const VOXELS_A_SIDE: f64 = 32768.0;
+use elk_spatial::voxel::reach_m;
 
 /// Why the map holds nothing of what was to be seen, `filters` being between it and the sensor; none: it holds something.
 pub(crate) fn shortfall(filters: &[&AppSpec], map: &MapStatus) -> Option<String> {
@@ -57,7 +55,7 @@ fn named(app: &AppSpec) -> String {
 /// Why the map took none of the points that came to it.
 fn refused(map: &MapStatus) -> String {
     let (RayTally { received, invalid, outside, no_room, .. }, resolution) = (map.rays, map.resolution);
-    let reach = (VOXELS_A_SIDE * resolution * 100.0).round() / 100.0;
+    let reach = (reach_m(resolution) * 100.0).round() / 100.0;
     let causes = [
         (
             outside,

@@ -12,6 +12,7 @@ use elk_spatial::keys::{
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{MapStatus, RayTally};
+use elk_spatial::ray::within_range;
 use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;
 
@@ -95,13 +96,7 @@ fn config(params: &Params) -> Result<MapConfig, AppError> {
     let dim = Vector3::from(params.point("Dim"));
     let bounds = (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(params.point("Mid").into(), dim));
     let (max_range, free_no_return) = (params.number("MaxRange"), params.number("FreeNoReturn"));
-    if max_range > 0.0 && free_no_return > max_range {
-        return Err(format!(
-            "FreeNoReturn is {free_no_return} m, which is farther than MaxRange, {max_range} m; right is at most that, or a \
-             larger MaxRange (0: no limit)"
-        )
-        .into());
-    }
+    within_range(free_no_return, max_range)?;
     Ok(MapConfig {
         resolution: params.number("Res"),
         hit: params.number("LogOddsHit") as f32,

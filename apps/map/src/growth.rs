@@ -82,9 +82,9 @@ mod tests {
             for cell in 0..BRICK_CELLS {
                 let v = voxel_at(Voxel::new(0, 0, 0), cell);
                 let near = set.contains(&v) || v.neighbours().any(|n| set.contains(&n));
-                prop_assert_eq!(grown[cell >> 6] >> (cell & 63) & 1 == 1, near);
+                prop_assert_eq!(mask::has(&grown, cell), near);
                 let face = v.face_neighbours().iter().any(|n| set.contains(n));
-                prop_assert_eq!(beside[cell >> 6] >> (cell & 63) & 1 == 1, face);
+                prop_assert_eq!(mask::has(&beside, cell), face);
             }
         }
     }

@@ -158,7 +158,7 @@ impl OccupancyMap {
     pub fn log_odds(&self, voxel: Voxel) -> Option<f32> {
         let brick = &self.bricks[self.table.find(brick_of(voxel))?];
         let cell = cell_of(voxel);
-        (brick.known[cell >> 6] >> (cell & 63) & 1 == 1).then(|| brick.log_odds[cell])
+        mask::has(&brick.known, cell).then(|| brick.log_odds[cell])
     }
 
     /// Every observed voxel with its log-odds, brick by brick.

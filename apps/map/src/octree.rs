@@ -38,12 +38,8 @@ impl<V: Copy + PartialEq> Node<V> {
     /// The pruned tree of a set of voxels, each with its value; of a voxel given twice the last value counts. Voxels
     /// outside OctoMap's 16 bits are not in it.
     pub fn from_voxels(voxels: impl IntoIterator<Item = (Voxel, V)>) -> Self {
-        let range = elk_spatial::voxel::INDEX_RANGE;
-        let mut sorted: Vec<(u64, V)> = voxels
-            .into_iter()
-            .filter(|(v, _)| v.to_array().iter().all(|c| range.contains(c)))
-            .map(|(v, value)| (path_of(v), value))
-            .collect();
+        let mut sorted: Vec<(u64, V)> =
+            voxels.into_iter().filter(|(v, _)| v.is_mappable()).map(|(v, value)| (path_of(v), value)).collect();
         sorted.sort_by_key(|(path, _)| *path);
         Self::of_sorted(&sorted, 0)
     }

@@ -1,7 +1,7 @@
 //! Whether a mission can be run in a world.
 
 use elk_spatial::Bounds;
-use elk_spatial::voxel::INDEX_RANGE;
+use elk_spatial::voxel::reach_m;
 use nalgebra::Point3;
 
 use crate::bvh::overlap;
@@ -63,11 +63,8 @@ fn unit(world: &World) -> Option<String> {
 
 /// A map ends.
 fn look_at_limits(world: &World, wanted: &Wanted, found: &mut Suitability) {
-    let edge = |index: i32| f64::from(index) * wanted.resolution;
-    let limits = Bounds {
-        min: Point3::from([edge(*INDEX_RANGE.start()); 3]),
-        max: Point3::from([edge(*INDEX_RANGE.end() + 1); 3]),
-    };
+    let reach = reach_m(wanted.resolution);
+    let limits = Bounds { min: [-reach; 3].into(), max: [reach; 3].into() };
     let extents = world.extents();
     if limits.contains(extents.min) && limits.contains(extents.max) {
         return;

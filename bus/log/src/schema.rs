@@ -147,7 +147,7 @@ mod tests {
         value["samples"][0]["path_length_m"] = Value::Null;
         leave_out_nulls(&mut value);
         fits(&value, &serde_json::from_str::<Value>(&known(memory)).unwrap()["properties"]["value"], memory.name);
-        assert_eq!(value["samples"], json!([{"free": 8}]));
+        assert_eq!(value["samples"], json!([{"scans": 1, "free": 8}]));
     }
 
     #[test]

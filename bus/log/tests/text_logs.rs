@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use common::record;
 use elk_bus::{Payload, Value, codec};
-use elk_log::Record;
 use elk_log::alog::{AlogReader, AlogWriter};
 use elk_log::csv::put_csv;
+use elk_log::{LogReader, LogWriter, Metadata, Record};
 use elk_spatial::Pose;
 use elk_spatial::messages::{CameraPose, Progress};
 use nalgebra::{Point3, Vector3};
@@ -59,6 +59,26 @@ fn every_double_comes_back_from_a_text_log() {
     let bits = |value: &Value| if let Value::Double(number) = value { number.to_bits() } else { 1 };
     let back: Vec<u64> = values(&path).iter().map(|(_, value)| bits(value)).collect();
     assert_eq!(back, records.iter().map(|record| bits(&record.value)).collect::<Vec<_>>());
+}
+
+/// Case 23: what came in one moment stays in its order, and names that differ late are two.
+#[test]
+fn one_moment_has_an_order_and_long_names_differ_to_their_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let long = |last: char| format!("{}{last}", "N".repeat(100));
+    let names = [long('1'), long('2'), "B_VAR".to_owned()];
+    let records: Vec<Record> = (0..300)
+        .map(|n| Record { time: 0.1, received: 0.1, ..record(n, &names[n as usize % 3], Value::Double(n as f64)) })
+        .collect();
+    let expected = || records.iter().map(|record| (record.key.clone(), record.value.clone()));
+    let (alog, mcap) = (folder.path().join("run.alog"), folder.path().join("run.mcap"));
+    export(&alog, &records);
+    assert!(values(&alog).into_iter().eq(expected()));
+    let mut log = LogWriter::create(&mcap, &Metadata::default()).unwrap();
+    records.iter().for_each(|record| log.append(&record.as_ref()).unwrap());
+    log.finish().unwrap();
+    let back = LogReader::open(&mcap).unwrap().map(Result::unwrap).map(|record| (record.key, record.value));
+    assert!(back.eq(expected()));
 }
 
 #[test]

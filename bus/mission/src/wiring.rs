@@ -2,6 +2,7 @@
 //! two apps have to have in common.
 
 use elk_spatial::clearance::{Clearance, MAX_RADIUS_VOXELS};
+use elk_spatial::ray;
 
 use crate::draft::Draft;
 use crate::element;
@@ -68,11 +69,8 @@ fn within_range(draft: &Draft, problems: &mut Findings) {
     else {
         return;
     };
-    if let Some(given) = said.or(most_said).filter(|_| most > 0.0 && free > most) {
-        let said = format!(
-            "FreeNoReturn {free} m is farther than MaxRange, {most} m; right is at most that, or a larger MaxRange (0: no limit)"
-        );
-        problems.add(&given.value_place, said);
+    if let (Some(given), Err(beyond)) = (said.or(most_said), ray::within_range(free, most)) {
+        problems.add(&given.value_place, beyond.to_string());
     }
 }
 

@@ -20,7 +20,7 @@ use crate::messages::{
 use crate::polyline::Polyline;
 use crate::pose::Pose;
 use crate::scan::Scan;
-use crate::voxel::{INDEX_RANGE, Voxel};
+use crate::voxel::{INDEX_RANGE, Voxel, reach_m};
 
 /// What a check comes to.
 pub type Checked = Result<(), Invalid>;
@@ -30,7 +30,7 @@ pub const MAX_COUNT: u64 = (1 << 48) - 1;
 /// Edges of voxels (m), as the parameter `Res` has them.
 pub const RESOLUTIONS_M: RangeInclusive<f64> = 0.001..=10.0;
 /// Largest distance of anything from the world's origin along an axis (m): 32,768 of the coarsest voxels.
-pub const FARTHEST_M: f64 = 327_680.0;
+pub const FARTHEST_M: f64 = reach_m(*RESOLUTIONS_M.end());
 /// Clearances (m), as the parameter `Radius` has them.
 pub const CLEARANCES_M: RangeInclusive<f64> = 0.0..=10.0;
 /// Lengths of way between two scans (m), as the parameter `ScanSpacing` has them.
@@ -61,11 +61,11 @@ pub const MAX_WAY_VOXELS: f64 = 1e6;
 pub const MAX_LOOKUPS: f64 = 5e8;
 
 /// Largest length of way and amount of time that anything adds up to (m, s).
-const LARGEST_SUM: f64 = 1e12;
+pub const LARGEST_SUM: f64 = 1e12;
 /// Largest log-odds of a voxel: twice what the map's parameters allow.
 const LOG_ODDS: RangeInclusive<f64> = -200.0..=200.0;
 /// Largest count of what an explorer tried with one target.
-const MAX_TRIES: u32 = 1 << 30;
+pub const MAX_TRIES: u32 = 1 << 30;
 
 /// The same, of what lies in `field`.
 fn within(field: &str, checked: Checked) -> Checked {
@@ -244,7 +244,9 @@ pub(crate) fn exploration_report(report: &ExplorationReport) -> Checked {
 }
 
 fn frontiers_left(left: &FrontiersLeft) -> Checked {
-    let FrontiersLeft { unreachable, invisible, unresolved, too_small, open, map_edge, no_room, volume_edge } = *left;
+    let FrontiersLeft { unreachable, invisible, unresolved, no_return, too_small, open, .. } = *left;
+    let FrontiersLeft { map_edge, no_room, volume_edge, .. } = *left;
+    count("no_return", no_return)?;
     counts([("unreachable", unreachable), ("invisible", invisible), ("unresolved", unresolved)])?;
     counts([("too_small", too_small), ("open", open), ("map_edge", map_edge)])?;
     counts([("no_room", no_room), ("volume_edge", volume_edge)])
@@ -304,9 +306,11 @@ pub(crate) fn motion_memory(memory: &MotionMemory) -> Checked {
     length("path_length_m", memory.path_length_m)?;
     memory.leg.as_ref().map_or(Ok(()), |underway| within("leg", leg(underway)))?;
     list("samples", &memory.samples, MAX_REMEMBERED, |sample: &CoverageSample| {
-        count("free", sample.free)?;
+        counts([("scans", sample.scans), ("free", sample.free)])?;
         length("path_length_m", sample.path_length_m)
-    })
+    })?;
+    let ascending = memory.samples.is_sorted_by(|one, next| one.scans < next.scans);
+    holds("samples", ascending, "a list out of order", "in the order of scans")
 }
 
 fn awaited(awaited: &Awaited, memory: &MotionMemory) -> Checked {
@@ -373,7 +377,7 @@ pub(crate) fn explorer_memory(memory: &ExplorerMemory) -> Checked {
     memory.ended.as_ref().map_or(Ok(()), |report| within("ended", exploration_report(report)))?;
     let ExplorerMemory { plans, stalls, fallbacks, iterations, progress_at, refused, .. } = *memory;
     counts([("plans", plans), ("stalls", stalls), ("fallbacks", fallbacks), ("iterations", iterations)])?;
-    count("refused", refused)?;
+    counts([("refused", refused), ("no_return", memory.no_return)])?;
     phases(&memory.cpu_secs)?;
     list("trail", &memory.trail, MAX_REMEMBERED, voxel)?;
     list("targets", &memory.targets, MAX_REMEMBERED, target_record)?;

@@ -3,9 +3,9 @@
 use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
-use crate::bricks::{Bricks, brick_of};
+use crate::bricks::{Bricks, brick_of, voxel_at};
 use crate::map::{OccupancyGrid, State};
-use crate::voxel::{Bounds, Voxel};
+use crate::voxel::{Bounds, FACES, Voxel};
 
 /// Whether `voxel` is free and has an unknown face neighbour.
 pub fn is_frontier(grid: &OccupancyGrid, voxel: Voxel) -> bool {
@@ -73,11 +73,16 @@ impl FrontierSet {
         Self { voxels: BTreeSet::new(), bounds, full: false }
     }
 
-    /// Takes note that the map is full, or that it is not.
+    /// Takes note that the map is full, or that it is not. Only of voxels at the rim of the bricks that there are it changes
+    /// anything.
     pub fn set_full(&mut self, full: bool, grid: &OccupancyGrid) {
-        if std::mem::replace(&mut self.full, full) != full {
-            let free = grid.bricks().voxels().filter(|(_, state)| *state == State::Free);
-            free.for_each(|(voxel, _)| self.revise(grid, voxel));
+        if std::mem::replace(&mut self.full, full) == full {
+            return;
+        }
+        let ends = |brick: Voxel| FACES.iter().any(|face| grid.bricks().brick(brick + *face).is_none());
+        for (brick, cells) in grid.bricks().iter().filter(|(brick, _)| ends(*brick)) {
+            let free = cells.iter().enumerate().filter(|(_, state)| **state == State::Free);
+            free.for_each(|(cell, _)| self.revise(grid, voxel_at(brick, cell)));
         }
     }
 
@@ -101,10 +106,16 @@ impl FrontierSet {
     }
 
     fn counts(&self, grid: &OccupancyGrid, voxel: Voxel) -> bool {
-        let inside = |v: Voxel| counts(v, self.bounds, grid.resolution());
-        let knowable = |v: Voxel| !self.full || grid.bricks().brick(brick_of(v)).is_some();
-        let resolvable = |v: Voxel| inside(v) && knowable(v);
-        grid.state(voxel) == State::Free && inside(voxel) && unknown_neighbours(grid, voxel).any(resolvable)
+        let inside = counts(voxel, self.bounds, grid.resolution());
+        grid.state(voxel) == State::Free && inside && self.unknown_beside(grid, voxel).next().is_some()
+    }
+
+    /// What makes `voxel` frontier, if it is free: its face neighbours that are unknown, in the volume to explore, and that
+    /// the map can come to know.
+    pub fn unknown_beside<'a>(&'a self, grid: &'a OccupancyGrid, voxel: Voxel) -> impl Iterator<Item = Voxel> + 'a {
+        let inside = |v: &Voxel| counts(*v, self.bounds, grid.resolution());
+        let knowable = |v: &Voxel| !self.full || grid.bricks().brick(brick_of(*v)).is_some();
+        unknown_neighbours(grid, voxel).filter(inside).filter(knowable)
     }
 
     /// Whether `voxel` is a frontier voxel.
@@ -142,7 +153,7 @@ mod tests {
     proptest! {
         /// Kept up to date change by change, the set is what a look at every voxel would find.
         #[test]
-        fn incremental_equals_exhaustive(changes in prop::collection::vec(((0..6i32, 0..6i32, 0..6i32), 0..3u8), 1..150)) {
+        fn incremental_equals_exhaustive(changes in prop::collection::vec(((5..11i32, 0..6i32, 0..6i32), 0..3u8), 1..150)) {
             let mut grid = OccupancyGrid::new(0.1);
             let mut set = FrontierSet::new(None);
             for ((x, y, z), s) in changes {
@@ -153,6 +164,11 @@ mod tests {
                 }
             }
             let all: BTreeSet<Voxel> = grid.bricks().voxels().map(|(v, _)| v).filter(|v| is_frontier(&grid, *v)).collect();
+            prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all.clone());
+            set.set_full(true, &grid);
+            let in_its_bricks = |v: &Voxel| set.unknown_beside(&grid, *v).next().is_some();
+            prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all.iter().copied().filter(in_its_bricks).collect());
+            set.set_full(false, &grid);
             prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all);
         }
     }
@@ -218,7 +234,12 @@ mod tests {
         grid.set(all[0], State::Unknown);
         set.update(&grid, [all[0]]);
         assert_eq!(set.len(), 3, "in its own bricks it can come to know everything");
+        assert!(
+            set.unknown_beside(&grid, all[1]).eq([all[0]]),
+            "and what is beyond is not to be resolved there, either"
+        );
         set.set_full(false, &grid);
         assert_eq!(set.len(), surface - 1);
+        assert!(set.unknown_beside(&grid, all[1]).count() == 3);
     }
 }

@@ -189,7 +189,7 @@ elk_bus::payload! {
         pub path_length_m: f64,
         /// The path that it is on.
         pub leg: Option<Leg>,
-        /// What was known after each scan so far.
+        /// What was known after each scan so far; of a very long run, after some of them and the last.
         pub samples: Vec<CoverageSample>,
     }
 
@@ -222,6 +222,8 @@ elk_bus::payload! {
         pub progress_at: u64,
         /// Paths on which the sensor did not take a single step.
         pub refused: u64,
+        /// Rays of all scans that had gone without a return when the last plan was made.
+        pub no_return: u64,
     }
 }
 
@@ -265,6 +267,8 @@ pub struct CoverageMark {
 /// What was known after a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CoverageSample {
+    /// Scans taken by then.
+    pub scans: u64,
     /// Free voxels known.
     pub free: u64,
     /// Length of the way by then (m).
@@ -328,6 +332,8 @@ pub struct TargetRecord {
     pub cuts: u32,
     /// Plans made for it.
     pub planned: u32,
+    /// When it was looked at in vain, rays went without a return.
+    pub no_return: bool,
 }
 
 /// What changes as long as there is progress. A voxel that flickers changes it too, but is given up in time.
@@ -402,6 +408,8 @@ pub struct FrontiersLeft {
     pub invisible: u64,
     /// Looked at as often as the policy allows, and still there.
     pub unresolved: u64,
+    /// The same, while rays went without a return: the world is open there, or goes on beyond the sensor's range.
+    pub no_return: u64,
     /// In clusters below the size that counts.
     pub too_small: u64,
     /// Still to be resolved when the run ended before its time.
@@ -418,6 +426,6 @@ impl FrontiersLeft {
     /// All of them.
     pub fn total(&self) -> u64 {
         let looked_for = self.unreachable + self.invisible + self.unresolved + self.too_small + self.open;
-        looked_for + self.map_edge + self.no_room + self.volume_edge
+        looked_for + self.no_return + self.map_edge + self.no_room + self.volume_edge
     }
 }

@@ -5,6 +5,30 @@ use nalgebra::Point3;
 use crate::map::{OccupancyGrid, State};
 use crate::voxel::Voxel;
 
+/// Rays without a return that would be believed farther than any other ray.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "FreeNoReturn {free_m} m is farther than MaxRange, {max_range_m} m; right is at most that, or a larger MaxRange (0: no limit)"
+)]
+pub struct BeyondRange {
+    /// How far such rays are to free (m).
+    pub free_m: f64,
+    /// How far the map believes any ray (m).
+    pub max_range_m: f64,
+}
+
+/// Whether a map that believes rays up to `max_range_m` (0: as far as they go) may let those without a return free up to
+/// `free_m`.
+///
+/// # Errors
+/// That is farther.
+pub fn within_range(free_m: f64, max_range_m: f64) -> Result<(), BeyondRange> {
+    match max_range_m > 0.0 && free_m > max_range_m {
+        true => Err(BeyondRange { free_m, max_range_m }),
+        false => Ok(()),
+    }
+}
+
 /// The voxels that a segment passes through, in order, the first and the last included.
 #[derive(Debug, Clone)]
 pub struct Traversal {

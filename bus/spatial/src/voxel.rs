@@ -27,6 +27,11 @@ pub const FACES: [Voxel; 6] = [
 /// Smallest and largest index that a map holds: OctoMap's 16 bits an axis.
 pub const INDEX_RANGE: std::ops::RangeInclusive<i32> = -32768..=32767;
 
+/// How far from the origin, along each axis and either way, a map of voxels of `resolution` (m) ends (m).
+pub const fn reach_m(resolution: f64) -> f64 {
+    (*INDEX_RANGE.end() + 1) as f64 * resolution
+}
+
 impl Voxel {
     /// The cell with these indices.
     pub const fn new(x: i32, y: i32, z: i32) -> Self {

@@ -2,12 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use elk_spatial::checks::MAX_REMEMBERED;
+use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
 use elk_spatial::ray::Traversal;
-use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
+use elk_spatial::{FrontierSet, Pose, Voxel};
+use nalgebra::Point3;
 
 use super::scene::nearest;
+use crate::goals::{Known, is_untried};
+use crate::policy::{LOOK_RANGE_M, VIEW_HALF_ANGLE};
+use crate::visibility::in_sight;
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.
 const CUTS: u32 = 3;
@@ -15,6 +19,9 @@ const CUTS: u32 = 3;
 /// Plans for a target, for each place that it may be looked at from, after which it is given up: a voxel that flickers
 /// between free and occupied is never looked at in vain, and never done.
 const RETURNS: u64 = 3;
+
+/// Places from which a target is looked at where rays go without a return: to look again there is mostly in vain.
+const SILENT_ATTEMPTS: usize = 2;
 
 /// Where the robot has been, and what it looked at in vain.
 #[derive(Debug, Default)]
@@ -28,6 +35,8 @@ pub struct Memory {
     standing: Standing,
     progress_at: u64,
     refused: u64,
+    /// Rays of all scans that had gone without a return when the last plan was made.
+    no_return: u64,
 }
 
 impl Memory {
@@ -45,6 +54,7 @@ impl Memory {
             standing: left.standing,
             progress_at: left.progress_at,
             refused: left.refused,
+            no_return: left.no_return,
         }
     }
 
@@ -56,27 +66,36 @@ impl Memory {
         to.standing = self.standing;
         to.progress_at = self.progress_at;
         to.refused = self.refused;
+        to.no_return = self.no_return;
     }
 
     fn record(&mut self, target: Voxel) -> &mut TargetRecord {
-        let new = || TargetRecord { target, tried: Vec::new(), cuts: 0, planned: 0 };
+        let new = || TargetRecord { target, tried: Vec::new(), cuts: 0, planned: 0, no_return: false };
         self.targets.entry(target).or_insert_with(new)
     }
 
-    /// Takes note of how the last path went.
-    pub fn learn(&mut self, request: &PlanRequest, grid: &OccupancyGrid, frontier: &FrontierSet) {
+    /// Takes note of how the last path went; of the rays of all scans so far, `no_return` went without a return.
+    pub fn learn(&mut self, request: &PlanRequest, known: Known, no_return: u64) {
+        let Known { grid, frontier } = known;
         let resolution = grid.resolution();
         let robot = Voxel::containing(request.pose.position(), resolution);
-        self.trail.push(robot);
-        if let Some(path) = self.path.take() {
+        // A predecessor's may be anything; nobody has followed one that is no path of this map.
+        let followed = self.path.take().filter(|path| path_in(grid, path, 0.0).is_ok());
+        if let Some(path) = &followed {
             // What cuts a path is seen on the way. Where it began the map was the plan's, and free.
             let begun = path.points.first() != Some(&request.pose.position());
-            self.refused += u64::from(request.outcome == Outcome::Cut && !begun);
-            self.extend_trail(&path, robot, resolution);
+            self.refused = (self.refused + u64::from(request.outcome == Outcome::Cut && !begun)).min(MAX_COUNT);
             if frontier.contains(path.target) {
-                self.judge(&path, request.outcome, robot, resolution);
+                self.judge(path, request.outcome, robot, resolution);
             }
         }
+        let in_vain = request.outcome == Outcome::Unresolved && no_return > self.no_return;
+        if let Some(path) = followed.as_ref().filter(|_| in_vain) {
+            self.judge_view(&path.looks, request.pose.position(), known);
+        }
+        self.no_return = no_return;
+        self.extend_trail(followed.as_ref(), robot, resolution);
+        self.forget(robot, frontier);
         let now = Standing {
             free: grid.free() as u64,
             occupied: grid.occupied() as u64,
@@ -87,33 +106,73 @@ impl Memory {
             self.standing = now;
             self.progress_at = request.revision;
         }
+        self.progress_at = self.progress_at.min(request.revision);
+    }
+
+    /// Makes room for one more target, so that a successor believes them all: what is no frontier any more goes first, then
+    /// what is farthest from the robot.
+    fn forget(&mut self, robot: Voxel, frontier: &FrontierSet) {
+        if self.targets.len() >= MAX_REMEMBERED {
+            self.targets.retain(|target, _| frontier.contains(*target));
+        }
+        if self.targets.len() >= MAX_REMEMBERED {
+            let (kept, _) = nearest(self.targets.keys().copied().collect(), robot, MAX_REMEMBERED - 1);
+            self.targets.retain(|target, _| kept.binary_search(target).is_ok());
+        }
     }
 
     fn judge(&mut self, path: &Path, outcome: Outcome, robot: Voxel, resolution: f64) {
         let end = path.points.last().copied();
         let record = self.record(path.target);
+        let tried_from = |record: &mut TargetRecord, place: Voxel| {
+            if record.tried.len() < MAX_CORNERS {
+                record.tried.push(place);
+            }
+        };
         match outcome {
-            Outcome::Unresolved => record.tried.push(robot),
+            Outcome::Unresolved => tried_from(record, robot),
             Outcome::Cut => {
                 record.cuts += 1;
                 if record.cuts >= CUTS {
                     record.cuts = 0;
-                    record.tried.push(end.map_or(robot, |p| Voxel::containing(p, resolution)));
+                    tried_from(record, end.map_or(robot, |p| Voxel::containing(p, resolution)));
                 }
             }
             Outcome::First | Outcome::Resolved => {}
         }
     }
 
-    /// The robot went along `path` until it was in `robot`.
-    fn extend_trail(&mut self, path: &Path, robot: Voxel, resolution: f64) {
-        let pairs = path.points.windows(2);
-        let way = pairs.flat_map(|p| Traversal::new(p[0], p[1], resolution));
+    /// Looks from `from` (m, world) found nothing where rays went without a return: what was in view of them was looked at in
+    /// vain, too. Under an open sky each voxel below it would be looked at for itself, thousands of them.
+    fn judge_view(&mut self, looks: &[Pose], from: Point3<f64>, known: Known) {
+        let Known { grid, frontier } = known;
+        let resolution = grid.resolution();
+        let robot = Voxel::containing(from, resolution);
+        let near = |voxel: &Voxel| (voxel.center(resolution) - from).norm() <= LOOK_RANGE_M;
+        let in_view = |unknown: Voxel| {
+            let toward = (unknown.center(resolution) - from).try_normalize(1e-9);
+            let in_cone = |look: &Pose| toward.is_some_and(|t| t.dot(&look.forward()) >= VIEW_HALF_ANGLE.cos());
+            looks.iter().any(in_cone) && in_sight(resolution, |voxel| grid.state(voxel), from, unknown)
+        };
+        let seen = |voxel: &Voxel| known.unknown_beside(*voxel).any(in_view);
+        for voxel in frontier.iter().filter(near).filter(seen) {
+            let record = self.record(voxel);
+            record.no_return = true;
+            if record.tried.len() < MAX_CORNERS && is_untried(&record.tried, robot) {
+                record.tried.push(robot);
+            }
+        }
+    }
+
+    /// The robot went along `path`, if there was one, until it was in `robot`. Where the map has no voxels it leaves no trail.
+    fn extend_trail(&mut self, path: Option<&Path>, robot: Voxel, resolution: f64) {
+        let corners = path.map_or(&[][..], |path| &path.points);
+        let way = corners.windows(2).flat_map(|p| Traversal::new(p[0], p[1], resolution));
         let mut gone: Vec<Voxel> = way.collect();
         let arrived = gone.iter().rposition(|v| *v == robot);
         gone.truncate(arrived.map_or(0, |n| n + 1));
         gone.push(robot);
-        self.trail.extend(gone);
+        self.trail.extend(gone.into_iter().filter(|voxel| voxel.is_mappable()));
         self.trail.sort_unstable();
         self.trail.dedup();
         (self.trail, _) = nearest(std::mem::take(&mut self.trail), robot, MAX_REMEMBERED);
@@ -138,7 +197,8 @@ impl Memory {
 
     /// Has the explorer's last decision.
     pub fn remember(&mut self, path: &Path) {
-        self.record(path.target).planned += 1;
+        let record = self.record(path.target);
+        record.planned = (record.planned + 1).min(MAX_TRIES);
         self.path = Some(path.clone());
     }
 
@@ -152,11 +212,17 @@ impl Memory {
         self.targets.get(&target).map_or(&[], |record| &record.tried)
     }
 
-    /// Whether `target` was looked at in vain from `attempts` places, or came back each time that it was resolved.
+    /// Whether `target` was looked at in vain from `attempts` places, fewer where nothing is to be seen, or came back each time that it was resolved.
     pub fn gave_up(&self, target: Voxel, attempts: usize) -> bool {
         self.targets.get(&target).is_some_and(|record| {
+            let attempts = if record.no_return { attempts.min(SILENT_ATTEMPTS) } else { attempts };
             record.tried.len() >= attempts || u64::from(record.planned) >= RETURNS * attempts as u64
         })
+    }
+
+    /// Whether rays went without a return when `target` was looked at in vain.
+    pub fn saw_nothing(&self, target: Voxel) -> bool {
+        self.targets.get(&target).is_some_and(|record| record.no_return)
     }
 
     /// Paths on which the sensor did not take a single step.
@@ -172,7 +238,7 @@ impl Memory {
 
 #[cfg(test)]
 mod tests {
-    use elk_spatial::State;
+    use elk_spatial::{OccupancyGrid, State};
 
     use super::*;
 

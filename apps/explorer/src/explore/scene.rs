@@ -1,13 +1,13 @@
 //! The map as one plan sees it: where the robot can be, what is to be resolved, and what is not, by cause.
 
+use elk_spatial::Voxel;
 use elk_spatial::messages::FrontiersLeft;
-use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
 use nalgebra::Point3;
 
 use super::Settings;
 use super::memory::Memory;
 use crate::extent::{Extent, Scope};
-use crate::goals::Target;
+use crate::goals::{Known, Target};
 use crate::space::Space;
 use crate::volume::Volume;
 
@@ -27,13 +27,8 @@ pub struct Scene {
 
 impl Scene {
     /// What is around a robot at `position` (m, world).
-    pub fn around(
-        grid: &OccupancyGrid,
-        position: Point3<f64>,
-        frontier: &FrontierSet,
-        memory: &Memory,
-        settings: &Settings,
-    ) -> Self {
+    pub fn around(known: Known, position: Point3<f64>, memory: &Memory, settings: &Settings) -> Self {
+        let grid = known.grid;
         let robot = Voxel::containing(position, grid.resolution());
         let margin = settings.clearance.reach().max(2);
         let extent = Extent::of(grid, robot, margin, settings.max_voxels);
@@ -42,14 +37,14 @@ impl Scene {
         let space = Space::around(&volume, robot, &settings.clearance, memory.trail(), false);
         let (targets, left) = (Vec::new(), FrontiersLeft::default());
         let mut scene = Self { extent, volume, robot, space, targets, left, beyond: 0 };
-        scene.sort_out(frontier, memory, settings);
+        scene.sort_out(known, memory, settings);
         scene
     }
 
     /// The same for a robot that first gets out of the corner that it stands in.
-    pub fn back_off(&mut self, frontier: &FrontierSet, memory: &Memory, settings: &Settings) {
+    pub fn back_off(&mut self, known: Known, memory: &Memory, settings: &Settings) {
         self.space = Space::around(&self.volume, self.robot, &settings.clearance, memory.trail(), true);
-        self.sort_out(frontier, memory, settings);
+        self.sort_out(known, memory, settings);
     }
 
     /// The robot's own voxel.
@@ -63,21 +58,24 @@ impl Scene {
     }
 
     /// Sorts the frontier into targets and what is left out, by cause.
-    fn sort_out(&mut self, frontier: &FrontierSet, memory: &Memory, settings: &Settings) {
+    fn sort_out(&mut self, known: Known, memory: &Memory, settings: &Settings) {
         let reached = |v: &Voxel| self.volume.index(*v).is_some_and(|i| self.space.component[i]);
-        let (connected, apart): (Vec<Voxel>, Vec<Voxel>) = frontier.iter().partition(reached);
+        let (connected, apart): (Vec<Voxel>, Vec<Voxel>) = known.frontier.iter().partition(reached);
         let beyond = apart.iter().filter(|v| self.extent.leaves_out(**v)).count();
         let (large, small) = by_cluster_size(connected, settings.min_frontier);
         // Before the nearest are taken: those would hide the others behind them for good.
         let (given_up, open): (Vec<Voxel>, Vec<Voxel>) =
             large.into_iter().partition(|voxel| memory.gave_up(*voxel, settings.attempts));
+        let (silent, given_up): (Vec<Voxel>, Vec<Voxel>) =
+            given_up.into_iter().partition(|voxel| memory.saw_nothing(*voxel));
         let (near, far) = nearest(open, self.volume.voxel(self.space.start()), settings.max_targets);
-        let target = |voxel| Target::new(&self.volume, settings.bounds, voxel, memory.tried(voxel).to_vec());
+        let target = |voxel| Target::new(known, voxel, memory.tried(voxel).to_vec());
         self.targets = near.into_iter().map(target).collect();
         self.beyond = (beyond + far) as u64;
         self.left = FrontiersLeft {
             unreachable: (apart.len() - beyond) as u64,
             unresolved: given_up.len() as u64,
+            no_return: silent.len() as u64,
             too_small: small as u64,
             ..FrontiersLeft::default()
         };

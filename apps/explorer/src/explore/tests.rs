@@ -1,8 +1,9 @@
 use super::*;
 use crate::laplace::Solver;
 use crate::strategy::{Potential, Start};
-use elk_spatial::checks::MAX_REMEMBERED;
-use elk_spatial::messages::Outcome;
+use elk_bus::Payload;
+use elk_spatial::checks::{LARGEST_SUM, MAX_CORNERS, MAX_PHASES, MAX_REMEMBERED, MAX_TRIES};
+use elk_spatial::messages::{Outcome, TargetRecord};
 use elk_spatial::ray::Traversal;
 use elk_spatial::{Pose, State, Voxel};
 use nalgebra::Vector3;
@@ -23,22 +24,25 @@ fn is_solid(v: Voxel) -> bool {
 
 /// A perfect sensor of all directions in a cone: every voxel on a ray up to a solid one becomes known.
 fn scan(grid: &mut OccupancyGrid, pose: &Pose) -> Vec<Voxel> {
-    let mut seen = BTreeSet::new();
+    scan_of(grid, pose, is_solid).0
+}
+
+/// The same in any world, and the rays that met nothing: they say nothing.
+fn scan_of(grid: &mut OccupancyGrid, pose: &Pose, is_solid: fn(Voxel) -> bool) -> (Vec<Voxel>, u64) {
+    let (mut seen, mut no_return) = (BTreeSet::new(), 0);
     let from = pose.position();
     for u in -50..50 {
         for v in -50..50 {
             let ray = Vector3::new(f64::from(u) + 0.5, f64::from(v) + 0.5, 65.0).normalize();
-            let way = Traversal::new(from, pose.to_world(Point3::from(ray * 8.0)), RESOLUTION);
-            for voxel in way {
-                seen.insert(voxel);
-                if is_solid(voxel) {
-                    break;
-                }
+            let mut way = Traversal::new(from, pose.to_world(Point3::from(ray * 8.0)), RESOLUTION);
+            match way.clone().position(is_solid) {
+                Some(surface) => seen.extend(way.by_ref().take(surface + 1)),
+                None => no_return += 1,
             }
         }
     }
     let state = |v: Voxel| if is_solid(v) { State::Occupied } else { State::Free };
-    seen.into_iter().filter(|v| grid.set(*v, state(*v))).collect()
+    (seen.into_iter().filter(|v| grid.set(*v, state(*v))).collect(), no_return)
 }
 
 struct Run {
@@ -48,7 +52,7 @@ struct Run {
     length_m: f64,
 }
 
-fn settings(policy: Policy) -> Settings {
+pub(super) fn settings(policy: Policy) -> Settings {
     Settings {
         policy,
         bounds: None,
@@ -193,6 +197,54 @@ fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
     (explorer.report().unwrap().clone(), targets)
 }
 
+/// The left room without its ceiling.
+fn is_wall(v: Voxel) -> bool {
+    v.z < 8 && (is_solid(v) || v.x >= 20)
+}
+
+/// A run under an open sky: what it says in the end, and the scans that it took. A deaf one is not told of rays.
+fn run_under_the_sky(deaf: bool) -> (ExplorationReport, u64) {
+    let settings = Settings { max_scans: 600, ..settings(Policy::elk(0.4)) };
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
+    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let mut rays = 0;
+    let mut look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid, frontier: &mut FrontierSet| {
+        let (changed, no_return) = scan_of(grid, pose, is_wall);
+        grid.advance(&changed, 0);
+        frontier.update(grid, &changed);
+        rays += no_return;
+        explorer.hear_of_rays(if deaf { 0 } else { rays });
+    };
+    let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    look(&pose, &mut explorer, &mut grid, &mut frontier);
+    let mut outcome = Outcome::First;
+    for id in 1.. {
+        let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
+        let Decision::Go(path) = explorer.plan(&grid, &frontier, &request).decision else { break };
+        for next in &path.looks {
+            if !frontier.contains(path.target) {
+                break;
+            }
+            pose = *next;
+            look(&pose, &mut explorer, &mut grid, &mut frontier);
+        }
+        outcome = if frontier.contains(path.target) { Outcome::Unresolved } else { Outcome::Resolved };
+    }
+    (explorer.report().unwrap().clone(), grid.revision())
+}
+
+/// Regression: every voxel below an open sky was looked at for itself, from four places.
+#[test]
+fn where_rays_go_without_a_return_what_is_in_view_is_looked_at_in_vain_with_the_target() {
+    let (deaf, _) = run_under_the_sky(true);
+    assert!(deaf.reason.contains("more than 600 scans") && deaf.frontiers_left.no_return == 0, "{deaf:?}");
+    let (report, scans) = run_under_the_sky(false);
+    assert!(!report.complete && report.reason.contains("the sensor sees nothing"), "{report:?}");
+    let left = report.frontiers_left;
+    assert!(left.no_return > 100 && left.unresolved + left.open == 0, "{left:?}");
+    assert!(scans < 600, "{scans} scans, {report:?}");
+}
+
 #[test]
 fn a_blind_robot_gives_up() {
     let (report, _) = blind_run(settings(Policy::elk(0.4)));
@@ -214,6 +266,86 @@ fn a_successor_at_every_plan_makes_the_same_run() {
     let relayed = relay(new(), |_| Some(new()));
     let once = relay(new(), |_| None);
     assert_eq!((relayed.poses, relayed.report), (once.poses, once.report));
+}
+
+/// A strategy that is sure of a goal that there is not.
+struct Dreamer;
+
+impl Strategy for Dreamer {
+    fn plan(&mut self, view: &View<'_>, _: &mut Journal) -> Option<Route> {
+        Some(Route { points: vec![view.from], goal: usize::MAX })
+    }
+}
+
+/// Regression: a route to no goal ended the run, with patience as the reason, or the process.
+#[test]
+fn a_strategy_that_answers_with_no_goal_has_no_answer() {
+    let run = |strategy| run(strategy, settings(Policy::elk(0.4))).report;
+    let (dreamt, closest) = (run(Box::new(Dreamer)), run(Box::new(ClosestFrontier)));
+    assert!(dreamt.complete && dreamt.plans == closest.plans, "{dreamt:?}");
+}
+
+/// A memory in which every list is as long, and every count as high, as anybody believes.
+fn fullest_memory(path: Path) -> ExplorerMemory {
+    let target = path.target;
+    let record = |target, tried| TargetRecord { target, tried, cuts: MAX_TRIES, planned: MAX_TRIES, no_return: false };
+    let line = |z| (-20_000..).map(move |x| Voxel::new(x % 32_768, x / 32_768, z)).take(MAX_REMEMBERED - 1);
+    let elsewhere = line(30_000).map(|voxel| record(voxel, vec![]));
+    let motion = Policy::elk(0.4).motion(0.1);
+    ExplorerMemory {
+        plan: Plan { request: 1, revision: MAX_COUNT, decision: Decision::Go(path), motion, cpu_secs: 0.0 },
+        ended: None,
+        plans: MAX_COUNT,
+        stalls: MAX_COUNT,
+        fallbacks: MAX_COUNT,
+        iterations: MAX_COUNT,
+        cpu_secs: (0..MAX_PHASES).map(|n| (format!("phase {n}"), LARGEST_SUM)).collect(),
+        trail: line(1).collect(),
+        targets: elsewhere.chain([record(target, vec![target; MAX_CORNERS])]).collect(),
+        hidden: line(2).collect(),
+        standing: Standing::default(),
+        progress_at: MAX_COUNT,
+        refused: MAX_COUNT - 1,
+        no_return: MAX_COUNT,
+    }
+}
+
+/// Regression: one more entry in a list that was full, and the next successor was refused all of it; and a path as long as a
+/// message allows was gone through voxel by voxel.
+#[test]
+fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
+    let patient = Settings { patience: u64::MAX, ..settings(Policy::elk(0.4)) };
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), patient);
+    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    let changed = scan(&mut grid, &start);
+    grid.advance(&changed, 0);
+    frontier.update(&grid, &changed);
+    let ahead = Vector3::new(0.1, 0.0, 0.0);
+    let far = (0..MAX_CORNERS).map(|n| start.position() + ahead * if n % 2 == 0 { 1.0 } else { 3e6 }).collect();
+    for points in [vec![start.position() + ahead, start.position()], far] {
+        let path = Path { points, target: frontier.iter().next().unwrap(), unknown: vec![], looks: vec![] };
+        let left = fullest_memory(path);
+        ExplorerMemory::check(&left).unwrap();
+        explorer.succeed(&left);
+        let request = PlanRequest { id: 2, pose: start, revision: grid.revision(), outcome: Outcome::Cut };
+        let plan = explorer.plan(&grid, &frontier, &request);
+        assert!(matches!(plan.decision, Decision::Go(_)));
+        ExplorerMemory::check(&explorer.memory(&plan)).unwrap();
+    }
+}
+
+/// Regression: a robot beyond the map's last voxel left a trail there that no successor believes.
+#[test]
+fn where_the_map_has_no_voxels_there_is_no_trail() {
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    let (grid, frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let pose = Pose::looking(Point3::new(9000.0, 0.0, 0.0), Vector3::x());
+    let request = PlanRequest { id: 1, pose, revision: 0, outcome: Outcome::First };
+    let plan = explorer.plan(&grid, &frontier, &request);
+    let memory = explorer.memory(&plan);
+    ExplorerMemory::check(&memory).unwrap();
+    assert!(memory.trail.is_empty() && plan.decision == Decision::Done, "{plan:?}");
 }
 
 #[test]

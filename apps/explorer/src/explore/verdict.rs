@@ -1,6 +1,7 @@
 //! What a run came to: whether it is complete, and why it ended, for people.
 
 use elk_spatial::messages::FrontiersLeft;
+use elk_spatial::voxel::{INDEX_RANGE, reach_m};
 use elk_spatial::{Bounds, OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
@@ -14,10 +15,32 @@ pub enum End {
     Explored,
     /// It took more scans than it may.
     TooManyScans,
-    /// Nothing new is learned, or no goal can be got to.
+    /// Nothing new is learned.
     NoProgress,
+    /// There are goals, and no way to any.
+    NoWay,
     /// The sensor refused to go where the map calls everything free, too often for a map that is a little wrong.
     Refused,
+}
+
+impl End {
+    /// Why a run that ended so has failed; `None`: it may be complete.
+    fn failure(self, left: &FrontiersLeft, settings: &Settings) -> Option<String> {
+        let Settings { max_scans, patience, .. } = settings;
+        Some(match self {
+            Self::Explored => return None,
+            Self::TooManyScans => format!("more than {max_scans} scans (MaxScans)"),
+            Self::NoProgress => format!("{patience} scans taught nothing new (Patience)"),
+            Self::NoWay => format!(
+                "no way was found to any place from which one of the {} frontier voxels that are left can be seen",
+                left.open
+            ),
+            Self::Refused => format!(
+                "{patience} motions were refused by the sensor (Patience): the map calls free what cannot be entered; if the \
+                 world is open there, limit the volume to explore (Explorer.Mid, Dim)"
+            ),
+        })
+    }
 }
 
 /// What that means.
@@ -31,20 +54,10 @@ pub struct Verdict {
 impl Verdict {
     /// Judges a run by how it ended, by the frontier that is left, and by the map.
     pub fn of(end: End, left: &FrontiersLeft, scene: &Scene, grid: &OccupancyGrid, settings: &Settings) -> Self {
-        let failed = |reason| Self { complete: false, reason };
-        match end {
-            End::TooManyScans => failed(format!("more than {} scans (MaxScans)", settings.max_scans)),
-            End::NoProgress => failed(format!("{} scans taught nothing new (Patience)", settings.patience)),
-            End::Refused => failed(format!(
-                "{} motions were refused by the sensor (Patience): the map calls free what cannot be entered; if the world is \
-                 open there, limit the volume to explore (Explorer.Mid, Dim)",
-                settings.patience
-            )),
-            End::Explored => match nothing_to_explore(scene.robot(), grid, settings.bounds) {
-                Some(reason) => failed(reason),
-                None => left_over(left, scene.beyond, grid.resolution(), settings).map_or_else(Self::explored, failed),
-            },
-        }
+        let missed = || left_over(left, scene.beyond, grid.resolution(), settings);
+        let short = end.failure(left, settings);
+        let short = short.or_else(|| nothing_to_explore(scene.robot(), grid, settings.bounds)).or_else(missed);
+        short.map_or_else(Self::explored, |reason| Self { complete: false, reason })
     }
 
     fn explored() -> Self {
@@ -59,6 +72,13 @@ fn left_over(left: &FrontiersLeft, beyond: u64, resolution: f64, settings: &Sett
         let most = settings.max_voxels;
         return Some(format!(
             "{beyond} frontier voxels lie beyond the {most} voxels that are planned over (MaxVoxels)"
+        ));
+    }
+    if left.no_return > 0 {
+        return Some(format!(
+            "behind {} frontier voxels the sensor sees nothing: the world is open there, or goes on beyond its range; limit the \
+             volume to explore (Explorer.Mid, Dim), or let rays without a return free what they pass (Map.FreeNoReturn)",
+            left.no_return
         ));
     }
     if missed > 0 {
@@ -107,7 +127,8 @@ fn free_in(grid: &OccupancyGrid, bounds: &Bounds) -> bool {
 
 /// Where a map of voxels of `resolution` (m) ends.
 fn reach(resolution: f64) -> String {
-    format!("32768 voxels of {resolution} m ({} m) from the origin along each axis", shortest(32768.0 * resolution))
+    let voxels = INDEX_RANGE.end() + 1;
+    format!("{voxels} voxels of {resolution} m ({} m) from the origin along each axis", shortest(reach_m(resolution)))
 }
 
 fn shown(p: Point3<f64>) -> String {
@@ -127,6 +148,19 @@ mod tests {
         let mut grid = OccupancyGrid::new(0.1);
         grid.set(Voxel::new(0, 0, 0), state);
         grid
+    }
+
+    /// Regression: a run that found no way to any goal was said to have lost its patience.
+    #[test]
+    fn each_end_has_its_reason() {
+        let settings = super::super::tests::settings(crate::Policy::elk(0.4));
+        let left = FrontiersLeft { open: 7, ..FrontiersLeft::default() };
+        let said = |end: End| end.failure(&left, &settings).unwrap();
+        assert_eq!(End::Explored.failure(&left, &settings), None);
+        assert!(said(End::TooManyScans).contains("500 scans (MaxScans)") && said(End::NoProgress).contains("50 scans"));
+        assert!(said(End::Refused).contains("50 motions"));
+        let no_way = said(End::NoWay);
+        assert!(no_way.contains("no way") && no_way.contains("7 frontier voxels") && !no_way.contains("Patience"));
     }
 
     #[test]

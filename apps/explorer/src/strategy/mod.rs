@@ -12,6 +12,7 @@ pub use closest_frontier::ClosestFrontier;
 pub use potential::{Potential, Start};
 pub use ways::Ways;
 
+use elk_spatial::checks::{LARGEST_SUM, MAX_PHASES};
 use elk_spatial::messages::ExplorerMemory;
 use nalgebra::Point3;
 
@@ -99,14 +100,16 @@ impl Journal {
         self.phases = left.cpu_secs.clone();
     }
 
-    /// Does `work` and books its time on `phase`.
+    /// Does `work` and books its time on `phase`, if there are not too many of those already ([`MAX_PHASES`]).
     pub fn time<T>(&mut self, phase: &'static str, work: impl FnOnce() -> T) -> T {
         let start = (self.clock)();
         let result = work();
         let secs = (self.clock)() - start;
+        let room = self.phases.len() < MAX_PHASES;
         match self.phases.iter_mut().find(|(name, _)| *name == phase) {
-            Some((_, total)) => *total += secs,
-            None => self.phases.push((phase.to_owned(), secs)),
+            Some((_, total)) => *total = (*total + secs).min(LARGEST_SUM),
+            None if room => self.phases.push((phase.to_owned(), secs)),
+            None => {}
         }
         result
     }
