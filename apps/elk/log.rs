@@ -126,7 +126,7 @@ pub enum LogCommand {
     #[command(after_help = "Example: elk log prune --keep 10 --older-than 7 --delete")]
     Prune(PruneArgs),
     /// Record a part of a running community until Ctrl-C
-    #[command(after_help = "Example: elk log record 'SCAN*' MAP_UPDATE -o scans.mcap")]
+    #[command(after_help = "Example: elk log record 'SCAN*' MAP_UPDATE -o recorded.mcap")]
     Record {
         /// Patterns of the variables to record
         #[arg(default_value = "*")]
