@@ -430,7 +430,8 @@ impl Downlink for ShmDown {
     }
 
     fn bulk(&mut self, reference: BulkRef) -> Option<&[u8]> {
-        self.bulk.get_mut(&reference.client)?.get(reference.sample)
+        let len = usize::try_from(reference.len).unwrap_or(usize::MAX);
+        self.bulk.get_mut(&reference.client)?.get(reference.sample, len)
     }
 
     fn attach(&mut self, publisher: u32) -> bool {

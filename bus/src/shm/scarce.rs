@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::os::fd::AsRawFd;
 
+use rustix::mm::{MapFlags, ProtFlags, mmap_anonymous, munmap};
 use rustix::process::{Resource, getrlimit};
 
 use super::place::SHARED_MEMORY;
@@ -15,6 +16,11 @@ const LEAST_KB: u64 = 1024;
 /// With fewer descriptors left nobody can join, and an error of shared memory is most likely for want of them: iceoryx2
 /// gives back those that it had when it failed.
 const SCARCE_DESCRIPTORS: u64 = 24;
+/// Descriptors that it takes to map a segment.
+const DESCRIPTORS_OF_A_SEGMENT: usize = 4;
+/// With fewer addresses left (MB), an error of shared memory is most likely for want of them: a segment has room for many
+/// values.
+const SCARCE_ADDRESSES_MB: u64 = 256;
 /// A number of descriptors that does for every mission.
 const ENOUGH_DESCRIPTORS: u64 = 1024;
 /// With fewer files left that can be made, an error is most likely for want of them.
@@ -39,6 +45,24 @@ fn has_descriptors() -> bool {
     free.is_ok_and(|free| free.as_raw_fd() == high) || allowed.saturating_sub(open(allowed)) >= SCARCE_DESCRIPTORS
 }
 
+/// Whether a segment of so many bytes could be mapped.
+pub fn can_map(bytes: usize) -> bool {
+    let stderr = std::io::stderr();
+    let free = || rustix::io::fcntl_dupfd_cloexec(&stderr, 0).ok();
+    let descriptors: Vec<_> = std::iter::from_fn(free).take(DESCRIPTORS_OF_A_SEGMENT).collect();
+    descriptors.len() == DESCRIPTORS_OF_A_SEGMENT && has_addresses(bytes)
+}
+
+/// Whether so many bytes have a place among this process' addresses. None of them is touched, so they cost nothing.
+fn has_addresses(bytes: usize) -> bool {
+    let flags = MapFlags::PRIVATE | MapFlags::NORESERVE;
+    // SAFETY: a new mapping, which nobody uses, aliases no Rust object, and is gone at the end.
+    unsafe {
+        let at = mmap_anonymous(std::ptr::null_mut(), bytes, ProtFlags::empty(), flags);
+        at.and_then(|at| munmap(at, bytes)).is_ok()
+    }
+}
+
 /// The number of descriptors that are open.
 fn open(allowed: u64) -> u64 {
     // A process that cannot even open that folder has none left.
@@ -48,7 +72,7 @@ fn open(allowed: u64) -> u64 {
 /// What is scarce, and what to do, in parentheses behind an error; empty if nothing is.
 pub fn hint() -> String {
     let mut all = String::new();
-    for found in [descriptors(), memory(), files()].into_iter().flatten() {
+    for found in [descriptors(), addresses(), memory(), files()].into_iter().flatten() {
         // Writing to a String cannot fail.
         let _ = write!(all, " ({found})");
     }
@@ -65,6 +89,16 @@ fn descriptors() -> Option<String> {
             "{open} descriptors are open and only {allowed} are allowed: raise that with `ulimit -n {more}`; in a \
              container, --ulimit nofile={more}"
         )
+    })
+}
+
+fn addresses() -> Option<String> {
+    let allowed_mb = getrlimit(Resource::As).current? >> 20;
+    let taken = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: u64 = taken.split_whitespace().next()?.parse().ok()?;
+    let taken_mb = (pages * rustix::param::page_size() as u64) >> 20;
+    (allowed_mb.saturating_sub(taken_mb) < SCARCE_ADDRESSES_MB).then(|| {
+        format!("{taken_mb} MB of addresses are taken and only {allowed_mb} are allowed: raise that with `ulimit -v`")
     })
 }
 
