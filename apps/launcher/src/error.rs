@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use elk_bus::Owner;
+
 /// Why a mission could not be started, or did not run to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum LaunchError {
@@ -63,13 +65,13 @@ pub enum LaunchError {
     /// Somebody launches this community already.
     #[error(
         "community {community} is launched already, by {}: choose another --community, or end that mission first",
-        .process.map_or_else(|| "a launcher that takes nobody in".to_owned(), |process| format!("process {process}"))
+        .holder.map_or_else(|| "a launcher that takes nobody in".to_owned(), |Owner { process, user }| format!("process {process} of user {user}"))
     )]
     Launched {
         /// The community.
         community: elk_bus::Community,
-        /// The other launcher; `None`: its door is full, so it cannot be asked.
-        process: Option<i32>,
+        /// Whoever has the launcher's name; `None`: its door is full or shut, so it cannot be asked.
+        holder: Option<Owner>,
     },
     /// A broker that is not the launcher's serves this community.
     #[error(

@@ -49,11 +49,16 @@ pub enum ConnectError {
     /// Nobody serves the community.
     #[error("no broker serves community {0} here: start one with `elk db --community {0}` or `elk launch`")]
     NoBroker(Community),
-    /// The community is another user's.
-    #[error("community {community} belongs to user {user}: join as that user, or choose another --community")]
+    /// Another user has the community's name.
+    #[error(
+        "community {community} is not this user's: process {process} of user {user} has that name; choose another \
+         --community, or join as that user"
+    )]
     ForeignUser {
         /// The community.
         community: Community,
+        /// The process that listens there.
+        process: u32,
         /// The user's id.
         user: u32,
     },
@@ -94,9 +99,9 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
         ErrorKind::WouldBlock => broken(error),
         _ => ConnectError::NoBroker(community.clone()),
     })?;
-    let (_, user) = handshake::peer(&stream).map_err(broken)?;
+    let (process, user) = handshake::peer(&stream).map_err(broken)?;
     if user != handshake::own_user() {
-        return Err(ConnectError::ForeignUser { community: community.clone(), user });
+        return Err(ConnectError::ForeignUser { community: community.clone(), process, user });
     }
     let Introduction { name, lease_secs, succeeds, returns } = *who;
     let hello = Hello { protocol: handshake::PROTOCOL, name: name.into(), lease_secs, succeeds, returns };
