@@ -188,7 +188,8 @@ fn a_second_launch_of_a_community_is_refused_and_the_first_goes_on() {
     let before = launcher.descendants();
     let file = elk.folder().join("mission.xml").display().to_string();
     let said = elk.refused(&["launch", &file, "--headless"]);
-    let expected = format!("elk: community {} is launched already, by process {} of user ", elk.community(), launcher.id());
+    let expected =
+        format!("elk: community {} is launched already, by process {} of user ", elk.community(), launcher.id());
     assert!(said.starts_with(&expected) && said.lines().count() == 1, "{said}");
     let said = elk.refused(&["attach"]);
     assert!(said.starts_with(&expected) && said.lines().count() == 1, "{said}");

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use elk_bus::Owner;
+use elk_bus::{Owner, remedy};
 
 /// Why a mission could not be started, or did not run to its end.
 #[derive(Debug, thiserror::Error)]
@@ -31,7 +31,7 @@ pub enum LaunchError {
     #[error(transparent)]
     NotReady(#[from] elk_mission::NotReady),
     /// An executable cannot be started at all.
-    #[error("{app} cannot be started: {}: {source}", .program.display())]
+    #[error("{app} cannot be started: {}: {source}{}", .program.display(), remedy(.source))]
     CannotStart {
         /// The app.
         app: String,
@@ -163,7 +163,7 @@ pub enum LaunchError {
     #[error("stopped")]
     Stopped,
     /// The system refused something that every launch needs.
-    #[error("{what}: {source}")]
+    #[error("{what}: {source}{}", remedy(.source))]
     System {
         /// What was wanted.
         what: &'static str,

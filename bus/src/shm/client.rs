@@ -78,6 +78,14 @@ pub enum ConnectError {
         /// What the socket says.
         source: std::io::Error,
     },
+    /// There is no thread to see the broker's end.
+    #[error("community {community} cannot be joined: no thread for that: {source}{}", scarce::remedy(.source))]
+    NoThread {
+        /// The community.
+        community: Community,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The community's folder is not safe, or not to be seen from here.
     #[error("community {community}: {source}")]
     Folder {
@@ -94,6 +102,7 @@ pub enum ConnectError {
 /// Joins a community.
 pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, ConnectError> {
     limits::raise_descriptors();
+    limits::let_owner_in();
     let broken = |source| ConnectError::Handshake { community: community.clone(), source };
     let stream = handshake::dial(community).map_err(|error| match error.kind() {
         ErrorKind::WouldBlock => broken(error),
@@ -117,7 +126,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
         files.try_into().map_err(|_| broken(std::io::Error::other("it sent no shared pages")))?;
     let (broker, page) = (Page::open(broker_page).map_err(broken)?, Page::open(page).map_err(broken)?);
     let page = Arc::new(page);
-    watch(&stream, &page).map_err(broken)?;
+    watch(&stream, &page).map_err(|source| ConnectError::NoThread { community: community.clone(), source })?;
     let unusable = |source| ConnectError::Folder { community: community.clone(), source };
     let place = Place::open(community, &folder).map_err(unusable)?;
     let node = lane::node(&place)?;

@@ -87,8 +87,16 @@ pub enum ServeError {
         /// The community.
         community: Community,
     },
+    /// There is no thread to let anybody in.
+    #[error("community {community} cannot be served: no thread for its door: {source}{}", scarce::remedy(.source))]
+    NoThread {
+        /// The community.
+        community: Community,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The operating system refused.
-    #[error("community {community} cannot be served: {source}")]
+    #[error("community {community} cannot be served: {source}{}", scarce::hint())]
     Io {
         /// The community.
         community: Community,
@@ -160,6 +168,7 @@ impl Server {
     /// clears away what crashed runs left.
     pub fn start(community: Community, config: BrokerConfig, clock: Clock) -> Result<Self, ServeError> {
         limits::raise_descriptors();
+        limits::let_owner_in();
         let io = |source| ServeError::Io { community: community.clone(), source };
         let unusable = |source| ServeError::Folder { community: community.clone(), source };
         // What is wrong with this place is said before anybody can dial in: whoever has would hear a mere hanging up.
@@ -181,7 +190,7 @@ impl Server {
         std::thread::Builder::new()
             .name("listener".into())
             .spawn(move || admission::accept_all(listener, &sender, &bell))
-            .map_err(io)?;
+            .map_err(|source| ServeError::NoThread { community: community.clone(), source })?;
         let copies = Budget::of(config.limits.copied_bytes);
         let awaited = found.iter().map(|one| (one.session.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
