@@ -7,8 +7,10 @@ use std::fs::File;
 use std::io::Read;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::fs::FileExt;
+use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{SocketAddr, UnixStream};
-use std::path::PathBuf;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use common::Elk;
@@ -17,16 +19,20 @@ use common::running::Running;
 use common::small::small;
 use elk_bus::Community;
 
-/// Launches the mission where `folder` is a file system of `size`; its exit code, and what it said. `None`: not allowed here.
-fn launch_with_little_room(elk: &Elk, test: &str, folder: &str, size: &str) -> Option<(Option<i32>, String)> {
+/// Launches the mission where `folder` is a file system with these options; its exit code, and what it said. `None`: not
+/// allowed here. Its folder for temporary files is `temporary`.
+fn launch_with_little_room(elk: &Elk, test: &str, folder: &str, options: &str) -> Option<(Option<i32>, String)> {
     let mission = elk.folder().join("mission.xml");
     std::fs::write(&mission, small("auto", "")).unwrap();
-    std::fs::create_dir(elk.folder().join("logs")).unwrap();
+    for name in ["logs", "temporary"] {
+        std::fs::create_dir(elk.folder().join(name)).unwrap();
+    }
     let inside = |script: &str| {
         let mut command = Command::new("unshare");
-        let script = format!("mount -t tmpfs -o size={size} tmpfs {folder} && {script}");
+        let script = format!("mount -t tmpfs -o {options} tmpfs {folder} && {script}");
         command.args(["--map-root-user", "--mount", "sh", "-c", &script]);
         command.current_dir(elk.folder()).stdin(Stdio::null());
+        command.env("TMPDIR", elk.folder().join("temporary")).env_remove("XDG_RUNTIME_DIR");
         command
     };
     if !inside("true").output().is_ok_and(|tried| tried.status.success()) {
@@ -44,7 +50,7 @@ fn launch_with_little_room(elk: &Elk, test: &str, folder: &str, size: &str) -> O
 fn a_full_disk_is_reported_and_stops_no_mission() {
     let elk = Elk::new("full-disk");
     let test = "a_full_disk_is_reported_and_stops_no_mission";
-    let Some((code, said)) = launch_with_little_room(&elk, test, "logs", "64k") else { return };
+    let Some((code, said)) = launch_with_little_room(&elk, test, "logs", "size=64k") else { return };
     assert!(said.contains("cannot write to the log"), "{said}");
     // The whole world was explored, but its map could not be kept.
     let explored =
@@ -59,10 +65,83 @@ fn a_full_disk_is_reported_and_stops_no_mission() {
 fn full_shared_memory_is_named_with_what_to_do() {
     let elk = Elk::new("full-shm");
     let test = "full_shared_memory_is_named_with_what_to_do";
-    let Some((code, said)) = launch_with_little_room(&elk, test, "/dev/shm", "64k") else { return };
+    let Some((code, said)) = launch_with_little_room(&elk, test, "/dev/shm", "size=64k") else { return };
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("there is no room for one more client (/dev/shm has only 0 MB left"), "{said}");
     assert!(said.contains("mount -o remount,size="), "{said}");
+}
+
+#[test]
+fn shared_memory_that_cannot_be_used_and_files_that_run_out_are_named_with_what_to_do() {
+    let test = "shared_memory_that_cannot_be_used_and_files_that_run_out_are_named_with_what_to_do";
+    let cases = [
+        ("/dev/shm", "ro", "(/dev/shm cannot be written to: Read-only file system", "mount -t tmpfs"),
+        ("/dev/shm", "nr_inodes=8", "(/dev/shm can hold only ", "nr_inodes="),
+        ("temporary", "nr_inodes=3", "can hold only ", "set XDG_RUNTIME_DIR or TMPDIR to a folder of another"),
+        ("temporary", "nr_inodes=12", "can hold only ", "set XDG_RUNTIME_DIR or TMPDIR to a folder of another"),
+    ];
+    for (number, (folder, options, resource, remedy)) in cases.into_iter().enumerate() {
+        let elk = Elk::new(&format!("unusable-{number}"));
+        let Some((code, said)) = launch_with_little_room(&elk, test, folder, options) else { return };
+        assert_eq!(code, Some(1), "{folder} {options}: {said}");
+        assert!(said.contains(resource) && said.contains(remedy), "{folder} {options}: {said}");
+    }
+}
+
+/// `elk` as a user that may have one process of one thread.
+fn alone(elk: &Elk, program: &Path, arguments: &[&str]) -> String {
+    let mut command = Command::new("prlimit");
+    command.arg("--nproc=1").arg(program).args(arguments).uid(54_322).gid(54_322);
+    command.current_dir(elk.folder()).env("TMPDIR", elk.folder()).env_remove("XDG_RUNTIME_DIR").stdin(Stdio::null());
+    let output = command.output().unwrap();
+    let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    said
+}
+
+#[test]
+fn who_may_start_no_process_and_no_thread_is_told_so_with_what_to_do() {
+    if !rustix::process::geteuid().is_root() {
+        println!("who_may_start_no_process_…: skipped, only root can become a user without processes");
+        return;
+    }
+    let elk = Elk::new("alone");
+    let program = elk.folder().join("elk");
+    std::fs::copy(env!("CARGO_BIN_EXE_elk"), &program).unwrap();
+    std::fs::set_permissions(elk.folder(), std::fs::Permissions::from_mode(0o1777)).unwrap();
+    std::fs::write(elk.folder().join("mission.xml"), small("auto", "")).unwrap();
+    let community = ["--community", elk.community()];
+    let launch = [&["launch", "mission.xml", "--headless"], &community[..]].concat();
+    for arguments in [[&["db"], &community[..]].concat(), launch] {
+        let said = alone(&elk, &program, &arguments);
+        assert!(said.contains("no more processes and threads are allowed to this user"), "{arguments:?}: {said}");
+        assert!(said.contains("`ulimit -u`"), "{arguments:?}: {said}");
+    }
+    let mut broker = Command::new(&program);
+    broker.arg("db").args(community).uid(54_322).gid(54_322).current_dir(elk.folder()).env("TMPDIR", elk.folder());
+    let _broker = Running(broker.env_remove("XDG_RUNTIME_DIR").stdin(Stdio::null()).spawn().unwrap());
+    let patience = Patience::new();
+    let said = loop {
+        let said = alone(&elk, &program, &[&["list"], &community[..]].concat());
+        if !said.contains("no community") {
+            break said;
+        }
+        patience.left("the broker");
+    };
+    assert!(said.contains("cannot be joined: no thread for that") && said.contains("`ulimit -u`"), "{said}");
+}
+
+#[test]
+fn what_elk_makes_its_owner_can_read_whatever_the_umask_says() {
+    let elk = Elk::new("umask");
+    let (code, said) = elk.launch_limited(&small("auto", ""), "umask 777").end();
+    assert_eq!(code, Some(0), "{said}");
+    let made = std::fs::read_dir(elk.run()).unwrap().map(|entry| entry.unwrap().path()).chain([elk.run()]);
+    for path in made {
+        let mode = path.metadata().unwrap().permissions().mode() & 0o777;
+        let owner = if path.is_dir() { 0o700 } else { 0o600 };
+        assert_eq!(mode, owner, "{}: {mode:04o}", path.display());
+    }
 }
 
 #[test]

@@ -188,7 +188,8 @@ fn a_second_launch_of_a_community_is_refused_and_the_first_goes_on() {
     let before = launcher.descendants();
     let file = elk.folder().join("mission.xml").display().to_string();
     let said = elk.refused(&["launch", &file, "--headless"]);
-    let expected = format!("elk: community {} is launched already, by process {}: ", elk.community(), launcher.id());
+    let expected =
+        format!("elk: community {} is launched already, by process {} of user ", elk.community(), launcher.id());
     assert!(said.starts_with(&expected) && said.lines().count() == 1, "{said}");
     let said = elk.refused(&["attach"]);
     assert!(said.starts_with(&expected) && said.lines().count() == 1, "{said}");
@@ -285,8 +286,9 @@ fn what_an_app_has_started_ends_with_a_detached_mission_too_whoever_launches_it_
 
 #[test]
 fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
-    for (test, killed) in [("ends", false), ("killed", true)] {
+    for test in ["ends", "killed", "killed-with-guard"] {
         let elk = Elk::new(&format!("stray-{test}"));
+        let killed = test != "ends";
         let kind = if killed { "manual" } else { "auto" };
         let mut launcher = elk.launch(&mission_with_strays(&elk, kind, "STRAY"));
         let strays = || strays(&elk);
@@ -294,6 +296,13 @@ fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
         if killed {
             launcher.wait_for("Enter takes a step");
             elk.obeyed(&["step"]);
+            if test == "killed-with-guard" {
+                // Regression: nobody was left who knew of them.
+                let words = |id: &i32| std::fs::read_to_string(format!("/proc/{id}/cmdline")).unwrap_or_default();
+                let is_guard = |id: &i32| words(id).ends_with("\0guard\0");
+                let guard = launcher.descendants().into_iter().find(is_guard).expect("a guard");
+                kill(guard, Signal::KILL);
+            }
             kill(launcher.id(), Signal::KILL);
         } else {
             let (code, said) = launcher.end();

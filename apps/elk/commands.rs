@@ -6,7 +6,7 @@ use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker};
-use elk_launcher::{AttachOptions, LaunchOptions, Outcome};
+use elk_launcher::{AttachOptions, Deputy, LaunchOptions, Outcome};
 use elk_mission::{AppType, Mission, Registry, describe, element, instead};
 use elk_outside::colour::{self, Style};
 use elk_outside::text;
@@ -172,7 +172,11 @@ fn of_element(registry: &Registry, element: &str) -> Result<Registry> {
 pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
     let community = arguments.community.community;
     let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((arguments.mailbox as usize) << 20);
+    let deputy = Deputy::of_launcher();
     serve_broker(community, config, Clock::new(1.0))?;
+    if let Some(deputy) = deputy {
+        deputy.stand_in();
+    }
     Ok(ExitCode::SUCCESS)
 }
 

@@ -29,6 +29,7 @@ use elk_outside::text;
 use cli::{Cli, Command};
 
 fn main() -> ExitCode {
+    elk_bus::let_owner_in();
     let done = match Cli::parse().command {
         Command::Launch(arguments) => commands::launch(arguments),
         Command::Attach(arguments) => commands::attach(arguments),

@@ -219,11 +219,12 @@ fn stop_on_signals() -> Result<Arc<AtomicBool>, ScopeError> {
     let stop = Arc::new(AtomicBool::new(false));
     let mut signals = Signals::new(elk_bus::stop_signals()).map_err(ScopeError::Signals)?;
     let told = stop.clone();
-    std::thread::spawn(move || {
+    let wait = move || {
         signals.forever().next();
         told.store(true, Ordering::Relaxed);
         std::thread::sleep(FAREWELL);
         std::process::exit(0);
-    });
+    };
+    std::thread::Builder::new().spawn(wait).map_err(ScopeError::Signals)?;
     Ok(stop)
 }

@@ -5,7 +5,7 @@ use std::io::{ErrorKind, IsTerminal};
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::tell;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
@@ -45,12 +45,14 @@ impl Target {
     pub fn gone_at_a_signal(self) -> Result<Self> {
         let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).context("signals cannot be caught")?;
         let folder = self.folder.clone();
-        std::thread::spawn(move || {
+        let wait = move || {
             if let Some(signal) = signals.forever().next() {
                 let _ = std::fs::remove_dir_all(&folder);
                 std::process::exit(128 + signal);
             }
-        });
+        };
+        let spawned = std::thread::Builder::new().spawn(wait);
+        spawned.map_err(|error| anyhow!("no thread for signals: {error}{}", elk_bus::remedy(&error)))?;
         Ok(self)
     }
 

@@ -45,10 +45,10 @@ const MOST_NAMES: usize = 1 << 20;
 /// Refusals that are kept for who asks for them; of more the oldest go.
 const MOST_REFUSALS: usize = 1000;
 
-/// The broker's numbers and what they stand for.
+/// The broker's numbers and what they stand for, as far as it has said so.
 #[derive(Default)]
 struct Names {
-    tables: [Vec<(String, u64)>; 4],
+    tables: [Vec<Option<(String, u64)>>; 4],
 }
 
 impl Names {
@@ -62,17 +62,28 @@ impl Names {
             return; // no broker has so many: whoever sent this is none
         }
         if table.len() <= number {
-            table.resize(number + 1, (String::new(), 0));
+            table.resize(number + 1, None);
         }
-        table[number] = (String::from_utf8_lossy(frame.aux).into_owned(), frame.header.sequence);
+        table[number] = Some((String::from_utf8_lossy(frame.aux).into_owned(), frame.header.sequence));
     }
 
     fn get(&self, what: Named, number: u32) -> (&str, u64) {
-        self.tables[what as usize].get(number as usize).map_or(("", 0), |(name, layout)| (name, *layout))
+        self.said(what, number).map_or(("", 0), |(name, layout)| (name, *layout))
     }
 
-    fn defines(&self, what: Named, number: u32) -> bool {
-        (number as usize) < self.tables[what as usize].len()
+    fn said(&self, what: Named, number: u32) -> Option<&(String, u64)> {
+        self.tables[what as usize].get(number as usize)?.as_ref()
+    }
+
+    /// What a message refers to and was never named, if there is such a thing.
+    fn missing(&self, frame: &Frame<'_>) -> Option<&'static str> {
+        let unsaid = |(what, number): &(Named, u32)| self.said(*what, *number).is_none();
+        wire::numbers(frame.bytes).find(unsaid).map(|(what, _)| match what {
+            Named::Key => "a variable whose name was never said",
+            Named::Source => "a source whose name was never said",
+            Named::Type => "a type whose name was never said",
+            Named::Community => "a community whose name was never said",
+        })
     }
 
     /// The names of a variable and a source.
@@ -256,8 +267,8 @@ enum Unreadable {
 
 fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
     let header = frame.header;
-    if !names.defines(Named::Key, header.key) {
-        return Err(Unreadable::Damaged("a variable whose name was never said"));
+    if let Some(missing) = names.missing(frame) {
+        return Err(Unreadable::Damaged(missing));
     }
     let bytes = match header.flags & BULK {
         0 => frame.value,
@@ -318,21 +329,67 @@ mod tests {
         }
     }
 
+    /// A message of these four numbers (see [`Named`]), as a broker could say it.
+    fn put_message(batch: &mut Vec<u8>, [key, source, type_, community]: [u32; 4], value_kind: ValueKind) {
+        let header = Header { key, source, type_, community, value_kind, ..Header::new(FrameKind::Notify) };
+        wire::put(batch, &header, &[], &1.5_f64.to_le_bytes());
+    }
+
+    /// What a client makes of a batch: the names of each message that it hears, and how many it rejects.
+    fn hear(batch: Vec<u8>) -> (Vec<[String; 4]>, u64) {
+        let broker = MemoryBroker::new(BrokerConfig::new("lab"), Clock::new(1.0));
+        let link = Link { down: Box::new(Said(Some(batch))), ..broker.connect("reader").unwrap() };
+        let mut client = crate::Client::over(link, "reader", &Community::new("lab").unwrap());
+        let mut heard = Vec::new();
+        let names = |mail: &Mail<'_>| {
+            let type_ = match mail.value() {
+                ValueRef::Binary { type_name, .. } => type_name,
+                _ => "",
+            };
+            [mail.key(), mail.source(), type_, mail.community()].map(str::to_owned)
+        };
+        client.receive(Duration::ZERO, |mail| heard.push(names(mail))).unwrap();
+        (heard, client.comms.rejected())
+    }
+
     /// Regression: a message of variable 1,800,000,000, of which no name was said, made its reader ask for 43 GB.
     #[test]
     fn a_message_of_a_variable_without_a_name_is_of_no_use_and_costs_nothing() {
         let mut batch = Vec::new();
         wire::put_definition(&mut batch, Named::Key, 1_800_000_000, "FAR", 0);
         wire::put_definition(&mut batch, Named::Key, 3, "SPEED", 0);
+        wire::put_definition(&mut batch, Named::Source, 0, "car", 0);
+        wire::put_definition(&mut batch, Named::Community, 0, "lab", 0);
         for key in [u32::MAX, 1_800_000_000, 4, 3] {
-            let header = Header { key, value_kind: ValueKind::Double, ..Header::new(FrameKind::Notify) };
-            wire::put(&mut batch, &header, &[], &1.5_f64.to_le_bytes());
+            put_message(&mut batch, [key, 0, 0, 0], ValueKind::Double);
         }
-        let broker = MemoryBroker::new(BrokerConfig::new("lab"), Clock::new(1.0));
-        let link = Link { down: Box::new(Said(Some(batch))), ..broker.connect("reader").unwrap() };
-        let mut client = crate::Client::over(link, "reader", &Community::new("lab").unwrap());
-        let mut heard = Vec::new();
-        client.receive(Duration::ZERO, |mail| heard.push(mail.key().to_owned())).unwrap();
-        assert_eq!((heard, client.comms.rejected()), (vec!["SPEED".to_owned()], 3));
+        assert_eq!(hear(batch), (vec![["SPEED", "car", "", "lab"].map(str::to_owned)], 3));
+    }
+
+    proptest::proptest! {
+        /// Regression: a number below the highest that was named passed for named, and its message for one of a variable
+        /// without a name.
+        #[test]
+        fn what_is_heard_bears_the_names_that_were_said_and_all_else_is_rejected(
+            said in proptest::collection::vec((0..4_usize, 0..6_u32), 0..12),
+            messages in proptest::collection::vec((proptest::array::uniform4(0..8_u32), proptest::bool::ANY), 0..12),
+        ) {
+            let mut batch = Vec::new();
+            let kinds = [Named::Key, Named::Source, Named::Type, Named::Community];
+            for (kind, number) in &said {
+                wire::put_definition(&mut batch, kinds[*kind], *number, &format!("{kind}/{number}"), 0);
+            }
+            let mut expected = Vec::new();
+            for (numbers, is_typed) in &messages {
+                put_message(&mut batch, *numbers, if *is_typed { ValueKind::Binary } else { ValueKind::Double });
+                let counts = |kind: usize| kind != 2 || *is_typed;
+                if (0..4).all(|kind| !counts(kind) || said.contains(&(kind, numbers[kind]))) {
+                    let name = |kind: usize| if counts(kind) { format!("{kind}/{}", numbers[kind]) } else { String::new() };
+                    expected.push([0, 1, 2, 3].map(name));
+                }
+            }
+            let rejected = (messages.len() - expected.len()) as u64;
+            proptest::prop_assert_eq!(hear(batch), (expected, rejected));
+        }
     }
 }

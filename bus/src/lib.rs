@@ -59,6 +59,7 @@ pub use failure::Failure;
 pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};
 pub use launched::{LEASE, OptionError, RunOptions, SUCCEED};
+pub use limits::let_owner_in;
 pub use mail::Mail;
 pub use process_id::ProcessId;
 pub use process_stat::ProcessStat;
@@ -66,7 +67,7 @@ pub use recall::Recall;
 pub use rejection::Rejection;
 /// What [`payload!`] derives: for types of one's own that stand in payloads, with `#[serde(crate = "elk_bus::serde")]`.
 pub use serde;
-pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, running};
+pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, remedy, running};
 pub use stop::{stop_on_signals, stop_signals};
 pub use value::{Value, ValueRef};
 pub use words::tell;

@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use elk_bus::{Owner, remedy};
+
 /// Why a mission could not be started, or did not run to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum LaunchError {
@@ -29,7 +31,7 @@ pub enum LaunchError {
     #[error(transparent)]
     NotReady(#[from] elk_mission::NotReady),
     /// An executable cannot be started at all.
-    #[error("{app} cannot be started: {}: {source}", .program.display())]
+    #[error("{app} cannot be started: {}: {source}{}", .program.display(), remedy(.source))]
     CannotStart {
         /// The app.
         app: String,
@@ -63,13 +65,13 @@ pub enum LaunchError {
     /// Somebody launches this community already.
     #[error(
         "community {community} is launched already, by {}: choose another --community, or end that mission first",
-        .process.map_or_else(|| "a launcher that takes nobody in".to_owned(), |process| format!("process {process}"))
+        .holder.map_or_else(|| "a launcher that takes nobody in".to_owned(), |Owner { process, user }| format!("process {process} of user {user}"))
     )]
     Launched {
         /// The community.
         community: elk_bus::Community,
-        /// The other launcher; `None`: its door is full, so it cannot be asked.
-        process: Option<i32>,
+        /// Whoever has the launcher's name; `None`: its door is full or shut, so it cannot be asked.
+        holder: Option<Owner>,
     },
     /// A broker that is not the launcher's serves this community.
     #[error(
@@ -161,7 +163,7 @@ pub enum LaunchError {
     #[error("stopped")]
     Stopped,
     /// The system refused something that every launch needs.
-    #[error("{what}: {source}")]
+    #[error("{what}: {source}{}", remedy(.source))]
     System {
         /// What was wanted.
         what: &'static str,

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use elk_bus::ProcessId;
 use elk_bus::clock::Stopwatch;
-use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
+use rustix::process::{Pid, Signal, getppid, kill_process_group, parent_process_death_signal, test_kill_process_group};
 
 use crate::error::LaunchError;
 use crate::strays::{self, Run, Sight};
@@ -92,6 +92,34 @@ pub fn guard(launcher: impl BufRead) -> io::Result<()> {
     let read = watched.follow(launcher);
     watched.end(Run::own().as_ref());
     read
+}
+
+/// The guard's deputy: the broker of a mission that ends with its launcher. If launcher and guard are killed together, the
+/// kernel asks the broker to end, and nobody else is left who knows of the mission's processes.
+pub struct Deputy {
+    launcher: Option<Pid>,
+    run: Run,
+}
+
+impl Deputy {
+    /// `None`: this process does not end with a launcher.
+    pub fn of_launcher() -> Option<Self> {
+        parent_process_death_signal().ok().flatten()?;
+        Some(Self { launcher: getppid(), run: Run::own()? })
+    }
+
+    /// Ends what is left, if the launcher is gone, and its guard as well.
+    pub fn stand_in(self) {
+        if getppid() != self.launcher && !self.run.processes().iter().any(is_guard) {
+            Watched::default().end(Some(&self.run));
+        }
+    }
+}
+
+/// Whether a process was started as [`Guard::start`] does.
+fn is_guard(id: &ProcessId) -> bool {
+    let arguments = std::fs::read(format!("/proc/{}/cmdline", id.pid)).unwrap_or_default();
+    arguments.split(|byte| *byte == 0).skip(1).eq([&b"guard"[..], b""])
 }
 
 /// Who is to end with the launcher.

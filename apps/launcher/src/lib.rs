@@ -53,7 +53,7 @@ use elk_outside::text;
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use detach::wait_until_begun;
 pub use error::LaunchError;
-pub use guard::guard;
+pub use guard::{Deputy, guard};
 pub use provenance::{RerunError, is_run, mission_of_run};
 pub use run_folder::create as create_run_folder;
 pub use steps::{Spread, StepTimes};

@@ -44,7 +44,7 @@ pub enum ScopeError {
     #[error("the communities of this machine cannot be listed: {0}")]
     Sockets(std::io::Error),
     /// Ctrl-C cannot be caught.
-    #[error("signals cannot be caught: {0}")]
+    #[error("signals cannot be caught: {}{}", .0, elk_bus::remedy(.0))]
     Signals(std::io::Error),
     /// The output cannot be written.
     #[error("the output cannot be written: {0}")]

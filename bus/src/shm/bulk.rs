@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::mem::MaybeUninit;
 use std::rc::Rc;
+use std::time::Duration;
 
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
@@ -17,6 +18,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::lane::Service;
 use super::place::failed;
 use super::scarce;
+use crate::clock::Stopwatch;
 use crate::link::{Fill, LinkError};
 use crate::words::tell;
 
@@ -33,6 +35,10 @@ pub const HELD: usize = 20;
 /// finds none free sends by batch instead.
 const CHUNKS: usize = 64;
 const RECEIVERS: usize = 32;
+/// How long a receiver waits until there is something to map a value's segment with.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// How often it looks meanwhile.
+const AGAIN_EVERY: Duration = Duration::from_millis(3);
 
 fn open(node: &Node<Service>, name: &str) -> Result<PortFactory<Service, [u8], u64>, LinkError> {
     node.service_builder(&name.try_into().map_err(failed(name))?)
@@ -116,9 +122,23 @@ impl Write for Slot<'_> {
 pub struct BulkReader {
     subscriber: Subscriber<Service, [u8], u64>,
     current: Option<BulkSample>,
+    /// The number of the last value that was taken out of the queue; at least that, if it could not be read.
+    reached: u64,
     name: String,
+    /// The longest value that was read (bytes): longer ones lie in another segment, which has to be mapped.
+    longest: usize,
+    /// It was waited in vain for something to map a segment with: not again before one was mapped.
+    gave_up: bool,
     /// It has been said that values cannot be read.
     said: Cell<bool>,
+}
+
+/// What was taken out of a receiver's queue.
+enum Taken {
+    Value(BulkSample),
+    /// A value that cannot be read.
+    Lost,
+    Nothing,
 }
 
 impl BulkReader {
@@ -128,30 +148,82 @@ impl BulkReader {
             .subscriber_builder()
             .create()
             .map_err(failed(format_args!("reading bulk service {name}")))?;
-        Ok(Self { subscriber, current: None, name: name.to_owned(), said: Cell::new(false) })
+        let (name, said) = (name.to_owned(), Cell::new(false));
+        Ok(Self { subscriber, current: None, reached: 0, name, longest: 0, gave_up: false, said })
     }
 
-    /// The next value that came, whichever it is. Why one cannot be read is said once.
+    /// The next value that came and can be read, whichever it is.
     pub fn next(&self) -> Option<BulkSample> {
-        match self.subscriber.receive() {
-            Ok(sample) => sample,
-            Err(error) => {
-                if !self.said.replace(true) {
-                    let (name, hint) = (&self.name, scarce::hint());
-                    tell(format_args!("values of bulk service {name} are lost, they cannot be read: {error:?}{hint}"));
-                }
-                None
+        loop {
+            match self.take() {
+                Taken::Value(sample) => return Some(sample),
+                Taken::Lost => {}
+                Taken::Nothing => return None,
             }
         }
     }
 
-    /// Value number `wanted`, in place; lets go of all before it. `None` if it was overwritten.
-    pub fn get(&mut self, wanted: u64) -> Option<&[u8]> {
-        while self.current.as_ref().is_none_or(|s| *s.user_header() < wanted) {
+    /// Takes a value out of the queue. That one cannot be read is said once.
+    fn take(&self) -> Taken {
+        let queued = self.subscriber.has_samples();
+        match (self.subscriber.receive(), queued) {
+            (Ok(Some(sample)), _) => Taken::Value(sample),
+            (Ok(None), Ok(false)) => Taken::Nothing,
+            // iceoryx2 lets go of a value whose segment it cannot map, and answers as if there were none.
+            (Ok(None), Ok(true)) => {
+                self.say_lost(&"its memory cannot be mapped");
+                Taken::Lost
+            }
+            (Ok(None), Err(error)) => {
+                self.say_lost(&format_args!("{error:?}"));
+                Taken::Nothing
+            }
+            (Err(error), _) => {
+                self.say_lost(&format_args!("{error:?}"));
+                Taken::Nothing
+            }
+        }
+    }
+
+    fn say_lost(&self, why: &dyn std::fmt::Display) {
+        if !self.said.replace(true) {
+            let (name, hint) = (&self.name, scarce::hint());
+            tell(format_args!("a value of bulk service {name} is lost, it cannot be read: {why}{hint}"));
+        }
+    }
+
+    /// Value number `wanted`, of `len` bytes, in place; lets go of all before it. `None` if it was overwritten, or if its
+    /// segment cannot be mapped for longer than [`PATIENCE`].
+    pub fn get(&mut self, wanted: u64, len: usize) -> Option<&[u8]> {
+        if self.reached < wanted && (len > self.longest || self.reached + 1 < wanted) {
+            self.wait_for_room(len);
+        }
+        while self.reached < wanted {
             self.current = None;
-            self.current = Some(self.next()?);
+            match self.take() {
+                Taken::Value(sample) => {
+                    self.reached = *sample.user_header();
+                    if sample.payload().len() > self.longest {
+                        (self.longest, self.gave_up) = (sample.payload().len(), false);
+                    }
+                    self.current = Some(sample);
+                }
+                Taken::Lost => self.reached += 1,
+                Taken::Nothing => return None,
+            }
         }
         self.current.as_ref().filter(|s| *s.user_header() == wanted).map(|s| s.payload())
+    }
+
+    /// Waits until a segment for values of `len` bytes could be mapped: what is taken out of the queue and cannot be, is
+    /// gone, while what stays there is kept by the broker as for any reader that is slow.
+    fn wait_for_room(&mut self, len: usize) {
+        let segment = len.checked_next_power_of_two().and_then(|len| len.checked_mul(CHUNKS)).unwrap_or(usize::MAX);
+        let waited = Stopwatch::start();
+        while !self.gave_up && !scarce::can_map(segment) {
+            self.gave_up = waited.elapsed() > PATIENCE;
+            std::thread::sleep(AGAIN_EVERY);
+        }
     }
 }
 
@@ -274,5 +346,66 @@ impl Samples {
     /// Whether nothing is kept.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty() && self.lost.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+
+    use rustix::process::{Resource, getrlimit, setrlimit};
+
+    use super::super::{lane, leftovers, place::Place};
+    use super::*;
+    use crate::community::Community;
+    use crate::stop::run_test;
+
+    const RUN_SHORT: &str = "ELK_TEST_RUNS_SHORT";
+
+    /// Not a test by itself: a process of [`a_value_that_cannot_be_mapped_is_waited_for_or_said_to_be_lost`].
+    #[test]
+    fn runs_short_of_descriptors() {
+        let Ok(comes_back) = std::env::var(RUN_SHORT) else { return };
+        let community = Community::new(format!("short-{}", std::process::id())).unwrap();
+        let place = Place::make(&community).unwrap();
+        let node = lane::node(&place).unwrap();
+        let mut writer = BulkWriter::open(&node, "bulk", 20).unwrap();
+        let mut reader = BulkReader::open(&node, "bulk").unwrap();
+        let mut send = |len: usize| writer.send(len, &mut |to| to.write_all(&vec![7; len])).unwrap().unwrap();
+        send(10);
+        assert_eq!(reader.get(1, 10).unwrap().len(), 10);
+        // Each lies in a segment of its own.
+        send(100_000);
+        send(10);
+        setrlimit(Resource::Nofile, rustix::process::Rlimit { current: Some(256), ..getrlimit(Resource::Nofile) })
+            .unwrap();
+        let mut taken: Vec<File> = std::iter::from_fn(|| File::open("/dev/null").ok()).collect();
+        if comes_back == "yes" {
+            let frees = std::thread::spawn(move || {
+                std::thread::sleep(Duration::from_millis(50));
+                drop(taken);
+            });
+            assert_eq!(reader.get(2, 100_000).unwrap().len(), 100_000);
+            frees.join().unwrap();
+        } else {
+            assert!(reader.get(2, 100_000).is_none(), "there is nothing to map it with");
+            taken.clear();
+        }
+        assert_eq!(reader.get(3, 10).unwrap().len(), 10, "nothing behind it is lost");
+        drop((reader, writer, node));
+        leftovers::remove(&place);
+    }
+
+    /// Regression: iceoryx2 lets go of a value whose segment it cannot map without a word, and so did elk.
+    #[test]
+    fn a_value_that_cannot_be_mapped_is_waited_for_or_said_to_be_lost() {
+        for comes_back in ["yes", "no"] {
+            let ended = run_test("shm::bulk::tests::runs_short_of_descriptors", RUN_SHORT, comes_back);
+            let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+            assert!(ended.status.success(), "{comes_back}: {said}");
+            let words =
+                "is lost, it cannot be read: its memory cannot be mapped (256 descriptors are open and only 256";
+            assert_eq!(said.contains(words), comes_back == "no", "{said}");
+        }
     }
 }

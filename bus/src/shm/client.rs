@@ -49,11 +49,16 @@ pub enum ConnectError {
     /// Nobody serves the community.
     #[error("no broker serves community {0} here: start one with `elk db --community {0}` or `elk launch`")]
     NoBroker(Community),
-    /// The community is another user's.
-    #[error("community {community} belongs to user {user}: join as that user, or choose another --community")]
+    /// Another user has the community's name.
+    #[error(
+        "community {community} is not this user's: process {process} of user {user} has that name; choose another \
+         --community, or join as that user"
+    )]
     ForeignUser {
         /// The community.
         community: Community,
+        /// The process that listens there.
+        process: u32,
         /// The user's id.
         user: u32,
     },
@@ -73,6 +78,14 @@ pub enum ConnectError {
         /// What the socket says.
         source: std::io::Error,
     },
+    /// There is no thread to see the broker's end.
+    #[error("community {community} cannot be joined: no thread for that: {source}{}", scarce::remedy(.source))]
+    NoThread {
+        /// The community.
+        community: Community,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The community's folder is not safe, or not to be seen from here.
     #[error("community {community}: {source}")]
     Folder {
@@ -89,14 +102,15 @@ pub enum ConnectError {
 /// Joins a community.
 pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, ConnectError> {
     limits::raise_descriptors();
+    limits::let_owner_in();
     let broken = |source| ConnectError::Handshake { community: community.clone(), source };
     let stream = handshake::dial(community).map_err(|error| match error.kind() {
         ErrorKind::WouldBlock => broken(error),
         _ => ConnectError::NoBroker(community.clone()),
     })?;
-    let (_, user) = handshake::peer(&stream).map_err(broken)?;
+    let (process, user) = handshake::peer(&stream).map_err(broken)?;
     if user != handshake::own_user() {
-        return Err(ConnectError::ForeignUser { community: community.clone(), user });
+        return Err(ConnectError::ForeignUser { community: community.clone(), process, user });
     }
     let Introduction { name, lease_secs, succeeds, returns } = *who;
     let hello = Hello { protocol: handshake::PROTOCOL, name: name.into(), lease_secs, succeeds, returns };
@@ -112,7 +126,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
         files.try_into().map_err(|_| broken(std::io::Error::other("it sent no shared pages")))?;
     let (broker, page) = (Page::open(broker_page).map_err(broken)?, Page::open(page).map_err(broken)?);
     let page = Arc::new(page);
-    watch(&stream, &page).map_err(broken)?;
+    watch(&stream, &page).map_err(|source| ConnectError::NoThread { community: community.clone(), source })?;
     let unusable = |source| ConnectError::Folder { community: community.clone(), source };
     let place = Place::open(community, &folder).map_err(unusable)?;
     let node = lane::node(&place)?;
@@ -430,7 +444,8 @@ impl Downlink for ShmDown {
     }
 
     fn bulk(&mut self, reference: BulkRef) -> Option<&[u8]> {
-        self.bulk.get_mut(&reference.client)?.get(reference.sample)
+        let len = usize::try_from(reference.len).unwrap_or(usize::MAX);
+        self.bulk.get_mut(&reference.client)?.get(reference.sample, len)
     }
 
     fn attach(&mut self, publisher: u32) -> bool {

@@ -42,7 +42,7 @@ fn connect(socket: OwnedFd, name: &str) -> Result<UnixStream> {
         Ok(()) => Ok(UnixStream::from(socket)),
         Err(Errno::AGAIN) => {
             let full = "its door is full: more wait there than it takes in; try again, and if that does not help, see \
-                        with `ss -xlp` who listens";
+                        with `ss -xlp` who listens, or choose another --community";
             Err(Error::new(ErrorKind::WouldBlock, full))
         }
         Err(other) => Err(other.into()),

@@ -32,4 +32,5 @@ pub use client::{ConnectError, connect};
 pub use folder::{Fault, FolderError};
 pub use kept::{keep, kept};
 pub use running::{Owner, Running, running};
+pub use scarce::remedy;
 pub use server::{ServeError, Server};

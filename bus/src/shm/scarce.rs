@@ -2,10 +2,14 @@
 
 use std::fmt::Write;
 use std::os::fd::AsRawFd;
+use std::path::Path;
 
+use rustix::fs::{Access, AtFlags, CWD, accessat, statvfs};
+use rustix::io::Errno;
+use rustix::mm::{MapFlags, ProtFlags, mmap_anonymous, munmap};
 use rustix::process::{Resource, getrlimit};
 
-use super::place::SHARED_MEMORY;
+use super::place::{self, SHARED_MEMORY};
 use crate::link::LinkError;
 
 /// With less than this left (MB), an error of shared memory is most likely for want of room.
@@ -15,6 +19,11 @@ const LEAST_KB: u64 = 1024;
 /// With fewer descriptors left nobody can join, and an error of shared memory is most likely for want of them: iceoryx2
 /// gives back those that it had when it failed.
 const SCARCE_DESCRIPTORS: u64 = 24;
+/// Descriptors that it takes to map a segment.
+const DESCRIPTORS_OF_A_SEGMENT: usize = 4;
+/// With fewer addresses left (MB), an error of shared memory is most likely for want of them: a segment has room for many
+/// values.
+const SCARCE_ADDRESSES_MB: u64 = 256;
 /// A number of descriptors that does for every mission.
 const ENOUGH_DESCRIPTORS: u64 = 1024;
 /// With fewer files left that can be made, an error is most likely for want of them.
@@ -39,6 +48,24 @@ fn has_descriptors() -> bool {
     free.is_ok_and(|free| free.as_raw_fd() == high) || allowed.saturating_sub(open(allowed)) >= SCARCE_DESCRIPTORS
 }
 
+/// Whether a segment of so many bytes could be mapped.
+pub fn can_map(bytes: usize) -> bool {
+    let stderr = std::io::stderr();
+    let free = || rustix::io::fcntl_dupfd_cloexec(&stderr, 0).ok();
+    let descriptors: Vec<_> = std::iter::from_fn(free).take(DESCRIPTORS_OF_A_SEGMENT).collect();
+    descriptors.len() == DESCRIPTORS_OF_A_SEGMENT && has_addresses(bytes)
+}
+
+/// Whether so many bytes have a place among this process' addresses. None of them is touched, so they cost nothing.
+fn has_addresses(bytes: usize) -> bool {
+    let flags = MapFlags::PRIVATE | MapFlags::NORESERVE;
+    // SAFETY: a new mapping, which nobody uses, aliases no Rust object, and is gone at the end.
+    unsafe {
+        let at = mmap_anonymous(std::ptr::null_mut(), bytes, ProtFlags::empty(), flags);
+        at.and_then(|at| munmap(at, bytes)).is_ok()
+    }
+}
+
 /// The number of descriptors that are open.
 fn open(allowed: u64) -> u64 {
     // A process that cannot even open that folder has none left.
@@ -48,7 +75,12 @@ fn open(allowed: u64) -> u64 {
 /// What is scarce, and what to do, in parentheses behind an error; empty if nothing is.
 pub fn hint() -> String {
     let mut all = String::new();
-    for found in [descriptors(), memory(), files()].into_iter().flatten() {
+    let home = place::home();
+    // Until the first community there is only the folder that it will be in.
+    let home = if home.exists() { &home } else { home.parent().unwrap_or(&home) };
+    let of_memory = [unusable(), memory(), files(Path::new(SHARED_MEMORY))];
+    let of_home = [room_on_disk(home), files(home)];
+    for found in [descriptors(), addresses()].into_iter().chain(of_memory).chain(of_home).flatten() {
         // Writing to a String cannot fail.
         let _ = write!(all, " ({found})");
     }
@@ -68,8 +100,18 @@ fn descriptors() -> Option<String> {
     })
 }
 
+fn addresses() -> Option<String> {
+    let allowed_mb = getrlimit(Resource::As).current? >> 20;
+    let taken = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: u64 = taken.split_whitespace().next()?.parse().ok()?;
+    let taken_mb = (pages * rustix::param::page_size() as u64) >> 20;
+    (allowed_mb.saturating_sub(taken_mb) < SCARCE_ADDRESSES_MB).then(|| {
+        format!("{taken_mb} MB of addresses are taken and only {allowed_mb} are allowed: raise that with `ulimit -v`")
+    })
+}
+
 fn free_kb() -> Option<u64> {
-    let stat = rustix::fs::statvfs(SHARED_MEMORY).ok()?;
+    let stat = statvfs(SHARED_MEMORY).ok()?;
     Some((stat.f_bavail * stat.f_frsize) >> 10)
 }
 
@@ -83,15 +125,50 @@ fn memory() -> Option<String> {
     })
 }
 
-fn files() -> Option<String> {
-    let stat = rustix::fs::statvfs(SHARED_MEMORY).ok()?;
+/// Shared memory that nobody can write to: a container without it, or with it for reading only.
+fn unusable() -> Option<String> {
+    let error = accessat(CWD, SHARED_MEMORY, Access::WRITE_OK | Access::EXEC_OK, AtFlags::empty()).err()?;
+    let error = std::io::Error::from(error);
+    Some(format!(
+        "{SHARED_MEMORY} cannot be written to: {error}: it has to be a tmpfs that this user may write to, as \
+         `mount -t tmpfs -o mode=1777 tmpfs {SHARED_MEMORY}` makes it"
+    ))
+}
+
+fn room_on_disk(folder: &Path) -> Option<String> {
+    let stat = statvfs(folder).ok()?;
+    ((stat.f_bavail * stat.f_frsize) >> 10 < LEAST_KB).then(|| {
+        let folder = folder.display();
+        format!(
+            "the file system of {folder} is full: remove what fills it, or set XDG_RUNTIME_DIR or TMPDIR to another one"
+        )
+    })
+}
+
+fn files(folder: &Path) -> Option<String> {
+    let stat = statvfs(folder).ok()?;
     // A file system that does not count its files says that it has none.
     let scarce = stat.f_files > 0 && stat.f_favail < SCARCE_FILES;
+    let remedy = match folder == Path::new(SHARED_MEMORY) {
+        true => "allow more with `mount -o remount,nr_inodes=… /dev/shm`",
+        false => "set XDG_RUNTIME_DIR or TMPDIR to a folder of another file system",
+    };
     scarce.then(|| {
         format!(
-            "{SHARED_MEMORY} can hold only {} more files: remove what is left over there, or allow more with \
-             `mount -o remount,nr_inodes=… {SHARED_MEMORY}`",
+            "{} can hold only {} more files (inodes): remove what is left over there, or {remedy}",
+            folder.display(),
             stat.f_favail
         )
     })
+}
+
+/// What to do about an error that a new process or thread has met, in parentheses; empty if the error says it all.
+pub fn remedy(error: &std::io::Error) -> &'static str {
+    match error.raw_os_error() == Some(Errno::AGAIN.raw_os_error()) {
+        true => {
+            " (no more processes and threads are allowed to this user: end some, or raise that with `ulimit -u`; in a \
+             container, --pids-limit)"
+        }
+        false => "",
+    }
 }

@@ -65,8 +65,38 @@ pub enum ServeError {
         /// The other broker's user.
         user: u32,
     },
+    /// Another user has the community's name.
+    #[error(
+        "community {community} cannot be served: process {process} of user {user} has that name; choose another \
+         --community, or have that process ended"
+    )]
+    Foreign {
+        /// The community.
+        community: Community,
+        /// The process that listens there.
+        process: u32,
+        /// Its user.
+        user: u32,
+    },
+    /// Somebody has the community's name, and lets nobody in.
+    #[error(
+        "community {community} cannot be served: somebody has that name, and nobody is let in there; choose another \
+         --community, or see with `ss -xap` who holds @elk/{community}"
+    )]
+    Silent {
+        /// The community.
+        community: Community,
+    },
+    /// There is no thread to let anybody in.
+    #[error("community {community} cannot be served: no thread for its door: {source}{}", scarce::remedy(.source))]
+    NoThread {
+        /// The community.
+        community: Community,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The operating system refused.
-    #[error("community {community} cannot be served: {source}")]
+    #[error("community {community} cannot be served: {source}{}", scarce::hint())]
     Io {
         /// The community.
         community: Community,
@@ -138,6 +168,7 @@ impl Server {
     /// clears away what crashed runs left.
     pub fn start(community: Community, config: BrokerConfig, clock: Clock) -> Result<Self, ServeError> {
         limits::raise_descriptors();
+        limits::let_owner_in();
         let io = |source| ServeError::Io { community: community.clone(), source };
         let unusable = |source| ServeError::Folder { community: community.clone(), source };
         // What is wrong with this place is said before anybody can dial in: whoever has would hear a mere hanging up.
@@ -159,7 +190,7 @@ impl Server {
         std::thread::Builder::new()
             .name("listener".into())
             .spawn(move || admission::accept_all(listener, &sender, &bell))
-            .map_err(io)?;
+            .map_err(|source| ServeError::NoThread { community: community.clone(), source })?;
         let copies = Budget::of(config.limits.copied_bytes);
         let awaited = found.iter().map(|one| (one.session.name.clone(), one.process)).collect();
         let broker = match found.is_empty() {
@@ -532,13 +563,15 @@ fn hold(community: &Community) -> Result<HeldPlace, ServeError> {
 }
 
 fn taken(community: &Community, source: std::io::Error) -> ServeError {
-    let other = handshake::knock(community).and_then(|stream| handshake::peer(&stream));
+    let community = community.clone();
+    let other = handshake::knock(&community).and_then(|stream| handshake::peer(&stream));
     match other {
-        Ok((process, user)) => ServeError::Taken { community: community.clone(), process, user },
-        Err(full) if full.kind() == ErrorKind::WouldBlock => {
-            ServeError::Io { community: community.clone(), source: full }
-        }
-        Err(_) => ServeError::Io { community: community.clone(), source },
+        Ok((process, user)) if user != handshake::own_user() => ServeError::Foreign { community, process, user },
+        Ok((process, user)) => ServeError::Taken { community, process, user },
+        Err(full) if full.kind() == ErrorKind::WouldBlock => ServeError::Io { community, source: full },
+        // Bound, and not listened at; or its holder has ended this moment.
+        Err(_) if source.kind() == ErrorKind::AddrInUse => ServeError::Silent { community },
+        Err(_) => ServeError::Io { community, source },
     }
 }
 
@@ -562,5 +595,48 @@ mod tests {
         drop(listener);
         leftovers::remove(&first);
         assert!(!first.folder().path().exists());
+    }
+
+    /// What another user's thread makes of a name's socket; `None`: only root can become another user.
+    fn as_another_user<T: Send + 'static>(make: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+        let other = rustix::process::Uid::from_raw(54_321);
+        let thread = std::thread::spawn(move || {
+            rustix::thread::set_thread_res_uid(other, other, other).ok()?;
+            Some(make())
+        });
+        thread.join().unwrap()
+    }
+
+    #[test]
+    fn who_holds_a_community_s_name_is_said_with_what_to_do() {
+        let start =
+            |name: &Community| Server::start(name.clone(), BrokerConfig::new(name.to_string()), Clock::new(1.0)).err();
+        let name = |what: &str| Community::new(format!("{what}-{}", std::process::id())).unwrap();
+
+        let bound = name("bound");
+        let address = format!("elk/{bound}");
+        let address = rustix::net::SocketAddrUnix::new_abstract_name(address.as_bytes()).unwrap();
+        let socket =
+            rustix::net::socket(rustix::net::AddressFamily::UNIX, rustix::net::SocketType::STREAM, None).unwrap();
+        rustix::net::bind(&socket, &address).unwrap();
+        let said = start(&bound).unwrap().to_string();
+        assert!(said.contains("somebody has that name") && said.contains("choose another --community"), "{said}");
+
+        let squatted = name("squatted");
+        let listens = squatted.clone();
+        let Some(listener) = as_another_user(move || handshake::listen(&listens).unwrap()) else {
+            println!("who_holds_a_community_s_name_…: skipped in part, only root can become another user");
+            return;
+        };
+        let holder = format!("process {} of user 54321 has that name; choose another --community", std::process::id());
+        let said = start(&squatted).unwrap().to_string();
+        assert!(said.contains(&holder), "{said}");
+        let who = crate::broker::Introduction { name: "reader", lease_secs: 0.0, succeeds: false, returns: false };
+        let said = super::super::connect(&squatted, &who).err().unwrap().to_string();
+        assert!(said.contains(&holder), "{said}");
+        drop(listener);
+        for community in [bound, squatted] {
+            leftovers::remove(&Place::make(&community).unwrap());
+        }
     }
 }

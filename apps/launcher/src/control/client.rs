@@ -23,10 +23,15 @@ pub enum AskError {
     )]
     NoLauncher(Community),
     /// The launcher is another user's.
-    #[error("community {community} is launched by user {user}: only that user gives orders there")]
+    #[error(
+        "community {community} is launched by process {process} of user {user}: only that user gives orders there; choose \
+         another --community"
+    )]
     ForeignUser {
         /// The community.
         community: Community,
+        /// The process that listens there.
+        process: i32,
         /// The user's id.
         user: u32,
     },
@@ -89,9 +94,10 @@ fn dial(community: &Community, patience: Duration) -> Result<UnixStream, AskErro
         ErrorKind::WouldBlock => broken(error),
         _ => AskError::NoLauncher(community.clone()),
     })?;
-    let user = rustix::net::sockopt::socket_peercred(&stream).map_err(|error| broken(error.into()))?.uid.as_raw();
+    let peer = rustix::net::sockopt::socket_peercred(&stream).map_err(|error| broken(error.into()))?;
+    let (process, user) = (peer.pid.as_raw_nonzero().get(), peer.uid.as_raw());
     if user != own_user() {
-        return Err(AskError::ForeignUser { community: community.clone(), user });
+        return Err(AskError::ForeignUser { community: community.clone(), process, user });
     }
     stream.set_read_timeout(Some(patience)).and_then(|()| stream.set_write_timeout(Some(patience))).map_err(broken)?;
     Ok(stream)

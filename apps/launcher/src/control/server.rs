@@ -5,9 +5,9 @@ use std::os::fd::AsFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::Duration;
 
-use elk_bus::Community;
 use elk_bus::clock::Stopwatch;
 use elk_bus::shm::door;
+use elk_bus::{Community, Owner};
 use rustix::event::{PollFd, PollFlags};
 
 use super::words::{Answer, Request};
@@ -61,8 +61,11 @@ impl Server {
             ErrorKind::AddrInUse => {
                 let other = door::knock(&name(community)).ok();
                 let credentials = other.and_then(|stream| rustix::net::sockopt::socket_peercred(stream).ok());
-                let process = credentials.map(|found| found.pid.as_raw_nonzero().get());
-                LaunchError::Launched { community: community.clone(), process }
+                let holder = credentials.map(|found| Owner {
+                    process: found.pid.as_raw_nonzero().get().cast_unsigned(),
+                    user: found.uid.as_raw(),
+                });
+                LaunchError::Launched { community: community.clone(), holder }
             }
             _ => failed(error),
         })?;
@@ -267,7 +270,10 @@ mod tests {
         let _first = Server::listen(&community).unwrap();
         let error = Server::listen(&community).err().unwrap().to_string();
         let own = std::process::id();
-        assert!(error.contains(&format!("is launched already, by process {own}: choose another")), "{error}");
+        assert!(
+            error.contains(&format!("is launched already, by process {own} of user {}: choose another", own_user())),
+            "{error}"
+        );
     }
 
     #[test]

@@ -64,6 +64,37 @@ fn a_lossless_registrant_that_reads_slowly_is_waited_for_and_one_that_stops_is_n
     assert_eq!(b.mail_done(c.id), Some(0), "what it was given is not handled for that");
 }
 
+/// What the documents say of a lossless reader that is slow for ever.
+#[test]
+fn who_reads_slowly_sets_the_pace_of_its_publishers_without_end_and_of_nobody_else_within_its_mailbox() {
+    const LIMIT: usize = 10 * 56;
+    let config = BrokerConfig { mailbox_bytes: LIMIT, lossless_patience_secs: 5.0, ..BrokerConfig::new("test") };
+    let b = &mut Broker::new(config, 0.0);
+    let (mut a, c, mut d) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"), Speaker::new(b, 0.0, "d"));
+    c.registration(b, 0.0, FrameKind::Register, "X", "*", 0.0, LOSSLESS);
+    let (mut sent, mut heard) = (0_u64, Vec::new());
+    for now in (0..3600).map(f64::from) {
+        while !b.holds_back(now, a.id) {
+            a.text(b, now, "X", &sent.to_string());
+            sent += 1;
+        }
+        d.text(b, now, "Y", "nobody waited for hears this");
+        assert!(!b.holds_back(now, d.id));
+        assert!(b.clients[&c.id].mailbox.waiting() < LIMIT + 56, "a batch of each publisher comes on top, at most");
+        if now % 4.0 == 0.0 {
+            let mut batch = Vec::new();
+            b.take_mail(c.id, 1, &mut batch, |_, _| {});
+            let messages = frames(&batch).map(Result::unwrap).filter(|frame| frame.header.kind == FrameKind::Notify);
+            heard.extend(messages.map(|frame| String::from_utf8(frame.value.into()).unwrap().parse::<u64>().unwrap()));
+            b.keep_given(c.id, batch);
+            b.note_handled(now, c.id, heard.len() as u64, &mut Vec::new());
+        }
+    }
+    assert_eq!(heard, (0..900).collect::<Vec<u64>>(), "one in four seconds, for an hour, and none is missing");
+    assert!(sent - 900 <= 11 && b.holds_back(3600.0, a.id), "{sent} were taken of who has a thousand a second to say");
+    assert!(!b.holds_back(3601.5, a.id), "it reads no more");
+}
+
 #[test]
 fn a_batch_is_handled_when_everybody_it_reached_has_handled_it() {
     let b = &mut broker();

@@ -268,7 +268,8 @@ pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &
         };
         let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(serve);
         if let Err(error) = spawned {
-            let reason = format!("the broker has no thread for another client: {error}");
+            let remedy = scarce::remedy(&error);
+            let reason = format!("the broker has no thread for another client: {error}{remedy}");
             tell(format_args!("elk db: a client was turned away: {reason}"));
             let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
             lobby.leave(connection);
