@@ -274,7 +274,12 @@ impl Explorer {
         let Edges { map, volume, no_room } = Edges::of(known.grid, known.frontier);
         let mut left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
         left.open += scene.targets.len() as u64 + scene.beyond;
-        let Verdict { complete, reason } = Verdict::of(end, &left, scene, known.grid, &self.settings);
+        let Verdict { complete, mut reason } = Verdict::of(end, &left, scene, known.grid, &self.settings);
+        let (plans, fallbacks) = (self.plans, self.journal.fallbacks);
+        if fallbacks > 0 {
+            reason +=
+                &format!("; {fallbacks} of {plans} plans led to the closest goal, since the strategy had no answer");
+        }
         self.report = Some(ExplorationReport {
             explorer: self.strategy.name().into(),
             policy: self.settings.policy.name.into(),

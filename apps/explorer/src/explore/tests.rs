@@ -283,6 +283,19 @@ fn a_strategy_that_answers_with_no_goal_has_no_answer() {
     let run = |strategy| run(strategy, settings(Policy::elk(0.4))).report;
     let (dreamt, closest) = (run(Box::new(Dreamer)), run(Box::new(ClosestFrontier)));
     assert!(dreamt.complete && dreamt.plans == closest.plans, "{dreamt:?}");
+    let said = format!("of {} plans led to the closest goal, since the strategy had no answer", dreamt.plans);
+    assert!(dreamt.reason.contains(&said) && !closest.reason.contains("closest goal"), "{}", dreamt.reason);
+}
+
+/// Regression: a run that was to leave small clusters alone did not say how much it had left.
+#[test]
+fn what_is_left_as_too_small_is_said() {
+    let settings = Settings { min_frontier: 60, ..settings(Policy::elk(0.4)) };
+    let report = run(Box::new(ClosestFrontier), settings).report;
+    let left = report.frontiers_left.too_small;
+    assert!(report.complete && left > 0, "{report:?}");
+    let said = format!("is resolved, but for {left} voxels in clusters of fewer than 60 (MinFrontier)");
+    assert!(report.reason.ends_with(&said), "{}", report.reason);
 }
 
 /// A memory in which every list is as long, and every count as high, as anybody believes.

@@ -57,11 +57,16 @@ impl Verdict {
         let missed = || left_over(left, scene.beyond, grid.resolution(), settings);
         let short = end.failure(left, settings);
         let short = short.or_else(|| nothing_to_explore(scene.robot(), grid, settings.bounds)).or_else(missed);
-        short.map_or_else(Self::explored, |reason| Self { complete: false, reason })
+        short.map_or_else(|| Self::explored(left, settings), |reason| Self { complete: false, reason })
     }
 
-    fn explored() -> Self {
-        Self { complete: true, reason: "every frontier that can be reached and seen is resolved".into() }
+    fn explored(left: &FrontiersLeft, settings: &Settings) -> Self {
+        let mut reason = "every frontier that can be reached and seen is resolved".to_owned();
+        if left.too_small > 0 {
+            let (small, least) = (left.too_small, settings.min_frontier);
+            reason += &format!(", but for {small} voxels in clusters of fewer than {least} (MinFrontier)");
+        }
+        Self { complete: true, reason }
     }
 }
 
