@@ -67,11 +67,20 @@ impl FromStr for Seeds {
             }
             seeds.extend(first..=last);
         }
-        match seeds.len() as u64 <= MOST_SEEDS {
-            true => Ok(Self(seeds)),
-            false => Err(wrong()),
+        if seeds.len() as u64 > MOST_SEEDS {
+            return Err(wrong());
+        }
+        match twice(&seeds) {
+            None => Ok(Self(seeds)),
+            Some(seed) => Err(format!("seed {seed} is said twice, and would count as two runs")),
         }
     }
+}
+
+/// The first that is there again.
+fn twice<T: Ord>(all: &[T]) -> Option<&T> {
+    let mut seen = BTreeSet::new();
+    all.iter().find(|one| !seen.insert(*one))
 }
 
 /// `elk compare`
@@ -79,6 +88,9 @@ pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
     let Some((mission_file, strategies @ [_, ..])) = arguments.words.split_last() else {
         bail!("{} alone: right is one strategy at least, and then the mission", arguments.words.join(" "))
     };
+    if let Some(strategy) = twice(strategies) {
+        bail!("{strategy} is said twice, and its runs would count as others'");
+    }
     let mission_file = Path::new(mission_file);
     // Everything is looked at before anything starts.
     let mission = load(mission_file, &arguments.sets)?;
@@ -92,6 +104,7 @@ pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
         .with_context(|| format!("cannot write {}", csv.display()))?;
     print_table(&table::table(&rows))?;
     say(&table::incomplete(&rows))?;
+    say(&table::unseeded(&rows))?;
     say(&format!("all rows are in {}, the runs beside them in {}\n", csv.display(), folder.display()))?;
     if stop.load(Ordering::Relaxed) {
         bail!("stopped: {} of {} runs came to their end", rows.iter().filter(|row| row.ended).count(), plans.len());
@@ -215,7 +228,7 @@ mod tests {
         assert_eq!(seeds("1..4"), Ok(vec![1, 2, 3, 4]));
         assert_eq!(seeds("7"), Ok(vec![7]));
         assert_eq!(seeds("9, 1..=2"), Ok(vec![9, 1, 2]));
-        for wrong in ["", "4..1", "a..b", "1..", "0..18446744073709551615", "-1"] {
+        for wrong in ["", "1,1", "1..3,2", "4..1", "a..b", "1..", "0..18446744073709551615", "-1"] {
             assert!(seeds(wrong).is_err(), "{wrong}");
         }
     }

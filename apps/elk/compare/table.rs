@@ -22,12 +22,7 @@ const SPARE: [usize; 4] = [7, 5, 6, 4];
 /// A line a strategy: how many of its runs are complete, and mean ± standard deviation of what its runs measured, complete
 /// or not.
 pub fn table(rows: &[Row]) -> Table<'static> {
-    let mut strategies: Vec<&str> = Vec::new();
-    for row in rows {
-        if !strategies.contains(&row.strategy.as_str()) {
-            strategies.push(&row.strategy);
-        }
-    }
+    let strategies = strategies(rows);
     let heads = ["STRATEGY", "COMPLETE"].into_iter().chain(MEASURES.iter().map(|(head, ..)| *head));
     let mut cells = vec![heads.map(str::to_owned).collect()];
     cells.extend(strategies.iter().map(|strategy| line(strategy, rows)));
@@ -36,6 +31,35 @@ pub fn table(rows: &[Row]) -> Table<'static> {
     let is_bad = |strategy: &str| rows.iter().any(|row| row.strategy == strategy && !row.complete);
     let bad = (1..).zip(&strategies).filter(|(_, strategy)| is_bad(strategy)).map(|(line, _)| line).collect();
     Table { rows: cells, right: &[1, 2, 3, 4, 5, 6, 7], spare: &SPARE, bad, all: "the CSV file" }
+}
+
+/// A word on strategies whose runs were all the same, whatever their seed: their spread of 0 says nothing.
+pub fn unseeded(rows: &[Row]) -> String {
+    let measured = |row: &Row| [row.way_m, row.scans, row.known_voxels, row.accuracy, row.contacts];
+    let is_same = |strategy: &&str| {
+        let own: Vec<&Row> = rows.iter().filter(|row| row.strategy == *strategy).collect();
+        own.len() > 1 && own.iter().all(|row| row.complete && measured(row) == measured(own[0]))
+    };
+    let same: Vec<&str> = strategies(rows).into_iter().filter(is_same).collect();
+    match same.is_empty() {
+        true => String::new(),
+        false => format!(
+            "note: the seed made no difference to {}: nothing in the mission is random; Sensor.RandomStart=true or \
+             Sensor.NoiseSigma makes it so\n",
+            same.join(", ")
+        ),
+    }
+}
+
+/// The strategies, each once, in the order of the rows.
+fn strategies(rows: &[Row]) -> Vec<&str> {
+    let mut strategies: Vec<&str> = Vec::new();
+    for row in rows {
+        if !strategies.contains(&row.strategy.as_str()) {
+            strategies.push(&row.strategy);
+        }
+    }
+    strategies
 }
 
 /// A line for each run that is not complete.
@@ -115,6 +139,15 @@ mod tests {
         let narrow = table(&rows).lines(Some(40));
         assert!(narrow.iter().all(|line| line.text.chars().count() <= 40), "{narrow:?}");
         assert!(narrow[3].text.starts_with("no room here for"), "{narrow:?}");
+    }
+
+    /// Regression: three equal runs were a strategy with a spread of 0.
+    #[test]
+    fn runs_that_no_seed_changed_are_said_to_be_the_same() {
+        let rows = [row("A", 1, Some(2.0)), row("A", 2, Some(2.0)), row("B", 1, Some(2.0)), row("B", 2, Some(2.1))];
+        assert!(unseeded(&rows).starts_with("note: the seed made no difference to A: "), "{}", unseeded(&rows));
+        assert_eq!(unseeded(&rows[2..]), "");
+        assert_eq!(unseeded(&rows[1..3]), "", "a single run is no spread");
     }
 
     #[test]
