@@ -163,6 +163,18 @@ fn cat_shows_values_and_cut_keeps_a_part() {
         (&line["key"], &line["value"], &line["order"]),
         (&"NOTE".into(), &"line 1\nand another".into(), &1.into())
     );
+    // Regression: a slip in a name, or times that there are not, gave an empty log or table, and success.
+    let (cat, cut, export) = (["cat", "."], ["cut", ".", "-o", "none"], ["export", ".", "--to", "csv", "-o", "none"]);
+    for (commands, nothing) in
+        [(&[&cat[..], &cut, &export][..], ["--keys", "NOPE"]), (&[&cat, &cut], ["--from", "1e6"])]
+    {
+        for command in commands {
+            let command = [command, &nothing[..]].concat();
+            let (code, said) = elk_log(&elk, &command);
+            assert!(code == Some(1) && said.contains("is what the options say"), "{command:?}: {said}");
+            assert!(!elk.folder().join("none").exists());
+        }
+    }
     succeed(&elk, &["cut", ".", "--exclude", "NOTE", "--from", "1", "-o", "part.mcap"]);
     let part = records(&elk.folder().join("part.mcap"));
     let expected: Vec<Record> = records(&log).into_iter().filter(|r| r.key != "NOTE" && r.received >= 1001.0).collect();

@@ -67,7 +67,7 @@ pub enum LogCommand {
         output: OutputArgs,
     },
     /// Print the messages of a log
-    #[command(after_help = "Example: elk log cat logs/apartment-20261123-224512 --keys PROGRESS --from 2 --to 3")]
+    #[command(after_help = "Example: elk log cat logs/apartment-20261123-224512 --keys PROGRESS --from 1 --to 3")]
     Cat {
         /// The log: a run's folder, or a file
         log: PathBuf,
@@ -398,6 +398,7 @@ fn cut(log: &Path, selection: &Selection, output: &OutputArgs) -> Result<ExitCod
     let target = output.target()?.gone_at_a_signal()?;
     let copied = copy(log, target.draft(), selection, output.options(), &mut progress("cutting"))?;
     warn_of(&copied.damage);
+    is_something(copied.records, log, selection)?;
     say_copied(&copied, target)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -450,10 +451,10 @@ fn for_each_record(
     mut each: impl FnMut(f64, &RecordRef<'_>) -> Result<()>,
 ) -> Result<()> {
     let window = Window { origin: origin(log)?, selection };
-    let mut log = LogReader::open(log)?;
-    log.within(&window);
-    let mut unreadable = 0_u64;
-    while let Some(next) = log.next_ref() {
+    let mut reader = LogReader::open(log)?;
+    reader.within(&window);
+    let (mut found, mut unreadable) = (0_u64, 0_u64);
+    while let Some(next) = reader.next_ref() {
         let record = match next {
             Ok(record) => record,
             Err(error) => {
@@ -465,14 +466,28 @@ fn for_each_record(
             }
         };
         if window.place(record.received) == Place::Within && selection.takes(record.key, record.source) {
+            found += 1;
             each(record.time - window.origin, &record)?;
         }
     }
     if unreadable > MOST_COMPLAINTS {
         complain(&format!("and {} messages more cannot be read", unreadable - MOST_COMPLAINTS));
     }
-    warn_of(&log.damage());
-    Ok(())
+    warn_of(&reader.damage());
+    is_something(found, log, selection)
+}
+
+/// Sees that a part of a log that somebody wants is not nothing: a slip in a name is an answer to nobody.
+fn is_something(found: u64, log: &Path, selection: &Selection) -> Result<()> {
+    match found > 0 || *selection == Selection::default() {
+        true => Ok(()),
+        false => {
+            let log = log.display();
+            bail!(
+                "no message of {log} is what the options say (`elk log info {log}` lists what it has, and its length)"
+            )
+        }
+    }
 }
 
 /// `elk log cat`
