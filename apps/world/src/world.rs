@@ -69,6 +69,8 @@ pub struct Reading {
     pub format: Option<Format>,
     /// Its faces.
     pub polygons: usize,
+    /// Those of them that lie exactly on others.
+    pub doubled: usize,
     /// Those of them that have no area; they are left out.
     pub degenerate: usize,
     /// Those whose outline crosses itself.
@@ -177,10 +179,12 @@ impl World {
         if soup.triangles.is_empty() {
             return Err(WorldError::Empty { name: name.into(), degenerate: soup.degenerate });
         }
+        let doubled = soup.doubled();
         let mut world = Self::from_triangles(name, soup.triangles)?;
         world.reading = Reading {
             format: Some(format),
             polygons: soup.polygons,
+            doubled,
             degenerate: soup.degenerate,
             crossed: soup.crossed,
             first_crossed: soup.first_crossed,
@@ -362,6 +366,13 @@ impl Reading {
                 self.crossed
             ));
         }
+        if self.doubled > 0 {
+            remarks.push(format!(
+                "{} faces lie exactly on others, as of faces that were exported with two sides: a wall between two rooms may \
+                 be drawn so, but what is inside of outer walls that are cannot be told; export faces once",
+                self.doubled
+            ));
+        }
         remarks
     }
 }
@@ -377,6 +388,20 @@ fn in_words(place: &Place) -> String {
 mod tests {
     use super::*;
     use crate::scenery::{Scenery, Solid};
+
+    /// Regression: a room whose walls were exported with both sides was misread without a word.
+    #[test]
+    fn faces_that_lie_on_others_are_noticed() {
+        let once = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 0 0 2\nv 2 0 2\nv 2 2 2\nv 0 2 2\n\
+                    f 1 2 3 4\nf 8 7 6 5\nf 5 6 2 1\nf 6 7 3 2\nf 7 8 4 3\nf 8 5 1 4\n";
+        let remarks = |text: &str| {
+            let world = World::from_bytes("room.obj", text.as_bytes(), &Placement::default()).unwrap();
+            world.reading().remarks().join("; ")
+        };
+        assert!(!remarks(once).contains("lie exactly on others"));
+        let twice = format!("{once}f 4 3 2 1\nf 5 6 7 8\n");
+        assert!(remarks(&twice).contains("2 faces lie exactly on others"), "{}", remarks(&twice));
+    }
 
     /// Regression: each of 64 places was looked for 100,000 times, where hardly anything of a world is free.
     #[test]

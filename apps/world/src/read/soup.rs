@@ -1,5 +1,7 @@
 //! What a reader has found: triangles, from polygons of any shape.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use nalgebra::Point3;
 
 use crate::polygon::{self, Cut};
@@ -23,6 +25,8 @@ pub struct Soup {
     pub crossed: usize,
     /// Where the first of these stands.
     pub first_crossed: Option<Place>,
+    /// A hash of each polygon's corners, whichever comes first and whichever way they go.
+    outlines: Vec<u64>,
     budget: Budget,
 }
 
@@ -47,8 +51,17 @@ impl Soup {
             self.crossed += 1;
             self.first_crossed.get_or_insert_with(place);
         }
-        self.degenerate += usize::from(self.triangles.len() == before);
+        match self.triangles.len() == before {
+            true => self.degenerate += 1,
+            false => self.outlines.push(outline(corners)),
+        }
         Ok(())
+    }
+
+    /// How many polygons have exactly the corners of another.
+    pub fn doubled(&mut self) -> usize {
+        self.outlines.sort_unstable();
+        self.outlines.windows(2).filter(|pair| pair[0] == pair[1]).count()
     }
 
     /// Counts a part of the file that is gone through, and perhaps has no polygon: one can be named very often.
@@ -58,4 +71,17 @@ impl Soup {
     pub(crate) fn part(&mut self, place: impl Fn() -> Place) -> Result<(), Fault> {
         self.budget.face(0).map_err(|what| Fault::at(place(), what))
     }
+}
+
+fn outline(corners: &[Point3<f64>]) -> u64 {
+    // Two zeros are one place.
+    let mut places: Vec<u64> = corners.iter().map(|c| hashed(&[c.x, c.y, c.z].map(|c| (c + 0.0).to_bits()))).collect();
+    places.sort_unstable();
+    hashed(&places)
+}
+
+fn hashed(all: &[u64]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    all.hash(&mut hasher);
+    hasher.finish()
 }
