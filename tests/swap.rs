@@ -169,6 +169,51 @@ fn what_cannot_be_done_is_one_line_and_changes_nothing() {
     assert_completes(&elk, launcher);
 }
 
+/// Regression: such swaps were made, and the mission stood still without a word.
+#[test]
+fn what_goes_together_is_not_taken_apart() {
+    let elk = Elk::new("apart");
+    let launcher = at_the_start(&elk, &[]);
+    let apps = ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger", "db"];
+    let before = apps.map(|app| elk.process(app));
+    let res = "Res=0.2: Res: \"0.2\" is not the Map's \"0.1\"; right is the same";
+    for (app, change, said) in [
+        ("Map", "Res=0.2", format!("{res} while the mission runs")),
+        ("Explorer", "Res=0.2", format!("{res} for Map and Explorer")),
+        (
+            "Map",
+            "Input=NOPE",
+            "Input=NOPE: Input: nobody in the mission publishes NOPE; published are SCAN, SCAN_1".to_owned(),
+        ),
+        (
+            "Filter",
+            "Output=SCAN_9",
+            "Map: Input: nobody in the mission publishes SCAN_1; published are SCAN, SCAN_9".to_owned(),
+        ),
+        (
+            "Sensor",
+            "Output=FOO",
+            "Filter: Input: nobody in the mission publishes SCAN; published are FOO, SCAN_1".to_owned(),
+        ),
+        (
+            "Controller",
+            "MOOSPoseVarName=ZZ",
+            "MOOSPoseVarName=ZZ: MOOSPoseVarName: \"ZZ\" is not the Sensor's \"SIM_SENSOR\"; right is the same for \
+             Sensor and Controller"
+                .to_owned(),
+        ),
+    ] {
+        assert_eq!(elk.refused(&["swap", app, change]), format!("elk: {said}\n"));
+    }
+    assert_eq!(apps.map(|app| elk.process(app)), before);
+    for order in [["swap", "Map", "Res=0.1"], ["swap", "Explorer", "type=ClosestFrontier"]] {
+        let said = elk.obeyed(&order);
+        assert!(said.contains(&format!("{} is swapped, in ", order[1])), "{said}");
+    }
+    elk.obeyed(&["resume"]);
+    assert_completes(&elk, launcher);
+}
+
 #[test]
 fn a_successor_that_dies_or_dawdles_leaves_the_old_one_in_its_place() {
     let elk = Elk::new("in-vain");

@@ -405,7 +405,8 @@ impl Processes {
     /// What an app is to be exchanged for, checked; and what is dropped of it.
     fn exchange(&self, place: usize, wanted: &Exchange) -> Result<(AppSpec, Vec<String>), LaunchError> {
         let Some(app) = &self.posts[place].app else { return Err(LaunchError::Stopped) };
-        let mut exchanged = app.exchange(wanted, &self.yard.registry)?;
+        let apps: Vec<AppSpec> = self.posts.iter().filter_map(|post| post.app.clone()).collect();
+        let mut exchanged = app.exchange_among(&apps, wanted, &self.yard.registry)?;
         self.yard.place.settle(&mut exchanged.app)?;
         Ok((exchanged.app, exchanged.dropped))
     }

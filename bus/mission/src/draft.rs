@@ -73,6 +73,28 @@ impl Draft {
         draft
     }
 
+    /// An app of a mission that runs: its defaults are said, too, for nobody can change them any more. Whatever is said
+    /// of it stands under its name.
+    pub fn of(app: &AppSpec) -> Self {
+        let place = At::CommandLine(app.name.clone());
+        let given = |(name, text): &(String, String)| Given::new(name, text, place.clone(), place.clone(), "".as_ref());
+        let runs = match &app.program {
+            Program::Builtin(app_type, _) => Runs::Builtin(app_type),
+            Program::Foreign { exec, args } => {
+                Runs::Foreign { exec: exec.to_string_lossy().into_owned(), args: args.clone() }
+            }
+        };
+        Self {
+            element: app.element.clone(),
+            named: Some((app.name.clone(), place.clone())),
+            given: app.settings.iter().map(given).collect(),
+            runs,
+            exchanged: false,
+            policy: Said::default(),
+            place,
+        }
+    }
+
     fn what_runs(&self, context: &Context, node: Node, problems: &mut Findings) -> Runs {
         let types = context.registry.of_element(&self.element);
         let known: Vec<&str> = types.map(|app_type| app_type.name).collect();

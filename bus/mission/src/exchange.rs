@@ -3,12 +3,14 @@
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
+use crate::draft::Draft;
 use crate::mission::{AppSpec, Program};
 use crate::nearest::instead;
 use crate::problem::{At, Findings, Problems};
 use crate::registry::Registry;
 use crate::resolve::{Given, Table, resolve};
 use crate::spec::AppType;
+use crate::{variables, wiring};
 
 /// What is to be different about an app: `type=T`, or `exec=FILE`, and parameters.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -32,6 +34,20 @@ pub struct Exchanged {
     pub dropped: Vec<String>,
 }
 
+impl Exchange {
+    /// An exchanged app; what was said anew stands where it was said.
+    fn draft(&self, app: &AppSpec) -> Draft {
+        let mut draft = Draft::of(app);
+        for given in &mut draft.given {
+            let mut params = self.params.iter();
+            if let Some((name, text)) = params.find(|(name, _)| name.eq_ignore_ascii_case(&given.name)) {
+                given.value_place = At::CommandLine(format!("{name}={text}"));
+            }
+        }
+        draft
+    }
+}
+
 impl AppSpec {
     /// This app, exchanged: it keeps its name, its policy, and the parameters that were set and that the new one has, too.
     ///
@@ -48,6 +64,24 @@ impl AppSpec {
             Some(exchanged) if problems.is_empty() => Ok(exchanged),
             _ => Err(problems.located(&wanted.folder, "")),
         }
+    }
+
+    /// As [`AppSpec::exchange`], in the mission that runs, whose apps are `apps`, this one among them: what they read,
+    /// write and have in common goes together as in a mission file, with this one exchanged.
+    ///
+    /// # Errors
+    /// As there. What another app says is named after that app.
+    pub fn exchange_among(&self, apps: &[Self], wanted: &Exchange, registry: &Registry) -> Result<Exchanged, Problems> {
+        let exchanged = self.exchange(wanted, registry)?;
+        let mut problems = Findings::default();
+        wiring::keeps_resolution(&Draft::of(self), &wanted.draft(&exchanged.app), &mut problems);
+        if problems.is_empty() {
+            let after = |app: &Self| if app.name == self.name { wanted.draft(&exchanged.app) } else { Draft::of(app) };
+            let mut drafts: Vec<Draft> = apps.iter().map(after).collect();
+            wiring::connect(&mut drafts, &mut problems);
+            variables::check(&drafts, &mut problems);
+        }
+        if problems.is_empty() { Ok(exchanged) } else { Err(problems.located(&wanted.folder, "")) }
     }
 
     /// The program of the new one; a built-in one's parameters are yet to be resolved.

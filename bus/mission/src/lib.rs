@@ -16,8 +16,8 @@
 //! A Scenario has `name`, `type` (`auto` or `manual`), `version`, and, for its broker, which is always started again,
 //! `broker-restarts`, `broker-window` and `mailbox`; on an app they are an error.
 //!
-//! While a mission runs, an app can be exchanged for one of another type, or another executable: [`AppSpec::exchange`]
-//! holds that against the same registry.
+//! While a mission runs, an app can be exchanged for one of another type, or another executable:
+//! [`AppSpec::exchange_among`] holds that against the same registry, and against the other apps.
 
 mod arguments;
 mod describe;

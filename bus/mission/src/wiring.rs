@@ -8,7 +8,7 @@ use crate::draft::Draft;
 use crate::element;
 use crate::mission::Mode;
 use crate::params::ParamValue;
-use crate::problem::Findings;
+use crate::problem::{At, Findings};
 use crate::resolve::Given;
 use crate::variables;
 
@@ -110,13 +110,28 @@ fn hand_on(drafts: &mut [Draft], param: &str, [from, to]: [&str; 2]) {
 fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut Findings) {
     let find = |element: &str| drafts.iter().find(|draft| draft.element == element);
     let (Some(first), Some(second)) = (find(one), find(other)) else { return };
-    let Some(spec) = first.spec(param).or_else(|| second.spec(param)) else { return };
-    if let (Some((value, given)), Some((others, of_other))) =
-        (first.value_as(spec, param), second.value_as(spec, param))
-        && value != others
-    {
-        let (text, right) = (&of_other.text, &given.text);
+    if let Some(([right, text], place)) = at_odds(first, second, param) {
         let said = format!("{param}: {text:?} is not the {one}'s {right:?}; right is the same for {one} and {other}");
-        problems.add(&of_other.value_place, said);
+        problems.add(place, said);
     }
+}
+
+/// What a map holds is of its voxels' size, and so is what others have of it: who takes its place in mid-mission keeps
+/// that.
+pub(crate) fn keeps_resolution(old: &Draft, new: &Draft, problems: &mut Findings) {
+    const RES: &str = "Res";
+    if old.element == element::MAP
+        && let Some(([right, text], place)) = at_odds(old, new, RES)
+    {
+        let name = old.name();
+        let said = format!("{RES}: {text:?} is not the {name}'s {right:?}; right is the same while the mission runs");
+        problems.add(place, said);
+    }
+}
+
+/// What is said of a parameter to two apps, if it is not the same, and where the second is told.
+fn at_odds<'a>(first: &'a Draft, second: &'a Draft, param: &str) -> Option<([&'a str; 2], &'a At)> {
+    let spec = first.spec(param).or_else(|| second.spec(param))?;
+    let ((value, given), (other, of_other)) = (first.value_as(spec, param)?, second.value_as(spec, param)?);
+    (value != other).then_some(([given.text.as_str(), of_other.text.as_str()], &of_other.value_place))
 }

@@ -17,8 +17,9 @@ fuzz_target!(|text: &str| {
     match Mission::parse(text, Path::new("/nowhere/m.xml"), &registry, &overrides) {
         Err(problems) => assert!(!problems.to_string().is_empty()),
         Ok(mission) => {
-            for app in mission.apps {
-                let same = app.exchange(&Exchange::default(), &registry).expect("what was right is right");
+            for app in &mission.apps {
+                let same = app.exchange_among(&mission.apps, &Exchange::default(), &registry);
+                let same = same.expect("what was right is right");
                 assert_eq!(same.app.name, app.name);
             }
         }

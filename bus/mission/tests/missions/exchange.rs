@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use elk_mission::{Exchange, Program};
+use elk_mission::{AppSpec, Exchange, Program};
 
 use crate::table::{LISTING_2, app, parse, registry};
 
@@ -70,4 +70,74 @@ fn an_exchange_that_is_wrong_says_what_would_be_right() {
         let error = explorer.exchange(&exchange(&said), &registry()).unwrap_err().to_string();
         assert_eq!(error, right);
     }
+}
+
+/// Regression: an app was exchanged for one that nobody could read, or that read nobody, and the mission stood still.
+#[test]
+fn an_exchanged_app_goes_together_with_the_others() {
+    let mission = parse(LISTING_2, &[]).unwrap();
+    let swap = |name: &str, said: &[&str]| {
+        let exchanged = app(&mission, name).exchange_among(&mission.apps, &exchange(said), &registry());
+        exchanged.map(|exchanged| exchanged.app).map_err(|error| error.to_string())
+    };
+    let res = "right is the same";
+    let voxels = |who: &str| format!("{who} is not the Map's \"0.1\"; {res}");
+    for (name, said, wrong) in [
+        ("Map", "Res=0.2", format!("Res=0.2: Res: {} while the mission runs", voxels("\"0.2\""))),
+        ("Explorer", "res=0.2", format!("res=0.2: Res: {} for Map and Explorer", voxels("\"0.2\""))),
+        (
+            "Map",
+            "Input=NOPE",
+            "Input=NOPE: Input: nobody in the mission publishes NOPE; published are SCAN, SCAN_1".to_owned(),
+        ),
+        (
+            "Filter",
+            "Output=SCAN_9",
+            "Map: Input: nobody in the mission publishes SCAN_1; published are SCAN, SCAN_9".to_owned(),
+        ),
+        (
+            "Controller",
+            "MOOSPoseVarName=ZZ",
+            format!(
+                "MOOSPoseVarName=ZZ: MOOSPoseVarName: \"ZZ\" is not the Sensor's \"SIM_SENSOR\"; {res} for Sensor and \
+                 Controller"
+            ),
+        ),
+    ] {
+        assert_eq!(swap(name, &[said]).unwrap_err(), wrong);
+    }
+    // What nobody changes goes together, and so does the same in other words.
+    for one in &mission.apps {
+        swap(&one.name, &[]).unwrap();
+    }
+    assert_eq!(swap("Map", &["Res=1e-1 m"]).unwrap().setting("Res"), Some("0.1"));
+    swap("Map", &["Input=SCAN"]).unwrap();
+    swap("Explorer", &["type=Simple", "Res=0.1 m"]).unwrap();
+}
+
+#[test]
+fn a_strangers_program_may_write_anything_but_shares_what_is_shared() {
+    let mission = parse(LISTING_2, &[]).unwrap();
+    let swap = |apps: &[AppSpec], at: usize, said: &[&str]| {
+        let exchanged = apps[at].exchange_among(apps, &exchange(said), &registry());
+        exchanged.map(|exchanged| exchanged.app).map_err(|error| error.to_string())
+    };
+    for at in 0..mission.apps.len() {
+        let mut apps = mission.apps.clone();
+        apps[at] = swap(&apps, at, &["exec=/bin/sh", "Output=MINE"]).unwrap();
+        // Whoever else is exchanged then, and for whatever the stranger may publish.
+        for other in 0..apps.len() {
+            swap(&apps, other, &[]).unwrap();
+        }
+    }
+    for name in ["Map", "Explorer"] {
+        let at = mission.apps.iter().position(|app| app.name == name).unwrap();
+        let error = swap(&mission.apps, at, &["exec=/bin/sh", "Res=0.2"]).unwrap_err();
+        assert!(error.starts_with("Res=0.2: Res: \"0.2\" is not the Map's \"0.1\""), "{error}");
+    }
+    // Nobody's reader says otherwise, and yet the map is there.
+    let mut apps = mission.apps.clone();
+    apps.retain(|app| app.element != "Explorer");
+    let at = apps.iter().position(|app| app.element == "Map").unwrap();
+    assert!(swap(&apps, at, &["Res=0.2"]).unwrap_err().contains("while the mission runs"));
 }
