@@ -241,6 +241,11 @@ impl Scene {
         let mut bash = Process::new("bash");
         bash.args(["-o", "pipefail", "-c", &script]).process_group(0).stdin(Stdio::null());
         bash.env("HOME", self.elk.folder().join("home")).env("ELK_COMMUNITY", self.elk.community());
+        // The reader has a home of their own, Cargo's things are where they are.
+        for (name, folder) in [("CARGO_HOME", ".cargo"), ("RUSTUP_HOME", ".rustup")] {
+            let usual = || std::env::home_dir().unwrap_or_default().join(folder).into();
+            bash.env(name, std::env::var_os(name).unwrap_or_else(usual));
+        }
         bash.env("SCENE", &self.root).env("BUILT", built()).env("REAL_CARGO", env!("CARGO"));
         self.given += 1;
         println!("{line}");
