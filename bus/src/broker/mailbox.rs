@@ -141,7 +141,7 @@ impl Mailbox {
 
     /// Messages that the client has lost so far: dropped here, or read too late.
     pub fn lost(&self) -> u64 {
-        self.dropped + self.missed
+        self.dropped.saturating_add(self.missed)
     }
 
     /// The client came too late to read so many bulk values.
