@@ -176,34 +176,17 @@ fn what_goes_together_is_not_taken_apart() {
     let launcher = at_the_start(&elk, &[]);
     let apps = ["Sensor", "Filter", "Map", "Explorer", "Controller", "Logger", "db"];
     let before = apps.map(|app| elk.process(app));
-    let res = "Res=0.2: Res: \"0.2\" is not the Map's \"0.1\"; right is the same";
+    // The words are the mission's own, and tested there.
     for (app, change, said) in [
-        ("Map", "Res=0.2", format!("{res} while the mission runs")),
-        ("Explorer", "Res=0.2", format!("{res} for Map and Explorer")),
-        (
-            "Map",
-            "Input=NOPE",
-            "Input=NOPE: Input: nobody in the mission publishes NOPE; published are SCAN, SCAN_1".to_owned(),
-        ),
-        (
-            "Filter",
-            "Output=SCAN_9",
-            "Map: Input: nobody in the mission publishes SCAN_1; published are SCAN, SCAN_9".to_owned(),
-        ),
-        (
-            "Sensor",
-            "Output=FOO",
-            "Filter: Input: nobody in the mission publishes SCAN; published are FOO, SCAN_1".to_owned(),
-        ),
-        (
-            "Controller",
-            "MOOSPoseVarName=ZZ",
-            "MOOSPoseVarName=ZZ: MOOSPoseVarName: \"ZZ\" is not the Sensor's \"SIM_SENSOR\"; right is the same for \
-             Sensor and Controller"
-                .to_owned(),
-        ),
+        ("Map", "Res=0.2", "the same while the mission runs"),
+        ("Explorer", "Res=0.2", "the same for Map and Explorer"),
+        ("Map", "Input=NOPE", "nobody in the mission publishes NOPE"),
+        ("Filter", "Output=SCAN_9", "nobody in the mission publishes SCAN_1"),
+        ("Sensor", "Output=FOO", "nobody in the mission publishes SCAN;"),
+        ("Controller", "MOOSPoseVarName=ZZ", "the same for Sensor and Controller"),
     ] {
-        assert_eq!(elk.refused(&["swap", app, change]), format!("elk: {said}\n"));
+        let refused = elk.refused(&["swap", app, change]);
+        assert!(refused.contains(said), "{refused}");
     }
     assert_eq!(apps.map(|app| elk.process(app)), before);
     for order in [["swap", "Map", "Res=0.1"], ["swap", "Explorer", "type=ClosestFrontier"]] {
