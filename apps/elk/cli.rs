@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use clap::{Args, Parser, Subcommand};
 use elk_bus::Community;
-use elk_bus::launched::COMMUNITY;
+use elk_bus::launched::{COMMUNITY, USUAL_COMMUNITY};
 use elk_mission::Override;
 
 use crate::compare::CompareArgs;
@@ -155,14 +155,14 @@ pub enum Command {
 
 /// The community of commands that say none. It is a default, and not the argument's variable, for commands that are of no
 /// community at all.
-static USUAL_COMMUNITY: LazyLock<OsString> =
-    LazyLock::new(|| std::env::var_os(COMMUNITY).unwrap_or_else(|| "elk".into()));
+static DEFAULT_COMMUNITY: LazyLock<OsString> =
+    LazyLock::new(|| std::env::var_os(COMMUNITY).unwrap_or_else(|| USUAL_COMMUNITY.into()));
 
 /// Which community.
 #[derive(Debug, Args)]
 pub struct CommunityArgs {
     /// The community's name, without it $ELK_COMMUNITY; communities of one machine do not hear each other
-    #[arg(long, default_value = USUAL_COMMUNITY.as_os_str())]
+    #[arg(long, default_value = DEFAULT_COMMUNITY.as_os_str())]
     pub community: Community,
 }
 

@@ -173,10 +173,12 @@ pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
     let community = arguments.community.community;
     let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((arguments.mailbox as usize) << 20);
     let deputy = Deputy::of_launcher();
-    serve_broker(community, config, Clock::new(1.0))?;
+    let served = serve_broker(community, config, Clock::new(1.0));
+    // What is left is ended all the same.
     if let Some(deputy) = deputy {
         deputy.stand_in();
     }
+    served?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -33,7 +33,7 @@ pub const LEASE: &str = "ELK_LEASE_SECS";
 pub const SUCCEED: &str = "ELK_SUCCEED";
 
 /// The community of an app that is told none, as of every command of elk.
-const USUAL_COMMUNITY: &str = "elk";
+pub const USUAL_COMMUNITY: &str = "elk";
 
 /// How an app is to be run.
 #[derive(Debug, Clone)]

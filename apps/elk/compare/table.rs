@@ -44,8 +44,8 @@ pub fn unseeded(rows: &[Row]) -> String {
     match same.is_empty() {
         true => String::new(),
         false => format!(
-            "note: the seed made no difference to {}: nothing in the mission is random; Sensor.RandomStart=true or \
-             Sensor.NoiseSigma makes it so\n",
+            "note: the seed made no difference to {}: their spread of 0 says nothing; a sensor's RandomStart=true or \
+             NoiseSigma makes runs differ\n",
             same.join(", ")
         ),
     }

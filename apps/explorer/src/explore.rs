@@ -108,6 +108,7 @@ impl Explorer {
     /// Goes on where another explorer, of whatever strategy, stopped.
     pub fn succeed(&mut self, left: &ExplorerMemory) {
         self.memory = Memory::recall(left);
+        self.no_return = self.no_return.max(left.no_return);
         self.journal.recall(left);
         self.plans = left.plans;
         self.report = left.ended.clone();

@@ -137,9 +137,8 @@ impl Provenance {
     fn other_programs(&self, mission: &Mission, anew: &[Override]) -> Vec<String> {
         let said = |app: &str| anew.iter().any(|set| set.app == app && ["type", EXEC].contains(&set.param.as_str()));
         let before = self.files.iter().filter(|one| one.param == EXEC && !said(&one.app));
-        let now: Vec<Ingredient> = mission.apps.iter().filter_map(program).collect();
         let words = before.filter_map(|was| {
-            let found = now.iter().find(|one| one.app == was.app)?;
+            let found = mission.apps.iter().find(|app| app.name == was.app).and_then(program)?;
             let (app, file, then) = (&was.app, found.file.display(), was.file.display());
             match (found.checksum == was.checksum, was.checksum.is_empty()) {
                 (true, false) => None,

@@ -191,7 +191,8 @@ impl fmt::Display for Summary {
         if let Some(left) = &self.frontiers_left {
             writeln!(
                 f,
-                "  {} frontier voxels left: {} unreachable, {} invisible, {} unresolved, {} with nothing to be seen behind, {} too small, {} open, {} where the \
+                "  {} frontier voxels left: {} unreachable, {} invisible, {} unresolved, {} with nothing to be seen behind, \
+                 {} too small, {} open, {} where the \
                  map ends, {} where it is full, {} where the volume ends",
                 left.total(),
                 left.unreachable,

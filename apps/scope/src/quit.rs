@@ -12,8 +12,7 @@ use crate::session::LOOK_EVERY;
 pub(crate) struct Quit<'a> {
     stop: &'a AtomicBool,
     keys: Option<Keys>,
-    /// Since the keys were looked at: every look is several system calls, and a busy community has thousands of batches a
-    /// second.
+    /// Since the keys were looked at: every look is several system calls, too many for every batch.
     looked: Stopwatch,
 }
 

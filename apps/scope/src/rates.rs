@@ -133,10 +133,11 @@ impl Rates {
         let silence = silence(&count);
         json["silent_secs"] = silence.map_or(Value::Null, Value::from);
         let known = |count: u64, figure: f64| if count > 0 { json!(figure) } else { Value::Null };
+        let now = |figure: f64| json!(if silence.is_some() { 0.0 } else { figure });
         match self.quantity {
             Quantity::Rate => {
                 let times = count.intervals;
-                json["rate_hz"] = if silence.is_some() { 0.0 } else { rate(secs, &count) }.into();
+                json["rate_hz"] = now(rate(secs, &count));
                 json["min_secs"] = known(times.count, times.min);
                 json["mean_secs"] = known(times.count, times.mean);
                 json["max_secs"] = known(times.count, times.max);
@@ -144,7 +145,7 @@ impl Rates {
             }
             Quantity::Bandwidth => {
                 let sizes = count.sizes;
-                json["bytes_per_sec"] = if silence.is_some() { 0.0 } else { sizes.sum() / secs }.into();
+                json["bytes_per_sec"] = now(sizes.sum() / secs);
                 json["min_bytes"] = known(sizes.count, sizes.min);
                 json["mean_bytes"] = known(sizes.count, sizes.mean);
                 json["max_bytes"] = known(sizes.count, sizes.max);

@@ -31,7 +31,7 @@ pub fn guess(longest: f64) -> Option<Unit> {
 }
 
 /// Digits behind the point that lengths (m) are rounded to and shown with in a world whose longest edge is so long (m):
-/// a thousandth of it counts, a centimetre in any case, and less than a micrometre in none.
+/// three digits of it count, a centimetre in any case, and less than a micrometre in none.
 pub fn digits(longest: f64) -> usize {
     (2.0 - longest.log10().floor()).clamp(2.0, 6.0) as usize
 }

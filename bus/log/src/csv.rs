@@ -45,28 +45,34 @@ pub fn put_csv(out: &mut impl Write, secs: f64, record: &RecordRef<'_>) -> std::
         }
     };
     let most = record.key.len() + LONGEST_NAME;
-    let mut line = |name: &str, number: &str| if name.len() > most { Ok(()) } else { line(name, number) };
-    fields.map_or(Ok(()), |fields| each_number(record.key, &fields, &mut line))
+    fields.map_or(Ok(()), |fields| each_number(record.key, most, &fields, &mut line))
 }
 
-/// Hands every number in `value` to `line`, under the name that leads to it.
+/// Hands every number in `value` to `line`, under the name that leads to it, if that has at most so many bytes.
 fn each_number(
     name: &str,
+    most: usize,
     value: &Json,
     line: &mut impl FnMut(&str, &str) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
+    // Names below it are longer still.
+    if name.len() > most {
+        return Ok(());
+    }
     match value {
         Json::Object(fields) if is_pose(fields) => POSE.iter().try_for_each(|(part, axes)| {
             let numbers = fields[*part].as_array().into_iter().flatten();
-            axes.iter().zip(numbers).try_for_each(|(axis, number)| each_number(&format!("{name}.{axis}"), number, line))
+            axes.iter()
+                .zip(numbers)
+                .try_for_each(|(axis, number)| each_number(&format!("{name}.{axis}"), most, number, line))
         }),
         Json::Object(fields) => {
-            fields.iter().try_for_each(|(field, value)| each_number(&format!("{name}.{field}"), value, line))
+            fields.iter().try_for_each(|(field, value)| each_number(&format!("{name}.{field}"), most, value, line))
         }
         Json::Array(entries) if entries.len() <= LONGEST_LIST => entries
             .iter()
             .enumerate()
-            .try_for_each(|(index, entry)| each_number(&format!("{name}[{index}]"), entry, line)),
+            .try_for_each(|(index, entry)| each_number(&format!("{name}[{index}]"), most, entry, line)),
         Json::Number(number) if number.is_f64() => line(name, &digits(number.as_f64().unwrap_or(f64::NAN))),
         Json::Number(number) => line(name, &number.to_string()),
         Json::Bool(flag) => line(name, if *flag { "1" } else { "0" }),

@@ -109,8 +109,8 @@ impl Judge {
                 continue;
             };
             at += skipped as u64;
-            if let Some(head) = self.record(bytes, at)?
-                && at < to
+            if at < to
+                && let Some(head) = self.record(bytes, at)?
                 && (head.opcode == op::CHUNK || follows(bytes, head.end(at))?)
             {
                 return Ok(Some(Spot { at, head }));

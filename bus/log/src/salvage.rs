@@ -366,6 +366,8 @@ impl Salvage {
             if first.is_some_and(|spot| spot.at == 0 && is_of_chunk(spot.head.opcode)) {
                 return Ok(Some((at, bytes)));
             }
+            // What was unpacked for nothing is work, too.
+            self.behind_marks += bytes.len() as u64;
         }
         Ok(None)
     }
@@ -570,8 +572,8 @@ mod tests {
 
     /// Regression: a megabyte was read for every byte that could be a head, before and after it.
     #[test]
-    fn a_damaged_file_is_read_a_few_times_whatever_is_in_it() {
-        // So many times: to learn the channels and to read, each to look for records and for marks, and what is tried.
+    fn a_damaged_file_is_read_a_few_times_for_every_trap() {
+        // So many times in one pass: to look for records, for marks, and what is tried.
         const MOST: u64 = 16;
         for length in [2 << 20, 6 << 20] {
             for (what, bytes) in traps(length) {

@@ -244,12 +244,20 @@ pub(crate) fn exploration_report(report: &ExplorationReport) -> Checked {
 }
 
 fn frontiers_left(left: &FrontiersLeft) -> Checked {
-    let FrontiersLeft { unreachable, invisible, unresolved, no_return, too_small, open, .. } = *left;
-    let FrontiersLeft { map_edge, no_room, volume_edge, .. } = *left;
-    count("no_return", no_return)?;
+    let FrontiersLeft {
+        unreachable,
+        invisible,
+        unresolved,
+        no_return,
+        too_small,
+        open,
+        map_edge,
+        no_room,
+        volume_edge,
+    } = *left;
     counts([("unreachable", unreachable), ("invisible", invisible), ("unresolved", unresolved)])?;
-    counts([("too_small", too_small), ("open", open), ("map_edge", map_edge)])?;
-    counts([("no_room", no_room), ("volume_edge", volume_edge)])
+    counts([("no_return", no_return), ("too_small", too_small), ("open", open)])?;
+    counts([("map_edge", map_edge), ("no_room", no_room), ("volume_edge", volume_edge)])
 }
 
 fn phases(cpu_secs: &[(String, f64)]) -> Checked {

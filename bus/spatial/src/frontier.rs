@@ -106,8 +106,9 @@ impl FrontierSet {
     }
 
     fn counts(&self, grid: &OccupancyGrid, voxel: Voxel) -> bool {
-        let inside = counts(voxel, self.bounds, grid.resolution());
-        grid.state(voxel) == State::Free && inside && self.unknown_beside(grid, voxel).next().is_some()
+        grid.state(voxel) == State::Free
+            && counts(voxel, self.bounds, grid.resolution())
+            && self.unknown_beside(grid, voxel).next().is_some()
     }
 
     /// What makes `voxel` frontier, if it is free: its face neighbours that are unknown, in the volume to explore, and that

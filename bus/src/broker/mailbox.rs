@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::message::Message;
 use crate::clock::Dial;
-use crate::wire::{self, ATTACH, BULK, Frame, FrameKind, HEADER, Header, Named};
+use crate::wire::{self, ATTACH, BULK, Frame, FrameKind, Header, Named};
 
 /// Frames that wait for a client, back to back in one buffer, what the client must know before them, and the batches
 /// that it was given and has not handled yet.
@@ -354,7 +354,7 @@ impl Mailbox {
         let new = self.mail.split_off(self.resolved.max(self.head));
         for frame in wire::frames(&new).map_while(Result::ok) {
             let value = if frame.header.flags & BULK == 0 { None } else { bulk(&frame) };
-            match value.filter(|value| HEADER + frame.aux.len() + value.len() <= self.limit) {
+            match value.filter(|value| wire::frame_len(frame.aux.len(), value.len()) <= self.limit) {
                 Some(value) => {
                     let header = Header { flags: frame.header.flags & !BULK, ..frame.header };
                     wire::put(&mut self.mail, &header, frame.aux, value);

@@ -165,20 +165,22 @@ impl BulkReader {
 
     /// Takes a value out of the queue. That one cannot be read is said once.
     fn take(&self) -> Taken {
-        let queued = self.subscriber.has_samples();
-        match (self.subscriber.receive(), queued) {
-            (Ok(Some(sample)), _) => Taken::Value(sample),
-            (Ok(None), Ok(false)) => Taken::Nothing,
+        match self.subscriber.has_samples() {
+            Ok(true) => {}
+            Ok(false) => return Taken::Nothing,
+            Err(error) => {
+                self.say_lost(&format_args!("{error:?}"));
+                return Taken::Nothing;
+            }
+        }
+        match self.subscriber.receive() {
+            Ok(Some(sample)) => Taken::Value(sample),
             // iceoryx2 lets go of a value whose segment it cannot map, and answers as if there were none.
-            (Ok(None), Ok(true)) => {
+            Ok(None) => {
                 self.say_lost(&"its memory cannot be mapped");
                 Taken::Lost
             }
-            (Ok(None), Err(error)) => {
-                self.say_lost(&format_args!("{error:?}"));
-                Taken::Nothing
-            }
-            (Err(error), _) => {
+            Err(error) => {
                 self.say_lost(&format_args!("{error:?}"));
                 Taken::Nothing
             }

@@ -19,7 +19,7 @@ const LEAST_KB: u64 = 1024;
 /// With fewer descriptors left nobody can join, and an error of shared memory is most likely for want of them: iceoryx2
 /// gives back those that it had when it failed.
 const SCARCE_DESCRIPTORS: u64 = 24;
-/// Descriptors that it takes to map a segment.
+/// Descriptors that have to be free before a segment is mapped.
 const DESCRIPTORS_OF_A_SEGMENT: usize = 4;
 /// With fewer addresses left (MB), an error of shared memory is most likely for want of them: a segment has room for many
 /// values.
@@ -32,7 +32,7 @@ const SCARCE_FILES: u64 = 32;
 /// Sees that there is room for one more client, at either end. It is refused then, with the reason; later there would be
 /// a SIGBUS, or nothing left for those who are there.
 pub fn room() -> Result<(), LinkError> {
-    let no_memory = free_kb().is_some_and(|free_kb| free_kb < LEAST_KB);
+    let no_memory = free_kb(Path::new(SHARED_MEMORY)).is_some_and(|free_kb| free_kb < LEAST_KB);
     match no_memory || !has_descriptors() {
         true => Err(LinkError::SharedMemory(format!("there is no room for one more client{}", hint()))),
         false => Ok(()),
@@ -110,13 +110,13 @@ fn addresses() -> Option<String> {
     })
 }
 
-fn free_kb() -> Option<u64> {
-    let stat = statvfs(SHARED_MEMORY).ok()?;
+fn free_kb(folder: &Path) -> Option<u64> {
+    let stat = statvfs(folder).ok()?;
     Some((stat.f_bavail * stat.f_frsize) >> 10)
 }
 
 fn memory() -> Option<String> {
-    let free_mb = free_kb()? >> 10;
+    let free_mb = free_kb(Path::new(SHARED_MEMORY))? >> 10;
     (free_mb < SCARCE_MB).then(|| {
         format!(
             "{SHARED_MEMORY} has only {free_mb} MB left: remove what fills it, or enlarge it with \
@@ -136,8 +136,7 @@ fn unusable() -> Option<String> {
 }
 
 fn room_on_disk(folder: &Path) -> Option<String> {
-    let stat = statvfs(folder).ok()?;
-    ((stat.f_bavail * stat.f_frsize) >> 10 < LEAST_KB).then(|| {
+    (free_kb(folder)? < LEAST_KB).then(|| {
         let folder = folder.display();
         format!(
             "the file system of {folder} is full: remove what fills it, or set XDG_RUNTIME_DIR or TMPDIR to another one"

@@ -346,8 +346,9 @@ impl Server {
             self.let_go_if_dead(now, behind);
         }
         let (peers, broker) = (&mut self.peers, &self.broker);
-        if let Some(held) = peers.get_mut(&publisher).and_then(|peer| peer.bulk.as_mut()) {
-            held.make_room();
+        if let Some(held) = peers.get_mut(&publisher).and_then(|peer| peer.bulk.as_mut())
+            && held.make_room()
+        {
             held.let_go_of_unwanted(|sample| broker.is_latest_bulk(publisher, sample));
         }
     }

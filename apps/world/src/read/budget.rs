@@ -1,12 +1,12 @@
 //! What a file may come to: a few bytes can name a whole mesh again, so that its length alone bounds nothing.
 
-/// The most triangles of a world, each face counted as those that it can be cut into; they take nearly three gigabytes while they are read.
+/// The most triangles of a world, each face counted as those that it can be cut into.
 pub(crate) const MOST_TRIANGLES: usize = 1 << 23;
 /// The most vertices that faces can name.
 pub(crate) const MOST_VERTICES: usize = 3 * MOST_TRIANGLES;
 /// The most corners of a polygon: cutting one takes time with their square, at worst.
 pub(crate) const MOST_CORNERS: usize = 1 << 15;
-/// The most that the squares of all faces' corners come to: eight of the largest faces, half a minute at worst.
+/// The most that the squares of all faces' corners come to: that of eight of the largest faces.
 const MOST_CUTTING: u64 = 1 << 33;
 
 /// What has been used up of it.

@@ -58,10 +58,11 @@ impl Soup {
         Ok(())
     }
 
-    /// How many polygons have exactly the corners of another.
+    /// How many polygons have exactly the corners of one before. To be asked once.
     pub fn doubled(&mut self) -> usize {
-        self.outlines.sort_unstable();
-        self.outlines.windows(2).filter(|pair| pair[0] == pair[1]).count()
+        let mut outlines = std::mem::take(&mut self.outlines);
+        outlines.sort_unstable();
+        outlines.windows(2).filter(|pair| pair[0] == pair[1]).count()
     }
 
     /// Counts a part of the file that is gone through, and perhaps has no polygon: one can be named very often.
@@ -74,10 +75,8 @@ impl Soup {
 }
 
 fn outline(corners: &[Point3<f64>]) -> u64 {
-    // Two zeros are one place.
-    let mut places: Vec<u64> = corners.iter().map(|c| hashed(&[c.x, c.y, c.z].map(|c| (c + 0.0).to_bits()))).collect();
-    places.sort_unstable();
-    hashed(&places)
+    // Two zeros are one place; a sum does not mind the order.
+    corners.iter().map(|c| hashed(&[c.x, c.y, c.z].map(|c| (c + 0.0).to_bits()))).fold(0, u64::wrapping_add)
 }
 
 fn hashed(all: &[u64]) -> u64 {

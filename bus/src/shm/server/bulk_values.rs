@@ -31,11 +31,11 @@ impl Held {
         self.under_way.push_back((sample, reached));
     }
 
-    /// Gives up waiting for those who are far behind.
-    pub fn make_room(&mut self) {
-        while self.under_way.len() > UNDER_WAY {
-            self.under_way.pop_front();
-        }
+    /// Gives up waiting for those who are far behind; whether there were any.
+    pub fn make_room(&mut self) -> bool {
+        let surplus = self.under_way.len().saturating_sub(UNDER_WAY);
+        self.under_way.drain(..surplus);
+        surplus > 0
     }
 
     /// Who would be given up on.
