@@ -40,9 +40,16 @@ enum Content {
 impl Bvh {
     /// The hierarchy over `triangles`.
     pub fn new(triangles: Vec<Triangle>) -> Self {
-        let mut builder = Builder { items: triangles.into_iter().map(Item::new).collect(), nodes: Vec::new() };
+        Self::with_order(triangles).0
+    }
+
+    /// The hierarchy over `triangles`; and of each triangle in it, which of them it was.
+    pub(crate) fn with_order(triangles: Vec<Triangle>) -> (Self, Vec<u32>) {
+        let items = triangles.into_iter().zip(0..).map(|(triangle, index)| Item::new(triangle, index)).collect();
+        let mut builder = Builder { items, nodes: Vec::new() };
         builder.build(0, builder.items.len());
-        Self { nodes: builder.nodes, triangles: builder.items.into_iter().map(|i| i.triangle).collect() }
+        let (triangles, order) = builder.items.into_iter().map(|item| (item.triangle, item.index)).unzip();
+        (Self { nodes: builder.nodes, triangles }, order)
     }
 
     /// All triangles.
@@ -191,15 +198,17 @@ fn half_area(bounds: &Bounds) -> f64 {
 
 struct Item {
     triangle: Triangle,
+    /// Its place in what was given.
+    index: u32,
     bounds: Bounds,
     center: Point3<f64>,
 }
 
 impl Item {
-    fn new(triangle: Triangle) -> Self {
+    fn new(triangle: Triangle, index: u32) -> Self {
         let bounds = triangle.bounds();
         let center = bounds.mid();
-        Self { triangle, bounds, center }
+        Self { triangle, index, bounds, center }
     }
 }
 

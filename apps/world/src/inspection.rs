@@ -46,6 +46,8 @@ pub struct Inspection {
     pub degenerate_faces: usize,
     /// Faces whose outline crosses itself.
     pub crossed_faces: usize,
+    /// Faces that lie exactly on others, which are left out.
+    pub doubled_faces: usize,
     /// Triangles.
     pub triangles: usize,
     /// Area of all surfaces (m²).
@@ -86,6 +88,7 @@ pub fn inspect(name: &str, world: &World) -> Inspection {
         faces: reading.polygons,
         degenerate_faces: reading.degenerate,
         crossed_faces: reading.crossed,
+        doubled_faces: reading.doubled,
         triangles: triangles.len(),
         surface_m2: triangles.iter().map(|triangle| triangle.normal().norm() / 2.0).sum(),
         shells: reading.winding.shells,

@@ -6,7 +6,7 @@
 //! | [`mod@read`] | one reader a format, each error with its place |
 //! | [`polygon`] | polygons of any shape become triangles |
 //! | [`placement`] | a file's units and axes become metres, z up |
-//! | `topology`, [`winding`] | what hangs together; faces that look the wrong way are turned over |
+//! | `topology`, `partition`, [`winding`] | what hangs together; walls that bound nothing; faces that look the wrong way are turned over |
 //! | [`world`], [`bvh`], [`ray`], [`triangle`] | where surfaces are, and what is free between them |
 //! | [`mod@openness`], [`inspection`], [`units`] | what a person wants to know of a world before it is used |
 //! | [`suitability`] | whether a mission can be run in it |
@@ -16,6 +16,7 @@
 pub mod bvh;
 pub mod inspection;
 pub mod openness;
+mod partition;
 pub mod placement;
 pub mod polygon;
 pub mod random;

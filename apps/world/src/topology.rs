@@ -32,6 +32,15 @@ pub(crate) struct Rim {
     pub triangle: usize,
 }
 
+/// An edge at which three triangles or more meet.
+#[derive(Debug, Clone)]
+pub(crate) struct Junction {
+    /// How long it is (m).
+    pub length: f64,
+    /// Its triangles' shells, in order; one as often as it has triangles there.
+    pub shells: Vec<usize>,
+}
+
 /// How triangles hang together.
 #[derive(Debug, Clone)]
 pub(crate) struct Topology {
@@ -41,6 +50,8 @@ pub(crate) struct Topology {
     pub against: Vec<bool>,
     /// Where surfaces end.
     pub rims: Vec<Rim>,
+    /// Where more than two triangles meet.
+    pub junctions: Vec<Junction>,
 }
 
 /// One side of a triangle: its edge's corners, smaller first, whether it runs from the smaller to the larger.
@@ -59,7 +70,7 @@ impl Topology {
             corners.iter().enumerate().flat_map(|(triangle, corners)| sides(triangle, *corners)).collect();
         sides.sort_unstable();
         let mut links = Links::new(triangles.len());
-        let (mut rims, mut conflicts) = (Vec::new(), Vec::new());
+        let (mut rims, mut conflicts, mut junctions) = (Vec::new(), Vec::new(), Vec::new());
         let ends = |side: &Side| {
             let at = |corner: u32| corners[side.triangle].iter().position(|&c| c == corner).unwrap_or_default();
             [side.edge.0, side.edge.1].map(|corner| triangles[side.triangle].0[at(corner)])
@@ -76,13 +87,23 @@ impl Topology {
                         conflicts.push((a.triangle, ends(a)));
                     }
                 }
-                _ => {}
+                more => {
+                    let [from, to] = ends(&more[0]);
+                    let triangles = more.iter().map(|side| side.triangle).collect();
+                    junctions.push(Junction { length: (to - from).norm(), shells: triangles });
+                }
             }
         }
-        Self::assembled(links, rims, &conflicts)
+        Self::assembled(links, rims, &conflicts, junctions)
     }
 
-    fn assembled(mut links: Links, rims: Vec<Rim>, conflicts: &[(usize, [Point3<f64>; 2])]) -> Self {
+    /// The junctions have their triangles in place of the shells.
+    fn assembled(
+        mut links: Links,
+        rims: Vec<Rim>,
+        conflicts: &[(usize, [Point3<f64>; 2])],
+        mut junctions: Vec<Junction>,
+    ) -> Self {
         let count = links.parent.len();
         let mut shell_of_root = HashMap::new();
         let mut shells: Vec<Shell> = Vec::new();
@@ -104,7 +125,11 @@ impl Topology {
         for (triangle, edge) in conflicts {
             shells[shell_of[*triangle]].conflict.get_or_insert(*edge);
         }
-        Self { shells, against, rims }
+        for junction in &mut junctions {
+            junction.shells.iter_mut().for_each(|triangle| *triangle = shell_of[*triangle]);
+            junction.shells.sort_unstable();
+        }
+        Self { shells, against, rims, junctions }
     }
 }
 
@@ -127,19 +152,19 @@ fn welded(triangles: &[Triangle], extents: &Bounds) -> Vec<[u32; 3]> {
 }
 
 /// Sets that are joined, each member turned with or against its set's root.
-struct Links {
+pub(crate) struct Links {
     parent: Vec<usize>,
     /// Against the parent.
     turned: Vec<bool>,
 }
 
 impl Links {
-    fn new(count: usize) -> Self {
+    pub fn new(count: usize) -> Self {
         Self { parent: (0..count).collect(), turned: vec![false; count] }
     }
 
     /// The root of a member's set, and whether the member is turned against it. The way there is shortened.
-    fn root(&mut self, member: usize) -> (usize, bool) {
+    pub fn root(&mut self, member: usize) -> (usize, bool) {
         let (mut at, mut turned) = (member, false);
         while self.parent[at] != at {
             let above = self.parent[at];
@@ -153,7 +178,7 @@ impl Links {
     }
 
     /// Joins two sets. Where both are one already and disagree, the surface has one side only; the first word counts.
-    fn join(&mut self, a: usize, b: usize, against: bool) {
+    pub fn join(&mut self, a: usize, b: usize, against: bool) {
         let ((root_a, turned_a), (root_b, turned_b)) = (self.root(a), self.root(b));
         if root_a != root_b {
             let (root, under) = (root_a.min(root_b), root_a.max(root_b));

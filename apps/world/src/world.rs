@@ -9,6 +9,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;
 use crate::openness::{Openness, openness};
+use crate::partition::partitions;
 use crate::placement::Placement;
 use crate::random::Random;
 use crate::ray::Ray;
@@ -69,7 +70,7 @@ pub struct Reading {
     pub format: Option<Format>,
     /// Its faces.
     pub polygons: usize,
-    /// Those of them that lie exactly on others.
+    /// Those of them that lie exactly on others; they are left out.
     pub doubled: usize,
     /// Those of them that have no area; they are left out.
     pub degenerate: usize,
@@ -77,6 +78,8 @@ pub struct Reading {
     pub crossed: usize,
     /// Where the first of these stands.
     pub first_crossed: Option<Place>,
+    /// Shells that part what others bound.
+    pub partitions: usize,
     /// How its faces were turned.
     pub winding: Winding,
 }
@@ -173,24 +176,25 @@ impl World {
         let folder = Path::new(name).parent().unwrap_or(Path::new(""));
         let wrong = |fault| WorldError::Wrong { name: name.into(), fault };
         let (format, mut soup) = read::read(name, bytes, folder).map_err(wrong)?;
+        let copies = soup.leave_out_copies();
         for triangle in &mut soup.triangles {
             triangle.0 = triangle.0.map(|corner| placement.place(corner, format.up()));
         }
         if soup.triangles.is_empty() {
             return Err(WorldError::Empty { name: name.into(), degenerate: soup.degenerate });
         }
-        let doubled = soup.doubled();
-        let mut world = Self::from_triangles(name, soup.triangles)?;
+        let (mut world, order) = Self::over(name, soup.triangles)?;
         world.reading = Reading {
             format: Some(format),
             polygons: soup.polygons,
-            doubled,
+            doubled: soup.doubled,
             degenerate: soup.degenerate,
             crossed: soup.crossed,
             first_crossed: soup.first_crossed,
-            winding: Winding::default(),
+            ..Reading::default()
         };
-        world.mend(name)?;
+        let copies: Vec<u32> = order.iter().map(|&i| copies[i as usize]).collect();
+        world.mend(name, &copies)?;
         Ok(world)
     }
 
@@ -199,6 +203,11 @@ impl World {
     /// # Errors
     /// There are none, or a corner is not a finite number.
     pub fn from_triangles(name: &str, triangles: Vec<Triangle>) -> Result<Self, WorldError> {
+        Ok(Self::over(name, triangles)?.0)
+    }
+
+    /// The same; and of each of its surfaces, which of the triangles it was.
+    fn over(name: &str, triangles: Vec<Triangle>) -> Result<(Self, Vec<u32>), WorldError> {
         if triangles.is_empty() {
             return Err(WorldError::Empty { name: name.into(), degenerate: 0 });
         }
@@ -209,19 +218,19 @@ impl World {
             return Err(WorldError::TooLarge { name: name.into(), extents });
         }
         let reading = Reading { polygons: triangles.len(), ..Reading::default() };
-        Ok(Self {
-            extents,
-            surfaces: Bvh::new(triangles),
-            bounding: None,
-            reading,
-            rims: OnceLock::new(),
-            openness: OnceLock::new(),
-        })
+        let (surfaces, order) = Bvh::with_order(triangles);
+        let (rims, openness) = Default::default();
+        Ok((Self { extents, surfaces, bounding: None, reading, rims, openness }, order))
     }
 
-    /// Turns faces over that look the wrong way.
-    fn mend(&mut self, name: &str) -> Result<(), WorldError> {
-        let topology = Topology::of(self.surfaces.triangles(), &self.extents);
+    /// Turns faces over that look the wrong way. `copies` says of each how often it is in the file.
+    fn mend(&mut self, name: &str, copies: &[u32]) -> Result<(), WorldError> {
+        let mut topology = Topology::of(self.surfaces.triangles(), &self.extents);
+        let partitions = partitions(&topology, self.surfaces.triangles(), copies);
+        let parting = self.taken_down(&topology, &partitions);
+        if !parting.is_empty() {
+            topology = Topology::of(self.surfaces.triangles(), &self.extents);
+        }
         let mended = winding::mend(&mut self.surfaces, &topology, &self.extents);
         self.rims = OnceLock::from(first_rims(topology));
         let undecided = |undecided: winding::Undecided| WorldError::Winding { name: name.into(), edge: undecided.edge };
@@ -236,7 +245,35 @@ impl World {
         if winding.turned == 0 && !self.has_room() {
             self.try_turned_over();
         }
+        if !parting.is_empty() {
+            self.put_up(parting, partitions.len());
+        }
         Ok(())
+    }
+
+    /// Takes shells out of the surfaces; their triangles.
+    fn taken_down(&mut self, topology: &Topology, shells: &[usize]) -> Vec<Triangle> {
+        let all = self.surfaces.triangles();
+        let mut is_taken = vec![false; all.len()];
+        shells.iter().flat_map(|&shell| &topology.shells[shell].triangles).for_each(|&i| is_taken[i] = true);
+        let some = |taken: bool| all.iter().zip(&is_taken).filter(move |(_, is)| **is == taken).map(|(one, _)| *one);
+        let (taken, left): (Vec<Triangle>, Vec<Triangle>) = (some(true).collect(), some(false).collect());
+        if !taken.is_empty() {
+            self.surfaces = Bvh::new(left);
+        }
+        taken
+    }
+
+    /// Puts partitions, so many shells, back between the surfaces that something is in.
+    fn put_up(&mut self, partitions: Vec<Triangle>, shells: usize) {
+        let all = [self.surfaces.triangles(), &partitions].concat();
+        let surfaces = std::mem::replace(&mut self.surfaces, Bvh::new(all));
+        self.bounding.get_or_insert(surfaces);
+        // They name triangles by their place.
+        self.rims = OnceLock::new();
+        self.reading.partitions = shells;
+        self.reading.winding.shells += shells;
+        self.reading.winding.sheets += shells;
     }
 
     /// Turns everything over if that makes free what was not: open ground says nothing by parity.
@@ -368,9 +405,14 @@ impl Reading {
         }
         if self.doubled > 0 {
             remarks.push(format!(
-                "{} faces lie exactly on others, as of faces that were exported with two sides: a wall between two rooms may \
-                 be drawn so, but what is inside of outer walls that are cannot be told; export faces once",
+                "{} faces lie exactly on others, as of walls that have two sides or that two rooms share: each is taken once",
                 self.doubled
+            ));
+        }
+        if self.partitions > 0 {
+            remarks.push(format!(
+                "{} of {shells} shells only part what others enclose, which is the same on both sides of them",
+                self.partitions
             ));
         }
         remarks

@@ -25,9 +25,20 @@ pub struct Soup {
     pub crossed: usize,
     /// Where the first of these stands.
     pub first_crossed: Option<Place>,
-    /// A hash of each polygon's corners, whichever comes first and whichever way they go.
-    outlines: Vec<u64>,
+    /// Polygons that were left out since they lie exactly on others.
+    pub doubled: usize,
+    /// The polygons that gave triangles.
+    faces: Vec<Face>,
     budget: Budget,
+}
+
+/// A polygon that gave triangles.
+#[derive(Debug, Clone, Copy)]
+struct Face {
+    /// A hash of its corners, whichever comes first and whichever way they go.
+    outline: u64,
+    /// Where its triangles end among those of all.
+    end: usize,
 }
 
 impl Soup {
@@ -53,16 +64,31 @@ impl Soup {
         }
         match self.triangles.len() == before {
             true => self.degenerate += 1,
-            false => self.outlines.push(outline(corners)),
+            false => self.faces.push(Face { outline: outline(corners), end: self.triangles.len() }),
         }
         Ok(())
     }
 
-    /// How many polygons have exactly the corners of one before. To be asked once.
-    pub fn doubled(&mut self) -> usize {
-        let mut outlines = std::mem::take(&mut self.outlines);
-        outlines.sort_unstable();
-        outlines.windows(2).filter(|pair| pair[0] == pair[1]).count()
+    /// Leaves out polygons that have exactly the corners of one before. Of each triangle that is left: how often its
+    /// polygon was there. To be asked once.
+    pub fn leave_out_copies(&mut self) -> Vec<u32> {
+        let faces = std::mem::take(&mut self.faces);
+        let mut order: Vec<usize> = (0..faces.len()).collect();
+        order.sort_by_key(|&i| faces[i].outline);
+        let mut times = vec![0; faces.len()];
+        for same in order.chunk_by(|&a, &b| faces[a].outline == faces[b].outline) {
+            times[same[0]] = same.len() as u32;
+        }
+        self.doubled = times.iter().filter(|times| **times == 0).count();
+        let mut copies = Vec::new();
+        let (mut triangle, mut face) = (0, 0);
+        self.triangles.retain(|_| {
+            face += usize::from(triangle == faces[face].end);
+            triangle += 1;
+            copies.extend((times[face] > 0).then_some(times[face]));
+            times[face] > 0
+        });
+        copies
     }
 
     /// Counts a part of the file that is gone through, and perhaps has no polygon: one can be named very often.
