@@ -13,7 +13,7 @@ use crate::partition::partitions;
 use crate::placement::Placement;
 use crate::random::Random;
 use crate::ray::Ray;
-use crate::read::{self, Fault, Format, Place};
+use crate::read::{self, Fault, Format, Notice, Soup};
 use crate::topology::{Rim, Topology};
 use crate::triangle::{Triangle, bounds_of};
 use crate::units::{self, shown};
@@ -76,8 +76,8 @@ pub struct Reading {
     pub degenerate: usize,
     /// Those whose outline crosses itself.
     pub crossed: usize,
-    /// Where the first of these stands.
-    pub first_crossed: Option<Place>,
+    /// What else of it is left out, or not read as it stands.
+    pub notices: Vec<Notice>,
     /// Shells that part what others bound.
     pub partitions: usize,
     /// How its faces were turned.
@@ -107,12 +107,14 @@ pub enum WorldError {
         fault: Fault,
     },
     /// There is no surface.
-    #[error("the world {name} has no faces{}: export it with its faces", without_area(*.degenerate))]
+    #[error("the world {name} has no faces{}: export it with its faces", in_place_of_faces(*.degenerate, .notices))]
     Empty {
         /// The world.
         name: String,
         /// Faces that were there and have no area.
         degenerate: usize,
+        /// What else was there.
+        notices: Vec<Notice>,
     },
     /// Scaled, its coordinates are beyond all numbers.
     #[error("the world {name} has coordinates beyond all numbers (after Scale): {extents:?}")]
@@ -149,8 +151,9 @@ fn first_rims(topology: Topology) -> Vec<Rim> {
     topology.rims.into_iter().take(MOST_RIMS).collect()
 }
 
-fn without_area(degenerate: usize) -> String {
-    if degenerate == 0 { String::new() } else { format!(" but {degenerate} without area") }
+fn in_place_of_faces(degenerate: usize, notices: &[Notice]) -> String {
+    let without_area = if degenerate == 0 { String::new() } else { format!(" but {degenerate} without area") };
+    notices.iter().fold(without_area, |words, notice| format!("{words}; {notice}"))
 }
 
 impl World {
@@ -181,7 +184,8 @@ impl World {
             triangle.0 = triangle.0.map(|corner| placement.place(corner, format.up()));
         }
         if soup.triangles.is_empty() {
-            return Err(WorldError::Empty { name: name.into(), degenerate: soup.degenerate });
+            let Soup { degenerate, notices, .. } = soup;
+            return Err(WorldError::Empty { name: name.into(), degenerate, notices });
         }
         let (mut world, order) = Self::over(name, soup.triangles)?;
         world.reading = Reading {
@@ -190,7 +194,7 @@ impl World {
             doubled: soup.doubled,
             degenerate: soup.degenerate,
             crossed: soup.crossed,
-            first_crossed: soup.first_crossed,
+            notices: soup.notices,
             ..Reading::default()
         };
         let copies: Vec<u32> = order.iter().map(|&i| copies[i as usize]).collect();
@@ -209,7 +213,7 @@ impl World {
     /// The same; and of each of its surfaces, which of the triangles it was.
     fn over(name: &str, triangles: Vec<Triangle>) -> Result<(Self, Vec<u32>), WorldError> {
         if triangles.is_empty() {
-            return Err(WorldError::Empty { name: name.into(), degenerate: 0 });
+            return Err(WorldError::Empty { name: name.into(), degenerate: 0, notices: Vec::new() });
         }
         let extents = bounds_of(triangles.iter().flat_map(|t| &t.0));
         // The smallest and the largest pass over what is not a number.
@@ -395,14 +399,7 @@ impl Reading {
                     .to_owned(),
             );
         }
-        if self.crossed > 0 {
-            let first = self.first_crossed.as_ref().map(|place| format!(", the first{}", in_words(place)));
-            let first = first.unwrap_or_default();
-            remarks.push(format!(
-                "{} faces have outlines that cross themselves{first}: what is inside is a guess",
-                self.crossed
-            ));
-        }
+        remarks.extend(self.notices.iter().map(Notice::to_string));
         if self.doubled > 0 {
             remarks.push(format!(
                 "{} faces lie exactly on others, as of walls that have two sides or that two rooms share: each is taken once",
@@ -416,13 +413,6 @@ impl Reading {
             ));
         }
         remarks
-    }
-}
-
-fn in_words(place: &Place) -> String {
-    match place {
-        Place::Line(line) => format!(" in line {line}"),
-        other => other.to_string(),
     }
 }
 

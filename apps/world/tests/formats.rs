@@ -359,3 +359,77 @@ fn damaged_files_are_worlds_or_errors() {
         }
     }
 }
+
+fn notes(name: &str, bytes: &[u8]) -> String {
+    of(name, bytes).reading().remarks().join("\n")
+}
+
+/// Regression: all of it was left out without a word.
+#[test]
+fn what_is_left_out_is_said_with_its_number_and_place() {
+    let obj = include_str!("../../../tests/cases/obj/rooms-quads.obj");
+    let lines = obj.lines().count();
+    let more =
+        "vt 0 0\nl 1 2\ncstype bezier\nsurf 0 1 0 1 1 2 3 4\nend\ncurv 0 1 1 2\ncall b.obj 1\nface 1 2 3\nF 1 2 3\n";
+    let found = notes("r.obj", format!("{obj}{more}").as_bytes());
+    for (what, line) in [
+        ("2 free-form curves or surfaces are left out (the first: \"surf\" in line", 4),
+        ("1 statements that fetch another file or run a program are left out (the first: \"call\" in line", 7),
+        ("2 statements that OBJ does not know are left out (the first: \"face\" in line", 8),
+    ] {
+        assert!(found.contains(&format!("{what} {})", lines + line)), "{found}");
+    }
+    assert_eq!(found.lines().count(), 3, "{found}");
+    let only = said("r.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nsurf 0 1 0 1 1 2 3\n");
+    assert!(only.contains("has no faces; 1 free-form curves or surfaces are left out"), "{only}");
+
+    for header in ["made by nobody", "solid rooms", "solid facet"] {
+        let stl = binary_stl(header);
+        let [less, more, none] = [28_u32, 32, 0].map(|count| [&stl[..80], &count.to_le_bytes(), &stl[84..]].concat());
+        let found = notes("r.stl", &less);
+        assert!(found.contains("2 triangles behind those that the STL says it has are left out"), "{found}");
+        assert!(found.contains("(the first at byte 1484)"), "{found}");
+        assert!(said("r.stl", &more).contains("says that it has 32 triangles, and has bytes for 30"));
+        assert!(said("r.stl", &none).contains("has no faces; 30 triangles behind those"));
+        let found = notes("r.stl", &[&stl[..], b"hello"].concat());
+        assert!(found.contains("5 bytes behind the last triangle are left out (the first at byte 1584)"), "{found}");
+    }
+    let text = text_stl();
+    let quad = text.replacen("  endloop", "   vertex 2 2 0\n  endloop", 1);
+    let found = notes("r.stl", quad.as_bytes());
+    assert!(found.contains("1 facets have more than three corners: they are read as polygons (the first in line 3)"));
+
+    let ascii = ply("ascii", false);
+    let found = notes("r.ply", &[&ascii[..], b"\n3 0 1 2\n"].concat());
+    assert!(found.contains("4 numbers or words behind the PLY's last element are left out (the first in line"));
+    let little = ply("binary_little_endian", false);
+    let found = notes("r.ply", &[&little[..], b"\n123456789\n"].concat());
+    assert!(found.contains("9 bytes behind the PLY's last element are left out (the first at byte"), "{found}");
+    assert_eq!(notes("r.ply", &[&little[..], b"\r\n"].concat()), "");
+    let other = String::from_utf8(ascii).unwrap().replace("vertex_indices", "vertex_indexes");
+    let found = said("r.ply", other.as_bytes());
+    assert!(
+        found.contains("faces have the lists \"quality, vertex_indexes\" and no list vertex_indices or vertex_index"),
+        "{found}"
+    );
+}
+
+/// Regression: meshes were read as if nothing bent them.
+#[test]
+fn what_changes_the_shape_of_a_gltf_and_is_not_read_is_said() {
+    let (mut document, bytes) = gltf(None);
+    document["extensionsRequired"] = json!(["KHR_texture_basisu", "ACME_holes", "KHR_draco_mesh_compression"]);
+    document["nodes"][1]["skin"] = json!(0);
+    document["nodes"][1]["weights"] = json!([0.0, 0.0]);
+    document["meshes"][0]["weights"] = json!([0.0, 1.0]);
+    document["meshes"][1]["weights"] = json!([0.5]);
+    let found = notes("r.glb", &glb(&document, &bytes));
+    for what in [
+        "1 extensions that the file requires are not known: what they change is not read (the first: ACME_holes)",
+        "1 meshes that joints bend (skins) are read straight, as their nodes place them (the first in node 1)",
+        "1 meshes that are morphed (weights) are read as they are without it (the first in node 2)",
+    ] {
+        assert!(found.contains(what), "{found}");
+    }
+    assert_eq!(found.lines().count(), 3, "{found}");
+}

@@ -1,6 +1,7 @@
 //! glTF 2.0 (Khronos), `.gltf` and `.glb`: the triangles of all nodes of the scene, each where its node puts it.
 //!
-//! Only what has depth is looked at, so that a file is read whatever its materials are.
+//! Only what has depth is looked at, so that a file is read whatever its materials are. What would change the depth and is
+//! not read is counted, or refused where nothing right is left without it.
 
 mod buffers;
 
@@ -19,6 +20,10 @@ const DEEPEST: usize = 256;
 /// Objects and lists in the JSON: each may be a node, of which two bytes make some three hundred.
 const MOST_PARTS: usize = 1 << 21;
 
+/// Words in the names of extensions that change no depth, or are read here, or refused where they are used.
+const KNOWN_EXTENSIONS: [&str; 10] =
+    ["material", "texture", "light", "xmp", "anim", "audio", "quantization", "draco", "meshopt", "instancing"];
+
 /// Those of a part of the file, by name; of most it is enough to know that they are there.
 type Extensions = BTreeMap<String, IgnoredAny>;
 
@@ -26,6 +31,7 @@ type Extensions = BTreeMap<String, IgnoredAny>;
 #[serde(default, rename_all = "camelCase")]
 struct Document {
     asset: Asset,
+    extensions_required: Vec<String>,
     scene: Option<usize>,
     scenes: Vec<Scene>,
     nodes: Vec<Node>,
@@ -58,6 +64,9 @@ struct Node {
     /// x, y, z, w.
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
+    skin: Option<usize>,
+    /// In place of the mesh's.
+    weights: Option<Vec<f64>>,
     extensions: Extensions,
 }
 
@@ -66,6 +75,8 @@ struct Node {
 struct Mesh {
     name: Option<String>,
     primitives: Vec<Primitive>,
+    /// How far its shape goes towards each target.
+    weights: Vec<f64>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -133,6 +144,11 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, soup: &mut Soup) -> Result<(), F
         version if version.starts_with("2.") => {}
         version => return Err(Fault::whole(format_args!("this is glTF {version}; right is 2.0: export it again"))),
     }
+    let is_known = |name: &String| KNOWN_EXTENSIONS.iter().any(|word| name.to_lowercase().contains(word));
+    for name in document.extensions_required.iter().filter(|name| !is_known(name)) {
+        let what = "extensions that the file requires are not known: what they change is not read";
+        soup.notice(what, 1, &elk_outside::text::name(name), || Place::Whole);
+    }
     let mut walk = Walk {
         buffers: Buffers::new(&document, blob, folder),
         document: &document,
@@ -188,9 +204,22 @@ impl Walk<'_> {
         }
         let here = above * node.transform();
         if let Some(mesh) = node.mesh {
+            self.notice_other_shapes(node, mesh, place);
             self.mesh(mesh, &here)?;
         }
         node.children.iter().try_for_each(|&child| self.node(child, &here, depth + 1))
+    }
+
+    /// Skins bend meshes, and weights change their shapes; neither is read.
+    fn notice_other_shapes(&mut self, node: &Node, mesh: usize, place: impl Fn() -> Place) {
+        if node.skin.is_some() {
+            let what = "meshes that joints bend (skins) are read straight, as their nodes place them";
+            self.soup.notice(what, 1, "", &place);
+        }
+        let own = self.document.meshes.get(mesh).map_or(&[][..], |mesh| &mesh.weights);
+        if node.weights.as_deref().unwrap_or(own).iter().any(|weight| *weight != 0.0) {
+            self.soup.notice("meshes that are morphed (weights) are read as they are without it", 1, "", &place);
+        }
     }
 
     fn mesh(&mut self, index: usize, transform: &Matrix4<f64>) -> Result<(), Fault> {

@@ -18,7 +18,7 @@ use std::fmt;
 use std::path::Path;
 
 pub use format::Format;
-pub use soup::Soup;
+pub use soup::{Notice, Soup};
 
 /// Where in a file something stands.
 #[derive(Debug, Clone, PartialEq, Eq)]

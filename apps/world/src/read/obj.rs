@@ -1,4 +1,5 @@
-//! Wavefront OBJ: vertices (`v`) and faces (`f`); everything else has no depth and is passed over.
+//! Wavefront OBJ: vertices (`v`) and faces (`f`). What has no depth is passed over; what has, or is not known, is
+//! counted.
 
 use nalgebra::Point3;
 
@@ -9,17 +10,59 @@ use crate::read::{Fault, Place, Soup, text};
 /// Statements whose end may be anything, a `\` included: names of objects, groups, materials and files.
 const NAMES: [&[u8]; 6] = [b"o", b"g", b"usemtl", b"mtllib", b"usemap", b"maplib"];
 
+/// Statements that have no depth: coordinates of textures, names, lines, how it is drawn, what belongs to a free form.
+const WITHOUT_DEPTH: [&[u8]; 33] = [
+    b"vt",
+    b"vn",
+    b"vp",
+    b"p",
+    b"l",
+    b"o",
+    b"g",
+    b"s",
+    b"mg",
+    b"usemtl",
+    b"mtllib",
+    b"usemap",
+    b"maplib",
+    b"lod",
+    b"bevel",
+    b"c_interp",
+    b"d_interp",
+    b"shadow_obj",
+    b"trace_obj",
+    b"ctech",
+    b"stech",
+    b"cstype",
+    b"deg",
+    b"bmat",
+    b"step",
+    b"parm",
+    b"trim",
+    b"hole",
+    b"scrv",
+    b"sp",
+    b"end",
+    b"con",
+    b"res",
+];
+/// Curves and surfaces that are given by formulas, in today's words and those of old.
+const FREE_FORMS: [&[u8]; 7] = [b"surf", b"curv", b"curv2", b"bzp", b"bsp", b"cdc", b"cdp"];
+
 /// Words of a statement that are kept: its keyword, and one corner more than a face may have.
 const MOST_WORDS: usize = MOST_CORNERS + 2;
 
 /// A word and the line that it stands in.
 type Word<'a> = (usize, &'a [u8]);
 
-struct Obj(Mesh);
+struct Obj<'a> {
+    mesh: Mesh,
+    soup: &'a mut Soup,
+}
 
 /// Reads all faces.
 pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
-    let mut obj = Obj(Mesh::new(Place::Line, 1));
+    let mut obj = Obj { mesh: Mesh::new(Place::Line, 1), soup };
     let decoded = text::ascii_compatible(bytes);
     let mut statement: Vec<Word> = Vec::new();
     for (number, line) in text::lines(&decoded) {
@@ -32,7 +75,7 @@ pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
         }
     }
     obj.take(&statement)?;
-    obj.0.put_into(soup)
+    obj.mesh.put_into(obj.soup)
 }
 
 /// A line without its comment and its `\`, and whether the next one belongs to it. A comment begins with the line or
@@ -48,13 +91,27 @@ fn parts<'a>(line: &'a [u8], first: Option<&Word>) -> (&'a [u8], bool) {
     }
 }
 
-impl Obj {
+impl Obj<'_> {
     fn take(&mut self, statement: &[Word]) -> Result<(), Fault> {
         match statement.split_first() {
             Some(((line, b"v"), numbers)) => self.vertex(*line, numbers),
             Some(((line, b"f" | b"fo"), corners)) => self.face(*line, corners),
-            _ => Ok(()),
+            Some((first, _)) => {
+                self.leave_out(*first);
+                Ok(())
+            }
+            None => Ok(()),
         }
+    }
+
+    fn leave_out(&mut self, (line, keyword): Word) {
+        let what = match keyword {
+            known if WITHOUT_DEPTH.contains(&known) => return,
+            form if FREE_FORMS.contains(&form) => "free-form curves or surfaces are left out",
+            b"call" | b"csh" => "statements that fetch another file or run a program are left out",
+            _ => "statements that OBJ does not know are left out",
+        };
+        self.soup.notice(what, 1, &text::shown(keyword), || Place::Line(line));
     }
 
     /// `v x y z`; what follows is a weight or a colour.
@@ -66,7 +123,7 @@ impl Obj {
                 Err(Fault::line(line, format_args!("a vertex has {found} of three coordinates; right is `v x y z`")))
             }
         };
-        self.0.vertex(line, Point3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?))
+        self.mesh.vertex(line, Point3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?))
     }
 
     /// `f a b c …`, each corner a vertex, perhaps with `/texture/normal`.
@@ -76,16 +133,16 @@ impl Obj {
         }
         for (line, word) in corners {
             let index = self.index(word).map_err(|what| Fault::line(*line, what))?;
-            self.0.corner(*line, index)?;
+            self.mesh.corner(*line, index)?;
         }
-        self.0.end_face(line)
+        self.mesh.end_face(line)
     }
 
     /// The index, from 0, of a corner's vertex: counted from 1, or back from the last one so far.
     fn index(&self, word: &[u8]) -> Result<u64, String> {
         let vertex = word.split(|&byte| byte == b'/').next().unwrap_or_default();
         let number = std::str::from_utf8(vertex).ok().and_then(|text| text.parse::<i64>().ok());
-        let so_far = self.0.vertices() as u64;
+        let so_far = self.mesh.vertices() as u64;
         let index = match number {
             Some(0) => Err("vertices are counted from 1; there is no 0".to_owned()),
             Some(back @ ..0) => so_far

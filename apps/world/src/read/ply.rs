@@ -63,6 +63,9 @@ pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
             }
         }
     }
+    if let Some((what, count, first)) = values.left() {
+        soup.notice(what, count, "", || first.clone());
+    }
     mesh.put_into(soup)
 }
 
@@ -159,14 +162,23 @@ impl Header {
 
     fn ended(mut self, format: Option<Encoding>) -> Result<Self, Fault> {
         self.encoding = format.ok_or_else(|| Fault::line(self.lines, "the PLY's header has no line `format …`"))?;
-        let has = |wanted: &str, names: &[&str]| {
-            let mut all = self.elements.iter().filter(|element| element.name == wanted).flat_map(|e| &e.properties);
-            all.any(|property| names.contains(&property.name.as_str()))
-        };
-        if !has("face", &INDICES) && !self.elements.iter().any(|element| element.name == "tristrips") {
-            return Err(Fault::whole("the PLY has no faces: it is a cloud of points; make a mesh of it first"));
+        if self.elements.iter().any(|element| element.name == "tristrips") {
+            return Ok(self);
         }
-        Ok(self)
+        let faces = self.elements.iter().filter(|element| element.name == "face");
+        let lists: Vec<&str> = faces
+            .flat_map(|face| face.properties.iter().filter(|property| property.length.is_some()))
+            .map(|list| list.name.as_str())
+            .collect();
+        match lists.as_slice() {
+            [] => Err(Fault::whole("the PLY has no faces: it is a cloud of points; make a mesh of it first")),
+            lists if lists.iter().any(|name| INDICES.contains(name)) => Ok(self),
+            others => Err(Fault::whole(format_args!(
+                "the PLY's faces have the lists {} and no list {}: which vertices they have is not known; name it so in the header",
+                text::shown(others.join(", ").as_bytes()),
+                INDICES.join(" or ")
+            ))),
+        }
     }
 }
 
@@ -253,6 +265,22 @@ impl<'a> Values<'a> {
     /// Passes over all values of a property.
     fn pass_over(&mut self, property: &Property) -> Result<(), Fault> {
         (0..self.count(property)?).try_for_each(|_| self.next(property.scalar).map(|_| ()))
+    }
+
+    /// What stands behind the last element: what it is, how much, and where. White space is nothing.
+    fn left(self) -> Option<(&'static str, usize, Place)> {
+        match self {
+            Self::Text { mut words, .. } => {
+                let (line, _) = words.next()?;
+                let count = 1 + words.count();
+                Some(("numbers or words behind the PLY's last element are left out", count, Place::Line(line)))
+            }
+            Self::Binary { bytes, at, first, .. } => {
+                let count = bytes[at..].trim_ascii().len();
+                let what = "bytes behind the PLY's last element are left out";
+                (count > 0).then_some((what, count, Place::Byte(first + at)))
+            }
+        }
     }
 
     fn next(&mut self, scalar: Scalar) -> Result<f64, Fault> {

@@ -1,5 +1,6 @@
 //! What a reader has found: triangles, from polygons of any shape.
 
+use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use nalgebra::Point3;
@@ -23,13 +24,39 @@ pub struct Soup {
     pub degenerate: usize,
     /// Polygons whose outline crosses itself.
     pub crossed: usize,
-    /// Where the first of these stands.
-    pub first_crossed: Option<Place>,
+    /// What else of the file is no surface here, or another one than it says.
+    pub notices: Vec<Notice>,
     /// Polygons that were left out since they lie exactly on others.
     pub doubled: usize,
     /// The polygons that gave triangles.
     faces: Vec<Face>,
     budget: Budget,
+}
+
+/// Something of a file that is left out, or not read as it stands.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Notice {
+    what: &'static str,
+    count: usize,
+    example: String,
+    first: Place,
+}
+
+impl fmt::Display for Notice {
+    /// `2 statements … are left out (the first: "surf" in line 7)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, count, example, first } = self;
+        let first = match first {
+            Place::Line(line) => format!(" in line {line}"),
+            other => other.to_string(),
+        };
+        write!(f, "{count} {what}")?;
+        match (example.as_str(), first.as_str()) {
+            ("", "") => Ok(()),
+            ("", first) => write!(f, " (the first{first})"),
+            (example, first) => write!(f, " (the first: {example}{first})"),
+        }
+    }
 }
 
 /// A polygon that gave triangles.
@@ -60,13 +87,22 @@ impl Soup {
         let cut = polygon::triangulate(corners, |triangle| self.triangles.push(triangle));
         if cut == Cut::Crossed {
             self.crossed += 1;
-            self.first_crossed.get_or_insert_with(place);
+            self.notice("faces have outlines that cross themselves: what is inside is a guess", 1, "", &place);
         }
         match self.triangles.len() == before {
             true => self.degenerate += 1,
             false => self.faces.push(Face { outline: outline(corners), end: self.triangles.len() }),
         }
         Ok(())
+    }
+
+    /// Counts something of the file that is left out, or not read as it stands: `what` follows a number, `example` is a
+    /// word of the first one.
+    pub(crate) fn notice(&mut self, what: &'static str, count: usize, example: &str, place: impl Fn() -> Place) {
+        match self.notices.iter_mut().find(|notice| notice.what == what) {
+            Some(notice) => notice.count += count,
+            None => self.notices.push(Notice { what, count, example: example.to_owned(), first: place() }),
+        }
     }
 
     /// Leaves out polygons that have exactly the corners of one before. Of each triangle that is left: how often its

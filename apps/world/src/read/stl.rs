@@ -25,9 +25,14 @@ fn count(bytes: &[u8]) -> Option<u32> {
 /// Reads all triangles.
 pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
     let text = text::ascii_compatible(bytes);
-    let beginning = text::without_bom(&text).trim_ascii_start();
-    let is_text = beginning.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    if is_binary(bytes) || !is_text { read_binary(bytes, soup) } else { read_text(&text, soup) }
+    if is_binary(bytes) || !is_text(&text) { read_binary(bytes, soup) } else { read_text(&text, soup) }
+}
+
+/// Binary files may begin with `solid`, too; but a text has no zeros.
+fn is_text(text: &[u8]) -> bool {
+    let beginning = text::without_bom(text).trim_ascii_start();
+    let is_solid = beginning.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    is_solid && !text.iter().take(FIRST + RECORD).any(|&byte| byte == 0)
 }
 
 fn read_binary(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
@@ -41,7 +46,14 @@ fn read_binary(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
             "the STL says that it has {count} triangles, and has bytes for {there}: it is cut off, or no STL"
         )));
     }
-    for (i, record) in records.take(count as usize).enumerate() {
+    let (count, behind) = (count as usize, FIRST + RECORD * count as usize);
+    if there > count {
+        let what = "triangles behind those that the STL says it has are left out: its number is wrong, or they are";
+        soup.notice(what, there - count, "", || Place::Byte(behind));
+    } else if bytes.len() > behind {
+        soup.notice("bytes behind the last triangle are left out", bytes.len() - behind, "", || Place::Byte(behind));
+    }
+    for (i, record) in records.take(count).enumerate() {
         let number = |at: usize| {
             let at = NORMAL + 4 * at;
             f64::from(f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]))
@@ -65,6 +77,11 @@ fn read_text(text: &[u8], soup: &mut Soup) -> Result<(), Fault> {
                 begun = line;
             }
             Some(b"endloop") => {
+                if corners.len() > 3 {
+                    soup.notice("facets have more than three corners: they are read as polygons", 1, "", || {
+                        Place::Line(begun)
+                    });
+                }
                 soup.polygon(&corners, || Place::Line(begun))?;
                 corners.clear();
             }
