@@ -39,8 +39,8 @@ enum Truth {
     /// No surface goes through it, and it is not in the world's free space: it lies in a solid, or outside. In a closed world
     /// nobody can see into it, so it is as good as occupied; in an open one nobody can tell a solid from the open.
     Beyond,
-    /// It is free, and a surface touches it: a map that calls it free is right, and so is one that has the surface
-    /// there.
+    /// It is free, and a surface touches it: a map that has the surface there is right, and so is one that calls it free,
+    /// unless it has the surface on neither side ([`lacks_wall`]).
     Touched,
 }
 
@@ -83,6 +83,21 @@ fn truth(world: &World, voxel: Voxel, resolution: f64, met: Meeting) -> Truth {
     }
 }
 
+/// Whether the map has a wall nowhere that lies on an upper face of a free voxel, and merely touches it and the next one
+/// beyond the face: it may be in either, and so counts in the lower one if the upper one is free, too.
+fn lacks_wall(world: &World, map: &OccupancyGrid, voxel: Voxel) -> bool {
+    let resolution = map.resolution();
+    [[1, 0, 0], [0, 1, 0], [0, 0, 1]].into_iter().any(|step| {
+        let next = voxel + Voxel::from(step);
+        let towards = Vector3::from(step.map(f64::from));
+        let shape = Vector3::repeat(1.0 - 2.0 * TOUCH) - towards * (1.0 - 4.0 * TOUCH);
+        let face = Bounds::from_mid_dim(voxel.center(resolution) + towards * (resolution / 2.0), shape * resolution);
+        map.state(next) == State::Free
+            && world.surfaces().overlaps(&face)
+            && truth(world, next, resolution, meeting(world, next, resolution)) == Truth::Touched
+    })
+}
+
 /// Holds every known voxel of `map` against the world; of an open world those that lie in it, as what is beyond is not known.
 pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
     let resolution = map.resolution();
@@ -103,7 +118,8 @@ pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
                 continue;
             }
             accuracy.known += 1;
-            accuracy.right += u64::from(truth.allows(cells[cell]));
+            let lacks_wall = || truth == Truth::Touched && cells[cell] == State::Free && lacks_wall(world, map, voxel);
+            accuracy.right += u64::from(truth.allows(cells[cell]) && !lacks_wall());
         }
     }
     accuracy
@@ -111,6 +127,8 @@ pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point3;
+
     use super::*;
     use crate::scenery::{Scenery, Solid};
     use crate::triangle::Triangle;
@@ -198,6 +216,36 @@ mod tests {
         let of = |x: i32| truth_of(&world, Voxel::new(x, 10, 10));
         assert_eq!([-2, -1, 0, 1].map(of), [Truth::Beyond, Truth::Beyond, Truth::Touched, Truth::Free]);
         assert_eq!([38, 39, 40].map(of), [Truth::Free, Truth::Touched, Truth::Beyond]);
+    }
+
+    /// Regression: a thin wall on the lattice's faces was in none of the voxels, and a map without it right.
+    #[test]
+    fn a_thin_wall_has_to_be_on_either_side_wherever_it_lies_on_the_lattice() {
+        let wall = |x: f64| {
+            let (low, high) = ([-0.02, -0.02], [3.02, 2.02]);
+            let corner = |y: f64, z: f64| Point3::new(x, y, z);
+            let [a, b] = [corner(low[0], low[1]), corner(high[0], low[1])];
+            let [c, d] = [corner(high[0], high[1]), corner(low[0], high[1])];
+            [Triangle([a, b, c]), Triangle([a, c, d]), Triangle([c, b, a]), Triangle([d, c, a])]
+        };
+        let room = Solid::block("room", [-0.02; 3], [4.02, 3.02, 2.02]);
+        let room = Scenery::within(room).triangles_at(Vector3::zeros());
+        let judged = |x: f64, found: Option<i32>| {
+            let world = World::from_triangles("room", [room.clone(), wall(x).to_vec()].concat()).unwrap();
+            let mut map = OccupancyGrid::new(0.1);
+            for voxel in all_within(Voxel::new(5, 5, 5), Voxel::new(35, 24, 14)) {
+                let is_wall = found == Some(voxel.to_array()[0]);
+                map.set(voxel, if is_wall { State::Occupied } else { State::Free });
+            }
+            let Accuracy { known, right } = accuracy(&world, &map);
+            known - right
+        };
+        for on_face in [2.0, 2.0005, 1.9995] {
+            assert_eq!([Some(19), Some(20)].map(|found| judged(on_face, found)), [0, 0], "{on_face}");
+            assert_eq!(judged(on_face, None), 20 * 10, "{on_face}");
+            assert_eq!(judged(on_face, Some(21)), 2 * 20 * 10, "{on_face}");
+        }
+        assert_eq!([Some(20), None].map(|found| judged(2.03, found)), [0, 20 * 10]);
     }
 
     /// Regression: what a map rightly called free above a room without a ceiling counted as wrong.
