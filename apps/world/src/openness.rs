@@ -42,9 +42,6 @@ pub struct Hole {
     /// Points in it that are looked through: its middle, and towards the corners of its rim.
     #[serde(skip)]
     aims: Vec<Point3<f64>>,
-    /// Digits behind the point with which it is shown.
-    #[serde(skip)]
-    digits: usize,
 }
 
 /// How open a world is.
@@ -58,7 +55,7 @@ pub struct Openness {
     pub holes: Vec<Hole>,
     /// Where some of the rays that met nothing left the box around the world (m, world).
     pub exits: Vec<Point3<f64>>,
-    /// Digits behind the point with which these are shown.
+    /// Digits behind the point with which lengths are shown.
     #[serde(skip)]
     digits: usize,
 }
@@ -75,7 +72,8 @@ impl Openness {
         if !self.is_open() {
             return None;
         }
-        let holes: Vec<String> = self.holes.iter().filter(|hole| hole.leads_out).take(SHOWN).map(Hole::words).collect();
+        let leading_out = self.holes.iter().filter(|hole| hole.leads_out).take(SHOWN);
+        let holes: Vec<String> = leading_out.map(|hole| hole.words(self.digits)).collect();
         let exits = || self.exits.iter().map(|exit| shown(exit, self.digits)).collect::<Vec<_>>().join(", ");
         let whereabouts = match holes.as_slice() {
             [] => format!("some leave it at {}", exits()),
@@ -99,9 +97,9 @@ impl Hole {
         self.leads_out = self.aims.iter().any(|&aim| places.iter().any(|&place| gets_out(place, aim)));
     }
 
-    fn words(&self) -> String {
-        let Self { middle, size, digits, .. } = self;
-        let around = shown(middle, *digits);
+    fn words(&self, digits: usize) -> String {
+        let Self { middle, size, .. } = self;
+        let around = shown(middle, digits);
         format!("a hole of {:.digits$} × {:.digits$} × {:.digits$} m around {around}", size.x, size.y, size.z)
     }
 }
@@ -163,7 +161,7 @@ fn exit(origin: Point3<f64>, direction: Vector3<f64>, bounds: &Bounds) -> Point3
 /// Where surfaces end, the largest first.
 fn holes(world: &World) -> Vec<Hole> {
     let ends: Vec<&Rim> = world.rims().iter().filter(|rim| !is_seam(world, rim)).collect();
-    let mut holes: Vec<Hole> = connected(&ends).iter().map(|rims| hole(rims, world.digits())).collect();
+    let mut holes: Vec<Hole> = connected(&ends).iter().map(|rims| hole(rims)).collect();
     holes.sort_by(|a, b| b.size.norm().total_cmp(&a.size.norm()));
     holes
 }
@@ -200,7 +198,7 @@ fn connected<'a>(rims: &[&'a Rim]) -> Vec<Vec<&'a Rim>> {
     groups
 }
 
-fn hole(rims: &[&Rim], digits: usize) -> Hole {
+fn hole(rims: &[&Rim]) -> Hole {
     let around = bounds_of(rims.iter().flat_map(|rim| &rim.ends));
     let length = |rim: &Rim| (rim.ends[1] - rim.ends[0]).norm();
     let whole: f64 = rims.iter().map(|rim| length(rim)).sum();
@@ -209,5 +207,5 @@ fn hole(rims: &[&Rim], digits: usize) -> Hole {
     let middle = if whole > 0.0 { around.min + sum / whole } else { around.mid() };
     let ends = rims.iter().step_by(rims.len().div_ceil(AIMS)).map(|rim| rim.ends[0]);
     let aims = std::iter::once(middle).chain(ends.map(|end| middle + (end - middle) * TOWARDS_RIM)).collect();
-    Hole { middle, size: around.dim(), edges: rims.len(), leads_out: false, aims, digits }
+    Hole { middle, size: around.dim(), edges: rims.len(), leads_out: false, aims }
 }

@@ -365,7 +365,7 @@ mod tests {
         assert_eq!((winding.shells, winding.sheets, winding.turned), (2, 1, 0));
     }
 
-    /// Regression: three faces of each shell were looked at, however many there were: minutes for a file of crumbs.
+    /// Regression: three faces of each shell were looked at, however many shells there were.
     #[test]
     fn of_many_shells_the_largest_speak_for_the_others() {
         let mut scenery = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0]));

@@ -128,13 +128,15 @@ pub enum WorldError {
     #[error(
         "the world {name} has faces that are turned against each other, for example at the edge from {} to {}, and which of \
          them look to the free side cannot be told: make their normals consistent and export it again",
-        shown(&.edge[0], 3), shown(&.edge[1], 3)
+        shown(&.edge[0], *.digits), shown(&.edge[1], *.digits)
     )]
     Winding {
         /// The world.
         name: String,
         /// An edge between two such faces (m, world).
         edge: [Point3<f64>; 2],
+        /// Digits behind the point that it is shown with.
+        digits: usize,
     },
     /// There is no room for a robot.
     #[error(
@@ -147,8 +149,10 @@ pub enum WorldError {
     },
 }
 
-fn first_rims(topology: Topology) -> Vec<Rim> {
-    topology.rims.into_iter().take(MOST_RIMS).collect()
+fn first_rims(Topology { mut rims, .. }: Topology) -> Vec<Rim> {
+    rims.truncate(MOST_RIMS);
+    rims.shrink_to_fit();
+    rims
 }
 
 fn in_place_of_faces(degenerate: usize, notices: &[Notice]) -> String {
@@ -237,8 +241,11 @@ impl World {
         }
         let mended = winding::mend(&mut self.surfaces, &topology, &self.extents);
         self.rims = OnceLock::from(first_rims(topology));
-        let undecided = |undecided: winding::Undecided| WorldError::Winding { name: name.into(), edge: undecided.edge };
-        let (winding, is_sheet) = mended.map_err(undecided)?;
+        let (winding, is_sheet) = mended.map_err(|winding::Undecided { edge }| WorldError::Winding {
+            name: name.into(),
+            edge,
+            digits: self.digits(),
+        })?;
         self.reading.winding = winding;
         if winding.sheets > 0 {
             let all = self.surfaces.triangles().iter().zip(&is_sheet);

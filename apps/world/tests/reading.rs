@@ -349,5 +349,10 @@ fn open_ground_is_free_above() {
 #[test]
 fn faces_turned_against_each_other_are_refused_where_nothing_decides() {
     let said = said("ground.obj", "v 0 0 0\nv 9 0 0\nv 9 9 0\nv 0 9 0\nv 18 0 1\nv 18 9 1\nf 1 2 3 4\nf 2 3 6 5\n");
-    assert!(said.contains("turned against each other, for example at the edge from (9.000;"), "{said}");
+    assert!(said.contains("turned against each other, for example at the edge from (9.00;"), "{said}");
+    // Regression: an edge of a small world was shown as a point.
+    let small = Placement { scale: 1e-4, up: None };
+    let text = "v 0 0 0\nv 9 0 0\nv 9 9 0\nv 0 9 0\nv 18 0 1\nv 18 9 1\nf 1 2 3 4\nf 2 3 6 5\n";
+    let said = World::from_bytes("ground.obj", text.as_bytes(), &small).unwrap_err().to_string();
+    assert!(said.contains("from (0.00090; 0.00000; 0.00000) to (0.00090; 0.00090; 0.00000)"), "{said}");
 }

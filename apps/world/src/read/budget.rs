@@ -17,6 +17,17 @@ pub(crate) struct Budget {
 }
 
 impl Budget {
+    /// Sees whether a face may have so many corners.
+    ///
+    /// # Errors
+    /// It has too many.
+    pub fn corners(corners: usize) -> Result<(), String> {
+        match corners > MOST_CORNERS {
+            true => Err(format!("a face has more than {MOST_CORNERS} corners, the most that are read")),
+            false => Ok(()),
+        }
+    }
+
     /// Counts a face of so many corners; what has no triangle, or is no face, counts as one triangle.
     ///
     /// # Errors
@@ -24,10 +35,8 @@ impl Budget {
     pub fn face(&mut self, corners: usize) -> Result<(), String> {
         self.triangles += corners.saturating_sub(2).max(1);
         self.cutting += (corners as u64).pow(2);
+        Self::corners(corners)?;
         match () {
-            () if corners > MOST_CORNERS => {
-                Err(format!("a face has more than {MOST_CORNERS} corners, the most that are read"))
-            }
             () if self.triangles > MOST_TRIANGLES => Err(format!(
                 "here it comes to more than {MOST_TRIANGLES} triangles, the most that are read: export less of it"
             )),

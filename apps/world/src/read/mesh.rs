@@ -2,7 +2,7 @@
 
 use nalgebra::Point3;
 
-use crate::read::budget::{Budget, MOST_CORNERS, MOST_VERTICES};
+use crate::read::budget::{Budget, MOST_VERTICES};
 use crate::read::{Fault, Place, Soup};
 
 /// A vertex that a face names, and where in the file.
@@ -64,10 +64,7 @@ impl Mesh {
     pub fn corner(&mut self, at: usize, vertex: u64) -> Result<(), Fault> {
         self.corners.push(Corner { vertex, at });
         let first = self.faces.last().map_or(0, |face| face.end);
-        if self.corners.len() - first <= MOST_CORNERS {
-            return Ok(());
-        }
-        Err(self.fault(at, format_args!("a face has more than {MOST_CORNERS} corners, the most that are read")))
+        Budget::corners(self.corners.len() - first).map_err(|what| self.fault(at, what))
     }
 
     /// Ends the face that began at `at`.
@@ -110,7 +107,8 @@ impl Mesh {
         })
     }
 
-    fn fault(&self, at: usize, what: impl std::fmt::Display) -> Fault {
+    /// What is wrong at a position in the file.
+    pub fn fault(&self, at: usize, what: impl std::fmt::Display) -> Fault {
         Fault::at((self.place)(at), what)
     }
 }

@@ -83,7 +83,6 @@ fn vertex(element: &Element, values: &mut Values, mesh: &mut Mesh) -> Result<(),
 
 fn face(element: &Element, values: &mut Values, mesh: &mut Mesh) -> Result<(), Fault> {
     let at = values.position();
-    let place = values.place();
     let is_outline = |property: &&Property| property.length.is_some() && INDICES.contains(&property.name.as_str());
     let outline = element.properties.iter().find(is_outline);
     for property in &element.properties {
@@ -95,7 +94,7 @@ fn face(element: &Element, values: &mut Values, mesh: &mut Mesh) -> Result<(), F
             let value = values.next(property.scalar)?;
             if !(value >= 0.0 && value.fract() == 0.0) {
                 let what = format_args!("a face has the vertex {value}; right is a number from 0");
-                return Err(Fault::at(place, what));
+                return Err(mesh.fault(at, what));
             }
             mesh.corner(at, value as u64)?;
         }
