@@ -1,37 +1,34 @@
-//! Walls that part space and bound none of it: a partition between two rooms, drawn by both of them, or once where floor
-//! and ceiling are cut at it.
+//! Walls that part space and bound none of it: those that two rooms share, drawn by both of them.
 //!
-//! A surface that bounds something has two faces at each of its edges, or at least an even number. Where three meet, one
-//! is too many. It is the one that is drawn more often than what hangs together with it, as a wall that two rooms share;
-//! else the flattest one, as no other surface with its rim is smaller. The tile of a floor on which a box stands, drawn
-//! by either, is one, too, with free space on neither side of it.
-
-use nalgebra::Vector3;
+//! They are in the file more often than what hangs together with them. So may an outer wall be that was exported with two
+//! sides; but a surface that bounds something has two faces at each of its edges, or at least an even number: what is
+//! missed at its edges bounds something. The tile of a floor on which a box stands, drawn by either, is a partition, too,
+//! with free space on neither side of it.
 
 use crate::topology::{Junction, Links, Topology};
-use crate::triangle::Triangle;
 
 /// The shells, as indices, that bound nothing. `copies` says of each triangle how often its face is in the file.
-pub(crate) fn partitions(topology: &Topology, triangles: &[Triangle], copies: &[u32]) -> Vec<usize> {
+pub(crate) fn partitions(topology: &Topology, copies: &[u32]) -> Vec<usize> {
     let Topology { shells, junctions, .. } = topology;
     let mut bounds = drawn_as_often_as_others(topology, copies);
     let odd = |junction: &Junction| junction.shells.iter().filter(|&&shell| bounds[shell]).count() % 2 == 1;
     let mut is_odd: Vec<bool> = junctions.iter().map(odd).collect();
     let junctions_of = junctions_of(shells.len(), junctions);
-    let all = (0..shells.len()).filter(|&shell| !junctions_of[shell].is_empty());
-    let mut by_flatness: Vec<(f64, usize)> = all.map(|shell| (flatness(topology, shell, triangles), shell)).collect();
-    by_flatness.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (_, shell) in by_flatness {
-        let own = &junctions_of[shell];
-        let gained: f64 = own.iter().map(|&i| if is_odd[i] { junctions[i].length } else { -junctions[i].length }).sum();
-        if gained > 0.0 {
-            bounds[shell] = !bounds[shell];
-            own.iter().for_each(|&i| is_odd[i] = !is_odd[i]);
+    // By length: at which of its edges a shell is missed, more than at which it would be too much.
+    let missed = |shell: usize, is_odd: &[bool]| -> f64 {
+        let own = junctions_of[shell].iter();
+        own.map(|&i| if is_odd[i] { junctions[i].length } else { -junctions[i].length }).sum()
+    };
+    let mut doubtful: Vec<(f64, usize)> =
+        (0..shells.len()).filter(|&shell| !bounds[shell]).map(|shell| (missed(shell, &is_odd), shell)).collect();
+    doubtful.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (_, shell) in doubtful {
+        if missed(shell, &is_odd) > 0.0 {
+            bounds[shell] = true;
+            junctions_of[shell].iter().for_each(|&i| is_odd[i] = !is_odd[i]);
         }
     }
-    // Sheets that meet at an edge, some of them drawn twice: there is nothing else that could bound anything.
-    let none_bounds = !bounds.contains(&true);
-    (0..shells.len()).filter(|&shell| !bounds[shell] && !none_bounds).collect()
+    (0..shells.len()).filter(|&shell| !bounds[shell]).collect()
 }
 
 /// Of each shell: whether it is in the file no more often than any of those that it meets, by way of others, too.
@@ -57,16 +54,4 @@ fn junctions_of(shells: usize, junctions: &[Junction]) -> Vec<Vec<usize>> {
         odd.for_each(|same| junctions_of[same[0]].push(i));
     }
     junctions_of
-}
-
-/// The least area that a surface with a shell's rim can have, as a share of the shell's: 1 if it is flat, 0 if it has no
-/// rim.
-fn flatness(topology: &Topology, shell: usize, triangles: &[Triangle]) -> f64 {
-    let (mut vector, mut area) = (Vector3::zeros(), 0.0);
-    for &i in &topology.shells[shell].triangles {
-        let normal = triangles[i].normal();
-        vector += if topology.against[i] { -normal } else { normal };
-        area += normal.norm();
-    }
-    if area > 0.0 { vector.norm() / area } else { 0.0 }
 }

@@ -234,7 +234,7 @@ impl World {
     /// Turns faces over that look the wrong way. `copies` says of each how often it is in the file.
     fn mend(&mut self, name: &str, copies: &[u32]) -> Result<(), WorldError> {
         let mut topology = Topology::of(self.surfaces.triangles(), &self.extents);
-        let partitions = partitions(&topology, self.surfaces.triangles(), copies);
+        let partitions = partitions(&topology, copies);
         let parting = self.taken_down(&topology, &partitions);
         if !parting.is_empty() {
             topology = Topology::of(self.surfaces.triangles(), &self.extents);
@@ -264,14 +264,15 @@ impl World {
 
     /// Takes shells out of the surfaces; their triangles.
     fn taken_down(&mut self, topology: &Topology, shells: &[usize]) -> Vec<Triangle> {
+        if shells.is_empty() {
+            return Vec::new();
+        }
         let all = self.surfaces.triangles();
         let mut is_taken = vec![false; all.len()];
         shells.iter().flat_map(|&shell| &topology.shells[shell].triangles).for_each(|&i| is_taken[i] = true);
         let some = |taken: bool| all.iter().zip(&is_taken).filter(move |(_, is)| **is == taken).map(|(one, _)| *one);
         let (taken, left): (Vec<Triangle>, Vec<Triangle>) = (some(true).collect(), some(false).collect());
-        if !taken.is_empty() {
-            self.surfaces = Bvh::new(left);
-        }
+        self.surfaces = Bvh::new(left);
         taken
     }
 

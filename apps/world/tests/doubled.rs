@@ -133,6 +133,10 @@ fn rooms_in_a_lattice_are_parted_by_their_walls() {
     let world = loaded(&rooms);
     assert_eq!((free(&world), world.reading().partitions), (within(&boxes), 54));
     assert_eq!(free(&loaded(&[rooms.clone(), turned(&rooms)].concat())), within(&boxes));
+    // Its façade has two sides besides.
+    let facade: Vec<Quad> = rooms.iter().filter(|quad| quad.iter().all(|corner| corner[0] == 0.0)).copied().collect();
+    let world = loaded(&[rooms, turned(&facade)].concat());
+    assert_eq!((free(&world), world.reading().partitions, facade.len()), (within(&boxes), 54, 9));
 }
 
 /// As STL has them: the two sides of a wall may be cut into triangles along different diagonals.
