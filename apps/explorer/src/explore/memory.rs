@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
 use elk_spatial::ray::Traversal;
-use elk_spatial::{FrontierSet, Pose, Voxel};
+use elk_spatial::{FrontierSet, Pose, State, Voxel};
 use nalgebra::Point3;
 
 use super::scene::nearest;
@@ -149,10 +149,15 @@ impl Memory {
         let resolution = grid.resolution();
         let robot = Voxel::containing(from, resolution);
         let near = |voxel: &Voxel| (voxel.center(resolution) - from).norm() <= LOOK_RANGE_M;
+        // A ray without a return has passed all that is unknown on its way: it is no cover.
+        let passed = |voxel: Voxel| match grid.state(voxel) {
+            State::Occupied => State::Occupied,
+            State::Free | State::Unknown => State::Free,
+        };
         let in_view = |unknown: Voxel| {
             let toward = (unknown.center(resolution) - from).try_normalize(1e-9);
             let in_cone = |look: &Pose| toward.is_some_and(|t| t.dot(&look.forward()) >= VIEW_HALF_ANGLE.cos());
-            looks.iter().any(in_cone) && in_sight(resolution, |voxel| grid.state(voxel), from, unknown)
+            looks.iter().any(in_cone) && in_sight(resolution, passed, from, unknown)
         };
         let seen = |voxel: &Voxel| known.unknown_beside(*voxel).any(in_view);
         for voxel in frontier.iter().filter(near).filter(seen) {

@@ -233,7 +233,8 @@ fn run_under_the_sky(deaf: bool) -> (ExplorationReport, u64) {
     (explorer.report().unwrap().clone(), grid.revision())
 }
 
-/// Regression: every voxel below an open sky was looked at for itself, from four places.
+/// Regression: every voxel below an open sky was looked at for itself, from four places; then all that what is unknown
+/// hid, 342 scans where 50 are enough.
 #[test]
 fn where_rays_go_without_a_return_what_is_in_view_is_looked_at_in_vain_with_the_target() {
     let (deaf, _) = run_under_the_sky(true);
@@ -242,7 +243,7 @@ fn where_rays_go_without_a_return_what_is_in_view_is_looked_at_in_vain_with_the_
     assert!(!report.complete && report.reason.contains("the sensor sees nothing"), "{report:?}");
     let left = report.frontiers_left;
     assert!(left.no_return > 100 && left.unresolved + left.open == 0, "{left:?}");
-    assert!(scans < 600, "{scans} scans, {report:?}");
+    assert!(scans < 150, "{scans} scans, {report:?}");
 }
 
 #[test]
