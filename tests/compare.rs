@@ -52,6 +52,50 @@ fn strategies_are_compared_over_seeds_and_a_failed_run_is_a_row_that_says_why() 
     assert!(csv.contains("\n./mine.sh,2,true,") && csv.contains("\n./dies.sh,1,false,,,,"), "{csv}");
 }
 
+/// Regression: a mission that says something to one strategy alone was refused by all others, and a parameter could only be
+/// the same for all.
+#[test]
+fn a_strategy_has_parameters_of_its_own_and_is_not_told_those_of_others() {
+    let elk = Elk::new("compare-parameters");
+    let text = small("auto", "").replace("\"ClosestFrontier\">", "\"Potential\"><Solver>jacobi</Solver>");
+    std::fs::write(elk.folder().join("mission.xml"), text).unwrap();
+    std::fs::write(elk.folder().join("other.xml"), small("auto", "")).unwrap();
+    explorer_script(&elk, "mine.sh", "Potential");
+    let compare = |arguments: &[&str]| {
+        let out = elk.command(&[&["compare"], arguments].concat()).output().unwrap();
+        let said = String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr);
+        assert!(out.status.success(), "{said}");
+        said
+    };
+    let said =
+        compare(&["ClosestFrontier", "Potential Start=flux Solver=multigrid", "./mine.sh Start=flux", "mission.xml"]);
+    let line = |strategy: &str| said.lines().any(|line| line.starts_with(strategy) && line.contains("1 of 1"));
+    assert!(line("Potential Start=flux Solver=multigrid") && line("./mine.sh Start=flux"), "{said}");
+    assert!(said.contains("note: ClosestFrontier: what mission.xml says is left out: Solver=jacobi\n"), "{said}");
+    let settings = |logs: &str, number: usize| {
+        let place = elk.run_in(elk.folder().join(logs)).join(format!("run-{number:03}"));
+        let run = std::fs::read_dir(place).unwrap().map(|entry| entry.unwrap().path()).find(|path| path.is_dir());
+        common::summary_of(&run.unwrap())["settings"].as_str().unwrap().to_owned()
+    };
+    let [two, three] = [2, 3].map(|number| settings("logs", number));
+    assert!(two.contains("largest flux; field by multigrid"), "{two}");
+    assert!(three.contains("largest flux; field by Jacobi"), "{three}");
+
+    // What is said for all is for all of these, whatever explorer the file names; and one's own words go before it.
+    let said = compare(&[
+        "./mine.sh",
+        "./mine.sh Start=flux",
+        "other.xml",
+        "--set",
+        "Explorer.Start=shortest",
+        "--log-dir",
+        "more",
+    ]);
+    assert!(said.contains("all rows are in "), "{said}");
+    let starts = [1, 2].map(|number| settings("more", number));
+    assert!(starts[0].contains("the shortest of 26") && starts[1].contains("largest flux"), "{starts:?}");
+}
+
 #[test]
 fn a_comparison_that_cannot_be_right_starts_nothing() {
     let elk = Elk::new("compare-wrong");
@@ -67,6 +111,11 @@ fn a_comparison_that_cannot_be_right_starts_nothing() {
         (
             vec!["Potential", "mission.xml", "--seeds", "1,18446744073709551615"],
             "--set Sensor.Seed=18446744073709551615: ",
+        ),
+        (vec!["./mine", "Climb=2", "mission.xml"], "right is a parameter in quotes with its strategy"),
+        (
+            vec!["Potential Climb=2", "mission.xml"],
+            "Potential Climb=2: --set Explorer.Climb=2: Explorer Potential has no parameter Climb",
         ),
         (vec!["Potental", "mission.xml"], "Potental is no strategy; did you mean Potential?"),
         (vec!["./none", "mission.xml"], "./none cannot be run: No such file or directory"),

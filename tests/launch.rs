@@ -46,6 +46,37 @@ fn an_executable_that_dies_at_once_fails_the_launch_with_its_last_words() {
     assert_nothing_is_left(&elk);
 }
 
+/// Regression: nothing was said of a program that ends at once, and well, without having been an app.
+#[test]
+fn a_program_that_ends_at_once_without_joining_is_named() {
+    let elk = Elk::new("ends-at-once");
+    let (code, said) = elk.launch(&small("auto", "<App name=\"Lamp\" exec=\"/bin/true\"/>")).end();
+    assert_eq!(code, Some(0), "the mission goes on: {said}");
+    let right = "right is one that joins the bus and stays (`elk new` makes one)";
+    assert!(said.contains("Lamp has ended, exit code 0, and never joined the community: "), "{said}");
+    assert!(said.contains(right), "{said}");
+    let said = elk.launch_and_fail(&idle(&elk, Some("<Explorer exec=\"/bin/true\"/>")));
+    assert!(
+        said.contains("Explorer ended before it registered: exit code 0, as a program does that is no app"),
+        "{said}"
+    );
+    assert!(said.contains(right), "{said}");
+}
+
+/// Regression: an explorer that computes for long was alive and nothing else, and killed 5 s after Ctrl-C.
+#[test]
+fn an_explorer_that_plans_for_long_is_named_and_ends_when_it_is_asked_to() {
+    let elk = Elk::new("plans-for-long");
+    let more = "<Solver>thesis</Solver><Tolerance>1e-300</Tolerance>";
+    let text = small("auto", "").replace("\"ClosestFrontier\">", &format!("\"Potential\">{more}"));
+    let mut launcher = elk.launch(&text.replace("0.25 m", "0.02 m"));
+    launcher.wait_for("Explorer: planning for ");
+    kill(launcher.id(), Signal::INT);
+    let (_, said) = launcher.end();
+    assert!(said.contains("NOT complete: stopped"), "{said}");
+    assert!(!said.contains("good order"), "{said}");
+}
+
 #[test]
 fn an_app_that_is_killed_in_the_midst_of_it_fails_the_mission() {
     let elk = Elk::new("killed-app");

@@ -72,7 +72,8 @@ pub enum Command {
     /// Run strategies against each other in one mission, over seeds: a table with mean and spread, and a CSV file
     #[command(override_usage = "elk compare [OPTIONS] STRATEGY… MISSION")]
     #[command(after_help = "Example: elk compare Potential ClosestFrontier ../mine/target/release/mine --seeds 1..3 \
-                            -j 2 car\n\nA run that fails is a row that says why. Ends with 1 if a run is \
+                            -j 2 car\n         elk compare 'Potential Start=flux' \
+                            'Potential Start=shortest' car\n\nA run that fails is a row that says why. Ends with 1 if a run is \
                             not complete.")]
     Compare(CompareArgs),
     /// Make a crate of your own that builds, runs and is tested: an app, or an explorer

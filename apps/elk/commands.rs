@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, anyhow, bail};
-use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker};
+use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker, tell};
 use elk_launcher::{AttachOptions, Deputy, LaunchOptions, Outcome};
 use elk_mission::{AppType, Mission, Registry, describe, element, instead};
 use elk_outside::colour::{self, Style};
@@ -21,7 +21,8 @@ pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
     if arguments.detach && !arguments.background {
         return launch_in_background(&arguments.community.community);
     }
-    let mut mission = missions::load(&arguments.mission.mission, &arguments.mission.sets)?;
+    let (mut mission, notes) = missions::load(&arguments.mission.mission, &arguments.mission.sets)?;
+    notes.into_iter().for_each(tell);
     if let Some(pace) = arguments.pace {
         set_pace(&mut mission, pace)?;
     }
@@ -113,14 +114,14 @@ fn report(outcome: &Outcome) -> Result<()> {
 
 /// `elk check`
 pub fn check(arguments: &MissionArgs) -> Result<ExitCode> {
-    let mission = missions::load(&arguments.mission, &arguments.sets)?;
+    let (mission, notes) = missions::load(&arguments.mission, &arguments.sets)?;
     let warnings = mission.preflight()?;
     let mut text = format!("{}: {} is right\n", arguments.mission.display(), mission.name);
     for app in &mission.apps {
         text += &format!("  {} {} {}\n", app.element, app.type_name(), app.name);
     }
-    for warning in warnings {
-        text += &format!("  note: {warning}\n");
+    for note in notes.iter().chain(&warnings) {
+        text += &format!("  note: {note}\n");
     }
     say(&text)?;
     Ok(ExitCode::SUCCESS)

@@ -1,6 +1,7 @@
 //! `elk compare`: strategies against each other in the same mission, over seeds.
 
 mod run;
+mod strategy;
 mod table;
 
 use std::collections::{BTreeSet, VecDeque};
@@ -10,22 +11,23 @@ use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use elk_bus::clock::Clock;
 use elk_bus::{stop_on_signals, tell};
 use elk_launcher::{create_run_folder, handle};
-use elk_mission::{AppSpec, Mission, Override, element, instead};
+use elk_mission::{AppSpec, Mission, Override, element};
 
 use crate::commands::{print_table, say};
 use crate::missions::load;
-use crate::registry::registry;
 use run::{Plan, Row, Running};
+use strategy::{Strategy, set};
 
 /// What is to be compared, and in which mission.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// Strategies, each a type of explorer or an executable (a path with a /), and last the mission: a file or a run's folder
+    /// Strategies, each a type of explorer or an executable (a path with a /), in quotes with parameters of its own
+    /// ('./mine Climb=2'), and last the mission: a file, the name of a built-in one, or a run's folder
     #[arg(required = true, num_args = 1.., value_name = "STRATEGY… MISSION")]
     words: Vec<String>,
     /// Seeds, first and last included: `1..10`, `7`, `1,4,9`; the mission's own if not said
@@ -34,7 +36,7 @@ pub struct CompareArgs {
     /// Runs at the same time
     #[arg(short, long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: u16,
-    /// Say a parameter for all runs instead of in the file
+    /// Say a parameter for all runs instead of in the file; what only one strategy has is said with it, in its quotes
     #[arg(long = "set", value_name = "APP.PARAM=VALUE")]
     sets: Vec<Override>,
     /// Where the comparison's folder is made
@@ -88,14 +90,15 @@ pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
     let Some((mission_file, strategies @ [_, ..])) = arguments.words.split_last() else {
         bail!("{} alone: right is one strategy at least, and then the mission", arguments.words.join(" "))
     };
-    if let Some(strategy) = twice(strategies) {
+    let strategies: Vec<Strategy> = strategies.iter().map(|words| Strategy::parse(words)).collect::<Result<_>>()?;
+    let words: Vec<&str> = strategies.iter().map(|strategy| strategy.words.as_str()).collect();
+    if let Some(strategy) = twice(&words) {
         bail!("{strategy} is said twice, and its runs would count as others'");
     }
-    let mission_file = Path::new(mission_file);
     // Everything is looked at before anything starts.
-    let mission = load(mission_file, &arguments.sets)?;
-    let plans = plans(strategies, mission_file, &mission, arguments)?;
-    let folder = folder(&arguments.log_dir, &mission)?;
+    let mission = ComparedMission::look_at(Path::new(mission_file), arguments)?;
+    let plans = mission.plans(&strategies)?;
+    let folder = folder(&arguments.log_dir, &mission.name)?;
     let csv = arguments.output.clone().unwrap_or_else(|| folder.join("compare.csv"));
     elk_outside::file::try_write(&csv).with_context(|| format!("cannot write {}", csv.display()))?;
     let stop = stop_on_signals().context("signals cannot be caught")?;
@@ -112,77 +115,100 @@ pub fn compare(arguments: &CompareArgs) -> Result<ExitCode> {
     Ok(if rows.iter().all(|row| row.complete) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// All runs, strategy by strategy for each seed, each checked.
-fn plans(strategies: &[String], file: &Path, mission: &Mission, arguments: &CompareArgs) -> Result<Vec<Plan>> {
-    let explorer = mission.of_element(element::EXPLORER).next().context("the mission has no Explorer")?;
-    let seedings = seedings(mission, arguments)?;
-    let (mut plans, mut notes) = (Vec::new(), BTreeSet::new());
-    for strategy in strategies {
-        let exchanged = set(&explorer.name, what_runs(strategy)?, strategy);
-        let sets = [&arguments.sets[..], &[exchanged]].concat();
-        let edge_m = check(file, &sets, &seedings, &mut notes).with_context(|| strategy.clone())?;
-        plans.extend(seedings.iter().map(|(seed, seeding)| {
-            let sets = sets.iter().cloned().chain(seeding.clone()).collect();
-            Plan { strategy: strategy.clone(), seed: *seed, mission: file.to_owned(), sets, edge_m }
-        }));
+/// The mission that all have in common.
+struct ComparedMission<'a> {
+    file: &'a Path,
+    arguments: &'a CompareArgs,
+    /// What the comparison's folder is called after.
+    name: String,
+    /// The explorer that it names itself.
+    explorer: AppSpec,
+}
+
+impl<'a> ComparedMission<'a> {
+    /// As it is without what the command line says: that may be about a strategy which the file does not name. Only a file
+    /// that is wrong without it is taken with it.
+    fn look_at(file: &'a Path, arguments: &'a CompareArgs) -> Result<Self> {
+        let (mission, _) = load(file, &[]).or_else(|_| load(file, &arguments.sets))?;
+        let explorer = mission.of_element(element::EXPLORER).next().context("the mission has no Explorer")?.clone();
+        let name = mission.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self { file, arguments, name, explorer })
     }
-    notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
-    Ok(plans)
+
+    /// All runs, strategy by strategy for each seed, each checked. What is worth a word is said.
+    fn plans(&self, strategies: &[Strategy]) -> Result<Vec<Plan>> {
+        let (mut plans, mut notes) = (Vec::new(), BTreeSet::new());
+        for strategy in strategies {
+            let sets = strategy.sets(&self.explorer.name, &self.arguments.sets);
+            let seedings = self.seedings(&sets).with_context(|| strategy.words.clone())?;
+            let edge_m = self.check(strategy, &sets, &seedings, &mut notes).with_context(|| strategy.words.clone())?;
+            plans.extend(seedings.into_iter().map(|(seed, seeding)| {
+                let sets = sets.iter().cloned().chain(seeding).collect();
+                Plan { strategy: strategy.words.clone(), seed, mission: self.file.to_owned(), sets, edge_m }
+            }));
+        }
+        notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
+        Ok(plans)
+    }
+
+    /// Each seed, and how it is said to the mission that `sets` make of this one.
+    fn seedings(&self, sets: &[Override]) -> Result<Vec<Seeding>> {
+        const SEED: &str = "Seed";
+        let Some(Seeds(seeds)) = &self.arguments.seeds else { return Ok(vec![(None, None)]) };
+        let (mission, _) = load(self.file, sets)?;
+        let is_seeded = |app: &&AppSpec| app.element != element::LOGGER && app.takes(SEED);
+        let Some(app) = mission.apps.iter().find(is_seeded) else {
+            bail!("no app of the mission has a Seed; without --seeds each strategy runs once")
+        };
+        if let Some(said) = sets.iter().find(|set| set.app == app.name && set.param.eq_ignore_ascii_case(SEED)) {
+            bail!("--seeds and {said} both say the seed; one of them is right");
+        }
+        Ok(seeds.iter().map(|seed| (Some(*seed), Some(set(&app.name, SEED, &seed.to_string())))).collect())
+    }
+
+    /// Sees that a strategy's runs would start, as `elk check` does: with the least and with the greatest seed. What holds of
+    /// both as numbers holds of all between; of the starts that a seed chooses only these two are looked at. What is worth a
+    /// word is put to the `notes`. Answers the edge of the map's voxels (m), if it is known.
+    fn check(
+        &self,
+        strategy: &Strategy,
+        sets: &[Override],
+        seedings: &[Seeding],
+        notes: &mut BTreeSet<String>,
+    ) -> Result<Option<f64>> {
+        let least = seedings.iter().min_by_key(|(seed, _)| seed);
+        let most = seedings
+            .iter()
+            .max_by_key(|(seed, _)| seed)
+            .filter(|(most, _)| least.is_some_and(|(least, _)| least < most));
+        let mut edge_m = None;
+        for (_, seeding) in least.into_iter().chain(most) {
+            let (mission, found) = load(self.file, &[sets, seeding.as_slice()].concat())?;
+            notes.extend(found);
+            notes.extend(mission.preflight()?);
+            notes.extend(self.left_out(strategy, &mission));
+            edge_m = mission.of_element(element::MAP).find_map(|map| map.setting("Res")?.parse().ok());
+        }
+        Ok(edge_m)
+    }
+
+    /// A word on what the file says to its own explorer and `strategy`, as it runs in `mission`, has no word for.
+    fn left_out(&self, strategy: &Strategy, mission: &Mission) -> Option<String> {
+        let explorer = mission.of_element(element::EXPLORER).next()?;
+        let lost = self.explorer.said.iter().filter(|name| !explorer.takes(name));
+        let lost: Vec<String> =
+            lost.filter_map(|name| Some(format!("{name}={}", self.explorer.setting(name)?))).collect();
+        let file = self.file.display();
+        (!lost.is_empty()).then(|| format!("{}: what {file} says is left out: {}", strategy.words, lost.join(", ")))
+    }
 }
 
 /// Each seed, and how it is said to the mission.
 type Seeding = (Option<u64>, Option<Override>);
 
-fn seedings(mission: &Mission, arguments: &CompareArgs) -> Result<Vec<Seeding>> {
-    const SEED: &str = "Seed";
-    let Some(Seeds(seeds)) = &arguments.seeds else { return Ok(vec![(None, None)]) };
-    let is_seeded = |app: &&AppSpec| app.element != element::LOGGER && app.takes(SEED);
-    let Some(app) = mission.apps.iter().find(is_seeded) else {
-        bail!("no app of the mission has a Seed; without --seeds each strategy runs once")
-    };
-    if let Some(said) = arguments.sets.iter().find(|set| set.app == app.name && set.param.eq_ignore_ascii_case(SEED)) {
-        bail!("--seeds and --set {}.{}={} both say the seed; one of them is right", said.app, said.param, said.text);
-    }
-    Ok(seeds.iter().map(|seed| (Some(*seed), Some(set(&app.name, SEED, &seed.to_string())))).collect())
-}
-
-fn set(app: &str, param: &str, text: &str) -> Override {
-    Override { app: app.to_owned(), param: param.to_owned(), text: text.to_owned() }
-}
-
-/// Sees that a strategy's runs would start, as `elk check` does: with the least and with the greatest seed. What holds of both
-/// as numbers holds of all between; of the starts that a seed chooses only these two are looked at. What is worth a word is put to the `notes`. Answers the edge of the map's voxels (m), if it is known.
-fn check(file: &Path, sets: &[Override], seedings: &[Seeding], notes: &mut BTreeSet<String>) -> Result<Option<f64>> {
-    let least = seedings.iter().min_by_key(|(seed, _)| seed);
-    let most =
-        seedings.iter().max_by_key(|(seed, _)| seed).filter(|(most, _)| least.is_some_and(|(least, _)| least < most));
-    let mut edge_m = None;
-    for (_, seeding) in least.into_iter().chain(most) {
-        let mission = load(file, &[sets, seeding.as_slice()].concat())?;
-        notes.extend(mission.preflight()?);
-        edge_m = mission.of_element(element::MAP).find_map(|map| map.setting("Res")?.parse().ok());
-    }
-    Ok(edge_m)
-}
-
 /// Makes the comparison's folder.
-fn folder(log_dir: &Path, mission: &Mission) -> Result<PathBuf> {
-    let stem = mission.file.file_stem().unwrap_or_default().to_string_lossy();
-    Ok(create_run_folder(log_dir, format!("compare-{stem}.xml").as_ref(), Clock::new(1.0).now())?)
-}
-
-/// Whether a strategy is a `type`, or an `exec`.
-fn what_runs(strategy: &str) -> Result<&'static str> {
-    let registry = registry();
-    let known: Vec<&str> = registry.of_element(element::EXPLORER).map(|one| one.name).collect();
-    match (known.contains(&strategy), strategy.contains('/')) {
-        (true, _) => Ok("type"),
-        (false, true) => Ok("exec"),
-        (false, false) => {
-            let right = instead(strategy, &known);
-            Err(anyhow!("{strategy} is no strategy; {right}, or an executable's path with a /, as ./{strategy}"))
-        }
-    }
+fn folder(log_dir: &Path, mission: &str) -> Result<PathBuf> {
+    Ok(create_run_folder(log_dir, &format!("compare-{mission}"), Clock::new(1.0).now())?)
 }
 
 /// How often it is seen whether the comparison is to stop.
@@ -233,16 +259,5 @@ mod tests {
         for wrong in ["", "1,1", "1..3,2", "4..1", "a..b", "1..", "0..18446744073709551615", "-1"] {
             assert!(seeds(wrong).is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn a_strategy_is_a_type_or_an_executable() {
-        assert_eq!(what_runs("Potential").unwrap(), "type");
-        assert_eq!(what_runs("./mine").unwrap(), "exec");
-        let error = what_runs("Potental").unwrap_err().to_string();
-        assert!(
-            error.contains("did you mean Potential?, or an executable's path") || error.contains("Potential"),
-            "{error}"
-        );
     }
 }

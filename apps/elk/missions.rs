@@ -56,15 +56,18 @@ impl BuiltIn {
 }
 
 /// The mission in the file `mission`, that of the run in the folder `mission`, or, if there is neither, the built-in one of
-/// that name: a folder of another kind hides none.
-pub fn load(mission: &Path, sets: &[Override]) -> Result<Mission> {
+/// that name: a folder of another kind hides none. With it, what is to be said of it.
+pub fn load(mission: &Path, sets: &[Override]) -> Result<(Mission, Vec<String>)> {
     match BuiltIn::called(mission).filter(|_| !mission.is_file() && !is_run(mission)) {
         Some(one) => {
             let file = Path::new(FOLDER).join(format!("{}.xml", one.name));
-            Ok(Mission::parse(&one.text(), &file, &registry(), sets)?)
+            Ok((Mission::parse(&one.text(), &file, &registry(), sets)?, Vec::new()))
         }
         None if mission.is_dir() => Ok(mission_of_run(mission, &registry(), sets, REVISION)?),
-        None => Mission::load(mission, &registry(), sets).map_err(|error| with_others(error, mission)),
+        None => match Mission::load(mission, &registry(), sets) {
+            Ok(loaded) => Ok((loaded, Vec::new())),
+            Err(error) => Err(with_others(error, mission)),
+        },
     }
 }
 
@@ -87,7 +90,7 @@ mod tests {
     fn every_built_in_mission_is_right_and_needs_no_file() {
         for one in &BUILT_IN {
             for name in [one.name.to_owned(), format!("{}.xml", one.name)] {
-                let mission = load(Path::new(&name), &[]).unwrap();
+                let (mission, _) = load(Path::new(&name), &[]).unwrap();
                 let world = mission.of_element("Sensor").find_map(|app| app.setting("World")).unwrap().to_owned();
                 let expected = if one.name == "thesis-listing-2" { "car-interior" } else { one.name };
                 assert_eq!(world, expected, "{name}");

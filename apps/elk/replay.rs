@@ -142,7 +142,8 @@ fn report(log: &Path, played: &Played) -> Result<ExitCode> {
 /// Into live apps.
 fn run_into(arguments: ReplayArgs, mission: &Path) -> Result<ExitCode> {
     let ReplayArgs { log, rate, selection, only, sets, log_dir, .. } = arguments;
-    let mission = missions::load(mission, &sets)?;
+    let (mission, notes) = missions::load(mission, &sets)?;
+    notes.into_iter().for_each(tell);
     let options = ReproduceOptions { rate, selection: selection.into(), only, log_dir };
     let stop = stop_on_signals().context("signals cannot be caught")?;
     let done = reproduce(&log, mission, &options, &mut progress("replaying"), &stop)?;

@@ -68,7 +68,7 @@ pub use rejection::Rejection;
 /// What [`payload!`] derives: for types of one's own that stand in payloads, with `#[serde(crate = "elk_bus::serde")]`.
 pub use serde;
 pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, remedy, running};
-pub use stop::{stop_on_signals, stop_signals};
+pub use stop::{asked_to_stop, stop_on_signals, stop_signals};
 pub use value::{Value, ValueRef};
 pub use words::tell;
 

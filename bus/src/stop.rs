@@ -27,6 +27,14 @@ fn is_ignored(signal: i32) -> bool {
     known && unsafe { action.assume_init() }.sa_sigaction == libc::SIG_IGN
 }
 
+/// Whether one of [`stop_signals`] has come to a process that [`crate::run_app`] runs. A callback that computes for long
+/// looks here now and then, and gives up: what it would come to is of no use any more.
+pub fn asked_to_stop() -> bool {
+    ASKED.load(Ordering::Relaxed)
+}
+
+static ASKED: AtomicBool = AtomicBool::new(false);
+
 /// Sets `stop` on the signals that ask for it (see [`stop_signals`]).
 pub fn stop_on_signals() -> std::io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
@@ -48,11 +56,12 @@ impl Insistence {
         for signal in stop_signals() {
             let insists = insists.clone();
             let set = move || {
+                ASKED.store(true, Ordering::Relaxed);
                 if insists.load(Ordering::Relaxed) {
                     alarm(STOP_PATIENCE.as_secs() as u32);
                 }
             };
-            // SAFETY: the action loads an atomic and calls alarm, which may be called in a handler.
+            // SAFETY: the action reads and writes atomics and calls alarm, which may be called in a handler.
             unsafe { register(signal, set)? };
         }
         Ok(Self(insists))
@@ -109,7 +118,11 @@ mod tests {
         let Ok(heeds) = std::env::var(DEAF) else { return };
         let insistence = Insistence::begin().unwrap();
         let stop = stop_on_signals().unwrap();
+        assert!(!asked_to_stop());
         kill_process(getpid(), Signal::TERM).unwrap();
+        while !asked_to_stop() {
+            std::thread::yield_now();
+        }
         while !stop.load(Ordering::Relaxed) {
             std::thread::yield_now();
         }

@@ -35,6 +35,7 @@ fn settings() -> Settings {
         max_scans: 1000,
         patience: 100,
         clock: || 0.0,
+        is_to_stop: || false,
     }
 }
 

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, tell};
+use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, asked_to_stop, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::checks::{
     CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, RESOLUTIONS_M, SPACINGS_M, path_in,
@@ -172,6 +172,7 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
         max_scans: count("MaxScans"),
         patience: count("Patience"),
         clock: thread_cpu_secs,
+        is_to_stop: asked_to_stop,
     })
 }
 
@@ -303,6 +304,10 @@ impl ExplorerApp {
             return self.say(comms);
         }
         let plan = self.explorer.plan(self.replica.grid(), &self.frontier, &request);
+        if asked_to_stop() {
+            // It was perhaps given up half-way.
+            return Ok(());
+        }
         self.say_scope(comms.name());
         // Before it is said: who has heard a plan can rely on every explorer to come to know it.
         comms.publish(&EXPLORER_MEMORY, &self.explorer.memory(&plan))?;

@@ -47,6 +47,8 @@ pub struct Settings {
     pub patience: u64,
     /// Seconds of CPU that the thread has used.
     pub clock: fn() -> f64,
+    /// Whether the process is asked to stop: a plan that is being made is then given up, and means nothing.
+    pub is_to_stop: fn() -> bool,
 }
 
 /// Plans, remembers what it tried, and knows when it is done.
@@ -68,7 +70,7 @@ impl Explorer {
         Self {
             strategy,
             memory: Memory::default(),
-            journal: Journal::new(settings.clock),
+            journal: Journal::new(settings.clock).heeding(settings.is_to_stop),
             settings,
             plans: 0,
             report: None,
@@ -189,7 +191,9 @@ impl Explorer {
 
     fn near_goals(&mut self, scene: &Scene) -> Goals {
         let Scene { volume, space, targets, .. } = scene;
-        self.journal.time("goals", || Goals::near(volume, &space.reach, targets))
+        let is_to_stop = self.settings.is_to_stop;
+        let wanted = targets.iter().take_while(|_| !is_to_stop());
+        self.journal.time("goals", || Goals::near(volume, &space.reach, wanted))
     }
 
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
@@ -203,7 +207,9 @@ impl Explorer {
         let mut goals = Goals::none(volume);
         for candidates in [fresh, hidden] {
             let far;
-            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, &candidates));
+            let is_to_stop = self.settings.is_to_stop;
+            let wanted = candidates.iter().take_while(|_| !is_to_stop());
+            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, wanted));
             self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), frontier);
             if !goals.is_empty() {
                 targets.extend(candidates);

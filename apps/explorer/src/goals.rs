@@ -31,6 +31,12 @@ impl<'a> Known<'a> {
     pub fn unknown_beside(self, voxel: Voxel) -> impl Iterator<Item = Voxel> + 'a {
         self.frontier.unknown_beside(self.grid, voxel)
     }
+
+    /// The frontier voxels at most `range_m` from `place` (m, world), in the frontier's order.
+    pub fn frontier_near(self, place: Point3<f64>, range_m: f64) -> impl Iterator<Item = Voxel> + 'a {
+        let resolution = self.grid.resolution();
+        self.frontier.iter().filter(move |voxel| (voxel.center(resolution) - place).norm() <= range_m)
+    }
 }
 
 /// A frontier voxel to be resolved.
@@ -109,18 +115,23 @@ impl Goals {
     }
 
     /// Goals in the frontier itself, or at a standoff.
-    pub fn near(volume: &Volume, reach: &[bool], targets: &[Target]) -> Self {
+    pub fn near<'a>(
+        volume: &Volume,
+        reach: &[bool],
+        targets: impl IntoIterator<Item = &'a Target, IntoIter: Clone>,
+    ) -> Self {
+        let targets = targets.into_iter();
         let mut goals = Self::none(volume);
         let enterable = |t: &Target| {
             let i = volume.index(t.voxel)?;
             (reach[i] && t.tried.is_empty()).then_some(i)
         };
-        for (i, target) in targets.iter().filter_map(|t| Some((enterable(t)?, t))) {
+        for (i, target) in targets.clone().filter_map(|t| Some((enterable(t)?, t))) {
             let position = volume.center(i);
             goals.add(i, || Goal { index: i, position, target: target.clone() });
         }
         let ball = ball(STANDOFF_M / volume.resolution());
-        for target in targets.iter().filter(|t| enterable(t).is_none()) {
+        for target in targets.filter(|t| enterable(t).is_none()) {
             if let Some(i) = standoff(volume, reach, target, &ball) {
                 let position = volume.center(i);
                 goals.add(i, || Goal { index: i, position, target: target.clone() });
@@ -131,8 +142,8 @@ impl Goals {
 
     /// Places that look into the unknown beside a target, from afar if need be, for the first targets that any sees; and
     /// what became of the targets before those ran out.
-    pub fn far(volume: &Volume, reach: &[bool], targets: &[Target]) -> (Self, Far) {
-        let lookout = Lookout::new(LAST_RESORT_M, volume.resolution());
+    pub fn far<'a>(volume: &Volume, reach: &[bool], targets: impl IntoIterator<Item = &'a Target>) -> (Self, Far) {
+        let lookout = Lookout::new(LAST_RESORT_M, volume.resolution()).from_within(volume, reach);
         let (mut goals, mut far) = (Self::none(volume), Far::default());
         let mut seen = 0;
         for target in targets {
@@ -243,10 +254,10 @@ mod tests {
         let target = target(&grid, None, vec![]);
         assert_eq!(target.unknown, vec![hole]);
 
-        let entered = Goals::near(&volume, &reach(&volume, 0), std::slice::from_ref(&target));
+        let entered = Goals::near(&volume, &reach(&volume, 0), [&target]);
         assert!(entered.contains(volume.index(frontier).unwrap()));
 
-        let kept_off = Goals::near(&volume, &reach(&volume, 2), std::slice::from_ref(&target));
+        let kept_off = Goals::near(&volume, &reach(&volume, 2), [&target]);
         let above = volume.index(Voxel::new(5, 5, 2)).unwrap();
         assert_eq!(kept_off.len(), 1);
         assert_eq!(kept_off.at(above).map(|g| g.target.voxel), Some(frontier));
@@ -258,7 +269,7 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let tried = vec![Voxel::new(5, 5, 0), Voxel::new(5, 5, 2)];
         let target = target(&grid, None, tried.clone());
-        let goals = Goals::near(&volume, &reach(&volume, 1), &[target]);
+        let goals = Goals::near(&volume, &reach(&volume, 1), [&target]);
         assert_eq!(goals.len(), 1);
         for t in tried {
             assert!(!goals.contains(volume.index(t).unwrap()));
@@ -294,9 +305,9 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let target = target(&grid, None, vec![]);
         let nowhere = vec![false; volume.len()];
-        let (goals, far) = Goals::far(&volume, &nowhere, std::slice::from_ref(&target));
+        let (goals, far) = Goals::far(&volume, &nowhere, [&target]);
         assert!(goals.is_empty() && far.invisible == vec![target.voxel]);
-        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), &[target]);
+        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), [&target]);
         assert!(!goals.is_empty() && far == Far::default());
     }
 }

@@ -164,7 +164,7 @@ fn widest(volume: &Volume, known: Known, position: Point3<f64>, target: &Target)
         return outward(volume, known, position, target);
     };
     let around: Vec<Vector3<f64>> =
-        unknown_around(volume, known, position).iter().filter(in_sight).filter_map(toward).collect();
+        unknown_around(known, position).iter().filter(in_sight).filter_map(toward).collect();
     let in_view = |d: &Vector3<f64>| around.iter().filter(|u| u.dot(d) >= VIEW_HALF_ANGLE.cos()).count();
     let mut best = (0, axis);
     for direction in tilted(axis) {
@@ -189,14 +189,9 @@ fn tilted(axis: Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> {
 }
 
 /// The unknown voxels beside the frontier within [`LOOK_RANGE_M`] of `position`.
-fn unknown_around(volume: &Volume, known: Known, position: Point3<f64>) -> Vec<Voxel> {
-    let resolution = volume.resolution();
-    let mut unknown: Vec<Voxel> = known
-        .frontier
-        .iter()
-        .filter(|v| (v.center(resolution) - position).norm() <= LOOK_RANGE_M)
-        .flat_map(|v| known.unknown_beside(v))
-        .collect();
+fn unknown_around(known: Known, position: Point3<f64>) -> Vec<Voxel> {
+    let near = known.frontier_near(position, LOOK_RANGE_M);
+    let mut unknown: Vec<Voxel> = near.flat_map(|v| known.unknown_beside(v)).collect();
     unknown.sort_unstable();
     unknown.dedup();
     unknown

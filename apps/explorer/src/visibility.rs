@@ -29,6 +29,8 @@ pub fn in_sight(resolution: f64, state: impl Fn(Voxel) -> State, from: Point3<f6
 pub struct Lookout {
     /// For each face, in the order of [`FACES`]: the ways to go from the centre of a voxel through it (m).
     ways: [Vec<Vector3<f64>>; 6],
+    /// Corners of a box outside of which there is no place to look from (m, world).
+    places: Option<[Point3<f64>; 2]>,
 }
 
 /// A search ends that has found this many places.
@@ -45,7 +47,29 @@ impl Lookout {
             let ends: Vec<Voxel> = surface.iter().filter(leaves).copied().collect();
             spread(&ends).map(|d| Vector3::new(d.x.into(), d.y.into(), d.z.into()).normalize() * range).collect()
         };
-        Self { ways: FACES.map(through) }
+        Self { ways: FACES.map(through), places: None }
+    }
+
+    /// The same for who can only be in `reach`: rays that do not come near it are not cast. A robot that is wide, or shut in,
+    /// reaches little.
+    pub fn from_within(self, volume: &Volume, reach: &[bool]) -> Self {
+        let reached = (0..reach.len()).filter(|i| reach[*i]).map(|i| volume.center(i));
+        let nowhere = [Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3])];
+        let [min, max] = reached.fold(nowhere, |[min, max], p| [min.inf(&p), max.sup(&p)]);
+        // Half a voxel, and as much for rounding.
+        let margin = Vector3::repeat(volume.resolution());
+        Self { places: Some([min - margin, max + margin]), ..self }
+    }
+
+    /// Whether the way from `aim` comes to where there may be a place.
+    fn comes_near(&self, aim: Point3<f64>, way: Vector3<f64>) -> bool {
+        let Some([min, max]) = self.places else { return true };
+        let (mut enters, mut leaves) = (0.0f64, 1.0f64);
+        for axis in 0..3 {
+            let [one, other] = [min, max].map(|corner| (corner[axis] - aim[axis]) / way[axis]);
+            (enters, leaves) = (enters.max(one.min(other)), leaves.min(one.max(other)));
+        }
+        enters <= leaves
     }
 
     /// Places in `reach` that look into voxel `target`, one a ray: the first reachable voxel on it, with the point there.
@@ -55,7 +79,8 @@ impl Lookout {
         let aim = target.center(resolution);
         let open = |(face, _): &(&Voxel, &Vec<Vector3<f64>>)| volume.state(target + **face) == State::Free;
         let mut found = std::collections::BTreeMap::new();
-        for way in FACES.iter().zip(&self.ways).filter(open).flat_map(|(_, ways)| ways) {
+        let ways = FACES.iter().zip(&self.ways).filter(open).flat_map(|(_, ways)| ways);
+        for way in ways.filter(|way| self.comes_near(aim, **way)) {
             if let Some((i, voxel)) = first_on_ray(volume, reach, target, aim, *way) {
                 let point = nearest_on_line(aim, way.normalize(), voxel.center(resolution));
                 if Voxel::containing(point, resolution) == voxel {
@@ -173,5 +198,24 @@ mod tests {
             assert!(sees(&volume, *point, target), "{point:?}");
         }
         assert!(lookout.viewpoints(&volume, &left, Voxel::new(9, 7, 0)).is_empty());
+    }
+
+    /// Regression: a robot that reached a single voxel had rays cast in all directions for each target, 37 s a plan.
+    #[test]
+    fn rays_that_are_not_cast_would_have_found_nothing() {
+        let volume = room();
+        let (all, targets) = (Lookout::new(2.0, 0.1), [[9, 1, 0], [-1, 5, 0], [2, 9, 0], [3, 3, 1], [8, 8, -1]]);
+        let free: Vec<usize> = (0..volume.len()).filter(|i| volume.states()[*i] == State::Free).collect();
+        let mut found = 0;
+        for part in [&free[..1], &free[40..41], &free[20..50], &free[..]] {
+            let reach: Vec<bool> = (0..volume.len()).map(|i| part.contains(&i)).collect();
+            let near = all.clone().from_within(&volume, &reach);
+            for target in targets.map(Voxel::from) {
+                let expected = all.viewpoints(&volume, &reach, target);
+                assert_eq!(near.viewpoints(&volume, &reach, target), expected, "{target:?}");
+                found += expected.len();
+            }
+        }
+        assert!(found > 10, "{found}");
     }
 }

@@ -65,7 +65,7 @@ pub enum LaunchError {
     /// Somebody launches this community already.
     #[error(
         "community {community} is launched already, by {}: choose another --community, or end that mission first",
-        .holder.map_or_else(|| "a launcher that takes nobody in".to_owned(), |Owner { process, user }| format!("process {process} of user {user}"))
+        holder_in_words(*.holder)
     )]
     Launched {
         /// The community.
@@ -178,5 +178,12 @@ fn log_lines(log: &std::path::Path, tail: &[String]) -> String {
         [] if log.as_os_str().is_empty() => String::new(),
         [] => format!("; its log {} is empty", log.display()),
         lines => format!("; the end of {}:\n    {}", log.display(), lines.join("\n    ")),
+    }
+}
+
+fn holder_in_words(holder: Option<Owner>) -> String {
+    match holder {
+        Some(Owner { process, user }) => format!("process {process} of user {user}"),
+        None => "a launcher that takes nobody in".to_owned(),
     }
 }

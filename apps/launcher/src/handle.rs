@@ -17,7 +17,7 @@ pub fn of_child(child: Pid) -> std::io::Result<OwnedFd> {
 }
 
 /// A handle of this very process; `None`: it has ended, or cannot be seen from here.
-pub fn of(id: &ProcessId) -> Option<OwnedFd> {
+pub(crate) fn of(id: &ProcessId) -> Option<OwnedFd> {
     let handle = pidfd_open(Pid::from_raw(id.pid)?, PidfdFlags::empty()).ok()?;
     // Looked at behind the handle: a number that changes hands from here on is not mistaken.
     id.lives().then_some(handle)

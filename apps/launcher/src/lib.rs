@@ -140,7 +140,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let server = listen(options)?;
     let stop = person::stop_signals(options.detached)?;
     let now = Clock::new(1.0).now();
-    let folder = run_folder::create(&options.log_dir, &mission.file, now)?;
+    let folder = run_folder::create(&options.log_dir, &run_folder::stem(&mission.file), now)?;
     let manual = mission.mode == Mode::Manual && !options.auto;
     let place = RunPlace::new(&mission, &folder, manual);
     place.keep(&mission, &options.revision)?;

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use elk_bus::clock::Stopwatch;
 use elk_bus::rejection::REJECTED;
 use elk_bus::{Comms, CommsError, DecodeError, Key, Mail, Payload};
 use elk_mission::{Mission, element};
@@ -88,6 +89,8 @@ pub(crate) struct Observer {
     pub steps: StepTimes,
     /// Which message of a step came last, and whose it was.
     pub last_word: String,
+    /// Since when that is the last one, and whether it asks for a plan.
+    pub since_last_word: Option<(Stopwatch, bool)>,
     /// The community's time of the first pose command (s).
     pub first_command: Option<f64>,
     /// What somebody has to be told, in the order in which it came up; no more of one variable and writer than was agreed.
@@ -135,6 +138,7 @@ impl Observer {
         if command || self.chain.iter().any(|key| key == mail.key()) {
             self.steps.note(mail.source(), mail.time(), command);
             self.last_word = format!("{} by {}", mail.key(), mail.source());
+            self.since_last_word = Some((Stopwatch::start(), mail.is(&PLAN_REQUEST)));
             let time = Some(mail.time()).filter(|time| command && time.is_finite());
             self.first_command = self.first_command.or(time);
         } else if let Err(error) = self.note_report(mail) {

@@ -20,7 +20,7 @@ const TAIL_LINES: usize = 5;
 /// How long the kernel may take to end a killed process.
 const KILL_PATIENCE: Duration = Duration::from_secs(5);
 /// Bytes of a log that are searched for them.
-const TAIL_BYTES: u64 = 4096;
+const TAIL_BYTES: u64 = 64 << 10;
 
 /// A process, leader of a process group of its own: a child, or one that a launcher which is gone has left behind.
 pub(crate) struct Process {
@@ -217,9 +217,20 @@ pub(crate) fn tail(log: &Path, from: u64) -> io::Result<Vec<String>> {
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes)?;
     let text = String::from_utf8_lossy(&bytes);
-    let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+    let lines: Vec<&str> = without_backtraces(&text).filter(|line| !line.trim().is_empty()).collect();
     let last = &lines[lines.len().saturating_sub(TAIL_LINES)..];
     Ok(last.iter().map(|line| (*line).to_owned()).collect())
+}
+
+/// The lines of a Rust program's words but for those that say where it panicked from, and how to see that: they come behind
+/// the reason, and are in the log.
+fn without_backtraces(text: &str) -> impl Iterator<Item = &str> {
+    let mut within = false;
+    let hint = |line: &str| line.starts_with("note: ") && line.contains("RUST_BACKTRACE");
+    text.lines().filter(move |line| {
+        within = *line == "stack backtrace:" || within && line.starts_with(' ');
+        !within && !hint(line)
+    })
 }
 
 #[cfg(test)]
@@ -248,6 +259,20 @@ mod tests {
         assert_eq!((exit.how.as_str(), exit.fine), ("exit code 3", false));
         assert_eq!(exit.tail, ["4", "5", "6", "7", "alas"]);
         assert_eq!(exit.in_short(), "exit code 3; last line: alas");
+    }
+
+    /// Regression: the reason of a panic was driven out by the backtrace behind it, or by the word on how to get one.
+    #[test]
+    fn an_obituary_quotes_a_panic_and_not_its_backtrace() {
+        let frames = "stack backtrace:\n   0: one\n             at ./x.rs:1\n   1: two\n   2: three\n   3: four\n";
+        let hints = ["run with `RUST_BACKTRACE=1` environment variable", "details are omitted, `RUST_BACKTRACE=full`"];
+        for (frames, hint) in [("", hints[0]), (frames, hints[1])] {
+            let said = format!("up\n\nthread 'main' panicked at x.rs:1:\nno gravity\n{frames}note: {hint}");
+            let (_folder, mut shell) = logged(&format!("cat <<'END'\n{said}\nEND\nexit 101"));
+            assert!(shell.wait(PATIENCE));
+            let exit = shell.ended().unwrap();
+            assert_eq!(exit.tail, ["up", "thread 'main' panicked at x.rs:1:", "no gravity"]);
+        }
     }
 
     #[test]

@@ -16,6 +16,8 @@ use crate::observer::Observer;
 const TERMINAL_PERIOD: Duration = Duration::from_millis(100);
 /// How often a line is written into a pipe.
 const PIPE_PERIOD: Duration = Duration::from_secs(5);
+/// How long nothing may have come before that is shown (s).
+const SILENCE_SECS: f64 = 2.0;
 /// Over how long a time scans are counted (s).
 const RATE_SECS: f64 = 5.0;
 /// To the start of the line, and clear it.
@@ -107,6 +109,8 @@ pub(crate) fn put(text: &str) {
 pub(crate) struct Shown {
     /// Names of its apps: whoever else is on the bus is no part of it.
     apps: Vec<String>,
+    /// Who plans.
+    explorer: String,
     /// The volume that is to be explored (m³), if the mission names one.
     region: Option<f64>,
 }
@@ -120,7 +124,8 @@ impl Shown {
             Program::Foreign { .. } => None,
         });
         let volume = size.map(|[x, y, z]| x * y * z).filter(|volume| *volume > 0.0);
-        Self { apps: mission.apps.iter().map(|app| app.name.clone()).collect(), region: volume }
+        let explorer = mission.of_element(element::EXPLORER).map(|app| app.name.clone()).next().unwrap_or_default();
+        Self { apps: mission.apps.iter().map(|app| app.name.clone()).collect(), explorer, region: volume }
     }
 
     fn line(&self, observed: &Observer, secs: f64, scans_per_sec: f64, paused: bool) -> String {
@@ -132,14 +137,26 @@ impl Shown {
         let way = observed.progress.as_ref().map_or(0.0, |progress| progress.path_length_m);
         parts.push(format!("{} scans, {scans_per_sec:.1}/s, {way:.1} m", scans(observed)));
         parts.extend(observed.steps.whole_step().map(|step| format!("{:.0} ms a step", step.median_ms)));
+        if let Some((since, plans)) = observed.since_last_word.filter(|_| !paused && !observed.finished()) {
+            parts.extend(self.silence(since.elapsed().as_secs_f64(), plans, &observed.last_word));
+        }
         let alive: Vec<&str> = observed
             .clients
             .iter()
             .map(String::as_str)
             .filter(|name| self.apps.iter().any(|app| app == name))
             .collect();
-        parts.push(format!("alive: {}", alive.join(" ")));
+        parts.push(if alive.is_empty() { "starting".to_owned() } else { format!("alive: {}", alive.join(" ")) });
         parts.join(" | ")
+    }
+
+    /// A word on how long everybody has waited for somebody, if that is long.
+    fn silence(&self, secs: f64, plans: bool, last_word: &str) -> Option<String> {
+        let words = match plans {
+            true => format!("{}: planning for {secs:.0} s", self.explorer),
+            false => format!("nothing for {secs:.0} s since {last_word}"),
+        };
+        (secs >= SILENCE_SECS).then_some(words)
     }
 
     /// The volume that is known, and how much of the region it is as long as that says something.
@@ -193,9 +210,10 @@ mod tests {
     #[test]
     fn the_line_says_what_a_person_wants_to_know() {
         let mut observed = Observer::default();
-        let what = Shown { apps: ["Map", "Sensor"].map(str::to_owned).into(), region: Some(0.1) };
+        let apps = ["Map", "Sensor"].map(str::to_owned).into();
+        let what = Shown { apps, explorer: "Explorer".into(), region: Some(0.1) };
         let line = |observed: &Observer, paused| what.line(observed, 125.9, 2.5, paused);
-        assert_eq!(line(&observed, false), "2:05 | nothing known | 0 scans, 2.5/s, 0.0 m | alive: ");
+        assert_eq!(line(&observed, false), "2:05 | nothing known | 0 scans, 2.5/s, 0.0 m | starting");
         observed.clients = ["Map", "Sensor", "launcher", "echo-4711", "top-12"].map(str::to_owned).into();
         observed.map = Some(MapStatus {
             revision: 3,
@@ -221,6 +239,10 @@ mod tests {
         }
         assert_eq!(line(&observed, false), format!("2:05 | 2000.0 m³ known, 7 frontier | {rest}"), "beyond the region");
         assert_eq!(clock(3725.0), "1:02:05");
+        observed.since_last_word = Some((Stopwatch::start(), true));
+        assert_eq!(line(&observed, false), format!("2:05 | 2000.0 m³ known, 7 frontier | {rest}"), "just now");
+        assert_eq!(what.silence(12.3, true, "").unwrap(), "Explorer: planning for 12 s");
+        assert_eq!(what.silence(5.0, false, "SCAN by Sensor").unwrap(), "nothing for 5 s since SCAN by Sensor");
     }
 
     #[test]

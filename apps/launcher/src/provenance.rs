@@ -3,7 +3,6 @@
 use std::path::{Component, Path, PathBuf};
 
 use elk_bus::key::fnv1a_of_file;
-use elk_bus::tell;
 use elk_mission::{AppSpec, Kind, Mission, MissionError, Override, Program, Registry, element};
 use elk_outside::file;
 use serde::{Deserialize, Serialize};
@@ -104,17 +103,16 @@ impl Provenance {
         }
     }
 
-    /// Says that elk itself is another one, and perhaps another run follows.
-    fn compare_elk(&self, built: &str) {
+    /// What is to be said if elk itself is another one, and perhaps another run follows.
+    fn other_elk(&self, built: &str) -> Option<String> {
         let (version, revision) = (&self.version, &self.revision);
         if (version.as_str(), revision.as_str()) != (env!("CARGO_PKG_VERSION"), built) {
-            tell(format_args!(
-                "this run was made by elk {version} ({revision}), this is another: it may go another way"
-            ));
+            Some(format!("this run was made by elk {version} ({revision}), this is another: it may go another way"))
         } else if revision == "unknown" || revision.ends_with("-changed") {
-            tell(
-                "this run was made by an elk of sources that no revision has: if this is another, it may go another way",
-            );
+            let said = "this run was made by an elk of sources that no revision has: if this is another, it may go another way";
+            Some(said.to_owned())
+        } else {
+            None
         }
     }
 
@@ -220,8 +218,8 @@ pub fn is_run(folder: &Path) -> bool {
     folder.join(RUN).is_file()
 }
 
-/// The mission of a run, from the run's folder, changed by `overrides`. That `revision`, which this program was built from,
-/// is not the run's is said.
+/// The mission of a run, from the run's folder, changed by `overrides`; and what is to be said of it: that `revision`, which
+/// this program was built from, or an app's program is not the run's.
 ///
 /// # Errors
 /// It is no run's folder, its files are not what they were, or its mission is wrong.
@@ -230,17 +228,17 @@ pub fn mission_of_run(
     registry: &Registry,
     overrides: &[Override],
     revision: &str,
-) -> Result<Mission, RerunError> {
+) -> Result<(Mission, Vec<String>), RerunError> {
     let provenance = Provenance::read(folder)?;
-    provenance.compare_elk(revision);
     provenance.check_files(overrides)?;
     let mut mission = Mission::load_effective(&folder.join(&provenance.effective_mission), registry, overrides)?;
-    provenance.other_programs(&mission, overrides).into_iter().for_each(tell);
+    let programs = provenance.other_programs(&mission, overrides);
+    let notes = provenance.other_elk(revision).into_iter().chain(programs).collect();
     // The next run is called after the file of the first, and keeps that.
     mission.file = folder.join(&provenance.mission);
     let no_run = |source| RerunError::NoRun { file: mission.file.clone(), source };
     mission.bytes = file::read(&mission.file, Mission::LONGEST_EFFECTIVE).map_err(no_run)?;
-    Ok(mission)
+    Ok((mission, notes))
 }
 
 #[cfg(test)]
@@ -293,10 +291,7 @@ mod tests {
         assert!(shell.file.is_absolute() && shell.checksum.len() == 16, "found in PATH: {shell:?}");
         assert_eq!(recorded("Explorer").file, mine);
 
-        let again = |sets: &[Override]| {
-            let mission = mission_of_run(folder.path(), &Registry::default(), sets, "abc").unwrap();
-            provenance.other_programs(&mission, sets)
-        };
+        let again = |sets: &[Override]| mission_of_run(folder.path(), &Registry::default(), sets, "abc").unwrap().1;
         assert_eq!(again(&[]), [""; 0]);
         script(&mine, "exit 2");
         let words = again(&[]);
@@ -312,7 +307,7 @@ mod tests {
         let mut moved = provenance.clone();
         let map = moved.files.iter_mut().find(|one| one.app == "Map").unwrap();
         (map.file, map.checksum) = ("/old/bin/sh".into(), "0".repeat(16));
-        let mission = mission_of_run(folder.path(), &Registry::default(), &[], "abc").unwrap();
+        let (mission, _) = mission_of_run(folder.path(), &Registry::default(), &[], "abc").unwrap();
         let words = moved.other_programs(&mission, &[]);
         assert!(
             words[0].starts_with("Map: ") && words[0].contains("is not the program that /old/bin/sh was"),
@@ -329,7 +324,8 @@ mod tests {
         let text = "\"".repeat(400_000);
         kept_run(folder.path(), "sh", &format!("<Words>{text}</Words>"));
         assert!(folder.path().join("m.effective.xml").metadata().unwrap().len() > Mission::LONGEST);
-        let mission = mission_of_run(folder.path(), &Registry::default(), &[], "abc").unwrap();
+        let (mission, notes) = mission_of_run(folder.path(), &Registry::default(), &[], "def").unwrap();
+        assert!(notes[0].contains("(abc), this is another: it may go another way"), "{notes:?}");
         let explorer = mission.of_element(element::EXPLORER).next().unwrap();
         assert_eq!(explorer.setting("Words").map(str::len), Some(text.len()));
     }

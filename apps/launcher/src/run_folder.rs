@@ -1,6 +1,5 @@
 //! The folder that a run leaves behind: `logs/<mission>-<YYYYMMDD-HHMMSS>`.
 
-use std::ffi::OsStr;
 use std::fs::DirBuilder;
 use std::io::ErrorKind;
 use std::os::unix::fs::DirBuilderExt;
@@ -15,13 +14,13 @@ const TRIES: u32 = 1000;
 /// The longest name that is taken over from a mission (bytes).
 const LONGEST: usize = 100;
 
-/// Makes, for its owner alone, the folder of a run of `mission` that starts at `now` (s since 1970, UTC); a second one of
-/// the same second is numbered.
+/// Makes, for its owner alone, a folder in `logs` that is called after `stem`, as far as a name can be, and after `now` (s
+/// since 1970, UTC); a second one of the same second is numbered.
 ///
 /// # Errors
 /// It cannot be made in `logs`.
-pub fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, LaunchError> {
-    let name = format!("{}-{}", plain(mission.file_stem()), stamp(now));
+pub fn create(logs: &Path, stem: &str, now: f64) -> Result<PathBuf, LaunchError> {
+    let name = format!("{}-{}", plain(stem), stamp(now));
     let unwritable = |source| LaunchError::Folder { folder: logs.to_owned(), source };
     std::fs::create_dir_all(logs).map_err(unwritable)?;
     let logs = std::path::absolute(logs).map_err(unwritable)?;
@@ -37,10 +36,14 @@ pub fn create(logs: &Path, mission: &Path, now: f64) -> Result<PathBuf, LaunchEr
     Err(unwritable(ErrorKind::AlreadyExists.into()))
 }
 
+/// What a mission's run is called after.
+pub(crate) fn stem(mission: &Path) -> String {
+    plain(&mission.file_stem().unwrap_or_default().to_string_lossy())
+}
+
 /// A name for a file of the run that is one step of a path, no hidden file and no option of a command, whatever the name
 /// is that it is made of.
-fn plain(name: Option<&OsStr>) -> String {
-    let name = name.unwrap_or_default().to_string_lossy();
+fn plain(name: &str) -> String {
     let good = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let name: String = name.chars().map(good).collect();
     let name: String = name.trim_start_matches(['.', '-', '_']).chars().take(LONGEST).collect();
@@ -50,12 +53,12 @@ fn plain(name: Option<&OsStr>) -> String {
 /// What the copy of a mission file is called that the run keeps: its own name, and `.xml` behind it, so that it is no
 /// name of a file that the run writes.
 pub(crate) fn copy_name(mission: &Path) -> String {
-    format!("{}.xml", plain(mission.file_stem()))
+    format!("{}.xml", stem(mission))
 }
 
 /// What the mission is called as it ran, defaults and command line included.
 pub(crate) fn effective_name(mission: &Path) -> String {
-    format!("{}.effective.xml", plain(mission.file_stem()))
+    format!("{}.effective.xml", stem(mission))
 }
 
 /// `20261123-224512`, UTC.
@@ -83,7 +86,7 @@ mod tests {
     fn runs_of_the_same_second_are_numbered() {
         let logs = tempfile::tempdir().unwrap();
         let name = |_| {
-            let folder = create(logs.path(), Path::new("m/apartment.xml"), 0.0).unwrap();
+            let folder = create(logs.path(), &stem(Path::new("m/apartment.xml")), 0.0).unwrap();
             folder.file_name().unwrap().to_string_lossy().into_owned()
         };
         let names: Vec<String> = (0..3).map(name).collect();
@@ -96,7 +99,7 @@ mod tests {
         let logs = tempfile::tempdir().unwrap();
         let long = format!("{}.xml", "x".repeat(250));
         for name in ["..xml", ".xml", "--help.xml", "a b\n.xml", "..", "", "ä*?.xml", "log.mcap", &long] {
-            let folder = create(logs.path(), Path::new(name), 0.0).unwrap();
+            let folder = create(logs.path(), &stem(Path::new(name)), 0.0).unwrap();
             let made = folder.file_name().unwrap().to_str().unwrap();
             assert_eq!(folder.parent(), Some(logs.path()));
             assert!(made.starts_with(|c: char| c.is_ascii_alphanumeric()), "{made:?}");
@@ -112,7 +115,7 @@ mod tests {
         let logs = tempfile::tempdir().unwrap();
         let file = logs.path().join("file");
         std::fs::write(&file, "").unwrap();
-        let error = create(&file, Path::new("m.xml"), 0.0).unwrap_err().to_string();
+        let error = create(&file, "m", 0.0).unwrap_err().to_string();
         assert!(error.starts_with(&format!("cannot make the run's folder in {}", file.display())));
     }
 }

@@ -93,9 +93,10 @@ impl OccupancyMap {
                 continue;
             };
             cut += usize::from(ray.tip == Tip::Open);
-            match (ray.tip, self.mark(Walk::new(start, ray.end), home, ray.tip)) {
-                (Tip::Edge, _) => dropped.out_of_range += 1,
-                (_, came_to_its_end) => dropped.no_room += usize::from(!came_to_its_end),
+            let came_to_its_end = self.mark(Walk::new(start, ray.end), home, ray.tip);
+            match ray.tip {
+                Tip::Edge => dropped.out_of_range += 1,
+                _ => dropped.no_room += usize::from(!came_to_its_end),
             }
         }
         let (reach, resolution) = (self.config.reach_without_return(range), self.config.resolution);

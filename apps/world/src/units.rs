@@ -36,15 +36,16 @@ pub fn digits(longest: f64) -> usize {
     (2.0 - longest.log10().floor()).clamp(2.0, 6.0) as usize
 }
 
-/// A length (m), rounded to so many digits behind the point.
+/// A length (m), rounded to so many digits behind the point; 0 has no sign.
 pub(crate) fn rounded(length: f64, digits: usize) -> f64 {
     let grains = 10_f64.powi(digits as i32);
-    (length * grains).round() / grains
+    (length * grains).round() / grains + 0.0
 }
 
 /// A point (m), for people.
 pub(crate) fn shown(point: &Point3<f64>, digits: usize) -> String {
-    format!("({:.digits$}; {:.digits$}; {:.digits$})", point.x, point.y, point.z)
+    let [x, y, z] = [point.x, point.y, point.z].map(|c| rounded(c, digits));
+    format!("({x:.digits$}; {y:.digits$}; {z:.digits$})")
 }
 
 #[cfg(test)]
@@ -65,6 +66,6 @@ mod tests {
     fn small_worlds_are_shown_with_more_digits() {
         assert_eq!([7000.0, 40.0, 7.0, 0.7, 0.007, 0.0].map(digits), [2, 2, 2, 3, 5, 6]);
         assert_eq!([2, 5].map(|digits| rounded(0.001_234_9, digits)), [0.0, 0.001_23]);
-        assert_eq!(shown(&Point3::new(1.0, -0.5, 0.0), 2), "(1.00; -0.50; 0.00)");
+        assert_eq!(shown(&Point3::new(1.0, -0.5, -0.004), 2), "(1.00; -0.50; 0.00)");
     }
 }

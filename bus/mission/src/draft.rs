@@ -343,13 +343,17 @@ impl Draft {
         }
     }
 
-    /// Exchanges its type. What the file says to the old one alone is left behind, as in a swap.
+    /// Exchanges its type. What the file says to the old one alone is left behind, as in a swap; of an executable that may be
+    /// anything.
     fn become_type(&mut self, name: &str, place: &At, registry: &Registry, problems: &mut Findings) {
         let new = self.type_called(name, place, registry, problems);
         let old = std::mem::replace(&mut self.runs, new);
-        if let (Runs::Builtin(old), Runs::Builtin(new)) = (old, &self.runs) {
-            self.given.retain(|given| new.param(&given.name).is_some() || old.param(&given.name).is_none());
-        }
+        let Runs::Builtin(new) = &self.runs else { return };
+        self.given.retain(|given| match old {
+            Runs::Builtin(old) => new.param(&given.name).is_some() || old.param(&given.name).is_none(),
+            Runs::Foreign { .. } => new.param(&given.name).is_some(),
+            Runs::Nothing | Runs::Unknown => true,
+        });
     }
 
     fn set(&mut self, said: &Override, place: At) {

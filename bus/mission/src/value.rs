@@ -1,5 +1,6 @@
 //! From the text of a parameter to its checked value.
 
+use std::num::IntErrorKind;
 use std::path::Path;
 
 use crate::nearest::instead;
@@ -130,6 +131,12 @@ fn integer(text: &str, min: i64, max: i64, kind: &Kind) -> Result<i64, ValueErro
     match text.parse::<i64>() {
         Ok(value) if (min..=max).contains(&value) => Ok(value),
         Ok(_) => Err(wrong(format!("{text:?} is out of range"), kind)),
+        Err(error) if *error.kind() == IntErrorKind::PosOverflow => {
+            Err(wrong(format!("{text:?} is above {}, the largest whole number that is read", i64::MAX), kind))
+        }
+        Err(error) if *error.kind() == IntErrorKind::NegOverflow => {
+            Err(wrong(format!("{text:?} is out of range"), kind))
+        }
         Err(_) => Err(wrong(format!("{text:?} is no whole number"), kind)),
     }
 }
@@ -276,6 +283,11 @@ mod tests {
         assert_eq!(says(&Kind::Flag, "yes"), r#""yes" is neither true nor false; right is true or false"#);
         let count = Kind::Integer { min: 1, max: i64::MAX };
         assert_eq!(says(&count, "7"), "Integer(7)");
+        assert_eq!(
+            says(&count, "18446744073709551615"),
+            "\"18446744073709551615\" is above 9223372036854775807, the largest whole number that is read; right is a whole \
+             number of at least 1"
+        );
         assert_eq!(says(&count, "1.5"), r#""1.5" is no whole number; right is a whole number of at least 1"#);
         assert_eq!(
             says(&Kind::Variable, "A B"),

@@ -107,6 +107,8 @@ fn read_what_is_written(drafts: &[Draft], problems: &mut Findings) {
             if draft.element == element
                 && let Some(name) = draft.said_or_default(param).filter(|name| is_name(name))
                 && !published.contains(&name)
+                // A mission without a sensor is a problem of its own.
+                && !published.is_empty()
             {
                 let known = published.join(", ");
                 let place = draft.value_place(param);

@@ -19,12 +19,15 @@ const COMMON: [(&str, [&str; 2]); 3] = [
     ("MOOSPoseVarName", [element::SENSOR, element::CONTROLLER]),
 ];
 
+/// Parameters that say something only together, as middle and size of a volume.
+const TOGETHER: [&str; 2] = ["Mid", "Dim"];
+
 /// What the sensor publishes its scans under, if its type does not say.
 pub(crate) const SCAN: &str = "SCAN";
 
 /// Sets `Input` and `Output` of the filters and `Input` of the map: the first filter reads what the sensor publishes and
-/// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim` of
-/// the map, the volume in which frontiers count, are the explorer's. What two apps have to have in common goes from the one
+/// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim`, the
+/// volume to explore and that in which the map counts frontiers, are said of one of the two for both. What two apps have to have in common goes from the one
 /// that says it to the other; that they say it differently is a problem.
 pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Findings) {
     let sensor = drafts.iter().find(|draft| draft.element == element::SENSOR);
@@ -40,8 +43,10 @@ pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Findings) {
     for map in drafts.iter_mut().filter(|draft| draft.element == element::MAP) {
         map.suppose("Input", &last);
     }
-    for bound in ["Mid", "Dim"] {
+    drafts.iter().for_each(|draft| both_or_neither(draft, problems));
+    for bound in TOGETHER {
         hand_on(drafts, bound, [element::EXPLORER, element::MAP]);
+        hand_on(drafts, bound, [element::MAP, element::EXPLORER]);
     }
     for (param, [one, other]) in COMMON {
         hand_on(drafts, param, [one, other]);
@@ -60,6 +65,24 @@ fn number<'a>(draft: &'a Draft, param: &str) -> Option<(f64, Option<&'a Given>)>
         Some((ParamValue::Number(value), given)) => Some((value, Some(given))),
         Some(_) => None,
         None => Some((draft.said_or_default(param)?.parse().ok()?, None)),
+    }
+}
+
+/// One of [`TOGETHER`] alone would do nothing, or something else than was meant; one that is as it is anyway says nothing.
+fn both_or_neither(draft: &Draft, problems: &mut Findings) {
+    let [mid, dim] = TOGETHER;
+    for (said, missing) in [(mid, dim), (dim, mid)] {
+        let (Some((value, given)), Some(spec), Some(other)) =
+            (draft.value(said), draft.spec(said), draft.spec(missing))
+        else {
+            continue;
+        };
+        let usual = spec.default.and_then(|text| spec.kind.parse(text, "".as_ref()).ok());
+        if other.default.is_some() && draft.said(missing).is_none() && usual != Some(value) {
+            let words =
+                format!("{said} without {missing}; right is both, the middle ({mid}) and the size ({dim}) of a volume");
+            problems.add(&given.place, words);
+        }
     }
 }
 

@@ -124,11 +124,6 @@ impl Memory {
     fn judge(&mut self, path: &Path, outcome: Outcome, robot: Voxel, resolution: f64) {
         let end = path.points.last().copied();
         let record = self.record(path.target);
-        let tried_from = |record: &mut TargetRecord, place: Voxel| {
-            if record.tried.len() < MAX_CORNERS {
-                record.tried.push(place);
-            }
-        };
         match outcome {
             Outcome::Unresolved => tried_from(record, robot),
             Outcome::Cut => {
@@ -145,10 +140,9 @@ impl Memory {
     /// Looks from `from` (m, world) found nothing where rays went without a return: what was in view of them was looked at in
     /// vain, too. Under an open sky each voxel below it would be looked at for itself, thousands of them.
     fn judge_view(&mut self, looks: &[Pose], from: Point3<f64>, known: Known) {
-        let Known { grid, frontier } = known;
+        let grid = known.grid;
         let resolution = grid.resolution();
         let robot = Voxel::containing(from, resolution);
-        let near = |voxel: &Voxel| (voxel.center(resolution) - from).norm() <= LOOK_RANGE_M;
         // A ray without a return has passed all that is unknown on its way: it is no cover.
         let passed = |voxel: Voxel| match grid.state(voxel) {
             State::Occupied => State::Occupied,
@@ -160,11 +154,11 @@ impl Memory {
             looks.iter().any(in_cone) && in_sight(resolution, passed, from, unknown)
         };
         let seen = |voxel: &Voxel| known.unknown_beside(*voxel).any(in_view);
-        for voxel in frontier.iter().filter(near).filter(seen) {
+        for voxel in known.frontier_near(from, LOOK_RANGE_M).filter(seen) {
             let record = self.record(voxel);
             record.no_return = true;
-            if record.tried.len() < MAX_CORNERS && is_untried(&record.tried, robot) {
-                record.tried.push(robot);
+            if is_untried(&record.tried, robot) {
+                tried_from(record, robot);
             }
         }
     }
@@ -238,6 +232,13 @@ impl Memory {
     /// Scans since anything was learned.
     pub fn scans_without_progress(&self, revision: u64) -> u64 {
         revision.saturating_sub(self.progress_at)
+    }
+}
+
+/// A target was looked at in vain from one more place, as far as a successor believes it.
+fn tried_from(record: &mut TargetRecord, place: Voxel) {
+    if record.tried.len() < MAX_CORNERS {
+        record.tried.push(place);
     }
 }
 

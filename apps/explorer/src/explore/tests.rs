@@ -65,6 +65,7 @@ pub(super) fn settings(policy: Policy) -> Settings {
         max_scans: 500,
         patience: 50,
         clock: || 0.0,
+        is_to_stop: || false,
     }
 }
 

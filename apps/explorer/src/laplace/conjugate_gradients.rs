@@ -5,12 +5,13 @@ use super::Operator;
 /// Past this something is wrong with the problem, not with the number.
 const MAX_ITERATIONS: usize = 5000;
 
-/// Solves `Ax = b` from zero until `‖r‖ ≤ tolerance ‖b‖`; `precondition(r, z)` puts an approximation of `A⁻¹r` into `z`.
+/// Solves `Ax = b` from zero until `‖r‖ ≤ tolerance ‖b‖`, or somebody is `stopping`; `precondition(r, z)` puts an approximation of `A⁻¹r` into `z`.
 /// Answers `x` and the iterations it took.
 pub fn solve(
     operator: &Operator,
     b: &[f32],
     tolerance: f64,
+    stopping: impl Fn() -> bool,
     mut precondition: impl FnMut(&[f32], &mut [f32]),
 ) -> (Vec<f32>, usize) {
     let zero = vec![0.0; operator.len()];
@@ -19,7 +20,7 @@ pub fn solve(
     let enough = tolerance * operator.dot(b, b).sqrt();
     let mut rz = 0.0;
     for iteration in 0..MAX_ITERATIONS {
-        if operator.dot(&r, &r).sqrt() <= enough {
+        if operator.dot(&r, &r).sqrt() <= enough || stopping() {
             return (x, iteration);
         }
         precondition(&r, &mut z);

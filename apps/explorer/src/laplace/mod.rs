@@ -89,16 +89,21 @@ pub struct Solution {
 ///
 /// A source that no sink is connected to has no gradient: ψ is 1 all over its component then.
 pub fn solve(problem: &Problem, solver: Solver, tolerance: f64) -> Solution {
+    solve_unless(problem, solver, tolerance, || false)
+}
+
+/// As [`solve`]; it is given up, and the field is none, once somebody is `stopping`.
+pub fn solve_unless(problem: &Problem, solver: Solver, tolerance: f64, stopping: impl Fn() -> bool) -> Solution {
     let operator = Operator::of(problem);
     let b = operator::right_hand_side(problem);
     let (mut psi, iterations) = match solver {
-        Solver::Thesis => relaxation::gauss_seidel(problem, tolerance),
-        Solver::Jacobi => conjugate_gradients::solve(&operator, &b, tolerance, |r, z| {
+        Solver::Thesis => relaxation::gauss_seidel(problem, tolerance, stopping),
+        Solver::Jacobi => conjugate_gradients::solve(&operator, &b, tolerance, stopping, |r, z| {
             operator.divide_by_diagonal(r, z);
         }),
         Solver::Multigrid => {
             let mut cycle = multigrid::Cycle::new(&operator);
-            conjugate_gradients::solve(&operator, &b, tolerance, |r, z| cycle.apply(r, z))
+            conjugate_gradients::solve(&operator, &b, tolerance, stopping, |r, z| cycle.apply(r, z))
         }
     };
     let residual = operator.relative_residual(&psi, &b);

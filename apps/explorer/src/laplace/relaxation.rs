@@ -10,8 +10,8 @@ use super::{Cell, Problem};
 /// The thesis stops by change alone; this bounds a tolerance that is never met.
 const MAX_SWEEPS: usize = 100_000;
 
-/// Sweeps until no cell changes by `epsilon` or more of its value; answers ψ and the sweeps.
-pub fn gauss_seidel(problem: &Problem, epsilon: f64) -> (Vec<f32>, usize) {
+/// Sweeps until no cell changes by `epsilon` or more of its value, or somebody is `stopping`; answers ψ and the sweeps.
+pub fn gauss_seidel(problem: &Problem, epsilon: f64, stopping: impl Fn() -> bool) -> (Vec<f32>, usize) {
     let start = |c: &Cell| match c {
         Cell::Inside => 0.5,
         fixed => f64::from(fixed.fixed().unwrap_or(0.0)),
@@ -21,7 +21,7 @@ pub fn gauss_seidel(problem: &Problem, epsilon: f64) -> (Vec<f32>, usize) {
     let mut sweeps = 0;
     while sweeps < MAX_SWEEPS {
         sweeps += 1;
-        if sweep(&stencils, &mut psi) < epsilon {
+        if sweep(&stencils, &mut psi) < epsilon || stopping() {
             break;
         }
     }

@@ -85,7 +85,7 @@ fn rooms(inner: [usize; 3]) -> Problem {
 #[test]
 fn multigrid_agrees_with_gauss_seidel_run_to_convergence() {
     let p = rooms([31, 14, 6]);
-    let exact = relaxation::gauss_seidel(&p, 1e-12).0;
+    let exact = relaxation::gauss_seidel(&p, 1e-12, || false).0;
     for solver in ALL {
         let s = solve(&p, solver, 1e-7);
         let worst = s.psi.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -160,4 +160,15 @@ fn connected(mut p: Problem) -> Problem {
         *c = Cell::Sink;
     }
     p
+}
+
+/// Regression: who was asked to stop in the midst of a long solution was killed.
+#[test]
+fn a_solution_is_given_up_once_nobody_waits_for_it() {
+    let p = rooms([31, 14, 6]);
+    for solver in [Solver::Thesis, Solver::Jacobi, Solver::Multigrid] {
+        let looks = std::cell::Cell::new(0);
+        let stopping = || looks.replace(looks.get() + 1) == 1;
+        assert!(solve_unless(&p, solver, 0.0, stopping).iterations <= 2, "{solver:?}");
+    }
 }

@@ -79,6 +79,7 @@ pub(crate) fn type_name<T: ?Sized>() -> &'static str {
 #[derive(Debug, Clone)]
 pub struct Journal {
     clock: fn() -> f64,
+    is_to_stop: fn() -> bool,
     phases: Vec<(String, f64)>,
     /// Streamlines that stalled before they reached a goal.
     pub stalls: u64,
@@ -91,7 +92,18 @@ pub struct Journal {
 impl Journal {
     /// An empty one; `clock` gives the seconds of CPU that the thread has used.
     pub fn new(clock: fn() -> f64) -> Self {
-        Self { clock, phases: Vec::new(), stalls: 0, fallbacks: 0, iterations: 0 }
+        Self { clock, is_to_stop: || false, phases: Vec::new(), stalls: 0, fallbacks: 0, iterations: 0 }
+    }
+
+    /// `is_to_stop` says whether the process is asked to stop.
+    pub fn heeding(self, is_to_stop: fn() -> bool) -> Self {
+        Self { is_to_stop, ..self }
+    }
+
+    /// Whether nobody waits for the plan any more, since the process is asked to stop. A strategy that computes for long looks
+    /// here now and then, and gives up: it has 5 s.
+    pub fn is_to_stop(&self) -> bool {
+        (self.is_to_stop)()
     }
 
     /// Goes on with what a predecessor has booked.

@@ -55,7 +55,12 @@ impl Strategy for Potential {
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
         let problem = problem(view);
-        let solution = journal.time("field", || laplace::solve(&problem, self.solver, self.tolerance));
+        let heeded = journal.clone();
+        let solve = || laplace::solve_unless(&problem, self.solver, self.tolerance, || heeded.is_to_stop());
+        let solution = journal.time("field", solve);
+        if journal.is_to_stop() {
+            return None;
+        }
         journal.iterations += solution.iterations as u64;
         let field = Field { volume: view.volume, problem: &problem, psi: &solution.psi };
         let mut stalls = 0;

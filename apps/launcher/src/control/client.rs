@@ -4,11 +4,11 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
-use elk_bus::Community;
 use elk_bus::shm::door;
+use elk_bus::{Community, Owner};
 
 use super::words::{Answer, Request};
-use super::{MAX_ANSWER, name, own_user};
+use super::{MAX_ANSWER, name, own_user, peer};
 
 /// How long a launcher may take to take one more in.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -31,7 +31,7 @@ pub enum AskError {
         /// The community.
         community: Community,
         /// The process that listens there.
-        process: i32,
+        process: u32,
         /// The user's id.
         user: u32,
     },
@@ -94,8 +94,7 @@ fn dial(community: &Community, patience: Duration) -> Result<UnixStream, AskErro
         ErrorKind::WouldBlock => broken(error),
         _ => AskError::NoLauncher(community.clone()),
     })?;
-    let peer = rustix::net::sockopt::socket_peercred(&stream).map_err(|error| broken(error.into()))?;
-    let (process, user) = (peer.pid.as_raw_nonzero().get(), peer.uid.as_raw());
+    let Owner { process, user } = peer(&stream).map_err(broken)?;
     if user != own_user() {
         return Err(AskError::ForeignUser { community: community.clone(), process, user });
     }

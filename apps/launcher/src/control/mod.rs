@@ -8,9 +8,9 @@ mod server;
 mod words;
 
 use std::os::linux::net::SocketAddrExt;
-use std::os::unix::net::SocketAddr;
+use std::os::unix::net::{SocketAddr, UnixStream};
 
-use elk_bus::Community;
+use elk_bus::{Community, Owner};
 
 pub use client::{AskError, ask};
 pub(crate) use server::Server;
@@ -27,6 +27,12 @@ fn name(community: &Community) -> String {
 
 fn address(community: &Community) -> std::io::Result<SocketAddr> {
     SocketAddr::from_abstract_name(name(community))
+}
+
+/// Who is at the other end, as the kernel knows it.
+fn peer(stream: &UnixStream) -> std::io::Result<Owner> {
+    let found = rustix::net::sockopt::socket_peercred(stream)?;
+    Ok(Owner { process: found.pid.as_raw_nonzero().get().cast_unsigned(), user: found.uid.as_raw() })
 }
 
 fn own_user() -> u32 {

@@ -5,13 +5,13 @@ use std::os::fd::AsFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::Duration;
 
+use elk_bus::Community;
 use elk_bus::clock::Stopwatch;
 use elk_bus::shm::door;
-use elk_bus::{Community, Owner};
 use rustix::event::{PollFd, PollFlags};
 
 use super::words::{Answer, Request};
-use super::{MAX_ANSWER, MAX_QUESTION, address, name, own_user};
+use super::{MAX_ANSWER, MAX_QUESTION, address, name, own_user, peer};
 use crate::error::LaunchError;
 use crate::supervisor::Ticket;
 
@@ -59,12 +59,7 @@ impl Server {
         let address = address(community).map_err(failed)?;
         let listener = UnixListener::bind_addr(&address).map_err(|error| match error.kind() {
             ErrorKind::AddrInUse => {
-                let other = door::knock(&name(community)).ok();
-                let credentials = other.and_then(|stream| rustix::net::sockopt::socket_peercred(stream).ok());
-                let holder = credentials.map(|found| Owner {
-                    process: found.pid.as_raw_nonzero().get().cast_unsigned(),
-                    user: found.uid.as_raw(),
-                });
+                let holder = door::knock(&name(community)).and_then(|stream| peer(&stream)).ok();
                 LaunchError::Launched { community: community.clone(), holder }
             }
             _ => failed(error),
@@ -116,9 +111,9 @@ impl Server {
                     return;
                 }
             };
-            let user = rustix::net::sockopt::socket_peercred(&stream).map(|found| found.uid.as_raw());
             // Whoever is somebody else gives no orders here.
-            if user == Ok(own_user()) && stream.set_nonblocking(true).is_ok() {
+            let own = peer(&stream).is_ok_and(|peer| peer.user == own_user());
+            if own && stream.set_nonblocking(true).is_ok() {
                 self.askers.push(Asker::new(self.next_ticket, stream));
                 self.next_ticket += 1;
             }

@@ -32,6 +32,10 @@ const DEAF_AFTER: Duration = Duration::from_secs(5);
 /// How long an app that found no broker waits before it tries again.
 const OUTAGE_PAUSE: Duration = Duration::from_millis(100);
 
+/// What is to be said of a program that ends well without having been an app.
+const NO_APP: &str =
+    "as a program does that is no app: right is one that joins the bus and stays (`elk new` makes one)";
+
 /// As much of a log's last line as stands in an exit's reason.
 const LINE_CHARS: usize = 120;
 
@@ -212,7 +216,7 @@ impl Supervisor {
             (None, _) if self.ending.is_some() && place != BROKER => {
                 self.stopped(place, &Exit { asked: false, ..exit }, now);
             }
-            (None, _) if exit.fine && unit.spec.may_finish => self.enter(place, State::Over, now),
+            (None, _) if exit.fine && unit.spec.may_finish => self.finished(place, &exit, now),
             (None, State::Starting) if unit.order.is_some() => {
                 let ticket = unit.order.take().map(|(ticket, _)| ticket);
                 let said = format!("{} ended before it registered: {}", unit.spec.name, quoted(&exit));
@@ -221,6 +225,19 @@ impl Supervisor {
             }
             (None, _) => self.again_or_fail(place, exit, now),
         }
+    }
+
+    /// An app that may end has. One that nobody has heard of until then was perhaps meant to do something.
+    fn finished(&mut self, place: usize, exit: &Exit, now: Duration) {
+        let Unit { registered, spec, .. } = &self.units[place];
+        if !registered {
+            let (name, log) = (&spec.name, exit.log.display());
+            self.say(format!(
+                "{name} has ended, {}, and never joined the community: {NO_APP}; it logs to {log}",
+                exit.how
+            ));
+        }
+        self.enter(place, State::Over, now);
     }
 
     /// The holder ended in the midst of a swap.
@@ -282,7 +299,9 @@ impl Supervisor {
         let name = unit.spec.name.clone();
         let Some(delay) = unit.next_restart(&exit, now) else {
             let when = if unit.registered { self.when } else { "before it registered" };
-            let died = LaunchError::Died { app: name, when, how: exit.how, log: exit.log, tail: exit.tail };
+            // Whoever fails says why.
+            let how = if unit.registered || !exit.fine { exit.how } else { format!("{}, {NO_APP}", exit.how) };
+            let died = LaunchError::Died { app: name, when, how, log: exit.log, tail: exit.tail };
             let given_up = unit.may_restart_after(exit.fine).then(|| unit.limit_in_words());
             self.enter(place, State::Over, now);
             let failed = match given_up {

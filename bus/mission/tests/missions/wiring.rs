@@ -167,3 +167,65 @@ fn another_executable_has_in_common_with_others_what_a_type_would_have() {
     let error = parse(&with(""), &["Explorer.exec=/bin/sh", "Explorer.Res=wide"]).unwrap_err();
     assert!(error.contains("--set Explorer.Res=wide: Res: \"wide\""), "{error}");
 }
+
+/// Map and explorer with a volume that need not be said.
+fn bounded(sets: &[&str]) -> Result<Mission, String> {
+    const ORIGIN: Option<&str> = Some("0; 0; 0");
+    static TYPES: &[AppType] = &[
+        AppType {
+            element: "Map",
+            name: "OctoMap",
+            summary: "Voxels.",
+            params: &[
+                param("Mid", Kind::Point { unit: "m" }, ORIGIN, "Middle."),
+                param("Dim", Kind::Size { unit: "m" }, ORIGIN, "Size."),
+            ],
+            build: unbuilt,
+            preflight: None,
+        },
+        AppType {
+            element: "Explorer",
+            name: "Potential",
+            summary: "Explores.",
+            params: &[
+                param("Mid", Kind::Point { unit: "m" }, ORIGIN, "Middle."),
+                param("Dim", Kind::Size { unit: "m" }, ORIGIN, "Size."),
+            ],
+            build: unbuilt,
+            preflight: None,
+        },
+    ];
+    let others = registry().types().filter(|one| !["Map", "Explorer"].contains(&one.element)).collect::<Registry>();
+    let all: Registry = others.types().chain(TYPES).collect();
+    let text = "<Scenario><Sensor type=\"Simulator\"/><Map type=\"OctoMap\"/><Explorer type=\"Potential\"/>\
+                <Controller type=\"MOOSSim\"/></Scenario>";
+    let sets: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
+    Mission::parse(text, Path::new("m.xml"), &all, &sets).map_err(|problems| problems.to_string())
+}
+
+/// Regression: a middle without a size was passed over, and a size alone lay around the origin.
+#[test]
+fn a_volume_has_a_middle_and_a_size() {
+    let said = |sets: &[&str]| bounded(sets).map(|_| ()).unwrap_err();
+    let right = "right is both, the middle (Mid) and the size (Dim) of a volume";
+    for app in ["Map", "Explorer"] {
+        let mid = format!("{app}.Mid=1; 2; 3");
+        assert_eq!(said(&[&mid]), format!("--set {mid}: Mid without Dim; {right}"));
+        let dim = format!("{app}.Dim=1; 2; 3");
+        assert_eq!(said(&[&dim]), format!("--set {dim}: Dim without Mid; {right}"));
+        bounded(&[&mid, &format!("{app}.Dim=0; 0; 0")]).unwrap();
+        bounded(&[&format!("{app}.Dim=0; 0; 0")]).unwrap();
+    }
+}
+
+/// Regression: what was said of the map's volume limited nothing.
+#[test]
+fn a_volume_is_said_of_map_or_explorer_for_both() {
+    for (said, other) in [("Map", "Explorer"), ("Explorer", "Map")] {
+        let sets = [format!("{said}.Mid=1; 2; 3"), format!("{said}.Dim=4; 5; 6")];
+        let mission = bounded(&[&sets[0], &sets[1]]).unwrap();
+        assert_eq!(settings(&mission, other), "Mid=1; 2; 3 Dim=4; 5; 6");
+    }
+    let own = ["Map.Mid=1; 2; 3", "Map.Dim=4; 5; 6", "Explorer.Mid=0; 0; 1", "Explorer.Dim=1; 1; 1"];
+    assert_eq!(settings(&bounded(&own).unwrap(), "Explorer"), "Mid=0; 0; 1 Dim=1; 1; 1");
+}
