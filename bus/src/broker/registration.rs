@@ -109,7 +109,8 @@ impl Broker {
     ) -> Result<(), &'static str> {
         let change = Change::read(frame, self.expected(from, frame)?)?;
         if let Some(reason) = self.registration_refusal(frame) {
-            return self.refuse(from, &String::from_utf8_lossy(&frame.aux.to_vec()), 0, &reason);
+            let (Change::Add(asked) | Change::Remove(asked)) = &change;
+            return self.refuse(from, &asked.key_pattern, 0, &reason);
         }
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         match client.is_joining() {

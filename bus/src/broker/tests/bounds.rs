@@ -426,7 +426,7 @@ fn who_gets_what_is_bounded() {
     assert_eq!((count(b), b.deliveries), (90, 90));
     let refused = a.hear(b, 0.0).2;
     assert!(refused.len() == 17 && refused[0].contains("pairs of variable and source already"), "{refused:?}");
-    let mut late = Speaker::new(b, 0.0, "late");
+    let late = Speaker::new(b, 0.0, "late");
     (0..3).for_each(|_| late.register(b, 0.0, "K*", "*", 0.0));
     (0..8).for_each(|i| late.register(b, 0.0, "K1", &format!("a{}", "*".repeat(i)), 0.0));
     assert_eq!((count(b), b.deliveries), (93, 93));
