@@ -450,9 +450,9 @@ fn who_gets_what_is_bounded() {
 /// Regression: what was remembered of batches that somebody had not handled grew with the readers.
 #[test]
 fn what_is_remembered_of_batches_is_bounded() {
-    let b = &mut bounded(|limits| limits.unhandled_bytes = 100_000);
+    let b = &mut bounded(|limits| limits.unhandled_bytes = 80_000);
     let mut a = Speaker::new(b, 0.0, "a");
-    let readers: Vec<_> = (0..99).map(|i| Speaker::new(b, 0.0, &format!("c{i}"))).collect();
+    let readers: Vec<_> = (0..80).map(|i| Speaker::new(b, 0.0, &format!("c{i}"))).collect();
     readers.iter().for_each(|c| c.register(b, 0.0, "X", "*", 0.0));
     (0..1000).for_each(|_| a.text(b, 0.0, "X", "1"));
     let client = &b.clients[&a.id];
