@@ -227,9 +227,9 @@ fn late_readers_of_a_large_value() {
 #[test]
 fn many_readers_of_many_variables() {
     let target = Target::new("crowd");
-    let _deaf = target.deaf_readers(amount(40, 90));
+    let _deaf = target.deaf_readers(amount(80, 90));
     let mut liar = target.join("liar");
-    for number in 0..amount(50_000, 110_000) {
+    for number in 0..amount(60_000, 110_000) {
         liar.comms.notify(&format!("V{number}"), number as f64).unwrap();
     }
     liar.comms.flush().unwrap();
