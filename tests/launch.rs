@@ -343,3 +343,34 @@ fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
         wait_until_gone("the strays' end", || strays().into_iter().find(|id| alive(*id)));
     }
 }
+
+/// Regression: with launcher, guard and broker nobody was left who knew of them, and they went on for ever.
+#[test]
+fn what_is_left_of_a_mission_whose_launcher_guard_and_broker_are_killed_at_once_ends_with_the_next_of_its_community() {
+    for next in ["db", "launch"] {
+        let elk = Elk::new(&format!("orphans-{next}"));
+        let mission = mission_with_strays(&elk, "manual", "STRAY");
+        let mut launcher = elk.launch(&mission);
+        elk.events().wait_until("two strays", || strays(&elk).len() == 2);
+        launcher.wait_for("Enter takes a step");
+        let words = |id: &i32| std::fs::read_to_string(format!("/proc/{id}/cmdline")).unwrap_or_default();
+        let knows_of_them = |id: &i32| words(id).ends_with("\0guard\0") || words(id).contains("\0db\0");
+        let all: Vec<i32> = launcher.descendants().into_iter().filter(knows_of_them).collect();
+        assert_eq!(all.len(), 2, "guard and broker");
+        // None of them comes to act before all are killed.
+        let all: Vec<i32> = all.into_iter().chain([launcher.id()]).collect();
+        all.iter().for_each(|id| kill(*id, Signal::STOP));
+        all.iter().for_each(|id| kill(*id, Signal::KILL));
+        wait_until_gone("the three", || all.iter().copied().find(|id| alive(*id)));
+        assert!(strays(&elk).into_iter().all(alive), "nobody knows of them");
+        launcher.end();
+        let mut next = match next {
+            "db" => elk.spawn("db.txt", elk.command(&["db", "--community", elk.community()])),
+            _ => elk.launch(&mission),
+        };
+        wait_until_gone("the strays' end", || strays(&elk).into_iter().take(2).find(|id| alive(*id)));
+        next.wait_for("whose launcher and guard were killed there was left, and is ended now: process ");
+        kill(next.id(), Signal::INT);
+        next.end();
+    }
+}

@@ -47,7 +47,13 @@ impl MemoryBroker {
     /// Starts a community.
     pub fn new(config: BrokerConfig, clock: Clock) -> Self {
         // All values travel in batches here, and lie in this process anyway.
-        let limits = Limits { message_bytes: usize::MAX, latest_bytes: usize::MAX, ..config.limits };
+        let limits = Limits {
+            message_bytes: usize::MAX,
+            latest_bytes: usize::MAX,
+            oversize_bytes: usize::MAX,
+            pending_bytes: usize::MAX,
+            ..config.limits
+        };
         let config = BrokerConfig { limits, ..config };
         let state = State {
             broker: Some(Broker::new(config.clone(), clock.now())),

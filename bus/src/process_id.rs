@@ -32,6 +32,15 @@ impl ProcessId {
     pub fn lives(&self) -> bool {
         Self::of(self.pid) == Some(*self)
     }
+
+    /// Whether the process has ended for certain: its number is one of those that are seen from here, and it is not there.
+    /// Of one of another container, or of another start of the machine, nothing is certain.
+    pub fn has_ended(&self) -> bool {
+        let is_of_here = here() == Some((self.boot, self.namespace));
+        // Where not even this process is seen, for want of descriptors, say, nobody is.
+        let are_seen = || Self::of(std::process::id() as i32).is_some();
+        is_of_here && !self.lives() && are_seen()
+    }
 }
 
 /// Which start of the machine this is, and in which namespace this process' numbers are: neither changes while it lives.
@@ -75,6 +84,8 @@ mod tests {
             ProcessId { namespace: own.namespace + 1, ..own },
         ];
         assert!(others.iter().all(|other| !other.lives()));
+        assert_eq!(others.map(|other| other.has_ended()), [true, false, false], "of the others nothing is certain");
+        assert!(!own.has_ended());
         assert_eq!([0, -1, i32::MAX].map(ProcessId::of), [None; 3]);
     }
 

@@ -220,8 +220,16 @@ pub fn put(batch: &mut Vec<u8>, header: &Header, aux: &[u8], value: &[u8]) {
     let start = batch.len();
     let len = frame_len(aux.len(), value.len());
     batch.reserve(len);
+    batch.extend_from_slice(&fixed(header, aux.len(), value.len()));
+    batch.extend_from_slice(aux);
+    batch.extend_from_slice(value);
+    batch.resize(start + len, 0);
+}
+
+/// The fixed part of a frame with aux and value of these lengths (bytes).
+pub fn fixed(header: &Header, aux: usize, value: usize) -> [u8; HEADER] {
     let mut fixed = [0; HEADER];
-    fixed[0..4].copy_from_slice(&(len as u32).to_le_bytes());
+    fixed[0..4].copy_from_slice(&(frame_len(aux, value) as u32).to_le_bytes());
     fixed[4] = header.kind as u8;
     fixed[5] = header.value_kind as u8;
     fixed[6..8].copy_from_slice(&header.flags.to_le_bytes());
@@ -231,12 +239,9 @@ pub fn put(batch: &mut Vec<u8>, header: &Header, aux: &[u8], value: &[u8]) {
     fixed[20..24].copy_from_slice(&header.community.to_le_bytes());
     fixed[24..32].copy_from_slice(&header.sequence.to_le_bytes());
     fixed[32..40].copy_from_slice(&header.time.to_le_bytes());
-    fixed[40..44].copy_from_slice(&(aux.len() as u32).to_le_bytes());
-    fixed[44..48].copy_from_slice(&(value.len() as u32).to_le_bytes());
-    batch.extend_from_slice(&fixed);
-    batch.extend_from_slice(aux);
-    batch.extend_from_slice(value);
-    batch.resize(start + len, 0);
+    fixed[40..44].copy_from_slice(&(aux as u32).to_le_bytes());
+    fixed[44..48].copy_from_slice(&(value as u32).to_le_bytes());
+    fixed
 }
 
 /// Appends a frame that names number `number`.
@@ -315,18 +320,6 @@ pub fn first_frame(bytes: &[u8]) -> Result<Frame<'_>, &'static str> {
     };
     let (aux_end, value_end) = (HEADER + aux_len, HEADER + aux_len + value_len);
     Ok(Frame { header, aux: &bytes[HEADER..aux_end], value: &bytes[aux_end..value_end], bytes: &bytes[..len] })
-}
-
-/// The fixed part of a frame with the flags and numbers of `header`: what the broker rewrites before it forwards.
-pub fn renumbered(fixed: &[u8], header: &Header) -> [u8; HEADER] {
-    let mut new = [0; HEADER];
-    new.copy_from_slice(fixed);
-    new[6..8].copy_from_slice(&header.flags.to_le_bytes());
-    new[8..12].copy_from_slice(&header.key.to_le_bytes());
-    new[12..16].copy_from_slice(&header.source.to_le_bytes());
-    new[16..20].copy_from_slice(&header.type_.to_le_bytes());
-    new[20..24].copy_from_slice(&header.community.to_le_bytes());
-    new
 }
 
 /// Whether a well-formed frame's value lies in shared memory.

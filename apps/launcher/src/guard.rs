@@ -124,12 +124,17 @@ fn is_guard(id: &ProcessId) -> bool {
 
 /// Who is to end with the launcher.
 #[derive(Default)]
-struct Watched {
+pub(crate) struct Watched {
     groups: BTreeSet<i32>,
     strays: HashSet<ProcessId>,
 }
 
 impl Watched {
+    /// These, and nobody else.
+    pub fn of(processes: impl IntoIterator<Item = ProcessId>) -> Self {
+        Self { strays: processes.into_iter().collect(), ..Self::default() }
+    }
+
     fn follow(&mut self, launcher: impl BufRead) -> io::Result<()> {
         for line in launcher.lines() {
             let line = line?;
@@ -147,7 +152,8 @@ impl Watched {
         Ok(())
     }
 
-    fn end(&mut self, run: Option<&Run>) {
+    /// Ends them, and all processes of `run`.
+    pub fn end(&mut self, run: Option<&Run>) {
         let groups: Vec<Pid> = self.groups.iter().filter_map(|group| Pid::from_raw(*group)).collect();
         // Those that the launcher did not live to see.
         self.strays.extend(run.map(Run::processes).unwrap_or_default());

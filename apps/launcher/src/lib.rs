@@ -5,7 +5,7 @@
 //! | `conduct` | a mission from its first app to its last word |
 //! | `backend` | what carries it out: `processes`, or `threads` of this process |
 //! | `supervisor` | who is to run, who does, and what to do about it: a state machine without processes, bus or clock |
-//! | `process`, `handle`, `strays`, `guard`, `usage` | one process that inherits nothing and ends for certain, and what stays with it alone; what it has started elsewhere; what ends the rest when the launcher dies; what they use |
+//! | `process`, `handle`, `strays`, `guard`, `orphans`, `usage` | one process that inherits nothing and ends for certain, and what stays with it alone; what it has started elsewhere; what ends the rest when the launcher dies, and when all die who know of it; what they use |
 //! | `listener` | the launcher's place on the bus, a thread of its own |
 //! | `observer`, `steps` | what the mission says of itself there; where the time of a step goes |
 //! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
@@ -24,6 +24,7 @@ pub mod handle;
 mod launch_state;
 mod listener;
 mod observer;
+mod orphans;
 mod person;
 mod picture;
 mod process;
@@ -54,6 +55,7 @@ pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use detach::wait_until_begun;
 pub use error::LaunchError;
 pub use guard::{Deputy, guard};
+pub use orphans::end_orphans;
 pub use provenance::{RerunError, is_run, mission_of_run};
 pub use run_folder::create as create_run_folder;
 pub use steps::{Spread, StepTimes};
@@ -139,6 +141,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let warnings = mission.preflight()?;
     let server = listen(options)?;
     let stop = person::stop_signals(options.detached)?;
+    let ended = end_orphans(&options.community);
     let now = Clock::new(1.0).now();
     let folder = run_folder::create(&options.log_dir, &run_folder::stem(&mission.file), now)?;
     let manual = mission.mode == Mode::Manual && !options.auto;
@@ -147,7 +150,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
     mission.apps.iter().try_for_each(run_place::check_files)?;
     put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));
-    for warning in warnings {
+    for warning in ended.into_iter().chain(warnings) {
         put(&text::printable_lines(&format!("  note: {warning}\n")));
     }
 

@@ -22,6 +22,7 @@ use crate::guard::Guard;
 use crate::launch_state::{AppState, LaunchState};
 use crate::listener::Join;
 use crate::observer::{Losses, News};
+use crate::orphans::Mark;
 use crate::process::{Bond, Process};
 use crate::run_folder::stamp;
 use crate::run_place::RunPlace;
@@ -66,6 +67,8 @@ pub(crate) struct Processes {
     retiring: Vec<(Process, Duration)>,
     /// What tells the descendants of these processes from all others.
     run: Run,
+    /// That of those who are to end with this launcher.
+    mark: Option<Mark>,
     guard: Option<Guard>,
     /// What apps have started outside of their groups.
     strays: Strays,
@@ -104,6 +107,7 @@ impl Processes {
             true => None,
             false => Some(Guard::start(&yard.program, &run)?),
         };
+        let mark = Mark::own(&yard.community).filter(|_| !yard.detached);
         Strays::gather_orphans();
         let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
         let units = mission.apps.iter().map(|app| UnitSpec::new(&app.name, &app.element, &app.policy));
@@ -115,6 +119,7 @@ impl Processes {
             posts: std::iter::once(Post::default()).chain(apps).collect(),
             retiring: Vec::new(),
             run,
+            mark,
             guard,
             strays: Strays::default(),
             failed: None,
@@ -323,6 +328,10 @@ impl Processes {
 
     fn spawn(&mut self, name: &str, mut command: Command) -> Result<Process, LaunchError> {
         self.run.give(&mut command);
+        match &self.mark {
+            Some(mark) => mark.give(&mut command),
+            None => Mark::take(&mut command),
+        }
         let log = log_of(&self.yard.place.folder, name);
         if log.metadata().is_ok_and(|found| found.len() > 0)
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)

@@ -3,11 +3,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::fd::OwnedFd;
+use std::os::unix::fs::MetadataExt;
 use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::{ProcessId, ProcessStat};
-use rustix::process::{Pid, Signal, WaitOptions, getpid, pidfd_send_signal, waitpid};
+use rustix::process::{Pid, Signal, WaitOptions, geteuid, getpid, pidfd_send_signal, waitpid};
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
@@ -47,16 +48,26 @@ impl Run {
 
     /// All processes of this user, but this one, that were given it.
     pub fn processes(&self) -> Vec<ProcessId> {
-        let said = format!("{RUN}={}", self.0);
-        let has_it = |pid: &i32| {
-            let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
-            environment.split(|byte| *byte == 0).any(|one| one == said.as_bytes())
-        };
-        let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
-        let all = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
-        let own = getpid().as_raw_nonzero().get();
-        all.filter(|pid| *pid != own && has_it(pid)).filter_map(ProcessId::of).collect()
+        processes_with(RUN, |text| text == self.0.as_bytes())
     }
+}
+
+/// All processes of this user, but this one, in whose environment a variable is as it is to be.
+pub(crate) fn processes_with(variable: &str, is_right: impl Fn(&[u8]) -> bool) -> Vec<ProcessId> {
+    let start = format!("{variable}=");
+    let has_it = |pid: &i32| {
+        let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+        let values = environment.split(|byte| *byte == 0).filter_map(|one| one.strip_prefix(start.as_bytes()));
+        values.into_iter().any(&is_right)
+    };
+    let (own, user) = (getpid().as_raw_nonzero().get(), geteuid().as_raw());
+    let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    // Root can read those of everybody.
+    let of_user = entries.filter(|entry| entry.metadata().is_ok_and(|found| found.uid() == user));
+    let all = of_user.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok()).filter(|pid| *pid != own);
+    // Whose number has changed hands since it was looked at is another process.
+    let seen = all.filter_map(|pid| Some((pid, ProcessId::of(pid)?)));
+    seen.filter(|(pid, id)| has_it(pid) && id.lives()).map(|(_, id)| id).collect()
 }
 
 /// The strays of a mission's apps, by number.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 
 use super::handling::Reached;
-use super::limits::UNNAMED;
+use super::limits::{REFUSED, UNNAMED};
 use super::mailbox::Mailbox;
 use super::membership::Standing;
 use super::registration::Registration;
@@ -18,10 +18,14 @@ pub(super) struct Client {
     pub lease_secs: f64,
     /// The client's numbers, by [`Named`], to the broker's.
     pub numbers: [Vec<u32>; 4],
+    /// It has given so many numbers that all further ones stand for names that are not taken.
+    pub is_out_of_numbers: bool,
     /// Names that nobody had brought before it.
     pub brought: usize,
     pub registrations: Vec<Registration>,
     pub registered_bytes: usize,
+    /// Routes that it is in.
+    pub deliveries: usize,
     pub mailbox: Mailbox,
     /// What it registered and took back, and what it published, before it had its session.
     pub asked: Vec<u8>,
@@ -29,7 +33,8 @@ pub(super) struct Client {
     /// Batches taken from it.
     pub taken: u64,
     /// Those whose mail not everybody has handled: (batch, who got mail from it).
-    pub unhandled: VecDeque<(u64, Vec<Reached>)>,
+    pub unhandled: VecDeque<(u64, Box<[Reached]>)>,
+    pub unhandled_bytes: usize,
     /// Lossless registrants that this client's messages went to.
     pub feeds: BTreeSet<ClientId>,
     pub published: BTreeSet<u32>,
@@ -44,14 +49,17 @@ impl Client {
             standing: Standing::Present,
             lease_secs,
             numbers: [vec![], vec![UNNAMED], vec![], vec![0]],
+            is_out_of_numbers: false,
             brought: 0,
             registrations: Vec::new(),
             registered_bytes: 0,
+            deliveries: 0,
             mailbox: Mailbox::new(mailbox_bytes, now),
             asked: Vec::new(),
             held: Vec::new(),
             taken: 0,
             unhandled: VecDeque::new(),
+            unhandled_bytes: 0,
             feeds: BTreeSet::new(),
             published: BTreeSet::new(),
             last_published: None,
@@ -61,17 +69,20 @@ impl Client {
 
     /// The header of one of the client's messages in the broker's numbers.
     pub fn renumber(&self, header: &Header) -> Result<Header, &'static str> {
-        let number = |what: Named, number: u32| {
-            self.numbers[what as usize].get(number as usize).copied().ok_or("a number was used before its definition")
-        };
         Ok(Header {
             flags: header.flags & (BULK | RESENT),
-            key: number(Named::Key, header.key)?,
-            source: number(Named::Source, header.source)?,
-            type_: if header.value_kind == ValueKind::Binary { number(Named::Type, header.type_)? } else { 0 },
-            community: number(Named::Community, header.community)?,
+            key: self.number(Named::Key, header.key)?,
+            source: self.number(Named::Source, header.source)?,
+            type_: if header.value_kind == ValueKind::Binary { self.number(Named::Type, header.type_)? } else { 0 },
+            community: self.number(Named::Community, header.community)?,
             ..*header
         })
+    }
+
+    /// The broker's number for one of the client's.
+    pub fn number(&self, what: Named, number: u32) -> Result<u32, &'static str> {
+        let known = self.numbers[what as usize].get(number as usize).copied();
+        known.or(self.is_out_of_numbers.then_some(REFUSED)).ok_or("a number was used before its definition")
     }
 
     pub fn is_joining(&self) -> bool {

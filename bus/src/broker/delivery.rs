@@ -42,7 +42,9 @@ impl Broker {
         let mut frame = Vec::new();
         wire::put(&mut frame, &header, &[], value);
         self.variables[key as usize].writers.insert(self.own_source);
-        self.store_and_deliver(now, None, &Message::new(header, &frame));
+        if let Some(message) = Message::stored(&frame) {
+            self.store_and_deliver(now, None, &message);
+        }
     }
 
     pub(super) fn store_and_deliver(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
@@ -71,12 +73,14 @@ impl Broker {
             return known;
         }
         let (key_name, source_name) = (self.keys.name(key), self.sources.name(source));
-        let deliveries = self
-            .clients
-            .iter()
-            .filter(|(_, c)| !c.is_joining())
-            .filter_map(|(id, c)| registration::combine(*id, &c.registrations, key_name, source_name))
-            .collect();
+        let mut deliveries = Vec::new();
+        for (id, client) in self.clients.iter_mut().filter(|(_, c)| !c.is_joining()) {
+            let delivery = registration::combine(*id, &client.registrations, key_name, source_name);
+            client.deliveries += usize::from(delivery.is_some());
+            deliveries.extend(delivery);
+        }
+        self.deliveries += deliveries.len();
+        deliveries.shrink_to_fit();
         let routes = &mut self.variables[key as usize].routes;
         self.routes += 1;
         routes.push(variable::Route { source, deliveries });
@@ -84,7 +88,12 @@ impl Broker {
     }
 
     pub(super) fn deliver(&mut self, now: f64, to: ClientId, message: &Message<'_>) {
+        let has_room = self.has_room_for(to, message.len());
         let Some(client) = self.clients.get_mut(&to) else { return };
+        if !has_room {
+            client.mailbox.note_dropped();
+            return;
+        }
         if !self.reached.contains(&to) {
             self.reached.push(to);
         }
@@ -97,13 +106,36 @@ impl Broker {
     fn deliver_throttled(&mut self, now: f64, to: ClientId, interval: f64, message: &Message<'_>) {
         let key = message.header.key;
         let throttle = self.variables[key as usize].throttle(to);
-        let due = throttle.last_sent + interval;
-        if now >= due && throttle.pending.is_none() {
+        let earliest = Due(throttle.last_sent + interval);
+        let due = throttle.pending.as_ref().map_or(earliest, |(due, _)| earliest.min(*due));
+        let waits = self.end_wait(key, to);
+        let has_room = self.pending_bytes + message.len() <= self.config.limits.pending_bytes;
+        let throttle = self.variables[key as usize].throttle(to);
+        if has_room && (now < due.0 || waits) {
+            throttle.pending = Some((due, message.to_bytes()));
+            self.pending_bytes += message.len();
+            self.due.insert((due, key, to));
+        } else {
             throttle.last_sent = now;
             self.deliver(now, to, message);
-        } else {
-            throttle.pending = Some(message.to_bytes());
-            self.due.insert((Due(due), key, to));
+        }
+    }
+
+    /// What waits for a client's time to come does so no longer; whether anything did.
+    pub(super) fn end_wait(&mut self, key: u32, client: ClientId) -> bool {
+        let Some((due, frame)) = self.variables[key as usize].take_pending(client) else { return false };
+        self.pending_bytes -= frame.len();
+        self.due.remove(&(due, key, client));
+        true
+    }
+
+    /// Forgets to whom a client's messages went and what it was to get.
+    pub(super) fn end_deliveries(&mut self, client: ClientId) {
+        for key in 0..self.variables.len() as u32 {
+            self.end_wait(key, client);
+            let variable = &mut self.variables[key as usize];
+            variable.routes.iter_mut().for_each(|route| route.deliveries.retain(|d| d.client != client));
+            variable.throttles.retain(|t| t.client != client);
         }
     }
 
@@ -113,10 +145,9 @@ impl Broker {
             self.due.remove(&(due, key, client));
             let throttle = self.variables[key as usize].throttle(client);
             throttle.last_sent = now;
-            if let Some(frame) = throttle.pending.take()
-                && let Some(message) = Message::stored(&frame)
-            {
-                self.deliver(now, client, &message);
+            if let Some((_, frame)) = throttle.pending.take() {
+                self.pending_bytes -= frame.len();
+                Message::stored(&frame).into_iter().for_each(|message| self.deliver(now, client, &message));
             }
         }
     }

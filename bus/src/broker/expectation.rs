@@ -47,8 +47,7 @@ impl Broker {
             ValueKind::Text => Expected::Texts,
             ValueKind::Binary => {
                 let client = self.clients.get(&from).ok_or("the client is not connected")?;
-                let number = client.numbers[Named::Type as usize].get(frame.header.type_ as usize);
-                let number = *number.ok_or("a number was used before its definition")?;
+                let number = client.number(Named::Type, frame.header.type_)?;
                 Expected::Values(self.types.name(number).to_owned(), self.types.layout(number))
             }
         }))

@@ -37,17 +37,25 @@ impl Reached {
 /// of them long before.
 const UNHANDLED_BATCHES: usize = 4096;
 
+/// Bytes that it takes to remember who got mail from a batch.
+fn bytes_of(reached: &[Reached]) -> usize {
+    size_of::<(u64, Box<[Reached]>)>() + size_of_val(reached)
+}
+
 impl Broker {
     /// Remembers whose mail has to be handled before the batch that was just taken counts as handled.
     pub(super) fn note_unhandled(&mut self, from: ClientId) {
         let reached = self.reached();
+        let share = self.config.limits.unhandled_bytes / self.clients.len().max(1);
         let Some(client) = self.clients.get_mut(&from) else { return };
         client.taken += 1;
         if !reached.is_empty() {
-            client.unhandled.push_back((client.taken, reached));
+            client.unhandled_bytes += bytes_of(&reached);
+            client.unhandled.push_back((client.taken, reached.into()));
         }
-        if client.unhandled.len() > UNHANDLED_BATCHES {
-            client.unhandled.pop_front();
+        while client.unhandled.len() > UNHANDLED_BATCHES || client.unhandled_bytes > share {
+            let Some((_, oldest)) = client.unhandled.pop_front() else { return };
+            client.unhandled_bytes -= bytes_of(&oldest);
         }
     }
 
@@ -65,10 +73,10 @@ impl Broker {
     pub fn handled_batches(&mut self, id: ClientId) -> u64 {
         let Some(client) = self.clients.get(&id) else { return 0 };
         let behind = |r: &Reached| self.mail_done(r.client).is_some_and(|done| done < r.position);
-        let handled = |(_, reached): &&(u64, Vec<Reached>)| !reached.iter().any(behind);
+        let handled = |(_, reached): &&(u64, Box<[Reached]>)| !reached.iter().any(behind);
         let count = client.unhandled.iter().take_while(handled).count();
         let Some(client) = self.clients.get_mut(&id) else { return 0 };
-        client.unhandled.drain(..count);
+        client.unhandled_bytes -= client.unhandled.drain(..count).map(|(_, reached)| bytes_of(&reached)).sum::<usize>();
         client.unhandled.front().map_or(client.taken, |(batch, _)| batch - 1)
     }
 

@@ -5,7 +5,13 @@ use super::message::Message;
 use super::naming::OWN_PREFIX;
 use super::variable::TypeLock;
 use super::{Broker, ClientId, table};
-use crate::wire::{self, Frame, FrameKind, Header, ValueKind};
+use crate::wire::{self, BULK, BulkRef, Frame, FrameKind, Header, MAX_FRAME, ValueKind};
+
+/// Whether a reference can be to one of the bulk values of client `from`: only those are its to give to readers, who let
+/// go of all values before the one that they are referred to, and see that there is room to map it.
+fn refers_to_own(from: ClientId, value: &[u8]) -> bool {
+    BulkRef::from_bytes(value).is_some_and(|it| it.client == from && it.len <= MAX_FRAME as u64)
+}
 
 impl Broker {
     /// Takes in a message, in the numbers of its client.
@@ -17,8 +23,7 @@ impl Broker {
             return Ok(()); // the client was told when it named it
         }
         if client.is_joining() {
-            Self::hold(client, frame);
-            return Ok(());
+            return self.hold(from, header.key, frame);
         }
         let variable = &mut self.variables[key as usize];
         if variable.is_own && self.keys.name(key) == table::REQUEST {
@@ -31,24 +36,34 @@ impl Broker {
         }
         // A driven clock, which may have been set meanwhile, tells nothing of how long a message took.
         client.latency.note(self.driver.is_none().then_some(now - header.time));
-        if client.last_published.replace(key) != Some(key) && client.published.insert(key) {
-            variable.writers.insert(source);
-        }
         let is_as_before = variable.lock == Some(TypeLock::of(&header));
-        if let Some(reason) = self.refusal(&header, frame.bytes.len()) {
+        let is_as_last_time = client.last_published == Some(key);
+        if let Some(reason) = self.refusal(from, &header, frame) {
             let name = self.keys.name(key).to_owned();
             return self.refuse(from, &name, header.sequence, &reason);
         }
-        self.store_and_deliver(now, Some(from), &Message::new(header, frame.bytes));
+        if !is_as_last_time {
+            self.note_writer(from, key, source);
+        }
+        self.store_and_deliver(now, Some(from), &Message::new(header, frame));
         if !is_as_before {
             self.tell_those_who_expect_else(key);
         }
         Ok(())
     }
 
-    /// Why a client's message of so many bytes is not taken, if so.
-    fn refusal(&self, header: &Header, bytes: usize) -> Option<String> {
-        let variable = &self.variables[header.key as usize];
+    fn note_writer(&mut self, from: ClientId, key: u32, source: u32) {
+        if let Some(client) = self.clients.get_mut(&from) {
+            client.last_published = Some(key);
+            if client.published.insert(key) {
+                self.variables[key as usize].writers.insert(source);
+            }
+        }
+    }
+
+    /// Why a client's message is not taken, if so.
+    fn refusal(&self, from: ClientId, header: &Header, frame: &Frame<'_>) -> Option<String> {
+        let (variable, bytes) = (&self.variables[header.key as usize], frame.bytes.len());
         if variable.is_own {
             return Some(format!("{OWN_PREFIX}* are written by the broker alone"));
         }
@@ -58,9 +73,15 @@ impl Broker {
                 self.config.limits.message_bytes
             ));
         }
+        if header.flags & BULK != 0 && !refers_to_own(from, frame.value) {
+            return Some("it refers to a value that cannot be one of its publisher's".into());
+        }
         let is_known = || variable.routes.iter().any(|route| route.source == header.source);
-        if self.routes >= self.config.limits.routes && !is_known() {
-            return Some(format!("the community has {} pairs of variable and source already", self.routes));
+        if self.is_full_of_routes() && !is_known() {
+            let (routes, readers) = (self.routes, self.deliveries);
+            return Some(format!(
+                "the community has {routes} pairs of variable and source already, with {readers} readers all together"
+            ));
         }
         let lock = TypeLock::of(header);
         match variable.lock {

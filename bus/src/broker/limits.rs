@@ -1,13 +1,13 @@
 //! What a broker keeps at most, whatever its clients do. docs/security.md adds the bounds up.
 
-use super::{Broker, ClientId};
+use super::{Broker, Client, ClientId};
 use crate::wire::{self, Frame, FrameKind, Named};
 
 /// Bounds on what clients can make a broker hold. Names and the table are refused beyond them, with a word to the client;
 /// mail is dropped, oldest first, and counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Limits {
-    /// Clients at a time, and sessions of clients that died.
+    /// Clients at a time, and sessions of clients that died. Each takes nearly a megabyte for its lanes alone.
     pub clients: usize,
     /// Bytes of one name: of a variable, source, type or community, and of one pattern.
     pub name_bytes: usize,
@@ -19,8 +19,14 @@ pub struct Limits {
     pub other_names: usize,
     /// Bytes of all names together.
     pub all_name_bytes: usize,
+    /// Numbers that one client gives to names, its own and others'; and those of all clients.
+    pub numbers_of_a_client: usize,
+    /// See [`Limits::numbers_of_a_client`].
+    pub numbers: usize,
     /// Pairs of a variable and a source that writes it.
     pub routes: usize,
+    /// Readers of all these pairs together.
+    pub deliveries: usize,
     /// Bytes of all registrations together.
     pub registration_bytes: usize,
     /// Bytes of one message that travels in a batch; larger values lie in their publisher's shared memory.
@@ -29,6 +35,12 @@ pub struct Limits {
     pub latest_bytes: usize,
     /// Bytes of the mail of all clients together: each has an equal share, and at most [`super::BrokerConfig::mailbox_bytes`].
     pub mail_bytes: usize,
+    /// Bytes by which single messages may be larger than their readers' mailboxes, all together.
+    pub oversize_bytes: usize,
+    /// Bytes of messages that wait until their reader's interval is over; further ones do not wait.
+    pub pending_bytes: usize,
+    /// Bytes of what is remembered of batches that not everybody has handled; each client has an equal share.
+    pub unhandled_bytes: usize,
     /// Bytes of values that are copied out of their publisher's shared memory: those of publishers that are gone, and of
     /// publishers with many latest values. A single value beyond it is not copied for who comes late, either. A transport
     /// heeds it.
@@ -38,17 +50,23 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            clients: 512,
+            clients: 96,
             name_bytes: wire::MAX_NAME,
             variables: 1 << 17,
             names_of_a_client: 7 << 14,
             other_names: 1 << 16,
             all_name_bytes: 8 << 20,
+            numbers_of_a_client: 1 << 18,
+            numbers: 1 << 22,
             routes: 1 << 18,
+            deliveries: 1 << 20,
             registration_bytes: 8 << 20,
             message_bytes: wire::MAX_MESSAGE,
             latest_bytes: 32 << 20,
             mail_bytes: 32 << 20,
+            oversize_bytes: 32 << 20,
+            pending_bytes: 16 << 20,
+            unhandled_bytes: 32 << 20,
             copied_bytes: 48 << 20,
         }
     }
@@ -108,6 +126,55 @@ impl Broker {
         let most = self.config.limits.latest_bytes;
         let would_be = self.latest_bytes - old + new;
         (new > old && would_be > most).then(|| format!("the latest values of the community fill {most} bytes already"))
+    }
+
+    /// Whether a number that a client gives to a name is one too many; the client is told so once.
+    pub(super) fn is_out_of_numbers(
+        &mut self,
+        id: ClientId,
+        what: Named,
+        number: u32,
+        name: &str,
+    ) -> Result<bool, &'static str> {
+        let given = |client: &Client| client.numbers.iter().map(Vec::len).sum::<usize>();
+        let all: usize = self.clients.values().map(given).sum();
+        let limits = &self.config.limits;
+        let client = self.clients.get_mut(&id).ok_or("the client is not connected")?;
+        let is_new = client.numbers[what as usize].len() <= number as usize;
+        if !is_new || client.is_out_of_numbers {
+            return Ok(is_new);
+        }
+        client.is_out_of_numbers = given(client) >= limits.numbers_of_a_client || all >= limits.numbers;
+        if client.is_out_of_numbers {
+            let reason = "so many names are in use that no more are taken from this client";
+            self.refuse(id, name, 0, reason)?;
+            return Ok(true);
+        }
+        Ok(false)
+    }
+
+    /// Whether a message of so many bytes may go into a client's mailbox: of those that are larger than the mailboxes that
+    /// they go into there are only so many.
+    pub(super) fn has_room_for(&self, to: ClientId, bytes: usize) -> bool {
+        // That every mailbox holds.
+        if bytes <= LEAST_MAILBOX.min(self.config.mailbox_bytes) {
+            return true;
+        }
+        let is_large = self.clients.get(&to).is_some_and(|client| bytes > client.mailbox.limit());
+        let oversize = || self.clients.values().map(|client| client.mailbox.oversize_bytes()).sum::<usize>();
+        !is_large || oversize().saturating_add(bytes) <= self.config.limits.oversize_bytes
+    }
+
+    /// Whether no new pair of a variable and a source is taken. There is still room for readers of what there is, such as
+    /// an app that was started again.
+    pub(super) fn is_full_of_routes(&self) -> bool {
+        let Limits { routes, deliveries, .. } = &self.config.limits;
+        self.routes >= *routes || self.deliveries >= deliveries / 4 * 3
+    }
+
+    /// Bytes of what clients say before they have their sessions.
+    pub(super) fn held_bytes(&self) -> usize {
+        self.clients.values().map(|client| client.held.len()).sum()
     }
 
     /// Whether a client has so many refusals waiting that further ones are not put down.

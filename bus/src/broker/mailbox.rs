@@ -6,6 +6,9 @@ use super::message::Message;
 use crate::clock::Dial;
 use crate::wire::{self, ATTACH, BULK, Frame, FrameKind, Header, Named};
 
+/// Room in the buffer of a batch that is under way for nothing (bytes), beside half of what the batch takes.
+const SPARE_CAPACITY: usize = 1 << 10;
+
 /// Frames that wait for a client, back to back in one buffer, what the client must know before them, and the batches
 /// that it was given and has not handled yet.
 #[derive(Debug)]
@@ -43,7 +46,7 @@ pub struct Mailbox {
     /// When the client was last seen to read, or had nothing to read.
     last_read: f64,
     /// By [`Named`]: the numbers that the client has been told the names of.
-    known: [Vec<bool>; 4],
+    known: Known,
 }
 
 /// A batch on its way.
@@ -80,7 +83,7 @@ impl Mailbox {
             lossless: false,
             handled_messages: 0,
             last_read: now,
-            known: Default::default(),
+            known: Known::default(),
         }
     }
 
@@ -102,6 +105,27 @@ impl Mailbox {
     /// What the mailbox holds at most from now on (bytes).
     pub(super) fn set_limit(&mut self, limit: usize) {
         self.limit = limit;
+    }
+
+    /// What the mailbox holds at most (bytes).
+    pub(super) fn limit(&self) -> usize {
+        self.limit
+    }
+
+    /// Bytes beyond that, waiting or given: of messages that are larger than the mailbox.
+    pub(super) fn oversize_bytes(&self) -> usize {
+        // A batch that is given may come on top of what a mailbox holds.
+        self.waiting().saturating_sub(self.limit) + self.given_bytes.saturating_sub(2 * self.limit)
+    }
+
+    /// Bytes of the batches that the client was given and has not handled.
+    pub(super) fn given_bytes(&self) -> usize {
+        self.given_bytes
+    }
+
+    /// A message did not come so far as to be put in.
+    pub(super) fn note_dropped(&mut self) {
+        self.dropped += 1;
     }
 
     /// Whether there is room for so many more bytes of mail.
@@ -191,7 +215,30 @@ impl Mailbox {
         }
         self.pushed += 1;
         self.reclaim();
+        self.make_room(message.len());
         message.append_to(&mut self.mail);
+    }
+
+    /// Makes the buffer larger for so many bytes, if it must, by no more than the mailbox may hold: of many that are full
+    /// the spare room counts.
+    fn make_room(&mut self, bytes: usize) {
+        if self.mail.len() + bytes <= self.mail.capacity() {
+            return;
+        }
+        if self.head > self.mail.len() / 4 {
+            self.drop_head();
+        }
+        let more = self.limit.saturating_sub(self.mail.len()).min(self.mail.len());
+        self.mail.reserve_exact(more.max(bytes));
+    }
+
+    fn drop_head(&mut self) {
+        self.mail.drain(..self.head);
+        self.resolved = self.resolved.saturating_sub(self.head);
+        self.head = 0;
+        if self.mail.capacity() / 4 > self.limit {
+            self.mail.shrink_to(self.limit);
+        }
     }
 
     /// Takes back the space of frames that are gone once it is the larger half.
@@ -203,9 +250,7 @@ impl Mailbox {
                 self.mail.shrink_to(self.limit);
             }
         } else if self.head > self.mail.len() / 2 {
-            self.mail.drain(..self.head);
-            self.resolved = self.resolved.saturating_sub(self.head);
-            self.head = 0;
+            self.drop_head();
         }
     }
 
@@ -289,7 +334,11 @@ impl Mailbox {
     }
 
     /// Keeps the batch that [`Mailbox::take`] has filled, until the client has handled it.
-    pub(super) fn keep_given(&mut self, batch: Vec<u8>) {
+    pub(super) fn keep_given(&mut self, mut batch: Vec<u8>) {
+        // A buffer that was another batch's may be far larger than this one.
+        if batch.capacity() > SPARE_CAPACITY + batch.len() / 2 * 3 {
+            batch.shrink_to_fit();
+        }
         let (from, before) = self.before_take;
         self.given_bytes += batch.len();
         self.given.push_back(Given { batch, from, until: self.given_messages, before });
@@ -395,22 +444,38 @@ pub(super) trait Table {
     fn latest(&self, key: u32, flags: u16) -> Option<Message<'_>>;
 }
 
-type Known = [Vec<bool>; 4];
+/// Sets of numbers, by [`Named`], a bit each.
+#[derive(Debug, Default)]
+struct Known([Vec<u64>; 4]);
+
+impl Known {
+    fn has(&self, (what, number): (Named, u32)) -> bool {
+        let bits = self.0[what as usize].get(number as usize / 64);
+        bits.is_some_and(|bits| bits >> (number % 64) & 1 == 1)
+    }
+
+    /// Puts a number in; whether it was not there.
+    fn insert(&mut self, what: Named, number: u32) -> bool {
+        let is_new = !self.has((what, number));
+        let all = &mut self.0[what as usize];
+        let place = number as usize / 64;
+        if all.len() <= place {
+            all.resize(place + 1, 0);
+        }
+        all[place] |= 1 << (number % 64);
+        is_new
+    }
+}
 
 /// Whether the client has been told all names that a frame uses.
 fn knows_all(known: &Known, frame: &[u8]) -> bool {
-    let knows = |(what, number): (Named, u32)| known[what as usize].get(number as usize) == Some(&true);
-    wire::numbers(frame).all(knows)
+    wire::numbers(frame).all(|one| known.has(one))
 }
 
 /// Tells the client the names that a frame uses and that it has not been told.
 fn introduce(known: &mut Known, frame: &[u8], table: &impl Table, batch: &mut Vec<u8>) {
     for (what, number) in wire::numbers(frame) {
-        let known = &mut known[what as usize];
-        if known.len() <= number as usize {
-            known.resize(number as usize + 1, false);
-        }
-        if !std::mem::replace(&mut known[number as usize], true) {
+        if known.insert(what, number) {
             let (name, layout) = table.name(what, number);
             wire::put_definition(batch, what, number, name, layout);
         }

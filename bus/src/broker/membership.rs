@@ -199,8 +199,8 @@ impl Broker {
 
     /// Whoever has said more than a mailbox holds has said enough to be ready.
     pub(super) fn on_much_said(&mut self, now: f64, id: ClientId) {
-        let said = self.clients.get(&id).map_or(0, |client| client.held.len() + client.asked.len());
-        if said >= self.config.mailbox_bytes {
+        let has_said_enough = |client: &Client| client.held.len() + client.asked.len() >= client.mailbox.limit();
+        if self.clients.get(&id).is_some_and(has_said_enough) {
             self.on_ready(now, id);
         }
     }
@@ -260,7 +260,8 @@ impl Broker {
         match self.standing(id) {
             None | Some(Standing::Disconnected { .. }) => {}
             Some(Standing::Joining { predecessor, .. }) => {
-                self.clients.remove(&id);
+                let client = self.clients.remove(&id);
+                self.given_bytes -= client.map_or(0, |client| client.mailbox.given_bytes());
                 self.abandon(now, predecessor);
             }
             Some(Standing::Present) => self.leave(now, id, handled, goodbye),
@@ -275,6 +276,7 @@ impl Broker {
         if successor.is_some() || (!goodbye && client.lease_secs > 0.0) {
             let until = if successor.is_some() { f64::INFINITY } else { now + client.lease_secs };
             client.standing = Standing::Disconnected { until, returns: false };
+            self.given_bytes -= client.mailbox.given_bytes();
             client.mailbox.take_back(handled);
             self.to_resolve.insert(id);
         } else {
@@ -315,10 +317,9 @@ impl Broker {
         if self.names.get(&client.name) == Some(&id) {
             self.names.remove(&client.name);
         }
-        for variable in &mut self.variables {
-            variable.forget(id);
-        }
-        self.due.retain(|(_, _, client)| *client != id);
+        self.deliveries -= client.deliveries;
+        self.given_bytes -= client.mailbox.given_bytes();
+        self.end_deliveries(id);
         for other in self.clients.values_mut() {
             other.feeds.remove(&id);
         }
@@ -335,11 +336,9 @@ impl Broker {
         if let (Some(dead), Some(client)) = (&dead, self.clients.get_mut(&id)) {
             client.mailbox.inherit_dropped(&dead.mailbox);
         }
+        self.deliveries -= dead.as_ref().map_or(0, |dead| dead.deliveries);
         let mail = dead.map(|dead| dead.mailbox.into_mail()).unwrap_or_default();
-        for variable in &mut self.variables {
-            variable.forget(predecessor);
-        }
-        self.due.retain(|(_, _, client)| *client != predecessor);
+        self.end_deliveries(predecessor);
         for other in self.clients.values_mut() {
             if other.feeds.remove(&predecessor) {
                 other.feeds.insert(id);
@@ -385,10 +384,17 @@ impl Broker {
     }
 
     /// Keeps a message of a client that is joining until it has its session.
-    pub(super) fn hold(client: &mut Client, frame: &Frame<'_>) {
+    pub(super) fn hold(&mut self, id: ClientId, key: u32, frame: &Frame<'_>) -> Result<(), &'static str> {
         debug_assert_eq!(frame.header.kind, FrameKind::Notify);
+        if self.held_bytes() + frame.bytes.len() > self.config.limits.mail_bytes {
+            let name = self.keys.name(key).to_owned();
+            let reason = "too much is said by clients that wait for the session of another";
+            return self.refuse(id, &name, frame.header.sequence, reason);
+        }
+        let client = self.clients.get_mut(&id).ok_or("the client is not connected")?;
         let header = Header { flags: frame.header.flags & !ATTACH, ..frame.header };
         wire::put(&mut client.held, &header, frame.aux, frame.value);
+        Ok(())
     }
 
     /// The sessions of all clients, if they are others than at the last call: what has to outlive the broker.

@@ -1,6 +1,6 @@
 //! A message on its way through the broker.
 
-use crate::wire::{self, BulkRef, Header};
+use crate::wire::{self, BulkRef, Frame, Header};
 
 /// A message in the broker's numbers: its own header, and the rest as it came.
 pub(super) struct Message<'a> {
@@ -10,16 +10,17 @@ pub(super) struct Message<'a> {
 }
 
 impl<'a> Message<'a> {
-    /// The message of a whole `frame`, with another header.
-    pub fn new(header: Header, frame: &'a [u8]) -> Self {
-        let (fixed, rest) = frame.split_at(wire::HEADER);
-        Self { fixed: wire::renumbered(fixed, &header), header, rest }
+    /// The message of a `frame`, with another header. Of what stands in the frame's own nothing is taken: that may lie in
+    /// its client's memory, and be another by now.
+    pub fn new(header: Header, frame: &Frame<'a>) -> Self {
+        let fixed = wire::fixed(&header, frame.aux.len(), frame.value.len());
+        Self { fixed, header, rest: frame.bytes.get(wire::HEADER..).unwrap_or_default() }
     }
 
     /// A message that was kept.
     pub fn stored(frame: &'a [u8]) -> Option<Self> {
-        let header = wire::first_frame(frame).ok()?.header;
-        Some(Self::new(header, frame))
+        let frame = wire::first_frame(frame).ok()?;
+        Some(Self::new(frame.header, &frame))
     }
 
     /// Bytes of the whole frame.

@@ -94,6 +94,12 @@ pub struct Broker {
     /// Bytes of all latest values; pairs of a variable and a source.
     latest_bytes: usize,
     routes: usize,
+    /// Who gets what of these pairs: the entries of all routes.
+    deliveries: usize,
+    /// Bytes of messages that wait until a client's interval is over.
+    pending_bytes: usize,
+    /// Bytes of all batches that clients were given and have not handled.
+    given_bytes: usize,
     /// Throttled values that wait for their time: (due, variable, client).
     due: BTreeSet<(Due, u32, ClientId)>,
     /// The latest values that lie in shared memory: (publisher, sample, variable).
@@ -143,6 +149,9 @@ impl Broker {
             variables: Vec::new(),
             latest_bytes: 0,
             routes: 0,
+            deliveries: 0,
+            pending_bytes: 0,
+            given_bytes: 0,
             due: BTreeSet::new(),
             latest_bulk: BTreeSet::new(),
             attached: Vec::new(),

@@ -73,8 +73,12 @@ impl Broker {
     /// A client names a number.
     pub(super) fn define(&mut self, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let what = wire::named(frame.header.flags).ok_or("the definition is of no known thing")?;
-        let name = std::str::from_utf8(frame.aux).map_err(|_| "the name is not UTF-8")?;
-        let number = self.admit_name(from, what, name, frame.header.sequence)?;
+        // Looked at where nobody else can write.
+        let name = String::from_utf8(frame.aux.to_vec()).map_err(|_| "the name is not UTF-8")?;
+        if self.is_out_of_numbers(from, what, frame.header.key, &name)? {
+            return Ok(());
+        }
+        let number = self.admit_name(from, what, &name, frame.header.sequence)?;
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         let numbers = &mut client.numbers[what as usize];
         match numbers.get(frame.header.key as usize) {

@@ -64,15 +64,23 @@ impl Broker {
     /// its successor is given what is left.
     pub fn keep_given(&mut self, id: ClientId, batch: Vec<u8>) {
         if let Some(client) = self.clients.get_mut(&id) {
+            self.given_bytes += batch.len();
             client.mailbox.keep_given(batch);
         }
+    }
+
+    /// Bytes of all batches that clients were given and have not handled.
+    pub fn given_bytes(&self) -> usize {
+        self.given_bytes
     }
 
     /// A client has handled so many of the messages that it was ever given; the buffers of batches that are done with
     /// go to `spare`.
     pub fn note_handled(&mut self, now: f64, id: ClientId, messages: u64, spare: &mut Vec<Vec<u8>>) {
         if let Some(client) = self.clients.get_mut(&id) {
+            let before = client.mailbox.given_bytes();
             spare.extend(client.mailbox.handled(now, messages));
+            self.given_bytes -= before - client.mailbox.given_bytes();
         }
     }
 

@@ -45,7 +45,8 @@ impl Registration {
     }
 
     fn read(frame: &Frame<'_>, expects: Option<Expected>) -> Result<Self, &'static str> {
-        let text = |bytes| std::str::from_utf8(bytes).map(str::to_owned).map_err(|_| "a pattern is not UTF-8");
+        // Looked at where nobody else can write.
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).map_err(|_| "a pattern is not UTF-8");
         let interval = frame.header.time;
         Ok(Self {
             key_pattern: text(frame.aux)?,
@@ -108,7 +109,8 @@ impl Broker {
     ) -> Result<(), &'static str> {
         let change = Change::read(frame, self.expected(from, frame)?)?;
         if let Some(reason) = self.registration_refusal(frame) {
-            return self.refuse(from, &String::from_utf8_lossy(frame.aux), 0, &reason);
+            let (Change::Add(asked) | Change::Remove(asked)) = &change;
+            return self.refuse(from, &asked.key_pattern, 0, &reason);
         }
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
         match client.is_joining() {
@@ -120,6 +122,13 @@ impl Broker {
 
     /// Carries a change out; a latest value that is among the `waiting` messages is not given, it is about to come.
     pub(super) fn change(&mut self, now: f64, id: ClientId, change: Change, waiting: &Messages) {
+        if let Change::Add(registration) = &change
+            && let Some(reason) = self.delivery_refusal(registration)
+        {
+            // Whoever has gone meanwhile need not be told.
+            let _ = self.refuse(id, &registration.key_pattern, 0, &reason);
+            return;
+        }
         let Some(client) = self.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
         client.registered_bytes = client.registrations.iter().map(Registration::bytes).sum();
@@ -136,6 +145,18 @@ impl Broker {
                 }
             }
         }
+    }
+
+    /// Why a registration asks for too much, if so.
+    fn delivery_refusal(&self, registration: &Registration) -> Option<String> {
+        let room = self.config.limits.deliveries.saturating_sub(self.deliveries);
+        let asked_for = || {
+            let keys = self.keys_matching(&registration.key_pattern).into_iter();
+            keys.map(|key| self.variables[key as usize].routes.len()).sum::<usize>()
+        };
+        let has_room = self.routes <= room || asked_for() <= room;
+        (!has_room)
+            .then(|| format!("the readers of the community get {} variables already, all together", self.deliveries))
     }
 
     /// Bytes of the patterns of all registrations.
@@ -183,14 +204,20 @@ impl Broker {
         };
         let key_name = self.keys.name(key);
         let variable = &mut self.variables[key as usize];
+        let (mut had, mut has, mut waits) = (0, 0, false);
         for route in &mut variable.routes {
-            route.deliveries.retain(|d| d.client != client);
-            route.deliveries.extend(combine(client, registrations, key_name, self.sources.name(route.source)));
-            route.deliveries.sort_by_key(|d| d.client);
+            had += route.deliveries.extract_if(.., |d| d.client == client).count();
+            if let Some(delivery) = combine(client, registrations, key_name, self.sources.name(route.source)) {
+                let place = route.deliveries.partition_point(|d| d.client < client);
+                route.deliveries.insert(place, delivery);
+                (has, waits) = (has + 1, waits | (delivery.min_interval > 0.0));
+            }
         }
-        if !variable.routes.iter().any(|r| r.deliveries.iter().any(|d| d.client == client && d.min_interval > 0.0)) {
-            variable.throttles.retain(|t| t.client != client);
-            self.due.retain(|(_, k, c)| (*k, *c) != (key, client));
+        self.deliveries = self.deliveries - had + has;
+        self.clients.entry(client).and_modify(|client| client.deliveries = client.deliveries - had + has);
+        if !waits {
+            self.end_wait(key, client);
+            self.variables[key as usize].throttles.retain(|t| t.client != client);
         }
     }
 

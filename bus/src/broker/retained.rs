@@ -77,7 +77,7 @@ impl Broker {
                 community: self.number(Named::Community, &one.community, 0),
                 ..frame.header
             };
-            self.keep_as_latest(now, None, &Message::new(header, frame.bytes));
+            self.keep_as_latest(now, None, &Message::new(header, &frame));
         }
         self.retained_changed = !retained.is_empty();
     }

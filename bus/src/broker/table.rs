@@ -190,7 +190,7 @@ impl Broker {
         };
         let mut frame = Vec::new();
         wire::put(&mut frame, &header, &[], &bytes);
-        self.deliver(now, to, &Message::new(header, &frame));
+        Message::stored(&frame).into_iter().for_each(|message| self.deliver(now, to, &message));
     }
 
     fn table(&self, now: f64) -> CommunityTable {

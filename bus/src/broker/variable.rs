@@ -3,11 +3,12 @@
 use std::collections::BTreeSet;
 
 use super::ClientId;
+use super::delivery::Due;
 use super::message::Message;
 use crate::wire::{self, Header, RESENT, ValueKind};
 
 /// Room for a latest value that is kept for the next one (bytes), beside twice the present one's.
-const SPARE_CAPACITY: usize = 4 << 10;
+const SPARE_CAPACITY: usize = 128;
 
 /// The type that a variable's first write fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +45,8 @@ pub(super) struct Route {
 pub(super) struct Throttle {
     pub client: ClientId,
     pub last_sent: f64,
-    pub pending: Option<Vec<u8>>,
+    /// A message, and when its time comes.
+    pub pending: Option<(Due, Vec<u8>)>,
 }
 
 /// A variable.
@@ -89,9 +91,9 @@ impl Variable {
 
     /// The latest value with these flags beside its own, as a message for whoever comes late.
     pub fn latest_message(&self, flags: u16) -> Option<Message<'_>> {
-        let header = wire::first_frame(&self.latest).ok()?.header;
-        let header = Header { flags: header.flags & !RESENT | flags, ..header };
-        Some(Message::new(header, &self.latest))
+        let frame = wire::first_frame(&self.latest).ok()?;
+        let header = Header { flags: frame.header.flags & !RESENT | flags, ..frame.header };
+        Some(Message::new(header, &frame))
     }
 
     /// The source of the latest value.
@@ -108,11 +110,8 @@ impl Variable {
         &mut self.throttles[at]
     }
 
-    /// Forgets a client that is gone.
-    pub fn forget(&mut self, client: ClientId) {
-        for route in &mut self.routes {
-            route.deliveries.retain(|d| d.client != client);
-        }
-        self.throttles.retain(|t| t.client != client);
+    /// Takes out what waits for a client's time to come.
+    pub fn take_pending(&mut self, client: ClientId) -> Option<(Due, Vec<u8>)> {
+        self.throttles.iter_mut().find(|t| t.client == client)?.pending.take()
     }
 }

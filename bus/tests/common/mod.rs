@@ -18,7 +18,12 @@ pub fn serve_if_asked_to() {
 
 /// Starts the broker of a community; the test's program needs a test called `broker_process` for it.
 pub fn broker_of(community: &Community) -> Child {
+    broker_that_says(community, Stdio::inherit())
+}
+
+/// … that says there what it has to say.
+pub fn broker_that_says(community: &Community, said: impl Into<Stdio>) -> Child {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "broker_process"]).env(SERVE, community.as_str()).stdout(Stdio::null());
+    command.args(["--exact", "broker_process"]).env(SERVE, community.as_str()).stdout(Stdio::null()).stderr(said);
     command.spawn().unwrap()
 }

@@ -7,7 +7,7 @@ use elk_bus::memory::MemoryBroker;
 use elk_bus::{BrokerConfig, Client, Clock, Community, Introduction, RunOptions};
 use rustix::process::{Pid, Signal};
 
-use crate::common::broker_of;
+use crate::common::broker_that_says;
 use crate::common::events::once_served;
 
 /// A community on some transport.
@@ -46,12 +46,21 @@ impl Transport for Memory {
 pub struct Shm {
     community: Community,
     broker: Mutex<Child>,
+    /// What the brokers have said, of all of them.
+    said: tempfile::NamedTempFile,
+}
+
+impl Shm {
+    fn broker(community: &Community, said: &tempfile::NamedTempFile) -> Child {
+        broker_that_says(community, said.as_file().try_clone().unwrap())
+    }
 }
 
 impl Transport for Shm {
     fn start(name: &str) -> Self {
         let community = Community::new(format!("{name}-{}", std::process::id())).unwrap();
-        Shm { broker: Mutex::new(broker_of(&community)), community }
+        let said = tempfile::NamedTempFile::new().unwrap();
+        Shm { broker: Mutex::new(Self::broker(&community, &said)), community, said }
     }
     fn join(&self, who: &Introduction<'_>) -> Result<Client, String> {
         let options = RunOptions {
@@ -65,7 +74,7 @@ impl Transport for Shm {
         let mut broker = self.broker.lock().unwrap();
         broker.kill().unwrap();
         broker.wait().unwrap();
-        *broker = broker_of(&self.community);
+        *broker = Self::broker(&self.community, &self.said);
     }
     fn stop(self) {
         // A broker that was started just now does not heed signals yet; one that lets somebody in does.
@@ -83,6 +92,10 @@ impl Drop for Shm {
     fn drop(&mut self) {
         // Has ended already unless the test failed.
         let broker = self.broker.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if std::thread::panicking() {
+            let said = std::fs::read_to_string(self.said.path()).unwrap_or_default();
+            println!("its broker, which has ended with {:?} so far, said: {said}", broker.try_wait());
+        }
         let _ = broker.kill();
         let _ = broker.wait();
     }

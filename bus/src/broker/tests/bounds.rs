@@ -1,5 +1,6 @@
 //! What clients cannot make a broker do: hold without bound, mix up types, speak in its name.
 
+use super::super::message::Message;
 use super::*;
 use crate::wire::{BULK, BulkRef, TYPED};
 
@@ -29,7 +30,10 @@ impl Speaker {
 
     /// Publishes a reference to its bulk sample of this number.
     fn bulk(&mut self, broker: &mut Broker, key: &str, sample: u64) {
-        let reference = BulkRef { client: self.id, generation: 0, sample, len: 20_000 };
+        self.refer(broker, key, BulkRef { client: self.id, generation: 0, sample, len: 20_000 });
+    }
+
+    fn refer(&mut self, broker: &mut Broker, key: &str, reference: BulkRef) {
         let number = self.keys.iter().position(|k| k == key).unwrap_or_else(|| {
             self.text(broker, 0.0, key, "first");
             self.keys.len() - 1
@@ -313,4 +317,196 @@ fn a_value_that_has_no_room_in_the_mail_of_the_dead_is_not_copied() {
     let messages = wire::frames(&mail).map_while(Result::ok).filter(|frame| frame.header.kind == FrameKind::Notify);
     let kept: Vec<_> = messages.map(|frame| (wire::is_bulk(frame.bytes), frame.value.len())).collect();
     assert_eq!(kept[kept.len() - 3..], [(false, 500), (true, size_of::<BulkRef>()), (false, 500)], "{kept:?}");
+}
+
+/// Regression: a sum of what a client had lost and what it said that it had overflowed.
+#[test]
+fn whoever_has_missed_more_than_can_be_counted_ends_no_broker() {
+    let b = &mut Broker::new(BrokerConfig { mailbox_bytes: 200, ..BrokerConfig::new("test") }, 0.0);
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "X", "*", 0.0);
+    (0..10).for_each(|i| a.text(b, 0.0, "X", &i.to_string()));
+    b.note_missed(c.id, u64::MAX);
+    b.note_missed(c.id, u64::MAX);
+    b.tick(3.0);
+    c.text(b, 3.0, "DB_TABLE_REQUEST", "");
+    assert!(!c.hear(b, 3.0).0.is_empty());
+}
+
+/// Regression: who was referred to another's value let go of all that it had not read of that one's.
+#[test]
+fn nobody_refers_to_another_s_values() {
+    let b = &mut broker();
+    let (mut a, c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    c.register(b, 0.0, "X", "*", 0.0);
+    a.bulk(b, "X", 1);
+    let own = BulkRef { client: a.id, generation: 0, sample: 2, len: 20_000 };
+    for lie in [BulkRef { client: c.id, ..own }, BulkRef { len: 1 << 31, ..own }] {
+        a.refer(b, "X", lie);
+    }
+    a.refer(b, "X", own);
+    let refused = "it refers to a value that cannot be one of its publisher's";
+    assert_eq!(a.hear(b, 0.0).2, [refused, refused]);
+    assert_eq!(b.clients[&c.id].mailbox.pushed(), 3, "a text, and the references to what is a's");
+}
+
+/// Regression: a variable that had a long value once kept its room.
+#[test]
+fn variables_that_were_long_once_take_no_room() {
+    let b = &mut broker();
+    let mut a = Speaker::new(b, 0.0, "a");
+    for i in 0..100 {
+        a.text(b, 0.0, &format!("K{i}"), &"x".repeat(4000));
+        a.text(b, 0.0, &format!("K{i}"), "x");
+    }
+    let room: usize = b.variables.iter().map(|v| v.latest.capacity()).sum();
+    assert!(room < 50_000 && b.latest_bytes < 20_000, "{room}");
+}
+
+/// Regression: each reader with an interval had a copy of each variable's value, however large.
+#[test]
+fn what_waits_for_an_interval_is_bounded() {
+    let b = &mut bounded(|limits| limits.pending_bytes = 100_000);
+    let mut a = Speaker::new(b, 0.0, "a");
+    let mut readers: Vec<_> = (0..10).map(|i| Speaker::new(b, 0.0, &format!("c{i}"))).collect();
+    readers.iter().for_each(|c| c.register(b, 0.0, "X", "*", 100.0));
+    for value in ["1", "2", "3"] {
+        a.text(b, 0.0, "X", &value.repeat(20_000));
+    }
+    assert!(b.pending_bytes <= 100_000 && b.due.len() == 4, "{} bytes, {}", b.pending_bytes, b.due.len());
+    let last = |heard: Vec<String>| heard.last().map(|text| text[..1].to_owned());
+    let first: Vec<_> = readers.iter_mut().map(|c| last(c.texts(b, 0.0))).collect();
+    b.tick(101.0);
+    let then: Vec<_> = readers.iter_mut().map(|c| last(c.texts(b, 101.0))).collect();
+    for (first, then) in first.iter().zip(&then) {
+        assert_eq!(then.as_ref().or(first.as_ref()).unwrap(), "3", "the newest comes, at once or in time");
+    }
+    assert_eq!((b.pending_bytes, b.due.len()), (0, 0));
+    // Whoever goes, or registers anew, leaves nothing that waits.
+    a.text(b, 102.0, "X", "4");
+    assert!(b.pending_bytes > 0);
+    b.disconnect(102.0, readers[0].id, 0, true);
+    readers[1..].iter().for_each(|c| c.register(b, 102.0, "X", "*", 0.0));
+    assert_eq!((b.pending_bytes, b.due.len()), (0, 0));
+}
+
+/// Regression: a client's numbers for names were counted by nobody, not even those for names that were refused.
+#[test]
+fn numbers_for_names_are_bounded() {
+    let b = &mut bounded(|limits| (limits.numbers_of_a_client, limits.numbers) = (100, 150));
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    for speaker in [&mut a, &mut c] {
+        let mut batch = Vec::new();
+        (0..1000).for_each(|number| put_definition(&mut batch, Named::Key, number, "X", 0));
+        b.receive(0.0, speaker.id, &batch).unwrap();
+        speaker.keys = vec!["X".into(); 1000];
+    }
+    let given = |b: &Broker| b.clients.values().flat_map(|c| &c.numbers).map(Vec::len).sum::<usize>();
+    assert!(given(b) <= 152, "{}", given(b));
+    let told = a.hear(b, 0.0).2;
+    assert_eq!(told, ["so many names are in use that no more are taken from this client"]);
+    let header = Header { key: 999, ..Header::new(FrameKind::Notify) };
+    let mut batch = Vec::new();
+    put(&mut batch, &header, &[], b"of no known name");
+    a.text(b, 0.0, "X", "of the first");
+    b.receive(0.0, a.id, &batch).unwrap();
+    c.register(b, 0.0, "X", "*", 0.0);
+    assert_eq!(c.texts(b, 0.0), ["of the first"]);
+}
+
+/// Regression: so many readers of so many variables were counted by nobody.
+#[test]
+fn who_gets_what_is_bounded() {
+    let b = &mut bounded(|limits| limits.deliveries = 100);
+    let mut a = Speaker::new(b, 0.0, "a");
+    let mut readers: Vec<_> = (0..30).map(|i| Speaker::new(b, 0.0, &format!("c{i}"))).collect();
+    readers.iter().for_each(|c| c.register(b, 0.0, "K*", "*", 0.0));
+    (0..20).for_each(|i| a.text(b, 0.0, &format!("K{i}"), "1"));
+    let count = |b: &Broker| b.variables.iter().flat_map(|v| &v.routes).map(|r| r.deliveries.len()).sum::<usize>();
+    assert_eq!((count(b), b.deliveries), (90, 90));
+    let refused = a.hear(b, 0.0).2;
+    assert!(refused.len() == 17 && refused[0].contains("pairs of variable and source already"), "{refused:?}");
+    let late = Speaker::new(b, 0.0, "late");
+    (0..3).for_each(|_| late.register(b, 0.0, "K*", "*", 0.0));
+    (0..8).for_each(|i| late.register(b, 0.0, "K1", &format!("a{}", "*".repeat(i)), 0.0));
+    assert_eq!((count(b), b.deliveries), (93, 93));
+    (0..9).for_each(|i| {
+        let one = Speaker::new(b, 0.0, &format!("late-{i}"));
+        one.register(b, 0.0, "K1", "*", 0.0);
+        readers.push(one);
+    });
+    assert_eq!((count(b), b.deliveries), (100, 100));
+    let told = readers.last_mut().unwrap().hear(b, 0.0).2;
+    assert_eq!(told, ["the readers of the community get 100 variables already, all together"]);
+    b.disconnect(0.0, late.id, 0, true);
+    readers.drain(30..).for_each(|c| b.disconnect(0.0, c.id, 0, true));
+    readers.drain(..10).for_each(|c| b.disconnect(0.0, c.id, 0, true));
+    let mut batch = Vec::new();
+    put(&mut batch, &Header::new(FrameKind::Unregister), b"K*", b"*");
+    readers.drain(..10).for_each(|c| b.receive(0.0, c.id, &batch).unwrap());
+    assert_eq!((count(b), b.deliveries), (30, 30));
+}
+
+/// Regression: what was remembered of batches that somebody had not handled grew with the readers.
+#[test]
+fn what_is_remembered_of_batches_is_bounded() {
+    let b = &mut bounded(|limits| limits.unhandled_bytes = 80_000);
+    let mut a = Speaker::new(b, 0.0, "a");
+    let readers: Vec<_> = (0..80).map(|i| Speaker::new(b, 0.0, &format!("c{i}"))).collect();
+    readers.iter().for_each(|c| c.register(b, 0.0, "X", "*", 0.0));
+    (0..1000).for_each(|_| a.text(b, 0.0, "X", "1"));
+    let client = &b.clients[&a.id];
+    let remembered: usize = client.unhandled.iter().map(|(_, reached)| size_of_val(&**reached)).sum();
+    assert!(remembered <= client.unhandled_bytes && client.unhandled_bytes <= 1000, "{remembered}");
+    (0..10).for_each(|_| assert!(b.handled_batches(a.id) <= 1000));
+}
+
+/// Regression: every reader's mailbox had room for any one message.
+#[test]
+fn messages_larger_than_mailboxes_are_bounded() {
+    let b = &mut bounded(|limits| (limits.mail_bytes, limits.oversize_bytes) = (100_000, 1_000_000));
+    let mut a = Speaker::new(b, 0.0, "a");
+    let readers: Vec<_> = (0..20).map(|i| Speaker::new(b, 0.0, &format!("c{i}"))).collect();
+    readers.iter().for_each(|c| c.register(b, 0.0, "X", "*", 0.0));
+    for round in 0..3 {
+        a.text(b, 0.0, "X", &"x".repeat(300_000));
+        let waiting: usize = b.clients.values().map(|client| client.mailbox.waiting()).sum();
+        assert!(waiting + b.given_bytes < 2_000_000, "{waiting}");
+        for c in &readers {
+            let mut batch = Vec::new();
+            b.take_mail(c.id, 1 << 16, &mut batch, |_, _| {});
+            b.keep_given(c.id, batch);
+        }
+        assert!(b.given_bytes < 2_000_000, "{round}: {}", b.given_bytes);
+    }
+    a.text(b, 0.0, "X", "short");
+    let lost: u64 = b.clients.values().map(|client| client.mailbox.lost()).sum();
+    assert!(lost > 30, "{lost}");
+    assert!(readers.iter().all(|c| b.clients[&c.id].mailbox.waiting() > 0), "what is short comes");
+    readers.iter().for_each(|c| b.disconnect(0.0, c.id, 0, true));
+    assert_eq!((b.given_bytes, b.deliveries), (0, 0));
+}
+
+/// Regression: two clients a name could each say a mailbox full before they had their session.
+#[test]
+fn what_is_said_before_its_time_is_bounded() {
+    let b = &mut bounded(|limits| limits.mail_bytes = 100_000);
+    let _holder = Speaker::new(b, 0.0, "a");
+    let mut next = Speaker::with(b.connect(0.0, &Introduction { succeeds: true, ..Introduction::new("a") }).unwrap());
+    (0..20).for_each(|_| next.text(b, 0.0, "X", &"x".repeat(20_000)));
+    assert!(b.held_bytes() <= 100_000);
+    assert!(next.hear(b, 0.0).2[0].contains("wait for the session of another"));
+}
+
+/// Regression: a frame's lengths were taken from where its client could still write.
+#[test]
+fn what_is_written_over_a_frame_while_it_is_taken_changes_no_length() {
+    let mut frame = Vec::new();
+    put(&mut frame, &Header::new(FrameKind::Notify), b"aux", b"value");
+    let checked = wire::first_frame(&frame).unwrap();
+    let mut scribbled = frame.clone();
+    scribbled[..48].fill(255);
+    let kept = Message::new(checked.header, &Frame { bytes: &scribbled, ..checked }).to_bytes();
+    let back = wire::first_frame(&kept).unwrap();
+    assert_eq!((back.header, back.aux, back.value), (checked.header, checked.aux, checked.value));
 }

@@ -73,7 +73,8 @@ impl Held {
     /// Keeps the newest, those that not everybody is done with, and those that are a variable's latest value.
     pub fn let_go_of_unwanted(&mut self, is_latest: impl Fn(u64) -> bool) {
         // What has come and is not referred to yet stays as well.
-        let next = self.routed + 1;
+        // As its publisher says, who may say what is not so.
+        let next = self.routed.saturating_add(1);
         let oldest = self.under_way.front().map_or(next, |(sample, _)| *sample);
         self.samples.let_go(oldest, is_latest);
     }
@@ -126,7 +127,7 @@ pub(super) fn place_bulk(
             let attach = if tell { ATTACH } else { 0 };
             let publisher = reference.client.to_le_bytes();
             let aux: &[u8] = if tell { &publisher } else { frame.aux };
-            // Too large to be copied: the receiver counts it as missed, and finds the next one in place.
+            // No room for a copy: the receiver counts it as missed, and finds the next one in place.
             let (bulk, value) = if kept.len() > largest { (BULK, frame.value) } else { (0, kept) };
             let flags = frame.header.flags & !BULK | bulk | attach;
             wire::put(batch, &wire::Header { flags, ..frame.header }, aux, value);
