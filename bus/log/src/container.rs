@@ -337,6 +337,14 @@ fn rest_of(opcode: u8, mut body: &[u8]) -> Option<&[u8]> {
             skip(rest, 8)?;
             texts(rest, 1)?;
         }
+        op::ATTACHMENT_INDEX => {
+            skip(rest, 40)?;
+            texts(rest, 2)?;
+        }
+        op::METADATA_INDEX => {
+            skip(rest, 16)?;
+            texts(rest, 1)?;
+        }
         op::STATISTICS => {}
         _ => return None,
     }

@@ -74,7 +74,10 @@ fn a_damaged_line_is_said_and_a_text_of_several_lines_is_one() {
     let numbers: Vec<_> =
         damage.iter().map(|what| what.split("line ").nth(1).and_then(|what| what.split(' ').next()).unwrap()).collect();
     assert_eq!(numbers, ["3", "6", "7", "11"], "{damage:?}");
-    assert!(damage[1].contains("does not begin with a time") && damage[3].contains("ends before its value"), "{damage:?}");
+    assert!(
+        damage[1].contains("does not begin with a time") && damage[3].contains("ends before its value"),
+        "{damage:?}"
+    );
 }
 
 #[test]
