@@ -60,7 +60,7 @@ pub(crate) fn missing(path: &Path, files: &[PathBuf]) -> Vec<String> {
     for (stem, number, file) in files.iter().filter_map(|file| split(file).map(|(stem, number)| (stem, number, file))) {
         let goes_on = || Segment::number_of(file).is_ok_and(|number| number.is_some_and(|number| number > 0));
         if number > next && goes_on() {
-            let name = |number| segment(&path.join(&stem).with_extension(EXTENSION), number).display().to_string();
+            let name = |number| segment(&path.join(format!("{stem}.{EXTENSION}")), number).display().to_string();
             let (first, last) = (name(next), name(number - 1));
             missing.push(match number - next {
                 1 => format!("the file {first} of the log is missing"),
