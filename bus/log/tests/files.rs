@@ -130,6 +130,11 @@ fn a_file_that_is_missing_between_others_is_said() {
     assert_eq!(damage(), expected);
     assert!(index(&file("log.4.mcap")).whole(), "whoever names one file means that one");
     ["log.1.mcap", "log.4.mcap", "log.5.mcap"].iter().for_each(|name| gone(name));
+    // One whose name has a point in it.
+    write(&file("a.b.mcap"), &numbers(200), LogOptions { rotate_secs: Some(4.95), ..LogOptions::default() });
+    gone("a.b.1.mcap");
+    assert_eq!(damage(), [format!("the file {} of the log is missing", file("a.b.1.mcap").display())]);
+    ["a.b.mcap", "a.b.2.mcap", "a.b.3.mcap"].iter().for_each(|name| gone(name));
     // A log of its own, whose name has a number in it.
     write(&file("drive.2024.mcap"), &numbers(3), LogOptions::default());
     assert!(damage().is_empty());
