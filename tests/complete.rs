@@ -102,6 +102,19 @@ fn a_filter_that_lets_nothing_through_is_named() {
     }
 }
 
+/// Regression: "all of it is in" the run's folder, said the launcher, and the log was not.
+#[test]
+fn a_log_that_is_not_in_the_run_s_folder_is_said_to_be_elsewhere() {
+    let elk = Elk::new("log-elsewhere");
+    let log = elk.folder().join("mine.mcap");
+    let logger = format!("<Logger type=\"Mcap\"><File>{}</File></Logger>", log.display());
+    let run = run(&elk, &mission("rooms-quads", START, &logger), &alone(&[]));
+    run.assert_complete();
+    let place = format!("all of it is in {}, but {} (Logger.File)", run.folder.display(), log.display());
+    assert!(run.said.contains(&place) && log.is_file(), "{}", run.said);
+    assert!(run.said.contains("no picture: it is drawn of a log in the run's folder"), "{}", run.said);
+}
+
 /// Regression: "complete", and the volume was never seen.
 #[test]
 fn a_volume_of_which_nothing_is_seen_is_not_explored() {

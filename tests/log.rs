@@ -337,12 +337,22 @@ fn prune_deletes_old_runs_only_when_it_is_told_to() {
     let there = |name: &str| elk.folder().join("logs").join(name).exists();
     let said = succeed(&elk, &["prune", "--keep", "1"]);
     assert!(said.contains("logs/oldest") && said.contains("2 runs") && said.contains("--delete"), "{said}");
+    assert!(said.ends_with("kept: 1 the newest; 1 neither a run nor a comparison\n"), "{said}");
     assert!(there("oldest") && there("older"));
     assert!(
         succeed(&elk, &["prune", "logs", "--keep", "2", "--older-than", "1", "--delete"]).contains("1 runs deleted")
     );
     assert!(!there("oldest") && there("older") && there("newer") && there("no-run"));
     assert_eq!(elk_log(&elk, &["prune"]).0, Some(2), "nothing is deleted that nobody asked for");
+    // A comparison is one; it is as old as the newest of its runs.
+    let first = elk.folder().join("logs/compare-lab/run-001/lab");
+    std::fs::create_dir_all(&first).unwrap();
+    write_log(&first.join("log.mcap"), 3);
+    let of_last_minute = succeed(&elk, &["prune", "--older-than", "36h"]);
+    assert!(of_last_minute.contains("kept: 1 still being written, or written within the last minute; 1 neither"));
+    std::fs::File::options().write(true).open(first.join("log.mcap")).unwrap().set_modified(hours(0)).unwrap();
+    let said = succeed(&elk, &["prune", "--older-than", "2w", "--delete"]);
+    assert!(said.contains("logs/compare-lab: ") && said.contains("3 runs deleted") && !there("compare-lab"), "{said}");
 }
 
 /// Regression: a run that had nothing to record for a minute, because it was paused, say, was deleted under its logger.

@@ -65,6 +65,7 @@ fn explorers_take_turns_in_mid_mission() {
     wait_until_gone("the old explorer's end", || alive(first).then_some(first));
     let summary = assert_completes(&elk, launcher);
     assert_eq!(summary["explorer"], "Potential, ClosestFrontier");
+    assert_eq!(summary["swapped"], serde_json::json!(["Explorer"]));
 }
 
 #[test]

@@ -104,7 +104,10 @@ fn report(outcome: &Outcome) -> Result<()> {
         Some(Err(error)) => say(&format!("  no picture: {error}\n"))?,
         None => {}
     }
-    say(&format!("  all of it is in {}\n", outcome.folder.display()))?;
+    let elsewhere = outcome.elsewhere.iter().map(|(said, file)| format!("{} ({said})", file.display()));
+    let elsewhere = elsewhere.collect::<Vec<_>>().join(" and ");
+    let but = if elsewhere.is_empty() { String::new() } else { format!(", but {elsewhere}") };
+    say(&format!("  all of it is in {}{but}\n", outcome.folder.display()))?;
     match &outcome.summary {
         summary if summary.complete => Ok(()),
         // What matters most comes last, where it is seen.

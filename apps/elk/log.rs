@@ -12,8 +12,9 @@ use elk_bus::{App, Client, RunError, ValueRef, run_app_on, stop_on_signals, tell
 use elk_log::alog::AlogWriter;
 use elk_log::check::check;
 use elk_log::copy::{self, Copied, copy};
-use elk_log::csv::{self, put_csv};
+use elk_log::csv::{self, LONGEST_JSON, LONGEST_LIST, put_csv};
 use elk_log::diff::{Diff, DiffOptions, Difference, diff};
+use elk_log::index::{Extra, ExtraKind};
 use elk_log::selection::{Place, Window};
 use elk_log::{Compression, Index, LogOptions, LogReader, Metadata, Record, RecordRef, Selection};
 use elk_logger::{Logger, Recorder};
@@ -28,13 +29,6 @@ use crate::target::{Target, not_to_a_terminal};
 
 /// So many messages that cannot be read are each complained of; the others are counted.
 const MOST_COMPLAINTS: u64 = 20;
-
-/// A list in a value that is shown has at most so many entries; longer ones are counted.
-const LONGEST_LIST: usize = 16;
-
-/// What a log says of its run is shown as the text that it is if it is longer (bytes): a tree of it takes many times
-/// its length.
-const LONGEST_RUN: usize = 1 << 20;
 
 /// What is said of a log that is not whole.
 const HOW_TO_MEND: &str = "  elk log recover makes a whole one of all that can be had of it\n";
@@ -108,7 +102,9 @@ pub enum LogCommand {
         exact: bool,
     },
     /// Hand a log on: to MOOS' tools as .alog (with .blog), to spreadsheets as CSV
-    #[command(after_help = "Example: elk log export logs/apartment-20261123-224512 --to alog -o apartment.alog")]
+    #[command(after_help = "Example: elk log export logs/apartment-20261123-224512 --to alog -o apartment.alog\n\n\
+        A message has the time at which its source has written it, in both. An .alog counts from the run's start, which \
+        is its LOGSTART; CSV from the log's earliest message, as elk log cat does.")]
     Export {
         /// The log: a run's folder, or a file
         log: PathBuf,
@@ -305,15 +301,21 @@ fn info_json(index: &Index) -> Result<String> {
     let Metadata { mission_name, version, seed, started, world, world_checksum, effective_mission, run, .. } =
         &index.metadata;
     let span = index.span();
-    let said = match run.len() > LONGEST_RUN {
+    // A tree of it takes many times its length.
+    let said = match run.len() > LONGEST_JSON {
         true => Json::from(run.as_str()),
         false => serde_json::from_str(run).unwrap_or_default(),
     };
+    let (extras, unnamed) = index.extras();
+    let of_kind = |kind| extras.iter().filter(move |extra| extra.kind == kind).map(extra_json).collect::<Vec<_>>();
     let info = json!({
         "files": index.files().collect::<Vec<_>>(),
         "bytes": index.bytes(),
         "messages": index.messages(),
         "topics": index.topics().iter().map(topic).collect::<Vec<_>>(),
+        "attachments": of_kind(ExtraKind::Attachment),
+        "metadata": of_kind(ExtraKind::Metadata),
+        "attachments_and_metadata_not_listed": unnamed,
         "start": span.map(|(start, _)| start),
         "end": span.map(|(_, end)| end),
         "whole": index.whole(),
@@ -331,6 +333,14 @@ fn info_json(index: &Index) -> Result<String> {
     Ok(text::printable_json(&serde_json::to_string_pretty(&info)?).into_owned() + "\n")
 }
 
+fn extra_json(extra: &Extra) -> Json {
+    let Extra { kind, name, media_type, count, bytes } = extra;
+    match kind {
+        ExtraKind::Attachment => json!({ "name": name, "media_type": media_type, "count": count, "bytes": bytes }),
+        ExtraKind::Metadata => json!({ "name": name, "count": count, "bytes": bytes }),
+    }
+}
+
 fn info_text(index: &Index) -> String {
     let mut said = String::new();
     let Metadata { mission_name, version, seed, world, world_checksum, .. } = &index.metadata;
@@ -338,7 +348,10 @@ fn info_text(index: &Index) -> String {
         let _ = writeln!(said, "{}", file.display());
     }
     if !mission_name.is_empty() {
-        let _ = writeln!(said, "  mission {mission_name}, seed {seed}, world {world} {world_checksum}, elk {version}");
+        // A world that is built in has no checksum, and a mission may have no world.
+        let world = format!("world {world} {world_checksum}");
+        let world = if world.trim_end() == "world" { "no world" } else { world.trim_end() };
+        let _ = writeln!(said, "  mission {mission_name}, seed {seed}, {world}, elk {version}");
     }
     let secs = index.span().map_or(0.0, |(start, end)| end - start);
     let bytes = index.bytes() as f64 / 1e6;
@@ -360,7 +373,27 @@ fn info_text(index: &Index) -> String {
         let (name, source, type_name) = (text::name(name), text::name(source), text::name(type_name));
         let _ = writeln!(said, "  {name:<24} {source:<16} {type_name:<20} {count:>10}");
     }
+    put_extras(index, &mut said);
     said
+}
+
+/// What stands in a log beside its messages, if anything does.
+fn put_extras(index: &Index, said: &mut String) {
+    let (extras, unnamed) = index.extras();
+    if !extras.is_empty() {
+        let _ = writeln!(
+            said,
+            "  {:<24} {:<16} {:<20} {:>10} {:>12}",
+            "beside them", "kind", "media type", "count", "bytes"
+        );
+    }
+    for extra in &extras {
+        let (name, media_type, kind) = (text::name(&extra.name), text::name(&extra.media_type), extra.kind.word());
+        let _ = writeln!(said, "  {name:<24} {kind:<16} {media_type:<20} {:>10} {:>12}", extra.count, extra.bytes);
+    }
+    if unnamed > 0 {
+        let _ = writeln!(said, "  {unnamed} attachments and metadata more, of other names or too large to be read");
+    }
 }
 
 /// `elk log check`
@@ -438,19 +471,19 @@ fn warn_of(damage: &[String]) {
     }
 }
 
-/// When the earliest message of a log was recorded (s).
-fn origin(log: &Path) -> Result<f64> {
+/// A part of a log, and when the earliest message of that log was recorded.
+fn window<'a>(log: &Path, selection: &'a Selection) -> Result<Window<'a>> {
     let index = Index::read(log, &mut progress("reading a log without an index:"))?;
-    Ok(index.span().map_or(0.0, |(start, _)| start))
+    Ok(Window { origin: index.span().map_or(0.0, |(start, _)| start), selection })
 }
 
 /// Hands the records of a part of a log to `each`, with their seconds after the log's earliest message.
 fn for_each_record(
     log: &Path,
-    selection: &Selection,
+    window: Window<'_>,
     mut each: impl FnMut(f64, &RecordRef<'_>) -> Result<()>,
 ) -> Result<()> {
-    let window = Window { origin: origin(log)?, selection };
+    let Window { selection, .. } = window;
     let mut reader = LogReader::open(log)?;
     reader.within(&window);
     let (mut found, mut unreadable) = (0_u64, 0_u64);
@@ -493,7 +526,7 @@ fn is_something(found: u64, log: &Path, selection: &Selection) -> Result<()> {
 /// `elk log cat`
 fn cat(log: &Path, selection: &Selection, as_json: bool) -> Result<ExitCode> {
     let mut out = BufWriter::new(std::io::stdout().lock());
-    for_each_record(log, selection, |secs, record| {
+    for_each_record(log, window(log, selection)?, |secs, record| {
         let line = match as_json {
             true => text::printable_json(&record_json(record).to_string()).into_owned(),
             false => {
@@ -528,6 +561,10 @@ fn type_name(value: ValueRef<'_>) -> &str {
 /// A value for people: of a type that is not known, how large it is and why it is not shown.
 fn shown(value: ValueRef<'_>, longest: usize) -> Json {
     catalogue::value_to_json(value, longest).unwrap_or_else(|error| match value {
+        // Another tool's, whose types have no layouts.
+        ValueRef::Binary { type_name, layout: 0, bytes } => {
+            format!("{} bytes of {type_name} that elk cannot read", bytes.len()).into()
+        }
         ValueRef::Binary { type_name, bytes, .. } => format!("{} bytes of {type_name}: {error}", bytes.len()).into(),
         ValueRef::Double(_) | ValueRef::Text(_) => error.to_string().into(),
     })
@@ -586,7 +623,8 @@ fn export(log: &Path, to: Format, output: Option<PathBuf>, selection: &Selection
     let target = Target::new(&output, "")?.gone_at_a_signal()?;
     match to {
         Format::Alog => {
-            export_alog(log, AlogWriter::create(target.draft(), started(log)?)?, selection)?;
+            let window = window(log, selection)?;
+            export_alog(log, AlogWriter::create(target.draft(), started(log, window)?)?, window)?;
         }
         Format::Csv => {
             let named = || format!("cannot write {}", output.display());
@@ -603,8 +641,9 @@ fn export_piped(log: &Path, to: Format, selection: &Selection) -> Result<ExitCod
     let (name, out) = ("standard output", std::io::stdout());
     match to {
         Format::Alog => {
-            let alog = AlogWriter::piped(Path::new(name), out, started(log)?)?;
-            if export_alog(log, alog, selection)?.is_some() {
+            let window = window(log, selection)?;
+            let alog = AlogWriter::piped(Path::new(name), out, started(log, window)?)?;
+            if export_alog(log, alog, window)?.is_some() {
                 complain(&format!(
                     "the binary values are left out: {name} has no room for a second file; right is -o FILE"
                 ));
@@ -623,7 +662,7 @@ fn beside(log: &Path, to: Format) -> PathBuf {
 
 /// When the run of a log began (s since 1970): MOOS counts from there. A log that does not say so begins with its
 /// earliest message.
-fn started(log: &Path) -> Result<f64> {
+fn started(log: &Path, window: Window<'_>) -> Result<f64> {
     let mut reader = LogReader::open(log)?;
     let started = reader.metadata().started;
     if started > 0.0 {
@@ -631,18 +670,18 @@ fn started(log: &Path) -> Result<f64> {
     }
     // Published before it was recorded; what cannot be read is said when all is read.
     let first = reader.find_map(Result::ok).map_or(f64::INFINITY, |record| record.time);
-    Ok(origin(log)?.min(first))
+    Ok(window.origin.min(first))
 }
 
-fn export_alog(log: &Path, mut alog: AlogWriter, selection: &Selection) -> Result<Option<PathBuf>> {
-    for_each_record(log, selection, |_, record| Ok(alog.append(record)?))?;
+fn export_alog(log: &Path, mut alog: AlogWriter, window: Window<'_>) -> Result<Option<PathBuf>> {
+    for_each_record(log, window, |_, record| Ok(alog.append(record)?))?;
     Ok(alog.finish()?)
 }
 
 fn export_csv(log: &Path, out: impl Write, named: impl Fn() -> String + Copy, selection: &Selection) -> Result<()> {
     let mut out = BufWriter::new(out);
     out.write_all(csv::HEADER.as_bytes()).with_context(named)?;
-    for_each_record(log, selection, |secs, record| put_csv(&mut out, secs, record).with_context(named))?;
+    for_each_record(log, window(log, selection)?, |secs, record| put_csv(&mut out, secs, record).with_context(named))?;
     out.flush().with_context(named)
 }
 

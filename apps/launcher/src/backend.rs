@@ -58,6 +58,11 @@ pub(crate) trait Backend {
     /// The explorers that ran, in the order in which they came.
     fn explorers(&self) -> Vec<String>;
 
+    /// The apps that were swapped while they ran.
+    fn swapped(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Ends what apps have started and left behind, once they have ended; waits a moment for those that do not listen.
     fn end_strays(&mut self) {}
 

@@ -122,6 +122,9 @@ pub struct AttachOptions {
 pub struct Outcome {
     /// The run's folder.
     pub folder: PathBuf,
+    /// What the mission had written elsewhere, logs and maps, and the parameters that say so (`Logger.File`). A log that was
+    /// there already has stayed: this run's is the one of the highest number beside it.
+    pub elsewhere: Vec<(String, PathBuf)>,
     /// The run, summed up.
     pub summary: Summary,
     /// Why it ended before its time, if it did.
@@ -279,10 +282,13 @@ impl Stage<'_> {
         for words in conduct.listener.observer().left_out() {
             conduct.display.say(&words);
         }
-        let explorers = conduct.backend.explorers().join(", ");
-        let summary = Summary::of(mission, &listener.observer(), explorers, error.as_ref());
+        let summary = Summary::of(mission, &conduct.listener.observer(), &*conduct.backend, error.as_ref());
         let unwritten = summary.write(folder).err();
-        let picture = (summary.known_voxels > 0).then(|| picture::draw(self.program, folder));
-        Ok(Outcome { folder: (*folder).to_owned(), summary, error, unwritten, picture })
+        let picture = (summary.known_voxels > 0).then(|| match run_place::log_elsewhere(mission, folder) {
+            None => picture::draw(self.program, folder),
+            Some(log) => Err(format!("it is drawn of a log in the run's folder, and this one's is {}", log.display())),
+        });
+        let elsewhere = run_place::elsewhere(mission, folder).collect();
+        Ok(Outcome { folder: (*folder).to_owned(), elsewhere, summary, error, unwritten, picture })
     }
 }

@@ -629,6 +629,11 @@ impl Backend for Processes {
         self.explorers.clone()
     }
 
+    fn swapped(&self) -> Vec<String> {
+        let swapped = self.supervisor.units.iter().filter(|unit| unit.swaps > 0);
+        swapped.map(|unit| unit.spec.name.clone()).collect()
+    }
+
     fn let_go(&mut self) {
         self.let_go = true;
     }

@@ -213,6 +213,15 @@ fn is_of_run(app: &AppSpec, param: &str) -> bool {
     }
 }
 
+/// What is to be said of apps that were swapped in the midst of a run: the mission knows those that it began with.
+fn swaps_not_repeated(folder: &Path) -> Option<String> {
+    let swapped = summary::swapped(folder);
+    let was = if swapped.len() == 1 { "was" } else { "were" };
+    (!swapped.is_empty()).then(|| {
+        format!("{} {was} swapped in this run; that is not repeated: it goes on as it began", swapped.join(", "))
+    })
+}
+
 /// Whether a folder is a run's.
 pub fn is_run(folder: &Path) -> bool {
     folder.join(RUN).is_file()
@@ -233,7 +242,7 @@ pub fn mission_of_run(
     provenance.check_files(overrides)?;
     let mut mission = Mission::load_effective(&folder.join(&provenance.effective_mission), registry, overrides)?;
     let programs = provenance.other_programs(&mission, overrides);
-    let notes = provenance.other_elk(revision).into_iter().chain(programs).collect();
+    let notes = provenance.other_elk(revision).into_iter().chain(programs).chain(swaps_not_repeated(folder)).collect();
     // The next run is called after the file of the first, and keeps that.
     mission.file = folder.join(&provenance.mission);
     let no_run = |source| RerunError::NoRun { file: mission.file.clone(), source };
@@ -316,6 +325,20 @@ mod tests {
         // Of a run of an older elk nobody knows.
         moved.files.iter_mut().filter(|one| one.app == "Map").for_each(|one| one.checksum.clear());
         assert!(moved.other_programs(&mission, &[])[0].contains("nobody can tell whether"));
+    }
+
+    #[test]
+    fn swaps_that_are_not_repeated_are_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = |summary: &str| {
+            std::fs::write(folder.path().join("summary.json"), summary).unwrap();
+            swaps_not_repeated(folder.path())
+        };
+        assert_eq!(swaps_not_repeated(folder.path()), None, "it was never summed up");
+        assert!(said(r#"{"swapped":["Map","Explorer"],"scans":7}"#).unwrap().starts_with("Map, Explorer were swapped"));
+        for nothing in [r#"{"swapped":[]}"#, r#"{"scans":7}"#, "no JSON"] {
+            assert_eq!(said(nothing), None);
+        }
     }
 
     #[test]

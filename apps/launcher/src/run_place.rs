@@ -10,6 +10,9 @@ use crate::provenance;
 use crate::run_folder::{copy_name, effective_name};
 use crate::summary;
 
+/// The parameter of loggers and maps that names what they write.
+const FILE: &str = "File";
+
 /// Where a run is kept.
 #[derive(Debug, Clone)]
 pub(crate) struct RunPlace {
@@ -47,11 +50,11 @@ impl RunPlace {
     pub fn settle(&self, app: &mut AppSpec) -> Result<(), LaunchError> {
         let in_folder = |name: &str| self.folder.join(name).to_string_lossy().into_owned();
         match app.element.as_str() {
-            element::MAP => suppose(app, "File", &in_folder("map.bt")),
+            element::MAP => suppose(app, FILE, &in_folder("map.bt")),
             // Said by the mission or by its controller's own parameter, it means the same to both, and to the launcher.
             element::CONTROLLER => settle(app, "Manual", if self.manual { "true" } else { "false" }),
             element::LOGGER => {
-                suppose(app, "File", &in_folder("log.mcap"))?;
+                suppose(app, FILE, &in_folder("log.mcap"))?;
                 suppose(app, "MissionFile", &self.mission_copy.to_string_lossy())?;
                 suppose(app, "EffectiveMission", &self.effective.to_string_lossy())?;
                 suppose(app, "Run", &in_folder(provenance::RUN))?;
@@ -74,14 +77,34 @@ fn settle(app: &mut AppSpec, param: &str, text: &str) -> Result<(), LaunchError>
     if known && app.setting(param) != Some(text) { Ok(app.set(param, text)?) } else { Ok(()) }
 }
 
+/// The files that the mission has logs and maps written to, and that are not in the run's `folder`; and the parameters that
+/// say so.
+pub(crate) fn elsewhere(mission: &Mission, folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+    let writers = mission.apps.iter().filter(|app| [element::LOGGER, element::MAP].contains(&app.element.as_str()));
+    writers.filter_map(move |app| Some((format!("{}.{FILE}", app.name), file_elsewhere(app, folder)?)))
+}
+
+/// The log of a run of whose logs none is in its `folder`; nothing: one is, or there is none.
+pub(crate) fn log_elsewhere(mission: &Mission, folder: &Path) -> Option<PathBuf> {
+    let logs: Option<Vec<PathBuf>> =
+        mission.of_element(element::LOGGER).map(|logger| file_elsewhere(logger, folder)).collect();
+    logs?.into_iter().next()
+}
+
+/// The file that an app writes, if that is said and not in the run's `folder`.
+fn file_elsewhere(app: &AppSpec, folder: &Path) -> Option<PathBuf> {
+    let said = app.is_builtin() && app.said.contains(FILE);
+    let file = app.setting(FILE).filter(|file| said && !file.is_empty())?;
+    std::path::absolute(file).ok().filter(|file| !file.starts_with(folder))
+}
+
 /// Sees that an app can write what it is to write when the mission is over; hours may lie before that.
 pub(crate) fn check_files(app: &AppSpec) -> Result<(), LaunchError> {
-    const PARAM: &str = "File";
-    match app.setting(PARAM) {
+    match app.setting(FILE) {
         Some(file) if app.element == element::MAP && app.is_builtin() && !file.is_empty() => {
             let unwritable = |source| {
                 let (app, file) = (app.name.clone(), file.into());
-                LaunchError::Unwritable { app, param: PARAM, file, source }
+                LaunchError::Unwritable { app, param: FILE, file, source }
             };
             file::try_write(Path::new(file)).map_err(unwritable)
         }

@@ -5,13 +5,20 @@ use std::fmt;
 use std::path::Path;
 
 use elk_mission::{AppSpec, Mission, element};
+use elk_outside::file;
 use elk_spatial::messages::{CoverageMark, FrontiersLeft};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
+use crate::backend::Backend;
 use crate::error::LaunchError;
 use crate::observer::Observer;
 use crate::shortfall::{overflow, shortfall};
 use crate::steps::Spread;
+
+/// The file in the run's folder.
+const SUMMARY: &str = "summary.json";
+/// The longest that is read (bytes).
+const LONGEST: u64 = 1 << 20;
 
 /// A run, summed up. What nobody said is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -22,6 +29,8 @@ pub struct Summary {
     pub mission_file: String,
     /// The explorer's type; of several that took turns, each once, in their order.
     pub explorer: String,
+    /// The apps that were swapped while the mission ran: who runs it again does so without that.
+    pub swapped: Vec<String>,
     /// The motion policy's name.
     pub policy: Option<String>,
     /// Strategy, policy and clearance with all their settings.
@@ -66,9 +75,14 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Sums up what was observed of a mission in which `explorer` explored; `ended` is why it ended before its time, if it
+    /// Sums up what was observed of a mission as `backend` has carried it out; `ended` is why it ended before its time, if it
     /// did.
-    pub(crate) fn of(mission: &Mission, observed: &Observer, explorer: String, ended: Option<&LaunchError>) -> Self {
+    pub(crate) fn of(
+        mission: &Mission,
+        observed: &Observer,
+        backend: &dyn Backend,
+        ended: Option<&LaunchError>,
+    ) -> Self {
         let report = observed.exploration.as_ref();
         let (complete, reason) = outcome(mission, observed, ended);
         let progress = observed.progress.as_ref();
@@ -82,7 +96,8 @@ impl Summary {
         Self {
             mission: mission.name.clone(),
             mission_file: mission.file.display().to_string(),
-            explorer,
+            explorer: backend.explorers().join(", "),
+            swapped: backend.swapped(),
             policy: report.map(|report| report.policy.clone()).or_else(|| policy(mission)),
             settings: report.map(|report| report.settings.clone()),
             seed: seed(mission),
@@ -106,14 +121,25 @@ impl Summary {
         }
     }
 
-    /// Writes `summary.json` into the run's folder.
+    /// Writes it into the run's folder.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), LaunchError> {
-        let file = folder.join("summary.json");
+        let file = folder.join(SUMMARY);
         let written = serde_json::to_string_pretty(self)
             .map_err(std::io::Error::from)
             .and_then(|json| std::fs::write(&file, json + "\n"));
         written.map_err(|source| LaunchError::File { file, source })
     }
+}
+
+/// The apps that were swapped in the run that is kept in `folder`, as far as it was summed up.
+pub(crate) fn swapped(folder: &Path) -> Vec<String> {
+    #[derive(Default, Deserialize)]
+    struct Swapped {
+        #[serde(default)]
+        swapped: Vec<String>,
+    }
+    let text = file::read_text(&folder.join(SUMMARY), LONGEST).unwrap_or_default();
+    serde_json::from_str::<Swapped>(&text).unwrap_or_default().swapped
 }
 
 /// Whether the mission is complete, and why it ended.
@@ -177,6 +203,9 @@ impl fmt::Display for Summary {
         writeln!(f, "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {explorer}{policy}")?;
         if let Some(settings) = &self.settings {
             writeln!(f, "  {settings}")?;
+        }
+        if !self.swapped.is_empty() {
+            writeln!(f, "  swapped while it ran: {}", self.swapped.join(", "))?;
         }
         for mark in &self.coverage {
             let percent = 100.0 * mark.share;

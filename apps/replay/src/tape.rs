@@ -24,6 +24,8 @@ struct Alog {
     next: Option<Record>,
     span: (f64, f64),
     messages: u64,
+    /// What all of it was found to be damaged by, in words.
+    damage: Vec<String>,
 }
 
 impl Tape {
@@ -103,11 +105,11 @@ impl Tape {
         }
     }
 
-    /// What was found to be damaged or cut short so far, in words.
+    /// What was found to be damaged or cut short so far, in words; of an `.alog` in all of it.
     pub fn damage(&self) -> Vec<String> {
         match &self.0 {
             Kind::Log { reader, .. } => reader.damage(),
-            Kind::Alog(_) => Vec::new(),
+            Kind::Alog(alog) => alog.damage.clone(),
         }
     }
 }
@@ -115,14 +117,14 @@ impl Tape {
 impl Alog {
     fn open(path: &Path) -> Result<Self, LogError> {
         let (mut span, mut messages) = ((f64::INFINITY, f64::NEG_INFINITY), 0);
-        let all = AlogReader::open(path)?;
+        let mut all = AlogReader::open(path)?;
         let reader = all.again()?;
-        for record in all {
+        for record in &mut all {
             let time = record?.received;
             span = (span.0.min(time), span.1.max(time));
             messages += 1;
         }
-        Ok(Self { reader, found: None, next: None, span, messages })
+        Ok(Self { reader, found: None, next: None, span, messages, damage: all.damage() })
     }
 
     fn seek(&mut self, time: f64) -> Result<(), LogError> {

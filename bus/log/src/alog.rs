@@ -3,7 +3,9 @@
 //! One line a message: time since LOGSTART in 15 columns, name in 20, source in 15, then the value, each followed by a
 //! space. Columns that are too narrow are overrun, so a line is read by its white space. What MOOS leaves undone is put
 //! right on the way out: a line break in a text is written as `\n` and breaks no line, and the date is the run's. On the
-//! way in, a line that does not begin with a number goes on with the text of the line before it, as MOOS breaks them.
+//! way in, a line that does not begin with a number goes on with the text of the line before it, as MOOS breaks them. One
+//! that names a variable and a source of the file where a message does is no such line: its time is damaged. Of it, of a
+//! line that goes on with no text, and of a last line that is cut short the reader says so.
 //!
 //! A number has as many digits as bring it back bit for bit. What a line means depends on its variable: a file does not say
 //! what is a number, so a variable that is a text once is one throughout, and one that is `nan` or `inf` is a number if it
@@ -24,6 +26,7 @@ use elk_outside::{file, text, time};
 use elk_spatial::catalogue;
 use elk_spatial::messages::CameraPose;
 
+use crate::damage::Damage;
 use crate::error::LogError;
 use crate::record::{Record, RecordRef};
 
@@ -211,7 +214,14 @@ pub struct AlogReader {
     blog: Option<File>,
     /// The message before the line that is read next: more of its text may come.
     ahead: Option<Record>,
+    /// Whether the line before was a message that is damaged: what goes on with a text goes on with that one's.
+    garbled: bool,
+    damage: Damage,
     messages: u64,
+    /// Whether the file ends in the midst of the line that was read last.
+    cut: bool,
+    /// Lines and bytes that were read.
+    lines_read: u64,
     read: u64,
     length: u64,
 }
@@ -223,20 +233,26 @@ struct Types {
     numbers: BTreeSet<String>,
     /// Those that are a text somewhere.
     texts: BTreeSet<String>,
+    /// Who has written any.
+    sources: BTreeSet<String>,
     names_bytes: usize,
 }
 
 impl Types {
-    fn note(&mut self, key: &str, value: &str) {
-        let names = match Word::of(value) {
-            Word::Number(_) => &mut self.numbers,
-            Word::Text => &mut self.texts,
-            Word::NotFinite(_) => return, // a number beside numbers, a word beside words
-        };
-        if !names.contains(key) && self.names_bytes + key.len() <= MAX_NAMES_BYTES {
-            self.names_bytes += key.len();
-            names.insert(key.into());
+    fn note(&mut self, Line { key, source, value, .. }: &Line<'_>) {
+        keep(&mut self.sources, source, &mut self.names_bytes);
+        match Word::of(value) {
+            Word::Number(_) => keep(&mut self.numbers, key, &mut self.names_bytes),
+            Word::Text => keep(&mut self.texts, key, &mut self.names_bytes),
+            Word::NotFinite(_) => {} // a number beside numbers, a word beside words
         }
+    }
+
+    /// Whether a line that is no message was one: its second word is a variable, its third who writes such.
+    fn are_named_in(&self, line: &str) -> bool {
+        let mut words = line.split_whitespace().skip(1);
+        let is_known = |key: &str| self.texts.contains(key) || self.numbers.contains(key);
+        words.next().is_some_and(is_known) && words.next().is_some_and(|source| self.sources.contains(source))
     }
 
     /// What `value` of `key` is.
@@ -246,6 +262,14 @@ impl Types {
             Word::NotFinite(number) if self.numbers.contains(key) && !self.texts.contains(key) => Value::Double(number),
             _ => Value::Text(value.into()),
         }
+    }
+}
+
+/// Keeps a name, as long as there is room for it.
+fn keep(names: &mut BTreeSet<String>, name: &str, names_bytes: &mut usize) {
+    if !names.contains(name) && *names_bytes + name.len() <= MAX_NAMES_BYTES {
+        *names_bytes += name.len();
+        names.insert(name.into());
     }
 }
 
@@ -325,7 +349,11 @@ impl AlogReader {
             types,
             blog: None,
             ahead: None,
+            garbled: false,
+            damage: Damage::default(),
             messages: 0,
+            cut: false,
+            lines_read: 0,
             read: 0,
             length,
         })
@@ -338,7 +366,7 @@ impl AlogReader {
             if line.starts_with("%%") {
                 self.banner(&line)?;
             } else if let Some(line) = Line::of(&line).filter(|line| !line.value.contains(BINARY.0)) {
-                types.note(line.key, line.value);
+                types.note(&line);
             }
         }
         Ok(types)
@@ -354,14 +382,27 @@ impl AlogReader {
         (self.read, self.length)
     }
 
+    /// What was found to be damaged so far, in words; beyond a thousand lines the rest is counted.
+    pub fn damage(&self) -> Vec<String> {
+        self.damage.reasons()
+    }
+
+    fn note_damage(&mut self, what: &str) {
+        let Self { path, lines_read, .. } = self;
+        self.damage.note(format!("{}: line {lines_read} {what}", path.display()));
+    }
+
     /// A line without its end; nothing at the end of the file.
     fn line(&mut self) -> Result<Option<String>, LogError> {
         let mut line = Vec::new();
         let failed = |source| LogError::Read { path: self.path.clone(), source };
         let count = (&mut self.lines).take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(failed)?;
         self.read += count as u64;
+        self.lines_read += 1;
+        self.cut = !line.ends_with(b"\n");
         if count as u64 == MAX_LINE_BYTES && !line.ends_with(b"\n") {
             self.lines.skip_until(b'\n').map_err(|source| LogError::Read { path: self.path.clone(), source })?;
+            self.note_damage(&format!("has more than {MAX_LINE_BYTES} bytes; the rest is passed over"));
         }
         let text = String::from_utf8_lossy(&line);
         Ok((count > 0).then(|| text.trim_end_matches(['\n', '\r']).to_owned()))
@@ -373,16 +414,32 @@ impl AlogReader {
             if line.starts_with("%%") {
                 self.banner(&line)?;
             } else if let Some(record) = self.message(&line) {
+                self.garbled = false;
                 return Ok(Some(record));
-            } else if !line.trim().is_empty()
-                && let Some(Record { value: Value::Text(text), .. }) = &mut self.ahead
-                && text.len() + line.len() < MAX_LINE_BYTES as usize
+            } else if !line.trim().is_empty() {
+                self.go_on(&line);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Takes a line that begins no message.
+    fn go_on(&mut self, line: &str) {
+        let is_cut = self.cut && word(line).is_some_and(|(time, _)| number(time).is_some());
+        if is_cut || self.types.are_named_in(line) {
+            self.garbled = true;
+            let what = if is_cut { "ends before its value" } else { "does not begin with a time" };
+            return self.note_damage(&format!("{what}; its message is passed over"));
+        }
+        match &mut self.ahead {
+            Some(Record { value: Value::Text(text), .. })
+                if !self.garbled && text.len() + line.len() < MAX_LINE_BYTES as usize =>
             {
                 text.push('\n');
                 text.push_str(line.trim_end());
             }
+            _ => self.note_damage("is no message, and there is no text that it goes on with; it is passed over"),
         }
-        Ok(None)
     }
 
     fn banner(&mut self, line: &str) -> Result<(), LogError> {

@@ -20,6 +20,7 @@ use crate::chunk::{self, Chunk, ChunkHead, Unpacked};
 use crate::error::LogError;
 use crate::footer::{Footer, TAIL_BYTES};
 use crate::head::{Head, MAX_RECORD_BYTES};
+use crate::judge::end_of_content;
 
 /// Bytes that are read from the file at once.
 const READ_BYTES: usize = 1 << 20;
@@ -301,69 +302,9 @@ fn longest(opcode: u8) -> u64 {
 /// Understands a record. The crate `mcap` sets memory aside for as many bytes as a text says it has, up to 4 GiB, and relies
 /// on what follows the texts being there: so all of it is held against the record first.
 pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<mcap::records::Record<'static>, String> {
-    rest_of(opcode, body).ok_or("what it says to hold is longer than it is")?;
+    let ends = end_of_content(opcode, &mut { body }, 0..body.len() as u64);
+    ends.ok().flatten().ok_or("what it says to hold is longer than it is")?;
     mcap::parse_record(opcode, body).map(mcap::records::Record::into_owned).map_err(|error| error.to_string())
-}
-
-/// What is left of a record behind all that it says to hold.
-fn rest_of(opcode: u8, mut body: &[u8]) -> Option<&[u8]> {
-    let rest = &mut body;
-    match opcode {
-        op::HEADER => texts(rest, 2)?,
-        op::SCHEMA => {
-            skip(rest, 2)?;
-            texts(rest, 3)?; // the last one may be any bytes
-        }
-        op::CHANNEL => {
-            skip(rest, 4)?;
-            texts(rest, 2)?;
-            map_of_texts(rest)?;
-        }
-        op::METADATA => {
-            texts(rest, 1)?;
-            map_of_texts(rest)?;
-        }
-        op::ATTACHMENT => {
-            skip(rest, 16)?;
-            texts(rest, 2)?;
-            let data = u64::from_le_bytes(skip(rest, 8)?.try_into().ok()?);
-            skip(rest, usize::try_from(data).ok()?)?;
-            // Behind the data a checksum: `mcap` panics where there is no room for it.
-            skip(rest, 4)?;
-        }
-        op::CHUNK_INDEX => {
-            skip(rest, 32)?;
-            texts(rest, 1)?; // the map of offsets: a length and so many bytes, as a text is
-            skip(rest, 8)?;
-            texts(rest, 1)?;
-        }
-        op::STATISTICS => {}
-        _ => return None,
-    }
-    Some(body)
-}
-
-fn skip<'a>(rest: &mut &'a [u8], bytes: usize) -> Option<&'a [u8]> {
-    let (skipped, left) = rest.split_at_checked(bytes)?;
-    *rest = left;
-    Some(skipped)
-}
-
-fn text<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
-    let length = u32::from_le_bytes(skip(rest, 4)?.try_into().ok()?);
-    skip(rest, length as usize)
-}
-
-fn texts(rest: &mut &[u8], count: usize) -> Option<()> {
-    (0..count).try_for_each(|_| text(rest).map(drop))
-}
-
-fn map_of_texts(rest: &mut &[u8]) -> Option<()> {
-    let mut entries = text(rest)?;
-    while !entries.is_empty() {
-        texts(&mut entries, 2)?;
-    }
-    Some(())
 }
 
 fn check_magic(file: &mut File, path: &Path) -> Result<(), LogError> {

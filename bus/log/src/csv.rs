@@ -13,6 +13,7 @@ use elk_bus::ValueRef;
 use elk_spatial::catalogue;
 use serde_json::{Map, Value as Json};
 
+use crate::plain::without_nan;
 use crate::record::RecordRef;
 
 /// A list with more entries than this is nothing that is plotted.
@@ -36,7 +37,9 @@ pub fn put_csv(out: &mut impl Write, secs: f64, record: &RecordRef<'_>) -> std::
     let fields = match record.value {
         ValueRef::Double(number) => return line(record.key, &digits(number)),
         ValueRef::Text(text) if text.starts_with(['{', '[']) && text.len() <= LONGEST_JSON => {
-            serde_json::from_str(text).ok()
+            // A number that is none has no line.
+            let meant = || serde_json::from_str(&without_nan(text)?).ok();
+            serde_json::from_str(text).ok().or_else(meant)
         }
         ValueRef::Text(_) => None,
         // Of a type of somebody else no field is known.

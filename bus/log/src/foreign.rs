@@ -1,7 +1,8 @@
 //! Channels of other tools: what they say is kept byte by byte, and understood where it can be.
 //!
 //! A number or a text is one in JSON, or in one of ROS' standard messages (`std_msgs`), which hold nothing else. What is
-//! other JSON is given as the text that it is, and everything else as bytes of a type that carries the schema's name.
+//! other JSON, `{"speed": 3}` too, is given as the text that it is, and everything else as bytes of a type that carries the
+//! schema's name.
 //!
 //! JSON may be a trap: of any length, and as deep as it is long. It is read without a tree being built of it, so that
 //! memory is at most the one text that it holds.
@@ -12,7 +13,7 @@ use std::sync::Arc;
 use elk_bus::ValueRef;
 
 use crate::encoding::JSON;
-use crate::plain::PlainJson;
+use crate::plain::{PlainJson, plain, without_nan};
 
 /// What the messages of a channel are made of, as a file says it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -164,15 +165,16 @@ impl Foreign {
     }
 }
 
-/// A number or a text in JSON, also as the only field of an object; anything else as the text that it is.
+/// A number or a text in JSON; anything else as the text that it is, also with numbers in it that JSON does not have.
 fn json<'a>(bytes: &'a [u8], scratch: &'a mut String) -> Option<ValueRef<'a>> {
-    match serde_json::from_slice(bytes).ok()? {
+    let json = std::str::from_utf8(bytes).ok()?;
+    match plain(json).or_else(|error| without_nan(json).map_or(Err(error), |meant| plain(&meant))).ok()? {
         PlainJson::Number(number) => Some(ValueRef::Double(number)),
         PlainJson::Text(text) => {
             *scratch = text;
             Some(ValueRef::Text(scratch))
         }
-        PlainJson::Other => std::str::from_utf8(bytes).ok().map(ValueRef::Text),
+        PlainJson::Other => Some(ValueRef::Text(json)),
     }
 }
 
@@ -192,7 +194,9 @@ mod tests {
             (r#"{"value": 1.5}"#, "Double(1.5)"),
             ("7", "Double(7.0)"),
             (r#"{"data": "home"}"#, "Text(\"home\")"),
-            (r#"{"on": true}"#, "Double(1.0)"),
+            (r#"{"value": true}"#, "Double(1.0)"),
+            (r#"{"speed": 3}"#, r#"Text("{\"speed\": 3}")"#),
+            (r#"{"x": NaN}"#, r#"Text("{\"x\": NaN}")"#),
             (r#"{"x": 1, "y": 2}"#, r#"Text("{\"x\": 1, \"y\": 2}")"#),
         ] {
             assert_eq!(said("json", "Any", json.as_bytes()), value);

@@ -13,9 +13,11 @@ use crate::channel::{Channel, ChannelKind};
 use crate::damage::Damage;
 use crate::encoding::seconds;
 use crate::error::LogError;
+use crate::extras::Extras;
+pub use crate::extras::{Extra, ExtraKind};
 use crate::record::Metadata;
 use crate::segment::{Next, Said, Segment};
-use crate::segments::segments;
+use crate::segments::{missing, segments};
 use crate::summary::Summary;
 
 /// Told how far reading has come: bytes read, bytes in all.
@@ -27,6 +29,8 @@ pub struct Index {
     pub(crate) segments: Vec<SegmentIndex>,
     /// Where the run came from.
     pub metadata: Metadata,
+    /// Which files are not there, in words.
+    missing: Vec<String>,
 }
 
 /// What is in one file.
@@ -42,6 +46,8 @@ pub(crate) struct SegmentIndex {
     /// When each chunk's last message was recorded (ns), and where in the file it begins.
     chunks: Vec<(u64, u64)>,
     dropped: u64,
+    /// What stands beside the messages.
+    extras: Extras,
     /// What was found where the file had to be read.
     damage: Damage,
     /// Why its own index is not relied on.
@@ -75,8 +81,9 @@ impl Index {
             Some(first) => Segment::metadata_of(first)?,
             None => Metadata::default(),
         };
+        let missing = missing(path, &paths);
         let indexes = paths.iter().map(|path| SegmentIndex::read(path, on_progress));
-        Ok(Self { segments: indexes.collect::<Result<_, _>>()?, metadata })
+        Ok(Self { segments: indexes.collect::<Result<_, _>>()?, metadata, missing })
     }
 
     /// The files, in their order.
@@ -121,14 +128,23 @@ impl Index {
         self.segments.iter().map(|segment| segment.dropped).sum()
     }
 
-    /// Whether every file has its proper end, as far as that can be said without reading it.
+    /// Attachments and metadata, by kind and name; and how many more there are beyond the first thousand of each file.
+    pub fn extras(&self) -> (Vec<Extra>, u64) {
+        let mut all = Extras::default();
+        self.segments.iter().for_each(|segment| all.merge(&segment.extras));
+        (all.told().collect(), all.more())
+    }
+
+    /// Whether every file is there and has its proper end, as far as that can be said without reading it.
     pub fn whole(&self) -> bool {
-        self.segments.iter().all(|segment| segment.damage.is_empty() && segment.index_damage.is_none())
+        self.missing.is_empty()
+            && self.segments.iter().all(|segment| segment.damage.is_empty() && segment.index_damage.is_none())
     }
 
     /// What was found to be damaged or cut short, in words; beyond a thousand places the rest is counted.
     pub fn damage(&self) -> Vec<String> {
         let mut all = Damage::default();
+        self.missing.iter().for_each(|reason| all.note(reason.clone()));
         self.segments.iter().for_each(|segment| all.merge(&segment.damage));
         self.index_damage().for_each(|reason| all.note(reason.to_owned()));
         all.reasons()
@@ -173,19 +189,27 @@ impl SegmentIndex {
     fn from_summary(path: &Path, place: Range<u64>) -> Result<Result<Option<Self>, String>, LogError> {
         let mut segment = Segment::at_the_beginning(path)?;
         let mut index = Self { path: path.into(), bytes: segment.length(), ..Self::default() };
-        let (mut last_drop, mut counted) = (None, None);
+        let (mut last_drop, mut counted, mut indexed) = (None, None, (0_u64, 0_u64));
         if let Err(reason) = segment.summary(place, |record| match record {
             Said::Chunk(chunk, drops) => {
                 index.chunks.push((chunk.message_end_time, chunk.chunk_start_offset));
                 last_drop = last_drop.max(drops.then_some(chunk.chunk_start_offset));
             }
             Said::Statistics(said) => counted = Some(said),
+            Said::Extra(kind, name, media_type, bytes) => {
+                let count = if kind == ExtraKind::Attachment { &mut indexed.0 } else { &mut indexed.1 };
+                *count += 1;
+                index.extras.note(kind, &name, &media_type, bytes);
+            }
         })? {
             return Ok(Err(reason));
         }
         let Some(counted) = counted.filter(|counted| segment.names_all(counted)) else {
             return Ok(Ok(None));
         };
+        if indexed != (u64::from(counted.attachment_count), u64::from(counted.metadata_count)) {
+            return Ok(Ok(None)); // what stands beside the messages need not be indexed either
+        }
         if counted.message_count > 0 {
             (index.start, index.end) = (Some(counted.message_start_time), Some(counted.message_end_time));
         }
@@ -222,7 +246,7 @@ impl SegmentIndex {
     fn by_reading(path: &Path, on_progress: OnProgress<'_>) -> Result<Self, LogError> {
         let mut segment = Segment::open(path)?;
         let mut index = Self { path: path.into(), bytes: segment.length(), ..Self::default() };
-        let mut told = 0;
+        let (mut told, mut unread) = (0, 0_u64);
         loop {
             match segment.next()? {
                 Next::Message => {
@@ -233,7 +257,8 @@ impl SegmentIndex {
                 }
                 Next::Dropped(total) => index.dropped = total,
                 Next::Damage(reason) => index.damage.note(reason),
-                Next::Other(_) | Next::LeftOut(_) => {}
+                Next::Other(_) => {}
+                Next::LeftOut(_) => unread += 1,
                 Next::End => break,
             }
             if segment.position() != told {
@@ -242,6 +267,8 @@ impl SegmentIndex {
             }
         }
         index.channels = segment.channels().map(|(id, channel)| (id, channel.clone())).collect();
+        index.extras = segment.extras().clone();
+        (0..unread).for_each(|_| index.extras.note_unknown());
         Ok(index)
     }
 

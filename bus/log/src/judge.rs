@@ -4,11 +4,12 @@
 //! behind it. All of that together does not happen by chance, even in values full of zeros and small numbers.
 //!
 //! Any byte may be a head, and what it claims may lead anywhere: so of each only a few bytes are looked at, wherever
-//! they lie, and looking at all of a file costs no more than its length.
+//! they lie, and looking at all of a file costs no more than its length. Texts that lead from one to the next are looked at
+//! as long as all bytes together can [`afford`](Bytes::afford) it; then no record of texts is believed any more.
 
 use std::collections::BTreeSet;
 use std::io::Result;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use mcap::records::op;
 
@@ -20,8 +21,8 @@ const AROUND_NS: u64 = 86_400_000_000_000;
 
 /// Bytes that are searched at once.
 pub(crate) const AHEAD_BYTES: usize = 4096;
-/// What is searched for records has at most so many texts in one.
-const MAX_TEXTS: u32 = 4096;
+/// So many texts are looked at for each byte that is searched: records that do not overlap have one in four bytes.
+const TEXTS_PER_BYTE: u64 = 4;
 
 /// Bytes that can be looked at anywhere.
 pub(crate) trait Bytes {
@@ -31,6 +32,8 @@ pub(crate) trait Bytes {
     fn get(&mut self, at: u64, count: usize) -> Result<&[u8]>;
     /// A few of them that lie anywhere; nothing: so many there are not.
     fn peek<const N: usize>(&mut self, at: u64) -> Result<Option<[u8; N]>>;
+    /// Whether one more text may be looked at, which has its length at `at`.
+    fn afford(&mut self, at: u64) -> bool;
 }
 
 impl Bytes for &[u8] {
@@ -46,6 +49,53 @@ impl Bytes for &[u8] {
     fn peek<const N: usize>(&mut self, at: u64) -> Result<Option<[u8; N]>> {
         Ok(self.get(at, N)?.first_chunk().copied())
     }
+
+    /// They are one record, read once.
+    fn afford(&mut self, _: u64) -> bool {
+        true
+    }
+}
+
+/// What is left of a damaged chunk.
+pub(crate) struct Debris {
+    pub bytes: Vec<u8>,
+    /// So many texts may still be looked at.
+    texts: u64,
+}
+
+impl Debris {
+    pub fn of(bytes: Vec<u8>) -> Self {
+        Self { texts: affordable(bytes.len() as u64), bytes }
+    }
+}
+
+impl Bytes for Debris {
+    fn length(&self) -> u64 {
+        self.bytes.as_slice().length()
+    }
+
+    fn get(&mut self, at: u64, count: usize) -> Result<&[u8]> {
+        let from = usize::try_from(at).unwrap_or(usize::MAX).min(self.bytes.len());
+        Ok(&self.bytes[from..from.saturating_add(count).min(self.bytes.len())])
+    }
+
+    fn peek<const N: usize>(&mut self, at: u64) -> Result<Option<[u8; N]>> {
+        self.bytes.as_slice().peek(at)
+    }
+
+    fn afford(&mut self, _: u64) -> bool {
+        spend(&mut self.texts)
+    }
+}
+
+/// How many texts may be looked at in so many bytes.
+pub(crate) fn affordable(bytes: u64) -> u64 {
+    bytes.saturating_mul(TEXTS_PER_BYTE)
+}
+
+/// Takes one, if there is one left.
+pub(crate) fn spend(left: &mut u64) -> bool {
+    left.checked_sub(1).map(|less| *left = less).is_some()
 }
 
 /// A place where a record begins.
@@ -135,7 +185,8 @@ impl Judge {
                 op::MESSAGE => length <= chunk::MAX_BYTES && self.message(bytes.get(start, MESSAGE_HEAD)?),
                 op::ATTACHMENT if length > MAX_RECORD_BYTES => follows(bytes, head.end(at))?,
                 op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::ATTACHMENT => {
-                    length <= MAX_RECORD_BYTES && fills(head.opcode, bytes, start, head.end(at))?
+                    let end = head.end(at);
+                    length <= MAX_RECORD_BYTES && end_of_content(head.opcode, bytes, start..end)? == Some(end)
                 }
                 op::MESSAGE_INDEX => bytes.get(start, 6)?.last_chunk().is_some_and(|size| {
                     let size = u64::from(u32::from_le_bytes(*size));
@@ -174,20 +225,25 @@ fn head_at(bytes: &mut impl Bytes, at: u64) -> Result<Option<Head>> {
     Ok(bytes.peek(at)?.as_ref().map(Head::of))
 }
 
-/// Whether all that a record says to hold fills it to the byte: from `at` to `end`. Of its texts only the lengths are
-/// read.
-fn fills(opcode: u8, bytes: &mut impl Bytes, at: u64, end: u64) -> Result<bool> {
-    let mut texts = Texts { bytes, at, end, left: MAX_TEXTS };
-    let ends = match opcode {
+/// Where all that a record says to hold ends, which begins and ends at `place`; nothing: beyond its own end. Of its texts only
+/// the lengths are read.
+pub(crate) fn end_of_content(opcode: u8, bytes: &mut impl Bytes, place: Range<u64>) -> Result<Option<u64>> {
+    let mut texts = Texts { bytes, at: place.start, end: place.end };
+    let there = match opcode {
         op::HEADER => texts.skip(2)?,
         op::SCHEMA => texts.behind(2).skip(3)?, // the last one may be any bytes
         op::CHANNEL => texts.behind(4).skip(2)? && texts.map()?,
         op::METADATA => texts.skip(1)? && texts.map()?,
         // Behind the data a checksum.
-        op::ATTACHMENT => texts.behind(16).skip(2)? && texts.data()? && texts.behind(4).at == end,
+        op::ATTACHMENT => texts.behind(16).skip(2)? && texts.data()? && texts.behind(4).skip(0)?,
+        // Its map of offsets has a length and so many bytes, as a text has.
+        op::CHUNK_INDEX => texts.behind(32).skip(1)? && texts.behind(8).skip(1)?,
+        op::ATTACHMENT_INDEX => texts.behind(40).skip(2)?,
+        op::METADATA_INDEX => texts.behind(16).skip(1)?,
+        op::STATISTICS => true,
         _ => false,
     };
-    Ok(ends && texts.at == end)
+    Ok(there.then_some(texts.at))
 }
 
 /// The texts of a record, one after the other.
@@ -195,8 +251,6 @@ struct Texts<'a, B> {
     bytes: &'a mut B,
     at: u64,
     end: u64,
-    /// So many more are looked at.
-    left: u32,
 }
 
 impl<B: Bytes> Texts<'_, B> {
@@ -219,10 +273,9 @@ impl<B: Bytes> Texts<'_, B> {
 
     /// Passes over the length of a text, and answers it.
     fn length(&mut self) -> Result<Option<u64>> {
-        if self.left == 0 || self.at.saturating_add(4) > self.end {
+        if self.at.saturating_add(4) > self.end || !self.bytes.afford(self.at) {
             return Ok(None);
         }
-        self.left -= 1;
         let length = self.bytes.peek(self.at)?.map(|length| u64::from(u32::from_le_bytes(length)));
         self.behind(4);
         Ok(length)
@@ -243,7 +296,7 @@ impl<B: Bytes> Texts<'_, B> {
 
     /// Passes over bytes with their length before them.
     fn data(&mut self) -> Result<bool> {
-        let length = if self.at + 8 <= self.end { self.bytes.peek(self.at)? } else { None };
+        let length = if self.at.saturating_add(8) <= self.end { self.bytes.peek(self.at)? } else { None };
         let length = length.map(u64::from_le_bytes);
         self.behind(8).behind(length.unwrap_or_default());
         Ok(length.is_some() && self.at <= self.end)

@@ -16,7 +16,7 @@
 //! | `salvage`, `judge`, `flip` | what can be had of a damaged file; what is a record in it; a flipped bit found |
 //! | `summary`, `footer`, `head` | what a file's end says; its last record; what stands before each record |
 //! | [`segments()`] | which files are one run's log |
-//! | [`index`] | what is in a log, and where, without reading it |
+//! | [`index`], `extras` | what is in a log, and where, without reading it; what stands beside the messages |
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
 //! | [`alog`], [`csv`] | MOOS' own text logs, out and in; numbers for spreadsheets |
 //! | `foreign`, `plain` | what other tools have written into a log; JSON that is a number or a text |
@@ -34,6 +34,7 @@ mod damage;
 pub mod diff;
 mod encoding;
 mod error;
+mod extras;
 mod flip;
 mod footer;
 mod foreign;

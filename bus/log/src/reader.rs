@@ -12,7 +12,7 @@ use crate::error::LogError;
 use crate::index::Index;
 use crate::record::{Metadata, Record, RecordRef};
 use crate::segment::{Next, Segment};
-use crate::segments::segments;
+use crate::segments::{missing, segments};
 use crate::selection::Window;
 
 /// Gives the records of a log in the order in which they were recorded, all segments of a run one after the other.
@@ -56,11 +56,14 @@ impl LogReader {
             Some(first) => Segment::metadata_of(first)?,
             None => Metadata::default(),
         };
-        let length = paths.iter().map(|path| length(path)).sum();
-        Ok(Self::of(paths, metadata, length))
+        Ok(Self::of(path, paths, metadata))
     }
 
-    fn of(paths: Vec<PathBuf>, metadata: Metadata, length: u64) -> Self {
+    /// A reader of the log at `path`, of which these files are there.
+    fn of(path: &Path, paths: Vec<PathBuf>, metadata: Metadata) -> Self {
+        let mut damage = Damage::default();
+        missing(path, &paths).into_iter().for_each(|reason| damage.note(reason));
+        let length = paths.iter().map(|path| length(path)).sum();
         Self {
             segments: paths.into(),
             current: None,
@@ -68,7 +71,7 @@ impl LogReader {
             wanted: None,
             metadata,
             left_out: Damage::default(),
-            damage: Damage::default(),
+            damage,
             dropped: (0, 0),
             bytes: (0, length),
             scratch: Scratch::default(),
@@ -90,8 +93,7 @@ impl LogReader {
         // Each file of a log says it again.
         let mut said = paths.iter().filter_map(|path| Segment::metadata_of_damaged(path).ok());
         let metadata = said.find(|said| *said != Metadata::default()).unwrap_or_default();
-        let length = paths.iter().map(|path| length(path)).sum();
-        Ok(Self { salvages: true, ..Self::of(paths, metadata, length) })
+        Ok(Self { salvages: true, ..Self::of(path, paths, metadata) })
     }
 
     /// Nothing outside of `window` is asked for from now on: it may be given, or passed over unread.

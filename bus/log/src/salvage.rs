@@ -22,7 +22,7 @@ use crate::error::LogError;
 use crate::flip::{Flip, flipped};
 use crate::footer::Footer;
 use crate::head::{Head, MAX_RECORD_BYTES};
-use crate::judge::{AHEAD_BYTES, Bytes, Judge, Spot, chunk_head};
+use crate::judge::{AHEAD_BYTES, Bytes, Debris, Judge, Spot, affordable, chunk_head, spend};
 use crate::summary::checksum;
 
 /// Bytes that are read from the file at once.
@@ -37,6 +37,9 @@ const MAX_MENDED_FILE: u64 = 256 << 20;
 const MARKS: [(&str, [u8; 4]); 2] = [("zstd", [0x28, 0xb5, 0x2f, 0xfd]), ("lz4", [0x04, 0x22, 0x4d, 0x18])];
 /// Behind such marks so many times the length of the file is read.
 const MOST_BEHIND_MARKS: u64 = 4;
+/// So many texts that lie apart are looked at in any file, and one more for each so many of its bytes.
+const FAR_TEXTS: u64 = 1 << 16;
+const BYTES_OF_A_FAR_TEXT: u64 = 256;
 /// Behind such a mark so many bytes are unpacked to see whether they begin a record.
 const TRIED_BYTES: u64 = 64;
 /// The window begins so far before what is looked for in it: a record's head is looked at before its texts.
@@ -60,6 +63,8 @@ pub(crate) struct Salvage {
     said: VecDeque<String>,
     /// Bytes that were read behind marks of packed ones: a file may be full of these.
     behind_marks: u64,
+    /// The next record of the file, or that there is none, where that was found before all bytes ahead of it were looked at.
+    ahead: Option<Option<Spot>>,
 }
 
 /// The chunk that is being read.
@@ -69,7 +74,7 @@ enum Opened {
     Right(Chunk),
     /// It is not; where in it the next record is looked for.
     Wrong {
-        bytes: Vec<u8>,
+        debris: Debris,
         at: u64,
     },
 }
@@ -84,9 +89,17 @@ struct Source {
     window_at: u64,
     /// Bytes that were read from the file so far, some of them again and again.
     read: Cell<u64>,
+    /// So many texts may still be looked at, and so many that lie apart from what was looked at last: each of these costs a
+    /// read of its own.
+    texts: (u64, u64),
 }
 
 impl Source {
+    /// Begins anew to count what is looked at.
+    fn begin(&mut self) {
+        self.texts = (affordable(self.length), FAR_TEXTS + self.length / BYTES_OF_A_FAR_TEXT);
+    }
+
     /// Reads what is at `at`, as far as it goes.
     fn read_at(&self, at: u64, to: &mut [u8]) -> IoResult<usize> {
         let mut read = 0;
@@ -144,6 +157,10 @@ impl Bytes for Source {
         let mut bytes = [0; N];
         Ok((self.read_at(at, &mut bytes)? == N).then_some(bytes))
     }
+
+    fn afford(&mut self, at: u64) -> bool {
+        spend(&mut self.texts.0) && (self.in_window(at, 4).is_some() || spend(&mut self.texts.1))
+    }
 }
 
 /// A part of the file.
@@ -167,7 +184,8 @@ impl Salvage {
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let opened = file::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
         let (length, file) = opened.map_err(|source| read_error(path, source))?;
-        let source = Source { file, length, mended: None, window: Vec::new(), window_at: 0, read: Cell::new(0) };
+        let (window, read) = (Vec::new(), Cell::new(0));
+        let source = Source { file, length, mended: None, window, window_at: 0, read, texts: (0, 0) };
         let mut salvage = Self {
             path: path.into(),
             source,
@@ -180,6 +198,7 @@ impl Salvage {
             found: None,
             said: VecDeque::new(),
             behind_marks: 0,
+            ahead: None,
         };
         salvage.mend()?;
         salvage.begin(Judge::default());
@@ -192,7 +211,8 @@ impl Salvage {
         let begins_right = self.source.get(0, mcap::MAGIC.len()).is_ok_and(|bytes| bytes == mcap::MAGIC);
         (self.at, self.over, self.chunk, self.behind_marks) =
             (if begins_right { magic } else { 0 }, false, Opened::None, 0);
-        (self.judge, self.doubtful_to) = (judge, 0);
+        (self.judge, self.doubtful_to, self.ahead) = (judge, 0, None);
+        self.source.begin();
         self.said.clear();
         if !begins_right {
             self.said.push_back("it does not begin as an MCAP file does".into());
@@ -259,7 +279,7 @@ impl Salvage {
     pub fn body(&self) -> &[u8] {
         match (&self.found, &self.chunk) {
             (Some(range), Opened::Right(chunk)) => chunk.bytes(range),
-            (Some(range), Opened::Wrong { bytes, .. }) => bytes.get(range.clone()).unwrap_or_default(),
+            (Some(range), Opened::Wrong { debris, .. }) => debris.bytes.get(range.clone()).unwrap_or_default(),
             _ => &self.body,
         }
     }
@@ -303,8 +323,8 @@ impl Salvage {
         let found = match &mut self.chunk {
             Opened::None => None,
             Opened::Right(chunk) => chunk.next(),
-            Opened::Wrong { bytes, at } => {
-                let spot = self.judge.next(&mut bytes.as_slice(), *at)?;
+            Opened::Wrong { debris, at } => {
+                let spot = self.judge.next(debris, *at)?;
                 *at = spot.map_or(u64::MAX, |spot| spot.end());
                 spot.map(|spot| (spot.head.opcode, spot.at as usize + Head::BYTES..spot.end() as usize))
             }
@@ -323,10 +343,16 @@ impl Salvage {
     }
 
     fn record_of_file(&mut self) -> IoResult<Option<Found>> {
-        let spot = self.judge.next(&mut self.source, self.at)?;
+        let spot = match self.ahead.take() {
+            Some(spot) => spot,
+            None => self.judge.next(&mut self.source, self.at)?,
+        };
         let to = spot.map_or(self.source.length, |spot| spot.at);
         match spot {
-            _ if to > self.at => self.pass_over(to).map(|()| None),
+            _ if to > self.at => {
+                self.ahead = Some(spot);
+                self.pass_over(to).map(|()| None)
+            }
             Some(spot) if spot.head.opcode != op::FOOTER => self.take(spot),
             _ => self.end().map(Some),
         }
@@ -335,9 +361,9 @@ impl Salvage {
     /// Passes over what is no record, up to `to`; a chunk whose header is lost lies in what has the mark of one.
     fn pass_over(&mut self, to: u64) -> IoResult<()> {
         let start = std::mem::replace(&mut self.at, to);
-        if let Some((mark, bytes)) = self.packed(start..to)? {
+        if let Some((mark, debris)) = self.packed(start..to)? {
             self.said.push_back(format!("the header of the chunk before byte {mark} is damaged"));
-            self.chunk = Opened::Wrong { bytes, at: 0 };
+            self.chunk = Opened::Wrong { debris, at: 0 };
             self.at = mark + 1;
         } else {
             let passed = to - start;
@@ -347,7 +373,7 @@ impl Salvage {
     }
 
     /// Records that are packed, without the head of a chunk, in a part of the file: where they begin, and what they are.
-    fn packed(&mut self, Range { mut start, end }: Range<u64>) -> IoResult<Option<(u64, Vec<u8>)>> {
+    fn packed(&mut self, Range { mut start, end }: Range<u64>) -> IoResult<Option<(u64, Debris)>> {
         while let Some((at, name)) = self.mark(start..end)? {
             start = at + 1;
             if self.behind_marks > self.source.length.saturating_mul(MOST_BEHIND_MARKS) {
@@ -362,12 +388,13 @@ impl Salvage {
                 (bytes, _) = unpack(name, self.source.section(packed), chunk::ALWAYS_BYTES)?;
             }
             self.behind_marks += self.source.read.get() - before;
-            let first = self.judge.next(&mut bytes.as_slice(), 0)?;
+            let mut debris = Debris::of(bytes);
+            let first = self.judge.next(&mut debris, 0)?;
             if first.is_some_and(|spot| spot.at == 0 && is_of_chunk(spot.head.opcode)) {
-                return Ok(Some((at, bytes)));
+                return Ok(Some((at, debris)));
             }
             // What was unpacked for nothing is work, too.
-            self.behind_marks += bytes.len() as u64;
+            self.behind_marks += debris.length();
         }
         Ok(None)
     }
@@ -447,11 +474,11 @@ impl Salvage {
             Ok(chunk) => {
                 self.said
                     .push_back(format!("the chunk at byte {at} agrees with its checksum but for one bit, put back"));
-                Opened::Wrong { bytes: chunk.into_bytes(), at: 0 }
+                Opened::Wrong { debris: Debris::of(chunk.into_bytes()), at: 0 }
             }
             Err(bytes) => {
                 self.said.push_back(taken_as_it_is(at, &reason));
-                Opened::Wrong { bytes, at: 0 }
+                Opened::Wrong { debris: Debris::of(bytes), at: 0 }
             }
         };
         Ok(())
@@ -554,12 +581,19 @@ mod tests {
             bytes
         };
         let message = |left: u64| [head(op::MESSAGE, left / 2), vec![0; MESSAGE_BYTES]].concat();
+        // Each text leads to where the one of another record lies.
+        let far_texts = |left: u64| {
+            let (name, map, text) = (0_u32, left.saturating_sub(64) as u32 / 2, 12 * 34 - 4_u32);
+            let lengths = [name, map, text].map(u32::to_le_bytes).concat();
+            [head(op::METADATA, u64::from(map) + 8), lengths, vec![0; 13]].concat()
+        };
         vec![
             ("records of another program", again(&|left| head(0x80, left / 2))),
             ("messages", again(&message)),
             ("schemas", again(&|left| [head(op::SCHEMA, left / 2), vec![0; 7]].concat())),
             ("metadata", again(&|left| [head(op::METADATA, left / 2), vec![0; 4]].concat())),
             ("texts of a map", again(&|left| [head(op::METADATA, left / 2), vec![0; 200]].concat())),
+            ("far texts of a map", again(&far_texts)),
             ("chunks in chunks", again(&|left| [chunk(left), message(left)].concat())),
             ("marks of zstd", again(&|_| vec![0x28, 0xb5, 0x2f, 0xfd])),
             ("marks of lz4", again(&|_| vec![0x04, 0x22, 0x4d, 0x18, 0x64, 0x40, 0xa7])),
@@ -569,6 +603,20 @@ mod tests {
     }
 
     const MESSAGE_BYTES: usize = crate::head::MESSAGE_HEAD;
+
+    /// Regression: behind each mark of a packed chunk the next record was looked for up to where it had been found before.
+    #[test]
+    fn what_lies_ahead_is_looked_for_once() {
+        let channel = [&1_u16.to_le_bytes()[..], &[0; 2], &[0; 12]].concat();
+        let records = [head(op::CHANNEL, channel.len() as u64), channel].concat();
+        let packed = zstd::encode_all(&records[..], 1).unwrap();
+        let length = 4 << 20;
+        let mut bytes = mcap::MAGIC.to_vec();
+        (0..16).for_each(|_| bytes.extend(&packed));
+        bytes.resize(length, 0);
+        let read = read_of(&bytes);
+        assert!(read <= 4 * length as u64, "{read} bytes of {length}");
+    }
 
     /// Regression: a megabyte was read for every byte that could be a head, before and after it.
     #[test]

@@ -14,8 +14,9 @@ use crate::channel::{Channel, ChannelKind, text};
 use crate::container::{self, Container, Found, read_error};
 use crate::encoding::{self, Decoded, Scratch, seconds};
 use crate::error::LogError;
+use crate::extras::{ExtraKind, Extras};
 use crate::foreign::Schema;
-use crate::head::MESSAGE_HEAD;
+use crate::head::{Head, MESSAGE_HEAD};
 use crate::judge::Judge;
 use crate::record::{Metadata, RecordRef};
 use crate::salvage::Salvage;
@@ -40,6 +41,10 @@ pub(crate) struct Segment {
     /// Messages that were recorded before are passed over (ns).
     from: u64,
     metadata: Metadata,
+    /// Its place among the files of its log, as it says itself.
+    number: Option<u64>,
+    /// What was found beside the messages so far.
+    extras: Extras,
     /// Whose file it is, as its first record says: `elk`, `ros2`, …
     profile: String,
 }
@@ -88,6 +93,8 @@ pub(crate) enum Said {
     Chunk(ChunkIndex, bool),
     /// All messages.
     Statistics(Statistics),
+    /// An attachment or metadata: its kind, name, media type and length (bytes).
+    Extra(ExtraKind, String, String, u64),
 }
 
 impl Said {
@@ -226,6 +233,8 @@ impl Segment {
             messages: 0,
             from: 0,
             metadata: Metadata::default(),
+            number: None,
+            extras: Extras::default(),
             profile: String::new(),
         }
     }
@@ -242,18 +251,29 @@ impl Segment {
         &self.profile
     }
 
+    /// What was found beside the messages so far.
+    pub fn extras(&self) -> &Extras {
+        &self.extras
+    }
+
     /// Where the run came from, as far as a file says so before its first message.
     pub fn metadata_of(path: &Path) -> Result<Metadata, LogError> {
-        Self::at_the_beginning(path)?.read_metadata()
+        Ok(Self::at_the_beginning(path)?.read_metadata()?.metadata)
+    }
+
+    /// The file's place among those of its log, from 0, as it says itself; nothing: it does not say.
+    pub fn number_of(path: &Path) -> Result<Option<u64>, LogError> {
+        Ok(Self::at_the_beginning(path)?.read_metadata()?.number)
     }
 
     /// As [`Segment::metadata_of`], of a file that may be damaged.
     pub fn metadata_of_damaged(path: &Path) -> Result<Metadata, LogError> {
         // What it says of the run needs no channels: all of the file is not read for them.
-        Self::of(path, Records::Salvaged(Box::new(Salvage::open(path)?))).read_metadata()
+        Ok(Self::of(path, Records::Salvaged(Box::new(Salvage::open(path)?))).read_metadata()?.metadata)
     }
 
-    fn read_metadata(mut self) -> Result<Metadata, LogError> {
+    /// Reads what stands before the first message.
+    fn read_metadata(mut self) -> Result<Self, LogError> {
         loop {
             match self.records.next()? {
                 Found::Record(_) if self.records.in_chunk() => break,
@@ -263,7 +283,7 @@ impl Segment {
                 Found::Cut(_) | Found::End => break,
             }
         }
-        Ok(self.metadata)
+        Ok(self)
     }
 
     /// Goes on at the record that begins at `offset`, among `channels`, with the first message recorded at `from` (ns).
@@ -291,7 +311,9 @@ impl Segment {
                 Found::Damaged(reason) | Found::Cut(reason) => return Ok(Err(reason)),
             };
             let noted = match opcode {
-                op::CHUNK_INDEX | op::STATISTICS => self.read_said(opcode).map(&mut said),
+                op::CHUNK_INDEX | op::STATISTICS | op::ATTACHMENT_INDEX | op::METADATA_INDEX => {
+                    self.read_said(opcode).map(&mut said)
+                }
                 // Its schema need not be repeated: then only the data say what the channel's messages are.
                 op::CHANNEL if !self.knows_schema_of(self.records.body()) => Ok(()),
                 _ => self.note(opcode)?.map(drop),
@@ -316,6 +338,12 @@ impl Segment {
                 Ok(Said::Chunk(chunk, drops))
             }
             McapRecord::Statistics(said) => Ok(Said::Statistics(said)),
+            McapRecord::AttachmentIndex(said) => {
+                Ok(Said::Extra(ExtraKind::Attachment, said.name, said.media_type, said.data_size))
+            }
+            McapRecord::MetadataIndex(said) => {
+                Ok(Said::Extra(ExtraKind::Metadata, said.name, String::new(), said.length))
+            }
             _ => Err(format!("a record of kind {opcode} is another one")),
         }
     }
@@ -455,6 +483,7 @@ impl Segment {
             Ok(record) => record,
             Err(reason) => return Ok(Err(reason)),
         };
+        self.note_extra(&record);
         match record {
             McapRecord::Header(header) => self.profile = header.profile,
             McapRecord::Schema { header, data } => return Ok(self.note_schema(header, &data).map(|()| true)),
@@ -480,6 +509,20 @@ impl Segment {
         Ok(Ok(true))
     }
 
+    /// Takes note of what stands beside the messages.
+    fn note_extra(&mut self, record: &McapRecord<'_>) {
+        match record {
+            McapRecord::Attachment { header, data, .. } => {
+                self.extras.note(ExtraKind::Attachment, &header.name, &header.media_type, data.len() as u64);
+            }
+            McapRecord::Metadata(metadata) => {
+                let bytes = (Head::BYTES + self.records.body().len()) as u64;
+                self.extras.note(ExtraKind::Metadata, &metadata.name, "", bytes);
+            }
+            _ => {}
+        }
+    }
+
     fn note_schema(&mut self, header: records::SchemaHeader, data: &[u8]) -> Result<(), String> {
         let records::SchemaHeader { id, name, encoding } = header;
         // What is said again is not kept again.
@@ -495,25 +538,24 @@ impl Segment {
         let McapRecord::Channel(channel) = container::parse(op::CHANNEL, body)? else {
             return Err("a channel is none".into());
         };
-        let (id, schema_id) = (channel.id, channel.schema_id);
-        if self.channel(id).is_some() {
-            return Ok(());
-        }
-        let channel = Channel::announced(channel, self.schemas.get(&schema_id));
-        self.keep_names(channel.names_bytes())?;
-        self.announce(id, Arc::new(channel));
-        Ok(())
+        let schema = self.schemas.get(&channel.schema_id).cloned();
+        self.note_announced(channel, schema.as_ref())
     }
 
     /// Takes note of a channel that is said again.
     fn note_said(&mut self, said: SaidChannel) -> Result<(), String> {
         let SaidChannel { id, topic, schema, encoding: message_encoding, metadata } = said;
+        let schema = Arc::new(Schema { name: schema, ..Schema::default() });
+        self.note_announced(records::Channel { id, schema_id: 0, topic, message_encoding, metadata }, Some(&schema))
+    }
+
+    /// Takes note of a channel, if it is not known yet.
+    fn note_announced(&mut self, channel: records::Channel, schema: Option<&Arc<Schema>>) -> Result<(), String> {
+        let id = channel.id;
         if self.channel(id).is_some() {
             return Ok(());
         }
-        let schema = Arc::new(Schema { name: schema, ..Schema::default() });
-        let channel = records::Channel { id, schema_id: 0, topic, message_encoding, metadata };
-        let channel = Channel::announced(channel, Some(&schema));
+        let channel = Channel::announced(channel, schema);
         self.keep_names(channel.names_bytes())?;
         self.announce(id, Arc::new(channel));
         Ok(())
@@ -563,6 +605,7 @@ impl Segment {
         if newer && matches!(self.records, Records::Right(_)) {
             return Err(LogError::Newer { path: self.path.clone(), found: format, known });
         }
+        self.number = text("segment").parse().ok();
         self.metadata = Metadata {
             mission_name: text("mission_name"),
             version: text("version"),

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use elk_outside::file;
 
 use crate::error::LogError;
+use crate::segment::Segment;
 
 /// What logs are called.
 const EXTENSION: &str = "mcap";
@@ -49,6 +50,26 @@ pub fn segments(path: &Path) -> Result<Vec<PathBuf>, LogError> {
         }
     };
     Ok(found.into_iter().filter(|(other, ..)| *other == stem).map(|(.., file)| file).collect())
+}
+
+/// Which files of the log at `path`, of which `files` are there, are missing between and before these, in words. A file
+/// that says itself to be a log's first is one, whatever it is called, and so is another tool's.
+pub(crate) fn missing(path: &Path, files: &[PathBuf]) -> Vec<String> {
+    let (mut missing, mut next) = (Vec::new(), 0);
+    let files = if path.is_dir() { files } else { &[] }; // one of them was meant
+    for (stem, number, file) in files.iter().filter_map(|file| split(file).map(|(stem, number)| (stem, number, file))) {
+        let goes_on = || Segment::number_of(file).is_ok_and(|number| number.is_some_and(|number| number > 0));
+        if number > next && goes_on() {
+            let name = |number| segment(&path.join(format!("{stem}.{EXTENSION}")), number).display().to_string();
+            let (first, last) = (name(next), name(number - 1));
+            missing.push(match number - next {
+                1 => format!("the file {first} of the log is missing"),
+                count => format!("{count} files of the log are missing, {first} to {last}"),
+            });
+        }
+        next = number.saturating_add(1);
+    }
+    missing
 }
 
 /// Stem and number of a segment: `log.2.mcap` is number 2 of `log`, `log.mcap` number 0.

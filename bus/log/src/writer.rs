@@ -17,7 +17,7 @@ use crate::chunk;
 use crate::container;
 use crate::encoding::{self, Announcement, nanoseconds};
 use crate::error::LogError;
-use crate::head::{MESSAGE_HEAD, word};
+use crate::head::{MAX_RECORD_BYTES, MESSAGE_HEAD, word};
 use crate::record::{Metadata, RecordRef};
 use crate::schema;
 use crate::segments;
@@ -35,6 +35,8 @@ const CHUNK_BYTES: u64 = 1 << 20;
 /// Channels are said again when the file has grown by so much since the last one of them was announced (bytes): a hole
 /// of some pages does not reach from there to here. Then whenever it is four times as long.
 const AGAIN_BYTES: u64 = 64 << 10;
+/// Channels that take more (bytes) are not said again: no reader would take a record as long, head and names included.
+const LONGEST_AGAIN: u64 = MAX_RECORD_BYTES - (1 << 10);
 
 /// How chunks are compressed. A chunk that is flushed is compressed by itself, so nothing waits longer for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -177,9 +179,9 @@ impl LogWriter {
         self.buffer.clear();
         encoding::encode(record, &mut self.buffer).map_err(refused)?;
         let message = std::mem::take(&mut self.buffer);
-        let loosened = self.loosen(&message);
+        let rotated = self.see_that_it_is_believed(&message);
         self.buffer = message;
-        loosened?;
+        rotated?;
         self.segment.append(record, &self.buffer).map_err(|error| refused(error.to_string()))
     }
 
@@ -191,12 +193,12 @@ impl LogWriter {
             reason: error.to_string(),
         };
         self.segment.has_room()?;
-        self.loosen(body)?;
+        self.see_that_it_is_believed(body)?;
         self.segment.append_foreign(channel, body).map_err(refused)
     }
 
-    /// Sees to it that readers will believe the chunk that `message` comes into.
-    fn loosen(&mut self, message: &[u8]) -> Result<(), LogError> {
+    /// Sees to it that readers will believe the chunk that `message` comes into: one that packs too tightly is not packed.
+    fn see_that_it_is_believed(&mut self, message: &[u8]) -> Result<(), LogError> {
         match self.segment.compression == Compression::Zstd && packs_too_tightly(message) {
             true => self.rotate(Compression::None),
             false => Ok(()),
@@ -515,6 +517,10 @@ impl Segment {
         }
         self.again_at = 4 * self.bytes;
         let record = again::record(&self.said)?;
+        if record.metadata.values().map(|text| text.len() as u64).sum::<u64>() > LONGEST_AGAIN {
+            self.again_at = u64::MAX;
+            return Ok(());
+        }
         self.format.write_metadata(&record).map_err(std::io::Error::other)?;
         self.drain()
     }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use elk_bus::{Payload, Value, codec};
+use elk_log::check::check;
 use elk_log::{Compression, Index, LogError, LogOptions, LogReader, LogWriter, Metadata, Record, segments};
 use elk_spatial::messages::{CameraPose, Decision, MotionPolicy, Path as Way, Plan, Progress};
 use elk_spatial::{OccupancyGrid, Points, Pose, Scan, State, Voxel};
@@ -96,6 +97,47 @@ fn a_log_goes_on_in_the_next_file_by_size_by_time_and_when_its_writer_starts_aga
         assert_eq!(std::fs::read(&path).unwrap(), first);
         assert_eq!(read(folder.path()).len(), 303);
     }
+}
+
+/// Regression: a log of which a file was gone was called whole.
+#[test]
+fn a_file_that_is_missing_between_others_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let gone = |name: &str| std::fs::remove_file(file(name)).unwrap();
+    let damage = || {
+        let checked = check(folder.path(), &mut |_, _| {}).unwrap().damage;
+        let mut log = LogReader::open(folder.path()).unwrap();
+        log.by_ref().for_each(drop);
+        assert_eq!((log.damage(), log.whole()), (checked.clone(), checked.is_empty()));
+        let index = index(folder.path());
+        assert_eq!((index.damage(), index.whole()), (checked.clone(), checked.is_empty()));
+        checked
+    };
+    write(&file("log.mcap"), &numbers(300), LogOptions { rotate_secs: Some(4.95), ..LogOptions::default() });
+    assert_eq!(segments(folder.path()).unwrap().len(), 6);
+    assert!(damage().is_empty());
+    gone("log.2.mcap");
+    assert_eq!(damage(), [format!("the file {} of the log is missing", file("log.2.mcap").display())]);
+    gone("log.mcap");
+    gone("log.3.mcap");
+    let (two, three) = (file("log.2.mcap"), file("log.3.mcap"));
+    let (first, others) = (file("log.mcap"), format!("{} to {}", two.display(), three.display()));
+    let expected = [
+        format!("the file {} of the log is missing", first.display()),
+        format!("2 files of the log are missing, {others}"),
+    ];
+    assert_eq!(damage(), expected);
+    assert!(index(&file("log.4.mcap")).whole(), "whoever names one file means that one");
+    ["log.1.mcap", "log.4.mcap", "log.5.mcap"].iter().for_each(|name| gone(name));
+    // One whose name has a point in it.
+    write(&file("a.b.mcap"), &numbers(200), LogOptions { rotate_secs: Some(4.95), ..LogOptions::default() });
+    gone("a.b.1.mcap");
+    assert_eq!(damage(), [format!("the file {} of the log is missing", file("a.b.1.mcap").display())]);
+    ["a.b.mcap", "a.b.2.mcap", "a.b.3.mcap"].iter().for_each(|name| gone(name));
+    // A log of its own, whose name has a number in it.
+    write(&file("drive.2024.mcap"), &numbers(3), LogOptions::default());
+    assert!(damage().is_empty());
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -9,8 +10,11 @@ use std::path::{Path, PathBuf};
 use elk_bus::Value;
 use elk_log::check::check;
 use elk_log::copy::{Copied, copy, recover};
+use elk_log::csv::put_csv;
+use elk_log::index::{Extra, ExtraKind};
 use elk_log::{Index, LogOptions, LogReader, LogWriter, Metadata, Selection};
-use mcap::WriteOptions;
+use mcap::records::MessageHeader;
+use mcap::{Attachment, WriteOptions};
 
 fn case(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases").join(name)
@@ -187,4 +191,74 @@ fn a_format_that_nobody_knows_is_said_and_recover_goes_on() {
         assert_eq!(LogReader::open(&to).unwrap().metadata().seed, 7);
         std::fs::remove_file(&to).unwrap();
     }
+}
+
+/// Regression: an object of a single field lost the field's name, and its topic was a number here and a text there.
+#[test]
+fn a_single_field_keeps_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.mcap");
+    let mut writer = mcap::Writer::new(BufWriter::new(File::create(&path).unwrap())).unwrap();
+    let channel = writer.add_channel(0, "/pt", "json", &BTreeMap::new()).unwrap();
+    let said = [r#"{"speed": 3}"#, r#"{"speed": 3, "turn": 1}"#, r#"{"value": 3}"#];
+    for (sequence, json) in (0..).zip(said) {
+        let header = MessageHeader { channel_id: channel, sequence, log_time: 5, publish_time: 5 };
+        writer.write_to_known_channel(&header, json.as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    let mut csv = Vec::new();
+    let read: Vec<Value> = LogReader::open(&path)
+        .unwrap()
+        .map(Result::unwrap)
+        .inspect(|record| put_csv(&mut csv, 0.0, &record.as_ref()).unwrap())
+        .map(|record| record.value)
+        .collect();
+    assert_eq!(read, [Value::Text(said[0].into()), Value::Text(said[1].into()), Value::Double(3.0)]);
+    let columns: Vec<&str> =
+        std::str::from_utf8(&csv).unwrap().lines().map(|line| line.split(',').nth(1).unwrap()).collect();
+    assert_eq!(columns, ["/pt.speed", "/pt.speed", "/pt.turn", "/pt"]);
+}
+
+/// Attachments and metadata are listed, whether the file's end says where they are or all of it has to be read.
+#[test]
+fn what_stands_beside_the_messages_is_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let extra = |kind, name: &str, media_type: &str, count, bytes| Extra {
+        kind,
+        name: name.into(),
+        media_type: media_type.into(),
+        count,
+        bytes,
+    };
+    let options: [(&str, Leaving); 4] = [
+        ("nothing", |options| options),
+        ("statistics", |options| options.emit_statistics(false)),
+        ("indexes of both", |options| options.emit_attachment_indexes(false).emit_metadata_indexes(false)),
+        ("the index of one", |options| options.emit_metadata_indexes(false)),
+    ];
+    let path = folder.path().join("other.mcap");
+    for (what, options) in options {
+        let mut writer = options(WriteOptions::new()).create(BufWriter::new(File::create(&path).unwrap())).unwrap();
+        for data in [&b"fx: 500"[..], b"fy: 500\n"] {
+            let (name, media_type) = ("calib.yaml".to_owned(), "text/yaml".to_owned());
+            writer.attach(&Attachment { log_time: 1, create_time: 1, name, media_type, data: data.into() }).unwrap();
+        }
+        let metadata = BTreeMap::from([("name".to_owned(), "Bob".to_owned())]);
+        writer.write_metadata(&mcap::records::Metadata { name: "operator".into(), metadata }).unwrap();
+        writer.finish().unwrap();
+        let index = Index::read(&path, &mut |_, _| {}).unwrap();
+        let expected = [
+            extra(ExtraKind::Attachment, "calib.yaml", "text/yaml", 2, 15),
+            extra(ExtraKind::Metadata, "operator", "", 1, 9 + 4 + 8 + 4 + 4 + 4 + 4 + 3),
+        ];
+        assert_eq!(index.extras(), (expected.to_vec(), 0), "without {what}");
+        assert!(index.whole() && check(&path, &mut |_, _| {}).unwrap().damage.is_empty(), "without {what}");
+    }
+    // A log of elk's own has its mission's file with it, and what it says of itself.
+    let own = folder.path().join("own.mcap");
+    let metadata = Metadata { mission_name: "m.xml".into(), mission: "<Scenario/>".into(), ..Metadata::default() };
+    LogWriter::create(&own, &metadata).unwrap().finish().unwrap();
+    let (extras, _) = Index::read(&own, &mut |_, _| {}).unwrap().extras();
+    assert_eq!(extras[0], extra(ExtraKind::Attachment, "m.xml", "application/xml", 1, 11));
+    assert_eq!((extras[1].name.as_str(), extras.len()), ("elk", 2));
 }

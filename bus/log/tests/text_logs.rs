@@ -45,6 +45,41 @@ fn a_variable_that_is_a_text_once_is_one_throughout() {
     assert_eq!(read[3..], [("VNAME", text("007")), ("HASH", Value::Double(1e5))]);
 }
 
+/// Regression: a line whose time was damaged was glued to the text before it, and what fitted nowhere was left out, both
+/// without a word.
+#[test]
+fn a_damaged_line_is_said_and_a_text_of_several_lines_is_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.alog");
+    let lines = [
+        "%% LOGSTART 100.5",
+        "-0.250 DB_TIME MOOSDB 7",
+        "it goes on with nothing",
+        "0.1 NOTE pHelm one",
+        "two X pHelm",
+        "0x8.2 DB_TIME MOOSDB 8",
+        "three",
+        "0.3 NOTE pHelm four",
+        "3.5",
+        "",
+        "0.4 NO",
+    ];
+    std::fs::write(&path, lines.join("\n")).unwrap();
+    let mut log = AlogReader::open(&path).unwrap();
+    let read: Vec<Record> = log.by_ref().map(Result::unwrap).collect();
+    let said: Vec<_> = read.into_iter().map(|record| (record.time, record.value)).collect();
+    let text = |text: &str| Value::Text(text.into());
+    assert_eq!(said, [(100.25, Value::Double(7.0)), (100.6, text("one\ntwo X pHelm")), (100.8, text("four\n3.5"))]);
+    let damage = log.damage();
+    let numbers: Vec<_> =
+        damage.iter().map(|what| what.split("line ").nth(1).and_then(|what| what.split(' ').next()).unwrap()).collect();
+    assert_eq!(numbers, ["3", "6", "7", "11"], "{damage:?}");
+    assert!(
+        damage[1].contains("does not begin with a time") && damage[3].contains("ends before its value"),
+        "{damage:?}"
+    );
+}
+
 #[test]
 fn every_double_comes_back_from_a_text_log() {
     let folder = tempfile::tempdir().unwrap();
@@ -135,6 +170,9 @@ fn numbers_of_poses_lists_and_flags_have_names_of_their_own() {
     let json = Value::Text(r#"{"at":[1.5,-2],"label":"x","long":[1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17]}"#.into());
     assert_eq!(csv(&record(0, "POINT", json)), "0.500000,POINT.at[0],app,1.5\n0.500000,POINT.at[1],app,-2\n");
     assert_eq!(csv(&record(0, "HUGE", Value::Double(1e300))), "0.500000,HUGE,app,1e300\n");
+    // As Python writes what is no number.
+    let json = Value::Text(r#"{"x": 1.5, "y": NaN, "z": [-Infinity, 2]}"#.into());
+    assert_eq!(csv(&record(0, "P", json)), "0.500000,P.x,app,1.5\n0.500000,P.z[1],app,2\n");
 }
 
 /// Regression: a text of any length was parsed, for sixteen times its memory, and one long name stood before each
