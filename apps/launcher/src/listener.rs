@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use elk_bus::link::LinkError;
 use elk_bus::{Client, CommsError, ConnectError, Value};
 use rustix::event::{EventfdFlags, eventfd};
 
@@ -118,11 +119,18 @@ impl Shared {
         let mut joined = false;
         while !self.stop.load(Ordering::Relaxed) {
             match join() {
-                Ok(client) => {
-                    joined = true;
-                    // Whatever ended it, the next broker is joined anew.
-                    let _ = self.attend(client, said);
-                }
+                Ok(mut client) => match self.enter(&mut client) {
+                    Ok(()) => {
+                        joined = true;
+                        // Whatever ended it, the next broker is joined anew.
+                        let _ = self.attend(client, said);
+                    }
+                    Err(CommsError::Link(error @ LinkError::SharedMemory(_))) if !joined => {
+                        *lock(&self.failed) = Some(error.into());
+                        return self.ring();
+                    }
+                    Err(_) => std::thread::sleep(ASK_EVERY),
+                },
                 Err(ConnectError::NoBroker(_)) => std::thread::sleep(ASK_EVERY),
                 Err(_) if joined => std::thread::sleep(LOOK),
                 Err(error) => {
@@ -133,10 +141,14 @@ impl Shared {
         }
     }
 
+    /// Registers for what there is to hear.
+    fn enter(&self, client: &mut Client) -> Result<(), CommsError> {
+        lock(&self.observer).register(&mut client.comms)?;
+        client.comms.flush()
+    }
+
     /// Hears and says what there is, until it is to leave.
     fn attend(&self, mut client: Client, said: &Receiver<(String, Value)>) -> Result<(), CommsError> {
-        lock(&self.observer).register(&mut client.comms)?;
-        client.comms.flush()?;
         lock(&self.observer).news.push(News::Joined);
         self.ring();
         loop {
