@@ -43,7 +43,7 @@ fn setting_a_parameter_of_a_checked_app_checks_it_too() {
 /// Regression: a mission that names an executable and says something to it alone was refused with any type in its place.
 #[test]
 fn a_type_that_takes_an_executables_place_is_not_told_what_it_has_no_word_for() {
-    let text = LISTING_2.replace("<Explorer type=\"Simple\">", "<Explorer exec=\"/bin/sh\"><Climb> 2 </Climb>");
+    let text = LISTING_2.replace("<Explorer type=\"Potential\">", "<Explorer exec=\"/bin/sh\"><Climb> 2 </Climb>");
     assert_eq!(app(&parse(&text, &[]).unwrap(), "Explorer").setting("Climb"), Some("2"));
     let simple = app(&parse(&text, &["Explorer.type=Simple"]).unwrap(), "Explorer");
     assert_eq!((simple.setting("Climb"), simple.setting("Dim")), (None, Some("5.7; 4.3; 4.5")));
