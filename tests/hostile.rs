@@ -13,10 +13,10 @@ use common::events::WATCHDOG;
 use common::spoilt::spoilt;
 use common::{Elk, Launcher};
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Mail, Origin, Value, ValueRef};
-use elk_spatial::catalogue::{self, PayloadType};
+use elk_bus::{Client, Mail, Origin, TypeRef, Value, ValueRef};
 use elk_spatial::keys::{PLAN, PLAN_REQUEST, POSE_COMMAND};
 use elk_spatial::messages::{Decision, MotionPolicy, Path, Plan};
+use elk_spatial::samples::{Sample, named};
 use elk_spatial::{Pose, Voxel};
 use nalgebra::Point3;
 
@@ -81,9 +81,8 @@ impl Siege {
         self.hostile.comms.publish_value(key, value, Origin::default()).unwrap();
     }
 
-    fn write_typed(&mut self, key: &str, payload: &PayloadType, bytes: &[u8]) {
-        let PayloadType { name, layout, .. } = *payload;
-        self.write(key, ValueRef::Binary { type_name: name, layout, bytes });
+    fn write_typed(&mut self, key: &str, sample: &Sample, bytes: &[u8]) {
+        self.write(key, ValueRef::Binary { type_: sample.type_, bytes });
     }
 
     /// Hears what there is to hear.
@@ -140,8 +139,8 @@ fn uptime(status: &str) -> Option<f64> {
     status.split(',').find_map(|part| part.strip_prefix("Uptime="))?.parse().ok()
 }
 
-fn bad_values(payload: &PayloadType) -> Vec<Vec<u8>> {
-    spoilt(payload).chain(junk()).collect()
+fn bad_values(sample: &Sample) -> Vec<Vec<u8>> {
+    spoilt(sample).chain(junk()).collect()
 }
 
 /// The same numbers every time.
@@ -177,10 +176,10 @@ fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
         for number in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300, -1e300, 2f64.powi(64)] {
             siege.write(key, ValueRef::Double(number));
         }
-        siege.write(key, ValueRef::Binary { type_name: "Stranger", layout: 7, bytes: &[1, 2, 3] });
-        if let Some(payload) = type_name.map(|name| catalogue::named(name).unwrap()) {
-            for bytes in bad_values(payload) {
-                siege.write_typed(key, payload, &bytes);
+        siege.write(key, ValueRef::Binary { type_: TypeRef::undescribed("Stranger", 7), bytes: &[1, 2, 3] });
+        if let Some(sample) = type_name.map(|name| named(name).unwrap()) {
+            for bytes in bad_values(sample) {
+                siege.write_typed(key, sample, &bytes);
                 sent += 1;
                 if sent % 1000 == 0 {
                     siege.listen(Duration::ZERO, |_| {});
@@ -230,15 +229,17 @@ fn whatever_lies_there_when_they_start_all_apps_come_up() {
             siege.elk.obeyed(&["stop", app]);
         }
         for (place, (key, type_name)) in HEARD.iter().enumerate() {
-            let Some(payload) = type_name.map(|name| catalogue::named(name).unwrap()) else {
+            let Some(sample) = type_name.map(|name| named(name).unwrap()) else {
                 let values = ["what a text".into(), Value::Double(f64::NAN), Value::Double(1e300)];
                 values.iter().for_each(|value| siege.write(key, value.as_ref()));
                 continue;
             };
-            // A place that differs from key to key and from round to round.
-            let all = bad_values(payload);
+            // A place that differs from key to key and from round to round. A controller that remembers steps which a
+            // person allowed takes them: of its memory, only what cannot be true.
+            let is_let = |bytes: &Vec<u8>| *key != "MOTION_MEMORY" || sample.check(bytes).is_err();
+            let all: Vec<Vec<u8>> = bad_values(sample).into_iter().filter(is_let).collect();
             let chosen = &all[(round * 7919 + place * 104_729) % all.len()];
-            siege.write_typed(key, payload, chosen);
+            siege.write_typed(key, sample, chosen);
         }
         siege.hostile.comms.flush().unwrap();
         for app in APPS {

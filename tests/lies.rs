@@ -18,13 +18,14 @@ use coarse::{MISSION, WARP, let_time_pass};
 use elk_bus::codec::encode_onto;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{
-    App, BrokerConfig, Client, Clock, Comms, Community, DecodeError, Key, Mail, Origin, Payload, Rejection, Value,
+    App, BrokerConfig, Client, Clock, Comms, Community, DecodeError, Key, Mail, Origin, Payload, Rejection, TypeRef,
+    Value,
 };
 use elk_mission::{Mission, Program};
-use elk_spatial::catalogue::{PayloadType, named};
 use elk_spatial::keys::*;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{self, *};
+use elk_spatial::samples::{Sample, named};
 use elk_spatial::{OccupancyGrid, Pose, Scan, State, Voxel};
 use nalgebra::{Point3, Vector3};
 use registry::registry;
@@ -54,27 +55,23 @@ const CARRIED: &[(&str, &str)] = &[
 /// Variables that carry a number or a word.
 const PLAIN: &[&str] = &["MAP_RECALL", "MAP_REQUEST", "STEP", "MOTION"];
 
-fn payload(variable: &str) -> &'static PayloadType {
+fn sample(variable: &str) -> &'static Sample {
     let (_, name) = CARRIED.iter().find(|(key, _)| *key == variable).unwrap();
     named(name).unwrap()
 }
 
 /// All lies about one variable; `believable`: also those that could be true.
 fn lies(variable: &'static str, believable: bool) -> Vec<(&'static str, Value)> {
-    let payload = payload(variable);
-    let told = spoilt(payload).filter(|bytes| believable || payload.check(bytes).is_err());
-    told.map(|bytes| (variable, binary(payload.name, payload.layout, bytes))).collect()
-}
-
-fn binary(type_name: &str, layout: u64, bytes: Vec<u8>) -> Value {
-    Value::Binary { type_name: type_name.to_owned(), layout, bytes }
+    let sample = sample(variable);
+    let told = spoilt(sample).filter(|bytes| believable || sample.check(bytes).is_err());
+    told.map(|bytes| (variable, Value::Binary { type_: sample.type_.to_type(), bytes })).collect()
 }
 
 /// A value of a type, whether it can be true or not.
 fn value<T: Payload>(key: &Key<T>, value: &T::View<'_>) -> (String, Value) {
     let mut bytes = Vec::new();
     encode_onto(value, &mut bytes).unwrap();
-    (key.name().to_owned(), binary(T::NAME, T::LAYOUT, bytes))
+    (key.name().to_owned(), Value::Binary { type_: TypeRef::of::<T>().to_type(), bytes })
 }
 
 fn say(client: &mut Client, key: &str, value: &Value) {
@@ -373,11 +370,11 @@ fn long_lies() -> Vec<(String, Value)> {
         motion: motion(),
         cpu_secs: 0.0,
     };
-    let bricks = |count| vec![elk_spatial::map::BrickStates { brick: [0; 3], states: vec![] }; count];
+    let bricks = |count| vec![elk_spatial::map::BrickStates { brick: [0; 3], cells: vec![] }; count];
     let map = |bricks| MapUpdate { revision: 2, since: 0, scan: 2, resolution: 0.25, bricks };
     // Far apart, and each of them full of free voxels.
     let spread =
-        |i: i16| elk_spatial::map::BrickStates { brick: [i % 90 * 40, i / 90 * 40, 0], states: vec![0x55; 128] };
+        |i: i16| elk_spatial::map::BrickStates { brick: [i % 90 * 40, i / 90 * 40, 0], cells: vec![0x55; 128] };
     let far = |z: f32| (0..MANY).map(move |i| Point3::new(i as f32 % 1000.0, i as f32 / 1000.0, z)).collect();
     let scan = |id, points| Scan::new(id, 1, at(0.0), points);
     let memory = |trail: Vec<Voxel>| ExplorerMemory {

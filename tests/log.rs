@@ -7,7 +7,7 @@ use std::process::Output;
 
 use common::lab::{Lab, hear, wait_for_clients};
 use common::{Elk, kill};
-use elk_bus::{Client, Value};
+use elk_bus::{Client, Type, TypeRef, Value};
 use elk_log::{LogReader, LogWriter, Metadata, Record};
 use elk_spatial::messages::Progress;
 use rustix::process::Signal;
@@ -31,8 +31,7 @@ fn record(number: u64, key: &str, value: Value) -> Record {
 fn typed(progress: &Progress) -> Value {
     let mut bytes = Vec::new();
     elk_bus::codec::encode_onto(progress, &mut bytes).unwrap();
-    let (type_name, layout) = (<Progress as elk_bus::Payload>::NAME, <Progress as elk_bus::Payload>::LAYOUT);
-    Value::Binary { type_name: type_name.into(), layout, bytes }
+    Value::Binary { type_: TypeRef::of::<Progress>().to_type(), bytes }
 }
 
 fn progress(scans: u64) -> Progress {
@@ -212,7 +211,7 @@ fn an_alog_has_moos_layout_and_comes_back() {
     let elk = Elk::new("log-export");
     let log = elk.folder().join("log.mcap");
     write_log(&log, 3);
-    let other = Value::Binary { type_name: "Other".into(), layout: 1, bytes: vec![7; 50] };
+    let other = Value::Binary { type_: Type::undescribed("Other", 1), bytes: vec![7; 50] };
     let all: Vec<Record> = records(&log).into_iter().chain([record(3, "OTHER", other.clone())]).collect();
     std::fs::remove_file(&log).unwrap();
     let mut with_other = LogWriter::create(&log, &Metadata { started: 999.0, ..Metadata::default() }).unwrap();

@@ -12,7 +12,7 @@ use common::lab::{Lab, table};
 use common::terminal::Terminal;
 use common::{Elk, kill};
 use elk_bus::broker::table::CommunityTable;
-use elk_bus::{Client, Community, Mail, Origin, Value};
+use elk_bus::{Client, Community, Mail, Origin, Type, Value};
 use elk_log::{LogReader, LogWriter, Metadata, Record};
 use rustix::process::Signal;
 
@@ -47,7 +47,7 @@ fn text(number: u64) -> Value {
 /// A value that is written once into shared memory, and read there.
 fn bulk(number: u64) -> Value {
     let bytes = format!("{number:05}{}", "x".repeat(100_000)).into_bytes();
-    Value::Binary { type_name: "Blob".into(), layout: 9, bytes }
+    Value::Binary { type_: Type::undescribed("Blob", 9), bytes }
 }
 
 /// The numbers that a reader heard, and how many messages it missed.

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 
 use common::lab::{Lab, hear, wait_for_time};
 use common::{Elk, kill};
-use elk_bus::{App, AppError, Client, Comms, Community, Mail, Value, run_app_on};
+use elk_bus::{App, AppError, Client, Comms, Community, Mail, Type, Value, run_app_on};
 use elk_log::{LogReader, LogWriter, Metadata, Record};
 use rustix::process::Signal;
 
@@ -30,7 +30,7 @@ fn record(number: u64, key: &str, source: &str, value: Value) -> Record {
 
 /// Forty messages in 0.4 s: numbers of two sources, a text, a large typed value, and one of the broker's own.
 fn messages() -> Vec<Record> {
-    let typed = |number: u64| Value::Binary { type_name: "Blob".into(), layout: 9, bytes: vec![number as u8; 40_000] };
+    let typed = |number: u64| Value::Binary { type_: Type::undescribed("Blob", 9), bytes: vec![number as u8; 40_000] };
     (0..40)
         .map(|number| match number % 5 {
             0 => record(number, "DEPTH", "pNav", Value::Double(number as f64)),

@@ -7,6 +7,8 @@ use std::process::{Child, ChildStdout, Output, Stdio};
 
 use common::lab::{hear, wait_for_reader};
 use common::{Elk, kill};
+use elk_bus::Client;
+use elk_spatial::keys;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
@@ -61,6 +63,14 @@ impl Lab {
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let lines = child.stdout.take().map(BufReader::new);
         Running { child, lines }
+    }
+
+    /// An app that reads `PROGRESS`, and so says what type that is.
+    fn reader_of_progress(&self) -> Client {
+        let mut app = self.elk.join("app");
+        app.comms.register(&keys::PROGRESS).unwrap();
+        app.comms.flush().unwrap();
+        app
     }
 
     /// Waits until a client whose name begins so has registered.
@@ -118,6 +128,7 @@ fn what_was_poked_is_echoed_listed_and_known() {
     let lab = Lab::new("poked");
     let mut echo = lab.start(&["echo", "SPEED", "PROG*", "--json"]);
     lab.wait_for_reader("echo-");
+    let _app = lab.reader_of_progress();
     assert!(lab.said(&["poke", "SPEED", "-3.5"]).starts_with("SPEED = -3.5 (number), heard by echo-"));
     assert!(lab.said(&["poke", "OTHER", "unheard"]).ends_with("heard by nobody\n"));
     assert!(lab.said(&["poke", "PROGRESS", PROGRESS]).contains("revision: 2"));
@@ -284,6 +295,7 @@ fn communities_of_the_machine_are_listed() {
 #[test]
 fn mistakes_are_answered_with_one_line_that_says_what_is_right() {
     let lab = Lab::new("mistakes");
+    let _app = lab.reader_of_progress();
     lab.said(&["poke", "SPEED", "1"]);
     lab.said(&["poke", "DONE", PROGRESS, "--type", "Progress"]);
     let failed = |arguments: &[&str]| lab.failed(arguments);
@@ -291,7 +303,7 @@ fn mistakes_are_answered_with_one_line_that_says_what_is_right() {
     assert_eq!(failed(&["info", "SPED"]), "elk: there is no client and no variable SPED; did you mean SPEED?");
     let wrong = failed(&["poke", "SPEED", "fast", "--text"]);
     assert_eq!(wrong, "elk: SPEED carries numbers, not texts; right is, for example, elk poke SPEED 3.5");
-    assert!(failed(&["poke", "DONE", "{\"scan\":1}"]).contains("missing field `revision`; right is, for example, {"));
+    assert!(failed(&["poke", "DONE", "{\"scan\":1}"]).contains("revision is missing; right is, for example, {"));
     assert!(failed(&["poke", "DONE", "{\"scan\"}"]).contains("no JSON: expected `:` at line 1 column 8"));
     assert!(failed(&["poke", "SPEED*", "1"]).contains("is no variable's name"));
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use elk_spatial::catalogue;
+use elk_spatial::{keys, samples};
 use serde_json::Value;
 
 /// The rows of the guide's tables under this head.
@@ -37,13 +37,14 @@ fn every_variable_has_an_example_that_is_a_value_of_its_type() {
     for (name, says) in &variables {
         let is_pattern = name.contains('…') || *name == "NAME_STATUS" || *name == "SCAN_1";
         assert!(is_pattern || examples.contains_key(name), "the guide has no JSON of {name}");
-        let carried = catalogue::carried_by(name).map(|one| one.name);
+        let carried = keys::carried_by(name);
         assert!(is_pattern || carried.unwrap_or(says) == *says, "{name} carries {carried:?}, the guide says {says}");
     }
     for (name, json) in &examples {
-        match (catalogue::carried_by(name), variables[name]) {
+        match (keys::carried_by(name).and_then(samples::named), variables[name]) {
             (Some(carried), _) => {
-                let bytes = carried.from_json(json).unwrap_or_else(|error| panic!("{name}: {error}"));
+                let description = carried.type_.description().unwrap();
+                let bytes = description.to_bytes(json).unwrap_or_else(|error| panic!("{name}: {error}"));
                 carried
                     .check(&bytes)
                     .unwrap_or_else(|error| panic!("nobody would believe the guide's {name}: {error}"));

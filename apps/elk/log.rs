@@ -19,7 +19,6 @@ use elk_log::selection::{Place, Window};
 use elk_log::{Compression, Index, LogOptions, LogReader, Metadata, Record, RecordRef, Selection};
 use elk_logger::{Logger, Recorder};
 use elk_outside::{text, time};
-use elk_spatial::catalogue;
 use serde_json::{Value as Json, json};
 
 use crate::cli::CommunityArgs;
@@ -554,18 +553,18 @@ fn type_name(value: ValueRef<'_>) -> &str {
     match value {
         ValueRef::Double(_) => "double",
         ValueRef::Text(_) => "text",
-        ValueRef::Binary { type_name, .. } => type_name,
+        ValueRef::Binary { type_, .. } => type_.name(),
     }
 }
 
 /// A value for people: of a type that is not known, how large it is and why it is not shown.
 fn shown(value: ValueRef<'_>, longest: usize) -> Json {
-    catalogue::value_to_json(value, longest).unwrap_or_else(|error| match value {
+    value.to_json(longest).unwrap_or_else(|error| match value {
         // Another tool's, whose types have no layouts.
-        ValueRef::Binary { type_name, layout: 0, bytes } => {
-            format!("{} bytes of {type_name} that elk cannot read", bytes.len()).into()
+        ValueRef::Binary { type_, bytes } if type_.layout() == 0 => {
+            format!("{} bytes of {} that elk cannot read", bytes.len(), type_.name()).into()
         }
-        ValueRef::Binary { type_name, bytes, .. } => format!("{} bytes of {type_name}: {error}", bytes.len()).into(),
+        ValueRef::Binary { type_, bytes } => format!("{} bytes of {}: {error}", bytes.len(), type_.name()).into(),
         ValueRef::Double(_) | ValueRef::Text(_) => error.to_string().into(),
     })
 }

@@ -277,9 +277,8 @@ mod tests {
     use std::sync::mpsc::{Sender, channel};
 
     use super::*;
-    use crate::key::Invalid;
     use crate::memory::MemoryBroker;
-    use crate::{BrokerConfig, Clock, Community, Key, Payload, Rejection, rejection};
+    use crate::{BrokerConfig, Clock, Community, Key, Rejection, rejection};
 
     /// An app in no hurry, that tells what it was given.
     struct Calm(Sender<f64>);
@@ -320,17 +319,13 @@ mod tests {
         });
     }
 
-    crate::payload! {
-        /// How fast to go.
-        #[derive(Debug)]
-        pub struct Speed checked by plausible {
-            /// Metres a second.
-            pub ahead: f64,
-        }
-    }
-
-    fn plausible(speed: &Speed) -> Result<(), Invalid> {
-        if speed.ahead.abs() <= 50.0 { Ok(()) } else { Err(Invalid::new("ahead", speed.ahead, "at most 50 m/s")) }
+    /// How fast to go.
+    #[crate::payload]
+    #[derive(Debug)]
+    pub struct Speed {
+        /// Ahead.
+        #[describe(unit = "m/s", range = -50.0..=50.0)]
+        pub ahead: f64,
     }
 
     /// An app that stops at the first speed that it can use.
@@ -365,7 +360,7 @@ mod tests {
         speaker.comms.notify("SPEED_1", "fast").unwrap();
         speaker.comms.publish(&Key::<Speed>::named("SPEED_2"), &Speed { ahead: f64::NAN }).unwrap();
         let bytes = &[1, 2, 3];
-        let cut = crate::ValueRef::Binary { type_name: Speed::NAME, layout: Speed::LAYOUT, bytes };
+        let cut = crate::ValueRef::Binary { type_: crate::TypeRef::of::<Speed>(), bytes };
         speaker.comms.publish_value("SPEED_3", cut, crate::Origin::default()).unwrap();
         speaker.comms.publish(&Key::<Speed>::named("SPEED_4"), &Speed { ahead: -1.0 }).unwrap();
         speaker.comms.publish(&Key::<Speed>::named("SPEED_5"), &Speed { ahead: 7.0 }).unwrap();
@@ -385,7 +380,7 @@ mod tests {
             assert!(parts.iter().all(|part| words[number].contains(part)), "{parts:?} in {words:?}");
         };
         said(0, &["driver rejects SPEED_1 #1 by speaker", "a text", "Speed"]);
-        said(1, &["SPEED_2 #2 by speaker: Speed.ahead is NaN; it has to be at most 50 m/s"]);
+        said(1, &["SPEED_2 #2 by speaker: Speed.ahead is NaN; it has to be -50 to 50 m/s"]);
         said(2, &["SPEED_3 #3 by speaker", "no Speed"]);
         said(3, &["SPEED_4 #4 by speaker: this car has no reverse gear"]);
         said(4, &["rejected=4"]);

@@ -6,7 +6,7 @@
 use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
 use serde::{Deserialize, Serialize};
 
-use crate::key::Invalid;
+use elk_describe::Invalid;
 
 /// The largest value that is decoded (bytes): a lid on what a corrupt length can make the decoder allocate.
 pub const MAX_VALUE_BYTES: usize = 1 << 30;
@@ -28,19 +28,14 @@ pub enum DecodeError {
         found: String,
     },
     /// The type has the expected name but other fields.
-    #[error(
-        "{key} carries a {type_name} of another layout ({found:016x}, expected {expected:016x}): \
-         build writer and reader from the same version"
-    )]
+    #[error("{key} carries another {type_name} than this reader's: {difference}; build both from one version")]
     Layout {
         /// The variable.
         key: String,
         /// The type's name.
         type_name: &'static str,
-        /// The reader's layout hash.
-        expected: u64,
-        /// The layout hash that came.
-        found: u64,
+        /// Where they differ.
+        difference: String,
     },
     /// The bytes are a value of the type, but one that cannot be true.
     #[error("{type_name}.{invalid}")]
@@ -128,19 +123,18 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    crate::payload! {
-        /// A bit of everything.
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Sample {
-            /// A number.
-            pub number: f64,
-            /// A text.
-            pub text: String,
-            /// A list.
-            pub list: Vec<u32>,
-            /// Perhaps.
-            pub perhaps: Option<i64>,
-        }
+    /// A bit of everything.
+    #[crate::payload]
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Sample {
+        /// A number.
+        pub number: f64,
+        /// A text.
+        pub text: String,
+        /// A list.
+        pub list: Vec<u32>,
+        /// Perhaps.
+        pub perhaps: Option<i64>,
     }
 
     proptest! {

@@ -10,6 +10,7 @@ use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::outbox::Outbox;
 use crate::rejection::Complaints;
+use crate::types::TypeRef;
 use crate::value::{Value, ValueRef};
 use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, RESENT, TYPED, ValueKind};
 
@@ -234,7 +235,7 @@ impl Comms {
     /// said with it: whoever writes something else is told so, and so is this client ([`crate::Inbox::take_refusals`]).
     pub fn register<T: Payload>(&mut self, key: &Key<T>) -> Result<(), CommsError> {
         short([key.name(), T::NAME])?;
-        let type_ = self.types.number(&mut self.batch, T::NAME, T::LAYOUT);
+        let type_ = self.type_number(TypeRef::of::<T>());
         self.registration(FrameKind::Register, key.name(), "*", 0.0, 0, Expects::Values(type_))
     }
 
@@ -388,7 +389,7 @@ impl Comms {
         if len >= BULK_MIN_BYTES {
             let fill =
                 &mut |writer: &mut dyn Write| codec::encode_to_writer(value, writer).map_err(std::io::Error::other);
-            let type_ = Some((T::NAME, T::LAYOUT));
+            let type_ = Some(TypeRef::of::<T>());
             if self.bulk(key.name(), (ValueKind::Binary, type_), Origin::default(), len, fill)? {
                 return Ok(());
             }
@@ -396,7 +397,7 @@ impl Comms {
         self.scratch.clear();
         codec::encode_onto(value, &mut self.scratch).map_err(bad)?;
         let bytes = std::mem::take(&mut self.scratch);
-        let value = ValueRef::Binary { type_name: T::NAME, layout: T::LAYOUT, bytes: &bytes };
+        let value = ValueRef::Binary { type_: TypeRef::of::<T>(), bytes: &bytes };
         let done = self.message(key.name(), value, Origin::default());
         self.scratch = bytes;
         done
@@ -409,12 +410,10 @@ impl Comms {
 
     /// Publishes a value of any kind, and, for gateways and replay, in the name of another source.
     pub fn publish_value(&mut self, key: &str, value: ValueRef<'_>, origin: Origin<'_>) -> Result<(), CommsError> {
-        let type_name = if let ValueRef::Binary { type_name, .. } = value { type_name } else { "" };
+        let type_name = if let ValueRef::Binary { type_, .. } = value { type_.name() } else { "" };
         short([key, type_name, origin.source.unwrap_or_default(), origin.source_aux])?;
         let bulky = match value {
-            ValueRef::Binary { type_name, layout, bytes } => {
-                Some((ValueKind::Binary, Some((type_name, layout)), bytes))
-            }
+            ValueRef::Binary { type_, bytes } => Some((ValueKind::Binary, Some(type_), bytes)),
             ValueRef::Text(text) => Some((ValueKind::Text, None, text.as_bytes())),
             ValueRef::Double(_) => None,
         };
@@ -459,7 +458,7 @@ impl Comms {
     fn bulk(
         &mut self,
         key: &str,
-        (kind, type_): (ValueKind, Option<(&str, u64)>),
+        (kind, type_): (ValueKind, Option<TypeRef<'_>>),
         origin: Origin<'_>,
         len: usize,
         fill: &mut Fill<'_>,
@@ -499,27 +498,31 @@ impl Comms {
                 let header = self.header(key, ValueKind::Text, None, origin);
                 wire::put(&mut self.batch, &header, aux, text.as_bytes());
             }
-            ValueRef::Binary { type_name, layout, bytes } => {
-                let header = self.header(key, ValueKind::Binary, Some((type_name, layout)), origin);
+            ValueRef::Binary { type_, bytes } => {
+                let header = self.header(key, ValueKind::Binary, Some(type_), origin);
                 wire::put(&mut self.batch, &header, aux, bytes);
             }
         }
         self.flush_if_full()
     }
 
-    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<(&str, u64)>, origin: Origin<'_>) -> Header {
+    fn header(&mut self, key: &str, kind: ValueKind, type_: Option<TypeRef<'_>>, origin: Origin<'_>) -> Header {
         self.sequence += 1;
-        let key = self.keys.number(&mut self.batch, key, 0);
+        let key = self.keys.number(&mut self.batch, key);
         self.outbox.note(key, self.sequence);
         Header {
             value_kind: kind,
             key,
-            source: origin.source.map_or(0, |name| self.sources.number(&mut self.batch, name, 0)),
-            type_: type_.map_or(0, |(name, layout)| self.types.number(&mut self.batch, name, layout)),
+            source: origin.source.map_or(0, |name| self.sources.number(&mut self.batch, name)),
+            type_: type_.map_or(0, |type_| self.type_number(type_)),
             sequence: self.sequence,
             time: origin.time.unwrap_or_else(|| self.clock.now()),
             ..Header::new(FrameKind::Notify)
         }
+    }
+
+    fn type_number(&mut self, type_: TypeRef<'_>) -> u32 {
+        self.types.number_of(&mut self.batch, (type_.name(), type_.layout()), || type_.text())
     }
 
     /// Tells the broker that the bulk service of client `publisher` is open here.
@@ -553,8 +556,8 @@ impl Asked {
 struct Numbering {
     what: Named,
     first: u32,
-    /// In the order of their numbers, each with its layout.
-    names: Vec<(String, u64)>,
+    /// In the order of their numbers, each with a type's layout and its description.
+    names: Vec<(String, u64, String)>,
     known: HashMap<String, Vec<(u64, u32)>>,
     /// The name of the message before, its layout and its number: mostly the one that is asked for.
     last: Option<(String, u64, u32)>,
@@ -566,7 +569,17 @@ impl Numbering {
     }
 
     /// The number of a name; a new one is introduced to the broker in `batch`.
-    fn number(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64) -> u32 {
+    fn number(&mut self, batch: &mut Vec<u8>, name: &str) -> u32 {
+        self.number_of(batch, (name, 0), String::new)
+    }
+
+    /// The number of a name with a layout; with a new one goes what `describe` says of it.
+    fn number_of(
+        &mut self,
+        batch: &mut Vec<u8>,
+        (name, layout): (&str, u64),
+        describe: impl FnOnce() -> String,
+    ) -> u32 {
         if let Some((last, last_layout, number)) = &self.last
             && (last.as_str(), *last_layout) == (name, layout)
         {
@@ -575,24 +588,24 @@ impl Numbering {
         let known = self.known.get(name).and_then(|all| all.iter().find(|(l, _)| *l == layout));
         let number = match known {
             Some((_, number)) => *number,
-            None => self.introduce(batch, name, layout),
+            None => self.introduce(batch, name, layout, describe()),
         };
         self.last = Some((name.to_owned(), layout, number));
         number
     }
 
-    fn introduce(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64) -> u32 {
+    fn introduce(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64, description: String) -> u32 {
         let number = self.first + self.names.len() as u32;
-        self.names.push((name.to_owned(), layout));
+        wire::put_definition(batch, self.what, number, name, layout, &description);
+        self.names.push((name.to_owned(), layout, description));
         self.known.entry(name.to_owned()).or_default().push((layout, number));
-        wire::put_definition(batch, self.what, number, name, layout);
         number
     }
 
     /// Introduces all names, to a broker that knows none of them.
     fn introduce_all(&self, batch: &mut Vec<u8>) {
-        for (number, (name, layout)) in (self.first..).zip(&self.names) {
-            wire::put_definition(batch, self.what, number, name, *layout);
+        for (number, (name, layout, description)) in (self.first..).zip(&self.names) {
+            wire::put_definition(batch, self.what, number, name, *layout, description);
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::comms::{Comms, CommsError};
 use crate::link::{Downlink, LinkError};
 use crate::mail::Mail;
 use crate::seen::Seen;
+use crate::types::Type;
 use crate::value::ValueRef;
 use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, FrameKind, Named, RESENT, ValueKind};
 
@@ -48,36 +49,43 @@ const MOST_REFUSALS: usize = 1000;
 /// The broker's numbers and what they stand for, as far as it has said so.
 #[derive(Default)]
 struct Names {
-    tables: [Vec<Option<(String, u64)>>; 4],
+    /// Of variables, sources and communities.
+    names: [Vec<Option<String>>; 4],
+    types: Vec<Option<Type>>,
 }
 
 impl Names {
     fn define(&mut self, frame: &Frame<'_>) {
-        let Some(what) = wire::named(frame.header.flags) else {
-            return;
-        };
-        let table = &mut self.tables[what as usize];
         let number = frame.header.key as usize;
         if number >= MOST_NAMES {
             return; // no broker has so many: whoever sent this is none
         }
-        if table.len() <= number {
-            table.resize(number + 1, None);
+        let name = String::from_utf8_lossy(frame.aux);
+        match wire::named(frame.header.flags) {
+            None => {}
+            Some(Named::Type) => *place(&mut self.types, number) = Some(type_of(frame, &name)),
+            Some(what) => *place(&mut self.names[what as usize], number) = Some(name.into_owned()),
         }
-        table[number] = Some((String::from_utf8_lossy(frame.aux).into_owned(), frame.header.sequence));
     }
 
-    fn get(&self, what: Named, number: u32) -> (&str, u64) {
-        self.said(what, number).map_or(("", 0), |(name, layout)| (name, *layout))
+    fn name(&self, what: Named, number: u32) -> &str {
+        self.names[what as usize].get(number as usize).and_then(Option::as_deref).unwrap_or_default()
     }
 
-    fn said(&self, what: Named, number: u32) -> Option<&(String, u64)> {
-        self.tables[what as usize].get(number as usize)?.as_ref()
+    fn type_(&self, number: u32) -> Option<&Type> {
+        self.types.get(number as usize)?.as_ref()
+    }
+
+    fn is_said(&self, what: Named, number: u32) -> bool {
+        match what {
+            Named::Type => self.type_(number).is_some(),
+            _ => self.names[what as usize].get(number as usize).is_some_and(Option::is_some),
+        }
     }
 
     /// What a message refers to and was never named, if there is such a thing.
     fn missing(&self, frame: &Frame<'_>) -> Option<&'static str> {
-        let unsaid = |(what, number): &(Named, u32)| self.said(*what, *number).is_none();
+        let unsaid = |(what, number): &(Named, u32)| !self.is_said(*what, *number);
         wire::numbers(frame.bytes).find(unsaid).map(|(what, _)| match what {
             Named::Key => "a variable whose name was never said",
             Named::Source => "a source whose name was never said",
@@ -88,8 +96,23 @@ impl Names {
 
     /// The names of a variable and a source.
     fn of(&self, key: u32, source: u32) -> (&str, &str) {
-        (self.get(Named::Key, key).0, self.get(Named::Source, source).0)
+        (self.name(Named::Key, key), self.name(Named::Source, source))
     }
+}
+
+/// The place of a number in a table that is as long as it has to be.
+fn place<T>(table: &mut Vec<Option<T>>, number: usize) -> &mut Option<T> {
+    if table.len() <= number {
+        table.resize_with(number + 1, || None);
+    }
+    &mut table[number]
+}
+
+/// The type that a definition names. A broker passes no description on that is none.
+fn type_of(frame: &Frame<'_>, name: &str) -> Type {
+    let layout = frame.header.sequence;
+    let described = std::str::from_utf8(frame.value).ok().and_then(|text| Type::from_text(name, layout, text).ok());
+    described.unwrap_or_else(|| Type::undescribed(name, layout))
 }
 
 impl Inbox {
@@ -274,7 +297,6 @@ fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> 
         0 => frame.value,
         _ => BulkRef::from_bytes(frame.value).and_then(|reference| down.bulk(reference)).ok_or(Unreadable::Gone)?,
     };
-    let (type_name, layout) = names.get(Named::Type, header.type_);
     let text =
         |bytes: &'a [u8]| std::str::from_utf8(bytes).map_err(|_| Unreadable::Damaged("a text that is not UTF-8"));
     let value = match header.value_kind {
@@ -283,14 +305,18 @@ fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> 
             ValueRef::Double(f64::from_le_bytes(bytes))
         }
         ValueKind::Text => ValueRef::Text(text(bytes)?),
-        ValueKind::Binary => ValueRef::Binary { type_name, layout, bytes },
+        ValueKind::Binary => {
+            let type_ = names.type_(header.type_);
+            let type_ = type_.ok_or(Unreadable::Damaged("a type whose name was never said"))?.as_ref();
+            ValueRef::Binary { type_, bytes }
+        }
     };
     let (key, source) = names.of(header.key, header.source);
     Ok(Mail {
         header,
         key,
         source,
-        community: names.get(Named::Community, header.community).0,
+        community: names.name(Named::Community, header.community),
         source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
         value,
     })
@@ -343,7 +369,7 @@ mod tests {
         let mut heard = Vec::new();
         let names = |mail: &Mail<'_>| {
             let type_ = match mail.value() {
-                ValueRef::Binary { type_name, .. } => type_name,
+                ValueRef::Binary { type_, .. } => type_.name(),
                 _ => "",
             };
             [mail.key(), mail.source(), type_, mail.community()].map(str::to_owned)
@@ -356,10 +382,10 @@ mod tests {
     #[test]
     fn a_message_of_a_variable_without_a_name_is_of_no_use_and_costs_nothing() {
         let mut batch = Vec::new();
-        wire::put_definition(&mut batch, Named::Key, 1_800_000_000, "FAR", 0);
-        wire::put_definition(&mut batch, Named::Key, 3, "SPEED", 0);
-        wire::put_definition(&mut batch, Named::Source, 0, "car", 0);
-        wire::put_definition(&mut batch, Named::Community, 0, "lab", 0);
+        wire::put_definition(&mut batch, Named::Key, 1_800_000_000, "FAR", 0, "");
+        wire::put_definition(&mut batch, Named::Key, 3, "SPEED", 0, "");
+        wire::put_definition(&mut batch, Named::Source, 0, "car", 0, "");
+        wire::put_definition(&mut batch, Named::Community, 0, "lab", 0, "");
         for key in [u32::MAX, 1_800_000_000, 4, 3] {
             put_message(&mut batch, [key, 0, 0, 0], ValueKind::Double);
         }
@@ -377,7 +403,7 @@ mod tests {
             let mut batch = Vec::new();
             let kinds = [Named::Key, Named::Source, Named::Type, Named::Community];
             for (kind, number) in &said {
-                wire::put_definition(&mut batch, kinds[*kind], *number, &format!("{kind}/{number}"), 0);
+                wire::put_definition(&mut batch, kinds[*kind], *number, &format!("{kind}/{number}"), 0, "");
             }
             let mut expected = Vec::new();
             for (numbers, is_typed) in &messages {

@@ -4,46 +4,19 @@ use std::borrow::Cow;
 use std::io::{BufRead, BufReader};
 use std::marker::PhantomData;
 
+use elk_describe::{Describe, Shape};
 use serde::{Deserialize, Serialize};
 
-/// A type that can be the binary value of a key.
-///
-/// `View<'a>` is what a receiver gets: for most types the type itself, for bulky ones a borrow of the bytes in shared
-/// memory. Implement it with [`payload!`](crate::payload), which derives name and layout from the definition.
+/// A type that can be the binary value of a key: see [`payload`](crate::payload), which implements it.
 pub trait Payload {
     /// The type's name as it is shown to people and checked by receivers.
     const NAME: &'static str;
-    /// A hash of the type's fields in order; two definitions that differ do not decode each other's bytes.
-    const LAYOUT: u64;
-    /// What is encoded and decoded; borrows from the received bytes where it can.
-    type View<'a>: Serialize + Deserialize<'a>;
-
-    /// What every value of this type has to keep to, whoever wrote it. Decoding asks it, so that nothing behind it has to.
-    ///
-    /// # Errors
-    /// The first field that does not.
-    fn check(_view: &Self::View<'_>) -> Result<(), Invalid> {
-        Ok(())
-    }
-}
-
-/// A field of a value that decodes but cannot be true.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{field} is {found}; it has to be {wanted}")]
-pub struct Invalid {
-    /// The field, with its way from the outermost value: `motion.clearance_m`, `points[3]`.
-    pub field: String,
-    /// What it is.
-    pub found: String,
-    /// What it would have to be, with the unit.
-    pub wanted: String,
-}
-
-impl Invalid {
-    /// A field that is `found` where `wanted` is right.
-    pub fn new(field: impl Into<String>, found: impl std::fmt::Display, wanted: impl Into<String>) -> Self {
-        Self { field: field.into(), found: found.to_string(), wanted: wanted.into() }
-    }
+    /// What is encoded and decoded: for most types the type itself, for bulky ones a borrow of the bytes in shared memory.
+    type View<'a>: Describe + Serialize + Deserialize<'a>;
+    /// What its bytes are.
+    const SHAPE: Shape = <Self::View<'static> as Describe>::SHAPE;
+    /// A hash of [`Payload::SHAPE`], however deep: definitions that differ do not decode each other's bytes.
+    const LAYOUT: u64 = Self::SHAPE.layout();
 }
 
 /// The name of a variable of the community together with the type of its value.
@@ -81,7 +54,7 @@ impl<T: Payload> std::fmt::Debug for Key<T> {
     }
 }
 
-/// FNV-1a, usable in constants: the layout hash of [`payload!`](crate::payload).
+/// FNV-1a, usable in constants.
 pub const fn fnv1a(text: &str) -> u64 {
     fnv1a_on(0xcbf2_9ce4_8422_2325, text.as_bytes())
 }
@@ -112,61 +85,6 @@ pub fn fnv1a_of_file(path: &std::path::Path) -> std::io::Result<u64> {
         let count = bytes.len();
         file.consume(count);
     }
-}
-
-/// Defines structs (or enums, through `impl`) that travel as binary values.
-///
-/// ```
-/// elk_bus::payload! {
-///     /// Where the robot is heading.
-///     #[derive(Debug, Clone, PartialEq)]
-///     pub struct Heading {
-///         /// Radians, anticlockwise from x.
-///         pub yaw: f64,
-///     }
-/// }
-/// # use elk_bus::Payload;
-/// assert_eq!(Heading::NAME, "Heading");
-/// ```
-///
-/// A struct that is `checked by` a function (see [`Payload::check`]) is decoded only if that finds nothing wrong:
-///
-/// ```
-/// use elk_bus::key::Invalid;
-///
-/// elk_bus::payload! {
-///     /// How fast the robot is.
-///     pub struct Speed checked by plausible {
-///         /// Metres a second.
-///         pub ahead: f64,
-///     }
-/// }
-///
-/// fn plausible(speed: &Speed) -> Result<(), Invalid> {
-///     match speed.ahead.abs() <= 50.0 {
-///         true => Ok(()),
-///         false => Err(Invalid::new("ahead", speed.ahead, "at most 50 m/s")),
-///     }
-/// }
-/// ```
-#[macro_export]
-macro_rules! payload {
-    ($($(#[$meta:meta])* pub struct $name:ident $(checked by $check:path)? { $($(#[$field_meta:meta])* pub $field:ident : $ty:ty),* $(,)? })+) => {$(
-        $(#[$meta])*
-        #[derive($crate::serde::Serialize, $crate::serde::Deserialize)]
-        #[serde(crate = "::elk_bus::serde")]
-        pub struct $name { $($(#[$field_meta])* pub $field: $ty),* }
-
-        impl $crate::Payload for $name {
-            const NAME: &'static str = stringify!($name);
-            const LAYOUT: u64 = $crate::fnv1a(concat!(stringify!($name), $(" ", stringify!($field), ":", stringify!($ty)),*));
-            type View<'a> = $name;
-
-            $(fn check(view: &$name) -> ::core::result::Result<(), $crate::key::Invalid> {
-                $check(view)
-            })?
-        }
-    )+};
 }
 
 #[cfg(test)]

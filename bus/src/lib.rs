@@ -11,11 +11,11 @@
 //! | [`launched`] | what a launcher hands over to an app: name, community, parameters, lease |
 //! | [`rejection`] | messages that an app cannot use: said, counted, passed over |
 //! | [`recall`] | what a successor asks for: the memory of an app is a variable |
-//! | [`key`], [`value`], [`codec`] | typed keys, the three kinds of value, their encoding |
+//! | [`key`], [`value`], [`types`], [`codec`] | typed keys, the three kinds of value, what a type is, its encoding |
 //! | [`stop`] | signals that ask a process to stop |
 //! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
 
-// `payload!` names this crate by its own name, here as everywhere.
+// `#[payload]` names this crate by its own name, here as everywhere.
 extern crate self as elk_bus;
 
 pub mod app;
@@ -42,6 +42,7 @@ pub mod rejection;
 mod seen;
 pub mod shm;
 pub mod stop;
+pub mod types;
 pub mod value;
 pub mod wire;
 mod words;
@@ -55,6 +56,30 @@ pub use clock::Clock;
 pub use codec::DecodeError;
 pub use comms::{Comms, CommsError, Origin};
 pub use community::Community;
+/// What [`payload`] derives besides: a type says what its bytes are, and what every value of it has to keep to.
+pub use elk_describe as describe;
+/// Makes a struct or an enum travel: as the value of a [`Key`], or as a field of one.
+///
+/// It derives serde's traits and [`Describe`], so that whoever has never seen the type can read its values, and implements
+/// [`Payload`]. A rule of its own ([`Describe::check`]) is asked at every decode, so that nothing behind it has to:
+///
+/// ```
+/// use elk_bus::{Payload, payload};
+///
+/// /// How fast the robot is.
+/// #[payload]
+/// #[derive(Debug, Clone, PartialEq)]
+/// pub struct Speed {
+///     /// Ahead.
+///     #[describe(unit = "m/s", range = -50.0..=50.0)]
+///     pub ahead: f64,
+/// }
+/// assert_eq!(Speed::NAME, "Speed");
+/// ```
+///
+/// What borrows from a message in shared memory has one lifetime.
+pub use elk_describe::payload;
+pub use elk_describe::{Describe, Description, Invalid};
 pub use failure::Failure;
 pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload, fnv1a};
@@ -65,10 +90,11 @@ pub use process_id::ProcessId;
 pub use process_stat::ProcessStat;
 pub use recall::Recall;
 pub use rejection::Rejection;
-/// What [`payload!`] derives: for types of one's own that stand in payloads, with `#[serde(crate = "elk_bus::serde")]`.
+/// What [`payload`] derives.
 pub use serde;
 pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, remedy, running};
 pub use stop::{asked_to_stop, stop_on_signals, stop_signals};
+pub use types::{Type, TypeRef};
 pub use value::{Value, ValueRef};
 pub use words::tell;
 

@@ -58,13 +58,12 @@ mod tests {
     use crate::memory::MemoryBroker;
     use crate::{BrokerConfig, Client, Clock, Community};
 
-    crate::payload! {
-        /// What an app was about.
-        #[derive(Debug, PartialEq)]
-        pub struct Errand {
-            /// How far it was.
-            pub steps: u64,
-        }
+    /// What an app was about.
+    #[crate::payload]
+    #[derive(Debug, PartialEq)]
+    pub struct Errand {
+        /// How far it was.
+        pub steps: u64,
     }
 
     const ERRAND: Key<Errand> = Key::new("ERRAND");

@@ -1,7 +1,10 @@
 //! What a variable's value is: a number, a text, or bytes of a named type.
 
+use elk_describe::Describe;
+
 use crate::codec::{self, DecodeError};
 use crate::key::{Key, Payload};
+use crate::types::{ShowError, Type, TypeRef};
 
 /// A value as an app hands it to the bus.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,10 +15,8 @@ pub enum Value {
     Text(String),
     /// A typed value in the bus' encoding.
     Binary {
-        /// The type's name (see [`Payload::NAME`]).
-        type_name: String,
-        /// The hash of its fields (see [`Payload::LAYOUT`]).
-        layout: u64,
+        /// Its type.
+        type_: Type,
         /// The encoded value.
         bytes: Vec<u8>,
     },
@@ -30,10 +31,8 @@ pub enum ValueRef<'a> {
     Text(&'a str),
     /// A typed value in the bus' encoding.
     Binary {
-        /// The type's name.
-        type_name: &'a str,
-        /// The hash of its fields.
-        layout: u64,
+        /// Its type.
+        type_: TypeRef<'a>,
         /// The encoded value.
         bytes: &'a [u8],
     },
@@ -52,22 +51,21 @@ impl<'a> ValueRef<'a> {
     /// Decodes the value as what `key` carries.
     ///
     /// # Errors
-    /// It is of another type, of another layout of the same type, or one that cannot be true ([`Payload::check`]).
+    /// It is of another type, of another layout of the same type, or one that cannot be true ([`Describe::check`]).
     pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
         let mismatch = |found: String| DecodeError::Type { key: key.name().into(), expected: T::NAME, found };
         match *self {
             ValueRef::Double(number) => Err(mismatch(format!("the number {number}"))),
             ValueRef::Text(_) => Err(mismatch("a text".into())),
-            ValueRef::Binary { type_name, .. } if type_name != T::NAME => Err(mismatch(type_name.into())),
-            ValueRef::Binary { layout, .. } if layout != T::LAYOUT => Err(DecodeError::Layout {
+            ValueRef::Binary { type_, .. } if type_.name() != T::NAME => Err(mismatch(type_.name().into())),
+            ValueRef::Binary { type_, .. } if type_.layout() != T::LAYOUT => Err(DecodeError::Layout {
                 key: key.name().into(),
                 type_name: T::NAME,
-                expected: T::LAYOUT,
-                found: layout,
+                difference: type_.difference::<T>(),
             }),
             ValueRef::Binary { bytes, .. } => {
-                let view = codec::decode(bytes, T::NAME)?;
-                T::check(&view).map_err(|invalid| DecodeError::Value { type_name: T::NAME, invalid })?;
+                let view: T::View<'a> = codec::decode(bytes, T::NAME)?;
+                view.check().map_err(|invalid| DecodeError::Value { type_name: T::NAME, invalid })?;
                 Ok(view)
             }
         }
@@ -78,9 +76,20 @@ impl<'a> ValueRef<'a> {
         match self {
             ValueRef::Double(number) => Value::Double(number),
             ValueRef::Text(text) => Value::Text(text.into()),
-            ValueRef::Binary { type_name, layout, bytes } => {
-                Value::Binary { type_name: type_name.into(), layout, bytes: bytes.into() }
-            }
+            ValueRef::Binary { type_, bytes } => Value::Binary { type_: type_.to_type(), bytes: bytes.into() },
+        }
+    }
+
+    /// The value as JSON; lists with more than `longest` entries are counted instead. JSON has no infinity and no NaN:
+    /// they become `null`.
+    ///
+    /// # Errors
+    /// It is of a type that nobody has described, or its bytes are no value of it.
+    pub fn to_json(&self, longest: usize) -> Result<serde_json::Value, ShowError> {
+        match *self {
+            ValueRef::Double(number) => Ok(number.into()),
+            ValueRef::Text(text) => Ok(text.into()),
+            ValueRef::Binary { type_, bytes } => type_.to_json(bytes, longest),
         }
     }
 }
@@ -91,7 +100,7 @@ impl Value {
         match self {
             Value::Double(number) => ValueRef::Double(*number),
             Value::Text(text) => ValueRef::Text(text),
-            Value::Binary { type_name, layout, bytes } => ValueRef::Binary { type_name, layout: *layout, bytes },
+            Value::Binary { type_, bytes } => ValueRef::Binary { type_: type_.as_ref(), bytes },
         }
     }
 }

@@ -16,13 +16,12 @@ use rustix::process::{Pid, Signal};
 /// What docs/security.md promises (MB).
 const BOUND_MB: f64 = 256.0;
 
-elk_bus::payload! {
-    /// A payload of any size.
-    #[derive(Debug)]
-    pub struct Blob {
-        /// Its bytes.
-        pub bytes: Vec<u8>,
-    }
+/// A payload of any size.
+#[elk_bus::payload]
+#[derive(Debug)]
+pub struct Blob {
+    /// Its bytes.
+    pub bytes: Vec<u8>,
 }
 
 /// Not a test by itself: the broker's process.
@@ -133,7 +132,7 @@ fn names_without_end() {
     let mut batch = Vec::new();
     for number in 0..amount(2000, 20_000) as u32 {
         let name = format!("{number:0>65000}");
-        wire::put_definition(&mut batch, Named::Key, number, &name, 0);
+        wire::put_definition(&mut batch, Named::Key, number, &name, 0, "");
         let header = Header { key: number, value_kind: ValueKind::Double, ..Header::new(FrameKind::Notify) };
         wire::put(&mut batch, &header, &[], &[0; 8]);
         if batch.len() > 48 << 10 {
@@ -164,7 +163,7 @@ fn long_texts_and_many_refusals_for_readers_that_do_not_read() {
     for round in 0..amount(60, 600) as u32 {
         batch.clear();
         if round < 50 {
-            wire::put_definition(&mut batch, Named::Key, round, &format!("TEXT_{round}"), 0);
+            wire::put_definition(&mut batch, Named::Key, round, &format!("TEXT_{round}"), 0, "");
         }
         wire::put(&mut batch, &Header { key: round % 50, ..Header::new(FrameKind::Notify) }, &[], &text);
         liar.up.send(&batch).unwrap();
@@ -204,7 +203,7 @@ fn readers_with_an_interval() {
     for round in 0..90_u32 {
         let mut batch = Vec::new();
         if round < 30 {
-            wire::put_definition(&mut batch, Named::Key, round, &format!("TEXT_{round}"), 0);
+            wire::put_definition(&mut batch, Named::Key, round, &format!("TEXT_{round}"), 0, "");
         }
         wire::put(&mut batch, &Header { key: round % 30, ..Header::new(FrameKind::Notify) }, &[], &text);
         liar.up.send(&batch).unwrap();
@@ -243,7 +242,7 @@ fn one_name_under_numbers_without_end() {
     let mut liar = target.link("liar");
     let mut batch = Vec::new();
     for number in 0..amount(2_000_000, 50_000_000) as u32 {
-        wire::put_definition(&mut batch, Named::Key, number, "X", 0);
+        wire::put_definition(&mut batch, Named::Key, number, "X", 0, "");
         if batch.len() > 48 << 10 {
             liar.up.send(&batch).unwrap();
             batch.clear();

@@ -23,15 +23,14 @@ const PUBLISHERS: [&str; 2] = ["P1", "P2"];
 const AWAY_SECS: u64 = 5;
 const MAILBOX_BYTES: usize = 64 << 20;
 
-elk_bus::payload! {
-    /// A numbered value.
-    #[derive(Debug)]
-    pub struct Parcel {
-        /// From 1, without a gap.
-        pub number: u64,
-        /// Ballast.
-        pub bytes: Vec<u8>,
-    }
+/// A numbered value.
+#[elk_bus::payload]
+#[derive(Debug)]
+pub struct Parcel {
+    /// From 1, without a gap.
+    pub number: u64,
+    /// Ballast.
+    pub bytes: Vec<u8>,
 }
 
 fn key(name: &str) -> Key<Parcel> {

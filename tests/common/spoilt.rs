@@ -1,6 +1,6 @@
 //! Bytes that look like a type's, and cannot be true.
 
-use elk_spatial::catalogue::PayloadType;
+use elk_spatial::samples::Sample;
 
 /// Numbers that hardly any field may take, of eight and of four bytes.
 fn words() -> impl Iterator<Item = Vec<u8>> {
@@ -11,9 +11,9 @@ fn words() -> impl Iterator<Item = Vec<u8>> {
     eight.map(|word| word.to_le_bytes().to_vec()).chain(four.map(|word| word.to_le_bytes().to_vec()))
 }
 
-/// The example of a type with one of these words at a place of its bytes, and cut off there; at each place in turn.
-pub fn spoilt(payload: &PayloadType) -> impl Iterator<Item = Vec<u8>> + use<> {
-    let bytes = payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap();
+/// The sample of a type with one of these words at a place of its bytes, and cut off there; at each place in turn.
+pub fn spoilt(sample: &Sample) -> impl Iterator<Item = Vec<u8>> + use<> {
+    let bytes = sample.bytes();
     (0..bytes.len()).flat_map(move |at| {
         let whole = bytes.clone();
         let written = words().filter_map(move |word| {

@@ -9,7 +9,7 @@
 
 use std::collections::BTreeSet;
 
-use elk_bus::key::Invalid;
+use elk_bus::Invalid;
 use elk_spatial::checks::{MAX_BRICKS, MAX_COMMANDS_LOST, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, path_in};
 use elk_spatial::clearance::{Clearance, TooWide};
 use elk_spatial::map::{MapUpdate, UpdateError};

@@ -11,7 +11,9 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos, thread_cpu_secs};
-use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail, Origin, ValueRef, run_app_on};
+use elk_bus::{
+    App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail, Origin, TypeRef, ValueRef, run_app_on,
+};
 use elk_log::{Compression, Index, LogOptions, Metadata};
 use elk_logger::{Logger, Recorder};
 
@@ -138,7 +140,7 @@ fn flat_out(what: &str, name: &str, count: u64, bytes: usize, compression: Compr
         .collect();
     let clock = Stopwatch::start();
     for _ in 0..count {
-        let value = ValueRef::Binary { type_name: "Bench", layout: 1, bytes: &value };
+        let value = ValueRef::Binary { type_: TypeRef::undescribed("Bench", 1), bytes: &value };
         publisher.comms.publish_value("BENCH", value, Origin::default()).expect("published");
     }
     publisher.comms.flush().expect("flushed");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use elk_bus::{Key, Payload, Value, codec};
+use elk_bus::{Key, Payload, TypeRef, Value, codec};
 use elk_log::{LogWriter, Metadata, Record};
 use elk_picture::{PictureError, draw_run};
 use elk_spatial::messages::{ExplorationReport, FrontiersLeft, PoseCommand, Progress};
@@ -64,7 +64,7 @@ fn record<T: Payload>(key: &Key<T>, value: &T::View<'_>, at: u64) -> Record {
         received: at as f64,
         order: at,
         epoch: 1,
-        value: Value::Binary { type_name: T::NAME.into(), layout: T::LAYOUT, bytes },
+        value: Value::Binary { type_: TypeRef::of::<T>().to_type(), bytes },
     }
 }
 

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, ValueRef};
+use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, TypeRef, ValueRef};
 use elk_log::{Index, LogReader, LogWriter, Metadata, RecordRef, Selection};
 use elk_replay::{Console, PlayOptions, Player, Press, Progress, Rate, Tape};
 
@@ -40,7 +40,7 @@ impl Console for Nobody {
 }
 
 fn value(bytes: &[u8]) -> ValueRef<'_> {
-    ValueRef::Binary { type_name: "Bench", layout: 1, bytes }
+    ValueRef::Binary { type_: TypeRef::undescribed("Bench", 1), bytes }
 }
 
 fn write(path: &Path, count: u64, bytes: usize) {

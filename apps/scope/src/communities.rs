@@ -118,6 +118,7 @@ mod tests {
             clock: None,
             clients: vec![],
             variables: vec![],
+            types: Vec::new(),
             left_out: 0,
         };
         let seen = [(one("lab", theirs), Some(table)), (one("theirs", theirs), None), (one("crowded", None), None)];

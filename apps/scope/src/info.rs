@@ -1,23 +1,24 @@
 //! `elk info`: clients and variables, whichever have the name.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use elk_bus::Value as BusValue;
 use elk_bus::broker::table::{
     ClientEntry, CommunityTable, LONGEST_VALUE, RegistrationEntry, VariableEntry, VariableKind,
 };
 use elk_bus::clock::Stopwatch;
+use elk_bus::{Description, Value as BusValue};
 use elk_outside::text::name;
-use elk_spatial::catalogue;
 use serde_json::{Value, json};
 
+use crate::definition;
 use crate::error::ScopeError;
 use crate::list::variable_as_json;
 use crate::output::Output;
 use crate::pattern::Pattern;
 use crate::session::{LOOK_EVERY, Scope, unknown};
-use crate::show::{self, names};
+use crate::show::{self, Types, names};
 
 /// How long the latest value is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -85,7 +86,7 @@ impl<'a> Known<'a> {
     fn of(table: &'a CommunityTable, name: &'a str, scope: &mut Scope) -> Result<Self, ScopeError> {
         let client = table.clients.iter().find(|client| client.name == name);
         let variable = table.variables.iter().find(|variable| variable.name == name);
-        let value = variable.map(|variable| latest_value(scope, variable)).transpose()?.flatten();
+        let value = variable.map(|variable| latest_value(scope, table, variable)).transpose()?.flatten();
         let status = client.and_then(|client| latest_text(table, &format!("{}_STATUS", client.name.to_uppercase())));
         Ok(Self { name, client, status, variable, value, waiting: waiting_for(table, name) })
     }
@@ -123,13 +124,17 @@ fn waiting_for<'a>(table: &'a CommunityTable, name: &str) -> Vec<&'a str> {
 
 fn latest_text(table: &CommunityTable, name: &str) -> Option<String> {
     let variable = table.variables.iter().find(|variable| variable.name == name)?;
-    Some(show::value_for_people(show::latest(variable)?.as_ref()))
+    Some(show::value_for_people(show::latest(&Types::of(table), variable)?.as_ref()))
 }
 
 /// The latest value, whole: the broker gives it to whoever registers.
-fn latest_value(scope: &mut Scope, variable: &VariableEntry) -> Result<Option<BusValue>, ScopeError> {
+fn latest_value(
+    scope: &mut Scope,
+    table: &CommunityTable,
+    variable: &VariableEntry,
+) -> Result<Option<BusValue>, ScopeError> {
     if variable.latest_bytes <= LONGEST_VALUE as u64 {
-        return Ok(show::latest(variable));
+        return Ok(show::latest(&Types::of(table), variable));
     }
     let Ok(name) = variable.name.parse::<Pattern>() else { return Ok(None) };
     scope.register(&[name], &Pattern::any())?;
@@ -199,19 +204,21 @@ fn or_nothing<T: AsRef<str>>(some: &[T]) -> String {
     }
 }
 
-fn carries(kind: &VariableKind) -> String {
+fn carries(kind: &VariableKind, description: Option<&Description>) -> String {
     match kind {
         VariableKind::Number => "numbers".to_owned(),
         VariableKind::Text => "texts".to_owned(),
         VariableKind::Typed { name: type_name, layout } => {
-            let known = match catalogue::named(type_name) {
-                Some(known) if known.layout == *layout => "",
-                Some(_) => "; another version's",
-                None => "; none of elk's own types",
-            };
-            format!("{} (layout {layout:016x}{known})", name(type_name))
+            let undescribed = if description.is_none() { "; nobody has described it" } else { "" };
+            format!("{} (layout {layout:016x}{undescribed})", name(type_name))
         }
     }
+}
+
+/// What the values of a variable are, if they are of a type that somebody has described.
+fn description(table: &CommunityTable, variable: &VariableEntry) -> Option<Description> {
+    let VariableKind::Typed { name, layout } = &variable.kind else { return None };
+    table.type_of(name, *layout).as_ref().description().map(Cow::into_owned)
 }
 
 pub(crate) fn variable_as_text(
@@ -219,9 +226,13 @@ pub(crate) fn variable_as_text(
     variable: &VariableEntry,
     value: Option<&BusValue>,
 ) -> Vec<String> {
+    let description = description(table, variable);
     let mut lines = vec![
         format!("{}: a variable of community {}", name(&variable.name), table.community),
-        format!("  carries     {}", carries(&variable.kind)),
+        format!("  carries     {}", carries(&variable.kind, description.as_ref())),
+    ];
+    lines.extend(description.iter().flat_map(definition::lines).map(|line| format!("              {line}")));
+    lines.extend([
         format!(
             "  written     {}, last by {} {} ago, {}",
             if variable.messages == 1 { "once".to_owned() } else { format!("{} times", variable.messages) },
@@ -234,7 +245,7 @@ pub(crate) fn variable_as_text(
             show::bytes(variable.latest_bytes as f64),
             show::bytes(variable.bytes as f64 / variable.messages.max(1) as f64)
         ),
-    ];
+    ]);
     for route in &variable.routes {
         lines.push(format!("  {} tells {}", name(&route.source), or_nobody(&route.readers)));
     }
@@ -264,10 +275,11 @@ fn client_as_json(table: &CommunityTable, client: &ClientEntry, status: Option<&
 }
 
 fn whole_variable_as_json(table: &CommunityTable, variable: &VariableEntry, value: Option<&BusValue>) -> Value {
-    let mut json = variable_as_json(table.time, variable);
+    let mut json = variable_as_json(table.time, &Types::of(table), variable);
     if let VariableKind::Typed { layout, .. } = variable.kind {
         json["layout"] = format!("{layout:016x}").into();
     }
+    json["description"] = json!(description(table, variable));
     json["routes"] = json!(variable.routes);
     json["value"] = value.map_or(Value::Null, |value| show::value_for_programs(value.as_ref()));
     json

@@ -17,6 +17,7 @@
 //! | [`pattern`] | names with wildcards |
 
 pub mod communities;
+mod definition;
 pub mod echo;
 mod error;
 pub mod graph;

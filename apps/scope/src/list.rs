@@ -8,7 +8,7 @@ use crate::error::ScopeError;
 use crate::output::{Line, Output, Table};
 use crate::pattern::Pattern;
 use crate::session::{Scope, matching};
-use crate::show::{self, names};
+use crate::show::{self, Types, names};
 
 /// Characters of a value that a table shows.
 const VALUE_CHARACTERS: usize = 60;
@@ -47,8 +47,9 @@ pub(crate) fn as_text(table: &CommunityTable, variables: &[&VariableEntry], colu
         [] => format!("community {}: no clients", table.community),
         some => format!("community {}: clients {}", table.community, names(some, " ")),
     };
+    let types = Types::of(table);
     let mut rows = vec![["VARIABLE", "TYPE", "WRITER", "AGE", "RATE", "VALUE"].map(str::to_owned).to_vec()];
-    rows.extend(variables.iter().map(|variable| row(table.time, variable)));
+    rows.extend(variables.iter().map(|variable| row(table.time, &types, variable)));
     let mut lines = vec![Line::from(head)];
     lines.extend(show::clock(table).map(Line::from));
     match variables {
@@ -58,37 +59,38 @@ pub(crate) fn as_text(table: &CommunityTable, variables: &[&VariableEntry], colu
     lines
 }
 
-fn row(now: f64, variable: &VariableEntry) -> Vec<String> {
+fn row(now: f64, types: &Types, variable: &VariableEntry) -> Vec<String> {
     vec![
         variable.name.clone(),
         show::kind_name(&variable.kind).to_owned(),
         variable.writer.clone(),
         show::duration(now - variable.written),
         show::hertz(variable.rate_hz),
-        value(variable),
+        value(types, variable),
     ]
 }
 
 /// A variable's latest value in a few words.
-pub(crate) fn value(variable: &VariableEntry) -> String {
-    match show::latest(variable) {
+pub(crate) fn value(types: &Types, variable: &VariableEntry) -> String {
+    match show::latest(types, variable) {
         Some(value) => text::clipped(&show::value_for_people(value.as_ref()), VALUE_CHARACTERS).into_owned(),
         None => format!("({})", show::bytes(variable.latest_bytes as f64)),
     }
 }
 
 fn as_json(table: &CommunityTable, variables: &[&VariableEntry]) -> Value {
+    let types = Types::of(table);
     json!({
         "community": table.community,
         "time": table.time,
         "clock": show::clock_as_json(table),
         "clients": table.clients.iter().map(|client| client.name.as_str()).collect::<Vec<_>>(),
-        "variables": variables.iter().map(|variable| variable_as_json(table.time, variable)).collect::<Vec<_>>(),
+        "variables": variables.iter().map(|variable| variable_as_json(table.time, &types, variable)).collect::<Vec<_>>(),
     })
 }
 
 /// A variable as programs read it; `value` is missing where it is too long for a table.
-pub(crate) fn variable_as_json(now: f64, variable: &VariableEntry) -> Value {
+pub(crate) fn variable_as_json(now: f64, types: &Types, variable: &VariableEntry) -> Value {
     let mut json = json!({
         "name": variable.name,
         "type": show::kind_name(&variable.kind),
@@ -99,7 +101,7 @@ pub(crate) fn variable_as_json(now: f64, variable: &VariableEntry) -> Value {
         "bytes": variable.bytes,
         "latest_bytes": variable.latest_bytes,
     });
-    if let Some(value) = show::latest(variable) {
+    if let Some(value) = show::latest(types, variable) {
         json["value"] = show::value_for_programs(value.as_ref());
     }
     json

@@ -1,12 +1,14 @@
 //! `elk poke`: a person writes a variable.
 //!
 //! A variable's first write fixes its type for good, so a slip must not: what is written has to be what the variable
-//! carries, or what the apps of an exploration know it to carry ([`catalogue::carried_by`]).
+//! carries; or, if nobody has written it, what those who have registered for it read there.
+
+use std::borrow::Cow;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableKind};
-use elk_bus::{Origin, Value as BusValue, ValueRef, pattern};
+use elk_bus::describe::WriteError;
+use elk_bus::{Description, Origin, Type, Value as BusValue, ValueRef, pattern};
 use elk_mission::instead;
-use elk_spatial::catalogue::{self, CATALOGUE, PayloadType};
 use serde_json::json;
 
 use crate::error::ScopeError;
@@ -70,22 +72,16 @@ pub enum PokeError {
         /// What was typed.
         value: String,
     },
-    /// The variable carries a type that elk does not know.
-    #[error(
-        "{name} carries {type_name} (layout {layout:016x}), which is {why}: only an app that has the type can write it"
-    )]
-    Foreign {
+    /// The variable carries a type that nobody has described.
+    #[error("{name} carries {type_}, which nobody has described: only an app that has the type can write it")]
+    Undescribed {
         /// The variable.
         name: String,
-        /// The type's name.
-        type_name: String,
-        /// Its layout.
-        layout: u64,
-        /// What is the matter with it.
-        why: &'static str,
+        /// The type.
+        type_: Type,
     },
     /// There is no such type.
-    #[error("elk has no type {type_name:?}; {instead}")]
+    #[error("nobody in this community writes or reads a type {type_name:?}; {instead}")]
     Type {
         /// The type's name.
         type_name: String,
@@ -98,19 +94,21 @@ pub enum PokeError {
         /// The variable.
         name: String,
         /// The type's name.
-        type_name: &'static str,
+        type_name: String,
         /// What is wrong, and where.
         source: serde_json::Error,
         /// What is right.
-        example: &'static str,
+        example: serde_json::Value,
     },
     /// The value is JSON, and no value of the type.
-    #[error("{name} cannot be written: {source}")]
+    #[error("{name} cannot be written: {source}; right is, for example, {example}")]
     Value {
         /// The variable.
         name: String,
         /// What is wrong.
-        source: catalogue::WriteError,
+        source: WriteError,
+        /// What is right.
+        example: serde_json::Value,
     },
     /// Nobody has written the variable, and the value looks like a typed one.
     #[error(
@@ -162,32 +160,29 @@ impl Poke {
     /// The value that was typed, as what the variable carries.
     fn value(&self, table: &CommunityTable) -> Result<BusValue, PokeError> {
         let carried = table.variables.iter().find(|variable| variable.name == self.name).map(|found| &found.kind);
-        match (carried, &self.said) {
-            (Some(kind), said) => self.as_carried(kind, said),
+        match (carried.or_else(|| expected(table, &self.name)), &self.said) {
+            (Some(kind), said) => self.as_carried(table, kind, said),
             (None, Said::Number) => self.number(),
             (None, Said::Text) => Ok(self.value.as_str().into()),
-            (None, Said::Type(name)) => self.typed(own_type(name)?),
+            (None, Said::Type(name)) => self.typed(type_named(table, name)?),
             (None, Said::Nothing) => self.as_guessed(),
         }
     }
 
-    fn as_carried(&self, kind: &VariableKind, said: &Said) -> Result<BusValue, PokeError> {
+    fn as_carried(&self, table: &CommunityTable, kind: &VariableKind, said: &Said) -> Result<BusValue, PokeError> {
         match (kind, said) {
             (VariableKind::Number, Said::Nothing | Said::Number) => self.number(),
             (VariableKind::Text, Said::Nothing | Said::Text) => Ok(self.value.as_str().into()),
-            (VariableKind::Typed { name, layout }, Said::Nothing) => self.typed(self.known(name, *layout)?),
+            (VariableKind::Typed { name, layout }, Said::Nothing) => self.typed(table.type_of(name, *layout)),
             (VariableKind::Typed { name, layout }, Said::Type(said)) if name == said => {
-                self.typed(self.known(name, *layout)?)
+                self.typed(table.type_of(name, *layout))
             }
-            (kind, said) => Err(self.carries(kind, said)),
+            (kind, said) => Err(self.carries(table, kind, said)),
         }
     }
 
-    /// Nobody has written it, and nothing was said: a variable of an exploration is what it is there.
+    /// Nobody has written it, nobody has said what he reads there, and nothing was said now.
     fn as_guessed(&self) -> Result<BusValue, PokeError> {
-        if let Some(payload) = catalogue::carried_by(&self.name) {
-            return self.typed(payload);
-        }
         match self.value.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(number.into()),
             _ if self.value.trim_start().starts_with(['{', '[']) => Err(PokeError::Undecided(self.name.clone())),
@@ -200,32 +195,30 @@ impl Poke {
         Ok(self.value.trim().parse::<f64>().map_err(|_| wrong())?.into())
     }
 
-    fn known(&self, name: &str, layout: u64) -> Result<&'static PayloadType, PokeError> {
-        let foreign = |why| PokeError::Foreign { name: self.name.clone(), type_name: name.to_owned(), layout, why };
-        match catalogue::named(name) {
-            Some(payload) if payload.layout == layout => Ok(payload),
-            Some(_) => Err(foreign("of another version than this elk's")),
-            None => Err(foreign("none of elk's own types")),
-        }
+    fn typed(&self, type_: Type) -> Result<BusValue, PokeError> {
+        let name = self.name.clone();
+        let Some(description) = type_.as_ref().description().map(Cow::into_owned) else {
+            return Err(PokeError::Undescribed { name, type_ });
+        };
+        let (type_name, example) = (type_.as_ref().name().to_owned(), description.example());
+        let json = match serde_json::from_str(&self.value) {
+            Ok(json) => json,
+            Err(source) => return Err(PokeError::Json { name, type_name, source, example }),
+        };
+        let bytes = description.to_bytes(&json).map_err(|source| PokeError::Value { name, source, example })?;
+        Ok(BusValue::Binary { type_, bytes })
     }
 
-    fn typed(&self, payload: &'static PayloadType) -> Result<BusValue, PokeError> {
-        let PayloadType { name: type_name, layout, example, .. } = *payload;
-        let no_json = |source| PokeError::Json { name: self.name.clone(), type_name, source, example };
-        let json = serde_json::from_str(&self.value).map_err(no_json)?;
-        let wrong = |source| PokeError::Value { name: self.name.clone(), source };
-        let bytes = payload.from_json(&json).map_err(wrong)?;
-        Ok(BusValue::Binary { type_name: type_name.to_owned(), layout, bytes })
-    }
-
-    fn carries(&self, kind: &VariableKind, said: &Said) -> PokeError {
+    fn carries(&self, table: &CommunityTable, kind: &VariableKind, said: &Said) -> PokeError {
         let (carries, value) = match kind {
             VariableKind::Number => ("numbers".to_owned(), "3.5".to_owned()),
             VariableKind::Text => ("texts".to_owned(), "'any words'".to_owned()),
-            VariableKind::Typed { name, .. } => (
-                format!("{name} values"),
-                catalogue::named(name).map_or("its JSON".to_owned(), |p| format!("'{}'", p.example)),
-            ),
+            VariableKind::Typed { name, layout } => {
+                let type_ = table.type_of(name, *layout);
+                let example = |description: Cow<'_, Description>| format!("'{}'", description.example());
+                let example = type_.as_ref().description().map_or("its JSON".to_owned(), example);
+                (format!("{name} values"), example)
+            }
         };
         let said = match said {
             Said::Nothing => self.value.clone(),
@@ -261,15 +254,28 @@ impl Poke {
     }
 }
 
-fn own_type(name: &str) -> Result<&'static PayloadType, PokeError> {
-    catalogue::named(name).ok_or_else(|| {
-        let names: Vec<&str> = CATALOGUE.iter().map(|payload| payload.name).collect();
-        PokeError::Type { type_name: name.to_owned(), instead: instead(name, &names) }
-    })
+/// What those who have registered for a variable by its name read there, as far as they have said so.
+fn expected<'a>(table: &'a CommunityTable, name: &str) -> Option<&'a VariableKind> {
+    let registrations = table.clients.iter().flat_map(|client| &client.registrations);
+    registrations.filter(|one| one.key_pattern == name).find_map(|one| one.expects.as_ref())
+}
+
+/// The type of this name that somebody writes or reads.
+fn type_named(table: &CommunityTable, name: &str) -> Result<Type, PokeError> {
+    match table.types.iter().find(|entry| entry.name == name) {
+        Some(entry) => Ok(entry.to_type()),
+        None => {
+            let names: Vec<&str> = table.types.iter().map(|entry| entry.name.as_str()).collect();
+            Err(PokeError::Type { type_name: name.to_owned(), instead: instead(name, &names) })
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use elk_bus::{Key, TypeRef};
+    use elk_spatial::messages::{Plan, Progress};
+
     use super::*;
     use crate::tests::Lab;
 
@@ -312,6 +318,9 @@ mod tests {
         let lab = Lab::new();
         poked(&lab, &poke("SPEED", "1", Said::Nothing)).unwrap();
         poked(&lab, &poke("NOTE", "one", Said::Nothing)).unwrap();
+        let mut app = lab.client("app");
+        app.comms.register(&Key::<Progress>::new("PROGRESS")).unwrap();
+        app.comms.flush().unwrap();
         poked(&lab, &poke("DONE", PROGRESS, Said::Type("Progress".into()))).unwrap();
         let said = poked(&lab, &poke("SPEED", "fast", Said::Text)).unwrap_err();
         assert_eq!(said, "SPEED carries numbers, not texts; right is, for example, elk poke SPEED 3.5");
@@ -327,28 +336,33 @@ mod tests {
             poked(&lab, &poke("DONE", PROGRESS, Said::Nothing)).unwrap().starts_with("DONE = scan: 1, revision: 1,")
         );
         assert!(poked(&lab, &poke("DONE", "{", Said::Nothing)).unwrap_err().contains("no JSON: EOF while parsing"));
-        assert!(poked(&lab, &poke("DONE", "{}", Said::Nothing)).unwrap_err().contains("missing field `scan`"));
+        assert!(poked(&lab, &poke("DONE", "{}", Said::Nothing)).unwrap_err().contains("scan is missing"));
     }
 
     #[test]
-    fn an_explorations_variables_are_what_its_apps_know_them_to_be() {
+    fn what_nobody_has_written_is_what_its_readers_read() {
         let lab = Lab::new();
+        let mut app = lab.client("app");
+        app.comms.register(&Key::<Plan>::new("PLAN")).unwrap();
+        app.comms.register(&Key::<Progress>::new("PROGRESS")).unwrap();
+        app.comms.register_number("SPEED").unwrap();
+        app.comms.flush().unwrap();
         assert!(poked(&lab, &poke("PLAN", "go there", Said::Nothing)).unwrap_err().contains("PLAN carries Plan"));
         assert!(poked(&lab, &poke("PROGRESS", PROGRESS, Said::Nothing)).unwrap().contains("(Progress)"));
+        assert!(poked(&lab, &poke("SPEED", "fast", Said::Nothing)).unwrap_err().contains("has to be a number"));
     }
 
     #[test]
-    fn types_that_elk_does_not_know_are_not_written() {
+    fn types_that_nobody_has_described_are_not_written() {
         let lab = Lab::new();
         let mut other = lab.client("other");
-        let theirs = |type_name, layout| ValueRef::Binary { type_name, layout, bytes: &[1] };
+        let theirs =
+            |type_name, layout| ValueRef::Binary { type_: TypeRef::undescribed(type_name, layout), bytes: &[1] };
         other.comms.publish_value("THEIRS", theirs("Theirs", 7), Origin::default()).unwrap();
-        other.comms.publish_value("OLD", theirs("Plan", 7), Origin::default()).unwrap();
         other.comms.flush().unwrap();
-        assert!(poked(&lab, &poke("THEIRS", "{}", Said::Nothing)).unwrap_err().contains("none of elk's own types"));
-        assert!(poked(&lab, &poke("OLD", "{}", Said::Nothing)).unwrap_err().contains("of another version"));
-        let said = poked(&lab, &poke("X", "{}", Said::Type("Progres".into()))).unwrap_err();
-        assert_eq!(said, "elk has no type \"Progres\"; did you mean Progress?");
+        assert!(poked(&lab, &poke("THEIRS", "{}", Said::Nothing)).unwrap_err().contains("nobody has described"));
+        let said = poked(&lab, &poke("X", "{}", Said::Type("Their".into()))).unwrap_err();
+        assert_eq!(said, "nobody in this community writes or reads a type \"Their\"; did you mean Theirs?");
     }
 
     #[test]

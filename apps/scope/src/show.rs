@@ -1,10 +1,11 @@
 //! How values and figures are shown: short for people, whole for programs.
 
+use std::collections::BTreeMap;
+
 use elk_bus::broker::table::{ClockEntry, CommunityTable, LatestValue, VariableEntry, VariableKind};
 use elk_bus::clock::Date;
-use elk_bus::{Value as BusValue, ValueRef};
+use elk_bus::{Type, TypeRef, Value as BusValue, ValueRef};
 use elk_outside::text::{name, printable};
-use elk_spatial::catalogue;
 use serde_json::{Map, Value, json};
 
 /// Lists with more entries are counted where people read.
@@ -21,22 +22,20 @@ pub fn value_for_people(value: ValueRef<'_>) -> String {
     match value {
         ValueRef::Double(number) => number.to_string(),
         ValueRef::Text(text) => printable(text).into_owned(),
-        ValueRef::Binary { type_name, layout, bytes } => {
-            match catalogue::to_json(type_name, layout, bytes, LONGEST_FOR_PEOPLE) {
-                Ok(Value::Object(fields)) => in_words(&fields),
-                Ok(other) => json_in_words(&other),
-                Err(_) => raw(type_name, layout, bytes),
-            }
-        }
+        ValueRef::Binary { type_, bytes } => match type_.to_json(bytes, LONGEST_FOR_PEOPLE) {
+            Ok(Value::Object(fields)) => in_words(&fields),
+            Ok(other) => json_in_words(&other),
+            Err(_) => raw(type_, bytes),
+        },
     }
 }
 
 /// A value as programs read it.
 pub fn value_for_programs(value: ValueRef<'_>) -> Value {
-    let shown = catalogue::value_to_json(value, LONGEST_FOR_PROGRAMS);
+    let shown = value.to_json(LONGEST_FOR_PROGRAMS);
     shown.unwrap_or_else(|error| match value {
-        ValueRef::Binary { layout, bytes, .. } => {
-            let layout = format!("{layout:016x}");
+        ValueRef::Binary { type_, bytes } => {
+            let layout = format!("{:016x}", type_.layout());
             let first: String = bytes.iter().take(BYTES_FOR_PROGRAMS).map(|byte| format!("{byte:02x}")).collect();
             json!({"unreadable": error.to_string(), "layout": layout, "bytes": bytes.len(), "hex": first})
         }
@@ -49,7 +48,7 @@ pub fn type_name<'a>(value: &ValueRef<'a>) -> &'a str {
     match *value {
         ValueRef::Double(_) => "number",
         ValueRef::Text(_) => "text",
-        ValueRef::Binary { type_name, .. } => type_name,
+        ValueRef::Binary { type_, .. } => type_.name(),
     }
 }
 
@@ -81,13 +80,29 @@ pub fn kind_name(kind: &VariableKind) -> &str {
     }
 }
 
+/// The types of a community, their descriptions read once.
+pub struct Types(BTreeMap<(String, u64), Type>);
+
+impl Types {
+    /// Those that a table has.
+    pub fn of(table: &CommunityTable) -> Self {
+        Self(table.types.iter().map(|entry| ((entry.name.clone(), entry.layout), entry.to_type())).collect())
+    }
+
+    /// The type of this name and layout, as far as it is described.
+    pub fn get(&self, name: &str, layout: u64) -> Type {
+        let found = self.0.get(&(name.to_owned(), layout)).cloned();
+        found.unwrap_or_else(|| Type::undescribed(name, layout))
+    }
+}
+
 /// A variable's latest value, as far as the table has it.
-pub fn latest(variable: &VariableEntry) -> Option<BusValue> {
+pub fn latest(types: &Types, variable: &VariableEntry) -> Option<BusValue> {
     match (&variable.kind, &variable.latest) {
         (_, LatestValue::Number(number)) => Some(BusValue::Double(*number)),
         (_, LatestValue::Text(text)) => Some(BusValue::Text(text.clone())),
         (VariableKind::Typed { name, layout }, LatestValue::Typed(bytes)) => {
-            Some(BusValue::Binary { type_name: name.clone(), layout: *layout, bytes: bytes.clone() })
+            Some(BusValue::Binary { type_: types.get(name, *layout), bytes: bytes.clone() })
         }
         _ => None,
     }
@@ -98,10 +113,11 @@ pub fn names<T: AsRef<str>>(names: &[T], between: &str) -> String {
     names.iter().map(|one| name(one.as_ref())).collect::<Vec<_>>().join(between)
 }
 
-fn raw(type_name: &str, layout: u64, bytes: &[u8]) -> String {
+fn raw(type_: TypeRef<'_>, bytes: &[u8]) -> String {
     let first: Vec<String> = bytes.iter().take(BYTES_FOR_PEOPLE).map(|byte| format!("{byte:02x}")).collect();
     let more = if bytes.len() > BYTES_FOR_PEOPLE { " …" } else { "" };
-    format!("{} (layout {layout:016x}), {} bytes: {}{more}", name(type_name), bytes.len(), first.join(" "))
+    let (type_name, layout) = (name(type_.name()), type_.layout());
+    format!("{type_name} (layout {layout:016x}), {} bytes: {}{more}", bytes.len(), first.join(" "))
 }
 
 fn in_words(fields: &Map<String, Value>) -> String {
@@ -165,17 +181,15 @@ fn three_digits(number: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use elk_spatial::samples;
 
-    fn example(type_name: &str) -> (u64, Vec<u8>) {
-        let payload = catalogue::named(type_name).unwrap();
-        (payload.layout, payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap())
-    }
+    use super::*;
 
     #[test]
     fn typed_values_are_shown_decoded() {
-        let (layout, bytes) = example("Scan");
-        let value = ValueRef::Binary { type_name: "Scan", layout, bytes: &bytes };
+        let scan = samples::named("Scan").unwrap();
+        let bytes = scan.bytes();
+        let value = ValueRef::Binary { type_: scan.type_, bytes: &bytes };
         assert_eq!(
             value_for_people(value),
             "id: 1, command: 1, pose: {rotation: [0, 0, 0, 1], translation: [1, 2, 0.5]}, range_m: 5, measured: 1, \
@@ -185,15 +199,15 @@ mod tests {
         let many = json!({"id": 1, "command": 1, "pose": {"rotation": [0, 0, 0, 1], "translation": [0, 0, 0]},
                           "range_m": 0, "measured": 7312, "no_return": [],
                           "points": vec![[0.0, 0.0, 1.0]; 7312]});
-        let bytes = catalogue::named("Scan").unwrap().from_json(&many).unwrap();
-        let value = ValueRef::Binary { type_name: "Scan", layout, bytes: &bytes };
+        let bytes = scan.bytes_of(&many).unwrap();
+        let value = ValueRef::Binary { type_: scan.type_, bytes: &bytes };
         assert!(value_for_people(value).ends_with("points: 7312 points"));
         assert_eq!(value_for_programs(value)["points"].as_array().unwrap().len(), 7312);
     }
 
     #[test]
     fn unknown_types_are_shown_as_name_layout_and_bytes() {
-        let value = ValueRef::Binary { type_name: "Theirs", layout: 0xbeef, bytes: &[1, 2, 255] };
+        let value = ValueRef::Binary { type_: TypeRef::undescribed("Theirs", 0xbeef), bytes: &[1, 2, 255] };
         assert_eq!(value_for_people(value), "Theirs (layout 000000000000beef), 3 bytes: 01 02 ff");
         let shown = value_for_programs(value);
         assert_eq!((&shown["hex"], &shown["bytes"]), (&json!("0102ff"), &json!(3)));

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use elk_bus::broker::table::{ClockEntry, VariableKind};
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, ValueRef};
+use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, TypeRef, ValueRef};
 use serde_json::{Value, json};
 
 use crate::{Drawing, Echo, Info, List, Output, Pattern, Scope, ScopeError, Screen, Top, graph};
@@ -38,7 +38,7 @@ impl Lab {
         map.comms.notify("MAP_STATUS", "Uptime=3").unwrap();
         map.comms.flush().unwrap();
         sensor.comms.register_variable("MAP_SIZE", 0.0).unwrap();
-        let scan = ValueRef::Binary { type_name: "Theirs", layout: 1, bytes: &[7; 20] };
+        let scan = ValueRef::Binary { type_: TypeRef::undescribed("Theirs", 1), bytes: &[7; 20] };
         sensor.comms.publish_value("SCAN", scan, Origin::default()).unwrap();
         sensor.comms.flush().unwrap();
         [sensor, map]
@@ -179,7 +179,7 @@ fn info_tells_of_a_client_and_of_a_variable() {
         assert!(map.contains(line), "{line:?} is not in {map}");
     }
     let scan = info("SCAN", false).unwrap();
-    assert!(scan.contains("carries     Theirs (layout 0000000000000001; none of elk's own types)"), "{scan}");
+    assert!(scan.contains("carries     Theirs (layout 0000000000000001; nobody has described it)"), "{scan}");
     assert!(scan.contains("written     once, last by Sensor") && scan.contains("  Sensor tells Map\n"), "{scan}");
     let json = parsed(info("MAP_SIZE", true));
     assert_eq!((&json["client"], &json["variable"]["value"]), (&Value::Null, &json!(12.0)));

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{BrokerConfig, Client, Clock, Community, ConnectError, Origin, ValueRef, serve_broker};
+use elk_bus::{BrokerConfig, Client, Clock, Community, ConnectError, Origin, TypeRef, ValueRef, serve_broker};
 
 use crate::transport::{Intake, Outcome, Outlet};
 
@@ -61,7 +61,7 @@ impl ElkOutlet {
 
 impl Outlet for ElkOutlet {
     fn send(&mut self, message: &[u8]) -> Outcome {
-        let value = ValueRef::Binary { type_name: TYPE, layout: LAYOUT, bytes: message };
+        let value = ValueRef::Binary { type_: TypeRef::undescribed(TYPE, LAYOUT), bytes: message };
         Ok(self.0.comms.publish_value(KEY, value, Origin::default())?)
     }
 

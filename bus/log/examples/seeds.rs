@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use elk_bus::Value;
+use elk_bus::{Type, Value};
 use elk_log::alog::AlogWriter;
 use elk_log::{Compression, LogOptions, LogWriter, Metadata, Record};
 
@@ -45,7 +45,7 @@ fn record(number: u64) -> Record {
         value: match number % 3 {
             0 => Value::Double(number as f64 / 7.0),
             1 => Value::Text("a \"text\"\nof two lines".into()),
-            _ => Value::Binary { type_name: "Blob".into(), layout: 1, bytes: vec![7; 20] },
+            _ => Value::Binary { type_: Type::undescribed("Blob", 1), bytes: vec![7; 20] },
         },
     }
 }

@@ -21,9 +21,8 @@ use std::sync::Arc;
 
 use elk_bus::clock::Date;
 use elk_bus::codec::{self, MAX_VALUE_BYTES};
-use elk_bus::{Payload, Value, ValueRef};
+use elk_bus::{Payload, Type, TypeRef, Value, ValueRef};
 use elk_outside::{file, text, time};
-use elk_spatial::catalogue;
 use elk_spatial::messages::CameraPose;
 
 use crate::damage::Damage;
@@ -89,9 +88,9 @@ impl AlogWriter {
         let value = match record.value {
             ValueRef::Double(number) => format!("{:<12}", digits(number)),
             ValueRef::Text(text) => text.replace("\r\n", "\\n").replace(['\n', '\r'], "\\n"),
-            ValueRef::Binary { type_name, layout, bytes } => match as_json(type_name, layout, bytes) {
+            ValueRef::Binary { type_, bytes } => match as_json(type_, bytes) {
                 Some(json) => json,
-                None => self.put_binary(record, type_name, layout, bytes)?,
+                None => self.put_binary(record, type_, bytes)?,
             },
         };
         let line = format!("{}{value} \n", columns(self.start, record));
@@ -101,9 +100,10 @@ impl AlogWriter {
 
     /// Writes a camera's pose as MOOS' tools look for one.
     fn put_navigation(&mut self, record: &RecordRef<'_>) -> Result<(), LogError> {
-        let ValueRef::Binary { type_name: CameraPose::NAME, layout: CameraPose::LAYOUT, bytes } = record.value else {
+        let ValueRef::Binary { type_, bytes } = record.value else { return Ok(()) };
+        if !type_.is::<CameraPose>() {
             return Ok(());
-        };
+        }
         let Ok(camera) = codec::decode::<CameraPose>(bytes, CameraPose::NAME) else {
             return Ok(());
         };
@@ -120,13 +120,7 @@ impl AlogWriter {
         Ok(())
     }
 
-    fn put_binary(
-        &mut self,
-        record: &RecordRef<'_>,
-        type_name: &str,
-        layout: u64,
-        bytes: &[u8],
-    ) -> Result<String, LogError> {
+    fn put_binary(&mut self, record: &RecordRef<'_>, type_: TypeRef<'_>, bytes: &[u8]) -> Result<String, LogError> {
         let path = blog_of(&self.path);
         let create = |source| LogError::Create { path: path.clone(), source };
         let (mut blog, mut length) = match self.blog.take() {
@@ -144,7 +138,8 @@ impl AlogWriter {
         let (open, close) = BINARY;
         let bytes = bytes.len();
         // MOOS reads the first three; type and layout bring the value back to elk as it was.
-        Ok(format!("{open}File={file},Offset={offset},Bytes={bytes},Type={type_name},Layout={layout:016x}{close}"))
+        let (name, layout) = (type_.name(), type_.layout());
+        Ok(format!("{open}File={file},Offset={offset},Bytes={bytes},Type={name},Layout={layout:016x}{close}"))
     }
 
     /// Brings everything into the files. Answers the file of the binary values, if there are any.
@@ -159,10 +154,10 @@ impl AlogWriter {
     }
 }
 
-/// A small value of a type that elk knows, for people and for MOOS' tools.
-fn as_json(type_name: &str, layout: u64, bytes: &[u8]) -> Option<String> {
+/// A small value of a type that describes itself, for people and for MOOS' tools.
+fn as_json(type_: TypeRef<'_>, bytes: &[u8]) -> Option<String> {
     let small = bytes.len() <= LONGEST_JSON;
-    small.then(|| catalogue::to_json(type_name, layout, bytes, usize::MAX).ok()).flatten().map(|json| json.to_string())
+    small.then(|| type_.to_json(bytes, usize::MAX).ok()).flatten().map(|json| json.to_string())
 }
 
 /// A number as MOOS writes it, or with as many digits as bring it back bit for bit.
@@ -514,7 +509,7 @@ impl AlogReader {
         blog.seek(SeekFrom::Start(offset)).ok()?;
         blog.take(length).read_to_end(&mut bytes).ok().filter(|read| *read as u64 == length)?;
         let layout = field("Layout").and_then(|layout| u64::from_str_radix(layout, 16).ok()).unwrap_or_default();
-        Some(Value::Binary { type_name: field("Type").unwrap_or(MOOS_BINARY).into(), layout, bytes })
+        Some(Value::Binary { type_: Type::undescribed(field("Type").unwrap_or(MOOS_BINARY), layout), bytes })
     }
 }
 

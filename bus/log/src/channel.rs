@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use mcap::records;
 
+use elk_bus::Type;
+
 use crate::encoding::{self, Kind};
 use crate::foreign::{Foreign, Schema};
 
@@ -36,7 +38,7 @@ impl Channel {
         let said = |name: &str| text(&channel.metadata, name);
         let name = schema.map_or("", |schema| schema.name.as_str());
         let (source, community, epoch) = (said("source"), said("community"), said("epoch"));
-        let kind = match Kind::announced(&channel.message_encoding, name, &said("type"), &said("layout")) {
+        let kind = match Kind::announced(&channel.message_encoding, name, type_of(&channel.metadata)) {
             Some(kind) => ChannelKind::Value(kind),
             None if name == encoding::DROPPED => ChannelKind::Dropped,
             None => {
@@ -56,7 +58,11 @@ impl Channel {
     /// Bytes of all that is kept of its names.
     pub fn names_bytes(&self) -> usize {
         let Self { key, source, community, schema, .. } = self;
-        let foreign = if let ChannelKind::Foreign(foreign) = &self.kind { foreign.names_bytes() } else { 0 };
+        let foreign = match &self.kind {
+            ChannelKind::Foreign(foreign) => foreign.names_bytes(),
+            ChannelKind::Value(kind) => kind.type_().map_or(0, Type::kept_bytes),
+            ChannelKind::Dropped => 0,
+        };
         [key, source, community, schema].map(String::len).iter().sum::<usize>() + self.type_name().len() + foreign
     }
 
@@ -65,13 +71,19 @@ impl Channel {
         match &self.kind {
             ChannelKind::Value(Kind::Double) => "double",
             ChannelKind::Value(Kind::Text) => "text",
-            ChannelKind::Value(
-                Kind::Protobuf { type_name, .. } | Kind::Known { type_name, .. } | Kind::Binary { type_name, .. },
-            ) => type_name,
+            ChannelKind::Value(kind) => kind.type_().map_or("", |type_| type_.as_ref().name()),
             ChannelKind::Foreign(foreign) => foreign.type_name(),
             ChannelKind::Dropped => &self.schema,
         }
     }
+}
+
+/// The type that a channel's metadata name, if they name one. A description that is none is as good as none.
+fn type_of(metadata: &BTreeMap<String, String>) -> Option<Type> {
+    let said = |name: &str| metadata.get(name).map(String::as_str).unwrap_or_default();
+    let layout = u64::from_str_radix(said("layout"), 16).ok()?;
+    let name = Some(said("type")).filter(|name| !name.is_empty())?;
+    Some(Type::from_text(name, layout, said("description")).unwrap_or_else(|_| Type::undescribed(name, layout)))
 }
 
 /// What `metadata` says under `name`; empty: nothing.

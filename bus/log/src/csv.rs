@@ -10,7 +10,6 @@
 use std::io::Write;
 
 use elk_bus::ValueRef;
-use elk_spatial::catalogue;
 use serde_json::{Map, Value as Json};
 
 use crate::plain::without_nan;
@@ -43,9 +42,7 @@ pub fn put_csv(out: &mut impl Write, secs: f64, record: &RecordRef<'_>) -> std::
         }
         ValueRef::Text(_) => None,
         // Of a type of somebody else no field is known.
-        ValueRef::Binary { type_name, layout, bytes } => {
-            catalogue::to_json(type_name, layout, bytes, LONGEST_LIST).ok()
-        }
+        ValueRef::Binary { type_, bytes } => type_.to_json(bytes, LONGEST_LIST).ok(),
     };
     let most = record.key.len() + LONGEST_NAME;
     fields.map_or(Ok(()), |fields| each_number(record.key, most, &fields, &mut line))

@@ -8,7 +8,6 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
 use elk_bus::{Value, ValueRef};
-use elk_spatial::catalogue;
 use serde_json::Value as Json;
 
 use crate::error::LogError;
@@ -209,7 +208,7 @@ fn weight(record: &Record) -> usize {
     let value = match &record.value {
         Value::Double(_) => 0,
         Value::Text(text) => text.len(),
-        Value::Binary { type_name, bytes, .. } => type_name.len() + bytes.len(),
+        Value::Binary { type_, bytes } => type_.as_ref().name().len() + bytes.len(),
     };
     size_of::<Record>()
         + record.key.len()
@@ -244,7 +243,7 @@ fn compare(first: &Value, second: &Value, exact: bool) -> Comparison {
 }
 
 fn json(value: ValueRef<'_>) -> Option<Json> {
-    catalogue::value_to_json(value, usize::MAX).ok()
+    value.to_json(usize::MAX).ok()
 }
 
 /// Removes volatile fields; whether there were any.

@@ -5,20 +5,21 @@
 //! | double  | `json`           | `elk.Double`, `jsonschema`          | `{"value":1.5,"time":…,"received":…,"sequence":…,"order":…}`   |
 //! | text    | `json`           | `elk.Text`, `jsonschema`            | `{"value":"…","time":…,"received":…,"sequence":…,"order":…}`   |
 //! | spatial | `protobuf`       | `foxglove.…`, `protobuf`            | what viewers show; envelope and value in an unnamed field       |
-//! | known   | `json`           | the type's name, `jsonschema`       | `{"elk":"2a00…","time":…,…,"value":{"revision":42,…}}`          |
+//! | fields  | `json`           | the type's name, `jsonschema`       | `{"elk":"2a00…","time":…,…,"value":{"revision":42,…}}`          |
 //! | other   | `protobuf`       | `elk.Binary`, `protobuf`            | the value in the bus' own encoding; envelope in an unnamed field |
 //!
 //! MCAP's own times are whole nanoseconds and its sequence has 32 bits: too coarse to give back what was sent, so each
 //! message carries its time, its time of recording, its publisher's number and its place in the broker's order once
 //! more. The envelope of a binary value, little endian: time (f64), received (f64), sequence (u64), order (u64), length
 //! of the source's auxiliary name (u32), that name (UTF-8). Which values are spatial, and how these are stored, the
-//! module `spatial` says. The other types of the catalogue are known: they are small, so their fields are there to be
-//! plotted, and `elk` holds the value's bytes in hexadecimal digits. Epoch, source, community, and a binary value's type
-//! and layout stand in the channel's metadata. Before viewers were tried, other values had an encoding of their own,
+//! module `spatial` says. The values of other types that describe themselves have their fields there to be plotted, unless
+//! they are bulky, and `elk` holds the value's bytes in hexadecimal digits. Epoch, source, community, and a binary value's
+//! type, layout and description stand in the channel's metadata. Before viewers were tried, other values had an encoding of their own,
 //! `elk`: envelope, then value. Such logs are read.
 
-use elk_bus::ValueRef;
-use elk_spatial::catalogue::{self, PayloadType};
+use std::borrow::Cow;
+
+use elk_bus::{Description, Type, TypeRef, ValueRef};
 
 use crate::foxglove::{self, MessageType};
 use crate::record::RecordRef;
@@ -97,13 +98,11 @@ impl Announcement {
         match *value {
             ValueRef::Double(_) => Self::json(DOUBLE, schema::double()),
             ValueRef::Text(_) => Self::json(TEXT, schema::text()),
-            ValueRef::Binary { type_name, layout, .. } => {
-                match (Shape::of(type_name, layout), known(type_name, layout)) {
-                    (Some(shape), _) => Self::protobuf(shape.message_type()),
-                    (None, Some(known)) => Self::json(type_name, schema::known(known)),
-                    (None, None) => Self::protobuf(&foxglove::BINARY),
-                }
-            }
+            ValueRef::Binary { type_, .. } => match (Shape::of(type_), shown_fields(type_)) {
+                (Some(shape), _) => Self::protobuf(shape.message_type()),
+                (None, Some(description)) => Self::json(type_.name(), schema::described(&description)),
+                (None, None) => Self::protobuf(&foxglove::BINARY),
+            },
         }
     }
 
@@ -124,37 +123,31 @@ pub(crate) enum Kind {
     Double,
     Text,
     /// As a protobuf message that carries it.
-    Protobuf {
-        type_name: String,
-        layout: u64,
-    },
-    Known {
-        type_name: String,
-        layout: u64,
-    },
+    Protobuf(Type),
+    /// As JSON with its fields.
+    Described(Type),
     /// As [`ELK`].
-    Binary {
-        type_name: String,
-        layout: u64,
-    },
+    Binary(Type),
 }
 
 impl Kind {
     /// How a channel's messages are stored, by what the channel and its schema say; none: it is not of elk.
-    pub fn announced(message_encoding: &str, schema: &str, type_name: &str, layout: &str) -> Option<Self> {
+    pub fn announced(message_encoding: &str, schema: &str, type_: Option<Type>) -> Option<Self> {
         match (message_encoding, schema) {
             (JSON, DOUBLE) => Some(Kind::Double),
             (JSON, TEXT) => Some(Kind::Text),
-            _ if type_name.is_empty() => None,
-            (PROTOBUF | JSON | ELK, _) => {
-                let (type_name, layout) = (type_name.to_owned(), u64::from_str_radix(layout, 16).ok()?);
-                Some(match message_encoding {
-                    PROTOBUF => Kind::Protobuf { type_name, layout },
-                    JSON => Kind::Known { type_name, layout },
-                    _ => Kind::Binary { type_name, layout },
-                })
-            }
+            (PROTOBUF, _) => type_.map(Kind::Protobuf),
+            (JSON, _) => type_.map(Kind::Described),
+            (ELK, _) => type_.map(Kind::Binary),
             _ => None,
+        }
+    }
+
+    /// The type of its values, if they are of one.
+    pub fn type_(&self) -> Option<&Type> {
+        match self {
+            Kind::Double | Kind::Text => None,
+            Kind::Protobuf(type_) | Kind::Described(type_) | Kind::Binary(type_) => Some(type_),
         }
     }
 
@@ -163,9 +156,9 @@ impl Kind {
         match self {
             Kind::Double => decode_double(bytes, scratch),
             Kind::Text => decode_text(bytes, scratch),
-            Kind::Protobuf { type_name, layout } => decode_protobuf(bytes, type_name, *layout, scratch),
-            Kind::Known { type_name, layout } => decode_known(bytes, type_name, *layout, scratch),
-            Kind::Binary { type_name, layout } => decode_binary(bytes, type_name, *layout),
+            Kind::Protobuf(type_) => decode_protobuf(bytes, type_.as_ref(), scratch),
+            Kind::Described(type_) => decode_described(bytes, type_.as_ref(), scratch),
+            Kind::Binary(type_) => decode_binary(bytes, type_.as_ref()),
         }
     }
 }
@@ -175,15 +168,16 @@ pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(),
     match record.value {
         ValueRef::Double(number) => encode_json(buffer, record, |buffer| put_number(buffer, number)),
         ValueRef::Text(text) => encode_json(buffer, record, |buffer| put_text(buffer, text)),
-        ValueRef::Binary { type_name, layout, bytes } => {
-            if let (None, Some(known)) = (Shape::of(type_name, layout), known(type_name, layout)) {
-                return encode_known(buffer, record, known, bytes);
+        ValueRef::Binary { type_, bytes } => {
+            let shape = Shape::of(type_);
+            if let (None, Some(description)) = (shape, shown_fields(type_)) {
+                return encode_described(buffer, record, &description, bytes);
             }
             let mut envelope = [0; ENVELOPE_BYTES + 64];
             let mut long = Vec::new();
             let envelope = put_envelope(record, &mut envelope, &mut long)?;
-            match Shape::of(type_name, layout) {
-                Some(shape) => spatial::put(shape, nanoseconds(record.time), envelope, bytes, buffer),
+            match shape {
+                Some(shape) => spatial::put((shape, type_), nanoseconds(record.time), envelope, bytes, buffer),
                 None => spatial::put_other(envelope, bytes, buffer),
             }
             Ok(())
@@ -191,15 +185,20 @@ pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(),
     }
 }
 
-/// The type of the catalogue that this is, if it is one.
-fn known(type_name: &str, layout: u64) -> Option<&'static PayloadType> {
-    catalogue::named(type_name).filter(|known| known.layout == layout)
+/// What the values of a type are, if they are stored with their fields: those that are not bulky.
+fn shown_fields(type_: TypeRef<'_>) -> Option<Cow<'_, Description>> {
+    type_.description().filter(|description| !description.is_bulky())
 }
 
-/// Values of elk's own types are shown with their fields up to this length (bytes).
+/// Values are stored with their fields up to this length (bytes).
 const LONGEST_SHOWN: usize = 4 << 20;
 
-fn encode_known(buffer: &mut Vec<u8>, record: &RecordRef<'_>, known: &PayloadType, bytes: &[u8]) -> Result<(), String> {
+fn encode_described(
+    buffer: &mut Vec<u8>,
+    record: &RecordRef<'_>,
+    description: &Description,
+    bytes: &[u8],
+) -> Result<(), String> {
     const DIGITS: &[u8; 16] = b"0123456789abcdef";
     buffer.extend_from_slice(b"{\"elk\":\"");
     let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 15]).map(|digit| DIGITS[usize::from(digit)]);
@@ -209,7 +208,7 @@ fn encode_known(buffer: &mut Vec<u8>, record: &RecordRef<'_>, known: &PayloadTyp
     buffer.extend_from_slice(b",\"value\":");
     // What is not what its type says has no fields to show, and what is very long none that anybody looks at, for many
     // times its memory; both are stored all the same.
-    let shown = (bytes.len() <= LONGEST_SHOWN).then(|| known.to_json(bytes, usize::MAX).ok()).flatten();
+    let shown = (bytes.len() <= LONGEST_SHOWN).then(|| description.to_json(bytes, usize::MAX).ok()).flatten();
     let mut fields = shown.unwrap_or_else(|| serde_json::json!({}));
     schema::leave_out_nulls(&mut fields);
     serde_json::to_writer(&mut *buffer, &fields).map_err(|error| error.to_string())?;
@@ -320,18 +319,13 @@ fn decode_text<'a>(bytes: &'a [u8], scratch: &'a mut Scratch) -> Result<Decoded<
 }
 
 /// Reads a message of a channel with the encoding [`ELK`].
-fn decode_binary<'a>(bytes: &'a [u8], type_name: &'a str, layout: u64) -> Result<Decoded<'a>, String> {
+fn decode_binary<'a>(bytes: &'a [u8], type_: TypeRef<'a>) -> Result<Decoded<'a>, String> {
     let (envelope, bytes) = split_envelope(bytes)?;
-    Ok(Decoded { value: ValueRef::Binary { type_name, layout, bytes }, envelope })
+    Ok(Decoded { value: ValueRef::Binary { type_, bytes }, envelope })
 }
 
 /// Reads a message of a channel with the encoding [`PROTOBUF`].
-fn decode_protobuf<'a>(
-    bytes: &'a [u8],
-    type_name: &'a str,
-    layout: u64,
-    scratch: &'a mut Scratch,
-) -> Result<Decoded<'a>, String> {
+fn decode_protobuf<'a>(bytes: &'a [u8], type_: TypeRef<'a>, scratch: &'a mut Scratch) -> Result<Decoded<'a>, String> {
     let (head, tail) = spatial::original(bytes).ok_or("it does not carry the value that was sent")?;
     let (envelope, head) = split_envelope(head)?;
     let bytes = match (head, tail) {
@@ -343,22 +337,17 @@ fn decode_protobuf<'a>(
             &scratch.value
         }
     };
-    Ok(Decoded { value: ValueRef::Binary { type_name, layout, bytes }, envelope })
+    Ok(Decoded { value: ValueRef::Binary { type_, bytes }, envelope })
 }
 
-/// Reads a message of a channel with values that the catalogue knows.
-fn decode_known<'a>(
-    bytes: &'a [u8],
-    type_name: &'a str,
-    layout: u64,
-    scratch: &'a mut Scratch,
-) -> Result<Decoded<'a>, String> {
+/// Reads a message of a channel with values that are stored with their fields.
+fn decode_described<'a>(bytes: &'a [u8], type_: TypeRef<'a>, scratch: &'a mut Scratch) -> Result<Decoded<'a>, String> {
     let mut json = Json(bytes);
     json.expect(b"{\"elk\":")?;
     json.bytes(&mut scratch.value)?;
     let envelope = json.envelope(&mut scratch.source_aux)?;
     json.expect(b",\"value\":")?;
-    Ok(Decoded { value: ValueRef::Binary { type_name, layout, bytes: &scratch.value }, envelope })
+    Ok(Decoded { value: ValueRef::Binary { type_, bytes: &scratch.value }, envelope })
 }
 
 fn split_envelope(bytes: &[u8]) -> Result<(Envelope<'_>, &[u8]), String> {

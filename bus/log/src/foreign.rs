@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use elk_bus::ValueRef;
+use elk_bus::{TypeRef, ValueRef};
 
 use crate::encoding::JSON;
 use crate::plain::{PlainJson, plain, without_nan};
@@ -161,7 +161,7 @@ impl Foreign {
             Reading::Ros1(plain) => plain.read(bytes, Order::Little),
             Reading::Bytes => None,
         };
-        read.unwrap_or(ValueRef::Binary { type_name: self.type_name(), layout: 0, bytes })
+        read.unwrap_or(ValueRef::Binary { type_: TypeRef::undescribed(self.type_name(), 0), bytes })
     }
 }
 

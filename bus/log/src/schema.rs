@@ -3,7 +3,8 @@
 //! Foxglove and Lichtblick do not open a channel whose schema has a list of lists in it, an object whose properties are
 //! not given, or what may be of several types. A property that is not in the schema is in the message all the same.
 
-use elk_spatial::catalogue::PayloadType;
+use elk_bus::Description;
+use elk_bus::describe::{Content, Field, Kind};
 use serde_json::{Map, Value, json};
 
 /// That of the logger's own losses.
@@ -23,11 +24,10 @@ fn value(schema: Value) -> String {
     with_envelope([("value", schema)], &["value"])
 }
 
-/// That of the values of a type that the catalogue knows: what of its fields can be plotted or read.
-pub(crate) fn known(payload: &PayloadType) -> String {
-    // Every example is a value of its type; the catalogue's tests see to it.
-    let example: Value = serde_json::from_str(payload.example).unwrap_or_default();
-    let fields = like(&example).unwrap_or_else(|| json!({"type": "object", "properties": {}}));
+/// That of the values of a type that describes itself: what of its fields can be plotted or read.
+pub(crate) fn described(description: &Description) -> String {
+    let fields = like(description.kind()).filter(|schema| schema["type"] == "object");
+    let fields = fields.unwrap_or_else(|| json!({"type": "object", "properties": {}}));
     let bytes = json!({"type": "string", "description": "the value's bytes"});
     with_envelope([("elk", bytes), ("value", fields)], &["elk", "value"])
 }
@@ -45,24 +45,39 @@ fn with_envelope<const N: usize>(own: [(&str, Value); N], required: &[&str]) -> 
     json!({"type": "object", "properties": properties, "required": required}).to_string()
 }
 
-/// The schema of what is like `example`; nothing: there is none that viewers take.
-fn like(example: &Value) -> Option<Value> {
-    match example {
-        Value::Null => None,
-        Value::Bool(_) => Some(json!({"type": "boolean"})),
-        Value::String(_) => Some(json!({"type": "string"})),
-        Value::Number(number) if number.is_f64() => Some(json!({"type": "number"})),
-        Value::Number(_) => Some(json!({"type": "integer"})),
-        Value::Array(entries) => match entries.first() {
-            None | Some(Value::Array(_)) => None,
-            Some(first) => like(first).map(|items| json!({"type": "array", "items": items})),
+/// The schema of a kind of value; nothing: there is none that viewers take.
+fn like(kind: &Kind) -> Option<Value> {
+    let simple = |name: &str| Some(json!({"type": name}));
+    match kind {
+        Kind::Bool => simple("boolean"),
+        Kind::Text | Kind::Symbols { .. } => simple("string"),
+        Kind::Float(_) => simple("number"),
+        Kind::Unsigned(_) | Kind::Signed(_) => simple("integer"),
+        Kind::Rotation => Some(json!({"type": "array", "items": {"type": "number"}})),
+        Kind::Option(inner) => like(inner),
+        Kind::List(inner) | Kind::Packed(inner) | Kind::Array { of: inner, .. } => match like(inner) {
+            Some(items) if items["type"] != "array" => Some(json!({"type": "array", "items": items})),
+            _ => None,
         },
-        Value::Object(fields) if is_variant(fields) => None,
-        Value::Object(fields) => {
-            let properties = fields.iter().filter_map(|(name, field)| Some((name.clone(), like(field)?)));
+        Kind::Struct(one) => {
+            let properties = one.fields.iter().filter_map(property);
             Some(json!({"type": "object", "properties": properties.collect::<Map<_, _>>()}))
         }
+        // All of them are names only where none holds anything.
+        Kind::Enum(one) if one.variants.iter().all(|variant| variant.content == Content::Unit) => simple("string"),
+        Kind::Enum(_) | Kind::Tuple(_) | Kind::Unit => None,
     }
+}
+
+/// A field's schema, with its unit and what it means.
+fn property(field: &Field) -> Option<(String, Value)> {
+    let mut schema = like(&field.kind)?;
+    let unit = if field.unit.is_empty() { String::new() } else { format!(" ({})", field.unit) };
+    let words = format!("{}{unit}", field.docs.trim_end_matches('.'));
+    if !words.is_empty() {
+        schema["description"] = words.trim().into();
+    }
+    Some((field.name.clone(), schema))
 }
 
 /// Takes out of a value what is not there: `null` is of no type that a schema gives.
@@ -77,17 +92,14 @@ pub(crate) fn leave_out_nulls(value: &mut Value) {
     }
 }
 
-/// Whether this is an enum's variant with its fields: other values of the type have other properties, or are texts.
-fn is_variant(fields: &Map<String, Value>) -> bool {
-    let mut names = fields.keys();
-    let first = names.next().and_then(|name| name.chars().next());
-    names.next().is_none() && first.is_some_and(char::is_uppercase)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::catalogue::{CATALOGUE, named};
+    use elk_spatial::samples::{SAMPLES, Sample, named};
+
+    fn schema_of(sample: &Sample) -> String {
+        described(&sample.type_.description().unwrap())
+    }
 
     /// Fails where viewers would.
     fn take(schema: &Value, at: &str) {
@@ -107,7 +119,7 @@ mod tests {
 
     #[test]
     fn viewers_take_every_schema() {
-        let known = CATALOGUE.iter().map(|payload| (payload.name, known(payload)));
+        let known = SAMPLES.iter().map(|sample| (sample.name(), schema_of(sample)));
         for (name, schema) in known.chain([("double", double()), ("text", text()), ("dropped", DROPPED.into())]) {
             take(&serde_json::from_str(&schema).unwrap(), name);
         }
@@ -136,23 +148,24 @@ mod tests {
 
     #[test]
     fn values_fit_their_schema_whatever_is_missing_in_them() {
-        for payload in CATALOGUE {
-            let schema: Value = serde_json::from_str(&known(payload)).unwrap();
-            let example: Value = serde_json::from_str(payload.example).unwrap();
-            fits(&example, &schema["properties"]["value"], payload.name);
+        for sample in SAMPLES {
+            let schema: Value = serde_json::from_str(&schema_of(sample)).unwrap();
+            let mut value = sample.value();
+            leave_out_nulls(&mut value);
+            fits(&value, &schema["properties"]["value"], sample.name());
         }
         let memory = named("MotionMemory").unwrap();
-        let mut value: Value = serde_json::from_str(memory.example).unwrap();
+        let mut value = memory.value();
         value["leg"] = Value::Null;
         value["samples"][0]["path_length_m"] = Value::Null;
         leave_out_nulls(&mut value);
-        fits(&value, &serde_json::from_str::<Value>(&known(memory)).unwrap()["properties"]["value"], memory.name);
+        fits(&value, &serde_json::from_str::<Value>(&schema_of(memory)).unwrap()["properties"]["value"], memory.name());
         assert_eq!(value["samples"], json!([{"scans": 1, "free": 8}]));
     }
 
     #[test]
     fn what_can_be_plotted_is_in_the_schema_and_what_may_be_anything_is_not() {
-        let of = |name: &str| serde_json::from_str::<Value>(&known(named(name).unwrap())).unwrap();
+        let of = |name: &str| serde_json::from_str::<Value>(&schema_of(named(name).unwrap())).unwrap();
         let progress = &of("Progress")["properties"]["value"]["properties"];
         assert_eq!(progress["path_length_m"]["type"], "number");
         assert_eq!(progress["finished"]["type"], "boolean");

@@ -1,23 +1,22 @@
 //! Which values of the bus viewers can show, and as what.
 //!
-//! | value | message | what a viewer sees |
+//! | drawn as (see [`elk_bus::Describe`]) | message | what a viewer sees |
 //! |---|---|---|
-//! | `Scan` | `foxglove.PointCloud` | the points, at the camera's pose |
-//! | `MapUpdate` | `foxglove.PointCloud` | the centres of the occupied voxels in the bricks that changed |
-//! | `CameraPose`, `PoseCommand`, `PlanRequest` | `foxglove.PoseInFrame` | the pose |
-//! | `Plan` | `foxglove.PosesInFrame` | the path, then the poses to look from |
+//! | `points`: a scan | `foxglove.PointCloud` | the points, at the camera's pose |
+//! | `voxels`: a map | `foxglove.PointCloud` | the centres of the occupied voxels in the bricks that changed |
+//! | `pose`: a camera's, a command's | `foxglove.PoseInFrame` | the pose |
+//! | `poses`: a plan | `foxglove.PosesInFrame` | the path, then the poses to look from |
 //!
 //! Each message carries the value as it was sent in a field that the schema does not name ([`ORIGINAL`]): protobuf
 //! readers pass over it, and [`original`] gives the value back to the bit, whatever the conversion rounds or leaves out.
 //! A second copy costs little where values are small. A scan is not, and its points are packed just as a point cloud
 //! wants them: they are stored once, in the cloud's `data`, and the unnamed field holds only what stood before them.
 
-use elk_bus::{Payload, codec};
-use elk_spatial::Scan;
+use elk_bus::describe::Kind;
+use elk_bus::{Payload, TypeRef, codec};
 use elk_spatial::bricks::voxel_at;
 use elk_spatial::map::{BrickStates, MapUpdate, State};
-use elk_spatial::messages::{CameraPose, Decision, Path, Plan, PlanRequest, PoseCommand};
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::foxglove::{self, DATA, MessageType};
 use crate::protobuf::{Fields, find_bytes};
@@ -25,59 +24,57 @@ use crate::protobuf::{Fields, find_bytes};
 /// The field that holds envelope and value. Foxglove's own numbers end near 100; protobuf's end at 2²⁹ − 1.
 const ORIGINAL: u32 = 20_000;
 
-/// A value that viewers can show.
+/// As what viewers show a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Shape {
-    /// A depth scan.
-    Scan,
-    /// A map, or what changed in one.
+    /// Points, at a pose.
+    Points,
+    /// The occupied voxels of a map, or of what changed in one.
     Map,
-    /// Where the camera is.
-    CameraPose,
-    /// Where it is to go.
-    PoseCommand,
-    /// Where a plan is asked for.
-    PlanRequest,
-    /// A path.
-    Plan,
+    /// A pose.
+    Pose,
+    /// A way, and where to look from.
+    Poses,
 }
 
-/// Every shape with the type of value that has it.
-const SHAPES: [(Shape, &str, u64); 6] = [
-    (Shape::Scan, <Scan<'_> as Payload>::NAME, <Scan<'_> as Payload>::LAYOUT),
-    (Shape::Map, MapUpdate::NAME, MapUpdate::LAYOUT),
-    (Shape::CameraPose, CameraPose::NAME, CameraPose::LAYOUT),
-    (Shape::PoseCommand, PoseCommand::NAME, PoseCommand::LAYOUT),
-    (Shape::PlanRequest, PlanRequest::NAME, PlanRequest::LAYOUT),
-    (Shape::Plan, Plan::NAME, Plan::LAYOUT),
-];
-
 impl Shape {
-    /// The shape of values of this type; none: viewers do not know it.
-    pub fn of(type_name: &str, layout: u64) -> Option<Self> {
-        let found = SHAPES.iter().find(|(_, name, hash)| (*name, *hash) == (type_name, layout));
-        found.map(|(shape, ..)| *shape)
+    /// As what values of this type are shown; none: viewers cannot.
+    pub fn of(type_: TypeRef<'_>) -> Option<Self> {
+        match type_.drawn() {
+            "points" => Some(Shape::Points),
+            "pose" => Some(Shape::Pose),
+            "poses" => Some(Shape::Poses),
+            "voxels" if type_.is::<MapUpdate>() => Some(Shape::Map),
+            _ => None,
+        }
     }
 
     /// The message that it is stored as.
     pub fn message_type(self) -> &'static MessageType {
         match self {
-            Shape::Scan | Shape::Map => &foxglove::POINT_CLOUD,
-            Shape::CameraPose | Shape::PoseCommand | Shape::PlanRequest => &foxglove::POSE_IN_FRAME,
-            Shape::Plan => &foxglove::POSES_IN_FRAME,
+            Shape::Points | Shape::Map => &foxglove::POINT_CLOUD,
+            Shape::Pose => &foxglove::POSE_IN_FRAME,
+            Shape::Poses => &foxglove::POSES_IN_FRAME,
         }
     }
 }
 
 /// Appends the message to `out`: what viewers show of `value`, and with it `envelope` and the value itself. A value that
 /// is not what its type says is stored all the same; viewers then see an empty message.
-pub(crate) fn put(shape: Shape, nanoseconds: u64, envelope: &[u8], value: &[u8], out: &mut Vec<u8>) {
+pub(crate) fn put(
+    (shape, type_): (Shape, TypeRef<'_>),
+    nanoseconds: u64,
+    envelope: &[u8],
+    value: &[u8],
+    out: &mut Vec<u8>,
+) {
     let mut out = Fields(out);
     foxglove::put_head(&mut out, nanoseconds);
     let stored_in_data = match shape {
-        Shape::Scan => put_scan(&mut out, value),
+        Shape::Points => put_points(&mut out, type_, value),
         Shape::Map => put_map(&mut out, value),
-        _ => put_poses(shape, &mut out, value),
+        Shape::Pose => put_pose(&mut out, type_, value),
+        Shape::Poses => put_poses(&mut out, type_, value),
     };
     let rest = &value[..value.len() - stored_in_data.unwrap_or(0)];
     out.parts(ORIGINAL, &[&[u8::from(stored_in_data.is_some())], envelope, rest]);
@@ -97,16 +94,74 @@ pub(crate) fn original(message: &[u8]) -> Option<(&[u8], &[u8])> {
     Some((head, if *stored_in_data == 1 { data? } else { &[] }))
 }
 
+/// What of a value viewers draw.
+struct Drawn<'a> {
+    /// Points in the order of their bytes as poses that only stand somewhere, and poses.
+    all: Vec<Isometry3<f64>>,
+    /// The first pose.
+    pose: Option<Isometry3<f64>>,
+    /// The last list of packed points.
+    points: Option<&'a [u8]>,
+}
+
+/// Finds what can be drawn in a value; `None`: it is not what its type says.
+fn drawn<'a>(type_: TypeRef<'_>, value: &'a [u8]) -> Option<Drawn<'a>> {
+    let mut drawn = Drawn { all: Vec::new(), pose: None, points: None };
+    type_
+        .description()?
+        .visit(value, &mut |kind, bytes| {
+            if is_pose(kind) {
+                let pose = pose_of(bytes);
+                drawn.pose.get_or_insert(pose);
+                drawn.all.push(pose);
+            } else if is_vector(kind, Kind::Float(8)) {
+                drawn.all.push(Isometry3::translation(f64_at(bytes, 0), f64_at(bytes, 1), f64_at(bytes, 2)));
+            } else if let Kind::Packed(of) = kind
+                && is_vector(of, Kind::Float(4))
+            {
+                drawn.points = Some(bytes);
+            } else {
+                return false;
+            }
+            true
+        })
+        .ok()?;
+    Some(drawn)
+}
+
+/// Whether values are nalgebra's `Isometry3<f64>`: a rotation, and a translation after it.
+fn is_pose(kind: &Kind) -> bool {
+    let Kind::Struct(one) = kind else { return false };
+    match one.fields.as_slice() {
+        [rotation, translation] => rotation.kind == Kind::Rotation && is_vector(&translation.kind, Kind::Float(8)),
+        _ => false,
+    }
+}
+
+fn is_vector(kind: &Kind, number: Kind) -> bool {
+    matches!(kind, Kind::Array { of, count: 3 } if **of == number)
+}
+
+fn f64_at(bytes: &[u8], index: usize) -> f64 {
+    let number = bytes.get(8 * index..).and_then(|rest| rest.first_chunk());
+    number.map_or(f64::NAN, |number| f64::from_le_bytes(*number))
+}
+
+fn pose_of(bytes: &[u8]) -> Isometry3<f64> {
+    let [x, y, z, w, right, ahead, up] = std::array::from_fn(|i| f64_at(bytes, i));
+    let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+    Isometry3::from_parts(Translation3::new(right, ahead, up), rotation)
+}
+
 /// Answers how many bytes at the end of the value are in the message's `data`.
-fn put_scan(out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
-    let scan: Scan<'_> = codec::decode(value, <Scan<'_> as Payload>::NAME).ok()?;
-    let points = scan.points.as_bytes();
-    // The points are the last thing in a scan; should that ever change, the value is stored whole besides.
-    let at_the_end = value.ends_with(points);
-    foxglove::put_pose(out, &scan.pose.0);
+fn put_points(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<usize> {
+    let Drawn { pose, points, .. } = drawn(type_, value)?;
+    let points = points?;
+    foxglove::put_pose(out, &pose.unwrap_or_default());
     foxglove::put_point_fields(out);
     out.bytes(DATA, points);
-    at_the_end.then_some(points.len())
+    // A scan's are the last thing in it; what has them elsewhere is stored whole besides.
+    value.ends_with(points).then_some(points.len())
 }
 
 fn put_map(out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
@@ -118,7 +173,7 @@ fn put_map(out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
     None
 }
 
-/// Occupied voxels of one update that a viewer is shown; the update itself is stored whole.
+/// Voxels or poses of one value that a viewer is shown; the value itself is stored whole.
 const MOST_SHOWN: usize = 1 << 20;
 
 fn occupied_centers(brick: &BrickStates, resolution: f64) -> impl Iterator<Item = [u8; 12]> {
@@ -126,43 +181,27 @@ fn occupied_centers(brick: &BrickStates, resolution: f64) -> impl Iterator<Item 
     cells.map(move |cell| foxglove::packed(voxel_at(brick.position(), cell).center(resolution)))
 }
 
-fn put_poses(shape: Shape, out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
-    match shape {
-        Shape::CameraPose => {
-            foxglove::put_pose(out, &codec::decode::<CameraPose>(value, CameraPose::NAME).ok()?.pose.0);
-        }
-        Shape::PoseCommand => {
-            foxglove::put_pose(out, &codec::decode::<PoseCommand>(value, PoseCommand::NAME).ok()?.pose.0);
-        }
-        Shape::PlanRequest => {
-            foxglove::put_pose(out, &codec::decode::<PlanRequest>(value, PlanRequest::NAME).ok()?.pose.0);
-        }
-        _ => {
-            if let Decision::Go(path) = codec::decode::<Plan>(value, Plan::NAME).ok()?.decision {
-                put_path(out, &path);
-            }
-        }
-    }
+fn put_pose(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<usize> {
+    foxglove::put_pose(out, &drawn(type_, value)?.pose?);
     None
 }
 
-fn put_path(out: &mut Fields<'_>, path: &Path) {
-    for point in &path.points {
-        foxglove::put_pose(out, &at(*point));
-    }
-    path.looks.iter().for_each(|look| foxglove::put_pose(out, &look.0));
-}
-
-/// A pose that only stands somewhere.
-fn at(point: Point3<f64>) -> Isometry3<f64> {
-    Isometry3::from_parts(Translation3::from(point), UnitQuaternion::identity())
+fn put_poses(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<usize> {
+    drawn(type_, value)?.all.iter().take(MOST_SHOWN).for_each(|pose| foxglove::put_pose(out, pose));
+    None
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::{OccupancyGrid, Pose, Voxel};
+    use elk_spatial::messages::{Plan, PoseCommand};
+    use elk_spatial::{OccupancyGrid, Pose, Scan, Voxel};
+    use nalgebra::Point3;
     use proptest::prelude::*;
+
+    const SCAN: TypeRef<'static> = TypeRef::of::<Scan<'static>>();
+    const MAP: TypeRef<'static> = TypeRef::of::<MapUpdate>();
+    const DRAWN: [TypeRef<'static>; 4] = [SCAN, MAP, TypeRef::of::<PoseCommand>(), TypeRef::of::<Plan>()];
 
     fn encoded<T: serde::Serialize>(value: &T) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -170,9 +209,9 @@ mod tests {
         bytes
     }
 
-    fn back(shape: Shape, value: &[u8]) -> Vec<u8> {
+    fn back(type_: TypeRef<'_>, value: &[u8]) -> Vec<u8> {
         let mut message = Vec::new();
-        put(shape, 1, b"envelope", value, &mut message);
+        put((Shape::of(type_).unwrap(), type_), 1, b"envelope", value, &mut message);
         let (head, tail) = original(&message).unwrap();
         [head.strip_prefix(b"envelope").unwrap(), tail].concat()
     }
@@ -183,9 +222,46 @@ mod tests {
         let scan = Scan::new(7, 6, Pose(Isometry3::identity()), points);
         let value = encoded(&scan);
         let mut message = Vec::new();
-        put(Shape::Scan, 1, b"", &value, &mut message);
+        put((Shape::Points, SCAN), 1, b"", &value, &mut message);
         assert!(message.len() < value.len() + 300, "{} bytes for {}", message.len(), value.len());
-        assert_eq!(back(Shape::Scan, &value), value);
+        assert_eq!(back(SCAN, &value), value);
+    }
+
+    /// What a laser of somebody else's saw, with its points in the midst.
+    #[elk_bus::payload]
+    #[describe(drawn = "points")]
+    struct Sweep<'a> {
+        #[serde(borrow)]
+        points: elk_spatial::Points<'a>,
+        laser: Option<Pose>,
+        power: f64,
+    }
+
+    #[test]
+    fn what_strangers_mark_is_drawn_and_comes_back() {
+        let points: elk_spatial::Points<'_> = [Point3::new(1.0, 2.0, 3.0)].into_iter().collect();
+        let drawn = points.as_bytes().to_vec();
+        let pose = Pose(Isometry3::translation(4.0, 5.0, 6.0));
+        let value = encoded(&Sweep { points, laser: Some(pose), power: 0.5 });
+        let mut message = Vec::new();
+        let type_ = TypeRef::of::<Sweep<'static>>();
+        put((Shape::of(type_).unwrap(), type_), 1, b"", &value, &mut message);
+        assert_eq!(find_bytes(&message, [DATA]).unwrap(), [Some(drawn.as_slice())]);
+        assert_eq!(super::drawn(type_, &value).unwrap().pose, Some(pose.0));
+        assert_eq!(back(type_, &value), value);
+    }
+
+    #[test]
+    fn a_plans_way_is_drawn_before_the_looks_at_its_end() {
+        let plan = elk_spatial::samples::named("Plan").unwrap();
+        let mut json = plan.value();
+        let look = serde_json::json!({"rotation": [0.0, 0.0, 1.0, 0.0], "translation": [7.0, 8.0, 9.0]});
+        json["decision"]["Go"]["points"] = serde_json::json!([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        json["decision"]["Go"]["looks"] = serde_json::json!([look]);
+        let bytes = plan.bytes_of(&json).unwrap();
+        let way: Vec<[f64; 3]> =
+            super::drawn(plan.type_, &bytes).unwrap().all.iter().map(|pose| pose.translation.vector.into()).collect();
+        assert_eq!(way, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]);
     }
 
     #[test]
@@ -197,17 +273,17 @@ mod tests {
         }
         let value = encoded(&map.whole(1));
         let mut message = Vec::new();
-        put(Shape::Map, 1, b"", &value, &mut message);
+        put((Shape::Map, MAP), 1, b"", &value, &mut message);
         let [data] = find_bytes(&message, [DATA]).unwrap();
         assert_eq!(data.unwrap(), foxglove::packed(Voxel::new(3, -4, 5).center(0.1)));
-        assert_eq!(back(Shape::Map, &value), value);
+        assert_eq!(back(MAP, &value), value);
     }
 
     proptest! {
         /// What claims to be a scan, and is anything else, comes back as well.
         #[test]
-        fn anything_comes_back(value in prop::collection::vec(any::<u8>(), 0..300), shape in 0..SHAPES.len()) {
-            prop_assert_eq!(back(SHAPES[shape].0, &value), value);
+        fn anything_comes_back(value in prop::collection::vec(any::<u8>(), 0..300), type_ in 0..DRAWN.len()) {
+            prop_assert_eq!(back(DRAWN[type_], &value), value);
         }
     }
 }

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use elk_bus::ValueRef;
+use elk_bus::{Type, ValueRef};
 use mcap::records::{AttachmentHeader, MessageHeader, Record as McapRecord};
 use mcap::write::NoSeek;
 use mcap::{Attachment, WriteOptions, Writer};
@@ -120,16 +120,14 @@ struct Channel {
 enum ChannelKind {
     Double,
     Text,
-    Binary { type_name: String, layout: u64 },
+    Binary(Type),
 }
 
 impl Channel {
     fn carries(&self, record: &RecordRef<'_>) -> bool {
         let same_kind = match (&self.kind, record.value) {
             (ChannelKind::Double, ValueRef::Double(_)) | (ChannelKind::Text, ValueRef::Text(_)) => true,
-            (ChannelKind::Binary { type_name, layout }, ValueRef::Binary { type_name: name, layout: l, .. }) => {
-                type_name == name && *layout == l
-            }
+            (ChannelKind::Binary(carried), ValueRef::Binary { type_, .. }) => carried.as_ref() == type_,
             _ => false,
         };
         same_kind && self.source == record.source && self.community == record.community && self.epoch == record.epoch
@@ -458,10 +456,14 @@ impl Segment {
         let carried = match record.value {
             ValueRef::Double(_) => ChannelKind::Double,
             ValueRef::Text(_) => ChannelKind::Text,
-            ValueRef::Binary { type_name, layout, .. } => {
-                metadata.insert("type".into(), type_name.into());
-                metadata.insert("layout".into(), format!("{layout:016x}"));
-                ChannelKind::Binary { type_name: type_name.into(), layout }
+            ValueRef::Binary { type_, .. } => {
+                metadata.insert("type".into(), type_.name().into());
+                metadata.insert("layout".into(), format!("{:016x}", type_.layout()));
+                if let Some(description) = type_.description() {
+                    metadata.insert("description".into(), description.to_text());
+                }
+                // Which type it is, name and layout say: its description need not be kept once more.
+                ChannelKind::Binary(Type::undescribed(type_.name(), type_.layout()))
             }
         };
         let id = self.format.add_channel(schema, record.key, said.message_encoding, &metadata)?;

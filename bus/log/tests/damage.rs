@@ -7,7 +7,7 @@ mod common;
 
 use std::path::Path;
 
-use elk_bus::Value;
+use elk_bus::{Type, Value};
 use elk_log::fuzzing::{read_alog, read_log};
 use elk_log::{Compression, Index, LogOptions, LogReader, LogWriter, Metadata, Record};
 
@@ -15,7 +15,7 @@ fn record(number: u64) -> Record {
     let value = match number % 3 {
         0 => Value::Double(number as f64),
         1 => Value::Text("some words".into()),
-        _ => Value::Binary { type_name: "Unknown".into(), layout: 1, bytes: vec![number as u8; 50] },
+        _ => Value::Binary { type_: Type::undescribed("Unknown", 1), bytes: vec![number as u8; 50] },
     };
     common::record(number, &format!("KEY_{}", number % 3), value)
 }

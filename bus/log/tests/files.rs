@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use elk_bus::{Payload, Value, codec};
+use elk_bus::{Payload, Type, TypeRef, Value, codec};
 use elk_log::check::check;
 use elk_log::{Compression, Index, LogError, LogOptions, LogReader, LogWriter, Metadata, Record, segments};
 use elk_spatial::messages::{CameraPose, Decision, MotionPolicy, Path as Way, Plan, Progress};
@@ -29,7 +29,7 @@ fn record(key: &str, number: u64, value: Value) -> Record {
 fn binary<T: Payload>(value: &T::View<'_>) -> Value {
     let mut bytes = Vec::new();
     codec::encode_onto(value, &mut bytes).unwrap();
-    Value::Binary { type_name: T::NAME.into(), layout: T::LAYOUT, bytes }
+    Value::Binary { type_: TypeRef::of::<T>().to_type(), bytes }
 }
 
 fn numbers(count: u64) -> Vec<Record> {
@@ -223,7 +223,7 @@ fn values_in_the_encoding_of_older_logs_are_read() {
     let header = mcap::records::MessageHeader { channel_id, sequence: 7, log_time: 0, publish_time: 0 };
     log.write_to_known_channel(&header, &message).unwrap();
     log.finish().unwrap();
-    let value = Value::Binary { type_name: "Blob".into(), layout: 9, bytes: b"whatever".into() };
+    let value = Value::Binary { type_: Type::undescribed("Blob", 9), bytes: b"whatever".into() };
     assert_eq!(read(&path), [Record { time, received, order, ..record("OTHER", sequence, value) }]);
 }
 
@@ -302,8 +302,8 @@ fn spatial() -> Vec<Record> {
             }),
         ),
         record("DEPTH", 5, Value::Double(f64::NEG_INFINITY)),
-        record("OTHER", 6, Value::Binary { type_name: "Blob".into(), layout: 9, bytes: b"whatever".into() }),
-        record("NOTHING", 7, Value::Binary { type_name: "Blob".into(), layout: 9, bytes: Vec::new() }),
+        record("OTHER", 6, Value::Binary { type_: Type::undescribed("Blob", 9), bytes: b"whatever".into() }),
+        record("NOTHING", 7, Value::Binary { type_: Type::undescribed("Blob", 9), bytes: Vec::new() }),
     ]
 }
 

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use common::record;
-use elk_bus::Value;
+use elk_bus::{Type, Value};
 use elk_log::alog::AlogReader;
 use elk_log::check::check;
 use elk_log::copy::{copy, recover};
@@ -254,7 +254,7 @@ fn packed_log(path: &Path) -> LogWriter {
 }
 
 fn zeros(number: u64, bytes: u64) -> Record {
-    record(number, "KEY", Value::Binary { type_name: "Zeros".into(), layout: 1, bytes: vec![0; bytes as usize] })
+    record(number, "KEY", Value::Binary { type_: Type::undescribed("Zeros", 1), bytes: vec![0; bytes as usize] })
 }
 
 #[test]
@@ -335,7 +335,7 @@ fn logs_that_have_too_little_in_common_are_not_kept_in_memory() {
         let path = folder.path().join(name);
         let mut log = LogWriter::create(&path, &Metadata::default()).unwrap();
         for number in 0..count {
-            let value = Value::Binary { type_name: "T".into(), layout: 1, bytes: vec![7; MB as usize] };
+            let value = Value::Binary { type_: Type::undescribed("T", 1), bytes: vec![7; MB as usize] };
             log.append(&record(number, key, value).as_ref()).unwrap();
         }
         log.finish().unwrap();

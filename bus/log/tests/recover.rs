@@ -10,7 +10,7 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
-use elk_bus::Value;
+use elk_bus::{Type, Value};
 use elk_log::copy::recover;
 use elk_log::{Compression, LogOptions, LogReader, LogWriter, Metadata, Record};
 
@@ -37,7 +37,7 @@ fn record(number: u64) -> Record {
             let mut random = Random(number);
             let bytes = (0..400 + 7 * (number as usize % 4000) % 4000)
                 .map(|at| if at % 4 == 3 { 0x41 } else { random.below(64) as u8 });
-            Value::Binary { type_name: "Points".into(), layout: 1, bytes: bytes.collect() }
+            Value::Binary { type_: Type::undescribed("Points", 1), bytes: bytes.collect() }
         }
     };
     common::record(number, &format!("KEY_{}", number % 5), value)

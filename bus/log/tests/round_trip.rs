@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use elk_bus::Value;
+use elk_bus::{Type, Value};
 use elk_log::{LogError, LogReader, LogWriter, Metadata, Record};
 use proptest::prelude::*;
 
@@ -53,7 +53,7 @@ fn any_value() -> impl Strategy<Value = Value> {
         any_double().prop_map(Value::Double),
         any::<String>().prop_map(Value::Text),
         ("[A-C]", 0..3u64, prop::collection::vec(any::<u8>(), 0..60))
-            .prop_map(|(type_name, layout, bytes)| Value::Binary { type_name, layout, bytes }),
+            .prop_map(|(name, layout, bytes)| Value::Binary { type_: Type::undescribed(&name, layout), bytes }),
     ]
 }
 
@@ -112,7 +112,7 @@ fn small_records() -> Vec<Record> {
             value: match i % 3 {
                 0 => Value::Double(i as f64 / 7.0),
                 1 => Value::Text(format!("number \"{i}\"\n")),
-                _ => Value::Binary { type_name: "Scan".into(), layout: 7, bytes: vec![i as u8; 20] },
+                _ => Value::Binary { type_: Type::undescribed("Scan", 7), bytes: vec![i as u8; 20] },
             },
         })
         .collect()

@@ -5,7 +5,7 @@ mod common;
 use std::path::{Path, PathBuf};
 
 use common::record;
-use elk_bus::{Payload, Value, codec};
+use elk_bus::{Payload, TypeRef, Value, codec};
 use elk_log::alog::{AlogReader, AlogWriter};
 use elk_log::csv::put_csv;
 use elk_log::{LogReader, LogWriter, Metadata, Record};
@@ -32,7 +32,7 @@ fn export(path: &Path, records: &[Record]) -> String {
 fn typed<T: Payload>(value: &T::View<'_>) -> Value {
     let mut bytes = Vec::new();
     codec::encode_onto(value, &mut bytes).unwrap();
-    Value::Binary { type_name: T::NAME.into(), layout: T::LAYOUT, bytes }
+    Value::Binary { type_: TypeRef::of::<T>().to_type(), bytes }
 }
 
 #[test]

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use elk_bus::Payload;
 use elk_bus::rejection::REJECTED;
-use elk_spatial::keys::{CAMERA_POSE, MAP_RECALL, MAP_REQUEST, MOTION, STEP};
+use elk_spatial::Scan;
+use elk_spatial::keys::{self, CAMERA_POSE, MAP_RECALL, MAP_REQUEST, MOTION, STEP};
 use elk_spatial::messages::CameraPose;
-use elk_spatial::{Scan, catalogue};
 
 use crate::draft::Draft;
 use crate::element;
@@ -15,7 +15,7 @@ use crate::problem::{At, Findings};
 use crate::spec::Kind;
 use crate::wiring::SCAN;
 
-/// Variables of an exploration that carry texts and numbers. Those that carry a type are in [`catalogue`].
+/// Variables of an exploration that carry texts and numbers. Those that carry a type [`keys::carried_by`] knows.
 const PLAIN: [&str; 7] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE", "LOGGER_ERROR", REJECTED];
 /// What every app says of itself is called after it.
 const STATUS: &str = "_STATUS";
@@ -91,8 +91,8 @@ pub(crate) fn check(drafts: &[Draft], problems: &mut Findings) {
 
 /// Whether values of the type `carried` may be written under `name`.
 fn may_write(name: &str, carried: &str) -> Result<(), String> {
-    let elses = match catalogue::carried_by(name) {
-        Some(payload) if payload.name != carried => format!("{} values", payload.name),
+    let elses = match keys::carried_by(name) {
+        Some(other) if other != carried => format!("{other} values"),
         None if PLAIN.contains(&name) || name.ends_with(STATUS) => "what apps say to each other".to_owned(),
         _ => return Ok(()),
     };

@@ -1,6 +1,6 @@
 //! The variables that the apps of an exploration exchange, with their types.
 
-use elk_bus::Key;
+use elk_bus::{Key, Payload, pattern};
 
 use crate::map::MapUpdate;
 use crate::messages::{
@@ -56,3 +56,53 @@ pub const EXPLORATION_REPORT: Key<ExplorationReport> = Key::new("EXPLORATION_REP
 pub const SENSOR_REPORT: Key<SensorReport> = Key::new("SENSOR_REPORT");
 /// Sensor to anyone: the last whole map against the true world.
 pub const ACCURACY_REPORT: Key<AccuracyReport> = Key::new("ACCURACY_REPORT");
+
+/// What these variables carry, by the pattern of their names.
+const CARRIED: &[(&str, &str)] = &[
+    ("POSE_COMMAND", PoseCommand::NAME),
+    ("SCAN", <Scan<'_> as Payload>::NAME),
+    ("SCAN_*", <Scan<'_> as Payload>::NAME),
+    ("MAP_UPDATE", MapUpdate::NAME),
+    ("MAP", MapUpdate::NAME),
+    ("MAP_KNOWN", MapStatus::NAME),
+    ("PLAN_REQUEST", PlanRequest::NAME),
+    ("PLAN", Plan::NAME),
+    ("PROGRESS", Progress::NAME),
+    ("MOTION_REPORT", MotionReport::NAME),
+    (CAMERA_POSE, CameraPose::NAME),
+    ("EXPLORATION_REPORT", ExplorationReport::NAME),
+    ("SENSOR_REPORT", SensorReport::NAME),
+    ("ACCURACY_REPORT", AccuracyReport::NAME),
+    ("MAP_MEMORY", MapMemory::NAME),
+    ("MOTION_MEMORY", MotionMemory::NAME),
+    ("EXPLORER_MEMORY", ExplorerMemory::NAME),
+];
+
+/// The name of the type that a variable of an exploration carries.
+pub fn carried_by(key: &str) -> Option<&'static str> {
+    CARRIED.iter().find(|(pattern, _)| pattern::matches(pattern, key)).map(|(_, type_name)| *type_name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+
+    /// The type that a declaration of a key names.
+    fn declared(line: &str) -> Option<(&str, &str)> {
+        let (type_, name) = line.split_once("Key<")?.1.split_once("Key::new(\"")?;
+        Some((type_.split(|c: char| !c.is_alphanumeric()).next()?, name.trim_end_matches("\");")))
+    }
+
+    #[test]
+    fn every_key_is_known_with_its_type() {
+        let keys: Vec<_> =
+            include_str!("keys.rs").lines().filter(|line| line.starts_with("pub const")).filter_map(declared).collect();
+        assert!(keys.len() > 10, "{keys:?}");
+        for (type_, name) in keys {
+            assert_eq!(carried_by(name), Some(type_), "CARRIED has to know what {name} carries");
+            assert!(samples::named(type_).is_some(), "{type_} has to have a sample");
+        }
+        assert_eq!((carried_by("SCAN_1"), carried_by("NAV_X")), (Some("Scan"), None));
+    }
+}

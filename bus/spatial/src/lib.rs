@@ -1,11 +1,9 @@
 //! Space as elk's apps speak of it: poses, scans, voxels, paths, and the keys they travel under.
 //!
 //! Metres, radians; right-handed, z up; camera frame x right, y down, z forward. Everything here is plain data with no
-//! bus in sight, except [`keys`], which names the variables that apps exchange it under, and [`catalogue`],
-//! which shows all of it as JSON to whoever only has the bytes.
+//! bus in sight, except [`keys`], which names the variables that apps exchange it under.
 
 pub mod bricks;
-pub mod catalogue;
 pub mod checks;
 pub mod clearance;
 pub mod frontier;
@@ -17,6 +15,8 @@ pub mod polyline;
 pub mod pose;
 pub mod ray;
 pub mod replica;
+#[doc(hidden)]
+pub mod samples;
 pub mod scan;
 pub mod voxel;
 

@@ -1,6 +1,7 @@
 //! The three-valued map as it travels and as readers keep it: free, occupied, or unknown.
 
-use serde::{Deserialize, Serialize};
+use elk_bus::describe::Shape;
+use elk_bus::payload;
 
 use crate::bricks::{BRICK_CELLS, Bricks, brick_of, voxel_at};
 use crate::checks::{self, MAX_REVISIONS_AHEAD};
@@ -8,7 +9,8 @@ use crate::mask::{self, Mask};
 use crate::voxel::Voxel;
 
 /// What is known of a voxel (thesis 6.3.1).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum State {
     /// Never observed.
@@ -21,6 +23,9 @@ pub enum State {
 }
 
 impl State {
+    /// States in two bits each, and the letters that people read for them; there is no fourth state.
+    const PACKED: Shape = Shape::Symbols(2, "?.#?", BRICK_CELLS);
+
     fn from_bits(bits: u8) -> Self {
         match bits & 3 {
             1 => State::Free,
@@ -31,12 +36,15 @@ impl State {
 }
 
 /// The states of a brick's 512 cells, two bits each: cell `i` stands in bits `2(i mod 4)` of byte `i / 4`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BrickStates {
     /// The brick's position, in bricks.
+    #[describe(check = checks::brick)]
     pub brick: [i16; 3],
-    /// 128 bytes.
-    pub states: Vec<u8>,
+    /// `?` for unknown, `.` for free, `#` for occupied, x fastest; 128 bytes.
+    #[describe(shape = State::PACKED, any, check = checks::cells)]
+    pub cells: Vec<u8>,
 }
 
 impl BrickStates {
@@ -45,8 +53,8 @@ impl BrickStates {
 
     /// Packs a brick.
     pub fn pack(brick: Voxel, cells: &[State; BRICK_CELLS]) -> Self {
-        let states = cells.chunks_exact(4).map(|c| c.iter().rev().fold(0, |byte, &s| byte << 2 | s as u8)).collect();
-        Self { brick: brick.to_array().map(|c| c as i16), states }
+        let packed = cells.chunks_exact(4).map(|c| c.iter().rev().fold(0, |byte, &s| byte << 2 | s as u8)).collect();
+        Self { brick: brick.to_array().map(|c| c as i16), cells: packed }
     }
 
     /// The brick's position.
@@ -61,28 +69,32 @@ impl BrickStates {
 
     /// The state of cell `cell`; unknown where the bytes are too few.
     pub fn state(&self, cell: usize) -> State {
-        State::from_bits(self.states.get(cell / 4).map_or(0, |b| b >> (2 * (cell % 4))))
+        State::from_bits(self.cells.get(cell / 4).map_or(0, |b| b >> (2 * (cell % 4))))
     }
 }
 
-elk_bus::payload! {
-    /// What changed in a map from one revision to another: the bricks in which anything changed, whole.
-    /// `since == 0` makes it the whole map.
-    #[derive(Debug, Clone, PartialEq)]
-    pub struct MapUpdate checked by checks::map_update {
-        /// The revision that the bricks belong to; grows by one a scan.
-        pub revision: u64,
-        /// The revision that a reader must have for this update to apply to; 0: any, the update is the whole map.
-        pub since: u64,
-        /// The scan that caused it (see [`crate::Scan::id`]).
-        pub scan: u64,
-        /// Edge of a voxel (m).
-        pub resolution: f64,
-        /// The bricks in which something changed.
-        pub bricks: Vec<BrickStates>,
-    }
+/// What changed in a map from one revision to another: the bricks in which anything changed, whole.
+/// `since == 0` makes it the whole map.
+#[payload]
+#[describe(check = checks::map_update, drawn = "voxels")]
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapUpdate {
+    /// The revision that the bricks belong to; grows by one a scan.
+    #[describe(count)]
+    pub revision: u64,
+    /// The revision that a reader must have for this update to apply to; 0: any, the update is the whole map.
+    #[describe(count)]
+    pub since: u64,
+    /// The scan that caused it (see [`crate::Scan::id`]).
+    #[describe(count)]
+    pub scan: u64,
+    /// Edge of a voxel (m).
+    #[describe(unit = "m", range = checks::RESOLUTIONS_M)]
+    pub resolution: f64,
+    /// The bricks in which something changed.
+    #[describe(longest = checks::MAX_BRICKS)]
+    pub bricks: Vec<BrickStates>,
 }
-
 /// The voxels that an update changed, brick by brick: a bit each, however many they are.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Changes(Vec<(Voxel, Mask)>);

@@ -1,11 +1,15 @@
 //! Where a camera is and where it looks.
 
+use elk_bus::payload;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
+
+use crate::checks;
 
 /// Pose of a camera in the world (`pose_world_camera`): takes points of the camera frame (x right, y down, z forward)
 /// to the world frame (z up). Metres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[describe(check = checks::pose)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose(pub Isometry3<f64>);
 
 impl Pose {

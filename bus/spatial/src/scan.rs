@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use elk_bus::key::Invalid;
-use elk_bus::{Payload, fnv1a};
+use elk_bus::describe::Shape;
+use elk_bus::{Describe, payload};
 use nalgebra::{Point3, Vector3};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -85,16 +85,26 @@ impl<'de: 'a, 'a> Deserialize<'de> for Points<'a> {
     }
 }
 
+/// Points and directions that are not finite the map leaves out one by one; to look for them here would cost a walk over all.
+impl Describe for Points<'_> {
+    const SHAPE: Shape = Shape::Packed(&Shape::Array(&Shape::Float(4), 3));
+}
+
 /// What a depth camera saw from one pose.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[describe(check = checks::scan, drawn = "points")]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Scan<'a> {
     /// Number of the scan, from 1, unbroken: filters and the map hand it on.
+    #[describe(count)]
     pub id: u64,
     /// The pose command that it answers (see [`crate::messages::PoseCommand::id`]); 0: none.
+    #[describe(count)]
     pub command: u64,
     /// Pose of the camera at capture (world).
     pub pose: Pose,
     /// How far the sensor sees (m); 0: as far as there is anything.
+    #[describe(unit = "m", range = 0.0..=checks::FARTHEST_M)]
     pub range_m: f64,
     /// Points that the sensor measured. Filters hand the number on, so that it can be told what they left out.
     pub measured: u64,
@@ -104,19 +114,8 @@ pub struct Scan<'a> {
     pub no_return: Points<'a>,
     /// Points in the camera frame (x right, y down, z forward; m).
     #[serde(borrow)]
+    #[describe(unit = "m")]
     pub points: Points<'a>,
-}
-
-impl Payload for Scan<'static> {
-    const NAME: &'static str = "Scan";
-    const LAYOUT: u64 = fnv1a(
-        "Scan id:u64 command:u64 pose:Isometry3<f64> range_m:f64 measured:u64 no_return:bytes f32x3 points:bytes f32x3",
-    );
-    type View<'a> = Scan<'a>;
-
-    fn check(scan: &Scan<'_>) -> Result<(), Invalid> {
-        checks::scan(scan)
-    }
 }
 
 impl<'a> Scan<'a> {

@@ -1,10 +1,15 @@
 //! Integer cells of a cubic lattice over the world.
 
+use elk_bus::payload;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::checks;
+
 /// A cell of the lattice: along each axis it covers `[k·res, (k+1)·res)`, so its OctoMap key is `k + 32768`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[payload]
+#[describe(check = checks::voxel)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Voxel {
     /// Index along world x.
     pub x: i32,

@@ -2,6 +2,7 @@
 
 use super::membership::Standing;
 use super::message::Message;
+use super::naming::Definition;
 use super::{Broker, ClientId};
 use super::{registration, variable};
 use crate::wire::{self, BULK, FrameKind, Header, Named, ValueKind};
@@ -29,7 +30,7 @@ impl Broker {
     }
 
     pub(super) fn publish_own(&mut self, now: f64, key: &str, kind: ValueKind, value: &[u8]) {
-        let key = self.number(Named::Key, key, 0);
+        let key = self.number(Named::Key, Definition::of(key));
         self.own_sequence += 1;
         let header = Header {
             value_kind: kind,

@@ -76,9 +76,14 @@ impl Broker {
         let name = self.keys.name(key).to_owned();
         let reads_else = |(reader, expected)| (!self.is(lock, expected)).then_some(reader);
         let readers: Vec<ClientId> = self.expectations(&name).filter_map(reads_else).collect();
-        let writer = self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source));
-        let said = format!("{name} carries {}, by {writer}: this reader cannot read it", self.describe(lock));
+        let writer =
+            self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source)).to_owned();
+        let is = self.describe(lock);
         for reader in readers {
+            let expects = self.expectations(&name).find(|(id, _)| *id == reader).map(|(_, expected)| expected);
+            let how = expects.and_then(|expected| self.difference(lock, expected, [&writer, "this reader"]));
+            let said =
+                format!("{name} carries {is}, by {writer}: this reader cannot read it{}", how.unwrap_or_default());
             // Whoever has gone meanwhile need not be told.
             let _ = self.refuse(reader, &name, 0, &said);
         }
@@ -96,17 +101,30 @@ impl Broker {
         match (lock.kind, expected) {
             (ValueKind::Double, Expected::Numbers) | (ValueKind::Text, Expected::Texts) => true,
             (ValueKind::Binary, Expected::Values(name, layout)) => {
-                (self.types.name(lock.type_), self.types.layout(lock.type_)) == (name.as_str(), *layout)
+                let (known, hash, _) = self.types.said(lock.type_);
+                (known, hash) == (name.as_str(), *layout)
             }
             _ => false,
         }
+    }
+
+    /// Where the definitions of writer and reader differ, if it is one type of two builds.
+    fn difference(&self, lock: TypeLock, expected: &Expected, [writer, reader]: [&str; 2]) -> Option<String> {
+        let Expected::Values(name, layout) = expected else { return None };
+        if lock.kind != ValueKind::Binary {
+            return None;
+        }
+        let (carried, expected) = (self.types.get(lock.type_), self.types.get(self.types.known(name, *layout)?));
+        let whose = [format!("in {writer}'s build"), format!("in {reader}'s")];
+        let how = carried.as_ref().difference_to(expected.as_ref(), [&whose[0], &whose[1]])?;
+        Some(format!(" ({how})"))
     }
 
     /// A client has registered: what it expects is held against what the variable carries.
     pub(super) fn note_expectation(&mut self, id: ClientId, registration: &Registration) {
         let Some(expected) = &registration.expects else { return };
         let name = &registration.key_pattern;
-        let Some(key) = self.keys.known(name, 0) else { return };
+        let Some(key) = self.keys.known(name) else { return };
         let Some(lock) = self.variables[key as usize].lock.filter(|lock| !self.is(*lock, expected)) else { return };
         let is_expected = self.expectations(name).any(|(_, other)| self.is(lock, other));
         let yields = lock.kind != ValueKind::Binary && !is_expected;
@@ -118,7 +136,8 @@ impl Broker {
         let reader = self.client_name(id).unwrap_or_default();
         let writer = self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source));
         let is = self.describe(lock);
-        let said = format!("{name} carries {is}, by {writer}; {reader} reads it as {expected}: {what_follows}");
+        let how = self.difference(lock, expected, [writer, reader]).unwrap_or_default();
+        let said = format!("{name} carries {is}, by {writer}; {reader} reads it as {expected}{how}: {what_follows}");
         let writes = |(other, client): &(&ClientId, &super::Client)| **other != id && client.published.contains(&key);
         let writers = self.clients.iter().filter(writes).map(|(id, _)| *id);
         for told in writers.chain([id]).collect::<Vec<_>>() {

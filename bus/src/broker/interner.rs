@@ -3,30 +3,30 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Gives each name the next number; a name with another layout is another name.
+/// Gives each name the next number.
 #[derive(Debug, Default)]
 pub(super) struct Interner {
-    numbers: HashMap<(Arc<str>, u64), u32>,
-    names: Vec<(Arc<str>, u64)>,
+    numbers: HashMap<Arc<str>, u32>,
+    names: Vec<Arc<str>>,
     bytes: usize,
 }
 
 impl Interner {
     /// The number of a name.
-    pub fn number(&mut self, name: &str, layout: u64) -> u32 {
-        let entry = (Arc::from(name), layout);
-        let next = self.names.len() as u32;
-        let number = *self.numbers.entry(entry.clone()).or_insert(next);
-        if number == next {
-            self.bytes += name.len();
-            self.names.push(entry);
+    pub fn number(&mut self, name: &str) -> u32 {
+        if let Some(number) = self.known(name) {
+            return number;
         }
+        let (name, number) = (Arc::<str>::from(name), self.names.len() as u32);
+        self.bytes += name.len();
+        self.names.push(Arc::clone(&name));
+        self.numbers.insert(name, number);
         number
     }
 
     /// The number that a name has already.
-    pub fn known(&self, name: &str, layout: u64) -> Option<u32> {
-        self.numbers.get(&(Arc::from(name), layout)).copied()
+    pub fn known(&self, name: &str) -> Option<u32> {
+        self.numbers.get(name).copied()
     }
 
     /// Bytes of all names.
@@ -36,12 +36,7 @@ impl Interner {
 
     /// The name of a number that this interner gave.
     pub fn name(&self, number: u32) -> &str {
-        self.names.get(number as usize).map_or("", |(name, _)| name)
-    }
-
-    /// The layout that goes with a type's name.
-    pub fn layout(&self, number: u32) -> u64 {
-        self.names.get(number as usize).map_or(0, |(_, layout)| *layout)
+        self.names.get(number as usize).map_or("", |name| name)
     }
 
     /// How many names there are.

@@ -1,6 +1,8 @@
 //! What a broker keeps at most, whatever its clients do. docs/security.md adds the bounds up.
 
+use super::naming::Definition;
 use super::{Broker, Client, ClientId};
+use crate::types::Type;
 use crate::wire::{self, Frame, FrameKind, Named};
 
 /// Bounds on what clients can make a broker hold. Names and the table are refused beyond them, with a word to the client;
@@ -17,7 +19,7 @@ pub struct Limits {
     pub names_of_a_client: usize,
     /// Sources, types and communities, each.
     pub other_names: usize,
-    /// Bytes of all names together.
+    /// Bytes of all names together, and of the descriptions of types.
     pub all_name_bytes: usize,
     /// Numbers that one client gives to names, its own and others'; and those of all clients.
     pub numbers_of_a_client: usize,
@@ -83,26 +85,26 @@ const REFUSAL_BYTES: usize = 64 << 10;
 
 impl Broker {
     /// Why a name that is new cannot be taken, if so.
-    pub(super) fn name_refusal(&self, from: ClientId, what: Named, name: &str) -> Option<String> {
+    pub(super) fn name_refusal(&self, from: ClientId, what: Named, definition: Definition<'_>) -> Option<String> {
+        let Definition { name, layout, description } = definition;
         let limits = &self.config.limits;
         let (names, most, kind) = match what {
-            Named::Key => (&self.keys, limits.variables, "variables"),
-            Named::Source => (&self.sources, limits.other_names, "sources"),
-            Named::Type => (&self.types, limits.other_names, "types"),
-            Named::Community => (&self.communities, limits.other_names, "communities"),
+            Named::Key => (self.keys.len(), limits.variables, "variables"),
+            Named::Source => (self.sources.len(), limits.other_names, "sources"),
+            Named::Type => (self.types.len(), limits.other_names, "types"),
+            Named::Community => (self.communities.len(), limits.other_names, "communities"),
         };
-        let bytes: usize =
-            [&self.keys, &self.sources, &self.types, &self.communities].map(super::Interner::bytes).iter().sum();
+        let bytes = self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes();
         if name.len() > limits.name_bytes {
             Some(format!("a name of {} bytes; at most {} are allowed", name.len(), limits.name_bytes))
         } else if self.clients.get(&from).is_some_and(|client| client.brought >= limits.names_of_a_client) {
             Some(format!("this client has brought {} names already, and no more are allowed", limits.names_of_a_client))
-        } else if names.len() >= most {
+        } else if names >= most {
             Some(format!("the community has {most} {kind} already, and no more are allowed"))
-        } else if bytes + name.len() > limits.all_name_bytes {
+        } else if bytes + name.len() + description.len() > limits.all_name_bytes {
             Some(format!("the names of the community fill {} bytes already", limits.all_name_bytes))
         } else {
-            None
+            Type::from_text(name, layout, description).err()
         }
     }
 

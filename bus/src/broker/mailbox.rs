@@ -418,6 +418,11 @@ impl Mailbox {
         }
     }
 
+    /// Has the client told a name once more, before the next message that refers to it.
+    pub(super) fn forget(&mut self, what: Named, number: u32) {
+        self.known.remove(what, number);
+    }
+
     fn drop_oldest(&mut self) {
         self.head += wire::first_len(&self.mail[self.head..]);
         self.dropped += 1;
@@ -438,8 +443,8 @@ impl Mailbox {
 
 /// What the broker knows and a mailbox has to tell.
 pub(super) trait Table {
-    /// The name behind a number, and the layout that goes with a type's.
-    fn name(&self, what: Named, number: u32) -> (&str, u64);
+    /// Appends the definition of a number.
+    fn define(&self, what: Named, number: u32, batch: &mut Vec<u8>);
     /// The latest value of a variable, with these flags; `None`: it has none.
     fn latest(&self, key: u32, flags: u16) -> Option<Message<'_>>;
 }
@@ -465,6 +470,12 @@ impl Known {
         all[place] |= 1 << (number % 64);
         is_new
     }
+
+    fn remove(&mut self, what: Named, number: u32) {
+        if let Some(bits) = self.0[what as usize].get_mut(number as usize / 64) {
+            *bits &= !(1 << (number % 64));
+        }
+    }
 }
 
 /// Whether the client has been told all names that a frame uses.
@@ -476,8 +487,7 @@ fn knows_all(known: &Known, frame: &[u8]) -> bool {
 fn introduce(known: &mut Known, frame: &[u8], table: &impl Table, batch: &mut Vec<u8>) {
     for (what, number) in wire::numbers(frame) {
         if known.insert(what, number) {
-            let (name, layout) = table.name(what, number);
-            wire::put_definition(batch, what, number, name, layout);
+            table.define(what, number, batch);
         }
     }
 }

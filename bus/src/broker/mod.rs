@@ -24,6 +24,7 @@ mod retained;
 mod summary;
 pub mod table;
 mod time;
+mod types;
 mod variable;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -40,6 +41,7 @@ pub use membership::{Introduction, Refusal, Session};
 pub use registration::Registration;
 pub use retained::Retained;
 pub use time::CLOCK;
+use types::Types;
 use variable::Variable;
 
 use crate::wire::{self, Frame, FrameKind, WireError};
@@ -87,7 +89,7 @@ pub struct Broker {
     next_client: ClientId,
     keys: Interner,
     sources: Interner,
-    types: Interner,
+    types: Types,
     communities: Interner,
     /// By key number.
     variables: Vec<Variable>,
@@ -133,8 +135,8 @@ impl Broker {
     /// A broker without clients or variables, started at `now` (s).
     pub fn new(config: BrokerConfig, now: f64) -> Self {
         let (mut sources, mut communities) = (Interner::default(), Interner::default());
-        let own_source = sources.number(&format!("MOOSDB_{}", config.community), 0);
-        communities.number(&config.community, 0);
+        let own_source = sources.number(&format!("MOOSDB_{}", config.community));
+        communities.number(&config.community);
         Self {
             config,
             started: now,
@@ -144,7 +146,7 @@ impl Broker {
             next_client: ((now.max(0.0) * 1e3) as u64 & 0x0fff_ffff) as ClientId + 1,
             keys: Interner::default(),
             sources,
-            types: Interner::default(),
+            types: Types::default(),
             communities,
             variables: Vec::new(),
             latest_bytes: 0,

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::message::Message;
+use super::naming::Definition;
 use super::variable::Variable;
 use super::{Broker, ClientId};
 use crate::wire::{self, BULK, BulkRef, Header, Named, ValueKind};
@@ -13,7 +14,8 @@ pub struct Retained {
     key: String,
     source: String,
     community: String,
-    type_: (String, u64),
+    /// Name, layout and description.
+    type_: (String, u64, String),
     /// The whole frame, its value in it.
     frame: Vec<u8>,
 }
@@ -50,7 +52,10 @@ impl Broker {
             }
         }
         let type_ = match header.value_kind {
-            ValueKind::Binary => (self.types.name(header.type_).to_owned(), self.types.layout(header.type_)),
+            ValueKind::Binary => {
+                let (name, layout, description) = self.types.said(header.type_);
+                (name.to_owned(), layout, description.to_owned())
+            }
             _ => Default::default(),
         };
         Some(Retained {
@@ -68,13 +73,16 @@ impl Broker {
             let Ok(frame) = wire::first_frame(&one.frame) else { continue };
             let header = Header {
                 flags: 0,
-                key: self.number(Named::Key, &one.key, 0),
-                source: self.number(Named::Source, &one.source, 0),
+                key: self.number(Named::Key, Definition::of(&one.key)),
+                source: self.number(Named::Source, Definition::of(&one.source)),
                 type_: match frame.header.value_kind {
-                    ValueKind::Binary => self.number(Named::Type, &one.type_.0, one.type_.1),
+                    ValueKind::Binary => {
+                        let (name, layout, description) = &one.type_;
+                        self.number(Named::Type, Definition { name, layout: *layout, description })
+                    }
                     _ => 0,
                 },
-                community: self.number(Named::Community, &one.community, 0),
+                community: self.number(Named::Community, Definition::of(&one.community)),
                 ..frame.header
             };
             self.keep_as_latest(now, None, &Message::new(header, &frame));

@@ -4,14 +4,18 @@
 //! mail and all refusals that came before. So the answer also says that the broker has taken in what the asker sent.
 //! Nobody pays for a table that nobody asks for; the `DB_*` summaries for MOOS' tools stay what they are.
 
-use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
+use super::expectation::Expected;
 use super::message::Message;
+use super::naming::Definition;
 use super::registration::Registration;
 use super::variable::{TypeLock, Variable};
 use super::{Broker, Client, ClientId};
 use crate::codec;
 use crate::key::{Key, Payload};
+use crate::payload;
+use crate::types::{Type, TypeRef};
 use crate::wire::{self, BULK, FrameKind, Header, Named, ValueKind};
 
 /// Write to it (any value) to be answered with the table. It is a question and no variable: nobody else hears of it.
@@ -26,29 +30,31 @@ const LARGEST: usize = 16 << 20;
 /// Variables that stand in the table as a client's.
 const MOST_WRITES: usize = 1 << 13;
 
-crate::payload! {
-    /// Who is in a community and what was said, at one moment.
-    #[derive(Debug, Clone, PartialEq)]
-    pub struct CommunityTable {
-        /// The community's name.
-        pub community: String,
-        /// When this was so (s, the clock's own time: nobody drives it).
-        pub time: f64,
-        /// When the broker started (s, likewise).
-        pub started: f64,
-        /// Who drives the community's clock, if anybody does.
-        pub clock: Option<ClockEntry>,
-        /// The clients, in the order in which they came.
-        pub clients: Vec<ClientEntry>,
-        /// The variables that were ever written, in the order in which they were first named.
-        pub variables: Vec<VariableEntry>,
-        /// Variables that were left out, because the table would be too large with them.
-        pub left_out: u64,
-    }
+/// Who is in a community and what was said, at one moment.
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
+pub struct CommunityTable {
+    /// The community's name.
+    pub community: String,
+    /// When this was so (s, the clock's own time: nobody drives it).
+    pub time: f64,
+    /// When the broker started (s, likewise).
+    pub started: f64,
+    /// Who drives the community's clock, if anybody does.
+    pub clock: Option<ClockEntry>,
+    /// The clients, in the order in which they came.
+    pub clients: Vec<ClientEntry>,
+    /// The variables that were ever written, in the order in which they were first named.
+    pub variables: Vec<VariableEntry>,
+    /// The types that these carry, or that clients expect of them.
+    pub types: Vec<TypeEntry>,
+    /// Variables that were left out, because the table would be too large with them.
+    pub left_out: u64,
 }
 
 /// A clock that is driven.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ClockEntry {
     /// The client that drives it.
     pub driver: String,
@@ -59,7 +65,8 @@ pub struct ClockEntry {
 }
 
 /// A client.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ClientEntry {
     /// Its name.
     pub name: String,
@@ -82,20 +89,25 @@ pub struct ClientEntry {
 }
 
 /// What a client has registered for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RegistrationEntry {
     /// The pattern of the variables.
     pub key_pattern: String,
     /// The pattern of the sources.
     pub source_pattern: String,
     /// The least time between two messages of a variable (s); 0: all of them.
+    #[describe(any)]
     pub min_interval_secs: f64,
     /// Whether publishers wait for it.
     pub lossless: bool,
+    /// What the client expects there, if it has said so.
+    pub expects: Option<VariableKind>,
 }
 
 /// How long messages took (s).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatencyEntry {
     /// The last one.
     pub recent_secs: f64,
@@ -108,7 +120,8 @@ pub struct LatencyEntry {
 }
 
 /// A variable.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
 pub struct VariableEntry {
     /// Its name.
     pub name: String,
@@ -133,7 +146,8 @@ pub struct VariableEntry {
 }
 
 /// What a variable carries since its first write.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum VariableKind {
     /// Numbers.
     Number,
@@ -148,11 +162,41 @@ pub enum VariableKind {
     },
 }
 
+/// A type of values.
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
+pub struct TypeEntry {
+    /// Its name.
+    pub name: String,
+    /// The hash of all that decides what its bytes mean.
+    pub layout: u64,
+    /// What its bytes are (see [`crate::Description::to_text`]); empty: nobody has said.
+    pub description: String,
+}
+
+impl TypeEntry {
+    /// The type.
+    pub fn to_type(&self) -> Type {
+        // The broker has looked at it.
+        let undescribed = || Type::undescribed(&self.name, self.layout);
+        Type::from_text(&self.name, self.layout, &self.description).unwrap_or_else(|_| undescribed())
+    }
+}
+
+impl CommunityTable {
+    /// The type of this name and layout, as far as it is described.
+    pub fn type_of(&self, name: &str, layout: u64) -> Type {
+        let found = self.types.iter().find(|one| one.name == name && one.layout == layout);
+        found.map_or_else(|| Type::undescribed(name, layout), TypeEntry::to_type)
+    }
+}
+
 /// A variable's latest value, as far as it is short.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
 pub enum LatestValue {
     /// A number.
-    Number(f64),
+    Number(#[describe(any)] f64),
     /// A text, or the beginning of a long one.
     Text(String),
     /// A typed value, encoded.
@@ -162,7 +206,8 @@ pub enum LatestValue {
 }
 
 /// Who is told what a source writes to a variable.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[payload]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RouteEntry {
     /// The source; it need not be there any more.
     pub source: String,
@@ -177,13 +222,14 @@ impl Broker {
         if codec::encode_onto(&self.table(now), &mut bytes).is_err() {
             return; // names and numbers can always be encoded
         }
-        let key = self.number(Named::Key, TABLE.name(), 0);
+        let key = self.number(Named::Key, Definition::of(TABLE.name()));
+        let type_ = self.own_type::<CommunityTable>();
         self.own_sequence += 1;
         let header = Header {
             value_kind: ValueKind::Binary,
             key,
             source: self.own_source,
-            type_: self.types.number(CommunityTable::NAME, CommunityTable::LAYOUT),
+            type_,
             sequence: self.own_sequence,
             time: self.time(now),
             ..Header::new(FrameKind::Notify)
@@ -193,9 +239,16 @@ impl Broker {
         Message::stored(&frame).into_iter().for_each(|message| self.deliver(now, to, &message));
     }
 
+    /// The number of a type that the broker itself writes.
+    fn own_type<T: Payload>(&mut self) -> u32 {
+        let known = self.types.known(T::NAME, T::LAYOUT);
+        known.unwrap_or_else(|| self.types.number(T::NAME, T::LAYOUT, &TypeRef::of::<T>().text()))
+    }
+
     fn table(&self, now: f64) -> CommunityTable {
         let clients: Vec<ClientEntry> = self.present().map(|(_, client)| self.client_entry(client)).collect();
-        let mut bytes = 0;
+        let types = self.type_entries();
+        let mut bytes: usize = types.iter().map(|one| one.name.len() + one.description.len()).sum();
         let (mut variables, mut left_out) = (Vec::new(), 0);
         for (key, variable) in (0..).zip(&self.variables) {
             let Some(entry) = self.variable_entry(key, variable, bytes < LARGEST) else { continue };
@@ -212,8 +265,26 @@ impl Broker {
             clock: self.clock_entry(now),
             clients,
             variables,
+            types,
             left_out,
         }
+    }
+
+    /// The types that variables carry and that clients expect.
+    fn type_entries(&self) -> Vec<TypeEntry> {
+        let carried = self.variables.iter().filter_map(|variable| variable.lock);
+        let carried = carried.filter(|lock| lock.kind == ValueKind::Binary).map(|lock| lock.type_);
+        let registrations = self.present().flat_map(|(_, client)| &client.registrations);
+        let expected = registrations.filter_map(|registration| match registration.expects.as_ref()? {
+            Expected::Values(name, layout) => self.types.known(name, *layout),
+            Expected::Numbers | Expected::Texts => None,
+        });
+        let numbers: BTreeSet<u32> = carried.chain(expected).collect();
+        let entry = |number| {
+            let (name, layout, description) = self.types.said(number);
+            TypeEntry { name: name.to_owned(), layout, description: description.to_owned() }
+        };
+        numbers.into_iter().map(entry).collect()
     }
 
     fn client_entry(&self, client: &Client) -> ClientEntry {
@@ -257,10 +328,10 @@ impl Broker {
         match lock.kind {
             ValueKind::Double => VariableKind::Number,
             ValueKind::Text => VariableKind::Text,
-            ValueKind::Binary => VariableKind::Typed {
-                name: self.types.name(lock.type_).to_owned(),
-                layout: self.types.layout(lock.type_),
-            },
+            ValueKind::Binary => {
+                let (name, layout, _) = self.types.said(lock.type_);
+                VariableKind::Typed { name: name.to_owned(), layout }
+            }
         }
     }
 }
@@ -287,6 +358,11 @@ impl Registration {
             source_pattern: self.source_pattern.clone(),
             min_interval_secs: self.min_interval,
             lossless: self.lossless,
+            expects: self.expects.as_ref().map(|expected| match expected {
+                Expected::Numbers => VariableKind::Number,
+                Expected::Texts => VariableKind::Text,
+                Expected::Values(name, layout) => VariableKind::Typed { name: name.clone(), layout: *layout },
+            }),
         }
     }
 }

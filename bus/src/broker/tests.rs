@@ -64,7 +64,7 @@ impl Speaker {
     fn say(&mut self, broker: &mut Broker, now: f64, key: &str, kind: ValueKind, value: &[u8]) {
         let mut batch = Vec::new();
         let number = self.keys.iter().position(|k| k == key).unwrap_or_else(|| {
-            put_definition(&mut batch, Named::Key, self.keys.len() as u32, key, 0);
+            put_definition(&mut batch, Named::Key, self.keys.len() as u32, key, 0, "");
             self.keys.push(key.into());
             self.keys.len() - 1
         });

@@ -20,7 +20,7 @@ use crate::codec;
 use crate::community::Community;
 
 /// Counts up whenever lanes, pages or frames change.
-pub const PROTOCOL: u32 = 5;
+pub const PROTOCOL: u32 = 6;
 /// How long either side waits for the other's word.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 /// The longest message of the handshake (bytes).

@@ -2,15 +2,14 @@
 
 use elk_bus::Key;
 
-elk_bus::payload! {
-    /// A payload of any size.
-    #[derive(Debug, Clone, PartialEq)]
-    pub struct Blob {
-        /// Which one it is.
-        pub number: u64,
-        /// Its bytes.
-        pub bytes: Vec<u8>,
-    }
+/// A payload of any size.
+#[elk_bus::payload]
+#[derive(Debug, Clone, PartialEq)]
+pub struct Blob {
+    /// Which one it is.
+    pub number: u64,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
 }
 
 pub const BLOB: Key<Blob> = Key::new("BLOB");

@@ -79,10 +79,10 @@ fn batch(from: &mut Unstructured<'_>) -> Result<Vec<u8>> {
     let mut batch = Vec::new();
     let layout = u64::from(u8::arbitrary(from)?);
     for (number, key) in (0..).zip(KEYS) {
-        wire::put_definition(&mut batch, Named::Key, number, key, 0);
-        wire::put_definition(&mut batch, Named::Type, number, "Theirs", layout);
+        wire::put_definition(&mut batch, Named::Key, number, key, 0, "");
+        wire::put_definition(&mut batch, Named::Type, number, "Theirs", layout, "");
     }
-    wire::put_definition(&mut batch, Named::Source, from.int_in_range(0..=3)?, from.choose(&NAMES)?, 0);
+    wire::put_definition(&mut batch, Named::Source, from.int_in_range(0..=3)?, from.choose(&NAMES)?, 0, "");
     for _ in 0..from.int_in_range(1..=6)? {
         let flags = u16::from(u8::arbitrary(from)?) & FLAGS;
         // One key more than there is.

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use elk_bus::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use elk_bus::wire::{self, BulkRef, Named};
-use elk_bus::{Client, Clock, CommsError, Community, ValueRef};
-use elk_spatial::catalogue::{self, CATALOGUE};
+use elk_bus::{Client, Clock, CommsError, Community, Description, ValueRef};
+use elk_spatial::samples::{self, SAMPLES};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
 
@@ -65,8 +65,10 @@ fn batches(from: &mut Unstructured<'_>) -> Result<Vec<Vec<u8>>> {
     let mut batches = Vec::new();
     while !from.is_empty() && batches.len() < 16 {
         let mut batch = Vec::new();
-        for (number, payload) in (0..).zip(CATALOGUE) {
-            wire::put_definition(&mut batch, Named::Type, number, payload.name, payload.layout);
+        for (number, sample) in (0..).zip(SAMPLES) {
+            let description = sample.type_.description().map(|described| described.to_text()).unwrap_or_default();
+            let (name, layout) = (sample.name(), sample.type_.layout());
+            wire::put_definition(&mut batch, Named::Type, number, name, layout, &description);
         }
         for _ in 0..from.int_in_range(0..=8)? {
             match from.int_in_range(0..=7)? {
@@ -74,7 +76,9 @@ fn batches(from: &mut Unstructured<'_>) -> Result<Vec<Vec<u8>>> {
                 1 => {
                     let what = [Named::Key, Named::Source, Named::Type, Named::Community][from.int_in_range(0..=3)?];
                     let number = from.int_in_range(0..=70)?;
-                    wire::put_definition(&mut batch, what, number, <&str>::arbitrary(from)?, u64::arbitrary(from)?);
+                    let (name, description) = (<&str>::arbitrary(from)?, <&str>::arbitrary(from)?);
+                    let layout = Description::from_text(description).map_or(u64::arbitrary(from)?, |one| one.layout());
+                    wire::put_definition(&mut batch, what, number, name, layout, description);
                 }
                 _ => put_frame(from, &mut batch)?,
             }
@@ -108,9 +112,9 @@ fuzz_target!(|bytes: &[u8]| {
         let heard: std::result::Result<usize, CommsError> = inbox.receive(comms, Duration::ZERO, |_, mail| {
             let _ = (mail.key(), mail.source(), mail.time(), mail.sequence(), mail.is_latest());
             // As one that shows it, and as an app that decodes it, which holds it against the checks of its type.
-            let _ = catalogue::value_to_json(mail.value(), 100);
-            if let ValueRef::Binary { type_name, bytes, .. } = mail.value() {
-                let _ = catalogue::named(type_name).map(|payload| payload.check(bytes));
+            let _ = mail.value().to_json(100);
+            if let ValueRef::Binary { type_, bytes } = mail.value() {
+                let _ = samples::named(type_.name()).map(|sample| sample.check(bytes));
             }
             Ok(())
         });

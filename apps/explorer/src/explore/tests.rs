@@ -1,7 +1,7 @@
 use super::*;
 use crate::laplace::Solver;
 use crate::strategy::{Potential, Start};
-use elk_bus::Payload;
+use elk_bus::Describe;
 use elk_spatial::checks::{LARGEST_SUM, MAX_CORNERS, MAX_PHASES, MAX_REMEMBERED, MAX_TRIES};
 use elk_spatial::messages::{Outcome, TargetRecord};
 use elk_spatial::ray::Traversal;

@@ -1,8 +1,8 @@
-use elk_bus::ValueRef;
+use elk_bus::{Describe, ValueRef};
 use serde_json::{Value, json};
 
 use super::*;
-use crate::catalogue::{CATALOGUE, PayloadType};
+use crate::samples::{SAMPLES, Sample, named};
 
 /// What no field of eight or of four bytes may take: as numbers NaN, infinities, far too much and the most negative, and
 /// all of what is beyond 2^48.
@@ -15,9 +15,8 @@ fn hostile() -> Vec<Vec<u8>> {
 }
 
 /// The example of a type with a hostile number at every place of its bytes in turn.
-fn spoilt(payload: &PayloadType) -> impl Iterator<Item = Vec<u8>> {
-    let example: Value = serde_json::from_str(payload.example).unwrap();
-    let bytes = payload.from_json(&example).unwrap();
+fn spoilt(sample: &Sample) -> impl Iterator<Item = Vec<u8>> {
+    let bytes = sample.bytes();
     let words = hostile();
     (0..bytes.len()).flat_map(move |at| {
         let (bytes, words) = (bytes.clone(), words.clone());
@@ -37,45 +36,37 @@ fn ends(value: &Value, each: &mut impl FnMut(&Value)) {
     }
 }
 
-#[test]
-fn examples_are_believed() {
-    for payload in CATALOGUE {
-        let bytes = payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap();
-        payload.check(&bytes).unwrap_or_else(|error| panic!("{}: {error}", payload.name));
-    }
-}
-
 /// Whatever stands where, what is believed is finite, and what is counted stays far from the end of its bits.
 #[test]
 fn what_is_believed_is_finite_and_within_what_a_mission_can_mean() {
     let (mut refused, mut believed) = (0, 0);
-    for payload in CATALOGUE.iter().filter(|payload| payload.name != "Scan") {
-        for bytes in spoilt(payload) {
-            if payload.check(&bytes).is_err() {
+    for sample in SAMPLES.iter().filter(|sample| sample.name() != "Scan") {
+        for bytes in spoilt(sample) {
+            if sample.check(&bytes).is_err() {
                 refused += 1;
                 continue;
             }
             believed += 1;
-            let json = payload.to_json(&bytes, usize::MAX).unwrap();
+            let json = sample.type_.to_json(&bytes, usize::MAX).unwrap();
             // JSON has no NaN and no infinity: they would be null, as what is not there at all is.
             let absent = ["leg", "ended"].iter().filter(|field| json.get(**field) == Some(&Value::Null)).count();
             let mut nulls = 0;
             ends(&json, &mut |end| {
                 nulls += usize::from(end.is_null());
-                let bits = end.as_u64().is_some_and(|n| n > MAX_COUNT) && payload.name != "MapMemory";
-                assert!(!bits && end.as_f64().is_none_or(|n| n.abs() < 1e20), "{}: {json}", payload.name);
+                let bits = end.as_u64().is_some_and(|n| n > MAX_COUNT) && sample.name() != "MapMemory";
+                assert!(!bits && end.as_f64().is_none_or(|n| n.abs() < 1e20), "{}: {json}", sample.name());
             });
-            assert_eq!(nulls, absent, "{}: {json}", payload.name);
+            assert_eq!(nulls, absent, "{}: {json}", sample.name());
         }
     }
     assert!(refused > 1000 && believed > 100, "{refused} refused, {believed} believed");
 }
 
 fn invalid(name: &str, change: impl Fn(&mut Value)) -> String {
-    let payload = crate::catalogue::named(name).unwrap();
-    let mut json: Value = serde_json::from_str(payload.example).unwrap();
+    let sample = named(name).unwrap();
+    let mut json = sample.value();
     change(&mut json);
-    payload.check(&payload.from_json(&json).unwrap()).unwrap_err().to_string()
+    sample.check(&sample.bytes_of(&json).unwrap()).unwrap_err().to_string()
 }
 
 #[test]
@@ -85,7 +76,7 @@ fn what_cannot_be_is_named_with_its_way_and_what_is_right() {
     let said = invalid("Plan", |plan| plan["motion"]["scan_spacing_m"] = json!(0.0));
     assert_eq!(said, "Plan.motion.scan_spacing_m is 0; it has to be 0.01 to 1000 m");
     let said = invalid("Plan", |plan| plan["decision"]["Go"]["points"] = json!([[0.0, 0.0, 0.0], [1e9, 0.0, 0.0]]));
-    assert_eq!(said, "Plan.decision.points[1].x is 1000000000; it has to be -327680 to 327680 m");
+    assert_eq!(said, "Plan.decision.Go.points[1].x is 1000000000; it has to be -327680 to 327680 m");
     let said = invalid("ExplorerMemory", |memory| memory["trail"][0]["y"] = json!(i32::MIN));
     assert!(said.starts_with("ExplorerMemory.trail[0] is a voxel with index -2147483648"), "{said}");
     let said = invalid("SensorReport", |report| report["scans"] = json!(u64::MAX));
@@ -102,27 +93,27 @@ fn what_cannot_be_is_named_with_its_way_and_what_is_right() {
 fn a_leg_is_looked_at_in_voxels_before_anybody_walks_it() {
     let said = invalid("MotionMemory", |memory| memory["leg"]["plan"]["motion"]["clearance_m"] = json!(9.0));
     assert!(
-        said.contains("leg.plan.decision.clearance_m is 90 voxels; it has to be at most 32 voxels of 0.1 m"),
+        said.contains("leg.plan.decision.Go.clearance_m is 90 voxels; it has to be at most 32 voxels of 0.1 m"),
         "{said}"
     );
     let far = json!([[0.0, 0.0, 0.0], [3e5, 0.0, 0.0]]);
     let said = invalid("MotionMemory", |memory| memory["leg"]["plan"]["decision"]["Go"]["points"] = far.clone());
-    assert!(said.contains("leg.plan.decision.points is 3000000"), "{said}");
+    assert!(said.contains("leg.plan.decision.Go.points is 3000000"), "{said}");
 }
 
 #[test]
 fn a_scan_is_checked_where_it_lies() {
-    let payload = crate::catalogue::named("Scan").unwrap();
-    let bytes = payload.from_json(&serde_json::from_str(payload.example).unwrap()).unwrap();
+    let sample = named("Scan").unwrap();
+    let bytes = sample.bytes();
     let mut spoilt = bytes.clone();
     spoilt[16..24].copy_from_slice(&f64::NAN.to_le_bytes());
-    let value = |bytes| ValueRef::Binary { type_name: payload.name, layout: payload.layout, bytes };
+    let value = |bytes| ValueRef::Binary { type_: sample.type_, bytes };
     assert!(value(&bytes).decode(&crate::keys::SCAN).is_ok());
     let said = value(&spoilt).decode(&crate::keys::SCAN).unwrap_err().to_string();
     assert!(said.starts_with("Scan.pose.rotation"), "{said}");
     let scan = crate::Scan::new(1, 1, Pose::looking(Point3::origin(), nalgebra::Vector3::x()), Default::default());
-    let said = |scan: crate::Scan<'_>| super::scan(&scan).unwrap_err().to_string();
-    assert_eq!(super::scan(&scan), Ok(()));
+    let said = |scan: crate::Scan<'_>| scan.check().unwrap_err().to_string();
+    assert_eq!(scan.check(), Ok(()));
     assert!(said(crate::Scan { range_m: f64::NAN, ..scan.clone() }).starts_with("range_m is NaN"));
     assert!(said(crate::Scan { measured: 1 << 40, ..scan.clone() }).starts_with("measured is 1099511627776"));
     let point = [Point3::origin()].into_iter().collect();

@@ -14,7 +14,7 @@ impl Speaker {
     /// Registers for `key` as a reader of values of type `name`.
     fn expect(&self, broker: &mut Broker, key: &str, name: &str) {
         let mut batch = Vec::new();
-        put_definition(&mut batch, Named::Type, 0, name, 7);
+        put_definition(&mut batch, Named::Type, 0, name, 7, "");
         let header = Header { flags: TYPED, value_kind: ValueKind::Binary, ..Header::new(FrameKind::Register) };
         put(&mut batch, &header, key.as_bytes(), b"*");
         broker.receive(0.0, self.id, &batch).unwrap();
@@ -23,7 +23,7 @@ impl Speaker {
     /// Publishes a value of type `name`.
     fn typed(&mut self, broker: &mut Broker, key: &str, name: &str) {
         let mut batch = Vec::new();
-        put_definition(&mut batch, Named::Type, 0, name, 7);
+        put_definition(&mut batch, Named::Type, 0, name, 7, "");
         broker.receive(0.0, self.id, &batch).unwrap();
         self.say(broker, 0.0, key, ValueKind::Binary, b"value");
     }
@@ -59,7 +59,7 @@ fn names_are_bounded_in_length_number_and_sum() {
     a.text(b, 0.0, "X", "3");
     let (_, _, refused) = a.hear(b, 0.0);
     assert_eq!(refused, ["a name of 300 bytes; at most 256 are allowed"], "said once");
-    assert!(b.keys.known(&long, 0).is_none() && b.keys.known("X", 0).is_some());
+    assert!(b.keys.known(&long).is_none() && b.keys.known("X").is_some());
 
     let b = &mut bounded(|limits| limits.variables = 12);
     let mut a = Speaker::new(b, 0.0, "a");
@@ -319,6 +319,28 @@ fn a_value_that_has_no_room_in_the_mail_of_the_dead_is_not_copied() {
     assert_eq!(kept[kept.len() - 3..], [(false, 500), (true, size_of::<BulkRef>()), (false, 500)], "{kept:?}");
 }
 
+/// A description that is none, or of another layout, would have every reader of the type see what is not there.
+#[test]
+fn a_type_that_is_not_what_it_is_said_to_be_is_refused() {
+    let b = &mut broker();
+    let text = crate::TypeRef::of::<super::super::table::TypeEntry>().text();
+    let layout = <super::super::table::TypeEntry as crate::Payload>::LAYOUT;
+    for (layout, text, said) in [
+        (7, "{}", "this describes no type"),
+        (7, text.as_str(), "the description of Theirs is of layout"),
+        (layout, &text[1..], "this describes no type"),
+    ] {
+        let mut liar = Speaker::new(b, 0.0, "liar");
+        let mut batch = Vec::new();
+        put_definition(&mut batch, Named::Type, 0, "Theirs", layout, text);
+        b.receive(0.0, liar.id, &batch).unwrap();
+        let told = liar.hear(b, 0.0).2;
+        assert!(told.len() == 1 && told[0].contains(said), "{told:?}");
+        b.disconnect(0.0, liar.id, 0, true);
+    }
+    assert_eq!(b.types.len(), 0);
+}
+
 /// Regression: a sum of what a client had lost and what it said that it had overflowed.
 #[test]
 fn whoever_has_missed_more_than_can_be_counted_ends_no_broker() {
@@ -397,7 +419,7 @@ fn numbers_for_names_are_bounded() {
     let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
     for speaker in [&mut a, &mut c] {
         let mut batch = Vec::new();
-        (0..1000).for_each(|number| put_definition(&mut batch, Named::Key, number, "X", 0));
+        (0..1000).for_each(|number| put_definition(&mut batch, Named::Key, number, "X", 0, ""));
         b.receive(0.0, speaker.id, &batch).unwrap();
         speaker.keys = vec!["X".into(); 1000];
     }

@@ -107,7 +107,7 @@ fn a_client_that_speaks_nonsense_is_an_error_not_a_panic() {
     put(&mut batch, &Header::new(FrameKind::Notify), &[], &[]);
     assert!(b.receive(0.0, a.id, &batch).is_err(), "key 0 was never defined");
     let mut batch = Vec::new();
-    put_definition(&mut batch, Named::Key, 7, "X", 0);
+    put_definition(&mut batch, Named::Key, 7, "X", 0, "");
     assert!(b.receive(0.0, a.id, &batch).is_err(), "definitions come in order");
 }
 

@@ -73,8 +73,8 @@ fn a_value_in_shared_memory_counts_with_its_length_and_stays_out_of_the_table() 
     let b = &mut broker();
     let mut a = Speaker::new(b, 0.0, "a");
     let mut batch = Vec::new();
-    put_definition(&mut batch, Named::Key, 0, "SCAN", 0);
-    put_definition(&mut batch, Named::Type, 0, "Scan", 5);
+    put_definition(&mut batch, Named::Key, 0, "SCAN", 0, "");
+    put_definition(&mut batch, Named::Type, 0, "Scan", 5, "");
     let reference = wire::BulkRef { client: a.id, generation: 1, sample: 1, len: 123_456 };
     let header = Header { flags: BULK, value_kind: ValueKind::Binary, sequence: 1, ..Header::new(FrameKind::Notify) };
     put(&mut batch, &header, &[], &reference.to_bytes());

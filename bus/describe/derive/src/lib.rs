@@ -1,0 +1,311 @@
+//! `#[derive(Describe)]`, see `elk_describe::Describe`, and `#[payload]`, see `elk_bus::payload`.
+
+use proc_macro2::TokenStream;
+use quote::{format_ident, quote};
+use syn::spanned::Spanned;
+use syn::{Attribute, Data, DeriveInput, Error, Expr, ExprLit, Field, Fields, Lit, Meta, Path, Result};
+
+/// Describes a struct or an enum by its definition.
+#[proc_macro_derive(Describe, attributes(describe))]
+pub fn derive(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
+    let input = syn::parse_macro_input!(input as DeriveInput);
+    describe(&input).unwrap_or_else(Error::into_compile_error).into()
+}
+
+/// Makes a struct or an enum the value of a key: serde's derives, the description, and `Payload` itself.
+#[proc_macro_attribute]
+pub fn payload(arguments: proc_macro::TokenStream, item: proc_macro::TokenStream) -> proc_macro::TokenStream {
+    let input = syn::parse_macro_input!(item as DeriveInput);
+    travelling(&arguments.into(), &input).unwrap_or_else(Error::into_compile_error).into()
+}
+
+fn travelling(arguments: &TokenStream, input: &DeriveInput) -> Result<TokenStream> {
+    if !arguments.is_empty() {
+        return Err(Error::new(arguments.span(), "payload has no arguments: #[describe(…)] says what a field may be"));
+    }
+    let (ident, name) = (&input.ident, input.ident.to_string());
+    let borrows: Vec<_> = input.generics.lifetimes().collect();
+    let (own, view) = match (borrows.as_slice(), input.generics.params.len()) {
+        ([], 0) => (quote! { #ident }, quote! { #ident }),
+        ([_], 1) => (quote! { #ident<'static> }, quote! { #ident<'a> }),
+        _ => {
+            let said =
+                "a payload is one type: at most a lifetime, of what it borrows from the message, can be open in it";
+            return Err(Error::new(input.generics.span(), said));
+        }
+    };
+    Ok(quote! {
+        #[derive(::elk_bus::serde::Serialize, ::elk_bus::serde::Deserialize, ::elk_bus::describe::Describe)]
+        #[serde(crate = "::elk_bus::serde")]
+        #[describe(crate = ::elk_bus::describe)]
+        #input
+
+        #[automatically_derived]
+        impl ::elk_bus::Payload for #own {
+            const NAME: &'static str = #name;
+            type View<'a> = #view;
+        }
+    })
+}
+
+fn describe(input: &DeriveInput) -> Result<TokenStream> {
+    plain_serde(&input.attrs)?;
+    let said = Said::of(&input.attrs)?;
+    said.only_of_types(input.span())?;
+    let krate = said.krate.clone().unwrap_or_else(|| syn::parse_quote! { ::elk_describe });
+    let (name, docs) = (input.ident.to_string(), docs(&input.attrs));
+    let drawn = said.drawn.as_ref().map(syn::LitStr::value).unwrap_or_default();
+    let (shape, check) = match &input.data {
+        Data::Struct(data) => {
+            let all = Members::of(&data.fields)?;
+            let bind = all.iter().map(|one| {
+                let (name, member) = (&one.binding, &one.member);
+                quote! { let #name = &self.#member; }
+            });
+            let checks = all.iter().map(Members::check);
+            let check = quote! { #(#bind)* #(#checks)* };
+            let shape = match (&data.fields, all.as_slice()) {
+                (Fields::Unit, _) => quote! { describing::Shape::Unit },
+                // As serde has it, a struct of one value without a name is that value.
+                (Fields::Unnamed(_), [one]) => one.shape(),
+                (Fields::Unnamed(_), all) => tuple(all),
+                (Fields::Named(_), all) => {
+                    let fields = fields(all);
+                    quote! {
+                        describing::Shape::Struct(&describing::StructShape {
+                            name: #name, docs: #docs, drawn: #drawn, fields: #fields,
+                        })
+                    }
+                }
+            };
+            (shape, check)
+        }
+        Data::Enum(data) => {
+            let (mut variants, mut arms) = (Vec::new(), Vec::new());
+            for variant in &data.variants {
+                plain_serde(&variant.attrs)?;
+                let (ident, docs) = (&variant.ident, self::docs(&variant.attrs));
+                let name = ident.to_string();
+                let all = Members::of(&variant.fields)?;
+                let content = match (&variant.fields, all.as_slice()) {
+                    (Fields::Unit, _) => quote! { Unit },
+                    (Fields::Unnamed(_), [one]) => {
+                        let shape = one.shape();
+                        quote! { One(#shape) }
+                    }
+                    (Fields::Unnamed(_), all) => {
+                        let shapes = all.iter().map(Members::shape);
+                        quote! { Tuple(&[#(#shapes),*]) }
+                    }
+                    (Fields::Named(_), all) => {
+                        let fields = fields(all);
+                        quote! { Fields(#fields) }
+                    }
+                };
+                variants.push(quote! {
+                    describing::VariantShape {
+                        name: #name, docs: #docs, content: describing::VariantContent::#content,
+                    }
+                });
+                let (members, bindings): (Vec<_>, Vec<_>) = all.iter().map(|one| (&one.member, &one.binding)).unzip();
+                let checks = all.iter().map(Members::check);
+                let check = quote! { #(#checks)* };
+                let within = quote! {
+                    let checked: ::core::result::Result<(), describing::Invalid> = (|| { #check ::core::result::Result::Ok(()) })();
+                    checked.map_err(|inner| inner.within(#name))?;
+                };
+                arms.push(quote! { Self::#ident { #(#members: #bindings),* } => { #within } });
+            }
+            let shape = quote! { describing::Shape::Enum(#name, &[#(#variants),*]) };
+            (shape, quote! { match self { #(#arms)* } })
+        }
+        Data::Union(_) => return Err(Error::new(input.span(), "a union has no bytes that serde knows")),
+    };
+    let own = said.check.map(|path| quote! { #path(self)?; });
+    let (ident, mut generics) = (&input.ident, input.generics.clone());
+    for parameter in input.generics.type_params() {
+        let ident = &parameter.ident;
+        generics.make_where_clause().predicates.push(syn::parse_quote! { #ident: describing::Describe });
+    }
+    let (implementation, types, bounds) = generics.split_for_impl();
+    Ok(quote! {
+        const _: () = {
+            use #krate as describing;
+
+            #[automatically_derived]
+            impl #implementation describing::Describe for #ident #types #bounds {
+                const SHAPE: describing::Shape = #shape;
+
+                #[allow(clippy::manual_range_contains, clippy::redundant_closure_call)]
+                fn check(&self) -> ::core::result::Result<(), describing::Invalid> {
+                    #check
+                    #own
+                    ::core::result::Result::Ok(())
+                }
+            }
+        };
+    })
+}
+
+/// A field, however it is named.
+struct Members<'a> {
+    field: &'a Field,
+    name: String,
+    member: syn::Member,
+    binding: syn::Ident,
+    docs: String,
+    said: Said,
+}
+
+impl<'a> Members<'a> {
+    fn of(fields: &'a Fields) -> Result<Vec<Self>> {
+        let one = |(index, field): (usize, &'a Field)| {
+            plain_serde(&field.attrs)?;
+            let said = Said::of(&field.attrs)?;
+            let (name, member) = match &field.ident {
+                // A name that is a keyword is the same name to serde.
+                Some(ident) => (ident.to_string().trim_start_matches("r#").to_owned(), ident.clone().into()),
+                None => (format!("[{index}]"), index.into()),
+            };
+            let docs = docs(&field.attrs);
+            Ok(Self { field, name, member, binding: format_ident!("field_{index}"), docs, said })
+        };
+        fields.iter().enumerate().map(one).collect()
+    }
+
+    fn shape(&self) -> TokenStream {
+        let ty = &self.field.ty;
+        match &self.said.shape {
+            Some(shape) => quote! { #shape },
+            None => quote! { <#ty as describing::Describe>::SHAPE },
+        }
+    }
+
+    /// A struct of one value without a name has that value's own way.
+    fn check(&self) -> TokenStream {
+        let (binding, name) = (&self.binding, if self.field.ident.is_some() { self.name.as_str() } else { "" });
+        let unit = self.said.unit.as_deref().unwrap_or("");
+        let range = self.said.range.as_ref().map(|range| {
+            quote! {
+                describing::derived::range(#name, #binding, #range, #unit)?;
+            }
+        });
+        let longest = self.said.longest.as_ref().map(|longest| {
+            quote! {
+                describing::derived::longest(#name, #binding.len(), #longest)?;
+            }
+        });
+        let own = self.said.check.as_ref().map(|path| {
+            quote! {
+                #path(#binding).map_err(|inner| inner.within(#name))?;
+            }
+        });
+        let count = self.said.count.then(|| quote! { describing::derived::count(#name, *#binding)?; });
+        let inner = (!self.said.any).then(|| quote! { describing::derived::field(#name, #binding)?; });
+        let is_used = !self.said.any || self.said.count || range.is_some() || longest.is_some() || own.is_some();
+        let unused = (!is_used).then(|| quote! { let _ = #binding; });
+        quote! { #range #longest #count #inner #own #unused }
+    }
+}
+
+fn fields(all: &[Members<'_>]) -> TokenStream {
+    let each = all.iter().map(|one| {
+        let (name, docs, unit, shape) = (&one.name, &one.docs, one.said.unit.as_deref().unwrap_or(""), one.shape());
+        quote! { describing::FieldShape { name: #name, docs: #docs, unit: #unit, shape: #shape } }
+    });
+    quote! { &[#(#each),*] }
+}
+
+fn tuple(all: &[Members<'_>]) -> TokenStream {
+    let shapes = all.iter().map(Members::shape);
+    quote! { describing::Shape::Tuple(&[#(#shapes),*]) }
+}
+
+/// What `#[describe(…)]` says.
+#[derive(Default)]
+struct Said {
+    unit: Option<String>,
+    range: Option<Expr>,
+    longest: Option<Expr>,
+    check: Option<Path>,
+    shape: Option<Expr>,
+    any: bool,
+    count: bool,
+    drawn: Option<syn::LitStr>,
+    krate: Option<Path>,
+}
+
+impl Said {
+    fn of(attributes: &[Attribute]) -> Result<Self> {
+        let mut said = Self::default();
+        for attribute in attributes.iter().filter(|one| one.path().is_ident("describe")) {
+            attribute.parse_nested_meta(|meta| {
+                let name = meta.path.get_ident().map(ToString::to_string).unwrap_or_default();
+                match name.as_str() {
+                    "unit" => said.unit = Some(meta.value()?.parse::<syn::LitStr>()?.value()),
+                    "range" => said.range = Some(meta.value()?.parse()?),
+                    "longest" => said.longest = Some(meta.value()?.parse()?),
+                    "check" => said.check = Some(meta.value()?.parse()?),
+                    "shape" => said.shape = Some(meta.value()?.parse()?),
+                    "any" => said.any = true,
+                    "count" => said.count = true,
+                    "drawn" => said.drawn = Some(drawn(&meta.value()?.parse::<syn::LitStr>()?)?),
+                    "crate" => said.krate = Some(meta.value()?.parse()?),
+                    _ => return Err(meta.error("right are unit, range, longest, count, check, shape, any and drawn")),
+                }
+                Ok(())
+            })?;
+        }
+        Ok(said)
+    }
+
+    /// A whole type has none of a field's rules.
+    fn only_of_types(&self, span: proc_macro2::Span) -> Result<()> {
+        let Self { unit, range, longest, check: _, shape, any, count, drawn: _, krate: _ } = self;
+        match unit.is_some() || range.is_some() || longest.is_some() || shape.is_some() || *any || *count {
+            true => {
+                Err(Error::new(span, "of a type, describe says `check` and `drawn`; units and ranges are its fields'"))
+            }
+            false => Ok(()),
+        }
+    }
+}
+
+/// As what a struct can be drawn.
+fn drawn(word: &syn::LitStr) -> Result<syn::LitStr> {
+    match ["points", "pose", "poses", "voxels"].contains(&word.value().as_str()) {
+        true => Ok(word.clone()),
+        false => Err(Error::new(word.span(), "right are points, pose, poses and voxels")),
+    }
+}
+
+/// The doc comment, its lines joined.
+fn docs(attributes: &[Attribute]) -> String {
+    let line = |attribute: &Attribute| match &attribute.meta {
+        Meta::NameValue(said) if said.path.is_ident("doc") => match &said.value {
+            Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) => Some(text.value().trim().to_owned()),
+            _ => None,
+        },
+        _ => None,
+    };
+    attributes.iter().filter_map(line).collect::<Vec<_>>().join(" ").trim().to_owned()
+}
+
+/// serde's attributes change what is written, in ways that a description cannot say; but for those that change nothing.
+fn plain_serde(attributes: &[Attribute]) -> Result<()> {
+    for attribute in attributes.iter().filter(|one| one.path().is_ident("serde")) {
+        attribute.parse_nested_meta(|meta| {
+            let harmless = ["crate", "borrow", "bound", "deny_unknown_fields", "transparent"];
+            if !harmless.iter().any(|name| meta.path.is_ident(name)) {
+                return Err(
+                    meta.error("a type with this cannot be described: its bytes are not what its definition says")
+                );
+            }
+            if let Ok(value) = meta.value() {
+                value.parse::<Expr>()?;
+            }
+            Ok(())
+        })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,130 @@
+//! The trait, for what the standard library has.
+
+use crate::check::each;
+use crate::{Invalid, Shape};
+
+/// A type that says what its bytes are. Derive it: `#[derive(Describe)]`, beside serde's `Serialize` and `Deserialize`.
+///
+/// | `#[describe(…)]` on a field | says |
+/// |---|---|
+/// | `unit = "m"` | its unit |
+/// | `range = 0.0..=1.0` | what it may be |
+/// | `longest = 64` | how many entries a list may have, how many bytes a text |
+/// | `count` | that it counts, or is the number of something that is counted: below 2^48 |
+/// | `check = function` | its own rule, `fn(&T) -> Result<(), Invalid>` |
+/// | `any` | that it is not looked into: floating-point numbers are finite elsewhere |
+/// | `shape = …` | what its bytes are, if its type does not say it |
+///
+/// On a struct, `check` says a rule for all of it, asked after those of its fields; and `drawn` as what viewers of a log
+/// draw it:
+///
+/// | `drawn =` | is drawn |
+/// |---|---|
+/// | `"points"` | its last list of packed points (three f32), at its first pose |
+/// | `"pose"` | its first pose |
+/// | `"poses"` | its poses and points, in the order of their bytes |
+/// | `"voxels"` | the occupied voxels of a map |
+#[diagnostic::on_unimplemented(note = "derive it: #[derive(elk_describe::Describe)]")]
+pub trait Describe {
+    /// What its values are.
+    const SHAPE: Shape;
+
+    /// What every value has to keep to, whoever wrote it.
+    ///
+    /// # Errors
+    /// The first field that does not.
+    fn check(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
+}
+
+macro_rules! plain {
+    ($($type:ty: $shape:expr),* $(,)?) => {$(
+        impl Describe for $type {
+            const SHAPE: Shape = $shape;
+        }
+    )*};
+}
+
+plain! {
+    (): Shape::Unit,
+    bool: Shape::Bool,
+    u8: Shape::Unsigned(1), u16: Shape::Unsigned(2), u32: Shape::Unsigned(4), u64: Shape::Unsigned(8),
+    i8: Shape::Signed(1), i16: Shape::Signed(2), i32: Shape::Signed(4), i64: Shape::Signed(8),
+    String: Shape::Text, str: Shape::Text, Box<str>: Shape::Text,
+}
+
+macro_rules! float {
+    ($($type:ty: $bytes:expr),*) => {$(
+        impl Describe for $type {
+            const SHAPE: Shape = Shape::Float($bytes);
+
+            fn check(&self) -> Result<(), Invalid> {
+                match self.is_finite() {
+                    true => Ok(()),
+                    false => Err(Invalid::new("", self, "a finite number")),
+                }
+            }
+        }
+    )*};
+}
+
+float!(f32: 4, f64: 8);
+
+impl<T: Describe + ?Sized> Describe for &T {
+    const SHAPE: Shape = T::SHAPE;
+
+    fn check(&self) -> Result<(), Invalid> {
+        (**self).check()
+    }
+}
+
+impl<T: Describe> Describe for Box<T> {
+    const SHAPE: Shape = T::SHAPE;
+
+    fn check(&self) -> Result<(), Invalid> {
+        (**self).check()
+    }
+}
+
+impl<T: Describe> Describe for Option<T> {
+    const SHAPE: Shape = Shape::Option(&T::SHAPE);
+
+    fn check(&self) -> Result<(), Invalid> {
+        self.as_ref().map_or(Ok(()), T::check)
+    }
+}
+
+impl<T: Describe> Describe for Vec<T> {
+    const SHAPE: Shape = Shape::List(&T::SHAPE);
+
+    fn check(&self) -> Result<(), Invalid> {
+        each(self)
+    }
+}
+
+impl<T: Describe, const N: usize> Describe for [T; N] {
+    const SHAPE: Shape = Shape::Array(&T::SHAPE, N);
+
+    fn check(&self) -> Result<(), Invalid> {
+        each(self)
+    }
+}
+
+macro_rules! tuple {
+    ($($type:ident $index:tt),+) => {
+        impl<$($type: Describe),+> Describe for ($($type,)+) {
+            const SHAPE: Shape = Shape::Tuple(&[$($type::SHAPE),+]);
+
+            fn check(&self) -> Result<(), Invalid> {
+                $(self.$index.check().map_err(|inner| inner.within(concat!("[", $index, "]")))?;)+
+                Ok(())
+            }
+        }
+    };
+}
+
+tuple!(A 0);
+tuple!(A 0, B 1);
+tuple!(A 0, B 1, C 2);
+tuple!(A 0, B 1, C 2, D 3);

@@ -1,0 +1,399 @@
+//! A shape that travels: what somebody who has never seen a type knows of it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::shape::Fnv;
+use crate::{FieldShape, Shape, VariantContent};
+
+/// What a type's bytes are, as it travels and is kept in logs: as JSON, in which it reads like the type's definition.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Description(Kind);
+
+/// What a value is; see [`Shape`], which this mirrors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "Shape says it")]
+pub enum Kind {
+    Unit,
+    Bool,
+    Unsigned(u8),
+    Signed(u8),
+    Float(u8),
+    Rotation,
+    Text,
+    Option(Box<Kind>),
+    List(Box<Kind>),
+    Packed(Box<Kind>),
+    Symbols { bits: u8, letters: String, least: u64 },
+    Array { of: Box<Kind>, count: u64 },
+    Tuple(Vec<Kind>),
+    Struct(Struct),
+    Enum(Enum),
+}
+
+/// A struct.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Struct {
+    /// The type's name.
+    pub name: String,
+    /// What it means.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub docs: String,
+    /// As what viewers draw its values (see [`crate::Describe`]); empty: as nothing.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub drawn: String,
+    /// Its fields, in the order of their bytes.
+    pub fields: Vec<Field>,
+}
+
+/// An enum.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Enum {
+    /// The type's name.
+    pub name: String,
+    /// Its variants, in the order of their numbers.
+    pub variants: Vec<Variant>,
+}
+
+/// A field of a struct.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Field {
+    /// Its name.
+    pub name: String,
+    /// What it means.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub docs: String,
+    /// Its unit; empty if it has none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// What it is.
+    pub kind: Kind,
+}
+
+/// A variant of an enum.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Variant {
+    /// Its name.
+    pub name: String,
+    /// What it means.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub docs: String,
+    /// What follows its number.
+    #[serde(default, skip_serializing_if = "Content::is_unit")]
+    pub content: Content,
+}
+
+/// What a variant holds.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Content {
+    /// Nothing.
+    #[default]
+    Unit,
+    /// A value without a name.
+    One(Box<Kind>),
+    /// Several.
+    Tuple(Vec<Kind>),
+    /// Fields.
+    Fields(Vec<Field>),
+}
+
+impl Content {
+    fn is_unit(&self) -> bool {
+        *self == Self::Unit
+    }
+
+    /// The kinds of what it holds.
+    fn inner(&self) -> Box<dyn Iterator<Item = &Kind> + '_> {
+        match self {
+            Self::Unit => Box::new(std::iter::empty()),
+            Self::One(inner) => Box::new(std::iter::once(&**inner)),
+            Self::Tuple(all) => Box::new(all.iter()),
+            Self::Fields(fields) => Box::new(fields.iter().map(|field| &field.kind)),
+        }
+    }
+}
+
+/// Why a description from outside is none.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Refused {
+    /// It is not the JSON of one.
+    #[error("this describes no type: {0}")]
+    Json(String),
+    /// It is longer than any type's.
+    #[error("a description of {found} bytes: at most {most} are read")]
+    TooLong {
+        /// Its length.
+        found: usize,
+        /// The longest.
+        most: usize,
+    },
+    /// It says what no bytes can be.
+    #[error("this describes no type: {0}")]
+    Nonsense(String),
+}
+
+impl Description {
+    /// The longest description that is read (bytes of JSON).
+    pub const LONGEST: usize = 1 << 16;
+    /// How deep types lie in each other at most.
+    pub const DEEPEST: usize = 32;
+    /// The most bytes that every value of a type may take: what arrays in arrays come to.
+    pub const LARGEST: u64 = 1 << 24;
+
+    /// The description of a shape.
+    pub fn of(shape: &Shape) -> Self {
+        Self(Kind::of(shape))
+    }
+
+    /// What the values are.
+    pub fn kind(&self) -> &Kind {
+        &self.0
+    }
+
+    /// The name of the struct or enum that is described; empty if it is neither.
+    pub fn name(&self) -> &str {
+        match &self.0 {
+            Kind::Struct(one) => &one.name,
+            Kind::Enum(one) => &one.name,
+            _ => "",
+        }
+    }
+
+    /// As what viewers draw the values; empty: as nothing.
+    pub fn drawn(&self) -> &str {
+        if let Kind::Struct(one) = &self.0 { &one.drawn } else { "" }
+    }
+
+    /// The hash of everything that decides what the bytes mean: [`Shape::layout`] of the shape that it is of.
+    pub fn layout(&self) -> u64 {
+        self.0.hash(Fnv::new()).0
+    }
+
+    /// Bytes that are kept of it, about.
+    pub fn kept_bytes(&self) -> usize {
+        self.0.kept_bytes()
+    }
+
+    /// Whether its values are made to be many bytes, and not to be read: packed values, symbols, lists of plain numbers.
+    pub fn is_bulky(&self) -> bool {
+        self.0.any(&|kind| match kind {
+            Kind::Packed(_) | Kind::Symbols { .. } => true,
+            Kind::List(inner) => inner.is_number(),
+            _ => false,
+        })
+    }
+
+    /// As it travels.
+    pub fn to_text(&self) -> String {
+        // A tree of names and numbers has no key that is no text, which alone JSON could not say.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+
+    /// Reads what somebody says that a type is.
+    ///
+    /// # Errors
+    /// It is not the JSON of a description, or one of what no bytes can be.
+    pub fn from_text(text: &str) -> Result<Self, Refused> {
+        if text.len() > Self::LONGEST {
+            return Err(Refused::TooLong { found: text.len(), most: Self::LONGEST });
+        }
+        let description: Self = serde_json::from_str(text).map_err(|error| Refused::Json(error.to_string()))?;
+        description.0.check(0).map_err(Refused::Nonsense)?;
+        Ok(description)
+    }
+}
+
+impl Kind {
+    fn of(shape: &Shape) -> Self {
+        let boxed = |inner: &Shape| Box::new(Self::of(inner));
+        let all = |inner: &[Shape]| inner.iter().map(Self::of).collect();
+        match shape {
+            Shape::Unit => Self::Unit,
+            Shape::Bool => Self::Bool,
+            Shape::Unsigned(bytes) => Self::Unsigned(*bytes),
+            Shape::Signed(bytes) => Self::Signed(*bytes),
+            Shape::Float(bytes) => Self::Float(*bytes),
+            Shape::Rotation => Self::Rotation,
+            Shape::Text => Self::Text,
+            Shape::Option(inner) => Self::Option(boxed(inner)),
+            Shape::List(inner) => Self::List(boxed(inner)),
+            Shape::Packed(inner) => Self::Packed(boxed(inner)),
+            Shape::Symbols(bits, letters, least) => {
+                Self::Symbols { bits: *bits, letters: (*letters).to_owned(), least: *least as u64 }
+            }
+            Shape::Array(inner, count) => Self::Array { of: boxed(inner), count: *count as u64 },
+            Shape::Tuple(inner) => Self::Tuple(all(inner)),
+            Shape::Struct(one) => Self::Struct(Struct {
+                name: one.name.to_owned(),
+                docs: one.docs.to_owned(),
+                drawn: one.drawn.to_owned(),
+                fields: fields_of(one.fields),
+            }),
+            Shape::Enum(name, variants) => {
+                let variants = variants.iter().map(|one| Variant {
+                    name: one.name.to_owned(),
+                    docs: one.docs.to_owned(),
+                    content: match &one.content {
+                        VariantContent::Unit => Content::Unit,
+                        VariantContent::One(one) => Content::One(boxed(one)),
+                        VariantContent::Tuple(inner) => Content::Tuple(all(inner)),
+                        VariantContent::Fields(fields) => Content::Fields(fields_of(fields)),
+                    },
+                });
+                Self::Enum(Enum { name: (*name).to_owned(), variants: variants.collect() })
+            }
+        }
+    }
+
+    /// As [`Shape::layout`] has it.
+    fn hash(&self, fnv: Fnv) -> Fnv {
+        match self {
+            Self::Unit => fnv.text("unit"),
+            Self::Bool => fnv.text("bool"),
+            Self::Unsigned(bytes) => fnv.text("u").byte(*bytes),
+            Self::Signed(bytes) => fnv.text("i").byte(*bytes),
+            Self::Float(bytes) => fnv.text("f").byte(*bytes),
+            Self::Rotation => fnv.text("rotation"),
+            Self::Text => fnv.text("text"),
+            Self::Option(inner) => inner.hash(fnv.text("option")),
+            Self::List(inner) => inner.hash(fnv.text("list")),
+            Self::Packed(inner) => inner.hash(fnv.text("packed")),
+            Self::Symbols { bits, letters, least } => {
+                fnv.text("symbols").byte(*bits).text(letters).count(*least as usize)
+            }
+            Self::Array { of, count } => of.hash(fnv.text("array").count(*count as usize)),
+            Self::Tuple(inner) => hash_all(inner, fnv.text("tuple")),
+            Self::Struct(one) => hash_fields(&one.fields, fnv.text("struct").text(&one.name)),
+            Self::Enum(one) => {
+                let fnv = fnv.text("enum").text(&one.name).count(one.variants.len());
+                one.variants.iter().fold(fnv, |fnv, variant| {
+                    let fnv = fnv.text(&variant.name);
+                    match &variant.content {
+                        Content::Unit => fnv.text("unit"),
+                        Content::One(one) => one.hash(fnv.text("one")),
+                        Content::Tuple(all) => hash_all(all, fnv.text("tuple")),
+                        Content::Fields(fields) => hash_fields(fields, fnv.text("fields")),
+                    }
+                })
+            }
+        }
+    }
+
+    /// The kinds that lie in this one, one level down.
+    fn inner(&self) -> Box<dyn Iterator<Item = &Self> + '_> {
+        match self {
+            Self::Option(inner) | Self::List(inner) | Self::Packed(inner) | Self::Array { of: inner, .. } => {
+                Box::new(std::iter::once(&**inner))
+            }
+            Self::Tuple(all) => Box::new(all.iter()),
+            Self::Struct(one) => Box::new(one.fields.iter().map(|field| &field.kind)),
+            Self::Enum(one) => Box::new(one.variants.iter().flat_map(|variant| variant.content.inner())),
+            _ => Box::new(std::iter::empty()),
+        }
+    }
+
+    fn kept_bytes(&self) -> usize {
+        let field = |one: &Field| size_of::<Field>() + one.name.len() + one.docs.len() + one.unit.len();
+        let variant = |one: &Variant| {
+            let fields = if let Content::Fields(fields) = &one.content { fields.as_slice() } else { &[] };
+            size_of::<Variant>() + one.name.len() + one.docs.len() + fields.iter().map(field).sum::<usize>()
+        };
+        let words = match self {
+            Self::Struct(one) => one.name.len() + one.docs.len() + one.fields.iter().map(field).sum::<usize>(),
+            Self::Enum(one) => one.name.len() + one.variants.iter().map(variant).sum::<usize>(),
+            _ => 0,
+        };
+        size_of::<Self>() + words + self.inner().map(Self::kept_bytes).sum::<usize>()
+    }
+
+    fn is_number(&self) -> bool {
+        match self {
+            Self::Unsigned(_) | Self::Signed(_) | Self::Float(_) => true,
+            Self::Array { of, .. } => of.is_number(),
+            _ => false,
+        }
+    }
+
+    /// Whether this kind, or one in it, is such a one.
+    fn any(&self, is: &impl Fn(&Self) -> bool) -> bool {
+        is(self) || self.inner().any(|kind| kind.any(is))
+    }
+
+    /// The least number of bytes that a value takes: what bounds the length of a list by the bytes that are there.
+    pub(crate) fn least_bytes(&self) -> u64 {
+        let sum =
+            |kinds: Box<dyn Iterator<Item = &Self> + '_>| kinds.map(Self::least_bytes).fold(0, u64::saturating_add);
+        match self {
+            Self::Unit => 0,
+            Self::Bool | Self::Option(_) => 1,
+            Self::Unsigned(bytes) | Self::Signed(bytes) | Self::Float(bytes) => u64::from(*bytes),
+            Self::Rotation => 32,
+            Self::Text | Self::List(_) | Self::Packed(_) | Self::Symbols { .. } => 8,
+            Self::Array { of, count } => of.least_bytes().saturating_mul(*count),
+            Self::Tuple(_) | Self::Struct(_) => sum(self.inner()),
+            Self::Enum(one) => 4 + one.variants.iter().map(|variant| sum(variant.content.inner())).min().unwrap_or(0),
+        }
+    }
+
+    /// The number of bytes that every value takes, if it is the same for all.
+    pub(crate) fn width(&self) -> Option<u64> {
+        match self {
+            Self::Unit => Some(0),
+            Self::Bool => Some(1),
+            Self::Unsigned(bytes) | Self::Signed(bytes) | Self::Float(bytes) => Some(u64::from(*bytes)),
+            Self::Rotation => Some(32),
+            Self::Array { of, count } => of.width()?.checked_mul(*count),
+            Self::Tuple(_) | Self::Struct(_) => self.inner().try_fold(0u64, |sum, kind| sum.checked_add(kind.width()?)),
+            _ => None,
+        }
+    }
+
+    fn check(&self, depth: usize) -> Result<(), String> {
+        if depth > Description::DEEPEST {
+            return Err(format!("types lie more than {} deep in each other", Description::DEEPEST));
+        }
+        match self {
+            Self::Unsigned(1 | 2 | 4 | 8) | Self::Signed(1 | 2 | 4 | 8) | Self::Float(4 | 8) => {}
+            Self::Unsigned(bytes) | Self::Signed(bytes) | Self::Float(bytes) => {
+                return Err(format!("a number of {bytes} bytes"));
+            }
+            Self::List(inner) if inner.least_bytes() == 0 => return Err("a list of what takes no byte".to_owned()),
+            Self::Packed(inner) if inner.width().is_none_or(|width| width == 0) => {
+                return Err("packed values of no fixed width".to_owned());
+            }
+            Self::Symbols { least, .. } if *least > Description::LARGEST => {
+                return Err(format!("{least} symbols at least"));
+            }
+            Self::Symbols { bits: bits @ (1 | 2 | 4), letters, .. } if letters.chars().count() == 1 << bits => {}
+            Self::Symbols { bits, .. } => return Err(format!("symbols of {bits} bits whose letters are not 2^{bits}")),
+            Self::Array { of, .. } if of.least_bytes() == 0 => return Err("an array of what takes no byte".to_owned()),
+            Self::Array { .. } if self.least_bytes() > Description::LARGEST => {
+                return Err(format!("an array of {} bytes", self.least_bytes()));
+            }
+            Self::Enum(one) if one.variants.is_empty() => return Err(format!("enum {} has no variant", one.name)),
+            _ => {}
+        }
+        self.inner().try_for_each(|kind| kind.check(depth + 1))
+    }
+}
+
+fn fields_of(fields: &[FieldShape]) -> Vec<Field> {
+    let owned = |field: &FieldShape| Field {
+        name: field.name.to_owned(),
+        docs: field.docs.to_owned(),
+        unit: field.unit.to_owned(),
+        kind: Kind::of(&field.shape),
+    };
+    fields.iter().map(owned).collect()
+}
+
+fn hash_all(all: &[Kind], fnv: Fnv) -> Fnv {
+    all.iter().fold(fnv.count(all.len()), |fnv, kind| kind.hash(fnv))
+}
+
+fn hash_fields(fields: &[Field], fnv: Fnv) -> Fnv {
+    let one = |fnv: Fnv, field: &Field| field.kind.hash(fnv.text(&field.name).text(&field.unit));
+    fields.iter().fold(fnv.count(fields.len()), one)
+}

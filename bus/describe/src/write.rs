@@ -1,0 +1,218 @@
+//! JSON as bytes.
+
+use serde_json::{Map, Value};
+
+use crate::Description;
+use crate::description::{Content, Field, Kind};
+use crate::json::joined;
+
+/// Why JSON is no value of a type.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("this is no {type_name}: {reason}")]
+pub struct WriteError {
+    /// The type's name.
+    pub type_name: String,
+    /// The field at fault, and what is wrong with it.
+    pub reason: String,
+}
+
+impl Description {
+    /// The bytes of a value that is said as JSON, as [`Description::to_json`] says it.
+    ///
+    /// # Errors
+    /// The JSON is no value of the type: a field that is missing, unknown, or of another kind.
+    pub fn to_bytes(&self, json: &Value) -> Result<Vec<u8>, WriteError> {
+        let mut bytes = Vec::new();
+        match write(self.kind(), json, "", &mut bytes) {
+            Ok(()) => Ok(bytes),
+            Err(reason) => Err(WriteError { type_name: self.name().to_owned(), reason }),
+        }
+    }
+
+    /// A value of the type, for people who want to say one: zeros, empty lists, first variants.
+    pub fn example(&self) -> Value {
+        example(self.kind())
+    }
+}
+
+type Written = Result<(), String>;
+
+fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written {
+    let wrong = |wanted: &str| Err(format!("{} is {}; it has to be {wanted}", named(field), shown(json)));
+    match (kind, json) {
+        (Kind::Unit, Value::Null) => Ok(()),
+        (Kind::Unit, _) => wrong("null"),
+        (Kind::Bool, Value::Bool(flag)) => put(bytes, &[u8::from(*flag)]),
+        (Kind::Bool, _) => wrong("true or false"),
+        (Kind::Unsigned(width), _) => match json.as_u64().filter(|number| number >> (8 * u32::from(*width) - 1) <= 1) {
+            Some(number) => put(bytes, &number.to_le_bytes()[..usize::from(*width)]),
+            None => wrong(&format!("a number from 0 to {}", u64::MAX >> (64 - 8 * u32::from(*width)))),
+        },
+        (Kind::Signed(width), _) => {
+            let most = i64::MAX >> (64 - 8 * u32::from(*width));
+            match json.as_i64().filter(|number| (-most - 1..=most).contains(number)) {
+                Some(number) => put(bytes, &number.to_le_bytes()[..usize::from(*width)]),
+                None => wrong(&format!("a number from {} to {most}", -most - 1)),
+            }
+        }
+        (Kind::Float(4), _) => match json.as_f64() {
+            Some(number) => put(bytes, &(number as f32).to_le_bytes()),
+            None => wrong("a number"),
+        },
+        (Kind::Float(_), _) => match json.as_f64() {
+            Some(number) => put(bytes, &number.to_le_bytes()),
+            None => wrong("a number"),
+        },
+        (Kind::Rotation, Value::Array(all)) if all.len() == 4 => {
+            write_all(std::iter::repeat(&Kind::Float(8)), all, field, bytes)
+        }
+        (Kind::Rotation, _) => wrong("a list of 4: x, y, z and w of a quaternion"),
+        (Kind::Text, Value::String(text)) => {
+            length(bytes, text.len());
+            put(bytes, text.as_bytes())
+        }
+        (Kind::Text, _) => wrong("a text"),
+        (Kind::Option(_), Value::Null) => put(bytes, &[0]),
+        (Kind::Option(inner), _) => {
+            bytes.push(1);
+            write(inner, json, field, bytes)
+        }
+        (Kind::List(inner), Value::Array(all)) => {
+            length(bytes, all.len());
+            write_all(std::iter::repeat(&**inner), all, field, bytes)
+        }
+        (Kind::Packed(inner), Value::Array(all)) => {
+            let mut packed = Vec::new();
+            write_all(std::iter::repeat(&**inner), all, field, &mut packed)?;
+            length(bytes, packed.len());
+            put(bytes, &packed)
+        }
+        (Kind::List(_) | Kind::Packed(_), _) => wrong("a list"),
+        (Kind::Symbols { bits, letters, least }, Value::String(text)) => {
+            symbols(*bits, (letters, *least as usize), text, field, bytes)
+        }
+        (Kind::Symbols { letters, .. }, _) => wrong(&format!("a text of the letters {letters}")),
+        (Kind::Array { of, count }, Value::Array(all)) if all.len() as u64 == *count => {
+            write_all(std::iter::repeat(&**of), all, field, bytes)
+        }
+        (Kind::Array { count, .. }, _) => wrong(&format!("a list of {count}")),
+        (Kind::Tuple(kinds), Value::Array(all)) if all.len() == kinds.len() => {
+            write_all(kinds.iter(), all, field, bytes)
+        }
+        (Kind::Tuple(kinds), _) => wrong(&format!("a list of {}", kinds.len())),
+        (Kind::Struct(one), Value::Object(object)) => write_fields(&one.fields, object, field, bytes),
+        (Kind::Struct(one), _) => wrong(&format!("an object with {}", names(&one.fields))),
+        (Kind::Enum(one), _) => {
+            let variants = || one.variants.iter().map(|one| one.name.as_str()).collect::<Vec<_>>().join(", ");
+            let (name, content) = match json {
+                Value::String(name) => (name, &Value::Null),
+                Value::Object(object) if object.len() == 1 => match object.iter().next() {
+                    Some(said) => said,
+                    None => return wrong(&variants()),
+                },
+                _ => return wrong(&format!("one of {}", variants())),
+            };
+            let Some(number) = one.variants.iter().position(|variant| variant.name == *name) else {
+                return wrong(&format!("one of {}", variants()));
+            };
+            put(bytes, &(number as u32).to_le_bytes())?;
+            let field = joined(field, name);
+            match (&one.variants[number].content, content) {
+                (Content::Unit, Value::Null) => Ok(()),
+                (Content::Unit, _) => Err(format!("{} holds nothing", named(&field))),
+                (Content::One(inner), content) => write(inner, content, &field, bytes),
+                (Content::Tuple(kinds), Value::Array(all)) if all.len() == kinds.len() => {
+                    write_all(kinds.iter(), all, &field, bytes)
+                }
+                (Content::Tuple(kinds), _) => Err(format!("{} holds a list of {}", named(&field), kinds.len())),
+                (Content::Fields(fields), Value::Object(object)) => write_fields(fields, object, &field, bytes),
+                (Content::Fields(fields), _) => Err(format!("{} holds {}", named(&field), names(fields))),
+            }
+        }
+    }
+}
+
+fn put(bytes: &mut Vec<u8>, more: &[u8]) -> Written {
+    bytes.extend_from_slice(more);
+    Ok(())
+}
+
+fn length(bytes: &mut Vec<u8>, length: usize) {
+    bytes.extend_from_slice(&(length as u64).to_le_bytes());
+}
+
+fn write_all<'a>(kinds: impl Iterator<Item = &'a Kind>, all: &[Value], field: &str, bytes: &mut Vec<u8>) -> Written {
+    let mut each = kinds.zip(all).enumerate();
+    each.try_for_each(|(i, (kind, json))| write(kind, json, &format!("{field}[{i}]"), bytes))
+}
+
+fn write_fields(fields: &[Field], object: &Map<String, Value>, field: &str, bytes: &mut Vec<u8>) -> Written {
+    if let Some(unknown) = object.keys().find(|name| !fields.iter().any(|field| field.name == **name)) {
+        return Err(format!("{} has no field {unknown}; it has {}", named(field), names(fields)));
+    }
+    fields.iter().try_for_each(|one| match object.get(&one.name) {
+        Some(json) => write(&one.kind, json, &joined(field, &one.name), bytes),
+        None => Err(format!("{} is missing", joined(field, &one.name))),
+    })
+}
+
+fn symbols(bits: u8, (letters, least): (&str, usize), text: &str, field: &str, bytes: &mut Vec<u8>) -> Written {
+    let each = 8 / usize::from(bits);
+    let number = |letter: char| {
+        let found = letters.chars().position(|one| one == letter);
+        found.ok_or_else(|| format!("{} has the letter {letter:?}; right are {letters}", named(field)))
+    };
+    let mut numbers = text.chars().map(number).collect::<Result<Vec<_>, _>>()?;
+    numbers.resize(numbers.len().max(least), 0);
+    length(bytes, numbers.len().div_ceil(each));
+    for group in numbers.chunks(each) {
+        bytes.push(group.iter().rev().fold(0, |byte, number| byte << bits | *number as u8));
+    }
+    Ok(())
+}
+
+fn named(field: &str) -> &str {
+    if field.is_empty() { "the value" } else { field }
+}
+
+fn names(fields: &[Field]) -> String {
+    fields.iter().map(|field| field.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// The beginning of what was said.
+fn shown(json: &Value) -> String {
+    const LONGEST: usize = 60;
+    let text = json.to_string();
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text,
+    }
+}
+
+fn example(kind: &Kind) -> Value {
+    let fields = |fields: &[Field]| -> Value {
+        fields.iter().map(|field| (field.name.clone(), example(&field.kind))).collect::<Map<_, _>>().into()
+    };
+    match kind {
+        Kind::Unit | Kind::Option(_) => Value::Null,
+        Kind::Bool => false.into(),
+        Kind::Unsigned(_) | Kind::Signed(_) => 0.into(),
+        Kind::Float(_) => 0.0.into(),
+        Kind::Rotation => Value::from([0.0, 0.0, 0.0, 1.0].to_vec()),
+        Kind::Text | Kind::Symbols { .. } => "".into(),
+        Kind::List(_) | Kind::Packed(_) => Value::Array(Vec::new()),
+        Kind::Array { of, count } => (0..*count).map(|_| example(of)).collect(),
+        Kind::Tuple(kinds) => kinds.iter().map(example).collect(),
+        Kind::Struct(one) => fields(&one.fields),
+        Kind::Enum(one) => {
+            let Some(first) = one.variants.first() else { return Value::Null };
+            let content = match &first.content {
+                Content::Unit => return first.name.as_str().into(),
+                Content::One(inner) => example(inner),
+                Content::Tuple(kinds) => kinds.iter().map(example).collect(),
+                Content::Fields(inner) => fields(inner),
+            };
+            Map::from_iter([(first.name.clone(), content)]).into()
+        }
+    }
+}

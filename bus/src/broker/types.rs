@@ -1,0 +1,84 @@
+//! The types that values of a community are of: their numbers, and what their bytes are.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use crate::types::Type;
+
+/// Gives each type the next number; a name with another layout is another type.
+#[derive(Debug, Default)]
+pub(super) struct Types {
+    numbers: HashMap<(Arc<str>, u64), u32>,
+    types: Vec<Entry>,
+    bytes: usize,
+}
+
+#[derive(Debug)]
+struct Entry {
+    name: Arc<str>,
+    layout: u64,
+    /// The description as it travels; empty: nobody has said any.
+    description: Box<str>,
+}
+
+impl Types {
+    /// The number of a type; a new one is given the next. The first description that comes is kept: all of one layout are
+    /// the same, but for what they say to people.
+    pub fn number(&mut self, name: &str, layout: u64, description: &str) -> u32 {
+        if let Some(number) = self.known(name, layout) {
+            let entry = &mut self.types[number as usize];
+            if entry.description.is_empty() && !description.is_empty() {
+                self.bytes += description.len();
+                entry.description = description.into();
+            }
+            return number;
+        }
+        let (name, number) = (Arc::<str>::from(name), self.types.len() as u32);
+        self.bytes += name.len() + description.len();
+        self.numbers.insert((Arc::clone(&name), layout), number);
+        self.types.push(Entry { name, layout, description: description.into() });
+        number
+    }
+
+    /// The number that a type has already.
+    pub fn known(&self, name: &str, layout: u64) -> Option<u32> {
+        self.numbers.get(&(Arc::from(name), layout)).copied()
+    }
+
+    /// Whether somebody has described a type.
+    pub fn is_described(&self, number: u32) -> bool {
+        !self.said(number).2.is_empty()
+    }
+
+    /// Bytes of all names and descriptions.
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// How many types there are.
+    pub fn len(&self) -> usize {
+        self.types.len()
+    }
+
+    /// Name, layout and description of a number that was given here.
+    pub fn said(&self, number: u32) -> (&str, u64, &str) {
+        self.types.get(number as usize).map_or(("", 0, ""), |entry| (&entry.name, entry.layout, &entry.description))
+    }
+
+    /// The type's name.
+    pub fn name(&self, number: u32) -> &str {
+        self.said(number).0
+    }
+
+    /// The type's layout.
+    pub fn layout(&self, number: u32) -> u64 {
+        self.said(number).1
+    }
+
+    /// The type, its description read.
+    pub fn get(&self, number: u32) -> Type {
+        let (name, layout, description) = self.said(number);
+        // Only what describes the type was taken in.
+        Type::from_text(name, layout, description).unwrap_or_else(|_| Type::undescribed(name, layout))
+    }
+}
