@@ -98,7 +98,7 @@ pub enum PokeError {
         /// What is wrong, and where.
         source: serde_json::Error,
         /// What is right.
-        example: serde_json::Value,
+        example: String,
     },
     /// The value is JSON, and no value of the type.
     #[error("{name} cannot be written: {source}; right is, for example, {example}")]
@@ -108,7 +108,7 @@ pub enum PokeError {
         /// What is wrong.
         source: WriteError,
         /// What is right.
-        example: serde_json::Value,
+        example: String,
     },
     /// Nobody has written the variable, and the value looks like a typed one.
     #[error(
@@ -200,7 +200,7 @@ impl Poke {
         let Some(description) = type_.as_ref().description().map(Cow::into_owned) else {
             return Err(PokeError::Undescribed { name, type_ });
         };
-        let (type_name, example) = (type_.as_ref().name().to_owned(), description.example());
+        let (type_name, example) = (type_.as_ref().name().to_owned(), description.example().to_string());
         let json = match serde_json::from_str(&self.value) {
             Ok(json) => json,
             Err(source) => return Err(PokeError::Json { name, type_name, source, example }),

@@ -129,7 +129,7 @@ impl Simulator {
     }
 
     /// Goes to the commanded pose, by way of the positions before it, and takes a scan; stays where it is, and scans
-    /// there, if that cannot be done. The command is one that passes its check ([`elk_bus::Payload::check`]): all of it finite.
+    /// there, if that cannot be done. The command is one that passes its check ([`elk_bus::Describe::check`]): all of it finite.
     pub fn execute(&mut self, command: &PoseCommand) -> Outcome {
         let way = self.way(command);
         let refused = self.passable(&way, &command.pose).err();
