@@ -1,227 +1,42 @@
 //! `elk log`: what is in logs, and what can be made of them.
 
+mod arguments;
+mod export;
+mod info;
+
 use std::fmt::Write as _;
 use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use clap::{Args, Subcommand, ValueEnum};
 use elk_bus::clock::Clock;
 use elk_bus::{App, Client, RunError, ValueRef, run_app_on, stop_on_signals, tell};
-use elk_log::alog::AlogWriter;
 use elk_log::check::check;
 use elk_log::copy::{self, Copied, copy};
-use elk_log::csv::{self, LONGEST_JSON, LONGEST_LIST, put_csv};
+use elk_log::csv::LONGEST_LIST;
 use elk_log::diff::{Diff, DiffOptions, Difference, diff};
-use elk_log::index::{Extra, ExtraKind};
 use elk_log::selection::{Place, Window};
-use elk_log::{Compression, Index, LogOptions, LogReader, Metadata, Record, RecordRef, Selection};
+use elk_log::{Index, LogReader, Metadata, Record, RecordRef, Selection};
 use elk_logger::{Logger, Recorder};
-use elk_outside::{text, time};
+use elk_outside::text;
 use serde_json::{Value as Json, json};
 
 use crate::cli::CommunityArgs;
 use crate::complain;
-use crate::prune::{self, PruneArgs};
-use crate::target::{Target, not_to_a_terminal};
+use crate::prune;
+use crate::target::Target;
+
+use arguments::OutputArgs;
+pub use arguments::{LogCommand, SelectionArgs};
+use export::export;
+use info::info;
 
 /// So many messages that cannot be read are each complained of; the others are counted.
 const MOST_COMPLAINTS: u64 = 20;
 
 /// What is said of a log that is not whole.
 const HOW_TO_MEND: &str = "  elk log recover makes a whole one of all that can be had of it\n";
-
-/// What can be done with logs.
-#[derive(Debug, Subcommand)]
-pub enum LogCommand {
-    /// Say what is in a log
-    #[command(after_help = "Example: elk log info logs/apartment-20261123-224512 --json")]
-    Info {
-        /// The log: a run's folder, or a file
-        log: PathBuf,
-        /// As JSON
-        #[arg(long)]
-        json: bool,
-    },
-    /// Read a log from end to end and say whether it is whole
-    #[command(after_help = "Example: elk log check logs/apartment-20261123-224512")]
-    Check {
-        /// The log: a run's folder, or a file
-        log: PathBuf,
-    },
-    /// Mend a log that was cut short or damaged: all that can be had, also behind and inside of what is damaged, in a new one
-    #[command(after_help = "Example: elk log recover logs/apartment-20261123-224512/log.mcap -o mended.mcap")]
-    Recover {
-        /// The log: a run's folder, or a file
-        log: PathBuf,
-        /// How the new log is written
-        #[command(flatten)]
-        output: OutputArgs,
-    },
-    /// Print the messages of a log
-    #[command(after_help = "Example: elk log cat logs/apartment-20261123-224512 --keys PROGRESS --from 1 --to 3")]
-    Cat {
-        /// The log: a run's folder, or a file
-        log: PathBuf,
-        /// Which of them
-        #[command(flatten)]
-        selection: SelectionArgs,
-        /// One JSON object a line, values in full
-        #[arg(long)]
-        json: bool,
-    },
-    /// Make a shorter log of a part of one
-    #[command(after_help = "Example: elk log cut logs/apartment-20261123-224512 --keys 'SCAN*' --to 10 -o scans.mcap")]
-    Cut {
-        /// The log: a run's folder, or a file
-        log: PathBuf,
-        /// Which part
-        #[command(flatten)]
-        selection: SelectionArgs,
-        /// How the new log is written
-        #[command(flatten)]
-        output: OutputArgs,
-    },
-    /// Compare two logs message by message; ends with 1 if they differ
-    #[command(after_help = "Example: elk log diff logs/apartment-1 logs/apartment-2 --keys MAP_UPDATE --keys PLAN\n\n\
-        Messages are compared by variable and source, in order. Times are not compared, nor fields named cpu_secs \
-        (measured anew in each run), nor the variables DB_* and *_STATUS, which tell of processes; --exact compares all \
-        of these but the times.")]
-    Diff {
-        /// A log: a run's folder, or a file
-        first: PathBuf,
-        /// Another
-        second: PathBuf,
-        /// Which messages
-        #[command(flatten)]
-        selection: SelectionArgs,
-        /// Compare measured times and the broker's own tables, too
-        #[arg(long)]
-        exact: bool,
-    },
-    /// Hand a log on: to MOOS' tools as .alog (with .blog), to spreadsheets as CSV
-    #[command(after_help = "Example: elk log export logs/apartment-20261123-224512 --to alog -o apartment.alog\n\n\
-        A message has the time at which its source has written it, in both. An .alog counts from the run's start, which \
-        is its LOGSTART; CSV from the log's earliest message, as elk log cat does.")]
-    Export {
-        /// The log: a run's folder, or a file
-        log: PathBuf,
-        /// The format
-        #[arg(long)]
-        to: Format,
-        /// The file to write; the log's name with another ending if not said; `-`: standard output
-        #[arg(short, long, value_name = "FILE")]
-        output: Option<PathBuf>,
-        /// Which messages
-        #[command(flatten)]
-        patterns: PatternArgs,
-    },
-    /// Name old runs, or delete them with their logs
-    #[command(after_help = "Example: elk log prune --keep 10 --older-than 7 --delete")]
-    Prune(PruneArgs),
-    /// Record a part of a running community until Ctrl-C
-    #[command(after_help = "Example: elk log record 'SCAN*' MAP_UPDATE -o recorded.mcap")]
-    Record {
-        /// Patterns of the variables to record
-        #[arg(default_value = "*")]
-        patterns: Vec<String>,
-        /// Which community
-        #[command(flatten)]
-        community: CommunityArgs,
-        /// The log to write
-        #[command(flatten)]
-        output: OutputArgs,
-    },
-}
-
-/// A part of a log.
-#[derive(Debug, Args)]
-pub struct SelectionArgs {
-    /// By variable and source.
-    #[command(flatten)]
-    patterns: PatternArgs,
-    /// Begin so many seconds after the earliest message
-    #[arg(long, value_name = "S", value_parser = time::parse_seconds)]
-    from: Option<f64>,
-    /// End so many seconds after the earliest message
-    #[arg(long, value_name = "S", value_parser = time::parse_seconds)]
-    to: Option<f64>,
-}
-
-/// Some variables, some sources.
-#[derive(Debug, Args)]
-pub struct PatternArgs {
-    /// Only variables that match (`*`: any characters, `?`: one); may be repeated
-    #[arg(long, value_name = "PATTERN")]
-    keys: Vec<String>,
-    /// Only sources that match; may be repeated
-    #[arg(long, value_name = "PATTERN")]
-    source: Vec<String>,
-    /// No variables that match; may be repeated
-    #[arg(long, value_name = "PATTERN")]
-    exclude: Vec<String>,
-}
-
-impl From<SelectionArgs> for Selection {
-    fn from(said: SelectionArgs) -> Self {
-        Selection { from_secs: said.from, to_secs: said.to, ..said.patterns.into() }
-    }
-}
-
-impl From<PatternArgs> for Selection {
-    fn from(said: PatternArgs) -> Self {
-        let PatternArgs { keys, source, exclude } = said;
-        Selection { keys, sources: source, exclude, ..Selection::default() }
-    }
-}
-
-/// A log to write.
-#[derive(Debug, Args)]
-pub struct OutputArgs {
-    /// The log to write; must not be there; `-`: standard output
-    #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
-    /// How it is compressed
-    #[arg(long, default_value = "zstd")]
-    compression: Packing,
-}
-
-impl OutputArgs {
-    fn target(&self) -> Result<Target> {
-        not_to_a_terminal(&self.output)?;
-        Target::new(&self.output, "log.mcap")
-    }
-
-    fn options(&self) -> LogOptions {
-        let compression = match self.compression {
-            Packing::None => Compression::None,
-            Packing::Lz4 => Compression::Lz4,
-            Packing::Zstd => Compression::Zstd,
-        };
-        LogOptions { compression, ..LogOptions::default() }
-    }
-}
-
-/// How a log is compressed.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum Packing {
-    /// Not at all
-    None,
-    /// A little, for little work
-    Lz4,
-    /// More, for more work
-    Zstd,
-}
-
-/// What a log is exported to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// MOOS' text log
-    Alog,
-    /// Numbers: time, variable, source, value
-    Csv,
-}
 
 /// `elk log …`
 pub fn run(command: LogCommand) -> Result<ExitCode> {
@@ -281,118 +96,6 @@ impl Drop for Shown {
 /// Draws on standard error. A terminal that is gone shows nothing; nobody ends over it, as with [`eprint!`].
 pub fn draw(text: &str) {
     let _ = std::io::stderr().write_all(text.as_bytes());
-}
-
-/// `elk log info`
-fn info(log: &Path, as_json: bool) -> Result<ExitCode> {
-    let index = Index::read(log, &mut progress("reading a log without an index:"))?;
-    say(&if as_json { info_json(&index)? } else { info_text(&index) })?;
-    Ok(ExitCode::SUCCESS)
-}
-
-fn info_json(index: &Index) -> Result<String> {
-    let topic = |topic: &elk_log::Topic| {
-        json!({
-            "name": topic.name, "source": topic.source, "type": topic.type_name, "schema": topic.schema,
-            "count": topic.count,
-        })
-    };
-    let Metadata { mission_name, version, seed, started, world, world_checksum, effective_mission, run, .. } =
-        &index.metadata;
-    let span = index.span();
-    // A tree of it takes many times its length.
-    let said = match run.len() > LONGEST_JSON {
-        true => Json::from(run.as_str()),
-        false => serde_json::from_str(run).unwrap_or_default(),
-    };
-    let (extras, unnamed) = index.extras();
-    let of_kind = |kind| extras.iter().filter(move |extra| extra.kind == kind).map(extra_json).collect::<Vec<_>>();
-    let info = json!({
-        "files": index.files().collect::<Vec<_>>(),
-        "bytes": index.bytes(),
-        "messages": index.messages(),
-        "topics": index.topics().iter().map(topic).collect::<Vec<_>>(),
-        "attachments": of_kind(ExtraKind::Attachment),
-        "metadata": of_kind(ExtraKind::Metadata),
-        "attachments_and_metadata_not_listed": unnamed,
-        "start": span.map(|(start, _)| start),
-        "end": span.map(|(_, end)| end),
-        "whole": index.whole(),
-        "damage": index.damage(),
-        "dropped": index.dropped(),
-        "mission": mission_name,
-        "seed": seed,
-        "version": version,
-        "started": started,
-        "world": world,
-        "world_checksum": world_checksum,
-        "effective_mission": effective_mission,
-        "run": said,
-    });
-    Ok(text::printable_json(&serde_json::to_string_pretty(&info)?).into_owned() + "\n")
-}
-
-fn extra_json(extra: &Extra) -> Json {
-    let Extra { kind, name, media_type, count, bytes } = extra;
-    match kind {
-        ExtraKind::Attachment => json!({ "name": name, "media_type": media_type, "count": count, "bytes": bytes }),
-        ExtraKind::Metadata => json!({ "name": name, "count": count, "bytes": bytes }),
-    }
-}
-
-fn info_text(index: &Index) -> String {
-    let mut said = String::new();
-    let Metadata { mission_name, version, seed, world, world_checksum, .. } = &index.metadata;
-    for file in index.files() {
-        let _ = writeln!(said, "{}", file.display());
-    }
-    if !mission_name.is_empty() {
-        // A world that is built in has no checksum, and a mission may have no world.
-        let world = format!("world {world} {world_checksum}");
-        let world = if world.trim_end() == "world" { "no world" } else { world.trim_end() };
-        let _ = writeln!(said, "  mission {mission_name}, seed {seed}, {world}, elk {version}");
-    }
-    let secs = index.span().map_or(0.0, |(start, end)| end - start);
-    let bytes = index.bytes() as f64 / 1e6;
-    let _ = writeln!(said, "  {} messages in {secs:.3} s, {bytes:.1} MB", index.messages());
-    match index.dropped() {
-        0 => {}
-        dropped => said += &format!("  {dropped} messages are missing: the logger did not keep up\n"),
-    }
-    match index.whole() {
-        true => said += "  has its end (elk log check reads all of it)\n",
-        false => {
-            index.damage().iter().for_each(|reason| said += &format!("  NOT whole: {reason}\n"));
-            said += HOW_TO_MEND;
-        }
-    }
-    let _ = writeln!(said, "  {:<24} {:<16} {:<20} {:>10}", "variable", "source", "type", "messages");
-    for topic in index.topics() {
-        let elk_log::Topic { name, source, type_name, count, .. } = &topic;
-        let (name, source, type_name) = (text::name(name), text::name(source), text::name(type_name));
-        let _ = writeln!(said, "  {name:<24} {source:<16} {type_name:<20} {count:>10}");
-    }
-    put_extras(index, &mut said);
-    said
-}
-
-/// What stands in a log beside its messages, if anything does.
-fn put_extras(index: &Index, said: &mut String) {
-    let (extras, unnamed) = index.extras();
-    if !extras.is_empty() {
-        let _ = writeln!(
-            said,
-            "  {:<24} {:<16} {:<20} {:>10} {:>12}",
-            "beside them", "kind", "media type", "count", "bytes"
-        );
-    }
-    for extra in &extras {
-        let (name, media_type, kind) = (text::name(&extra.name), text::name(&extra.media_type), extra.kind.word());
-        let _ = writeln!(said, "  {name:<24} {kind:<16} {media_type:<20} {:>10} {:>12}", extra.count, extra.bytes);
-    }
-    if unnamed > 0 {
-        let _ = writeln!(said, "  {unnamed} attachments and metadata more, of other names or too large to be read");
-    }
 }
 
 /// `elk log check`
@@ -611,77 +314,6 @@ fn brief(value: &Json) -> String {
         None => text,
         Some((end, _)) => format!("{}…", &text[..end]),
     }
-}
-
-/// `elk log export`
-fn export(log: &Path, to: Format, output: Option<PathBuf>, selection: &Selection) -> Result<ExitCode> {
-    let output = output.unwrap_or_else(|| beside(log, to));
-    if output == Path::new("-") {
-        return export_piped(log, to, selection);
-    }
-    let target = Target::new(&output, "")?.gone_at_a_signal()?;
-    match to {
-        Format::Alog => {
-            let window = window(log, selection)?;
-            export_alog(log, AlogWriter::create(target.draft(), started(log, window)?)?, window)?;
-        }
-        Format::Csv => {
-            let named = || format!("cannot write {}", output.display());
-            export_csv(log, std::fs::File::create_new(target.draft()).with_context(named)?, named, selection)?;
-        }
-    }
-    let said = format!("{}\n", target.shown());
-    finish(target, &said)?;
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Exports to standard output, message by message as they are read.
-fn export_piped(log: &Path, to: Format, selection: &Selection) -> Result<ExitCode> {
-    let (name, out) = ("standard output", std::io::stdout());
-    match to {
-        Format::Alog => {
-            let window = window(log, selection)?;
-            let alog = AlogWriter::piped(Path::new(name), out, started(log, window)?)?;
-            if export_alog(log, alog, window)?.is_some() {
-                complain(&format!(
-                    "the binary values are left out: {name} has no room for a second file; right is -o FILE"
-                ));
-            }
-        }
-        Format::Csv => export_csv(log, out, || format!("cannot write {name}"), selection)?,
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-/// The exported file of a log: in its folder, or beside it.
-fn beside(log: &Path, to: Format) -> PathBuf {
-    let extension = if to == Format::Alog { "alog" } else { "csv" };
-    if log.is_dir() { log.join("log").with_extension(extension) } else { log.with_extension(extension) }
-}
-
-/// When the run of a log began (s since 1970): MOOS counts from there. A log that does not say so begins with its
-/// earliest message.
-fn started(log: &Path, window: Window<'_>) -> Result<f64> {
-    let mut reader = LogReader::open(log)?;
-    let started = reader.metadata().started;
-    if started > 0.0 {
-        return Ok(started);
-    }
-    // Published before it was recorded; what cannot be read is said when all is read.
-    let first = reader.find_map(Result::ok).map_or(f64::INFINITY, |record| record.time);
-    Ok(window.origin.min(first))
-}
-
-fn export_alog(log: &Path, mut alog: AlogWriter, window: Window<'_>) -> Result<Option<PathBuf>> {
-    for_each_record(log, window, |_, record| Ok(alog.append(record)?))?;
-    Ok(alog.finish()?)
-}
-
-fn export_csv(log: &Path, out: impl Write, named: impl Fn() -> String + Copy, selection: &Selection) -> Result<()> {
-    let mut out = BufWriter::new(out);
-    out.write_all(csv::HEADER.as_bytes()).with_context(named)?;
-    for_each_record(log, window(log, selection)?, |secs, record| put_csv(&mut out, secs, record).with_context(named))?;
-    out.flush().with_context(named)
 }
 
 /// `elk log record`

@@ -3,7 +3,7 @@
 //! | module | one idea |
 //! |---|---|
 //! | `conduct` | a mission from its first app to its last word |
-//! | `backend` | what carries it out: `processes`, or `threads` of this process |
+//! | `backend`, `environment` | what carries it out: `processes`, or `threads` of this process; how processes are started |
 //! | `supervisor` | who is to run, who does, and what to do about it: a state machine without processes, bus or clock |
 //! | `process`, `handle`, `strays`, `guard`, `orphans`, `usage` | one process that inherits nothing and ends for certain, and what stays with it alone; what it has started elsewhere; what ends the rest when the launcher dies, and when all die who know of it; what they use |
 //! | `listener` | the launcher's place on the bus, a thread of its own |
@@ -18,6 +18,7 @@ mod backend;
 mod conduct;
 mod control;
 mod detach;
+mod environment;
 mod error;
 mod guard;
 pub mod handle;
@@ -64,11 +65,12 @@ pub use summary::Summary;
 use backend::Backend;
 use conduct::Conduct;
 use control::Server;
+use environment::Environment;
 use launch_state::LaunchState;
 use listener::Listener;
 use observer::Observer;
 use person::Person;
-use processes::{Processes, Yard};
+use processes::Processes;
 use progress::{Display, Shown, put};
 use run_place::RunPlace;
 
@@ -163,7 +165,10 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
         true => Box::new(threads::Threads::new(community, &mission)),
         false => {
             let (program, community, registry) = (program.clone(), community.clone(), registry.clone());
-            Box::new(Processes::new(&mission, Yard { program, community, place, registry, detached: *detached })?)
+            Box::new(Processes::new(
+                &mission,
+                Environment { program, community, place, registry, detached: *detached },
+            )?)
         }
     };
     let (headless, background) = (*headless, options.background);
@@ -189,9 +194,9 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     put(&text::printable_lines(&format!("{}: attached to run {}\n", mission.name, folder.display())));
 
     let place = RunPlace::new(&mission, &folder, state.manual);
-    let (yard_program, community, registry) = (program.clone(), community.clone(), registry.clone());
-    let yard = Yard { program: yard_program, community, place, registry, detached: true };
-    let backend = Box::new(Processes::adopt(&mission, yard, &state)?);
+    let (own_program, community, registry) = (program.clone(), community.clone(), registry.clone());
+    let environment = Environment { program: own_program, community, place, registry, detached: true };
+    let backend = Box::new(Processes::adopt(&mission, environment, &state)?);
     let mut observer = Observer::new(&mission);
     observer.first_command = state.first_command;
     let community = &options.community;

@@ -3,20 +3,19 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::launched::{COMMUNITY, NAME};
-use elk_bus::{Client, Clock, Community, ConnectError, LEASE, ProcessId, SUCCEED};
-use elk_mission::{AppSpec, Exchange, Mission, Program, Registry, Restart, element, instead};
+use elk_bus::{Client, Clock, Community, ConnectError, ProcessId, SUCCEED};
+use elk_mission::{AppSpec, Exchange, Mission, Program, element, instead};
 use elk_outside::time;
 use rustix::event::{PollFd, PollFlags};
 use rustix::process::Pid;
 
 use crate::backend::Backend;
 use crate::control::{AppRow, Request};
+use crate::environment::{DB, Environment};
 use crate::error::LaunchError;
 use crate::guard::Guard;
 use crate::launch_state::{AppState, LaunchState};
@@ -25,16 +24,9 @@ use crate::observer::{Losses, News};
 use crate::orphans::Mark;
 use crate::process::{Bond, Process};
 use crate::run_folder::stamp;
-use crate::run_place::RunPlace;
 use crate::strays::{Run, Sight, Strays};
 use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Supervisor, Ticket, UnitSpec, Word};
 use crate::usage::{Samples, Usage};
-
-/// The broker's name among the processes.
-const DB: &str = "db";
-/// How long the broker keeps what a restarted app missed: longer than the longest pause before a restart and the start
-/// itself.
-const LEASE_SECS: u32 = 15;
 
 /// How long a broker that is only to put things away may take to answer.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
@@ -45,20 +37,9 @@ const STRAYS_LOOK: Duration = Duration::from_millis(100);
 /// How often it is asked.
 const ASK_EVERY: Duration = Duration::from_millis(5);
 
-/// How processes are started.
-pub(crate) struct Yard {
-    /// The program whose commands are run: elk itself.
-    pub program: PathBuf,
-    pub community: Community,
-    pub place: RunPlace,
-    pub registry: Registry,
-    /// Whether they go on when the launcher is gone.
-    pub detached: bool,
-}
-
 /// Processes of one community.
 pub(crate) struct Processes {
-    yard: Yard,
+    environment: Environment,
     mailbox_mb: u32,
     supervisor: Supervisor,
     /// The broker's, then those of the apps, in the supervisor's order.
@@ -98,22 +79,22 @@ struct Post {
 
 impl Processes {
     /// The backend of a mission. Nothing but the guard is started yet.
-    pub fn new(mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
-        Self::of_run(Run::fresh()?, mission, yard)
+    pub fn new(mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
+        Self::of_run(Run::fresh()?, mission, environment)
     }
 
-    fn of_run(run: Run, mission: &Mission, yard: Yard) -> Result<Self, LaunchError> {
-        let guard = match yard.detached {
+    fn of_run(run: Run, mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
+        let guard = match environment.detached {
             true => None,
-            false => Some(Guard::start(&yard.program, &run)?),
+            false => Some(Guard::start(&environment.program, &run)?),
         };
-        let mark = Mark::own(&yard.community).filter(|_| !yard.detached);
+        let mark = Mark::own(&environment.community).filter(|_| !environment.detached);
         Strays::gather_orphans();
         let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
         let units = mission.apps.iter().map(|app| UnitSpec::new(&app.name, &app.element, &app.policy));
         let apps = mission.apps.iter().map(|app| Post { app: Some(app.clone()), ..Post::default() });
         let mut all = Self {
-            yard,
+            environment,
             mailbox_mb: mission.mailbox_mb,
             supervisor: Supervisor::new(broker, units),
             posts: std::iter::once(Post::default()).chain(apps).collect(),
@@ -139,13 +120,13 @@ impl Processes {
 
     /// Takes over the processes that a launcher which is gone has left behind. Who has ended meanwhile is found by the
     /// next [`Backend::check`].
-    pub fn adopt(mission: &Mission, yard: Yard, state: &LaunchState) -> Result<Self, LaunchError> {
-        let folder = yard.place.folder.clone();
+    pub fn adopt(mission: &Mission, environment: Environment, state: &LaunchState) -> Result<Self, LaunchError> {
         let run = state.run.clone().map_or_else(Run::fresh, Ok)?;
-        let mut all = Self::of_run(run, mission, yard)?;
+        let mut all = Self::of_run(run, mission, environment)?;
         all.adopted = true;
+        let log = all.environment.log_of(DB);
         all.explorers.clone_from(&state.explorers);
-        all.posts[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log_of(&folder, DB)));
+        all.posts[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log));
         all.supervisor.adopt(BROKER, State::Running, Duration::ZERO);
         for (place, app) in (BROKER + 1..).zip(&state.apps) {
             all.adopt_app(place, app);
@@ -154,7 +135,7 @@ impl Processes {
     }
 
     fn adopt_app(&mut self, place: usize, app: &AppState) {
-        let log = log_of(&self.yard.place.folder, &app.name);
+        let log = self.environment.log_of(&app.name);
         let adopt = |process: Option<ProcessId>| Process::adopt(process?, &log);
         // In the midst of a swap there may be two; who has the name goes on.
         let (holder, successor) = (adopt(app.process), adopt(app.successor));
@@ -311,8 +292,8 @@ impl Processes {
             Role::Successor => &post.wanted,
         };
         let (name, mut command) = match app {
-            None => (DB.to_owned(), self.broker_command()),
-            Some(app) => (app.name.clone(), self.app_command(app)),
+            None => (DB.to_owned(), self.environment.broker_command(self.mailbox_mb)),
+            Some(app) => (app.name.clone(), self.environment.app_command(app)),
         };
         if role == Role::Successor {
             command.env(SUCCEED, "1");
@@ -332,50 +313,19 @@ impl Processes {
             Some(mark) => mark.give(&mut command),
             None => Mark::take(&mut command),
         }
-        let log = log_of(&self.yard.place.folder, name);
+        let log = self.environment.log_of(name);
         if log.metadata().is_ok_and(|found| found.len() > 0)
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)
         {
             // A log without the line is no reason not to start.
             let _ = writeln!(file, "--- a new process of {name}, {} UTC ---", stamp(Clock::new(1.0).now()));
         }
-        let bond = if self.yard.detached { Bond::None } else { Bond::Launcher };
+        let bond = if self.environment.detached { Bond::None } else { Bond::Launcher };
         let process = Process::spawn(name, command, &log, bond)?;
         if let Some(guard) = &mut self.guard {
             guard.watch(process.pid());
         }
         Ok(process)
-    }
-
-    fn broker_command(&self) -> Command {
-        let mut command = Command::new(&self.yard.program);
-        command.arg("db").args(["--community", self.yard.community.as_str()]);
-        command.args(["--mailbox", &self.mailbox_mb.to_string()]);
-        command
-    }
-
-    /// What starts an app: the same line that a person would type.
-    fn app_command(&self, app: &AppSpec) -> Command {
-        let community = self.yard.community.as_str();
-        let settings = app.settings.iter().map(|(name, text)| format!("{name}={text}"));
-        let mut command = match &app.program {
-            Program::Builtin(app_type, _) => {
-                let mut command = Command::new(&self.yard.program);
-                command.arg(app_type.element.to_lowercase()).args(["--type", app_type.name]);
-                command.args(["--name", &app.name, "--community", community]);
-                command
-            }
-            Program::Foreign { exec, args } => {
-                let mut command = Command::new(exec);
-                command.args(args).env(COMMUNITY, community).env(NAME, &app.name);
-                command
-            }
-        };
-        command.args(settings).env_remove(SUCCEED).env_remove(LEASE);
-        if app.policy.restart != Restart::Never {
-            command.env(LEASE, LEASE_SECS.to_string());
-        }
-        command
     }
 
     fn discard(&mut self, place: usize) {
@@ -415,8 +365,8 @@ impl Processes {
     fn exchange(&self, place: usize, wanted: &Exchange) -> Result<(AppSpec, Vec<String>), LaunchError> {
         let Some(app) = &self.posts[place].app else { return Err(LaunchError::Stopped) };
         let apps: Vec<AppSpec> = self.posts.iter().filter_map(|post| post.app.clone()).collect();
-        let mut exchanged = app.exchange_among(&apps, wanted, &self.yard.registry)?;
-        self.yard.place.settle(&mut exchanged.app)?;
+        let mut exchanged = app.exchange_among(&apps, wanted, &self.environment.registry)?;
+        self.environment.place.settle(&mut exchanged.app)?;
         Ok((exchanged.app, exchanged.dropped))
     }
 
@@ -460,7 +410,7 @@ impl Processes {
     fn broker_answers(&mut self) -> bool {
         let clock = Stopwatch::start();
         while clock.elapsed() < ANSWER_PATIENCE {
-            if Client::connect(&self.yard.community, crate::NAME).is_ok() {
+            if Client::connect(&self.environment.community, crate::NAME).is_ok() {
                 return true;
             }
             if self.posts[BROKER].holder.as_mut().is_none_or(|broker| broker.ended().is_some()) {
@@ -516,12 +466,12 @@ impl Post {
 
 impl Backend for Processes {
     fn join(&self, name: &str) -> Join {
-        let (community, name) = (self.yard.community.clone(), name.to_owned());
+        let (community, name) = (self.environment.community.clone(), name.to_owned());
         Box::new(move || Client::connect(&community, &name))
     }
 
     fn start_broker(&mut self) -> Result<(), LaunchError> {
-        free_of_brokers(&self.yard.community)?;
+        free_of_brokers(&self.environment.community)?;
         let now = self.now();
         self.supervisor.start(BROKER, now);
         self.check("at once")
@@ -622,7 +572,7 @@ impl Backend for Processes {
         for (place, app) in (BROKER + 1..).zip(&mut state.apps) {
             self.note_app(place, app);
         }
-        self.yard.detached
+        self.environment.detached
     }
 
     fn explorers(&self) -> Vec<String> {
@@ -692,11 +642,6 @@ impl Drop for Processes {
         }
         self.end_strays();
     }
-}
-
-/// The text log of the broker or an app. Names of apps have a grammar (see `elk_mission`): none is a path.
-fn log_of(folder: &Path, name: &str) -> PathBuf {
-    folder.join(format!("{name}.log"))
 }
 
 /// Another broker of the same community would make ours end, or be taken for it.
