@@ -3,9 +3,9 @@
 
 mod common;
 
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 
-use common::lab::{hear, wait_for_reader};
+use common::lab::{Lab, hear, wait_for_reader};
 use common::{Elk, kill};
 use elk_bus::{Client, Key, payload};
 use elk_spatial::Points;
@@ -69,27 +69,16 @@ fn steering(angle: f64) -> Steering {
     Steering { angle, wheels: vec![wheel(0.5), wheel(1.5)], who: Driver::Person("Ann".into()) }
 }
 
-/// A broker, killed should a test fail.
-struct Broker(Child);
-
-impl Drop for Broker {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-struct Lab {
+/// A community, and the commands that look into it.
+struct Visit {
+    _lab: Lab,
     elk: Elk,
-    _broker: Broker,
 }
 
-impl Lab {
+impl Visit {
     fn new(test: &str) -> Self {
         let elk = Elk::new(test);
-        let broker = elk.command(&["db", "--community", elk.community()]).spawn().unwrap();
-        drop(elk.join("usher"));
-        Self { elk, _broker: Broker(broker) }
+        Self { _lab: Lab::deaf(&elk), elk }
     }
 
     /// What a command says, and whether it succeeded.
@@ -132,16 +121,16 @@ fn as_json(angle: f64) -> Value {
 
 #[test]
 fn whoever_looks_in_sees_a_strangers_values_field_by_field() {
-    let lab = Lab::new("look-in");
-    let community = lab.elk.community().to_owned();
+    let visit = Visit::new("look-in");
+    let community = visit.elk.community().to_owned();
     let of = |arguments: &[&'static str]| -> Vec<String> {
         arguments.iter().map(|one| (*one).to_owned()).chain(["--community".into(), community.clone()]).collect()
     };
     let said = |arguments: &[&'static str]| {
         let arguments = of(arguments);
-        lab.said(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
+        visit.said(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
     };
-    let _car = lab.car();
+    let _car = visit.car();
     let info = said(&["info", "STEERING"]);
     for line in [
         "carries     Steering (layout",
@@ -160,11 +149,11 @@ fn whoever_looks_in_sees_a_strangers_values_field_by_field() {
 
 #[test]
 fn a_person_writes_a_strangers_variable_and_is_told_what_is_right() {
-    let lab = Lab::new("by-hand");
-    let community = lab.elk.community().to_owned();
-    let poke = |value: &str| lab.run(&["poke", "STEERING", value, "--community", &community]);
+    let visit = Visit::new("by-hand");
+    let community = visit.elk.community().to_owned();
+    let poke = |value: &str| visit.run(&["poke", "STEERING", value, "--community", &community]);
     // Nobody has written it; a reader says what it reads.
-    let mut reader = lab.elk.join("reader");
+    let mut reader = visit.elk.join("reader");
     reader.comms.register(&STEERING).unwrap();
     reader.comms.flush().unwrap();
     let (done, said) = poke(r#"{"angle": 1, "wheels": [{"driven": true, "speed": "fast"}], "who": "Nobody"}"#);
@@ -179,16 +168,16 @@ fn a_person_writes_a_strangers_variable_and_is_told_what_is_right() {
 
 #[test]
 fn a_strangers_values_are_recorded_exported_and_replayed_to_the_bit() {
-    let lab = Lab::new("recorded");
-    let community = lab.elk.community().to_owned();
-    let mut car = lab.elk.join("car");
-    let log = lab.elk.folder().join("drive.mcap");
+    let visit = Visit::new("recorded");
+    let community = visit.elk.community().to_owned();
+    let mut car = visit.elk.join("car");
+    let log = visit.elk.folder().join("drive.mcap");
     let log = log.to_str().unwrap();
-    let mut recorder = lab.elk.command(&["log", "record", "-o", log, "--community", &community]);
+    let mut recorder = visit.elk.command(&["log", "record", "-o", log, "--community", &community]);
     let mut recorder = recorder.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    wait_for_reader(&mut lab.elk.join("witness"), |name| name.contains("record"));
+    wait_for_reader(&mut visit.elk.join("witness"), |name| name.contains("record"));
     for angle in [0.25, 0.1 + 0.2, -3.75] {
-        lab.drive(&mut car, angle);
+        visit.drive(&mut car, angle);
     }
     car.comms.notify("DONE", 1.0).unwrap();
     car.comms.flush().unwrap();
@@ -197,11 +186,11 @@ fn a_strangers_values_are_recorded_exported_and_replayed_to_the_bit() {
     kill(recorder.id() as i32, Signal::INT);
     assert!(recorder.wait().unwrap().success());
 
-    let cat = lab.said(&["log", "cat", log, "--keys", "STEERING", "--json"]);
+    let cat = visit.said(&["log", "cat", log, "--keys", "STEERING", "--json"]);
     let values: Vec<Value> =
         cat.lines().map(|line| serde_json::from_str::<Value>(line).unwrap()["value"].clone()).collect();
     assert_eq!(values, [0.25, 0.1 + 0.2, -3.75].map(as_json));
-    let csv = lab.said(&["log", "export", log, "--to", "csv", "-o", "-"]);
+    let csv = visit.said(&["log", "export", log, "--to", "csv", "-o", "-"]);
     for field in [
         "STEERING.angle,car,0.30000000000000004",
         "STEERING.wheels[1].speed,car,1.5",
@@ -210,12 +199,12 @@ fn a_strangers_values_are_recorded_exported_and_replayed_to_the_bit() {
         assert!(csv.contains(field), "{field} is not in:\n{csv}");
     }
     // A viewer draws the sweep; one wheel is a plot.
-    let info = lab.json(&["log", "info", log, "--json"]);
+    let info = visit.json(&["log", "info", log, "--json"]);
     let topics = info["topics"].as_array().unwrap();
     assert!(topics.iter().any(|topic| topic["name"] == "SWEEP"), "{info}");
 
     // Replayed into another community, its readers hear the very bytes, and strangers to the type read them.
-    let other = Lab::new("replayed");
+    let other = Visit::new("replayed");
     let mut reader = other.elk.join("reader");
     reader.comms.register(&STEERING).unwrap();
     reader.comms.register(&SWEEP).unwrap();

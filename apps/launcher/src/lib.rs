@@ -5,7 +5,7 @@
 //! | `conduct` | a mission from its first app to its last word |
 //! | `backend`, `environment` | what carries it out: `processes`, or `threads` of this process; how processes are started |
 //! | `supervisor` | who is to run, who does, and what to do about it: a state machine without processes, bus or clock |
-//! | `process`, `handle`, `strays`, `guard`, `orphans`, `usage` | one process that inherits nothing and ends for certain, and what stays with it alone; what it has started elsewhere; what ends the rest when the launcher dies, and when all die who know of it; what they use |
+//! | `process`, `handle`, `descendants`, `strays`, `guard`, `orphans`, `usage` | one process that inherits nothing and ends for certain, and what stays with it alone; all that descends from a mission's; what it has started elsewhere; what ends the rest when the launcher dies, and when all die who know of it; what they use |
 //! | `listener` | the launcher's place on the bus, a thread of its own |
 //! | `observer`, `steps` | what the mission says of itself there; where the time of a step goes |
 //! | `control` | orders to a running mission: `elk apps`, `elk swap`, … |
@@ -17,6 +17,7 @@
 mod backend;
 mod conduct;
 mod control;
+mod descendants;
 mod detach;
 mod environment;
 mod error;

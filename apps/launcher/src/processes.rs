@@ -15,16 +15,15 @@ use rustix::process::Pid;
 
 use crate::backend::Backend;
 use crate::control::{AppRow, Request};
+use crate::descendants::Descendants;
 use crate::environment::{DB, Environment};
 use crate::error::LaunchError;
-use crate::guard::Guard;
 use crate::launch_state::{AppState, LaunchState};
 use crate::listener::Join;
 use crate::observer::{Losses, News};
-use crate::orphans::Mark;
 use crate::process::{Bond, Process};
 use crate::run_folder::stamp;
-use crate::strays::{Run, Sight, Strays};
+use crate::strays::Run;
 use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Supervisor, Ticket, UnitSpec, Word};
 use crate::usage::{Samples, Usage};
 
@@ -46,21 +45,13 @@ pub(crate) struct Processes {
     posts: Vec<Post>,
     /// Holders that were relieved and have until then to end.
     retiring: Vec<(Process, Duration)>,
-    /// What tells the descendants of these processes from all others.
-    run: Run,
-    /// That of those who are to end with this launcher.
-    mark: Option<Mark>,
-    guard: Option<Guard>,
-    /// What apps have started outside of their groups.
-    strays: Strays,
+    descendants: Descendants,
     /// What ended the mission, until somebody asks.
     failed: Option<LaunchError>,
     sayings: Vec<String>,
     words: Vec<(Ticket, Word)>,
     explorers: Vec<String>,
     samples: Samples,
-    /// Whether a launcher which is gone has begun the mission.
-    adopted: bool,
     /// Whether they are another launcher's now.
     let_go: bool,
     clock: Stopwatch,
@@ -84,12 +75,7 @@ impl Processes {
     }
 
     fn of_run(run: Run, mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
-        let guard = match environment.detached {
-            true => None,
-            false => Some(Guard::start(&environment.program, &run)?),
-        };
-        let mark = Mark::own(&environment.community).filter(|_| !environment.detached);
-        Strays::gather_orphans();
+        let descendants = Descendants::begin(run, &environment)?;
         let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
         let units = mission.apps.iter().map(|app| UnitSpec::new(&app.name, &app.element, &app.policy));
         let apps = mission.apps.iter().map(|app| Post { app: Some(app.clone()), ..Post::default() });
@@ -99,16 +85,12 @@ impl Processes {
             supervisor: Supervisor::new(broker, units),
             posts: std::iter::once(Post::default()).chain(apps).collect(),
             retiring: Vec::new(),
-            run,
-            mark,
-            guard,
-            strays: Strays::default(),
+            descendants,
             failed: None,
             sayings: Vec::new(),
             words: Vec::new(),
             explorers: Vec::new(),
             samples: Samples::default(),
-            adopted: false,
             let_go: false,
             clock: Stopwatch::start(),
         };
@@ -123,7 +105,7 @@ impl Processes {
     pub fn adopt(mission: &Mission, environment: Environment, state: &LaunchState) -> Result<Self, LaunchError> {
         let run = state.run.clone().map_or_else(Run::fresh, Ok)?;
         let mut all = Self::of_run(run, mission, environment)?;
-        all.adopted = true;
+        all.descendants.adopted = true;
         let log = all.environment.log_of(DB);
         all.explorers.clone_from(&state.explorers);
         all.posts[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log));
@@ -187,55 +169,33 @@ impl Processes {
                 }
             }
         }
-        let (guard, strays) = (&mut self.guard, &mut self.strays);
+        let descendants = &mut self.descendants;
         self.retiring.retain_mut(|(process, until)| {
             if *until <= now {
                 process.kill();
             }
             let ended = process.ended().is_some();
             if ended {
-                strays.dismiss(Some(process.pid()), now);
-            }
-            if let Some(guard) = guard.as_mut().filter(|_| ended) {
-                guard.forget(process.pid());
+                descendants.ended(process.pid(), now);
             }
             !ended
         });
         let processes = self.posts.iter().flat_map(Post::processes).map(Process::pid);
         self.samples.take(now, processes);
-        self.reap_strays(now);
-    }
-
-    fn reap_strays(&mut self, now: Duration) {
-        let (apps, ours) = self.started();
-        let mut sights = self.strays.look(now, &apps, &ours);
-        sights.extend(self.strays.reap(now));
-        self.note(&sights);
+        let apps = self.started();
+        self.descendants.reap(now, &apps);
     }
 
     /// Sees who descends from whom before anybody ends: afterwards it cannot be told any more.
     fn look_for_strays(&mut self) {
-        let (apps, ours) = self.started();
-        let mut sights = self.strays.look_now(self.now(), &apps, &ours);
-        if self.adopted {
-            sights.extend(self.strays.look_for_lost(&self.run, &apps, &ours));
-        }
-        self.note(&sights);
+        let (now, apps) = (self.now(), self.started());
+        self.descendants.look_now(now, &apps);
     }
 
-    fn note(&mut self, sights: &[Sight]) {
-        if let Some(guard) = &mut self.guard {
-            sights.iter().for_each(|sight| guard.note(sight));
-        }
-    }
-
-    /// The processes that were started and not waited for; and, with the guard, their numbers.
-    fn started(&self) -> (Vec<Pid>, BTreeSet<i32>) {
+    /// The processes that were started and not waited for.
+    fn started(&self) -> Vec<Pid> {
         let retiring = self.retiring.iter().map(|(process, _)| process);
-        let apps: Vec<Pid> = self.posts.iter().flat_map(Post::processes).chain(retiring).map(Process::pid).collect();
-        let numbers = apps.iter().map(|pid| pid.as_raw_nonzero().get());
-        let ours = numbers.chain(self.guard.as_ref().map(Guard::pid)).collect();
-        (apps, ours)
+        self.posts.iter().flat_map(Post::processes).chain(retiring).map(Process::pid).collect()
     }
 
     fn act_all(&mut self) {
@@ -257,10 +217,7 @@ impl Processes {
         }
         let exit = process.as_mut()?.ended()?.clone();
         let process = process.take()?;
-        self.strays.dismiss(Some(process.pid()), self.clock.elapsed());
-        if let Some(guard) = &mut self.guard {
-            guard.forget(process.pid());
-        }
+        self.descendants.ended(process.pid(), self.clock.elapsed());
         // Nobody knows how a stranger ended: that it did may be all right.
         let fine = exit.fine || (process.is_adopted() && self.supervisor.units[place].spec.may_finish);
         Some(Exit { fine, ..exit })
@@ -308,11 +265,7 @@ impl Processes {
     }
 
     fn spawn(&mut self, name: &str, mut command: Command) -> Result<Process, LaunchError> {
-        self.run.give(&mut command);
-        match &self.mark {
-            Some(mark) => mark.give(&mut command),
-            None => Mark::take(&mut command),
-        }
+        self.descendants.mark(&mut command);
         let log = self.environment.log_of(name);
         if log.metadata().is_ok_and(|found| found.len() > 0)
             && let Ok(mut file) = std::fs::OpenOptions::new().append(true).open(&log)
@@ -322,9 +275,7 @@ impl Processes {
         }
         let bond = if self.environment.detached { Bond::None } else { Bond::Launcher };
         let process = Process::spawn(name, command, &log, bond)?;
-        if let Some(guard) = &mut self.guard {
-            guard.watch(process.pid());
-        }
+        self.descendants.watch(process.pid());
         Ok(process)
     }
 
@@ -333,9 +284,7 @@ impl Processes {
         post.wanted = None;
         if let Some(mut successor) = post.successor.take() {
             successor.kill_and_wait();
-            if let Some(guard) = &mut self.guard {
-                guard.forget(successor.pid());
-            }
+            self.descendants.forget(successor.pid());
         }
     }
 
@@ -400,9 +349,7 @@ impl Processes {
         } else if let Some(exit) = exit.filter(|_| !fine) {
             self.sayings.push(format!("{DB} ended: {}; see {log}", exit.how));
         }
-        if let Some(guard) = &mut self.guard {
-            guard.forget(broker.pid());
-        }
+        self.descendants.forget(broker.pid());
         fine && !killed
     }
 
@@ -525,7 +472,7 @@ impl Backend for Processes {
     }
 
     fn patience(&self) -> Option<Duration> {
-        let deadlines = self.supervisor.deadline().into_iter().chain(self.strays.deadline());
+        let deadlines = self.supervisor.deadline().into_iter().chain(self.descendants.deadline());
         Some(deadlines.min()?.saturating_sub(self.now()))
     }
 
@@ -567,7 +514,7 @@ impl Backend for Processes {
 
     fn note_state(&self, state: &mut LaunchState) -> bool {
         state.broker = self.posts[BROKER].holder.as_ref().and_then(Process::id);
-        state.run = Some(self.run.clone());
+        state.run = Some(self.descendants.run().clone());
         state.explorers.clone_from(&self.explorers);
         for (place, app) in (BROKER + 1..).zip(&mut state.apps) {
             self.note_app(place, app);
@@ -604,16 +551,13 @@ impl Backend for Processes {
         loop {
             // Whoever was the child of one that has ended just now is an orphan.
             self.look_for_strays();
-            self.strays.dismiss(None, self.now());
-            let sights = self.strays.reap(self.now());
-            self.note(&sights);
-            if self.strays.is_empty() {
+            if self.descendants.end_strays(self.now()) {
                 return;
             }
             if clock.elapsed() > STRAYS_PATIENCE {
                 return self.sayings.push("processes that apps had started elsewhere could not be ended".to_owned());
             }
-            self.strays.wait(self.now(), STRAYS_LOOK);
+            self.descendants.wait(self.now(), STRAYS_LOOK);
         }
     }
 

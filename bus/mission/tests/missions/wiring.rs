@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use elk_mission::{AppType, Kind, Mission, Mode, Override, Registry};
+use elk_mission::{AppType, Kind, Mission, Mode, Override, ParamSpec, Registry};
 
 use crate::table::{LISTING_2, app, param, parse, registry, settings, unbuilt, with};
 
@@ -171,30 +171,14 @@ fn another_executable_has_in_common_with_others_what_a_type_would_have() {
 /// Map and explorer with a volume that need not be said.
 fn bounded(sets: &[&str]) -> Result<Mission, String> {
     const ORIGIN: Option<&str> = Some("0; 0; 0");
-    static TYPES: &[AppType] = &[
-        AppType {
-            element: "Map",
-            name: "OctoMap",
-            summary: "Voxels.",
-            params: &[
-                param("Mid", Kind::Point { unit: "m" }, ORIGIN, "Middle."),
-                param("Dim", Kind::Size { unit: "m" }, ORIGIN, "Size."),
-            ],
-            build: unbuilt,
-            preflight: None,
-        },
-        AppType {
-            element: "Explorer",
-            name: "Potential",
-            summary: "Explores.",
-            params: &[
-                param("Mid", Kind::Point { unit: "m" }, ORIGIN, "Middle."),
-                param("Dim", Kind::Size { unit: "m" }, ORIGIN, "Size."),
-            ],
-            build: unbuilt,
-            preflight: None,
-        },
+    const VOLUME: &[ParamSpec] = &[
+        param("Mid", Kind::Point { unit: "m" }, ORIGIN, "Middle."),
+        param("Dim", Kind::Size { unit: "m" }, ORIGIN, "Size."),
     ];
+    const fn with_volume(element: &'static str, name: &'static str) -> AppType {
+        AppType { element, name, summary: "Has a volume.", params: VOLUME, build: unbuilt, preflight: None }
+    }
+    static TYPES: &[AppType] = &[with_volume("Map", "OctoMap"), with_volume("Explorer", "Potential")];
     let others = registry().types().filter(|one| !["Map", "Explorer"].contains(&one.element)).collect::<Registry>();
     let all: Registry = others.types().chain(TYPES).collect();
     let text = "<Scenario><Sensor type=\"Simulator\"/><Map type=\"OctoMap\"/><Explorer type=\"Potential\"/>\
