@@ -116,6 +116,11 @@ impl<'a> TypeRef<'a> {
         }
     }
 
+    /// Whether it is known what its bytes are.
+    pub fn is_described(&self) -> bool {
+        !matches!(self.described, Described::Not)
+    }
+
     /// What its bytes are, if that is known.
     pub fn description(&self) -> Option<Cow<'a, Description>> {
         match self.described {

@@ -10,6 +10,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::limits::REFUSED;
 use super::registration::Registration;
 use super::variable::TypeLock;
 use super::{Broker, ClientId};
@@ -48,6 +49,9 @@ impl Broker {
             ValueKind::Binary => {
                 let client = self.clients.get(&from).ok_or("the client is not connected")?;
                 let number = client.number(Named::Type, frame.header.type_)?;
+                if number == REFUSED {
+                    return Ok(None); // the client was told when it named it
+                }
                 Expected::Values(self.types.name(number).to_owned(), self.types.layout(number))
             }
         }))
@@ -74,16 +78,14 @@ impl Broker {
     pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
         let Some(lock) = self.variables[key as usize].lock else { return };
         let name = self.keys.name(key).to_owned();
-        let reads_else = |(reader, expected)| (!self.is(lock, expected)).then_some(reader);
-        let readers: Vec<ClientId> = self.expectations(&name).filter_map(reads_else).collect();
-        let writer =
-            self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source)).to_owned();
+        let writer = self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source));
         let is = self.describe(lock);
-        for reader in readers {
-            let expects = self.expectations(&name).find(|(id, _)| *id == reader).map(|(_, expected)| expected);
-            let how = expects.and_then(|expected| self.difference(lock, expected, [&writer, "this reader"]));
-            let said =
-                format!("{name} carries {is}, by {writer}: this reader cannot read it{}", how.unwrap_or_default());
+        let words = |(reader, expected)| {
+            let how = self.difference(lock, expected, [writer, "this reader"]).unwrap_or_default();
+            (reader, format!("{name} carries {is}, by {writer}: this reader cannot read it{how}"))
+        };
+        let reads_else = self.expectations(&name).filter(|(_, expected)| !self.is(lock, expected));
+        for (reader, said) in reads_else.map(words).collect::<Vec<_>>() {
             // Whoever has gone meanwhile need not be told.
             let _ = self.refuse(reader, &name, 0, &said);
         }

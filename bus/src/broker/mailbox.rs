@@ -225,10 +225,8 @@ impl Mailbox {
         if self.mail.len() + bytes <= self.mail.capacity() {
             return;
         }
-        if self.head > self.mail.len() / 4 {
-            self.drop_head();
-        }
-        let more = self.limit.saturating_sub(self.mail.len()).min(self.mail.len());
+        // Up to half of it is the head, which is reclaimed no sooner: so each byte is moved once at most.
+        let more = (2 * self.limit).saturating_sub(self.mail.len()).min(self.mail.len());
         self.mail.reserve_exact(more.max(bytes));
     }
 

@@ -202,6 +202,10 @@ impl Broker {
     fn frame(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         match frame.header.kind {
             FrameKind::Notify => self.notify(now, from, frame),
+            // Before anything of it is copied.
+            _ if frame.bytes.len() > wire::MAX_MESSAGE => {
+                Err("a frame that is no message is longer than messages may be")
+            }
             FrameKind::Define => self.define(from, frame),
             FrameKind::Register | FrameKind::Unregister => self.change_registration(now, from, frame),
             FrameKind::Attached => {

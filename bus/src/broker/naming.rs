@@ -87,9 +87,10 @@ impl Broker {
             self.refuse(from, name, 0, &reason)?;
             return Ok(known.unwrap_or(REFUSED));
         }
-        self.clients.entry(from).and_modify(|client| client.brought += 1);
         let number = self.number(what, definition);
-        if known.is_some() {
+        if known.is_none() {
+            self.clients.entry(from).and_modify(|client| client.brought += 1);
+        } else {
             // Those who know the type by its name hear what it is before its next value.
             self.clients.values_mut().for_each(|client| client.mailbox.forget(what, number));
         }

@@ -29,7 +29,8 @@ impl Latency {
     /// Takes note of one message, and of how long it took, if that is known.
     pub fn note(&mut self, secs: Option<f64>) {
         self.count += 1;
-        let Some(secs) = secs else { return };
+        // A client's time may be anything.
+        let Some(secs) = secs.filter(|secs| secs.is_finite()) else { return };
         // The broker's time is that of the beginning of its round, and the message may have come during it.
         let secs = secs.max(0.0);
         self.min = if self.measured == 0 { secs } else { self.min.min(secs) };

@@ -110,12 +110,16 @@ pub struct RegistrationEntry {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatencyEntry {
     /// The last one.
+    #[describe(any)]
     pub recent_secs: f64,
     /// The shortest.
+    #[describe(any)]
     pub min_secs: f64,
     /// The longest.
+    #[describe(any)]
     pub max_secs: f64,
     /// Their mean.
+    #[describe(any)]
     pub mean_secs: f64,
 }
 

@@ -532,3 +532,52 @@ fn what_is_written_over_a_frame_while_it_is_taken_changes_no_length() {
     let back = wire::first_frame(&kept).unwrap();
     assert_eq!((back.header, back.aux, back.value), (checked.header, checked.aux, checked.value));
 }
+
+/// Regression: a definition or a registration was copied before anybody looked how long it was.
+#[test]
+fn a_frame_that_is_no_message_is_bounded_before_it_is_copied() {
+    let b = &mut broker();
+    let long = vec![b'x'; wire::MAX_MESSAGE];
+    for kind in [FrameKind::Define, FrameKind::Register] {
+        let liar = Speaker::new(b, 0.0, "liar");
+        let mut batch = Vec::new();
+        put(&mut batch, &Header::new(kind), &long, b"*");
+        let said = b.receive(0.0, liar.id, &batch).unwrap_err().to_string();
+        assert!(said.contains("longer than messages may be"), "{said}");
+        b.disconnect(0.0, liar.id, 0, true);
+    }
+}
+
+/// Regression: a reader of a type that was refused counted as one that reads something else.
+#[test]
+fn who_expects_a_type_that_was_refused_expects_nothing() {
+    let b = &mut broker();
+    let (mut reader, mut writer) = (Speaker::new(b, 0.0, "reader"), Speaker::new(b, 0.0, "writer"));
+    let mut batch = Vec::new();
+    put_definition(&mut batch, Named::Type, 0, "Theirs", 7, "no description");
+    let header = Header { flags: TYPED, value_kind: ValueKind::Binary, ..Header::new(FrameKind::Register) };
+    put(&mut batch, &header, b"X", b"*");
+    b.receive(0.0, reader.id, &batch).unwrap();
+    writer.text(b, 0.0, "X", "a text");
+    assert_eq!((reader.texts(b, 0.0), writer.hear(b, 0.0).2), (vec!["a text".to_owned()], vec![]));
+}
+
+/// Regression: a message of no possible time made every look at the community's table fail.
+#[test]
+fn a_message_of_any_time_leaves_a_table_that_can_be_read() {
+    let b = &mut broker();
+    let (mut a, mut c) = (Speaker::new(b, 0.0, "a"), Speaker::new(b, 0.0, "c"));
+    for time in [f64::NEG_INFINITY, f64::NAN, -1e308, -1e308] {
+        let mut batch = Vec::new();
+        a.text(b, 0.0, "X", "now");
+        put(&mut batch, &Header { time, ..Header::new(FrameKind::Notify) }, &[], b"then");
+        b.receive(0.0, a.id, &batch).unwrap();
+    }
+    c.text(b, 0.0, "DB_TABLE_REQUEST", "");
+    let mut batch = Vec::new();
+    b.take_mail(c.id, usize::MAX, &mut batch, |_, _| {});
+    let table =
+        frames(&batch).map_while(Result::ok).find(|frame| frame.header.value_kind == ValueKind::Binary).unwrap();
+    let table: super::super::table::CommunityTable = crate::codec::decode(table.value, "CommunityTable").unwrap();
+    crate::Describe::check(&table).unwrap();
+}
