@@ -198,10 +198,12 @@ fn a_strangers_values_are_recorded_exported_and_replayed_to_the_bit() {
     ] {
         assert!(csv.contains(field), "{field} is not in:\n{csv}");
     }
-    // A viewer draws the sweep; one wheel is a plot.
+    // A viewer draws the sweep, and plots the steering.
     let info = visit.json(&["log", "info", log, "--json"]);
     let topics = info["topics"].as_array().unwrap();
-    assert!(topics.iter().any(|topic| topic["name"] == "SWEEP"), "{info}");
+    let schema = |name: &str| topics.iter().find(|topic| topic["name"] == name).map(|topic| topic["schema"].clone());
+    assert_eq!(schema("SWEEP"), Some(json!("foxglove.PointCloud")), "{info}");
+    assert_eq!(schema("STEERING"), Some(json!("Steering")), "{info}");
 
     // Replayed into another community, its readers hear the very bytes, and strangers to the type read them.
     let other = Visit::new("replayed");

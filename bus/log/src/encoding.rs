@@ -98,10 +98,10 @@ impl Announcement {
         match *value {
             ValueRef::Double(_) => Self::json(DOUBLE, schema::double()),
             ValueRef::Text(_) => Self::json(TEXT, schema::text()),
-            ValueRef::Binary { type_, .. } => match (Shape::of(type_), shown_fields(type_)) {
-                (Some(shape), _) => Self::protobuf(shape.message_type()),
-                (None, Some(description)) => Self::json(type_.name(), schema::described(&description)),
-                (None, None) => Self::protobuf(&foxglove::BINARY),
+            ValueRef::Binary { type_, .. } => match Form::of(type_) {
+                Form::Drawn(shape) => Self::protobuf(shape.message_type()),
+                Form::Fields(description) => Self::json(type_.name(), schema::described(&description)),
+                Form::Bytes => Self::protobuf(&foxglove::BINARY),
             },
         }
     }
@@ -169,25 +169,40 @@ pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(),
         ValueRef::Double(number) => encode_json(buffer, record, |buffer| put_number(buffer, number)),
         ValueRef::Text(text) => encode_json(buffer, record, |buffer| put_text(buffer, text)),
         ValueRef::Binary { type_, bytes } => {
-            let shape = Shape::of(type_);
-            if let (None, Some(description)) = (shape, shown_fields(type_)) {
-                return encode_described(buffer, record, &description, bytes);
+            let form = Form::of(type_);
+            if let Form::Fields(description) = &form {
+                return encode_described(buffer, record, description, bytes);
             }
             let mut envelope = [0; ENVELOPE_BYTES + 64];
             let mut long = Vec::new();
             let envelope = put_envelope(record, &mut envelope, &mut long)?;
-            match shape {
-                Some(shape) => spatial::put((shape, type_), nanoseconds(record.time), envelope, bytes, buffer),
-                None => spatial::put_other(envelope, bytes, buffer),
+            match form {
+                Form::Drawn(shape) => spatial::put((shape, type_), nanoseconds(record.time), envelope, bytes, buffer),
+                Form::Fields(_) | Form::Bytes => spatial::put_other(envelope, bytes, buffer),
             }
             Ok(())
         }
     }
 }
 
-/// What the values of a type are, if they are stored with their fields: those that are not bulky.
-fn shown_fields(type_: TypeRef<'_>) -> Option<Cow<'_, Description>> {
-    type_.description().filter(|description| !description.is_bulky())
+/// As what the values of a type are stored.
+enum Form<'a> {
+    /// As what viewers draw.
+    Drawn(Shape),
+    /// With their fields: those that are not bulky.
+    Fields(Cow<'a, Description>),
+    /// As they are.
+    Bytes,
+}
+
+impl<'a> Form<'a> {
+    fn of(type_: TypeRef<'a>) -> Self {
+        match (Shape::of(type_), type_.description().filter(|description| !description.is_bulky())) {
+            (Some(shape), _) => Self::Drawn(shape),
+            (None, Some(description)) => Self::Fields(description),
+            (None, None) => Self::Bytes,
+        }
+    }
 }
 
 /// Values are stored with their fields up to this length (bytes).

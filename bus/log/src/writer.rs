@@ -120,14 +120,21 @@ struct Channel {
 enum ChannelKind {
     Double,
     Text,
-    Binary(Type),
+    /// Values of a type, as it is said to be: who describes it, or has it drawn as something else, has another channel.
+    Binary {
+        type_: Type,
+        is_described: bool,
+        drawn: String,
+    },
 }
 
 impl Channel {
     fn carries(&self, record: &RecordRef<'_>) -> bool {
         let same_kind = match (&self.kind, record.value) {
             (ChannelKind::Double, ValueRef::Double(_)) | (ChannelKind::Text, ValueRef::Text(_)) => true,
-            (ChannelKind::Binary(carried), ValueRef::Binary { type_, .. }) => carried.as_ref() == type_,
+            (ChannelKind::Binary { type_: carried, is_described, drawn }, ValueRef::Binary { type_, .. }) => {
+                carried.as_ref() == type_ && *is_described == type_.is_described() && drawn == type_.drawn()
+            }
             _ => false,
         };
         same_kind && self.source == record.source && self.community == record.community && self.epoch == record.epoch
@@ -463,7 +470,8 @@ impl Segment {
                     metadata.insert("description".into(), description.to_text());
                 }
                 // Which type it is, name and layout say: its description need not be kept once more.
-                ChannelKind::Binary(Type::undescribed(type_.name(), type_.layout()))
+                let (is_described, drawn) = (type_.is_described(), type_.drawn().to_owned());
+                ChannelKind::Binary { type_: Type::undescribed(type_.name(), type_.layout()), is_described, drawn }
             }
         };
         let id = self.format.add_channel(schema, record.key, said.message_encoding, &metadata)?;

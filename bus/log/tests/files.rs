@@ -56,6 +56,28 @@ fn index(path: &Path) -> Index {
     Index::read(path, &mut |_, _| {}).unwrap()
 }
 
+/// Regression: once a type was described, its messages did not fit the channel of those before, and were lost.
+#[test]
+fn a_type_that_is_described_later_is_read_before_and_after() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let report = elk_spatial::samples::named("SensorReport").unwrap();
+    let command = elk_spatial::samples::named("PoseCommand").unwrap();
+    let mut written = Vec::new();
+    for (number, sample) in (1..).zip([report, command, report, command]) {
+        let nameless = Type::undescribed(sample.name(), sample.type_.layout());
+        let type_ = if number < 3 { nameless } else { sample.type_.to_type() };
+        written.push(record("KEY", number, Value::Binary { type_, bytes: sample.bytes() }));
+    }
+    let mut log = LogWriter::create(&path, &Metadata::default()).unwrap();
+    written.iter().for_each(|record| log.append(&record.as_ref()).unwrap());
+    log.finish().unwrap();
+    let read: Vec<Record> = LogReader::open(&path).unwrap().map(Result::unwrap).collect();
+    assert_eq!(read, written);
+    let described = |record: &Record| record.value.as_ref().to_json(9).is_ok();
+    assert_eq!(read.iter().map(described).collect::<Vec<_>>(), [false, false, true, true]);
+}
+
 #[test]
 fn every_compression_gives_back_the_same_whole_or_cut() {
     let folder = tempfile::tempdir().unwrap();
