@@ -38,13 +38,12 @@ impl Strategy {
     /// What changes a mission whose explorer is called `explorer` for this strategy: what is said `for_all`, and its own
     /// words, which count where both say the same parameter.
     pub fn sets(&self, explorer: &str, for_all: &[Override]) -> Vec<Override> {
+        // Of its parameters alone: that what runs is said twice is a mistake, and stays one.
         let own = |set: &&Override| {
-            set.app == explorer && self.settings.iter().any(|(name, _)| name.eq_ignore_ascii_case(&set.param))
+            set.app == explorer && self.settings[1..].iter().any(|(name, _)| name.eq_ignore_ascii_case(&set.param))
         };
-        // That what runs is said twice is a mistake.
-        let stays = |set: &&Override| !own(set) || ["type", "exec"].contains(&set.param.as_str());
         let set = |(param, text): &(String, String)| set(explorer, param, text);
-        for_all.iter().filter(stays).cloned().chain(self.settings.iter().map(set)).collect()
+        for_all.iter().filter(|set| !own(set)).cloned().chain(self.settings.iter().map(set)).collect()
     }
 }
 
@@ -60,7 +59,7 @@ fn what_runs(program: &str) -> Result<&'static str> {
     let right = || instead(program, &known);
     match (known.contains(&program), program.contains('/')) {
         (true, _) => Ok("type"),
-        _ if setting(program).is_ok() => {
+        _ if setting(program).is_ok_and(|(name, _)| !name.contains('/')) => {
             let right = format!("'{} {program}'", known.first().copied().unwrap_or_default());
             Err(anyhow!("{program} is no strategy; right is a parameter in quotes with its strategy, as {right}"))
         }

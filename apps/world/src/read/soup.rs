@@ -137,8 +137,10 @@ impl Soup {
 }
 
 fn outline(corners: &[Point3<f64>]) -> u64 {
-    // Two zeros are one place; a sum does not mind the order.
-    corners.iter().map(|c| hashed(&[c.x, c.y, c.z].map(|c| (c + 0.0).to_bits()))).fold(0, u64::wrapping_add)
+    // Two zeros are one place; a sum of edges does not mind where an outline begins and which way it goes.
+    let places: Vec<u64> = corners.iter().map(|c| hashed(&[c.x, c.y, c.z].map(|c| (c + 0.0).to_bits()))).collect();
+    let edges = places.iter().zip(places.iter().cycle().skip(1));
+    edges.map(|(one, other)| hashed(&[*one.min(other), *one.max(other)])).fold(0, u64::wrapping_add)
 }
 
 fn hashed(all: &[u64]) -> u64 {
