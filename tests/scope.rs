@@ -303,7 +303,7 @@ fn mistakes_are_answered_with_one_line_that_says_what_is_right() {
     assert_eq!(failed(&["info", "SPED"]), "elk: there is no client and no variable SPED; did you mean SPEED?");
     let wrong = failed(&["poke", "SPEED", "fast", "--text"]);
     assert_eq!(wrong, "elk: SPEED carries numbers, not texts; right is, for example, elk poke SPEED 3.5");
-    assert!(failed(&["poke", "DONE", "{\"scan\":1}"]).contains("revision is missing; right is, for example, {"));
+    assert!(failed(&["poke", "DONE", "{\"scan\":1}"]).contains("revision is missing; its form is {"));
     assert!(failed(&["poke", "DONE", "{\"scan\"}"]).contains("no JSON: expected `:` at line 1 column 8"));
     assert!(failed(&["poke", "SPEED*", "1"]).contains("is no variable's name"));
 

@@ -159,7 +159,7 @@ fn a_person_writes_a_strangers_variable_and_is_told_what_is_right() {
     let (done, said) = poke(r#"{"angle": 1, "wheels": [{"driven": true, "speed": "fast"}], "who": "Nobody"}"#);
     assert!(!done, "{said}");
     assert!(said.contains(r#"wheels[0].speed is "fast"; it has to be a number"#), "{said}");
-    assert!(said.contains(r#"right is, for example, {"angle":0.0,"wheels":[],"who":"Nobody"}"#), "{said}");
+    assert!(said.contains(r#"its form is {"angle":0.0,"wheels":[],"who":"Nobody"}"#), "{said}");
     let (done, said) = poke(r#"{"angle": 1, "wheels": [], "who": {"Person": "Bob"}}"#);
     assert!(done && said.contains("heard by reader"), "{said}");
     let heard = hear(&mut reader, "what was poked", |mail| mail.decode(&STEERING).ok());

@@ -55,7 +55,7 @@ impl<T: Payload> std::fmt::Debug for Key<T> {
 }
 
 /// FNV-1a, usable in constants.
-pub const fn fnv1a(text: &str) -> u64 {
+const fn fnv1a(text: &str) -> u64 {
     fnv1a_on(0xcbf2_9ce4_8422_2325, text.as_bytes())
 }
 

@@ -82,7 +82,7 @@ pub use elk_describe::payload;
 pub use elk_describe::{Describe, Description, Invalid};
 pub use failure::Failure;
 pub use inbox::{Inbox, Refused};
-pub use key::{Key, Payload, fnv1a};
+pub use key::{Key, Payload};
 pub use launched::{LEASE, OptionError, RunOptions, SUCCEED};
 pub use limits::let_owner_in;
 pub use mail::Mail;

@@ -89,7 +89,7 @@ pub enum PokeError {
         instead: String,
     },
     /// The value is no JSON.
-    #[error("{name} carries {type_name}, and the value is no JSON: {source}; right is, for example, {example}")]
+    #[error("{name} carries {type_name}, and the value is no JSON: {source}; its form is {example}")]
     Json {
         /// The variable.
         name: String,
@@ -97,17 +97,17 @@ pub enum PokeError {
         type_name: String,
         /// What is wrong, and where.
         source: serde_json::Error,
-        /// What is right.
+        /// A value of its form: zeros, empty lists.
         example: String,
     },
     /// The value is JSON, and no value of the type.
-    #[error("{name} cannot be written: {source}; right is, for example, {example}")]
+    #[error("{name} cannot be written: {source}; its form is {example}")]
     Value {
         /// The variable.
         name: String,
         /// What is wrong.
         source: WriteError,
-        /// What is right.
+        /// A value of its form: zeros, empty lists.
         example: String,
     },
     /// Nobody has written the variable, and the value looks like a typed one.

@@ -1,6 +1,6 @@
 //! Whether a simulated mission can be run in its world, looked at before anything starts.
 
-use elk_mission::{AppSpec, Mission, Params, PreflightReport};
+use elk_mission::{AppSpec, Mission, Params, PreflightReport, element};
 use elk_spatial::Bounds;
 use elk_world::suitability::{Suitability, Wanted, suitability};
 use nalgebra::{Point3, Vector3};
@@ -30,12 +30,12 @@ pub(crate) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
 
 /// What the sensor itself and the mission's other apps, whose parameters are checked, say of it.
 fn wanted(start: Point3<f64>, params: &Params, mission: &Mission) -> Wanted {
-    let map = mission.of_element("Map").next();
+    let map = mission.of_element(element::MAP).next();
     Wanted {
         resolution: map.and_then(|map| number(map, "Res")).filter(|res| *res > 0.0).unwrap_or(RESOLUTION_M),
         start: Some(start),
         range_m: map.map_or(f64::INFINITY, |map| range_m(map, params, mission)),
-        volume: mission.of_element("Explorer").find_map(|app| volume(app.setting("Mid")?, app.setting("Dim")?)),
+        volume: mission.of_element(element::EXPLORER).find_map(|app| volume(app.setting("Mid")?, app.setting("Dim")?)),
     }
 }
 
@@ -49,9 +49,10 @@ fn range_m(map: &AppSpec, params: &Params, mission: &Mission) -> f64 {
     let limits = [number(map, "MaxRange"), Some(params.number("Range"))].into_iter().flatten();
     let mut range = limits.filter(|limit| *limit > 0.0).fold(f64::INFINITY, f64::min);
     let mut input = map.setting("Input");
+    let filters: Vec<&AppSpec> = mission.of_element(element::FILTER).collect();
     // Each filter once: they may read each other in a circle.
-    for _ in mission.of_element("Filter") {
-        let Some(before) = mission.of_element("Filter").find(|filter| filter.setting("Output") == input) else { break };
+    for _ in &filters {
+        let Some(before) = filters.iter().find(|filter| filter.setting("Output") == input) else { break };
         range = range.min(number(before, "Threshold").unwrap_or(f64::INFINITY));
         input = before.setting("Input");
     }

@@ -82,6 +82,6 @@ pub fn count(name: &str, value: u64) -> Result<(), Invalid> {
 pub fn longest(name: &str, found: usize, most: usize) -> Result<(), Invalid> {
     match found <= most {
         true => Ok(()),
-        false => Err(Invalid::new(name, format!("a list of {found}"), format!("at most {most} entries"))),
+        false => Err(Invalid::new(name, format!("{found} long"), format!("at most {most} long"))),
     }
 }

@@ -105,7 +105,7 @@ impl Content {
     }
 
     /// The kinds of what it holds.
-    fn inner(&self) -> Box<dyn Iterator<Item = &Kind> + '_> {
+    pub(crate) fn inner(&self) -> Box<dyn Iterator<Item = &Kind> + '_> {
         match self {
             Self::Unit => Box::new(std::iter::empty()),
             Self::One(inner) => Box::new(std::iter::once(&**inner)),
@@ -282,7 +282,7 @@ impl Kind {
     }
 
     /// The kinds that lie in this one, one level down.
-    fn inner(&self) -> Box<dyn Iterator<Item = &Self> + '_> {
+    pub(crate) fn inner(&self) -> Box<dyn Iterator<Item = &Self> + '_> {
         match self {
             Self::Option(inner) | Self::List(inner) | Self::Packed(inner) | Self::Array { of: inner, .. } => {
                 Box::new(std::iter::once(&**inner))

@@ -1,7 +1,7 @@
 //! A walk through a value's bytes.
 
 use crate::cursor::Cursor;
-use crate::description::{Content, Field, Kind};
+use crate::description::Kind;
 use crate::{Description, ReadError};
 
 impl Description {
@@ -60,22 +60,13 @@ impl<'a, S: FnMut(&Kind, &'a [u8]) -> bool> Walk<'a, '_, S> {
                 (0..count).try_for_each(|_| self.value(inner))
             }
             Kind::Array { of, count } => (0..*count).try_for_each(|_| self.value(of)),
-            Kind::Tuple(all) => all.iter().try_for_each(|kind| self.value(kind)),
-            Kind::Struct(one) => self.fields(&one.fields),
+            Kind::Tuple(_) | Kind::Struct(_) => kind.inner().try_for_each(|kind| self.value(kind)),
             Kind::Enum(one) => {
                 let number = self.at.unsigned(4)? as usize;
                 let variant = one.variants.get(number);
-                match &variant.ok_or_else(|| format!("{} has no variant {number}", one.name))?.content {
-                    Content::Unit => Ok(()),
-                    Content::One(inner) => self.value(inner),
-                    Content::Tuple(all) => all.iter().try_for_each(|kind| self.value(kind)),
-                    Content::Fields(fields) => self.fields(fields),
-                }
+                let variant = variant.ok_or_else(|| format!("{} has no variant {number}", one.name))?;
+                variant.content.inner().try_for_each(|kind| self.value(kind))
             }
         }
-    }
-
-    fn fields(&mut self, fields: &[Field]) -> Result<(), String> {
-        fields.iter().try_for_each(|field| self.value(&field.kind))
     }
 }

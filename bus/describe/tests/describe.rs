@@ -186,11 +186,11 @@ fn what_is_not_true_is_named_with_its_way() {
     assert_eq!(said(vec![right.clone(), wrong].check()), "[1].clearance_m is 11; it has to be 0 to 10 m");
     let endless = Inner { scan_spacing_m: f64::NAN, ..right.clone() };
     assert_eq!(said(Some(endless).check()), "scan_spacing_m is NaN; it has to be a finite number");
-    assert_eq!(
-        said(What::Fields { list: vec![0; 4] }.check()),
-        "Fields.list is a list of 4; it has to be at most 3 entries"
-    );
+    assert_eq!(said(What::Fields { list: vec![0; 4] }.check()), "Fields.list is 4 long; it has to be at most 3 long");
     assert_eq!(right.check(), Ok(()));
+    #[derive(Describe)]
+    struct Two(bool, f64);
+    assert_eq!(said(Two(true, f64::NAN).check()), "[1] is NaN; it has to be a finite number");
     let turned = Isometry3::from_parts(
         Translation3::identity(),
         UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(2.0, 0.0, 0.0, 0.0)),

@@ -221,7 +221,7 @@ fn encode_described(
     buffer.push(b'"');
     put_envelope_fields(buffer, record)?;
     buffer.extend_from_slice(b",\"value\":");
-    // What is not what its type says has no fields to show, and what is very long none that anybody looks at, for many
+    // What is not what its type says has nothing to show, and what is very long nothing that anybody looks at, for many
     // times its memory; both are stored all the same.
     let shown = (bytes.len() <= LONGEST_SHOWN).then(|| description.to_json(bytes, usize::MAX).ok()).flatten();
     let mut fields = shown.unwrap_or_else(|| serde_json::json!({}));

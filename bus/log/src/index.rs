@@ -246,7 +246,7 @@ impl SegmentIndex {
     fn by_reading(path: &Path, on_progress: OnProgress<'_>) -> Result<Self, LogError> {
         let mut segment = Segment::open(path)?;
         let mut index = Self { path: path.into(), bytes: segment.length(), ..Self::default() };
-        let (mut told, mut unread) = (0, 0_u64);
+        let mut told = 0;
         loop {
             match segment.next()? {
                 Next::Message => {
@@ -258,7 +258,7 @@ impl SegmentIndex {
                 Next::Dropped(total) => index.dropped = total,
                 Next::Damage(reason) => index.damage.note(reason),
                 Next::Other(_) => {}
-                Next::LeftOut(_) => unread += 1,
+                Next::LeftOut(_) => index.extras.note_unknown(),
                 Next::End => break,
             }
             if segment.position() != told {
@@ -267,8 +267,7 @@ impl SegmentIndex {
             }
         }
         index.channels = segment.channels().map(|(id, channel)| (id, channel.clone())).collect();
-        index.extras = segment.extras().clone();
-        (0..unread).for_each(|_| index.extras.note_unknown());
+        index.extras.merge(segment.extras());
         Ok(index)
     }
 

@@ -26,10 +26,12 @@ fn value(schema: Value) -> String {
 
 /// That of the values of a type that describes itself: what of its fields can be plotted or read.
 pub(crate) fn described(description: &Description) -> String {
-    let fields = like(description.kind()).filter(|schema| schema["type"] == "object");
-    let fields = fields.unwrap_or_else(|| json!({"type": "object", "properties": {}}));
     let bytes = json!({"type": "string", "description": "the value's bytes"});
-    with_envelope([("elk", bytes), ("value", fields)], &["elk", "value"])
+    match like(description.kind()) {
+        Some(value) => with_envelope([("elk", bytes), ("value", value)], &["elk"]),
+        // What is not in the schema is in the message all the same.
+        None => with_envelope([("elk", bytes)], &["elk"]),
+    }
 }
 
 fn with_envelope<const N: usize>(own: [(&str, Value); N], required: &[&str]) -> String {
@@ -175,5 +177,14 @@ mod tests {
         let memory = &of("MotionMemory")["properties"]["value"]["properties"];
         assert_eq!(memory["samples"]["items"]["properties"]["free"]["type"], "integer");
         assert!(memory.get("awaited").is_none(), "an object or a text");
+    }
+
+    #[test]
+    fn what_has_no_fields_is_what_it_is() {
+        use elk_bus::describe::{Describe, Shape};
+        let of = |shape: Shape| serde_json::from_str::<Value>(&described(&Description::of(&shape))).unwrap();
+        assert_eq!(of(f64::SHAPE)["properties"]["value"]["type"], "number");
+        assert_eq!(of(Vec::<String>::SHAPE)["properties"]["value"]["items"]["type"], "string");
+        assert!(of(<(u8, bool)>::SHAPE)["properties"].get("value").is_none(), "viewers take none");
     }
 }

@@ -26,9 +26,9 @@ const TOGETHER: [&str; 2] = ["Mid", "Dim"];
 pub(crate) const SCAN: &str = "SCAN";
 
 /// Sets `Input` and `Output` of the filters and `Input` of the map: the first filter reads what the sensor publishes and
-/// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim`, the
-/// volume to explore and that in which the map counts frontiers, are said of one of the two for both. What two apps have to have in common goes from the one
-/// that says it to the other; that they say it differently is a problem.
+/// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim` are
+/// the volume to explore and that in which the map counts frontiers: said of one of the two, they hold for both. What two
+/// apps have to have in common goes from the one that says it to the other; that they say it differently is a problem.
 pub(crate) fn connect(drafts: &mut [Draft], problems: &mut Findings) {
     let sensor = drafts.iter().find(|draft| draft.element == element::SENSOR);
     let published = sensor.and_then(|sensor| sensor.said_or_default("Output"));

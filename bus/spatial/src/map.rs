@@ -9,7 +9,6 @@ use crate::mask::{self, Mask};
 use crate::voxel::Voxel;
 
 /// What is known of a voxel (thesis 6.3.1).
-#[payload]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum State {

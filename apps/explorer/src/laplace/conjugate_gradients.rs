@@ -5,7 +5,8 @@ use super::Operator;
 /// Past this something is wrong with the problem, not with the number.
 const MAX_ITERATIONS: usize = 5000;
 
-/// Solves `Ax = b` from zero until `‖r‖ ≤ tolerance ‖b‖`, or somebody is `stopping`; `precondition(r, z)` puts an approximation of `A⁻¹r` into `z`.
+/// Solves `Ax = b` from zero until `‖r‖ ≤ tolerance ‖b‖`, or somebody is `stopping`; `precondition(r, z)` puts an
+/// approximation of `A⁻¹r` into `z`.
 /// Answers `x` and the iterations it took.
 pub fn solve(
     operator: &Operator,

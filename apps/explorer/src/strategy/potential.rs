@@ -55,8 +55,8 @@ impl Strategy for Potential {
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
         let problem = problem(view);
-        let heeded = journal.clone();
-        let solve = || laplace::solve_unless(&problem, self.solver, self.tolerance, || heeded.is_to_stop());
+        let stopping = journal.is_to_stop;
+        let solve = || laplace::solve_unless(&problem, self.solver, self.tolerance, stopping);
         let solution = journal.time("field", solve);
         if journal.is_to_stop() {
             return None;

@@ -10,21 +10,15 @@ use crate::read::{Fault, Place, Soup, text};
 /// Statements whose end may be anything, a `\` included: names of objects, groups, materials and files.
 const NAMES: [&[u8]; 6] = [b"o", b"g", b"usemtl", b"mtllib", b"usemap", b"maplib"];
 
-/// Statements that have no depth: coordinates of textures, names, lines, how it is drawn, what belongs to a free form.
-const WITHOUT_DEPTH: [&[u8]; 33] = [
+/// Statements besides [`NAMES`] that have no depth: coordinates of textures, lines, how it is drawn, what belongs to a free form.
+const WITHOUT_DEPTH: [&[u8]; 27] = [
     b"vt",
     b"vn",
     b"vp",
     b"p",
     b"l",
-    b"o",
-    b"g",
     b"s",
     b"mg",
-    b"usemtl",
-    b"mtllib",
-    b"usemap",
-    b"maplib",
     b"lod",
     b"bevel",
     b"c_interp",
@@ -106,7 +100,7 @@ impl Obj<'_> {
 
     fn leave_out(&mut self, (line, keyword): Word) {
         let what = match keyword {
-            known if WITHOUT_DEPTH.contains(&known) => return,
+            known if WITHOUT_DEPTH.contains(&known) || NAMES.contains(&known) => return,
             form if FREE_FORMS.contains(&form) => "free-form curves or surfaces are left out",
             b"call" | b"csh" => "statements that fetch another file or run a program are left out",
             _ => "statements that OBJ does not know are left out",

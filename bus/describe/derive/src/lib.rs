@@ -54,6 +54,10 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
     said.only_of_types(input.span())?;
     let krate = said.krate.clone().unwrap_or_else(|| syn::parse_quote! { ::elk_describe });
     let (name, docs) = (input.ident.to_string(), docs(&input.attrs));
+    let has_fields = matches!(&input.data, Data::Struct(data) if matches!(data.fields, Fields::Named(_)));
+    if let Some(word) = said.drawn.as_ref().filter(|_| !has_fields) {
+        return Err(Error::new(word.span(), "what is drawn is a struct with named fields"));
+    }
     let drawn = said.drawn.as_ref().map(syn::LitStr::value).unwrap_or_default();
     let (shape, check) = match &input.data {
         Data::Struct(data) => {
@@ -84,6 +88,9 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
             let (mut variants, mut arms) = (Vec::new(), Vec::new());
             for variant in &data.variants {
                 plain_serde(&variant.attrs)?;
+                if let Some(said) = variant.attrs.iter().find(|one| one.path().is_ident("describe")) {
+                    return Err(Error::new(said.span(), "a variant's rules stand at its fields, or at the enum"));
+                }
                 let (ident, docs) = (&variant.ident, self::docs(&variant.attrs));
                 let name = ident.to_string();
                 let all = Members::of(&variant.fields)?;
@@ -165,8 +172,11 @@ impl<'a> Members<'a> {
             let (name, member) = match &field.ident {
                 // A name that is a keyword is the same name to serde.
                 Some(ident) => (ident.to_string().trim_start_matches("r#").to_owned(), ident.clone().into()),
+                // One value without a name has that value's own way.
+                None if fields.len() == 1 => (String::new(), index.into()),
                 None => (format!("[{index}]"), index.into()),
             };
+            said.only_of_fields(field.span())?;
             let docs = docs(&field.attrs);
             Ok(Self { field, name, member, binding: format_ident!("field_{index}"), docs, said })
         };
@@ -181,9 +191,8 @@ impl<'a> Members<'a> {
         }
     }
 
-    /// A struct of one value without a name has that value's own way.
     fn check(&self) -> TokenStream {
-        let (binding, name) = (&self.binding, if self.field.ident.is_some() { self.name.as_str() } else { "" });
+        let (binding, name) = (&self.binding, &self.name);
         let unit = self.said.unit.as_deref().unwrap_or("");
         let range = self.said.range.as_ref().map(|range| {
             quote! {
@@ -257,6 +266,14 @@ impl Said {
             })?;
         }
         Ok(said)
+    }
+
+    /// A field is drawn with its struct.
+    fn only_of_fields(&self, span: proc_macro2::Span) -> Result<()> {
+        match self.drawn.is_some() || self.krate.is_some() {
+            true => Err(Error::new(span, "of a field, describe does not say `drawn` or `crate`; they are its type's")),
+            false => Ok(()),
+        }
     }
 
     /// A whole type has none of a field's rules.
