@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use common::lab::{Lab, hear, wait_for_reader};
 use common::{Elk, kill};
@@ -81,9 +81,16 @@ impl Visit {
         Self { _lab: Lab::deaf(&elk), elk }
     }
 
+    /// A command of this community.
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = self.elk.command(arguments);
+        command.env(elk_bus::launched::COMMUNITY, self.elk.community());
+        command
+    }
+
     /// What a command says, and whether it succeeded.
     fn run(&self, arguments: &[&str]) -> (bool, String) {
-        let output = self.elk.command(arguments).output().unwrap();
+        let output = self.command(arguments).output().unwrap();
         let said = [output.stdout, output.stderr].concat();
         (output.status.success(), String::from_utf8(said).unwrap())
     }
@@ -122,14 +129,7 @@ fn as_json(angle: f64) -> Value {
 #[test]
 fn whoever_looks_in_sees_a_strangers_values_field_by_field() {
     let visit = Visit::new("look-in");
-    let community = visit.elk.community().to_owned();
-    let of = |arguments: &[&'static str]| -> Vec<String> {
-        arguments.iter().map(|one| (*one).to_owned()).chain(["--community".into(), community.clone()]).collect()
-    };
-    let said = |arguments: &[&'static str]| {
-        let arguments = of(arguments);
-        visit.said(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
-    };
+    let said = |arguments: &[&str]| visit.said(arguments);
     let _car = visit.car();
     let info = said(&["info", "STEERING"]);
     for line in [
@@ -150,8 +150,7 @@ fn whoever_looks_in_sees_a_strangers_values_field_by_field() {
 #[test]
 fn a_person_writes_a_strangers_variable_and_is_told_what_is_right() {
     let visit = Visit::new("by-hand");
-    let community = visit.elk.community().to_owned();
-    let poke = |value: &str| visit.run(&["poke", "STEERING", value, "--community", &community]);
+    let poke = |value: &str| visit.run(&["poke", "STEERING", value]);
     // Nobody has written it; a reader says what it reads.
     let mut reader = visit.elk.join("reader");
     reader.comms.register(&STEERING).unwrap();
@@ -169,11 +168,10 @@ fn a_person_writes_a_strangers_variable_and_is_told_what_is_right() {
 #[test]
 fn a_strangers_values_are_recorded_exported_and_replayed_to_the_bit() {
     let visit = Visit::new("recorded");
-    let community = visit.elk.community().to_owned();
     let mut car = visit.elk.join("car");
     let log = visit.elk.folder().join("drive.mcap");
     let log = log.to_str().unwrap();
-    let mut recorder = visit.elk.command(&["log", "record", "-o", log, "--community", &community]);
+    let mut recorder = visit.command(&["log", "record", "-o", log]);
     let mut recorder = recorder.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     wait_for_reader(&mut visit.elk.join("witness"), |name| name.contains("record"));
     for angle in [0.25, 0.1 + 0.2, -3.75] {
@@ -211,7 +209,7 @@ fn a_strangers_values_are_recorded_exported_and_replayed_to_the_bit() {
     reader.comms.register(&STEERING).unwrap();
     reader.comms.register(&SWEEP).unwrap();
     reader.comms.flush().unwrap();
-    let replay = ["replay", log, "--community", other.elk.community(), "--rate", "max"];
+    let replay = ["replay", log, "--rate", "max"];
     assert!(other.run(&replay).0);
     let (mut angles, mut sweeps) = (Vec::new(), 0);
     hear(&mut reader, "all of it", |mail| {
@@ -225,7 +223,6 @@ fn a_strangers_values_are_recorded_exported_and_replayed_to_the_bit() {
         (sweeps == 3 && angles.len() == 3).then_some(())
     });
     assert_eq!(angles, [0.25, 0.1 + 0.2, -3.75].map(steering));
-    let echo =
-        other.json(&["echo", "STEERING", "--latest", "--count", "1", "--json", "--community", other.elk.community()]);
+    let echo = other.json(&["echo", "STEERING", "--latest", "--count", "1", "--json"]);
     assert_eq!(echo["value"], as_json(-3.75));
 }

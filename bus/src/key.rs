@@ -69,7 +69,7 @@ const fn fnv1a_on(mut hash: u64, bytes: &[u8]) -> u64 {
     hash
 }
 
-/// [`fnv1a`] of a file's bytes, however many they are.
+/// FNV-1a of a file's bytes, however many they are.
 ///
 /// # Errors
 /// It cannot be read, or is no ordinary file.

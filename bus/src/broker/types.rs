@@ -8,7 +8,8 @@ use crate::types::Type;
 /// Gives each type the next number; a name with another layout is another type.
 #[derive(Debug, Default)]
 pub(super) struct Types {
-    numbers: HashMap<(Arc<str>, u64), u32>,
+    /// Of each name, the layouts and their numbers.
+    numbers: HashMap<Arc<str>, Vec<(u64, u32)>>,
     types: Vec<Entry>,
     bytes: usize,
 }
@@ -35,14 +36,15 @@ impl Types {
         }
         let (name, number) = (Arc::<str>::from(name), self.types.len() as u32);
         self.bytes += name.len() + description.len();
-        self.numbers.insert((Arc::clone(&name), layout), number);
+        self.numbers.entry(Arc::clone(&name)).or_default().push((layout, number));
         self.types.push(Entry { name, layout, description: description.into() });
         number
     }
 
     /// The number that a type has already.
     pub fn known(&self, name: &str, layout: u64) -> Option<u32> {
-        self.numbers.get(&(Arc::from(name), layout)).copied()
+        let of_name = self.numbers.get(name)?;
+        of_name.iter().find(|(known, _)| *known == layout).map(|(_, number)| *number)
     }
 
     /// Whether somebody has described a type.
