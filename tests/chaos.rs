@@ -21,7 +21,7 @@ use std::process::{Child, Command, Stdio};
 use common::events::Patience;
 use common::lab::{hear, wait_for_clients};
 use common::{Elk, Launcher, alive, kill};
-use elk_bus::{App, AppError, Client, Comms, Community, Mail, RunOptions, run_app};
+use elk_bus::{App, AppError, Client, Comms, Community, Mail, RunOptions, number, run_app, text};
 use rustix::process::Signal;
 
 const PUBLISHERS: [&str; 3] = ["p1", "p2", "p3"];
@@ -63,15 +63,15 @@ struct Publisher {
 impl App for Publisher {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.key = comms.name().to_uppercase();
-        comms.register_variable(&self.key, 0.0)?;
-        Ok(comms.register_variable("DB_CLIENTS", 0.0)?)
+        comms.register(&self.key)?;
+        Ok(comms.register("DB_CLIENTS")?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         if self.said.is_none() {
             self.said = Some(if mail.key() == self.key { mail.as_double().unwrap_or(0.0) as u64 } else { 0 });
-            comms.unregister(&self.key, "*")?;
-            comms.unregister("DB_CLIENTS", "*")?;
+            comms.unregister(&self.key)?;
+            comms.unregister("DB_CLIENTS")?;
         }
         Ok(())
     }
@@ -107,7 +107,7 @@ impl App for Subscriber {
         let text = std::fs::read_to_string(&self.record).unwrap_or_default();
         self.last = text.lines().next_back().unwrap_or_default().to_owned();
         self.file = Some(OpenOptions::new().create(true).append(true).open(&self.record)?);
-        PUBLISHERS.iter().try_for_each(|name| comms.register_variable(&name.to_uppercase(), 0.0))?;
+        PUBLISHERS.iter().try_for_each(|name| comms.register(&name.to_uppercase()))?;
         Ok(())
     }
 
@@ -247,8 +247,8 @@ struct Watcher(Client);
 impl Watcher {
     fn of(elk: &Elk) -> Self {
         let mut client = elk.join("usher");
-        client.comms.register_text("DB_EVENT").unwrap();
-        client.comms.register_number(NUMBERS).unwrap();
+        client.comms.register(text("DB_EVENT")).unwrap();
+        client.comms.register(number(NUMBERS)).unwrap();
         Self(client)
     }
 
@@ -344,7 +344,7 @@ impl<'a> Witness<'a> {
     fn of(elk: &'a Elk) -> Self {
         let mut client = elk.join("witness");
         for key in ["POSE_COMMAND", "PLAN_REQUEST", "PLAN", "MAP_KNOWN", "PROGRESS", "*_STATUS", "DB_CLIENTS"] {
-            client.comms.register_variable(key, 0.0).unwrap();
+            client.comms.register(key).unwrap();
         }
         Self { elk, client }
     }

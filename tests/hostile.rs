@@ -69,8 +69,8 @@ impl Siege {
         let launcher = elk.launch_limited(mission, &format!("ulimit -d {MEMORY_KB}"));
         let hostile = elk.join("hostile");
         let mut siege = Self { elk, launcher, hostile, said: Vec::new() };
-        siege.hostile.comms.register_variable("MAIL_REJECTED", 0.0).unwrap();
-        siege.hostile.comms.register_variable("*_STATUS", 0.0).unwrap();
+        siege.hostile.comms.register("MAIL_REJECTED").unwrap();
+        siege.hostile.comms.register("*_STATUS").unwrap();
         siege.hostile.comms.register(&PLAN_REQUEST).unwrap();
         siege.hostile.comms.register(&POSE_COMMAND).unwrap();
         siege.nobody_is_lost("before it begins");

@@ -19,7 +19,7 @@ use elk_bus::codec::encode_onto;
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{
     App, BrokerConfig, Client, Clock, Comms, Community, DecodeError, Key, Mail, Origin, Payload, Rejection, TypeRef,
-    Value,
+    Value, number,
 };
 use elk_mission::{Mission, Program};
 use elk_spatial::keys::*;
@@ -160,7 +160,7 @@ impl Others {
         client.comms.register(&MAP_KNOWN).unwrap();
         client.comms.register(&PLAN).unwrap();
         client.comms.register(&MAP).unwrap();
-        client.comms.register_number(MAP_REQUEST).unwrap();
+        client.comms.register(number(MAP_REQUEST)).unwrap();
         client.comms.flush().unwrap();
         let mut map = OccupancyGrid::new(0.25);
         for cell in 0..1000 {
@@ -509,7 +509,7 @@ impl Round {
         liar.comms.flush().unwrap();
         let mut probe = join(&broker, "probe");
         for key in ["MOTION_REPORT", "EXPLORATION_REPORT", "SENSOR_REPORT", "PLAN_REQUEST", "POSE_COMMAND"] {
-            probe.comms.register_variable(key, 0.0).unwrap();
+            probe.comms.register(key).unwrap();
         }
         probe.comms.flush().unwrap();
         let seats = ["Sensor", "Filter", "Map", "Explorer", "Controller"].map(|element| seat(&broker, element)).into();

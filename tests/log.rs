@@ -455,7 +455,7 @@ fn sync_waits_for_the_disk_itself_and_says_when_that_fails() {
     elk.events().wait_until("the disk's word", || syncs(&elk) >= 3);
     end(logger);
 
-    lab.listener.comms.register_variable("LOGGER_ERROR", 0.0).unwrap();
+    lab.listener.comms.register("LOGGER_ERROR").unwrap();
     lab.listener.comms.flush().unwrap();
     let logger = traced_logger(&elk, &["Sync=0.1"], &["-e", "inject=fdatasync:error=EIO:when=1"]);
     let mut errors: Vec<String> = Vec::new();

@@ -62,7 +62,7 @@ fn a_new_app_is_tested_and_heard_in_a_mission_and_so_is_the_readme_s() {
     let mut launcher = elk.launch(&small("manual", &both));
     launcher.wait_for("Enter takes a step");
     let mut guest = elk.join("guest");
-    guest.comms.register_variable("GREET*", 0.0).unwrap();
+    guest.comms.register("GREET*").unwrap();
     guest.comms.notify("WHO", "Ada").unwrap();
     guest.comms.flush().unwrap();
     let mut heard = std::collections::BTreeSet::new();

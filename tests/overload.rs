@@ -71,7 +71,7 @@ impl SlowReader {
         let (tell, heard) = sync_channel(0);
         let thread = std::thread::spawn(move || {
             let mut client = Client::connect(&community, "slow").unwrap();
-            client.comms.register_variable("LARGE", 0.0).unwrap();
+            client.comms.register("LARGE").unwrap();
             table(&mut client);
             ready.send(()).unwrap();
             tell.send(read_slowly(&mut client, count, &hurry)).unwrap();

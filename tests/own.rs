@@ -98,7 +98,7 @@ fn a_community_whose_name_begins_another_s_leaves_that_one_alone() {
     let temporary = inhabited(&elk);
     let (short, long) = (elk.community(), format!("{}_q", elk.community()));
     let (running, mut client) = serve(&elk, &long, &temporary);
-    client.comms.register_variable("WORDS", 0.0).unwrap();
+    client.comms.register("WORDS").unwrap();
     client.comms.flush().unwrap();
     let before = shared_memory_of(&elk);
     assert!(!before.is_empty());

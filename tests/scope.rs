@@ -2,6 +2,7 @@
 
 mod common;
 
+use elk_bus::text;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Output, Stdio};
 
@@ -196,7 +197,7 @@ fn clients_are_known_with_what_they_read_and_write() {
     let mut recorder = lab.elk.command(&arguments.split(' ').collect::<Vec<_>>()).spawn().unwrap();
     lab.wait_for_reader("Recorder");
     let mut witness = lab.elk.join("witness");
-    witness.comms.register_text("RECORDER_STATUS").unwrap();
+    witness.comms.register(text("RECORDER_STATUS")).unwrap();
     hear(&mut witness, "how it is", |_| Some(()));
     drop(witness);
     let info = lab.said(&["info", "Recorder"]);

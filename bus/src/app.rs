@@ -25,7 +25,7 @@ pub type AppError = Box<dyn std::error::Error + Send + Sync>;
 ///
 /// impl App for Hello {
 ///     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-///         Ok(comms.register_variable("WHO", 0.0)?)
+///         Ok(comms.register("WHO")?)
 ///     }
 ///
 ///     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
@@ -285,7 +285,7 @@ mod tests {
 
     impl App for Calm {
         fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-            Ok(comms.register_variable("N", 0.0)?)
+            Ok(comms.register("N")?)
         }
 
         fn on_new_mail(&mut self, _: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
@@ -336,7 +336,7 @@ mod tests {
 
     impl App for Driver {
         fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-            Ok(comms.register_variable("SPEED*", 0.0)?)
+            Ok(comms.register("SPEED*")?)
         }
 
         fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
@@ -356,7 +356,7 @@ mod tests {
         let community = Community::new("reject").unwrap();
         let join = |name: &str| Client::over(broker.connect(name).unwrap(), name, &community);
         let mut speaker = join("speaker");
-        speaker.comms.register_variable("*", 0.0).unwrap();
+        speaker.comms.register("*").unwrap();
         speaker.comms.notify("SPEED_1", "fast").unwrap();
         speaker.comms.publish(&Key::<Speed>::named("SPEED_2"), &Speed { ahead: f64::NAN }).unwrap();
         let bytes = &[1, 2, 3];

@@ -10,6 +10,7 @@ use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::outbox::Outbox;
 use crate::rejection::Complaints;
+use crate::subscription::{Carries, Subscribe, Terms};
 use crate::types::TypeRef;
 use crate::value::{Value, ValueRef};
 use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, RESENT, TYPED, ValueKind};
@@ -231,70 +232,45 @@ impl Comms {
         self.stopping
     }
 
-    /// Registers for a variable: its latest value comes at once, then every new one. That this client reads it as a `T` is
-    /// said with it: whoever writes something else is told so, and so is this client ([`crate::Inbox::take_refusals`]).
-    pub fn register<T: Payload>(&mut self, key: &Key<T>) -> Result<(), CommsError> {
-        short([key.name(), T::NAME])?;
-        let type_ = self.type_number(TypeRef::of::<T>());
-        self.registration(FrameKind::Register, key.name(), "*", 0.0, 0, Expects::Values(type_))
+    /// Registers: the latest values come at once, then all new ones. What is registered for with the same patterns again is
+    /// put in the place of what was. What this client reads there is said with it, if it is known: whoever writes something
+    /// else is told so, and so is this client ([`crate::Inbox::take_refusals`]).
+    pub fn register(&mut self, what: impl Subscribe) -> Result<(), CommsError> {
+        self.register_for(&what.subscription().terms)
     }
 
-    /// Registers for a variable as a reader of numbers, as [`Comms::register`] does for a type.
-    pub fn register_number(&mut self, key: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key, "*", 0.0, 0, Expects::Numbers)
-    }
-
-    /// Registers for a variable as a reader of texts, as [`Comms::register`] does for a type.
-    pub fn register_text(&mut self, key: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key, "*", 0.0, 0, Expects::Texts)
-    }
-
-    /// Registers for a variable by name, whatever it carries, at most one message in `min_interval_secs` (0: all); the
-    /// last one of a burst always comes.
-    pub fn register_variable(&mut self, key: &str, min_interval_secs: f64) -> Result<(), CommsError> {
-        self.register_wildcard(key, "*", min_interval_secs)
-    }
-
-    /// Registers for all variables that match `key_pattern` from all sources that match `source_pattern`, those to come
-    /// included. `*` is any run of characters, `?` a single one.
-    pub fn register_wildcard(
-        &mut self,
-        key_pattern: &str,
-        source_pattern: &str,
-        min_interval_secs: f64,
-    ) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key_pattern, source_pattern, min_interval_secs, 0, Expects::Anything)
-    }
-
-    /// Registers so that nothing is dropped: publishers wait if this client does not keep up (with limited patience).
-    pub fn register_lossless(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Register, key_pattern, source_pattern, 0.0, LOSSLESS, Expects::Anything)
-    }
-
-    /// Takes back the registration that was made with these patterns.
-    pub fn unregister(&mut self, key_pattern: &str, source_pattern: &str) -> Result<(), CommsError> {
-        self.registration(FrameKind::Unregister, key_pattern, source_pattern, 0.0, 0, Expects::Anything)
-    }
-
-    fn registration(
-        &mut self,
-        kind: FrameKind,
-        key_pattern: &str,
-        source_pattern: &str,
-        interval_secs: f64,
-        flags: u16,
-        expects: Expects,
-    ) -> Result<(), CommsError> {
-        short([key_pattern, source_pattern])?;
-        let patterns = (key_pattern.to_owned(), source_pattern.to_owned());
-        self.registered += 1;
-        let asked = Asked { number: self.registered, interval_secs, flags, expects };
-        let header = asked.header(kind);
-        match kind {
-            FrameKind::Register => self.registrations.insert(patterns, asked),
-            _ => self.registrations.remove(&patterns),
+    pub(crate) fn register_for(&mut self, terms: &Terms) -> Result<(), CommsError> {
+        short([terms.keys.as_str(), &terms.sources])?;
+        let expects = match terms.carries {
+            Carries::Anything => Expects::Anything,
+            Carries::Numbers => Expects::Numbers,
+            Carries::Texts => Expects::Texts,
+            Carries::Values(type_) => {
+                short([type_.name()])?;
+                Expects::Values(self.type_number(type_))
+            }
         };
-        wire::put(&mut self.batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
+        self.registered += 1;
+        let flags = if terms.lossless { LOSSLESS } else { 0 };
+        let asked = Asked { number: self.registered, interval_secs: terms.interval.as_secs_f64(), flags, expects };
+        let header = asked.header(FrameKind::Register);
+        self.registrations.insert((terms.keys.clone(), terms.sources.clone()), asked);
+        self.say_registration(&header, terms)
+    }
+
+    /// Takes back the registration that was made for these variables and sources.
+    pub fn unregister(&mut self, what: impl Subscribe) -> Result<(), CommsError> {
+        self.unregister_from(&what.subscription().terms)
+    }
+
+    pub(crate) fn unregister_from(&mut self, terms: &Terms) -> Result<(), CommsError> {
+        short([terms.keys.as_str(), &terms.sources])?;
+        self.registrations.remove(&(terms.keys.clone(), terms.sources.clone()));
+        self.say_registration(&Header::new(FrameKind::Unregister), terms)
+    }
+
+    fn say_registration(&mut self, header: &Header, terms: &Terms) -> Result<(), CommsError> {
+        wire::put(&mut self.batch, header, terms.keys.as_bytes(), terms.sources.as_bytes());
         self.flush_if_full()
     }
 

@@ -7,10 +7,11 @@
 //! | [`link`] | what a transport gives a client |
 //! | [`memory`], [`shm`] | the transports: inside one process, and between processes over iceoryx2 |
 //! | [`comms`], [`inbox`], [`mail`] | what a client says, what it hears, and a message as it gets it |
+//! | [`subscription`] | what a client wants to hear, and how |
 //! | [`client`], [`app`] | both ends together; MOOS' three callbacks |
+//! | [`handlers`] | an app as one table: what it hears, does and remembers |
 //! | [`launched`] | what a launcher hands over to an app: name, community, parameters, lease |
 //! | [`rejection`] | messages that an app cannot use: said, counted, passed over |
-//! | [`recall`] | what a successor asks for: the memory of an app is a variable |
 //! | [`key`], [`value`], [`types`], [`codec`] | typed keys, the three kinds of value, what a type is, its encoding |
 //! | [`stop`] | signals that ask a process to stop |
 //! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
@@ -26,6 +27,7 @@ pub mod codec;
 pub mod comms;
 pub mod community;
 mod failure;
+pub mod handlers;
 pub mod inbox;
 pub mod key;
 pub mod launched;
@@ -37,11 +39,12 @@ mod outbox;
 pub mod pattern;
 mod process_id;
 mod process_stat;
-pub mod recall;
+mod recall;
 pub mod rejection;
 mod seen;
 pub mod shm;
 pub mod stop;
+pub mod subscription;
 pub mod types;
 pub mod value;
 pub mod wire;
@@ -81,6 +84,7 @@ pub use elk_describe as describe;
 pub use elk_describe::payload;
 pub use elk_describe::{Describe, Description, Invalid};
 pub use failure::Failure;
+pub use handlers::{Handled, Handlers};
 pub use inbox::{Inbox, Refused};
 pub use key::{Key, Payload};
 pub use launched::{LEASE, OptionError, RunOptions, SUCCEED};
@@ -88,12 +92,12 @@ pub use limits::let_owner_in;
 pub use mail::Mail;
 pub use process_id::ProcessId;
 pub use process_stat::ProcessStat;
-pub use recall::Recall;
 pub use rejection::Rejection;
 /// What [`payload`] derives.
 pub use serde;
 pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, remedy, running};
 pub use stop::{asked_to_stop, stop_on_signals, stop_signals};
+pub use subscription::{Subscribe, Subscription, any, number, text};
 pub use types::{Type, TypeRef};
 pub use value::{Value, ValueRef};
 pub use words::tell;

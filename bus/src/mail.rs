@@ -76,9 +76,22 @@ impl<'a> Mail<'a> {
         if let ValueRef::Text(text) = self.value { Some(text) } else { None }
     }
 
+    /// The value of a variable that carries texts.
+    ///
+    /// # Errors
+    /// It is none: an app that fails with this goes on with the next message.
+    pub fn text(&self) -> Result<&'a str, Rejection> {
+        self.as_text().ok_or_else(|| Rejection::new("it has to be a text"))
+    }
+
     /// Whether it is of the variable that `key` names.
     pub fn is<T: Payload>(&self, key: &Key<T>) -> bool {
         self.key == key.name()
+    }
+
+    /// Decodes the value as a `T`, whatever the variable.
+    pub(crate) fn decode_as<T: Payload>(&self) -> Result<T::View<'a>, DecodeError> {
+        self.value.decode_as::<T>(self.key)
     }
 
     /// Decodes the value as what `key` carries; bulky parts stay where they lie.

@@ -53,16 +53,19 @@ impl<'a> ValueRef<'a> {
     /// # Errors
     /// It is of another type, of another layout of the same type, or one that cannot be true ([`Describe::check`]).
     pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
-        let mismatch = |found: String| DecodeError::Type { key: key.name().into(), expected: T::NAME, found };
+        self.decode_as::<T>(key.name())
+    }
+
+    /// Decodes the value as a `T`; `key` is the variable whose value it is.
+    pub(crate) fn decode_as<T: Payload>(&self, key: &str) -> Result<T::View<'a>, DecodeError> {
+        let mismatch = |found: String| DecodeError::Type { key: key.into(), expected: T::NAME, found };
         match *self {
             ValueRef::Double(number) => Err(mismatch(format!("the number {number}"))),
             ValueRef::Text(_) => Err(mismatch("a text".into())),
             ValueRef::Binary { type_, .. } if type_.name() != T::NAME => Err(mismatch(type_.name().into())),
-            ValueRef::Binary { type_, .. } if type_.layout() != T::LAYOUT => Err(DecodeError::Layout {
-                key: key.name().into(),
-                type_name: T::NAME,
-                difference: type_.difference::<T>(),
-            }),
+            ValueRef::Binary { type_, .. } if type_.layout() != T::LAYOUT => {
+                Err(DecodeError::Layout { key: key.into(), type_name: T::NAME, difference: type_.difference::<T>() })
+            }
             ValueRef::Binary { bytes, .. } => {
                 let view: T::View<'a> = codec::decode(bytes, T::NAME)?;
                 view.check().map_err(|invalid| DecodeError::Value { type_name: T::NAME, invalid })?;

@@ -10,7 +10,7 @@ use std::time::Duration;
 use common::events::{Patience, once_served};
 use elk_bus::link::Link;
 use elk_bus::wire::{self, FrameKind, Header, Named, ValueKind};
-use elk_bus::{Client, Community, Introduction, Key, shm};
+use elk_bus::{Client, Community, Introduction, Key, any, shm};
 use rustix::process::{Pid, Signal};
 
 /// What docs/security.md promises (MB).
@@ -64,7 +64,7 @@ impl Target {
     fn deaf_readers_of(&self, count: usize, keys: &str, interval_secs: f64) -> Vec<Client> {
         let mut readers: Vec<Client> = (0..count).map(|i| self.join(&format!("reader-{i}"))).collect();
         for reader in &mut readers {
-            reader.comms.register_wildcard(keys, "*", interval_secs).unwrap();
+            reader.comms.register(any(keys).every(Duration::from_secs_f64(interval_secs))).unwrap();
             reader.comms.flush().unwrap();
         }
         readers
@@ -73,7 +73,7 @@ impl Target {
     /// The most memory of its own that the broker has had (MB), once it still answers.
     fn survives(&self, what: &str) {
         let mut judge = self.join("judge");
-        judge.comms.register_variable("VERDICT", 0.0).unwrap();
+        judge.comms.register("VERDICT").unwrap();
         judge.comms.notify("VERDICT", 1.0).unwrap();
         let (mut heard, patience) = (false, Patience::new());
         while !heard {

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use elk_bus::broker::table::{ClientEntry, CommunityTable, REQUEST, TABLE};
-use elk_bus::{Client, Community, Mail, Value};
+use elk_bus::{Client, Community, Mail, Value, any, text};
 
 use super::Elk;
 use super::events::{Events, Patience, folders_of};
@@ -19,7 +19,7 @@ impl Lab {
     /// With a listener that hears everything.
     pub fn new(elk: &Elk) -> Self {
         let mut lab = Self::deaf(elk);
-        lab.listener.comms.register_lossless("*", "*").unwrap();
+        lab.listener.comms.register(any("*").lossless()).unwrap();
         lab.listener.comms.flush().unwrap();
         lab
     }
@@ -100,7 +100,7 @@ pub fn wait_for_reader(witness: &mut Client, is_right: impl Fn(&str) -> bool) {
 /// Waits until the right clients are there.
 pub fn wait_for_clients(elk: &Elk, what: &str, are_right: impl Fn(&[&str]) -> bool) {
     let mut witness = elk.join("witness");
-    witness.comms.register_text("DB_CLIENTS").unwrap();
+    witness.comms.register(text("DB_CLIENTS")).unwrap();
     hear(&mut witness, what, |mail| {
         let clients: Vec<&str> = mail.as_text()?.split(',').collect();
         are_right(&clients).then_some(())

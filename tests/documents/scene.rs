@@ -175,7 +175,7 @@ impl Scene {
     fn start_beside(&mut self, command: &str) -> Terminal {
         let terminal = self.open(command);
         let mut reader = self.elk.join("reader");
-        reader.comms.register_variable("PROGRES*", 0.0).unwrap();
+        reader.comms.register("PROGRES*").unwrap();
         hear(&mut reader, "a step of the robot", |mail| mail.key().starts_with("PROGRESS").then_some(()));
         terminal
     }

@@ -257,7 +257,7 @@ fn recovery_of_a_broker(count: usize) {
         });
         scope.spawn(move || {
             let mut subscriber = stage.connect("subscriber");
-            subscriber.comms.register_variable("T", 0.0).expect("it registers");
+            subscriber.comms.register("T").expect("it registers");
             while !over.load(Ordering::Relaxed) {
                 // When it was said, and when it was heard.
                 note(&mut subscriber, Duration::from_millis(50), |said| {
@@ -336,7 +336,7 @@ fn a_stopped_subscriber(secs: u64) {
             publisher.comms.notify("T", LAST).and_then(|()| publisher.comms.flush()).expect("it is heard");
         });
         let mut listener = stage.connect("listener");
-        listener.comms.register_variable("T", 0.0).expect("it registers");
+        listener.comms.register("T").expect("it registers");
         let mut listen = |phase: &'static str, secs: u64| {
             let (clock, mut latencies) = (Stopwatch::start(), Vec::new());
             while clock.elapsed() < Duration::from_secs(secs) {

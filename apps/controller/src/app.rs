@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, number, tell, text};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::keys::{
@@ -190,12 +190,12 @@ fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
 impl App for ControllerApp {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.recall.ask(comms, &MOTION_MEMORY)?;
-        comms.register_text(MOTION)?;
-        comms.register_number(STEP)?;
+        comms.register(text(MOTION))?;
+        comms.register(number(STEP))?;
         comms.register(&self.camera_pose)?;
         comms.register(&MAP)?;
         comms.register(&MAP_UPDATE)?;
-        comms.register_number(MAP_RECALL)?;
+        comms.register(number(MAP_RECALL))?;
         comms.register(&PLAN)?;
         // Behind all that there is to tell.
         Ok(Recall::ask_for_mark(comms)?)

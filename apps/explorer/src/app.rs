@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, asked_to_stop, tell};
+use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, asked_to_stop, number, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::checks::{
     CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, RESOLUTIONS_M, SPACINGS_M, path_in,
@@ -358,7 +358,7 @@ impl App for ExplorerApp {
         comms.register(&MAP_UPDATE)?;
         // It comes with the update, and so before any request that follows from that.
         comms.register(&MAP_KNOWN)?;
-        comms.register_number(MAP_RECALL)?;
+        comms.register(number(MAP_RECALL))?;
         comms.register(&PLAN_REQUEST)?;
         Ok(())
     }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, Community, ConnectError, FolderError, ProcessId, shm};
+use elk_bus::{Client, Community, ConnectError, FolderError, ProcessId, shm, text};
 use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, is_app_name};
 use serde::{Deserialize, Serialize};
 
@@ -133,7 +133,7 @@ impl LaunchState {
     fn said(community: &Community) -> Result<Self, LaunchError> {
         let refused = |why: String| LaunchError::Attach { community: community.clone(), why };
         let mut client = join(community)?;
-        client.comms.register_text(KEY)?;
+        client.comms.register(text(KEY))?;
         let clock = Stopwatch::start();
         let mut found = None;
         while found.is_none() && clock.elapsed() < PATIENCE {

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::rejection::REJECTED;
-use elk_bus::{Comms, CommsError, DecodeError, Key, Mail, Payload};
+use elk_bus::{Comms, CommsError, DecodeError, Key, Mail, Payload, text};
 use elk_mission::{Mission, element};
 use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND,
@@ -117,9 +117,11 @@ impl Observer {
 
     /// Registers for all that it understands.
     pub fn register(&self, comms: &mut Comms) -> Result<(), CommsError> {
-        [DB_EVENT, DB_CLIENTS, DB_DROPS, LOGGER_ERROR, REJECTED].iter().try_for_each(|key| comms.register_text(key))?;
-        self.chain.iter().try_for_each(|key| comms.register_variable(key, 0.0))?;
-        comms.register_variable(STATUS, 0.0)?;
+        [DB_EVENT, DB_CLIENTS, DB_DROPS, LOGGER_ERROR, REJECTED]
+            .iter()
+            .try_for_each(|key| comms.register(text(key)))?;
+        self.chain.iter().try_for_each(|key| comms.register(key))?;
+        comms.register(STATUS)?;
         comms.register(&POSE_COMMAND)?;
         comms.register(&PROGRESS)?;
         comms.register(&MAP_KNOWN)?;

@@ -23,7 +23,7 @@ struct Sensor {
 impl App for Sensor {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         comms.register(&POSE_COMMAND)?;
-        Ok(comms.register_variable("JUDGE", 0.0)?)
+        Ok(comms.register("JUDGE")?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
@@ -46,8 +46,8 @@ struct Map {
 
 impl App for Map {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.register_variable("SCAN", 0.0)?;
-        Ok(comms.register_variable(MAP_REQUEST, 0.0)?)
+        comms.register("SCAN")?;
+        Ok(comms.register(MAP_REQUEST)?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
@@ -87,8 +87,8 @@ impl Controller {
 
 impl App for Controller {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.register_variable("MAPPED", 0.0)?;
-        comms.register_variable("EXPLORE", 0.0)?;
+        comms.register("MAPPED")?;
+        comms.register("EXPLORE")?;
         Ok(())
     }
 
@@ -113,7 +113,7 @@ struct Explorer {
 
 impl App for Explorer {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.register_variable("OVER", 0.0)?;
+        comms.register("OVER")?;
         Ok(comms.notify("EXPLORE", 0.0)?)
     }
 

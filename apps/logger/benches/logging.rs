@@ -210,7 +210,7 @@ fn one_way(turn: usize) -> [f64; 2] {
     let listening = ready.clone();
     let reader = std::thread::spawn(move || {
         let mut reader = Client::connect(&community, "reader").expect("a client");
-        reader.comms.register_variable("BENCH", 0.0).expect("registered");
+        reader.comms.register("BENCH").expect("registered");
         reader.comms.flush().expect("flushed");
         listening.store(true, Ordering::Relaxed);
         let mut micros = Vec::new();

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use elk_bus::clock::{Clock, Stopwatch};
 use elk_bus::key::fnv1a_of_file;
-use elk_bus::{App, AppError, Comms, Mail, tell};
+use elk_bus::{App, AppError, Comms, Mail, any, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params};
 use elk_outside::file;
@@ -193,7 +193,7 @@ impl App for Logger {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.received = comms.time();
         self.flush(comms)?;
-        self.keys.iter().try_for_each(|key| comms.register_lossless(key, "*"))?;
+        self.keys.iter().try_for_each(|key| comms.register(any(key).lossless()))?;
         Ok(())
     }
 

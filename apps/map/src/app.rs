@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
+use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, number, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, RESOLUTIONS_M};
@@ -264,7 +264,7 @@ impl MapApp {
 
     fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         if matches!(self.stage, Stage::Asking { .. }) {
-            comms.unregister(MAP.name(), "*")?;
+            comms.unregister(MAP.name())?;
         }
         self.stage = Stage::Here;
         let mut waiting = std::mem::take(&mut self.waiting);
@@ -422,7 +422,7 @@ impl App for MapApp {
         self.recall.ask(comms, &PLAN)?;
         Recall::ask_for_mark(comms)?;
         comms.register(&self.input)?;
-        comms.register_number(MAP_REQUEST)?;
+        comms.register(number(MAP_REQUEST))?;
         Ok(())
     }
 

@@ -121,7 +121,7 @@ fn with_a_reader<T>(community: &Community, act: impl FnOnce() -> T) -> (T, usize
     std::thread::scope(|scope| {
         let reader = scope.spawn(|| {
             let mut reader = Client::connect(community, "reader").expect("joined");
-            reader.comms.register_variable("BENCH", 0.0).expect("registered");
+            reader.comms.register("BENCH").expect("registered");
             let mut hear = |millis| reader.receive(Duration::from_millis(millis), |_| {}).expect("received");
             // The latest value, which was said before.
             while hear(10) == 0 {}

@@ -16,7 +16,7 @@ use std::time::Duration;
 use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, Community, Mail, tell};
+use elk_bus::{Client, Community, Mail, any, tell};
 use elk_log::diff::VOLATILE_KEYS;
 use elk_log::selection::{Place, Window};
 use elk_log::{LogReader, Selection};
@@ -205,7 +205,7 @@ impl Stage {
     /// Listens to the live apps before they say anything.
     fn new(mut client: Client, apps: &[AppSpec]) -> Result<Self, ReplayError> {
         for app in apps {
-            client.comms.register_lossless("*", &app.name)?;
+            client.comms.register(any("*").from(&app.name).lossless())?;
         }
         client.comms.flush()?;
         let live = apps.iter().map(|app| app.name.clone()).collect();

@@ -273,7 +273,7 @@ fn type_named(table: &CommunityTable, name: &str) -> Result<Type, PokeError> {
 
 #[cfg(test)]
 mod tests {
-    use elk_bus::{Key, TypeRef};
+    use elk_bus::{Key, TypeRef, number};
     use elk_spatial::messages::{Plan, Progress};
 
     use super::*;
@@ -296,7 +296,7 @@ mod tests {
     fn what_nobody_has_written_is_a_number_if_it_reads_as_one_and_else_a_text() {
         let lab = Lab::new();
         let mut reader = lab.client("reader");
-        reader.comms.register_variable("SPEED", 0.0).unwrap();
+        reader.comms.register("SPEED").unwrap();
         reader.comms.flush().unwrap();
         assert_eq!(
             poked(&lab, &poke("SPEED", "-2.5", Said::Nothing)).unwrap(),
@@ -345,7 +345,7 @@ mod tests {
         let mut app = lab.client("app");
         app.comms.register(&Key::<Plan>::new("PLAN")).unwrap();
         app.comms.register(&Key::<Progress>::new("PROGRESS")).unwrap();
-        app.comms.register_number("SPEED").unwrap();
+        app.comms.register(number("SPEED")).unwrap();
         app.comms.flush().unwrap();
         assert!(poked(&lab, &poke("PLAN", "go there", Said::Nothing)).unwrap_err().contains("PLAN carries Plan"));
         assert!(poked(&lab, &poke("PROGRESS", PROGRESS, Said::Nothing)).unwrap().contains("(Progress)"));

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableEntry};
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, CommsError, Community, ConnectError, Mail, Refused, Running, running};
+use elk_bus::{Client, CommsError, Community, ConnectError, Mail, Refused, Running, any, running};
 use elk_mission::{instead, nearest};
 
 use crate::error::ScopeError;
@@ -77,7 +77,7 @@ impl Scope {
     /// Registers for variables.
     pub(crate) fn register(&mut self, keys: &[Pattern], source: &Pattern) -> Result<(), ScopeError> {
         for key in keys {
-            self.client.comms.register_wildcard(key.as_str(), source.as_str(), 0.0)?;
+            self.client.comms.register(any(key.as_str()).from(source.as_str()))?;
         }
         Ok(self.client.comms.flush()?)
     }

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use elk_bus::broker::table::{ClockEntry, VariableKind};
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, TypeRef, ValueRef};
+use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, TypeRef, ValueRef, any};
 use serde_json::{Value, json};
 
 use crate::{Drawing, Echo, Info, List, Output, Pattern, Scope, ScopeError, Screen, Top, graph};
@@ -33,11 +33,11 @@ impl Lab {
     /// Map and Sensor, who talk to each other; the sensor's value is of a type that elk does not know.
     fn with_two_apps(&self) -> [Client; 2] {
         let (mut sensor, mut map) = (self.client("Sensor"), self.client("Map"));
-        map.comms.register_wildcard("SC*", "Sensor", 0.5).unwrap();
+        map.comms.register(any("SC*").from("Sensor").every(Duration::from_secs_f64(0.5))).unwrap();
         map.comms.notify("MAP_SIZE", 12.0).unwrap();
         map.comms.notify("MAP_STATUS", "Uptime=3").unwrap();
         map.comms.flush().unwrap();
-        sensor.comms.register_variable("MAP_SIZE", 0.0).unwrap();
+        sensor.comms.register("MAP_SIZE").unwrap();
         let scan = ValueRef::Binary { type_: TypeRef::undescribed("Theirs", 1), bytes: &[7; 20] };
         sensor.comms.publish_value("SCAN", scan, Origin::default()).unwrap();
         sensor.comms.flush().unwrap();

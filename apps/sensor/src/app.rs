@@ -420,7 +420,7 @@ mod tests {
     use std::time::Duration;
 
     use elk_bus::memory::MemoryBroker;
-    use elk_bus::{BrokerConfig, Client, Clock, Community};
+    use elk_bus::{BrokerConfig, Client, Clock, Community, any};
     use elk_spatial::keys::SCAN;
     use elk_spatial::{State, Voxel};
 
@@ -492,7 +492,7 @@ mod tests {
     fn a_command_is_answered_by_pose_scan_and_report_once_and_a_map_by_its_accuracy() {
         let broker = MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0));
         let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
-        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.register(any("*").from("Simulator")).unwrap();
         probe.comms.flush().unwrap();
         app.on_start_up(&mut sensor.comms).unwrap();
         serve(&mut app, &mut sensor);
@@ -526,7 +526,7 @@ mod tests {
         let report = SensorReport { contacts: 2, ..other.report() };
         probe.comms.publish(&other.camera_pose, &CameraPose { command: 1, pose }).unwrap();
         probe.comms.publish(&SENSOR_REPORT, &report).unwrap();
-        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.register(any("*").from("Simulator")).unwrap();
         probe.comms.flush().unwrap();
         for published in [vec![("SCAN".to_owned(), 1)], vec![]] {
             let (mut successor, mut sensor) = (app(), join(&broker, "Simulator"));
@@ -545,7 +545,7 @@ mod tests {
         let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
         let there = Point3::new(0.4, 0.0, 0.8);
         let pose = Pose::from_yaw_pitch(Point3::new(0.6, 0.2, 0.8), 1.0, 0.0);
-        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.register(any("*").from("Simulator")).unwrap();
         probe.comms.publish(&POSE_COMMAND, &PoseCommand { id: 7, via: vec![there], pose }).unwrap();
         probe.comms.flush().unwrap();
         app.on_start_up(&mut sensor.comms).unwrap();
@@ -563,7 +563,7 @@ mod tests {
         let (mut sensor, mut probe) = (join(&broker, "Simulator"), join(&broker, "probe"));
         let pose = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 99.0), 0.0, 0.0);
         probe.comms.publish(&camera_pose("SIM_SENSOR"), &CameraPose { command: 3, pose }).unwrap();
-        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.register(any("*").from("Simulator")).unwrap();
         probe.comms.flush().unwrap();
         app.on_start_up(&mut sensor.comms).unwrap();
         serve(&mut app, &mut sensor);
@@ -615,7 +615,7 @@ mod tests {
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
         let memory = CameraPose { command: 3, pose };
         probe.comms.publish(&app.camera_pose, &memory).unwrap();
-        probe.comms.register_wildcard("*", "Simulator", 0.0).unwrap();
+        probe.comms.register(any("*").from("Simulator")).unwrap();
         probe.comms.flush().unwrap();
         app.on_start_up(&mut sensor.comms).unwrap();
         assert_eq!(rejections(&mut app, &mut sensor), 0, "what was left is memory");
@@ -639,7 +639,7 @@ mod tests {
         app.on_command(&mut sensor.comms, &command(1)).unwrap();
         app.on_command(&mut sensor.comms, &command(2)).unwrap();
         sensor.comms.flush().unwrap();
-        probe.comms.register_wildcard("SIM_SENSOR", "Simulator", 0.0).unwrap();
+        probe.comms.register(any("SIM_SENSOR").from("Simulator")).unwrap();
         probe.comms.flush().unwrap();
         assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 2)]);
         app.on_command(&mut sensor.comms, &command(1)).unwrap();

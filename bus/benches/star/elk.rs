@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::{BrokerConfig, Client, Clock, Community, ConnectError, Origin, TypeRef, ValueRef, serve_broker};
+use elk_bus::{BrokerConfig, Client, Clock, Community, ConnectError, Origin, TypeRef, ValueRef, any, serve_broker};
 
 use crate::transport::{Intake, Outcome, Outlet};
 
@@ -36,7 +36,7 @@ pub fn join(community: &str, name: &str) -> Outcome<Client> {
 /// Waits until the broker has done all that the client asked of it so far.
 pub fn settle(client: &mut Client) -> Outcome {
     let mark = format!("MARK_{}", client.comms.name());
-    client.comms.register_variable(&mark, 0.0)?;
+    client.comms.register(&mark)?;
     client.comms.notify(&mark, 1.0)?;
     let (waited, mut heard) = (Stopwatch::start(), false);
     while !heard {
@@ -45,7 +45,7 @@ pub fn settle(client: &mut Client) -> Outcome {
             return Err("the broker does not answer".into());
         }
     }
-    client.comms.unregister(&mark, "*")?;
+    client.comms.unregister(&mark)?;
     Ok(client.comms.flush()?)
 }
 
@@ -78,8 +78,8 @@ impl ElkIntake {
     pub fn open(community: &str, name: &str, lossless: bool) -> Outcome<Self> {
         let mut client = join(community, name)?;
         match lossless {
-            true => client.comms.register_lossless(KEY, "*")?,
-            false => client.comms.register_variable(KEY, 0.0)?,
+            true => client.comms.register(any(KEY).lossless())?,
+            false => client.comms.register(KEY)?,
         }
         settle(&mut client)?;
         Ok(Self(client))

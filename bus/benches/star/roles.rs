@@ -137,7 +137,7 @@ fn keys(place: &str, settings: &[String]) -> Outcome {
     ready()?;
     word()?;
     let started = monotonic_nanos();
-    bus.comms.register_wildcard("KEY_*", "*", 0.0)?;
+    bus.comms.register("KEY_*")?;
     let mut heard = BTreeSet::new();
     while heard.len() < all {
         bus.receive(RECEIVE_TIMEOUT, |mail| {
@@ -152,7 +152,7 @@ struct Idle;
 
 impl App for Idle {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.register_variable("NEVER", 0.0)?;
+        comms.register("NEVER")?;
         Ok(ready().map_err(|e| e.to_string())?)
     }
 

@@ -1,5 +1,6 @@
 //! Brokers that die, and those that take their place.
 
+use elk_bus::any;
 use std::sync::Barrier;
 use std::time::Duration;
 
@@ -38,7 +39,7 @@ pub fn a_broker_may_die_and_nothing_is_lost_or_heard_twice<T: Transport + Sync>(
         for (name, counted) in ["b", "c"].into_iter().zip(counted) {
             scope.spawn(move || {
                 let mut listener = t.connect(name).unwrap();
-                listener.comms.register_lossless("N", "*").unwrap();
+                listener.comms.register(any("N").lossless()).unwrap();
                 settle(&mut listener);
                 there.wait();
                 count_until_retired(&mut listener, counted, COUNT);
@@ -62,7 +63,7 @@ pub fn a_broker_may_die_and_nothing_is_lost_or_heard_twice<T: Transport + Sync>(
                 a.receive(Duration::from_millis(10), |_| {}).unwrap();
             }
             let mut late = t.connect("late").unwrap();
-            late.comms.register_variable("SETTING", 0.0).unwrap();
+            late.comms.register("SETTING").unwrap();
             late.comms.register(&BLOB).unwrap();
             let mut heard: Vec<(String, Value)> = Vec::new();
             while heard.len() < 2 {
@@ -101,8 +102,8 @@ pub fn what_was_left_by_those_who_are_gone_outlives_brokers<T: Transport>() {
     for name in ["late", "later"] {
         // The broker has written down what a has left before it lets anybody in.
         let mut late = t.connect(name).unwrap();
-        late.comms.register_wildcard("NUMBER", "*", 0.0).unwrap();
-        late.comms.register_wildcard("TEXT", "a", 0.0).unwrap();
+        late.comms.register("NUMBER").unwrap();
+        late.comms.register(any("TEXT").from("a")).unwrap();
         late.comms.register(&BLOB).unwrap();
         let heard = hear(&mut late, |h| h.len() == 3);
         let value = |wanted: &str| heard.iter().find(|(key, ..)| key == wanted).unwrap().2.clone();
@@ -135,7 +136,7 @@ pub fn bulk_values_survive_the_broker<T: Transport + Sync>() {
         });
         scope.spawn(move || {
             let mut b = t.connect("b").unwrap();
-            b.comms.register_lossless("BLOB", "*").unwrap();
+            b.comms.register(any("BLOB").lossless()).unwrap();
             settle(&mut b);
             there.wait();
             let patience = Patience::new();

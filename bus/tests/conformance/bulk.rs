@@ -4,11 +4,12 @@ use crate::blob::{BLOB, blob};
 use crate::common::events::{Patience, WATCHDOG};
 use crate::hearing::{MOMENT, hear, settle};
 use crate::transport::Transport;
+use elk_bus::any;
 
 pub fn values_of_any_size_arrive_whole_and_in_order<T: Transport>() {
     let t = T::start("bulk");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
-    b.comms.register_lossless("*", "a").unwrap();
+    b.comms.register(any("*").from("a").lossless()).unwrap();
     settle(&mut b);
     let sizes = [0, 1, 100, 20_000, 1_000_000, 30, 3_000_000, 16_384, 17, 2_400_000, 2_400_000, 2_400_000];
     for (number, len) in (1..).zip(sizes) {
@@ -39,7 +40,7 @@ pub fn bulk_values_flow_as_fast_as_a_lossless_reader_reads<T: Transport + Sync>(
     let t = T::start("flow");
     std::thread::scope(|scope| {
         let mut b = t.connect("b").unwrap();
-        b.comms.register_lossless("BLOB", "*").unwrap();
+        b.comms.register(any("BLOB").lossless()).unwrap();
         settle(&mut b);
         scope.spawn(|| {
             let mut a = t.connect("a").unwrap();
@@ -63,7 +64,7 @@ pub fn bulk_values_wait_for_a_lossless_reader_that_hangs_only_so_long<T: Transpo
     const COUNT: u64 = 20;
     let t = T::start("hung");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
-    b.comms.register_lossless("BLOB", "*").unwrap();
+    b.comms.register(any("BLOB").lossless()).unwrap();
     settle(&mut b);
     // What b is not given by reference it is given as a copy, with the hint to open the way for references.
     a.comms.publish(&BLOB, &blob(0, 100_000)).unwrap();
@@ -93,7 +94,7 @@ pub fn a_late_registrant_is_given_the_latest_value_however_large<T: Transport>()
     for _ in 0..2 {
         let mut late = t.connect("late").unwrap();
         late.comms.register(&BLOB).unwrap();
-        late.comms.register_variable("NUMBER", 0.0).unwrap();
+        late.comms.register("NUMBER").unwrap();
         let (mut got, patience) = (Vec::new(), Patience::new());
         while got.len() < 2 {
             late.receive(patience.left("both"), |m| {

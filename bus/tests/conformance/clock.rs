@@ -28,7 +28,7 @@ pub fn a_driven_clock_is_everybodys_through_a_brokers_death_and_ends_with_its_dr
     wait_for_time(&mut a, recorded);
     let late = t.connect("late").unwrap();
     assert!(recorded(late.comms.time()), "whoever comes is told before it does anything");
-    a.comms.register_variable("SAID", 0.0).unwrap();
+    a.comms.register("SAID").unwrap();
     settle(&mut a);
     driver.comms.notify("SAID", "now").unwrap();
     let origin = Origin { source: Some("somebody"), time: Some(1234.5), ..Origin::default() };

@@ -28,7 +28,7 @@ pub fn hear(client: &mut Client, enough: impl Fn(&[Heard]) -> bool) -> Vec<Heard
 /// Waits until the broker has done all that `client` asked of it so far.
 pub fn settle(client: &mut Client) {
     let mark = format!("MARK_{}", client.comms.name());
-    client.comms.register_variable(&mark, 0.0).unwrap();
+    client.comms.register(&mark).unwrap();
     client.comms.notify(&mark, "done").unwrap();
     hear(client, |h| h.iter().any(|(k, ..)| *k == mark));
 }

@@ -1,6 +1,6 @@
 //! Mail: numbers, texts, names and types.
 
-use elk_bus::{Key, Value};
+use elk_bus::{Key, Value, any};
 
 use crate::blob::{BLOB, Blob, blob};
 use crate::common::events::Patience;
@@ -10,7 +10,7 @@ use crate::transport::Transport;
 pub fn numbers_and_texts_arrive_as_sent<T: Transport>() {
     let t = T::start("arrive");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
-    b.comms.register_wildcard("V_*", "a", 0.0).unwrap();
+    b.comms.register(any("V_*").from("a")).unwrap();
     settle(&mut b);
     a.comms.notify("V_NUMBER", 2.5).unwrap();
     a.comms.notify("V_TEXT", "elks can dance").unwrap();
@@ -30,7 +30,7 @@ pub fn order_is_kept_and_nothing_lost_however_fast<T: Transport + Sync>() {
     let t = T::start("order");
     std::thread::scope(|scope| {
         let mut b = t.connect("b").unwrap();
-        b.comms.register_lossless("N", "*").unwrap();
+        b.comms.register(any("N").lossless()).unwrap();
         settle(&mut b);
         for name in ["a1", "a2"] {
             let t = &t;
@@ -53,10 +53,10 @@ pub fn order_is_kept_and_nothing_lost_however_fast<T: Transport + Sync>() {
 pub fn a_client_that_never_reads_hurts_nobody<T: Transport>() {
     let t = T::start("slow");
     let (mut a, mut slow) = (t.connect("a").unwrap(), t.connect("slow").unwrap());
-    slow.comms.register_variable("N", 0.0).unwrap();
+    slow.comms.register("N").unwrap();
     slow.comms.flush().unwrap();
     settle(&mut a);
-    a.comms.register_variable("N", 0.0).unwrap();
+    a.comms.register("N").unwrap();
     let count = 400_000;
     for i in 0..count {
         a.comms.notify("N", f64::from(i)).unwrap();
@@ -81,7 +81,7 @@ pub fn a_late_reader_of_100_000_variables_is_given_all_of_them<T: Transport>() {
     settle(&mut a);
     assert!(a.inbox.take_refusals().is_empty());
     let mut late = t.connect("late").unwrap();
-    late.comms.register_wildcard("VARIABLE_*", "*", 0.0).unwrap();
+    late.comms.register("VARIABLE_*").unwrap();
     let heard = hear(&mut late, |h| h.len() >= COUNT);
     let numbers: std::collections::BTreeSet<String> = heard.into_iter().map(|(key, ..)| key).collect();
     assert_eq!((numbers.len(), late.inbox.dropped()), (COUNT, 0));
@@ -93,7 +93,7 @@ pub fn a_late_reader_of_100_000_variables_is_given_all_of_them<T: Transport>() {
 pub fn long_texts_arrive_and_what_is_too_long_is_refused_at_once<T: Transport>() {
     let t = T::start("texts");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
-    b.comms.register_variable("TEXT", 0.0).unwrap();
+    b.comms.register("TEXT").unwrap();
     settle(&mut b);
     let text = "long ".repeat(1 << 20);
     for _ in 0..3 {
@@ -105,7 +105,7 @@ pub fn long_texts_arrive_and_what_is_too_long_is_refused_at_once<T: Transport>()
     let name = "N".repeat(300);
     let refused = a.comms.notify(&name, 1.0).unwrap_err().to_string();
     assert!(refused.contains("a name of 300 bytes; at most 256 are allowed"), "{refused}");
-    let refused = a.comms.register_wildcard(&name, "*", 0.0).unwrap_err().to_string();
+    let refused = a.comms.register(&name).unwrap_err().to_string();
     assert!(refused.contains("at most 256"), "{refused}");
     a.comms.notify("TEXT", "short").unwrap();
     a.comms.flush().unwrap();
@@ -118,7 +118,7 @@ pub fn a_value_of_another_type_is_refused_to_its_writer_and_never_misread<T: Tra
     let t = T::start("types");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
     b.comms.register(&BLOB).unwrap();
-    b.comms.register_variable("NUMBER", 0.0).unwrap();
+    b.comms.register("NUMBER").unwrap();
     settle(&mut b);
     a.comms.notify("BLOB", "not a blob").unwrap();
     a.comms.publish(&BLOB, &blob(1, 10)).unwrap();

@@ -1,7 +1,7 @@
 //! Types that some of those who carry them have never seen.
 
 use elk_bus::broker::table::{REQUEST, TABLE, VariableKind};
-use elk_bus::{Client, Key, Origin, Payload, TypeRef, Value, ValueRef, payload};
+use elk_bus::{Client, Key, Origin, Payload, TypeRef, Value, ValueRef, any, payload};
 use serde_json::json;
 
 use crate::hearing::{hear, settle};
@@ -57,7 +57,7 @@ fn json_of(client: &mut Client, key: &str) -> serde_json::Value {
 pub fn whoever_has_never_seen_a_type_reads_its_values<T: Transport>() {
     let t = T::start("stranger");
     let (mut car, mut viewer) = (t.connect("car").unwrap(), t.connect("viewer").unwrap());
-    viewer.comms.register_wildcard("*", "car", 0.0).unwrap();
+    viewer.comms.register(any("*").from("car")).unwrap();
     settle(&mut viewer);
     car.comms.publish(&STEERING, &steering(0.5, 1)).unwrap();
     car.comms.flush().unwrap();
@@ -68,7 +68,7 @@ pub fn whoever_has_never_seen_a_type_reads_its_values<T: Transport>() {
     car.comms.flush().unwrap();
     assert_eq!(json_of(&mut viewer, "STEERING"), json!({"angle": 1.5, "wheels": "5000 wheels"}));
     let mut late = t.connect("late").unwrap();
-    late.comms.register_variable("STEERING", 0.0).unwrap();
+    late.comms.register("STEERING").unwrap();
     assert_eq!(json_of(&mut late, "STEERING")["angle"], 1.5);
     // The table has what the variable carries, with units and docs, and what is only expected.
     late.comms.register(&Key::<Wheel>::new("SPARE")).unwrap();
@@ -91,7 +91,7 @@ pub fn a_description_that_comes_late_is_heard_of<T: Transport>() {
     let t = T::start("late-word");
     let (mut silent, mut car) = (t.connect("silent").unwrap(), t.connect("car").unwrap());
     let mut viewer = t.connect("viewer").unwrap();
-    viewer.comms.register_wildcard("STEERING*", "*", 0.0).unwrap();
+    viewer.comms.register("STEERING*").unwrap();
     settle(&mut viewer);
     // A type by name alone, as a log of long ago may have it.
     let whole = Value::Binary { type_: TypeRef::of::<Steering>().to_type(), bytes: bytes(&steering(0.5, 0)) };
@@ -133,7 +133,7 @@ pub fn two_builds_of_a_type_are_told_where_they_differ<T: Transport>() {
     let other = Key::<other_build::Steering>::new("STEERING");
     let mut said = None;
     let mut late = t.connect("other").unwrap();
-    late.comms.register_variable("STEERING", 0.0).unwrap();
+    late.comms.register("STEERING").unwrap();
     let patience = crate::common::events::Patience::new();
     while said.is_none() {
         let decode = |mail: &elk_bus::Mail<'_>| mail.decode(&other).map(drop).unwrap_err().to_string();

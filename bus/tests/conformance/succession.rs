@@ -4,7 +4,7 @@ use std::sync::Barrier;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use elk_bus::{App, AppError, Comms, Introduction, Mail, Value, run_app_on};
+use elk_bus::{App, AppError, Comms, Introduction, Mail, Value, any, run_app_on};
 
 use crate::blob::{BLOB, blob};
 use crate::count::Count;
@@ -58,8 +58,8 @@ pub fn a_name_is_taken_once_and_free_again_at_once<T: Transport>() {
 pub fn the_next_of_a_name_gets_what_the_dead_one_left<T: Transport>() {
     let t = T::start("lease");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.join(&leased("b")).unwrap());
-    b.comms.register_variable("N", 0.0).unwrap();
-    b.comms.register_variable("ONCE", 0.0).unwrap();
+    b.comms.register("N").unwrap();
+    b.comms.register("ONCE").unwrap();
     settle(&mut b);
     a.comms.notify("ONCE", "upon a time").unwrap();
     a.comms.notify("N", 1.0).unwrap();
@@ -73,8 +73,8 @@ pub fn the_next_of_a_name_gets_what_the_dead_one_left<T: Transport>() {
     a.comms.notify("N", 5.0).unwrap();
     settle(&mut a);
     let mut b = t.join(&leased("b")).unwrap();
-    b.comms.register_variable("N", 0.0).unwrap();
-    b.comms.register_variable("ONCE", 0.0).unwrap();
+    b.comms.register("N").unwrap();
+    b.comms.register("ONCE").unwrap();
     let heard = hear(&mut b, |h| h.last().is_some_and(|(_, _, value, _)| *value == Value::Double(5.0)));
     let heard: Vec<_> = heard.into_iter().map(|(_, _, value, latest)| (value, latest)).collect();
     let mail = (2..=5).map(|n| (Value::Double(f64::from(n)), false));
@@ -87,7 +87,7 @@ pub fn the_next_of_a_name_gets_what_the_dead_one_left<T: Transport>() {
 pub fn a_client_that_leaves_in_good_order_leaves_nothing<T: Transport>() {
     let t = T::start("goodbye");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.join(&leased("b")).unwrap());
-    b.comms.register_variable("N", 0.0).unwrap();
+    b.comms.register("N").unwrap();
     settle(&mut b);
     struct Leaves;
     impl App for Leaves {
@@ -105,7 +105,7 @@ pub fn a_client_that_leaves_in_good_order_leaves_nothing<T: Transport>() {
     a.comms.notify("N", 2.0).unwrap();
     settle(&mut a);
     let mut b = t.join(&leased("b")).unwrap();
-    b.comms.register_variable("N", 0.0).unwrap();
+    b.comms.register("N").unwrap();
     let heard = hear(&mut b, |h| !h.is_empty());
     assert_eq!(heard, [("N".into(), "a".into(), Value::Double(2.0), true)]);
     drop((a, b));
@@ -117,7 +117,7 @@ pub fn mail_goes_on_with_a_successor_at_a_message_boundary<T: Transport + Sync>(
     const HOLDERS: u64 = 5;
     let t = T::start("handover");
     let mut watcher = t.connect("watcher").unwrap();
-    watcher.comms.register_variable("DB_EVENT", 0.0).unwrap();
+    watcher.comms.register("DB_EVENT").unwrap();
     settle(&mut watcher);
     let (counted, first_is_there) = (Count::default(), Barrier::new(2));
     std::thread::scope(|scope| {
@@ -133,7 +133,7 @@ pub fn mail_goes_on_with_a_successor_at_a_message_boundary<T: Transport + Sync>(
                         joined => break joined.unwrap(),
                     }
                 };
-                client.comms.register_lossless("N", "*").unwrap();
+                client.comms.register(any("N").lossless()).unwrap();
                 if holder == 0 {
                     settle(&mut client);
                     first_is_there.wait();
@@ -172,10 +172,10 @@ pub fn mail_goes_on_with_a_successor_at_a_message_boundary<T: Transport + Sync>(
 pub fn a_successor_that_dies_before_it_is_ready_changes_nothing<T: Transport>() {
     let t = T::start("stillborn");
     let (mut a, mut b) = (t.connect("a").unwrap(), t.connect("b").unwrap());
-    b.comms.register_variable("N", 0.0).unwrap();
+    b.comms.register("N").unwrap();
     settle(&mut b);
     let mut successor = t.join(&Introduction { succeeds: true, ..Introduction::new("b") }).unwrap();
-    successor.comms.register_variable("N", 0.0).unwrap();
+    successor.comms.register("N").unwrap();
     successor.comms.notify("N", 13.0).unwrap();
     drop(successor);
     a.comms.notify("N", 1.0).unwrap();

@@ -4,7 +4,7 @@ use std::io::BufWriter;
 use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos};
-use elk_bus::{BrokerConfig, Client, Clock, Community, ConnectError, serve_broker, stop_on_signals};
+use elk_bus::{BrokerConfig, Client, Clock, Community, ConnectError, any, serve_broker, stop_on_signals};
 use elk_scope::{Echo, Output, Pattern, Quantity, Rates, Scope, ScopeError, Screen, Top, yield_to_others};
 use rustix::process::{Signal, set_parent_process_death_signal};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
@@ -71,8 +71,8 @@ fn publish(community: &Community, load: &Load) -> Outcome {
 fn read(community: &Community, load: &Load, name: &str) -> Outcome {
     let mut client = join(community, name)?;
     match load.per_second {
-        0 => client.comms.register_lossless(KEY, "*")?,
-        _ => client.comms.register_variable(KEY, 0.0)?,
+        0 => client.comms.register(any(KEY).lossless())?,
+        _ => client.comms.register(KEY)?,
     }
     client.comms.flush()?;
     println!("READY");
