@@ -328,13 +328,13 @@ fn record(patterns: Vec<String>, community: &CommunityArgs, output: &OutputArgs)
     let recorder = Recorder::new(file, metadata).with_options(output.options());
     let stop = stop_on_signals().context("signals cannot be caught")?;
     let mut client = Client::connect(&community.community, &format!("record-{}", std::process::id()))?;
-    let mut logger = Logger::of(recorder, patterns);
+    let mut logger = Logger::of(recorder, patterns).on_the_bus();
     match run_app_on(&mut logger, &mut client, &stop) {
         // The community's end is the recording's, too.
         Err(RunError::Comms(_)) => logger.on_stop(&mut client.comms).map_err(|error| anyhow::anyhow!("{error}"))?,
         ended => ended?,
     }
-    let messages = logger.messages();
+    let messages = logger.state.messages();
     match piped {
         Some(target) => finish(target, &format!("{messages} messages in standard output\n"))?,
         None => say(&format!("{messages} messages in {}\n", output.output.display()))?,

@@ -90,6 +90,11 @@ impl<R> Subscription<R> {
         self
     }
 
+    /// Messages are taken as they come, also those that are not what was registered for.
+    pub fn as_it_comes(self) -> Subscription<Any> {
+        Subscription { terms: self.terms, reads: PhantomData }
+    }
+
     /// Nothing is dropped: publishers wait if this client does not keep up, as long as it goes on reading.
     pub fn lossless(mut self) -> Self {
         self.terms.lossless = true;

@@ -1,8 +1,9 @@
 //! The follower as an app: camera poses, map updates and plans in; pose commands, requests and progress out.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, number, tell, text};
+use elk_bus::{AppError, Comms, Handled, Handlers, Key, Mail, Rejection, number, tell, text};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::keys::{
@@ -10,7 +11,7 @@ use elk_spatial::keys::{
     POSE_COMMAND, PROGRESS, STEP, camera_pose,
 };
 use elk_spatial::map::MapUpdate;
-use elk_spatial::messages::{Awaited, CameraPose, MotionMemory};
+use elk_spatial::messages::{Awaited, CameraPose, MotionMemory, Plan};
 
 use crate::follower::{Follower, Output};
 use crate::pace::Pace;
@@ -21,12 +22,12 @@ pub static TYPES: &[AppType] = &[AppType {
     name: "MOOSSim",
     summary: "Moves a simulated camera along the explorer's paths, scanning on the way.",
     params: PARAMS,
-    build: |params| Ok(Box::new(ControllerApp::new(params))),
+    build: |params| Ok(Box::new(ControllerApp::new(params).on_the_bus())),
     preflight: None,
 }];
 
 /// How often it is seen whether a robot that takes its time has arrived.
-const LOOK_HZ: f64 = 50.0;
+const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
     ParamSpec { name, kind, default: Some(default), doc }
@@ -69,7 +70,6 @@ pub struct ControllerApp {
     pace: Pace,
     /// What the follower wants said, held back from the first command on that waits for a step.
     held: VecDeque<Output>,
-    recall: Recall,
     /// The memory as it was last published.
     remembered: Option<MotionMemory>,
 }
@@ -85,34 +85,58 @@ impl ControllerApp {
             allowed: 0,
             pace: Pace::new(params.number("Speed"), params.number("TurnRate").to_radians(), params.number("Pace")),
             held: VecDeque::new(),
-            recall: Recall::default(),
             remembered: None,
         }
     }
 
-    fn succeed(&mut self, memory: MotionMemory) -> Result<(), AppError> {
+    /// The controller as an app.
+    pub fn on_the_bus(self) -> Handled<Self> {
+        let table = Handlers::<Self>::new()
+            .recall(&MOTION_MEMORY, Self::succeed)
+            .on(text(MOTION), Self::on_motion)
+            .on_with(number(STEP), Self::on_step)
+            .on(&self.camera_pose, Self::on_camera_pose)
+            .on(&MAP, Self::on_map)
+            .on(&MAP_UPDATE, Self::on_map)
+            .on(number(MAP_RECALL), Self::on_map_recall)
+            .on(&PLAN, Self::on_plan)
+            .caught_up(Self::resume)
+            .after_each(Self::say);
+        // A robot that is slow has to be looked at until it is there.
+        let table = if self.pace.is_slow() { table.iterate(LOOK_EVERY, Self::say) } else { table };
+        table.with(self)
+    }
+
+    /// Goes on, once all is known that there is to tell.
+    fn resume(&mut self, _: &mut Comms) -> Result<(), AppError> {
+        self.held.extend(self.follower.resume());
+        Ok(())
+    }
+
+    fn succeed(&mut self, _: &mut Comms, memory: MotionMemory) -> Result<(), AppError> {
         self.follower = Follower::successor(&memory).map_err(Rejection::new)?;
         (self.allowed, self.steps) = (memory.allowed, memory.steps);
         self.remembered = Some(memory);
         Ok(())
     }
 
-    fn on_camera_pose(&mut self, name: &str, camera: &CameraPose) -> Result<(), AppError> {
+    fn on_camera_pose(&mut self, comms: &mut Comms, camera: CameraPose) -> Result<(), AppError> {
         let before = self.follower.commands();
-        self.held.extend(self.follower.on_camera_pose(camera).map_err(Rejection::new)?);
+        self.held.extend(self.follower.on_camera_pose(&camera).map_err(Rejection::new)?);
         self.pace.is_at(&camera.pose);
         if self.follower.commands() < before {
             (self.allowed, self.steps) = (0, 0);
             tell(format_args!(
-                "{name}: {before} commands were counted here, {} by the sensor, which knows: it goes on from there",
+                "{}: {before} commands were counted here, {} by the sensor, which knows: it goes on from there",
+                comms.name(),
                 camera.command
             ));
         }
         Ok(())
     }
 
-    fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
-        let taken = self.follower.on_map(update);
+    fn on_map(&mut self, comms: &mut Comms, update: MapUpdate) -> Result<(), AppError> {
+        let taken = self.follower.on_map(&update);
         if self.follower.take_question() {
             comms.notify(MAP_REQUEST, 1.0)?;
         }
@@ -120,18 +144,26 @@ impl ControllerApp {
         Ok(())
     }
 
-    fn on_motion(&mut self, mail: &Mail<'_>) -> Result<(), Rejection> {
-        match mail.as_text() {
-            Some("pause") => self.paused = true,
-            Some("run") => (self.paused, self.steps) = (false, 0),
+    fn on_map_recall(&mut self, comms: &mut Comms, revision: f64) -> Result<(), AppError> {
+        self.follower.replica().answer(comms, revision)
+    }
+
+    fn on_plan(&mut self, _: &mut Comms, plan: Plan) -> Result<(), AppError> {
+        self.held.extend(self.follower.on_plan(&plan).map_err(Rejection::new)?);
+        Ok(())
+    }
+
+    fn on_motion(&mut self, _: &mut Comms, word: &str) -> Result<(), Rejection> {
+        match word {
+            "pause" => self.paused = true,
+            "run" => (self.paused, self.steps) = (false, 0),
             _ => return Err(Rejection::new("it has to be the text pause or run")),
         }
         Ok(())
     }
 
     /// A step is for who waits for one now: one that lies there from before was meant for a predecessor, who took it.
-    fn on_step(&mut self, mail: &Mail<'_>) -> Result<(), Rejection> {
-        mail.number()?;
+    fn on_step(&mut self, _: &mut Comms, _: f64, mail: &Mail<'_>) -> Result<(), AppError> {
         if self.paused && !mail.is_latest() {
             self.steps = (self.steps + 1).min(MAX_COUNT);
         }
@@ -187,60 +219,10 @@ fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
     Ok(())
 }
 
-impl App for ControllerApp {
-    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        self.recall.ask(comms, &MOTION_MEMORY)?;
-        comms.register(text(MOTION))?;
-        comms.register(number(STEP))?;
-        comms.register(&self.camera_pose)?;
-        comms.register(&MAP)?;
-        comms.register(&MAP_UPDATE)?;
-        comms.register(number(MAP_RECALL))?;
-        comms.register(&PLAN)?;
-        // Behind all that there is to tell.
-        Ok(Recall::ask_for_mark(comms)?)
-    }
-
-    fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-        self.recall.ends_with(comms, mail)?;
-        if mail.is(&MOTION_MEMORY) {
-            self.succeed(mail.decode(&MOTION_MEMORY)?)?;
-        } else if mail.is(&self.camera_pose) {
-            self.on_camera_pose(comms.name(), &mail.decode(&self.camera_pose)?)?;
-        } else if mail.is(&MAP_UPDATE) {
-            self.on_map(comms, &mail.decode(&MAP_UPDATE)?)?;
-        } else if mail.is(&MAP) {
-            self.on_map(comms, &mail.decode(&MAP)?)?;
-        } else if mail.is(&PLAN) {
-            self.held.extend(self.follower.on_plan(&mail.decode(&PLAN)?).map_err(Rejection::new)?);
-        } else if mail.key() == MAP_RECALL {
-            self.follower.replica().answer(comms, mail)?;
-        } else if mail.key() == MOTION {
-            self.on_motion(mail)?;
-        } else if mail.key() == STEP {
-            self.on_step(mail)?;
-        } else if Recall::is_mark(mail) {
-            self.held.extend(self.follower.resume());
-        }
-        self.say(comms)
-    }
-
-    /// A robot that is slow has to be looked at until it is there.
-    fn tick_hz(&self) -> Option<f64> {
-        self.pace.is_slow().then_some(LOOK_HZ)
-    }
-
-    fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        self.say(comms)
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use elk_bus::memory::MemoryBroker;
-    use elk_bus::{BrokerConfig, Client, Clock, Community};
+    use elk_bus::{App, BrokerConfig, Client, Clock, Community};
     use elk_spatial::{OccupancyGrid, Pose};
 
     use super::*;
@@ -248,15 +230,15 @@ mod tests {
     /// A controller, and a person, a sensor and a map in one who answer each command when they are told to.
     struct Bench {
         broker: MemoryBroker,
-        app: ControllerApp,
+        app: Handled<ControllerApp>,
         client: Client,
         others: Client,
         map: OccupancyGrid,
         pose: Pose,
     }
 
-    fn app(paused: bool) -> ControllerApp {
-        ControllerApp {
+    fn app(paused: bool) -> Handled<ControllerApp> {
+        let app = ControllerApp {
             follower: Follower::default(),
             camera_pose: camera_pose(CAMERA_POSE),
             paused,
@@ -264,9 +246,9 @@ mod tests {
             allowed: 0,
             pace: Pace::default(),
             held: VecDeque::new(),
-            recall: Recall::default(),
             remembered: None,
-        }
+        };
+        app.on_the_bus()
     }
 
     fn join(broker: &MemoryBroker, name: &str) -> Client {
@@ -347,7 +329,7 @@ mod tests {
         bench.say(STEP, 1.0);
         bench.say(MOTION, "pause");
         assert!(bench.heard().is_empty());
-        assert_eq!((bench.app.paused, bench.app.steps), (true, 0), "a step without a pause is none");
+        assert_eq!((bench.app.state.paused, bench.app.state.steps), (true, 0), "a step without a pause is none");
     }
 
     #[test]
@@ -364,7 +346,7 @@ mod tests {
         assert_eq!(bench.heard(), [1]);
         bench.exchange();
         assert_eq!(bench.heard(), [1], "the sensor has not carried it out: perhaps it was not said");
-        assert_eq!(bench.app.steps, 1, "the second step is still to be taken, the latest STEP is no third");
+        assert_eq!(bench.app.state.steps, 1, "the second step is still to be taken, the latest STEP is no third");
         bench.scanned(1);
         assert_eq!(bench.heard(), [-1]);
         bench.exchange();

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, asked_to_stop, number, tell};
+use elk_bus::{App, AppError, Comms, Handlers, Mail, Rejection, asked_to_stop, number, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::checks::{
     CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, RESOLUTIONS_M, SPACINGS_M, path_in,
@@ -140,17 +140,17 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
     let explorer = Explorer::new(strategy, settings(params)?);
     // The table keeps the number of bricks positive.
     let max_bricks = params.integer("MaxBricks") as usize;
-    Ok(Box::new(ExplorerApp {
+    let app = ExplorerApp {
         frontier: explorer.frontier(),
         explorer,
         replica: Replica::new(Some(params.number("Res")), max_bricks),
         max_bricks,
         said_full: false,
         requests: Requests::default(),
-        recall: Recall::default(),
         plan: None,
         scope: Scope::default(),
-    }))
+    };
+    Ok(Box::new(app.on_the_bus()))
 }
 
 fn settings(params: &Params) -> Result<Settings, AppError> {
@@ -209,7 +209,6 @@ pub struct ExplorerApp {
     said_full: bool,
     /// Requests whose revision of the map is not here yet.
     requests: Requests,
-    recall: Recall,
     /// The last plan, to be given again if it is asked for again.
     plan: Option<Plan>,
     /// What of the map plans are made over, as it was last said.
@@ -217,15 +216,39 @@ pub struct ExplorerApp {
 }
 
 impl ExplorerApp {
-    fn succeed(&mut self, left: ExplorerMemory) {
-        self.explorer.succeed(&left);
-        self.plan = Some(left.plan);
+    fn on_the_bus(self) -> impl App {
+        Handlers::<Self>::new()
+            .on_start_up(Self::introduce)
+            .recall(&EXPLORER_MEMORY, Self::succeed)
+            .on(&MAP, Self::on_map)
+            .on(&MAP_UPDATE, Self::on_map)
+            // It comes with the update, and so before any request that follows from that.
+            .on(&MAP_KNOWN, Self::on_status)
+            .on(number(MAP_RECALL), Self::on_map_recall)
+            .on_with(&PLAN_REQUEST, Self::on_request)
+            .with(self)
     }
 
-    fn on_status(&mut self, status: &MapStatus) {
+    fn introduce(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        tell(format_args!("{}: {}", comms.name(), self.explorer.describe()));
+        Ok(())
+    }
+
+    fn succeed(&mut self, _: &mut Comms, left: ExplorerMemory) -> Result<(), AppError> {
+        self.explorer.succeed(&left);
+        self.plan = Some(left.plan);
+        Ok(())
+    }
+
+    fn on_status(&mut self, _: &mut Comms, status: MapStatus) -> Result<(), AppError> {
         self.said_full = status.full;
         self.explorer.hear_of_rays(status.rays.no_return);
         self.look_whether_full();
+        Ok(())
+    }
+
+    fn on_map_recall(&mut self, comms: &mut Comms, revision: f64) -> Result<(), AppError> {
+        self.replica.answer(comms, revision)
     }
 
     /// Takes note of whether the map is full. One that is has most of its bricks in every copy; one of which that is not true
@@ -236,7 +259,8 @@ impl ExplorerApp {
         self.frontier.set_full(full, grid);
     }
 
-    fn on_request(&mut self, comms: &mut Comms, asker: &str, request: PlanRequest) -> Result<(), AppError> {
+    fn on_request(&mut self, comms: &mut Comms, request: PlanRequest, mail: &Mail<'_>) -> Result<(), AppError> {
+        let asker = mail.source();
         let revision = self.replica.grid().revision();
         if revision > 0 && request.revision > revision + MAX_REVISIONS_AHEAD {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: request.revision }).into());
@@ -269,8 +293,8 @@ impl ExplorerApp {
         Err(Rejection::new(format_args!("pose is at ({x:.2}; {y:.2}; {z:.2}) m; it has to be near what the map knows")))
     }
 
-    fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
-        let taken = self.replica.take(update);
+    fn on_map(&mut self, comms: &mut Comms, update: MapUpdate) -> Result<(), AppError> {
+        let taken = self.replica.take(&update);
         self.ask_for_map(comms)?;
         if let Some(changes) = taken.map_err(Rejection::new)? {
             self.frontier.update(self.replica.grid(), changes.voxels());
@@ -347,40 +371,5 @@ impl ExplorerApp {
             comms.publish(&EXPLORATION_REPORT, report)?;
         }
         self.plan.iter().try_for_each(|plan| Ok(comms.publish(&PLAN, plan)?))
-    }
-}
-
-impl App for ExplorerApp {
-    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        tell(format_args!("{}: {}", comms.name(), self.explorer.describe()));
-        self.recall.ask(comms, &EXPLORER_MEMORY)?;
-        comms.register(&MAP)?;
-        comms.register(&MAP_UPDATE)?;
-        // It comes with the update, and so before any request that follows from that.
-        comms.register(&MAP_KNOWN)?;
-        comms.register(number(MAP_RECALL))?;
-        comms.register(&PLAN_REQUEST)?;
-        Ok(())
-    }
-
-    fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-        self.recall.ends_with(comms, mail)?;
-        if mail.is(&MAP_UPDATE) {
-            self.on_map(comms, &mail.decode(&MAP_UPDATE)?)
-        } else if mail.is(&MAP) {
-            self.on_map(comms, &mail.decode(&MAP)?)
-        } else if mail.is(&MAP_KNOWN) {
-            self.on_status(&mail.decode(&MAP_KNOWN)?);
-            Ok(())
-        } else if mail.is(&PLAN_REQUEST) {
-            self.on_request(comms, mail.source(), mail.decode(&PLAN_REQUEST)?)
-        } else if mail.key() == MAP_RECALL {
-            self.replica.answer(comms, mail)
-        } else if mail.is(&EXPLORER_MEMORY) {
-            self.succeed(mail.decode(&EXPLORER_MEMORY)?);
-            Ok(())
-        } else {
-            Ok(())
-        }
     }
 }

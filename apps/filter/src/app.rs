@@ -1,6 +1,6 @@
 //! The process around a filter: scans in under one variable, out under another.
 
-use elk_bus::{App, AppError, Comms, Key, Mail};
+use elk_bus::{App, AppError, Comms, Handlers, Key};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_spatial::Scan;
 
@@ -45,7 +45,6 @@ const fn variable(name: &'static str, default: &'static str, doc: &'static str) 
 
 /// A filter as an app: `filter` makes of each scan the one to hand on, with its id, command and pose.
 struct FilterApp<F> {
-    input: Key<Scan<'static>>,
     output: Key<Scan<'static>>,
     filter: F,
 }
@@ -59,21 +58,11 @@ impl<F: Fn(&Scan<'_>) -> Scan<'static> + Send + 'static> FilterApp<F> {
             )
             .into());
         }
-        Ok(Box::new(Self { input: Key::named(input), output: Key::named(output), filter }))
-    }
-}
-
-impl<F: Fn(&Scan<'_>) -> Scan<'static> + Send> App for FilterApp<F> {
-    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.register(&self.input)?;
-        Ok(())
+        let table = Handlers::<Self>::new().on(&Key::<Scan<'static>>::named(input), Self::on_scan);
+        Ok(Box::new(table.with(Self { output: Key::named(output), filter })))
     }
 
-    fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-        if mail.is(&self.input) {
-            let scan = mail.decode(&self.input)?;
-            comms.publish(&self.output, &(self.filter)(&scan))?;
-        }
-        Ok(())
+    fn on_scan(&mut self, comms: &mut Comms, scan: Scan<'_>) -> Result<(), AppError> {
+        Ok(comms.publish(&self.output, &(self.filter)(&scan))?)
     }
 }

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos, thread_cpu_secs};
 use elk_bus::{
-    App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail, Origin, TypeRef, ValueRef, run_app_on,
+    App, AppError, BrokerConfig, Client, Clock, Comms, Community, Handled, Mail, Origin, TypeRef, ValueRef, run_app_on,
 };
 use elk_log::{Compression, Index, LogOptions, Metadata};
 use elk_logger::{Logger, Recorder};
@@ -77,7 +77,7 @@ impl Drop for Broker {
 
 /// A logger that says how far it is, and what its thread has used.
 struct Counted {
-    logger: Logger,
+    logger: Handled<Logger>,
     seen: Arc<AtomicU64>,
 }
 
@@ -87,7 +87,7 @@ impl App for Counted {
     }
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         self.logger.on_new_mail(comms, mail)?;
-        self.seen.store(self.logger.messages(), Ordering::Relaxed);
+        self.seen.store(self.logger.state.messages(), Ordering::Relaxed);
         Ok(())
     }
     fn tick_hz(&self) -> Option<f64> {
@@ -113,7 +113,7 @@ fn start_logger(
     let (stop, seen) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
     let options = LogOptions { compression, ..LogOptions::default() };
     let recorder = Recorder::new(path.into(), Metadata::default()).with_options(options);
-    let mut app = Counted { logger: Logger::of(recorder, vec!["BENCH*".into()]), seen: seen.clone() };
+    let mut app = Counted { logger: Logger::of(recorder, vec!["BENCH*".into()]).on_the_bus(), seen: seen.clone() };
     let (stopped, community) = (stop.clone(), broker.community.clone());
     let thread = std::thread::spawn(move || {
         let mut client = Client::connect(&community, "logger").expect("a client");

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use elk_bus::clock::{Clock, Stopwatch};
 use elk_bus::key::fnv1a_of_file;
-use elk_bus::{App, AppError, Comms, Mail, any, tell};
+use elk_bus::{AppError, Comms, Handled, Handlers, Mail, any, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params};
 use elk_outside::file;
@@ -21,7 +21,7 @@ pub static TYPES: &[AppType] = &[AppType {
     name: "Mcap",
     summary: "Records every message of the community, from the first one on, into an MCAP file.",
     params: PARAMS,
-    build: |params| Ok(Box::new(Logger::new(params)?)),
+    build: |params| Ok(Box::new(Logger::new(params)?.on_the_bus())),
     preflight: None,
 }];
 
@@ -95,6 +95,8 @@ const PARAMS: &[ParamSpec] = &[
     },
 ];
 
+/// How often it is seen whether a flush is due.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// How long mail gathers: who logs is in no hurry, and wakes up less often than messages come.
 const GATHERING: Duration = Duration::from_millis(5);
 
@@ -189,15 +191,23 @@ impl Logger {
     }
 }
 
-impl App for Logger {
-    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        self.received = comms.time();
-        self.flush(comms)?;
-        self.keys.iter().try_for_each(|key| comms.register(any(key).lossless()))?;
-        Ok(())
+impl Logger {
+    /// The logger as an app.
+    pub fn on_the_bus(self) -> Handled<Self> {
+        let table = Handlers::<Self>::new()
+            .on_start_up(Self::begin)
+            .iterate(LOOK_EVERY, Self::look)
+            .gathering(GATHERING)
+            .on_stop(Self::finish);
+        self.keys.iter().fold(table, |table, key| table.on(any(key).lossless(), Self::record)).with(self)
     }
 
-    fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+    fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.received = comms.time();
+        self.flush(comms)
+    }
+
+    fn record(&mut self, comms: &mut Comms, mail: Mail<'_>) -> Result<(), AppError> {
         self.note_drops(comms)?;
         let record = RecordRef {
             key: mail.key(),
@@ -220,20 +230,12 @@ impl App for Logger {
         self.flush_if_due(comms)
     }
 
-    fn tick_hz(&self) -> Option<f64> {
-        Some(4.0)
-    }
-
-    fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+    fn look(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.note_drops(comms)?;
         self.flush_if_due(comms)
     }
 
-    fn gathering(&self) -> Option<Duration> {
-        Some(GATHERING)
-    }
-
-    fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+    fn finish(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.note_drops(comms)?;
         if let Err(error) = self.recorder.finish() {
             let trouble = format!("{error}. The log is readable up to its last flush.");

@@ -1,9 +1,10 @@
 //! The process around the map: scans in, what they changed out.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, number, tell};
+use elk_bus::{App, AppError, Comms, Handlers, Key, Rejection, tell};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, RESOLUTIONS_M};
@@ -11,7 +12,7 @@ use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
-use elk_spatial::messages::{MapStatus, RayTally};
+use elk_spatial::messages::{MapMemory, MapStatus, RayTally};
 use elk_spatial::ray::within_range;
 use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;
@@ -27,7 +28,7 @@ pub static TYPES: &[AppType] = &[AppType {
     name: "OctoMap",
     summary: "Log-odds occupancy of voxels, with its frontier; writes OctoMap's .bt files.",
     params: PARAMS,
-    build: |params| Ok(Box::new(MapApp::new(params)?)),
+    build: |params| Ok(Box::new(MapApp::new(params)?.on_the_bus())),
     preflight: None,
 }];
 
@@ -122,8 +123,8 @@ const COPY_PATIENCE_SECS: f64 = 10.0;
 /// Scans, and points of scans, that are kept for a map that is not there yet.
 const MOST_WAITING: usize = 256;
 const MOST_WAITING_POINTS: usize = MAX_POINTS;
-/// How often a map looks whether it has waited long enough (Hz).
-const TICK_HZ: f64 = 1.0;
+/// How often a map looks whether it has waited long enough.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// The map on the bus.
 ///
@@ -136,7 +137,6 @@ struct MapApp {
     file: Option<PathBuf>,
     last_scan: u64,
     cpu_secs: f64,
-    recall: Recall,
     stage: Stage,
     /// Scans that came before the map was there to take them, oldest first.
     waiting: Vec<Scan<'static>>,
@@ -159,7 +159,6 @@ impl MapApp {
             file: (!file.is_empty()).then(|| file.into()),
             last_scan: 0,
             cpu_secs: 0.0,
-            recall: Recall::default(),
             stage: Stage::Recalling(Past::default()),
             waiting: Vec::new(),
             requested: false,
@@ -169,28 +168,41 @@ impl MapApp {
         })
     }
 
-    /// Takes note of what the predecessor published last.
-    fn remember(&mut self, mail: &Mail<'_>) -> Result<(), AppError> {
-        let Stage::Recalling(past) = &mut self.stage else {
-            return Ok(());
-        };
-        if mail.is(&MAP_MEMORY) {
-            let memory = mail.decode(&MAP_MEMORY)?;
-            let map = OccupancyMap::from_memory(*self.map.config(), &memory).map_err(Rejection::new)?;
+    fn on_the_bus(self) -> impl App {
+        Handlers::<Self>::new()
+            .recall(&MAP_MEMORY, Self::on_memory)
+            .recall(&MAP_KNOWN, Self::on_known)
+            .recall(&MAP_UPDATE, |map, _, update| map.hear_of(update.revision))
+            .recall(&PROGRESS, |map, _, progress| map.hear_of(progress.revision))
+            .recall(&PLAN_REQUEST, |map, _, request| map.hear_of(request.revision))
+            .recall(&PLAN, |map, _, plan| map.hear_of(plan.revision))
+            .recalled(Self::recalled)
+            .on(&self.input, Self::on_scan)
+            .on(elk_bus::number(MAP_REQUEST), Self::on_request)
+            .when_wanted(&MAP, Self::on_copy)
+            .iterate(LOOK_EVERY, Self::give_up_on_copies)
+            .on_stop(Self::leave)
+            .with(self)
+    }
+
+    /// The map that the predecessor left when it stopped.
+    fn on_memory(&mut self, _: &mut Comms, memory: MapMemory) -> Result<(), AppError> {
+        let map = OccupancyMap::from_memory(*self.map.config(), &memory).map_err(Rejection::new)?;
+        if let Stage::Recalling(past) = &mut self.stage {
             past.memory = Some((Box::new(map), memory.scan));
-            past.revisions.push(memory.revision);
-        } else if mail.is(&MAP_KNOWN) {
-            let known = mail.decode(&MAP_KNOWN)?;
-            (self.cpu_secs, self.rays) = (known.cpu_secs, known.rays);
-            past.revisions.push(known.revision);
-        } else if mail.is(&MAP_UPDATE) {
-            past.revisions.push(mail.decode(&MAP_UPDATE)?.revision);
-        } else if mail.is(&PROGRESS) {
-            past.revisions.push(mail.decode(&PROGRESS)?.revision);
-        } else if mail.is(&PLAN_REQUEST) {
-            past.revisions.push(mail.decode(&PLAN_REQUEST)?.revision);
-        } else if mail.is(&PLAN) {
-            past.revisions.push(mail.decode(&PLAN)?.revision);
+        }
+        self.hear_of(memory.revision)
+    }
+
+    fn on_known(&mut self, _: &mut Comms, known: MapStatus) -> Result<(), AppError> {
+        (self.cpu_secs, self.rays) = (known.cpu_secs, known.rays);
+        self.hear_of(known.revision)
+    }
+
+    /// Takes note of a revision that the predecessor's map had, as somebody says.
+    fn hear_of(&mut self, revision: u64) -> Result<(), AppError> {
+        if let Stage::Recalling(past) = &mut self.stage {
+            past.revisions.push(revision);
         }
         Ok(())
     }
@@ -222,7 +234,7 @@ impl MapApp {
     }
 
     /// A whole map came; a copy of the map that was, if it is asked for and not too old.
-    fn on_copy(&mut self, comms: &mut Comms, copy: &MapUpdate) -> Result<(), AppError> {
+    fn on_copy(&mut self, comms: &mut Comms, copy: MapUpdate) -> Result<(), AppError> {
         let Stage::Asking { revision, .. } = self.stage else {
             return Ok(());
         };
@@ -230,7 +242,7 @@ impl MapApp {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: copy.revision }).into());
         }
         if copy.revision > self.map.grid().revision() {
-            self.map = OccupancyMap::from_copy(*self.map.config(), copy).map_err(Rejection::new)?;
+            self.map = OccupancyMap::from_copy(*self.map.config(), &copy).map_err(Rejection::new)?;
             self.last_scan = copy.scan;
         }
         if copy.revision < revision {
@@ -264,7 +276,7 @@ impl MapApp {
 
     fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         if matches!(self.stage, Stage::Asking { .. }) {
-            comms.unregister(MAP.name())?;
+            comms.unregister(&MAP)?;
         }
         self.stage = Stage::Here;
         let mut waiting = std::mem::take(&mut self.waiting);
@@ -386,7 +398,7 @@ impl MapApp {
         }
     }
 
-    fn on_request(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+    fn on_request(&mut self, comms: &mut Comms, _: f64) -> Result<(), AppError> {
         match self.stage {
             Stage::Here => self.publish_whole(comms),
             _ => {
@@ -410,47 +422,9 @@ impl MapApp {
         let name = path.display();
         write().map_err(|e| format!("cannot write the map to {name}: {e}; choose another File").into())
     }
-}
 
-impl App for MapApp {
-    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        self.recall.ask(comms, &MAP_MEMORY)?;
-        self.recall.ask(comms, &MAP_KNOWN)?;
-        self.recall.ask(comms, &MAP_UPDATE)?;
-        self.recall.ask(comms, &PROGRESS)?;
-        self.recall.ask(comms, &PLAN_REQUEST)?;
-        self.recall.ask(comms, &PLAN)?;
-        Recall::ask_for_mark(comms)?;
-        comms.register(&self.input)?;
-        comms.register(number(MAP_REQUEST))?;
-        Ok(())
-    }
-
-    fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-        if self.recall.ends_with(comms, mail)? {
-            self.recalled(comms)?;
-        }
-        if mail.is(&self.input) {
-            self.on_scan(comms, mail.decode(&self.input)?)
-        } else if mail.key() == MAP_REQUEST {
-            mail.number()?;
-            self.on_request(comms)
-        } else if mail.is(&MAP) {
-            self.on_copy(comms, &mail.decode(&MAP)?)
-        } else {
-            self.remember(mail)
-        }
-    }
-
-    fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        self.give_up_on_copies(comms)
-    }
-
-    fn tick_hz(&self) -> Option<f64> {
-        Some(TICK_HZ)
-    }
-
-    fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+    /// Leaves its memory to a successor, and the map to whoever wants it.
+    fn leave(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         let RayTally { no_room, outside, .. } = self.rays;
         for (count, where_) in [(no_room, "where the map had no more room"), (outside, "outside the map")] {
             if count > 0 {

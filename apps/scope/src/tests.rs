@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use elk_bus::broker::table::{ClockEntry, VariableKind};
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, TypeRef, ValueRef, any};
+use elk_bus::{BrokerConfig, Client, Clock, Community, Origin, TypeRef, ValueRef};
 use serde_json::{Value, json};
 
 use crate::{Drawing, Echo, Info, List, Output, Pattern, Scope, ScopeError, Screen, Top, graph};
@@ -33,7 +33,7 @@ impl Lab {
     /// Map and Sensor, who talk to each other; the sensor's value is of a type that elk does not know.
     fn with_two_apps(&self) -> [Client; 2] {
         let (mut sensor, mut map) = (self.client("Sensor"), self.client("Map"));
-        map.comms.register(any("SC*").from("Sensor").every(Duration::from_secs_f64(0.5))).unwrap();
+        map.comms.register(elk_bus::any("SC*").from("Sensor").every(std::time::Duration::from_millis(500))).unwrap();
         map.comms.notify("MAP_SIZE", 12.0).unwrap();
         map.comms.notify("MAP_STATUS", "Uptime=3").unwrap();
         map.comms.flush().unwrap();

@@ -1,7 +1,7 @@
 //! The simulator as an app: pose commands in, poses and scans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, DecodeError, Key, Mail, Recall, Rejection, tell};
+use elk_bus::{App, AppError, Comms, Handled, Handlers, Key, Mail, Rejection, tell};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::checks::{self, MAX_COMMANDS_LOST, MAX_POINTS, MAX_REVISIONS_AHEAD};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
@@ -124,7 +124,6 @@ pub struct SimulatorApp {
     camera_pose: Key<CameraPose>,
     /// CPU spent on scans so far (s).
     cpu_secs: f64,
-    recall: Recall,
     /// Until it has begun.
     past: Option<Past>,
     /// What it knows of commands is a predecessor's word, which perhaps missed some.
@@ -147,17 +146,6 @@ struct Past {
     scan: u64,
 }
 
-impl Past {
-    fn take_note(&mut self, mail: &Mail<'_>, scan: &Key<Scan<'static>>) -> Result<(), DecodeError> {
-        if mail.is(&SENSOR_REPORT) {
-            self.report = Some(mail.decode(&SENSOR_REPORT)?);
-        } else if mail.is(scan) {
-            self.scan = mail.decode(scan)?.id;
-        }
-        Ok(())
-    }
-}
-
 fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
     pixels(params)?;
     let world = world(params)?;
@@ -168,17 +156,17 @@ fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
     })?;
     let simulator = Simulator::new(world, settings(params), start)
         .map_err(|refusal| format!("Start: {refusal}; choose a free place, or RandomStart true"))?;
-    Ok(Box::new(SimulatorApp {
+    let app = SimulatorApp {
         simulator,
         scan: Key::named(params.text("Output")),
         camera_pose: camera_pose(params.text("MOOSPoseVarName")),
         cpu_secs: 0.0,
-        recall: Recall::default(),
         past: Some(Past::default()),
         inherited: false,
         judged: None,
         remarks,
-    }))
+    };
+    Ok(Box::new(app.on_the_bus()))
 }
 
 /// Sees that a scan is not too large.
@@ -227,42 +215,41 @@ fn seed(params: &Params) -> u64 {
     params.integer("Seed") as u64
 }
 
-impl App for SimulatorApp {
-    fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+impl SimulatorApp {
+    fn on_the_bus(self) -> Handled<Self> {
+        Handlers::<Self>::new()
+            .on_start_up(Self::remark)
+            .recall(&self.camera_pose, |sensor, _, pose| sensor.past(|past| past.pose = Some(pose)))
+            .recall(&SENSOR_REPORT, |sensor, _, report| sensor.past(|past| past.report = Some(report)))
+            .recall(&self.scan, |sensor, _, scan| sensor.past(|past| past.scan = scan.id))
+            .recall(&ACCURACY_REPORT, Self::on_judgement)
+            .recalled(Self::begin)
+            .on(&POSE_COMMAND, Self::on_command)
+            .on(&MAP, Self::on_map)
+            // What others say of it.
+            .on(self.camera_pose.subscription().as_it_comes(), Self::on_camera_pose)
+            .with(self)
+    }
+
+    fn remark(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         for remark in self.remarks.drain(..) {
             tell(format_args!("{}: {remark}", comms.name()));
         }
-        self.recall.ask(comms, &self.camera_pose)?;
-        self.recall.ask(comms, &SENSOR_REPORT)?;
-        self.recall.ask(comms, &self.scan)?;
-        self.recall.ask(comms, &ACCURACY_REPORT)?;
-        Recall::ask_for_mark(comms)?;
-        comms.register(&POSE_COMMAND)?;
-        Ok(comms.register(&MAP)?)
+        Ok(())
     }
 
-    fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-        if self.recall.ends_with(comms, mail)? {
-            self.begin(comms)?;
-            // What others say of it; its own word is out by now.
-            comms.register(&self.camera_pose)?;
-        }
-        if mail.is(&POSE_COMMAND) {
-            self.on_command(comms, &mail.decode(&POSE_COMMAND)?)?;
-        } else if mail.is(&MAP) {
-            self.on_map(comms, &mail.decode(&MAP)?)?;
-        } else if mail.is(&ACCURACY_REPORT) {
-            self.judged = Some(mail.decode(&ACCURACY_REPORT)?);
-        } else if mail.is(&self.camera_pose) {
-            self.on_camera_pose(comms, mail)?;
-        } else if let Some(past) = &mut self.past {
-            past.take_note(mail, &self.scan)?;
+    fn past(&mut self, take_note: impl FnOnce(&mut Past)) -> Result<(), AppError> {
+        if let Some(past) = &mut self.past {
+            take_note(past);
         }
         Ok(())
     }
-}
 
-impl SimulatorApp {
+    fn on_judgement(&mut self, _: &mut Comms, judged: AccuracyReport) -> Result<(), AppError> {
+        self.judged = Some(judged);
+        Ok(())
+    }
+
     /// Says where the camera is, or goes on where a predecessor stopped: takes the scan again that it did not come to
     /// publish.
     fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
@@ -291,7 +278,7 @@ impl SimulatorApp {
         }
     }
 
-    fn on_command(&mut self, comms: &mut Comms, command: &PoseCommand) -> Result<(), AppError> {
+    fn on_command(&mut self, comms: &mut Comms, command: PoseCommand) -> Result<(), AppError> {
         if command.id <= self.simulator.command() {
             let last = self.simulator.command();
             // The last one comes again when the controller or the sensor was exchanged; an older one is a mistake.
@@ -301,17 +288,17 @@ impl SimulatorApp {
             }
             return Ok(());
         }
-        if let Err(foreign) = self.look_at_number(command) {
+        if let Err(foreign) = self.look_at_number(&command) {
             // Whoever counts otherwise learns from it how many there were.
             self.publish_pose(comms)?;
             return Err(foreign.into());
         }
         if self.simulator.command() == 0 && command.id > 1 {
-            self.find_robot(comms.name(), command);
+            self.find_robot(comms.name(), &command);
         }
         self.inherited = false;
         let before = thread_cpu_secs();
-        let outcome = self.simulator.execute(command);
+        let outcome = self.simulator.execute(&command);
         self.cpu_secs += thread_cpu_secs() - before;
         if let Some(refusal) = outcome.refused {
             tell(format_args!("pose command {} refused, the robot stays: {refusal}", command.id));
@@ -357,14 +344,9 @@ impl SimulatorApp {
         Ok(comms.publish(&self.camera_pose, &self.place())?)
     }
 
-    /// Where a predecessor was; later where somebody else says that the camera is: nobody but the sensor knows, and it has
-    /// the last word.
-    fn on_camera_pose(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+    /// Where somebody else says that the camera is: nobody but the sensor knows, and it has the last word.
+    fn on_camera_pose(&mut self, comms: &mut Comms, mail: Mail<'_>) -> Result<(), AppError> {
         let said = mail.decode(&self.camera_pose);
-        if let Some(past) = &mut self.past {
-            past.pose = Some(said?);
-            return Ok(());
-        }
         let place = self.place();
         if mail.source() == comms.name() || said.as_ref().is_ok_and(|said| *said == place) {
             return Ok(());
@@ -391,10 +373,10 @@ impl SimulatorApp {
     }
 
     /// Judges a whole map, or says again what it was judged to be; only the simulator knows the truth.
-    fn on_map(&mut self, comms: &mut Comms, update: &MapUpdate) -> Result<(), AppError> {
+    fn on_map(&mut self, comms: &mut Comms, update: MapUpdate) -> Result<(), AppError> {
         let report = match self.judged.take_if(|judged| judged.revision == update.revision) {
             Some(judged) => judged,
-            None => self.judge(update)?,
+            None => self.judge(&update)?,
         };
         comms.publish(&ACCURACY_REPORT, &report)?;
         self.judged = Some(report);
@@ -426,20 +408,20 @@ mod tests {
 
     use super::*;
 
-    fn app() -> SimulatorApp {
+    fn app() -> Handled<SimulatorApp> {
         let world = World::load(CAR_INTERIOR, &Placement::default()).unwrap();
         let start = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 0.8), 0.0, 0.0);
-        SimulatorApp {
+        let app = SimulatorApp {
             simulator: Simulator::new(world, Settings::default(), start).unwrap(),
             scan: SCAN,
             camera_pose: camera_pose("SIM_SENSOR"),
             cpu_secs: 0.0,
-            recall: Recall::default(),
             past: Some(Past::default()),
             inherited: false,
             judged: None,
             remarks: Vec::new(),
-        }
+        };
+        app.on_the_bus()
     }
 
     fn join(broker: &MemoryBroker, name: &str) -> Client {
@@ -448,14 +430,14 @@ mod tests {
     }
 
     /// Hands the app what has come for it, on the spot.
-    fn serve(app: &mut SimulatorApp, client: &mut Client) {
+    fn serve(app: &mut Handled<SimulatorApp>, client: &mut Client) {
         let (comms, inbox) = (&mut client.comms, &mut client.inbox);
         while inbox.receive(comms, Duration::ZERO, |comms, mail| app.on_new_mail(comms, mail)).unwrap() > 0 {}
         comms.flush().unwrap();
     }
 
     /// As [`serve`], until nothing comes any more; the number of rejections.
-    fn rejections(app: &mut SimulatorApp, client: &mut Client) -> usize {
+    fn rejections(app: &mut Handled<SimulatorApp>, client: &mut Client) -> usize {
         let (comms, inbox) = (&mut client.comms, &mut client.inbox);
         let mut count = 0;
         let mut give = |comms: &mut Comms, mail: &Mail<'_>| match app.on_new_mail(comms, mail) {
@@ -507,7 +489,7 @@ mod tests {
         serve(&mut app, &mut sensor);
         let expected = [("SIM_SENSOR", 1), ("SENSOR_REPORT", 0), ("SCAN", 1)];
         assert_eq!(heard(&mut probe), expected.map(|(key, n)| (key.to_owned(), n)));
-        assert_eq!(app.simulator.pose(), pose);
+        assert_eq!(app.state.simulator.pose(), pose);
 
         let mut map = OccupancyGrid::new(0.1);
         map.set(Voxel::new(0, 0, 8), State::Free);
@@ -522,9 +504,9 @@ mod tests {
         let mut probe = join(&broker, "probe");
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
         let mut other = app();
-        let scan = other.simulator.execute(&PoseCommand { id: 1, via: Vec::new(), pose }).scan;
-        let report = SensorReport { contacts: 2, ..other.report() };
-        probe.comms.publish(&other.camera_pose, &CameraPose { command: 1, pose }).unwrap();
+        let scan = other.state.simulator.execute(&PoseCommand { id: 1, via: Vec::new(), pose }).scan;
+        let report = SensorReport { contacts: 2, ..other.state.report() };
+        probe.comms.publish(&other.state.camera_pose, &CameraPose { command: 1, pose }).unwrap();
         probe.comms.publish(&SENSOR_REPORT, &report).unwrap();
         probe.comms.register(any("*").from("Simulator")).unwrap();
         probe.comms.flush().unwrap();
@@ -533,8 +515,8 @@ mod tests {
             successor.on_start_up(&mut sensor.comms).unwrap();
             serve(&mut successor, &mut sensor);
             assert_eq!(heard(&mut probe), published);
-            assert_eq!(successor.simulator.last_scan(), scan);
-            assert_eq!((successor.simulator.pose(), successor.report()), (pose, report.clone()));
+            assert_eq!(successor.state.simulator.last_scan(), scan);
+            assert_eq!((successor.state.simulator.pose(), successor.state.report()), (pose, report.clone()));
         }
     }
 
@@ -552,7 +534,7 @@ mod tests {
         serve(&mut app, &mut sensor);
         let expected = [("SIM_SENSOR", 0), ("SIM_SENSOR", 7), ("SENSOR_REPORT", 0), ("SCAN", 7)];
         assert_eq!(heard(&mut probe), expected.map(|(key, n)| (key.to_owned(), n)));
-        assert_eq!((app.simulator.pose(), app.simulator.last_scan().id), (pose, 7), "scans are counted on");
+        assert_eq!((app.state.simulator.pose(), app.state.simulator.last_scan().id), (pose, 7), "scans are counted on");
     }
 
     /// Regression: it ended, and so did each that came after it.
@@ -568,7 +550,7 @@ mod tests {
         app.on_start_up(&mut sensor.comms).unwrap();
         serve(&mut app, &mut sensor);
         assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 0)]);
-        assert_eq!(app.simulator.pose().position(), start);
+        assert_eq!(app.state.simulator.pose().position(), start);
     }
 
     #[test]
@@ -577,17 +559,17 @@ mod tests {
         let mut sensor = join(&broker, "Simulator");
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
         let command = |id| PoseCommand { id, via: Vec::new(), pose };
-        app.on_command(&mut sensor.comms, &command(1)).unwrap();
+        app.state.on_command(&mut sensor.comms, command(1)).unwrap();
         for foreign in [3, 1000, 1 << 47] {
-            let failure = app.on_command(&mut sensor.comms, &command(foreign)).unwrap_err();
+            let failure = app.state.on_command(&mut sensor.comms, command(foreign)).unwrap_err();
             assert!(failure.is::<Rejection>(), "{failure}");
         }
-        app.on_command(&mut sensor.comms, &command(2)).unwrap();
-        assert_eq!((app.simulator.command(), app.simulator.scans()), (2, 2));
+        app.state.on_command(&mut sensor.comms, command(2)).unwrap();
+        assert_eq!((app.state.simulator.command(), app.state.simulator.scans()), (2, 2));
         // Of a predecessor's last commands the word may be lost.
-        app.inherited = true;
-        app.on_command(&mut sensor.comms, &command(4)).unwrap();
-        assert!(app.on_command(&mut sensor.comms, &command(6)).is_err());
+        app.state.inherited = true;
+        app.state.on_command(&mut sensor.comms, command(4)).unwrap();
+        assert!(app.state.on_command(&mut sensor.comms, command(6)).is_err());
     }
 
     /// Regression: it was scanned, and counted as a contact.
@@ -597,14 +579,17 @@ mod tests {
         let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
         app.on_start_up(&mut sensor.comms).unwrap();
         serve(&mut app, &mut sensor);
-        let (here, nowhere) = (app.simulator.pose(), Point3::new(f64::NAN, 0.0, 0.8));
+        let (here, nowhere) = (app.state.simulator.pose(), Point3::new(f64::NAN, 0.0, 0.8));
         let lost = Pose::from_yaw_pitch(nowhere, 0.0, 0.0);
         for (via, pose) in [(vec![], lost), (vec![nowhere], here)] {
             probe.comms.publish(&POSE_COMMAND, &PoseCommand { id: 1, via, pose }).unwrap();
             probe.comms.flush().unwrap();
             assert_eq!(rejections(&mut app, &mut sensor), 1);
         }
-        assert_eq!((app.simulator.scans(), app.simulator.contacts(), app.simulator.pose()), (0, 0, here));
+        assert_eq!(
+            (app.state.simulator.scans(), app.state.simulator.contacts(), app.state.simulator.pose()),
+            (0, 0, here)
+        );
     }
 
     /// Regression: nobody contradicted a pose that somebody made up, and the controller stood there for ever.
@@ -614,16 +599,16 @@ mod tests {
         let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
         let memory = CameraPose { command: 3, pose };
-        probe.comms.publish(&app.camera_pose, &memory).unwrap();
+        probe.comms.publish(&app.state.camera_pose, &memory).unwrap();
         probe.comms.register(any("*").from("Simulator")).unwrap();
         probe.comms.flush().unwrap();
         app.on_start_up(&mut sensor.comms).unwrap();
         assert_eq!(rejections(&mut app, &mut sensor), 0, "what was left is memory");
-        assert_eq!((app.place(), heard(&mut probe)), (memory.clone(), vec![]));
+        assert_eq!((app.state.place(), heard(&mut probe)), (memory.clone(), vec![]));
         let elsewhere = Pose::from_yaw_pitch(Point3::new(0.6, 0.2, 0.8), 1.0, 0.0);
         let lies = [CameraPose { command: 3, pose: elsewhere }, CameraPose { command: 4, pose }];
         for (said, rejected) in [(&memory, 0), (&lies[0], 1), (&lies[1], 1)] {
-            probe.comms.publish(&app.camera_pose, said).unwrap();
+            probe.comms.publish(&app.state.camera_pose, said).unwrap();
             probe.comms.flush().unwrap();
             assert_eq!(rejections(&mut app, &mut sensor), rejected);
             assert_eq!(heard(&mut probe), vec![("SIM_SENSOR".to_owned(), 3); rejected]);
@@ -636,13 +621,13 @@ mod tests {
         let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
         let command = |id| PoseCommand { id, via: Vec::new(), pose };
-        app.on_command(&mut sensor.comms, &command(1)).unwrap();
-        app.on_command(&mut sensor.comms, &command(2)).unwrap();
+        app.state.on_command(&mut sensor.comms, command(1)).unwrap();
+        app.state.on_command(&mut sensor.comms, command(2)).unwrap();
         sensor.comms.flush().unwrap();
         probe.comms.register(any("SIM_SENSOR").from("Simulator")).unwrap();
         probe.comms.flush().unwrap();
         assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 2)]);
-        app.on_command(&mut sensor.comms, &command(1)).unwrap();
+        app.state.on_command(&mut sensor.comms, command(1)).unwrap();
         sensor.comms.flush().unwrap();
         assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 2)]);
     }
@@ -653,13 +638,13 @@ mod tests {
         let (mut app, broker) = (self::app(), MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0)));
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
         let report = Some(SensorReport { scans: 1 << 47, contacts: 9, scan: 1 << 47, cpu_secs: 0.0 });
-        app.past = Some(Past { pose: Some(CameraPose { command: 5, pose }), report, scan: 5 });
-        app.begin(&mut join(&broker, "Simulator").comms).unwrap();
-        assert_eq!((app.simulator.scans(), app.simulator.contacts()), (5, 0));
+        app.state.past = Some(Past { pose: Some(CameraPose { command: 5, pose }), report, scan: 5 });
+        app.state.begin(&mut join(&broker, "Simulator").comms).unwrap();
+        assert_eq!((app.state.simulator.scans(), app.state.simulator.contacts()), (5, 0));
         // Nor is a pose after commands of which nobody has seen a scan.
         let mut app = self::app();
-        app.past = Some(Past { pose: Some(CameraPose { command: 1 << 47, pose }), ..Past::default() });
-        app.begin(&mut join(&broker, "Another").comms).unwrap();
-        assert_eq!((app.simulator.command(), app.simulator.scans()), (0, 0));
+        app.state.past = Some(Past { pose: Some(CameraPose { command: 1 << 47, pose }), ..Past::default() });
+        app.state.begin(&mut join(&broker, "Another").comms).unwrap();
+        assert_eq!((app.state.simulator.command(), app.state.simulator.scans()), (0, 0));
     }
 }

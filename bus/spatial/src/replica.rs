@@ -1,6 +1,6 @@
 //! A reader's copy of the map, kept up to date with what the map publishes.
 
-use elk_bus::{AppError, Comms, Mail};
+use elk_bus::{AppError, Comms};
 
 use crate::checks::MAX_REVISIONS_AHEAD;
 use crate::keys::MAP;
@@ -64,12 +64,13 @@ impl Replica {
         (own > 0 && own as f64 >= revision).then(|| self.grid.whole(self.scan))
     }
 
-    /// Answers a map that was killed and asks for a copy ([`MAP_RECALL`](crate::keys::MAP_RECALL)), if there is one.
+    /// Answers a map that was killed and asks for a copy of `revision` ([`MAP_RECALL`](crate::keys::MAP_RECALL)), if there is
+    /// one.
     ///
     /// # Errors
-    /// What it asks is no number; or the bus failed.
-    pub fn answer(&self, comms: &mut Comms, recall: &Mail<'_>) -> Result<(), AppError> {
-        self.copy_of(recall.number()?).map_or(Ok(()), |copy| Ok(comms.publish(&MAP, &copy)?))
+    /// The bus failed.
+    pub fn answer(&self, comms: &mut Comms, revision: f64) -> Result<(), AppError> {
+        self.copy_of(revision).map_or(Ok(()), |copy| Ok(comms.publish(&MAP, &copy)?))
     }
 
     /// Takes note that the map is at `revision` for somebody else; this one may be ahead.
