@@ -359,14 +359,24 @@ impl Comms {
 
     /// Publishes a typed value. A bulky one is encoded straight into shared memory, where its readers read it.
     pub fn publish<T: Payload>(&mut self, key: &Key<T>, value: &T::View<'_>) -> Result<(), CommsError> {
-        short([key.name(), T::NAME])?;
+        self.publish_from(key, value, Origin::default())
+    }
+
+    /// As [`Comms::publish`], with a word about the source, or in the name of another one.
+    pub fn publish_from<T: Payload>(
+        &mut self,
+        key: &Key<T>,
+        value: &T::View<'_>,
+        origin: Origin<'_>,
+    ) -> Result<(), CommsError> {
+        short([key.name(), T::NAME, origin.source.unwrap_or_default(), origin.source_aux])?;
         let bad = |source| CommsError::Encode { key: key.name().into(), source };
         let len = codec::encoded_len(value).map_err(bad)?;
         if len >= BULK_MIN_BYTES {
             let fill =
                 &mut |writer: &mut dyn Write| codec::encode_to_writer(value, writer).map_err(std::io::Error::other);
             let type_ = Some(TypeRef::of::<T>());
-            if self.bulk(key.name(), (ValueKind::Binary, type_), Origin::default(), len, fill)? {
+            if self.bulk(key.name(), (ValueKind::Binary, type_), origin, len, fill)? {
                 return Ok(());
             }
         }
@@ -374,7 +384,7 @@ impl Comms {
         codec::encode_onto(value, &mut self.scratch).map_err(bad)?;
         let bytes = std::mem::take(&mut self.scratch);
         let value = ValueRef::Binary { type_: TypeRef::of::<T>(), bytes: &bytes };
-        let done = self.message(key.name(), value, Origin::default());
+        let done = self.message(key.name(), value, origin);
         self.scratch = bytes;
         done
     }

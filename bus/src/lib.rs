@@ -11,6 +11,7 @@
 //! | [`client`], [`app`] | both ends together; MOOS' three callbacks |
 //! | [`handlers`] | an app as one table: what it hears, does and remembers |
 //! | [`launched`] | what a launcher hands over to an app: name, community, parameters, lease |
+//! | [`request`] | questions and answers: two variables, told apart by who asked which |
 //! | [`rejection`] | messages that an app cannot use: said, counted, passed over |
 //! | [`key`], [`value`], [`types`], [`codec`] | typed keys, the three kinds of value, what a type is, its encoding |
 //! | [`stop`] | signals that ask a process to stop |
@@ -41,6 +42,7 @@ mod process_id;
 mod process_stat;
 mod recall;
 pub mod rejection;
+pub mod request;
 mod seen;
 pub mod shm;
 pub mod stop;
@@ -93,6 +95,7 @@ pub use mail::Mail;
 pub use process_id::ProcessId;
 pub use process_stat::ProcessStat;
 pub use rejection::Rejection;
+pub use request::{Asker, Question, Request};
 /// What [`payload`] derives.
 pub use serde;
 pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, remedy, running};
