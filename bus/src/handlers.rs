@@ -28,7 +28,7 @@
 //!             .recall(&MEMORY, Self::thaw)
 //!             .on(number("ADD"), Self::add)
 //!             .on(any("*_ERROR").from("Sensor*").every(Duration::from_secs(1)), Self::on_trouble)
-//!             .on_stop(|counter, comms| Ok(comms.publish(&MEMORY, &Memory { sum: counter.sum })?))
+//!             .on_stop(|counter, comms| comms.publish(&MEMORY, &Memory { sum: counter.sum }))
 //!             .with(self)
 //!     }
 //!

@@ -1,11 +1,14 @@
 //! What a client hears.
 
 use std::collections::VecDeque;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::broker::CLOCK;
 use crate::clock::Stopwatch;
 use crate::comms::{Comms, CommsError};
+use crate::event_loop::Wake;
 use crate::link::{Downlink, LinkError};
 use crate::mail::Mail;
 use crate::seen::Seen;
@@ -27,6 +30,8 @@ pub struct Inbox {
     /// Both, of the brokers before this one.
     dropped_before: u64,
     refusals: VecDeque<Refused>,
+    /// For a client that lives in somebody's event loop.
+    wake: Option<Arc<Wake>>,
 }
 
 /// A message, a registration or a name of this client that the broker did not take.
@@ -127,6 +132,7 @@ impl Inbox {
             dropped_before: 0,
             missed_bulk: 0,
             refusals: VecDeque::new(),
+            wake: None,
         }
     }
 
@@ -163,12 +169,29 @@ impl Inbox {
             }
         };
         self.down = down;
+        if let Some(wake) = &self.wake {
+            self.down.wake_by(wake.clone()).map_err(|error| LinkError::NoThread(error.to_string()))?;
+        }
         let names = std::mem::take(&mut self.names);
         self.seen.renumber(|key, source| names.of(key, source));
         self.handled = 0;
         self.dropped_before = self.dropped();
         (self.dropped, self.missed_bulk) = (0, 0);
         Ok(())
+    }
+
+    /// See [`crate::Client::wake_fd`].
+    pub(crate) fn wake_fd(&mut self) -> std::io::Result<BorrowedFd<'_>> {
+        let wake = match self.wake.take() {
+            Some(wake) => wake,
+            None => {
+                let wake = Wake::new()?;
+                self.down.wake_by(wake.clone())?;
+                wake
+            }
+        };
+        let wake: &Wake = self.wake.insert(wake);
+        Ok(wake.as_fd())
     }
 
     fn hand_out<E: From<CommsError>>(

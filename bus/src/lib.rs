@@ -10,6 +10,7 @@
 //! | [`subscription`] | what a client wants to hear, and how |
 //! | [`client`], [`app`] | both ends together; MOOS' three callbacks |
 //! | [`handlers`] | an app as one table: what it hears, does and remembers |
+//! | [`event_loop`] | a client in somebody's event loop: a descriptor that is readable when mail waits |
 //! | [`launched`] | what a launcher hands over to an app: name, community, parameters, lease |
 //! | [`request`] | questions and answers: two variables, told apart by who asked which |
 //! | [`rejection`] | messages that an app cannot use: said, counted, passed over |
@@ -27,6 +28,7 @@ pub mod clock;
 pub mod codec;
 pub mod comms;
 pub mod community;
+pub mod event_loop;
 mod failure;
 pub mod handlers;
 pub mod inbox;

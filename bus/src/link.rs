@@ -2,9 +2,11 @@
 
 use std::io::Write;
 use std::ops::Deref;
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::clock::Clock;
+use crate::event_loop::Wake;
 use crate::wire::BulkRef;
 
 /// Why a transport could not do what it was asked to.
@@ -16,6 +18,9 @@ pub enum LinkError {
     /// The broker's process died; the next one may be on its way (see [`Rejoin`]).
     #[error("the broker of community {0} died")]
     BrokerDied(String),
+    /// A client in an event loop has no thread to listen to its bell.
+    #[error("there is no thread to listen for mail: {0}; end other programs, or raise the limit (ulimit -u)")]
+    NoThread(String),
     /// Shared memory failed.
     #[error("shared memory: {0}")]
     SharedMemory(String),
@@ -55,6 +60,12 @@ pub trait Downlink {
 
     /// Whether the broker is still at the other end; if not, what it had delivered can be received all the same.
     fn open(&self) -> bool;
+
+    /// Has `wake` be set whenever there may be something to receive, from now on; a receive clears it before it looks.
+    ///
+    /// # Errors
+    /// There is no thread for that.
+    fn wake_by(&mut self, wake: Arc<Wake>) -> std::io::Result<()>;
 
     /// Says how many of the messages that this client was ever given it has handled.
     fn note_handled(&mut self, messages: u64);

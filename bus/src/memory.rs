@@ -5,16 +5,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
 use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Limits, Refusal, Retained, Session};
 use crate::clock::{Clock, Stopwatch};
+use crate::event_loop::Wake;
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::wire::BulkRef;
 
 /// How long a client waits for the next broker.
 const REJOIN_PATIENCE: Duration = Duration::from_secs(10);
+/// The longest that who listens for a client sleeps.
+const LONGEST_SLEEP: Duration = Duration::from_secs(5);
 /// How long a recovered broker keeps the sessions of clients that do not come back (s).
 const SESSIONS_KEPT_SECS: f64 = 10.0;
 
@@ -86,7 +89,7 @@ impl MemoryBroker {
         let (name, lease_secs) = (who.name.to_owned(), who.lease_secs);
         Ok(Link {
             up: Box::new(MemoryUp(end.clone())),
-            down: Box::new(MemoryDown(end)),
+            down: Box::new(MemoryDown { end, wake: None }),
             back: Box::new(MemoryBack { broker: self.clone(), name, lease_secs, epoch }),
             clock: shared.clock.driven(dial),
             epoch,
@@ -226,12 +229,37 @@ impl Uplink for MemoryUp {
     fn keep_bulk(&mut self, _: &dyn Fn(u64) -> bool) {}
 }
 
-struct MemoryDown(Arc<End>);
+struct MemoryDown {
+    end: Arc<End>,
+    /// For a client that lives in somebody's event loop.
+    wake: Option<Arc<Wake>>,
+}
+
+/// Sets `wake` whenever there may be something for a client, until its end or that of its broker.
+fn listen(shared: &Shared, end: &Weak<End>, (id, epoch): (ClientId, u64), wake: &Wake) {
+    let mut state = shared.lock();
+    loop {
+        let now = shared.clock.now();
+        let retiring = state.retiring.contains(&id);
+        let next = match shared.broker(&mut state, epoch) {
+            Ok(broker) if end.strong_count() > 0 => {
+                broker.tick(now);
+                if retiring || (broker.may_give(id) && broker.with_mail().any(|with| with == id)) {
+                    wake.set();
+                }
+                broker.next_deadline() - now
+            }
+            _ => return wake.set(),
+        };
+        state = wait(shared, state, shared.clock.real(next).clamp(Duration::from_millis(1), LONGEST_SLEEP));
+    }
+}
 
 impl Downlink for MemoryDown {
     fn receive(&mut self, timeout: Duration) -> Result<Option<Batch>, LinkError> {
-        let End { shared, id, epoch, .. } = &*self.0;
+        let End { shared, id, epoch, .. } = &*self.end;
         let waited = Stopwatch::start();
+        self.wake.iter().for_each(|wake| wake.clear());
         let mut state = shared.lock();
         loop {
             let broker = shared.broker(&mut state, *epoch)?;
@@ -255,13 +283,19 @@ impl Downlink for MemoryDown {
         }
     }
 
+    fn wake_by(&mut self, wake: Arc<Wake>) -> std::io::Result<()> {
+        let (shared, end, of) = (self.end.shared.clone(), Arc::downgrade(&self.end), (self.end.id, self.end.epoch));
+        self.wake = Some(wake.clone());
+        std::thread::Builder::new().name("wake".into()).spawn(move || listen(&shared, &end, of, &wake)).map(drop)
+    }
+
     fn open(&self) -> bool {
-        let End { shared, epoch, .. } = &*self.0;
+        let End { shared, epoch, .. } = &*self.end;
         shared.broker(&mut shared.lock(), *epoch).is_ok()
     }
 
     fn note_handled(&mut self, messages: u64) {
-        let End { shared, id, epoch, .. } = &*self.0;
+        let End { shared, id, epoch, .. } = &*self.end;
         let mut state = shared.lock();
         let Ok(broker) = shared.broker(&mut state, *epoch) else { return };
         broker.note_handled(shared.clock.now(), *id, messages, &mut Vec::new());
@@ -278,7 +312,7 @@ impl Downlink for MemoryDown {
     fn note_missed(&mut self, _: u64) {}
 
     fn retiring(&self) -> bool {
-        self.0.shared.lock().retiring.contains(&self.0.id)
+        self.end.shared.lock().retiring.contains(&self.end.id)
     }
 
     fn bulk(&mut self, _: BulkRef) -> Option<&[u8]> {

@@ -14,6 +14,7 @@ use iceoryx2::node::Node;
 
 use super::bulk::{self, BulkReader, BulkWriter};
 use super::folder::FolderError;
+use super::forward::Forward;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
@@ -22,6 +23,7 @@ use super::scarce;
 use crate::broker::Introduction;
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::community::Community;
+use crate::event_loop::Wake;
 use crate::limits;
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::wire::{self, BulkRef, FrameKind, Header};
@@ -145,7 +147,7 @@ fn open_lanes(line: Rc<Line>, back: ShmBack, clock: Clock) -> Result<Link, LinkE
     let epoch = line.epoch;
     let up = Box::new(ShmUp { lane: up, bulk: None, bulk_failed: false, own_batch: None, line: line.clone() });
     let (taken, bulk, refused) = (Rc::new(Cell::new(0)), BTreeMap::new(), BTreeMap::new());
-    let down = Box::new(ShmDown { lane: down, received: 0, taken, bulk, refused, line });
+    let down = Box::new(ShmDown { lane: down, received: 0, taken, bulk, refused, forward: None, line });
     Ok(Link { up, down, back: Box::new(back), clock, epoch })
 }
 
@@ -385,6 +387,8 @@ struct ShmDown {
     bulk: BTreeMap<u32, BulkReader>,
     /// Publishers whose bulk service could not be opened, and since when.
     refused: BTreeMap<u32, Stopwatch>,
+    /// For a client that lives in somebody's event loop.
+    forward: Option<Forward>,
     line: Rc<Line>,
 }
 
@@ -392,6 +396,7 @@ impl Downlink for ShmDown {
     fn receive(&mut self, timeout: Duration) -> Result<Option<Batch>, LinkError> {
         let page = &self.line.page;
         let mut waited: Option<Stopwatch> = None;
+        self.forward.iter().for_each(|forward| forward.wake.clear());
         loop {
             let rings = page.bell.rings();
             if page.down_sent.load(Acquire) > self.received {
@@ -403,6 +408,9 @@ impl Downlink for ShmDown {
                     return Err(self.line.check().err().unwrap_or_else(lane::lost));
                 }
                 self.received += 1;
+                if let Some(forward) = self.forward.as_ref().filter(|_| page.down_sent.load(Acquire) > self.received) {
+                    forward.wake.set();
+                }
                 let (taken, line) = (self.taken.clone(), self.line.clone());
                 return Ok(Some(Batch(Box::new(Taken { number, sample, taken, line }))));
             }
@@ -421,6 +429,11 @@ impl Downlink for ShmDown {
                 self.line.check()?;
             }
         }
+    }
+
+    fn wake_by(&mut self, wake: Arc<Wake>) -> std::io::Result<()> {
+        self.forward = Some(Forward::start(&self.line.page, wake)?);
+        Ok(())
     }
 
     fn open(&self) -> bool {

@@ -13,6 +13,7 @@ mod client;
 #[doc(hidden)]
 pub mod door;
 mod folder;
+mod forward;
 mod full;
 #[doc(hidden)]
 pub mod fuzzing;

@@ -13,7 +13,7 @@ use rustix::thread::futex;
 
 use super::lane::DEPTH;
 
-/// Wakes one sleeper. The word counts rings, so that a ring between looking and sleeping is not missed; who rings pays
+/// Wakes its sleepers: mostly one. The word counts rings, so that a ring between looking and sleeping is not missed; who rings pays
 /// a system call only if somebody sleeps.
 #[repr(C)]
 pub struct Bell {
@@ -27,7 +27,7 @@ impl Bell {
         self.rings.fetch_add(1, Ordering::SeqCst);
         if self.sleeping.load(Ordering::SeqCst) != 0 {
             // There is nobody to tell of a failure, and a sleeper's timeout mends it.
-            let _ = futex::wake(&self.rings, futex::Flags::empty(), 1);
+            let _ = futex::wake(&self.rings, futex::Flags::empty(), i32::MAX as u32);
         }
     }
 
@@ -39,7 +39,7 @@ impl Bell {
     /// Sleeps until the bell has rung since `rings` was read, a signal came, or `timeout` has passed; answers whether it
     /// was a signal.
     pub fn wait(&self, rings: u32, timeout: Duration) -> bool {
-        self.sleeping.store(1, Ordering::SeqCst);
+        self.sleeping.fetch_add(1, Ordering::SeqCst);
         let mut interrupted = false;
         if self.rings.load(Ordering::SeqCst) == rings {
             let timeout = futex::Timespec {
@@ -49,7 +49,7 @@ impl Bell {
             let woken = futex::wait(&self.rings, futex::Flags::empty(), rings, Some(&timeout));
             interrupted = woken == Err(Errno::INTR);
         }
-        self.sleeping.store(0, Ordering::SeqCst);
+        self.sleeping.fetch_sub(1, Ordering::SeqCst);
         interrupted
     }
 }

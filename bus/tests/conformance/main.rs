@@ -7,6 +7,7 @@ mod clock;
 #[path = "../common/mod.rs"]
 mod common;
 mod count;
+mod event_loop;
 mod hearing;
 mod mail;
 mod strangers;
@@ -33,4 +34,5 @@ conformance! {
     succession: bulk_values_for_the_dead_are_kept_for_the_next_of_the_name, a_name_is_taken_once_and_free_again_at_once, the_next_of_a_name_gets_what_the_dead_one_left, a_client_that_leaves_in_good_order_leaves_nothing, mail_goes_on_with_a_successor_at_a_message_boundary, a_successor_that_dies_before_it_is_ready_changes_nothing;
     broker_death: clients_are_told_that_the_broker_is_gone, a_broker_may_die_and_nothing_is_lost_or_heard_twice, what_was_left_by_those_who_are_gone_outlives_brokers, bulk_values_survive_the_broker;
     clock: a_driven_clock_is_everybodys_through_a_brokers_death_and_ends_with_its_driver;
+    event_loop: who_sleeps_on_the_descriptor_hears_all_of_it_through_a_brokers_death, the_descriptor_is_readable_only_while_there_is_something;
 }

@@ -1,0 +1,77 @@
+//! A client in somebody's event loop: a file descriptor that is readable when mail waits.
+//!
+//! Nobody pays for it who does not ask: with the first [`Client::wake_fd`] a thread begins to listen to the client's bell.
+//!
+//! ```
+//! use std::time::Duration;
+//! use elk_bus::{BrokerConfig, Client, Clock, Community, memory::MemoryBroker};
+//! use rustix::event::{PollFd, PollFlags, poll};
+//!
+//! # let community = Community::new("doc")?;
+//! # let broker = MemoryBroker::new(BrokerConfig::new("doc"), Clock::new(1.0));
+//! # let join = |name: &str| Ok::<_, Box<dyn std::error::Error>>(Client::over(broker.connect(name)?, name, &community));
+//! let (mut reader, mut writer) = (join("reader")?, join("writer")?);
+//! reader.comms.register("GREETING")?;
+//! reader.comms.flush()?;
+//! writer.comms.notify("GREETING", "hello")?;
+//! writer.comms.flush()?;
+//! let mut heard = 0;
+//! while heard == 0 {
+//!     // Beside whatever else the loop waits for.
+//!     let fd = reader.wake_fd()?;
+//!     poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], None)?;
+//!     reader.receive(Duration::ZERO, |_| heard += 1)?;
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::sync::Arc;
+
+use rustix::event::{EventfdFlags, eventfd};
+
+use crate::client::Client;
+
+/// A descriptor that is readable from when it is set until it is cleared.
+#[derive(Debug)]
+pub struct Wake(OwnedFd);
+
+impl Wake {
+    /// One that is set: whoever is about to sleep has to look first.
+    pub(crate) fn new() -> io::Result<Arc<Self>> {
+        Ok(Arc::new(Self(eventfd(1, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?)))
+    }
+
+    pub(crate) fn set(&self) {
+        // One that is full is set.
+        let _ = rustix::io::write(&self.0, &1_u64.to_ne_bytes());
+    }
+
+    pub(crate) fn clear(&self) {
+        // One that is empty is clear.
+        let _ = rustix::io::read(&self.0, &mut [0; 8]);
+    }
+}
+
+impl AsFd for Wake {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
+    }
+}
+
+impl Client {
+    /// A descriptor that is readable when there is something for [`Client::receive`]: mail, the broker's end, or a successor
+    /// that is ready. It may be readable for nothing, too. Receiving, with a timeout of zero, is what makes it unreadable
+    /// again; while more is there than one call hands out it stays readable. It is the same one for this client's whole life,
+    /// through a broker's death and the next one.
+    ///
+    /// What is published leaves with the next [`Comms::flush`](crate::Comms::flush) or receive, as ever; that waits if the
+    /// broker is behind, and a receive that finds the broker dead waits for the next one.
+    ///
+    /// # Errors
+    /// There is no descriptor, or no thread to listen to the bell.
+    pub fn wake_fd(&mut self) -> io::Result<BorrowedFd<'_>> {
+        self.inbox.wake_fd()
+    }
+}
