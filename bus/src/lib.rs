@@ -48,6 +48,8 @@ pub mod request;
 mod seen;
 pub mod shm;
 pub mod stop;
+#[cfg(feature = "tokio")]
+pub mod stream;
 pub mod subscription;
 pub mod types;
 pub mod value;

@@ -64,8 +64,10 @@ pub trait Downlink {
     /// Has `wake` be set whenever there may be something to receive, from now on; a receive clears it before it looks.
     ///
     /// # Errors
-    /// There is no thread for that.
-    fn wake_by(&mut self, wake: Arc<Wake>) -> std::io::Result<()>;
+    /// There is no thread for that, or the transport has no such way.
+    fn wake_by(&mut self, _wake: Arc<Wake>) -> std::io::Result<()> {
+        Err(std::io::ErrorKind::Unsupported.into())
+    }
 
     /// Says how many of the messages that this client was ever given it has handled.
     fn note_handled(&mut self, messages: u64);

@@ -1,0 +1,211 @@
+//! A client under tokio: a stream of mail and a sink of publications (feature `tokio`).
+//!
+//! ```
+//! use elk_bus::stream::{Publication, StreamClient};
+//! use elk_bus::{BrokerConfig, Client, Clock, Community, memory::MemoryBroker};
+//! use futures_util::{SinkExt, StreamExt};
+//!
+//! # #[tokio::main(flavor = "current_thread")]
+//! # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let community = Community::new("doc")?;
+//! # let broker = MemoryBroker::new(BrokerConfig::new("doc"), Clock::new(1.0));
+//! # let join = |name: &str| Ok::<_, Box<dyn std::error::Error>>(Client::over(broker.connect(name)?, name, &community));
+//! let (mut reader, writer) = (join("reader")?, join("writer")?);
+//! reader.comms.register("GREETING")?;
+//! let (mut reader, mut writer) = (StreamClient::new(reader)?, StreamClient::new(writer)?);
+//! writer.send(Publication::new("GREETING", "hello")).await?;
+//! let mail = reader.next().await.ok_or("the stream has ended")??;
+//! assert_eq!(mail.value.as_ref().to_json(10)?, "hello");
+//! # Ok(())
+//! # }
+//! ```
+
+use std::collections::VecDeque;
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::pin::Pin;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+
+use futures_core::Stream;
+use futures_sink::Sink;
+use tokio::io::Interest;
+use tokio::io::unix::AsyncFd;
+
+use crate::client::Client;
+use crate::codec::{self, DecodeError};
+use crate::comms::{Comms, CommsError, Origin};
+use crate::key::{Key, Payload};
+use crate::mail::Mail;
+use crate::types::TypeRef;
+use crate::value::Value;
+
+/// A message that outlives the shared memory in which it came.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OwnedMail {
+    /// The variable's name.
+    pub key: String,
+    /// The name of the app that published it.
+    pub source: String,
+    /// What the publisher said about the source; mostly empty.
+    pub source_aux: String,
+    /// The community that it was first published in.
+    pub community: String,
+    /// When it was published (s, the community's clock).
+    pub time: f64,
+    /// The publisher's count of its messages, from 1.
+    pub sequence: u64,
+    /// Whether it was published before this client registered.
+    pub is_latest: bool,
+    /// The value.
+    pub value: Value,
+}
+
+impl OwnedMail {
+    fn of(mail: &Mail<'_>) -> Self {
+        Self {
+            key: mail.key().to_owned(),
+            source: mail.source().to_owned(),
+            source_aux: mail.source_aux().to_owned(),
+            community: mail.community().to_owned(),
+            time: mail.time(),
+            sequence: mail.sequence(),
+            is_latest: mail.is_latest(),
+            value: mail.value().to_value(),
+        }
+    }
+
+    /// Decodes the value as what `key` carries.
+    ///
+    /// # Errors
+    /// It is something else.
+    pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'_>, DecodeError> {
+        self.value.as_ref().decode(key)
+    }
+}
+
+/// What a client says of one variable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Publication {
+    key: String,
+    value: Value,
+}
+
+impl Publication {
+    /// A number or a text.
+    pub fn new(key: impl Into<String>, value: impl Into<Value>) -> Self {
+        Self { key: key.into(), value: value.into() }
+    }
+
+    /// A typed value.
+    ///
+    /// # Errors
+    /// It cannot be encoded.
+    pub fn of<T: Payload>(key: &Key<T>, value: &T::View<'_>) -> Result<Self, CommsError> {
+        let mut bytes = Vec::new();
+        codec::encode_onto(value, &mut bytes)
+            .map_err(|source| CommsError::Encode { key: key.name().to_owned(), source })?;
+        Ok(Self { key: key.name().to_owned(), value: Value::Binary { type_: TypeRef::of::<T>().to_type(), bytes } })
+    }
+}
+
+/// A client as a [`Stream`] of mail and a [`Sink`] of publications, on a tokio runtime with I/O enabled.
+///
+/// Mail is taken from the broker as the stream is polled: one that is not polled has the same bounded mailbox as any client.
+/// The stream ends when a successor is ready, and behind an error: that the broker is gone for good, as the ordinary client
+/// says. As with that one, to flush waits, and its thread with it, while the broker is behind, and so does a poll that finds
+/// the broker dead until the next one is there.
+///
+/// A client stays on its thread, so this is no task for [`tokio::spawn`], but one for
+/// [`tokio::task::spawn_local`](https://docs.rs/tokio/latest/tokio/task/fn.spawn_local.html).
+pub struct StreamClient {
+    client: Client,
+    wake: AsyncFd<OwnedFd>,
+    /// What has come and was not asked for yet.
+    waiting: VecDeque<OwnedMail>,
+    ended: bool,
+}
+
+impl StreamClient {
+    /// Puts a client on the runtime of the present task.
+    ///
+    /// # Errors
+    /// There is no descriptor, or no thread, to wake it by.
+    ///
+    /// # Panics
+    /// There is no tokio runtime, or one whose I/O is not enabled.
+    pub fn new(mut client: Client) -> io::Result<Self> {
+        let fd = client.wake_fd()?.as_fd().try_clone_to_owned()?;
+        // SAFETY: the descriptor is this one's own, and stays open as long as it does.
+        let wake = unsafe { AsyncFd::register_with_interest(fd, Interest::READABLE)? };
+        Ok(Self { client, wake, waiting: VecDeque::new(), ended: false })
+    }
+
+    /// What the client says besides: registrations, typed values in place.
+    pub fn comms(&mut self) -> &mut Comms {
+        &mut self.client.comms
+    }
+
+    /// Takes in what has come; answers whether that was anything.
+    fn receive(&mut self) -> Result<bool, CommsError> {
+        let waiting = &mut self.waiting;
+        let count = self.client.receive(Duration::ZERO, |mail| waiting.push_back(OwnedMail::of(mail)))?;
+        Ok(count > 0)
+    }
+}
+
+impl Stream for StreamClient {
+    type Item = Result<OwnedMail, CommsError>;
+
+    fn poll_next(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        let this = self.get_mut();
+        // What was registered for or published since the last poll must not wait for what this one waits for.
+        if !this.ended
+            && let Err(error) = this.client.comms.flush()
+        {
+            this.ended = true;
+            return Poll::Ready(Some(Err(error)));
+        }
+        loop {
+            if let Some(mail) = this.waiting.pop_front() {
+                return Poll::Ready(Some(Ok(mail)));
+            }
+            if this.ended || this.client.inbox.retiring() {
+                return Poll::Ready(None);
+            }
+            let mut tried = match ready!(this.wake.poll_read_ready(context)) {
+                // Its descriptor is an eventfd, and the runtime is there: this is that one's end.
+                Err(_) => return Poll::Ready(None),
+                Ok(guard) => guard,
+            };
+            // Cleared first: what comes while it looks makes it ready again.
+            tried.clear_ready();
+            drop(tried);
+            if let Err(error) = this.receive() {
+                this.ended = true;
+                return Poll::Ready(Some(Err(error)));
+            }
+        }
+    }
+}
+
+impl Sink<Publication> for StreamClient {
+    type Error = CommsError;
+
+    fn poll_ready(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
+        // A batch that is full leaves by itself.
+        Poll::Ready(Ok(()))
+    }
+
+    fn start_send(self: Pin<&mut Self>, said: Publication) -> Result<(), CommsError> {
+        self.get_mut().client.comms.publish_value(&said.key, said.value.as_ref(), Origin::default())
+    }
+
+    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
+        Poll::Ready(self.get_mut().client.comms.flush())
+    }
+
+    fn poll_close(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
+        Poll::Ready(self.get_mut().client.comms.say_goodbye())
+    }
+}
