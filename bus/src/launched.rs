@@ -18,6 +18,7 @@ use std::ffi::OsString;
 use std::fmt::Display;
 use std::path::Path;
 use std::str::FromStr;
+use std::time::Duration;
 
 use elk_outside::time::parse_seconds;
 
@@ -27,7 +28,7 @@ use crate::community::{Community, CommunityNameError};
 pub const NAME: &str = "ELK_NAME";
 /// Environment variable of an app's process: [`RunOptions::community`].
 pub const COMMUNITY: &str = "ELK_COMMUNITY";
-/// Environment variable of an app's process: [`RunOptions::lease_secs`].
+/// Environment variable of an app's process: [`RunOptions::lease`].
 pub const LEASE: &str = "ELK_LEASE_SECS";
 /// Environment variable of an app's process: `1` for [`RunOptions::succeeds`].
 pub const SUCCEED: &str = "ELK_SUCCEED";
@@ -42,8 +43,8 @@ pub struct RunOptions {
     pub name: String,
     /// The community to join.
     pub community: Community,
-    /// How long its registrations and its mail are kept after its death, for the next of its name (s); 0: not at all.
-    pub lease_secs: f64,
+    /// How long its registrations and its mail are kept after its death, for the next of its name; zero: not at all.
+    pub lease: Duration,
     /// It comes to take the place of the client that has its name.
     pub succeeds: bool,
     /// Its parameters, as they were said: name and text. See [`RunOptions::param`].
@@ -99,7 +100,24 @@ pub enum OptionError {
 impl RunOptions {
     /// An app of this name in this community, without parameters.
     pub fn new(name: impl Into<String>, community: Community) -> Self {
-        Self { name: name.into(), community, lease_secs: 0.0, succeeds: false, params: Vec::new(), args: Vec::new() }
+        Self {
+            name: name.into(),
+            community,
+            lease: Duration::ZERO,
+            succeeds: false,
+            params: Vec::new(),
+            args: Vec::new(),
+        }
+    }
+
+    /// Its registrations and its mail are kept for so long after its death, for the next of its name.
+    pub fn with_lease(self, lease: Duration) -> Self {
+        Self { lease, ..self }
+    }
+
+    /// It comes to take the place of the client that has its name.
+    pub fn as_successor(self) -> Self {
+        Self { succeeds: true, ..self }
     }
 
     /// What a launcher has handed over to this process (see the [module](self)), whether that was `elk launch`, `elk swap`,
@@ -142,9 +160,9 @@ impl RunOptions {
     fn succeeding(mut self, variable: &Variables<'_>) -> Result<Self, OptionError> {
         let wrong = |name, said, right| OptionError::Variable { name, said, right };
         if let Some(said) = variable(LEASE)? {
-            self.lease_secs = match parse_seconds(&said) {
-                Ok(secs @ 0.0..) => secs,
-                Ok(_) => return Err(wrong(LEASE, said, "right is 0 s or more".to_owned())),
+            self.lease = match parse_seconds(&said).map(Duration::try_from_secs_f64) {
+                Ok(Ok(lease)) => lease,
+                Ok(Err(_)) => return Err(wrong(LEASE, said, "right is 0 s or more".to_owned())),
                 Err(right) => return Err(wrong(LEASE, said, right)),
             };
         }
@@ -240,9 +258,9 @@ mod tests {
     #[test]
     fn a_lease_and_a_succession_are_what_the_environment_says_or_an_error() {
         let options = launched(&[(LEASE, "15"), (SUCCEED, "1")], &[]).unwrap();
-        assert_eq!((options.lease_secs, options.succeeds), (15.0, true));
+        assert_eq!((options.lease, options.succeeds), (Duration::from_secs(15), true));
         let options = launched(&[(SUCCEED, "0")], &[]).unwrap();
-        assert_eq!((options.lease_secs, options.succeeds), (0.0, false));
+        assert_eq!((options.lease, options.succeeds), (Duration::ZERO, false));
         for (name, wrong) in [(LEASE, "soon"), (LEASE, "-1"), (LEASE, "NaN"), (LEASE, ""), (SUCCEED, "yes")] {
             let error = launched(&[(name, wrong)], &[]).unwrap_err().to_string();
             assert!(error.starts_with(&format!("{name}={wrong}: ")) && error.contains("right is"), "{error}");

@@ -2,6 +2,7 @@
 
 use std::process::Child;
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use elk_bus::memory::MemoryBroker;
 use elk_bus::{BrokerConfig, Client, Clock, Community, Introduction, RunOptions};
@@ -64,7 +65,7 @@ impl Transport for Shm {
     }
     fn join(&self, who: &Introduction<'_>) -> Result<Client, String> {
         let options = RunOptions {
-            lease_secs: who.lease_secs,
+            lease: Duration::from_secs_f64(who.lease_secs),
             succeeds: who.succeeds,
             ..RunOptions::new(who.name, self.community.clone())
         };
