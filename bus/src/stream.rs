@@ -116,7 +116,7 @@ impl Publication {
 /// says. As with that one, to flush waits, and its thread with it, while the broker is behind, and so does a poll that finds
 /// the broker dead until the next one is there.
 ///
-/// A client stays on its thread, so this is no task for [`tokio::spawn`], but one for
+/// A client stays on its thread, so this is no task for `tokio::spawn`, but one for
 /// [`tokio::task::spawn_local`](https://docs.rs/tokio/latest/tokio/task/fn.spawn_local.html).
 pub struct StreamClient {
     client: Client,
