@@ -72,31 +72,31 @@ impl Names {
         self.names[what as usize].get(number as usize).and_then(Option::as_deref).unwrap_or_default()
     }
 
-    fn type_(&self, number: u32) -> Option<&Type> {
-        self.types.get(number as usize)?.as_ref()
+    /// The name that a message refers to by its number.
+    #[inline]
+    fn said(&self, what: Named, number: u32) -> Result<&str, Unreadable> {
+        let name = self.names[what as usize].get(number as usize).and_then(Option::as_deref);
+        name.ok_or(Unreadable::Damaged(unsaid(what)))
     }
 
-    fn is_said(&self, what: Named, number: u32) -> bool {
-        match what {
-            Named::Type => self.type_(number).is_some(),
-            _ => self.names[what as usize].get(number as usize).is_some_and(Option::is_some),
-        }
-    }
-
-    /// What a message refers to and was never named, if there is such a thing.
-    fn missing(&self, frame: &Frame<'_>) -> Option<&'static str> {
-        let unsaid = |(what, number): &(Named, u32)| !self.is_said(*what, *number);
-        wire::numbers(frame.bytes).find(unsaid).map(|(what, _)| match what {
-            Named::Key => "a variable whose name was never said",
-            Named::Source => "a source whose name was never said",
-            Named::Type => "a type whose name was never said",
-            Named::Community => "a community whose name was never said",
-        })
+    #[inline]
+    fn said_type(&self, number: u32) -> Result<&Type, Unreadable> {
+        let type_ = self.types.get(number as usize).and_then(Option::as_ref);
+        type_.ok_or(Unreadable::Damaged(unsaid(Named::Type)))
     }
 
     /// The names of a variable and a source.
     fn of(&self, key: u32, source: u32) -> (&str, &str) {
         (self.name(Named::Key, key), self.name(Named::Source, source))
+    }
+}
+
+fn unsaid(what: Named) -> &'static str {
+    match what {
+        Named::Key => "a variable whose name was never said",
+        Named::Source => "a source whose name was never said",
+        Named::Type => "a type whose name was never said",
+        Named::Community => "a community whose name was never said",
     }
 }
 
@@ -290,9 +290,9 @@ enum Unreadable {
 
 fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
     let header = frame.header;
-    if let Some(missing) = names.missing(frame) {
-        return Err(Unreadable::Damaged(missing));
-    }
+    let key = names.said(Named::Key, header.key)?;
+    let source = names.said(Named::Source, header.source)?;
+    let community = names.said(Named::Community, header.community)?;
     let bytes = match header.flags & BULK {
         0 => frame.value,
         _ => BulkRef::from_bytes(frame.value).and_then(|reference| down.bulk(reference)).ok_or(Unreadable::Gone)?,
@@ -305,18 +305,13 @@ fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> 
             ValueRef::Double(f64::from_le_bytes(bytes))
         }
         ValueKind::Text => ValueRef::Text(text(bytes)?),
-        ValueKind::Binary => {
-            let type_ = names.type_(header.type_);
-            let type_ = type_.ok_or(Unreadable::Damaged("a type whose name was never said"))?.as_ref();
-            ValueRef::Binary { type_, bytes }
-        }
+        ValueKind::Binary => ValueRef::Binary { type_: names.said_type(header.type_)?.as_ref(), bytes },
     };
-    let (key, source) = names.of(header.key, header.source);
     Ok(Mail {
         header,
         key,
         source,
-        community: names.name(Named::Community, header.community),
+        community,
         source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
         value,
     })

@@ -42,6 +42,18 @@ pub(super) struct Client {
     pub latency: summary::Latency,
 }
 
+/// What a client is told that uses a number before it says what that stands for.
+pub(super) const UNDEFINED: &str = "a number was used before its definition";
+
+/// Why a client's number stands for none of the broker's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unnumbered {
+    /// It was never defined.
+    Undefined,
+    /// It was given to a name that the broker did not take.
+    Refused,
+}
+
 impl Client {
     pub fn new(name: &str, lease_secs: f64, mailbox_bytes: usize, now: f64) -> Self {
         Self {
@@ -68,7 +80,8 @@ impl Client {
     }
 
     /// The header of one of the client's messages in the broker's numbers.
-    pub fn renumber(&self, header: &Header) -> Result<Header, &'static str> {
+    #[inline]
+    pub fn renumber(&self, header: &Header) -> Result<Header, Unnumbered> {
         Ok(Header {
             flags: header.flags & (BULK | RESENT),
             key: self.number(Named::Key, header.key)?,
@@ -80,9 +93,14 @@ impl Client {
     }
 
     /// The broker's number for one of the client's.
-    pub fn number(&self, what: Named, number: u32) -> Result<u32, &'static str> {
-        let known = self.numbers[what as usize].get(number as usize).copied();
-        known.or(self.is_out_of_numbers.then_some(REFUSED)).ok_or("a number was used before its definition")
+    #[inline]
+    pub fn number(&self, what: Named, number: u32) -> Result<u32, Unnumbered> {
+        match self.numbers[what as usize].get(number as usize) {
+            Some(&REFUSED) => Err(Unnumbered::Refused),
+            Some(known) => Ok(*known),
+            None if self.is_out_of_numbers => Err(Unnumbered::Refused),
+            None => Err(Unnumbered::Undefined),
+        }
     }
 
     pub fn is_joining(&self) -> bool {

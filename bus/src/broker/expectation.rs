@@ -10,7 +10,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::limits::REFUSED;
+use super::client::{UNDEFINED, Unnumbered};
 use super::registration::Registration;
 use super::variable::TypeLock;
 use super::{Broker, ClientId};
@@ -48,10 +48,11 @@ impl Broker {
             ValueKind::Text => Expected::Texts,
             ValueKind::Binary => {
                 let client = self.clients.get(&from).ok_or("the client is not connected")?;
-                let number = client.number(Named::Type, frame.header.type_)?;
-                if number == REFUSED {
-                    return Ok(None); // the client was told when it named it
-                }
+                let number = match client.number(Named::Type, frame.header.type_) {
+                    Ok(number) => number,
+                    Err(Unnumbered::Refused) => return Ok(None), // the client was told when it named it
+                    Err(Unnumbered::Undefined) => return Err(UNDEFINED),
+                };
                 Expected::Values(self.types.name(number).to_owned(), self.types.layout(number))
             }
         }))

@@ -1,6 +1,7 @@
 //! A client's message on its way in: taken, or refused with a reason.
 
-use super::limits::{REFUSED, UNNAMED};
+use super::client::{UNDEFINED, Unnumbered};
+use super::limits::UNNAMED;
 use super::message::Message;
 use super::naming::OWN_PREFIX;
 use super::variable::TypeLock;
@@ -17,11 +18,12 @@ impl Broker {
     /// Takes in a message, in the numbers of its client.
     pub(super) fn notify(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
         let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
-        let header = client.renumber(&frame.header)?;
+        let header = match client.renumber(&frame.header) {
+            Ok(header) => header,
+            Err(Unnumbered::Refused) => return Ok(()), // the client was told when it named it
+            Err(Unnumbered::Undefined) => return Err(UNDEFINED),
+        };
         let Header { key, source, .. } = header;
-        if [key, source, header.type_, header.community].contains(&REFUSED) {
-            return Ok(()); // the client was told when it named it
-        }
         if client.is_joining() {
             return self.hold(from, header.key, frame);
         }
