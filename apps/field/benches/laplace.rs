@@ -1,10 +1,17 @@
 //! Laplace's equation on boxes full of furniture: multigrid-CG beside Jacobi-CG and the thesis' Gauss-Seidel, in one run.
 //!
-//! `cargo bench -p elk-explorer --bench laplace`. Time is CPU time of the thread, the smallest of three solves (one for
+//! `cargo bench -p elk-field --bench laplace`. Time is CPU time of the thread, the smallest of three solves (one for
 //! Gauss-Seidel); the error is the largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1.
 
-use elk_bus::clock::thread_cpu_secs;
-use elk_explorer::laplace::{Cell, Problem, Solution, Solver, solve};
+use elk_field::{Cell, Problem, Solution, Solver, solve};
+use elk_geometry::{Region, Voxel};
+use rustix::time::{ClockId, clock_gettime};
+
+/// Seconds of CPU that this thread has used.
+fn thread_cpu_secs() -> f64 {
+    let now = clock_gettime(ClockId::ThreadCPUTime);
+    now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
+}
 
 fn main() {
     println!("unknowns  sinks  solver                 iterations  residual  error    ms        of multigrid");
@@ -15,7 +22,7 @@ fn main() {
 }
 
 fn compare(problem: &Problem) {
-    let count = |kind| problem.cells.iter().filter(|c| **c == kind).count();
+    let count = |kind| problem.cells().iter().filter(|c| **c == kind).count();
     let exact = solve(problem, Solver::Multigrid, 1e-7);
     let mut baseline = f64::NAN;
     for (name, solver, tolerance, runs) in [
@@ -87,28 +94,27 @@ fn furnished(inner: [usize; 3], sinks: usize) -> Problem {
         fill([inner[0] - 1, below(inner[1] - 4), below(inner[2] - 4)], [1, 4, 4], Cell::Sink);
     }
     fill([1, 1, 1], [1, 1, 1], Cell::Source);
-    connected(Problem { dim, cells })
+    connected(dim, &mut cells);
+    Problem::new(Region::new(Voxel::new(0, 0, 0), dim, 0.1), cells).expect("all faces are outside")
 }
 
 /// Leaves out what the robot cannot get to.
-fn connected(mut problem: Problem) -> Problem {
-    let [nx, ny, _] = problem.dim;
-    let start = problem.cells.iter().position(|c| *c == Cell::Source).unwrap_or_default();
-    let mut found = vec![false; problem.cells.len()];
+fn connected([nx, ny, _]: [usize; 3], cells: &mut [Cell]) {
+    let start = cells.iter().position(|c| *c == Cell::Source).unwrap_or_default();
+    let mut found = vec![false; cells.len()];
     found[start] = true;
     let mut open = vec![start];
     while let Some(i) = open.pop() {
         for n in [i - 1, i + 1, i - nx, i + nx, i - nx * ny, i + nx * ny] {
-            if !found[n] && problem.cells[n] != Cell::Outside {
+            if !found[n] && cells[n] != Cell::Outside {
                 found[n] = true;
                 open.push(n);
             }
         }
     }
-    for (cell, found) in problem.cells.iter_mut().zip(found) {
+    for (cell, found) in cells.iter_mut().zip(found) {
         if !found {
             *cell = Cell::Outside;
         }
     }
-    problem
 }

@@ -1,9 +1,10 @@
-//! Streamlines of −∇ψ (thesis 6.4.2): the ways on which a drop of water would flow from the robot to a goal.
+//! Streamlines of −∇ψ (thesis 6.4.2): the ways on which a drop of water would flow from the source to a sink.
 
+use elk_geometry::Region;
+use elk_geometry::ray::Traversal;
 use nalgebra::{Point3, Vector3};
 
-use crate::laplace::{Cell, Problem};
-use crate::volume::Volume;
+use crate::problem::{Cell, Problem};
 
 /// Length of an integration step (m).
 const STEP_M: f64 = 0.05;
@@ -13,14 +14,12 @@ const STALL_M: f64 = 0.12;
 /// A gradient (1/m) below which there is no direction.
 const FLAT: f64 = 1e-13;
 
-/// ψ on the voxels of a volume.
+/// ψ on the voxels of a problem.
 #[derive(Debug, Clone, Copy)]
 pub struct Field<'a> {
-    /// The voxels.
-    pub volume: &'a Volume,
-    /// What each is; its box is the volume's.
+    /// The voxels, and what each is.
     pub problem: &'a Problem,
-    /// ψ of each.
+    /// ψ of each, as the problem's solution has it.
     pub psi: &'a [f32],
 }
 
@@ -35,19 +34,24 @@ pub enum End {
     TooLong,
 }
 
-impl Field<'_> {
+impl<'a> Field<'a> {
+    /// The voxels.
+    fn region(&self) -> &'a Region {
+        self.problem.region()
+    }
+
     fn cell(&self, index: usize) -> Cell {
-        self.problem.cells[index]
+        self.problem.cells()[index]
     }
 
     /// ∇ψ at a point (m, world; 1/m), interpolated linearly along each axis (6.31 in three dimensions) between the nodes
     /// where differences of ψ live: the faces between voxels. Through a face to the outside the gradient is zero, as the
     /// field has it, so that streamlines run along walls and not into them. `None` where the point is not in the domain.
     pub fn gradient(&self, point: Point3<f64>) -> Option<Vector3<f64>> {
-        let own = self.volume.index_at(point).filter(|i| self.cell(*i) != Cell::Outside)?;
-        let local = point.coords / self.volume.resolution();
+        let own = self.region().index_at(point).filter(|i| self.cell(*i) != Cell::Outside)?;
+        let local = point.coords / self.region().resolution();
         let within = local - local.map(f64::floor);
-        let faces = self.volume.faces();
+        let faces = self.region().faces();
         Some(Vector3::new(
             self.slope(own, within, &faces, 0),
             self.slope(own, within, &faces, 1),
@@ -78,7 +82,7 @@ impl Field<'_> {
                 total += weight;
             }
         }
-        sum / total / self.volume.resolution()
+        sum / total / self.region().resolution()
     }
 
     /// How much higher ψ is in the neighbour at `offset`; 0 if that is outside.
@@ -109,8 +113,8 @@ impl Field<'_> {
 
     /// Whether the straight line between two points of the domain stays in it.
     pub fn connected(&self, from: Point3<f64>, to: Point3<f64>) -> bool {
-        elk_spatial::ray::Traversal::new(from, to, self.volume.resolution()).all(|v| {
-            let index = self.volume.index(v);
+        Traversal::new(from, to, self.region().resolution()).all(|v| {
+            let index = self.region().index(v);
             index.is_some_and(|i| self.cell(i) != Cell::Outside)
         })
     }
@@ -120,7 +124,7 @@ impl Field<'_> {
         let mut points = vec![seed];
         let mut at = seed;
         while points.len() as f64 * STEP_M <= longest + STEP_M {
-            let Some(index) = self.volume.index_at(at) else {
+            let Some(index) = self.region().index_at(at) else {
                 break;
             };
             if self.cell(index) == Cell::Sink {
@@ -155,7 +159,7 @@ impl Field<'_> {
     fn steepest(&self, at: usize) -> Option<usize> {
         let outside = |d: &isize| self.cell(at.wrapping_add_signed(*d)) == Cell::Outside;
         let mut best = (0.0, None);
-        for m in self.volume.moves() {
+        for m in self.region().moves() {
             let n = at.wrapping_add_signed(m.offset);
             let slope = f64::from(self.psi[at] - self.psi[n]) / m.length;
             if !outside(&m.offset) && slope > best.0 && !m.between.iter().any(outside) {
@@ -170,7 +174,7 @@ impl Field<'_> {
 mod tests {
     use super::*;
     use crate::laplace::{Solver, solve};
-    use elk_spatial::{OccupancyGrid, State, Voxel};
+    use elk_geometry::{OccupancyGrid, State, Volume, Voxel};
 
     /// A free box, its problem with the robot and the goals given, and the solution.
     fn field(
@@ -197,7 +201,7 @@ mod tests {
                 _ => Cell::Outside,
             })
             .collect();
-        let problem = Problem { dim: volume.dim(), cells };
+        let problem = Problem::new(volume.region().clone(), cells).unwrap();
         let psi = solve(&problem, Solver::Multigrid, 1e-6).psi;
         (volume, problem, psi)
     }
@@ -208,7 +212,7 @@ mod tests {
         let wall = |v: Voxel| v.x == 15 && v.y < 25;
         let goal = |v: Voxel| v.x == 29 && v.y < 3;
         let (volume, problem, psi) = field(size, Voxel::new(3, 3, 2), goal, wall);
-        let field = Field { volume: &volume, problem: &problem, psi: &psi };
+        let field = Field { problem: &problem, psi: &psi };
         let seed = Voxel::new(4, 3, 2).center(0.1);
         let (points, end) = field.trace(seed, 100.0);
         let End::Goal(goal_index) = end else { panic!("{end:?}") };
@@ -229,7 +233,7 @@ mod tests {
     fn without_a_slope_it_stalls() {
         let (volume, problem, psi) = field(Voxel::new(9, 9, 9), Voxel::new(4, 4, 4), |v| v.x == 8, |_| false);
         let flat = vec![0.5; psi.len()];
-        let field = Field { volume: &volume, problem: &problem, psi: &flat };
+        let field = Field { problem: &problem, psi: &flat };
         let start = Voxel::new(2, 4, 4);
         let index = volume.index(start).unwrap();
         assert_eq!(field.trace(start.center(0.1), 100.0).1, End::Stalled(index));

@@ -5,27 +5,27 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use crate::volume::Volume;
+use crate::region::Region;
 
 /// The shortest way from `from` to `to` over voxels in `passable` (indices, both ends included).
-pub fn shortest(volume: &Volume, passable: &[bool], from: usize, to: usize) -> Option<Vec<usize>> {
-    let target = volume.voxel(to);
-    let (reached, end) = search(volume, passable, from, |i| i == to, |i| volume.voxel(i).distance(target));
+pub fn shortest(region: &Region, passable: &[bool], from: usize, to: usize) -> Option<Vec<usize>> {
+    let target = region.voxel(to);
+    let (reached, end) = search(region, passable, from, |i| i == to, |i| region.voxel(i).distance(target));
     reached.way_to(end?)
 }
 
 /// The shortest way from `from` to the closest voxel that is a goal.
-pub fn closest(volume: &Volume, passable: &[bool], from: usize, is_goal: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
-    let (reached, end) = search(volume, passable, from, is_goal, |_| 0.0);
+pub fn closest(region: &Region, passable: &[bool], from: usize, is_goal: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
+    let (reached, end) = search(region, passable, from, is_goal, |_| 0.0);
     reached.way_to(end?)
 }
 
 /// The shortest ways from `from` to all voxels that can be got to.
-pub fn all(volume: &Volume, passable: &[bool], from: usize) -> Reached {
-    search(volume, passable, from, |_| false, |_| 0.0).0
+pub fn all(region: &Region, passable: &[bool], from: usize) -> Reached {
+    search(region, passable, from, |_| false, |_| 0.0).0
 }
 
-/// What a search has got to: shortest ways from one voxel to others, by index of the [`Volume`].
+/// What a search has got to: shortest ways from one voxel to others, by index of the [`Region`].
 #[derive(Debug, Clone)]
 pub struct Reached {
     from: usize,
@@ -56,14 +56,14 @@ impl Reached {
 
 /// Searches until a goal is reached, and answers which; `bound` is a lower bound of what is left of the way.
 fn search(
-    volume: &Volume,
+    region: &Region,
     passable: &[bool],
     from: usize,
     is_goal: impl Fn(usize) -> bool,
     bound: impl Fn(usize) -> f64,
 ) -> (Reached, Option<usize>) {
-    let mut cost = vec![f64::INFINITY; volume.len()];
-    let mut parent = vec![u32::MAX; volume.len()];
+    let mut cost = vec![f64::INFINITY; region.len()];
+    let mut parent = vec![u32::MAX; region.len()];
     cost[from] = 0.0;
     // Costs are not negative, so their bits sort as they do.
     let mut open = BinaryHeap::from([Reverse((bound(from).to_bits(), from))]);
@@ -74,7 +74,7 @@ fn search(
         if f64::from_bits(estimate) > cost[i] + bound(i) {
             continue;
         }
-        for m in volume.moves() {
+        for m in region.moves() {
             let n = i.wrapping_add_signed(m.offset);
             let cut = |d: &isize| !passable[i.wrapping_add_signed(*d)];
             if !passable[n] || m.between.iter().any(cut) {
@@ -94,7 +94,7 @@ fn search(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::{OccupancyGrid, State, Voxel};
+    use crate::{OccupancyGrid, State, Volume, Voxel};
 
     /// Two rooms side by side behind a wall of one voxel at x = 6 with a door at y = 0.
     fn rooms() -> (Volume, Vec<bool>) {

@@ -2,8 +2,9 @@
 
 use nalgebra::Point3;
 
-use crate::map::{OccupancyGrid, State};
+use crate::grid::OccupancyGrid;
 use crate::ray::Traversal;
+use crate::state::State;
 use crate::voxel::{FACES, Voxel};
 
 /// The voxels around a robot's own that must not be occupied, for a robot that a sphere envelops.
@@ -23,7 +24,7 @@ pub const MAX_RADIUS_VOXELS: f64 = 32.0;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "a clearance of {radius} m among voxels of {resolution} m cannot be looked after: right is at most {} voxels, so a \
-     smaller Radius or a larger Res",
+     smaller radius or larger voxels",
     MAX_RADIUS_VOXELS
 )]
 pub struct TooWide {

@@ -4,7 +4,8 @@ use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
 use crate::bricks::{Bricks, brick_of, voxel_at};
-use crate::map::{OccupancyGrid, State};
+use crate::grid::OccupancyGrid;
+use crate::state::State;
 use crate::voxel::{Bounds, FACES, Voxel};
 
 /// Whether `voxel` is free and has an unknown face neighbour.

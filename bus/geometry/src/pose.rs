@@ -1,15 +1,15 @@
 //! Where a camera is and where it looks.
 
-use elk_bus::payload;
+use elk_describe::{Describe, Invalid};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
-use crate::checks;
+use crate::limits::check_point;
 
 /// Pose of a camera in the world (`pose_world_camera`): takes points of the camera frame (x right, y down, z forward)
 /// to the world frame (z up). Metres.
-#[payload]
-#[describe(check = checks::pose)]
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Describe)]
+#[describe(check = check)]
 pub struct Pose(pub Isometry3<f64>);
 
 impl Pose {
@@ -54,6 +54,11 @@ impl Pose {
     pub fn to_world(&self, point: Point3<f64>) -> Point3<f64> {
         self.0 * point
     }
+}
+
+/// Whether it lies within the world; that its rotation is one, its type sees to.
+fn check(pose: &Pose) -> Result<(), Invalid> {
+    check_point(&pose.position()).map_err(|inner| inner.within("translation"))
 }
 
 #[cfg(test)]

@@ -2,32 +2,7 @@
 
 use nalgebra::Point3;
 
-use crate::map::{OccupancyGrid, State};
 use crate::voxel::Voxel;
-
-/// Rays without a return that would be believed farther than any other ray.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error(
-    "FreeNoReturn {free_m} m is farther than MaxRange, {max_range_m} m; right is at most that, or a larger MaxRange (0: no limit)"
-)]
-pub struct BeyondRange {
-    /// How far such rays are to free (m).
-    pub free_m: f64,
-    /// How far the map believes any ray (m).
-    pub max_range_m: f64,
-}
-
-/// Whether a map that believes rays up to `max_range_m` (0: as far as they go) may let those without a return free up to
-/// `free_m`.
-///
-/// # Errors
-/// That is farther.
-pub fn within_range(free_m: f64, max_range_m: f64) -> Result<(), BeyondRange> {
-    match max_range_m > 0.0 && free_m > max_range_m {
-        true => Err(BeyondRange { free_m, max_range_m }),
-        false => Ok(()),
-    }
-}
 
 /// The voxels that a segment passes through, in order, the first and the last included.
 #[derive(Debug, Clone)]
@@ -53,10 +28,10 @@ impl Traversal {
         let (first_a, last_a) = (first.to_array(), last.to_array());
         for axis in 0..3 {
             // Along an axis on which the ends share a voxel there is no step to take, whatever the direction says.
-            let cells = last_a[axis] - first_a[axis];
-            if cells != 0 {
-                let boundary = f64::from(first_a[axis] + i32::from(cells > 0)) * resolution;
-                step[axis] = cells.signum();
+            let sign = last_a[axis].cmp(&first_a[axis]) as i32;
+            if sign != 0 {
+                let boundary = (f64::from(first_a[axis]) + f64::from(sign.max(0))) * resolution;
+                step[axis] = sign;
                 t_next[axis] = (boundary - from[axis]) / direction[axis];
                 t_delta[axis] = resolution / direction[axis].abs();
             }
@@ -97,13 +72,6 @@ impl Iterator for Traversal {
     }
 }
 
-/// Whether every voxel from `from` up to and without the one of `to` is free: a camera at `from` can look into the
-/// voxel of `to`, whatever is in it.
-pub fn line_of_sight(grid: &OccupancyGrid, from: Point3<f64>, to: Point3<f64>) -> bool {
-    let last = Voxel::containing(to, grid.resolution());
-    Traversal::new(from, to, grid.resolution()).take_while(|v| *v != last).all(|v| grid.state(v) == State::Free)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,18 +98,5 @@ mod tests {
                 prop_assert!((v.center(0.1) - (a + (b - a) * t)).norm() < 0.0867);
             }
         }
-    }
-
-    #[test]
-    fn sight_ends_at_the_first_voxel_that_is_not_free() {
-        let mut grid = OccupancyGrid::new(1.0);
-        for x in 0..5 {
-            grid.set(Voxel::new(x, 0, 0), State::Free);
-        }
-        let at = |x: f64| Point3::new(x, 0.5, 0.5);
-        assert!(line_of_sight(&grid, at(0.5), at(5.5)), "the target itself may be unknown");
-        assert!(!line_of_sight(&grid, at(0.5), at(6.5)));
-        grid.set(Voxel::new(2, 0, 0), State::Occupied);
-        assert!(!line_of_sight(&grid, at(0.5), at(4.5)));
     }
 }

@@ -1,11 +1,11 @@
 //! What can be looked into from where, over free voxels.
 
-use elk_spatial::ray::Traversal;
-use elk_spatial::voxel::FACES;
-use elk_spatial::{State, Voxel};
 use nalgebra::{Point3, Vector3};
 
+use crate::ray::Traversal;
+use crate::state::State;
 use crate::volume::Volume;
+use crate::voxel::{FACES, Voxel};
 
 /// Whether a camera at `from` (m, world) can look into voxel `target`: every voxel before it, on the straight line to
 /// its centre, is free.
@@ -153,7 +153,7 @@ fn nearest_on_line(from: Point3<f64>, direction: Vector3<f64>, to: Point3<f64>) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::OccupancyGrid;
+    use crate::grid::OccupancyGrid;
 
     #[test]
     fn a_cube_has_a_surface() {

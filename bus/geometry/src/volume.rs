@@ -1,31 +1,28 @@
 //! A dense copy of the known part of a map, for passes that touch every voxel.
 
-use elk_spatial::bricks::{BRICK, voxel_at};
-use elk_spatial::{OccupancyGrid, State, Voxel};
-use nalgebra::Point3;
+use std::ops::Deref;
 
-use crate::extent::corners;
+use crate::bricks::{BRICK, voxel_at};
+use crate::grid::OccupancyGrid;
+use crate::region::Region;
+use crate::state::State;
+use crate::voxel::Voxel;
 
-/// Steps between voxels: the 26 neighbours, with what a move may not cut.
-#[derive(Debug, Clone)]
-pub struct Move {
-    /// Added to a voxel's index, gives its neighbour's.
-    pub offset: isize,
-    /// Distance between the centres, in voxels: 1, √2 or √3.
-    pub length: f64,
-    /// Offsets of the other voxels that the move passes between: all must be passable (no corner is cut).
-    pub between: Vec<isize>,
-}
-
-/// A box of voxel states, x fastest, z slowest. Around what is known lies a margin of unknown voxels, so that the index
-/// of a known voxel's neighbour always is in the box.
+/// A [`Region`] with the state of each of its voxels. Around what is known lies a margin of unknown voxels, so that the
+/// index of a known voxel's neighbour always is in the box.
 #[derive(Debug, Clone)]
 pub struct Volume {
-    origin: Voxel,
-    dim: [usize; 3],
-    resolution: f64,
+    region: Region,
     states: Vec<State>,
-    moves: Vec<Move>,
+}
+
+/// All that a region answers, it answers.
+impl Deref for Volume {
+    type Target = Region;
+
+    fn deref(&self) -> &Region {
+        &self.region
+    }
 }
 
 impl Volume {
@@ -42,13 +39,8 @@ impl Volume {
         let origin = min - Voxel::new(margin, margin, margin);
         let size = max - origin + Voxel::new(margin, margin, margin);
         let dim = size.to_array().map(|n| n as usize);
-        let mut volume = Self {
-            origin,
-            dim,
-            resolution: grid.resolution(),
-            states: vec![State::Unknown; dim[0] * dim[1] * dim[2]],
-            moves: moves(dim),
-        };
+        let region = Region::new(origin, dim, grid.resolution());
+        let mut volume = Self { states: vec![State::Unknown; region.len()], region };
         volume.copy(grid, min, max);
         volume
     }
@@ -70,27 +62,9 @@ impl Volume {
         }
     }
 
-    /// The index of a voxel, if it lies in the box.
-    pub fn index(&self, voxel: Voxel) -> Option<usize> {
-        let d = (voxel - self.origin).to_array();
-        let inside = (0..3).all(|a| d[a] >= 0 && (d[a] as usize) < self.dim[a]);
-        inside.then(|| (d[2] as usize * self.dim[1] + d[1] as usize) * self.dim[0] + d[0] as usize)
-    }
-
-    /// The voxel at an index.
-    pub fn voxel(&self, index: usize) -> Voxel {
-        let [nx, ny, _] = self.dim;
-        self.origin + Voxel::new((index % nx) as i32, (index / nx % ny) as i32, (index / (nx * ny)) as i32)
-    }
-
-    /// The centre of the voxel at an index (m, world).
-    pub fn center(&self, index: usize) -> Point3<f64> {
-        self.voxel(index).center(self.resolution)
-    }
-
-    /// The index of the voxel that holds a point (m, world).
-    pub fn index_at(&self, point: Point3<f64>) -> Option<usize> {
-        self.index(Voxel::containing(point, self.resolution))
+    /// The voxels.
+    pub fn region(&self) -> &Region {
+        &self.region
     }
 
     /// The state of a voxel; unknown outside the box.
@@ -102,77 +76,18 @@ impl Volume {
     pub fn states(&self) -> &[State] {
         &self.states
     }
-
-    /// Voxels along x, y and z.
-    pub fn dim(&self) -> [usize; 3] {
-        self.dim
-    }
-
-    /// The voxel at index 0.
-    pub fn origin(&self) -> Voxel {
-        self.origin
-    }
-
-    /// Number of voxels in the box.
-    pub fn len(&self) -> usize {
-        self.states.len()
-    }
-
-    /// Whether the box is empty (it never is: it has a margin).
-    pub fn is_empty(&self) -> bool {
-        self.states.is_empty()
-    }
-
-    /// Edge of a voxel (m).
-    pub fn resolution(&self) -> f64 {
-        self.resolution
-    }
-
-    /// Index offset of a voxel offset.
-    pub fn offset(&self, d: Voxel) -> isize {
-        offset(self.dim, d)
-    }
-
-    /// Index offsets of the six face neighbours, −x +x −y +y −z +z.
-    pub fn faces(&self) -> [isize; 6] {
-        elk_spatial::voxel::FACES.map(|d| self.offset(d))
-    }
-
-    /// The moves to the 26 neighbours, in a fixed order.
-    pub fn moves(&self) -> &[Move] {
-        &self.moves
-    }
 }
 
-fn offset(dim: [usize; 3], d: Voxel) -> isize {
-    let (nx, ny) = (dim[0] as isize, dim[1] as isize);
-    d.x as isize + nx * (d.y as isize + ny * d.z as isize)
-}
-
-fn moves(dim: [usize; 3]) -> Vec<Move> {
-    let zero = Voxel::new(0, 0, 0);
-    zero.neighbours()
-        .map(|d| Move {
-            offset: offset(dim, d),
-            length: d.distance(zero),
-            between: between(d).map(|b| offset(dim, b)).collect(),
-        })
-        .collect()
-}
-
-/// The voxels that a move by `d` passes between: `d` with some of its components, but not all, set to zero.
-fn between(d: Voxel) -> impl Iterator<Item = Voxel> {
-    let zero = Voxel::new(0, 0, 0);
-    let mut seen: Vec<Voxel> = (1..7)
-        .map(|keep| {
-            let part = |bit: i32, c: i32| if keep & bit != 0 { c } else { 0 };
-            Voxel::new(part(1, d.x), part(2, d.y), part(4, d.z))
-        })
-        .filter(|b| *b != zero && *b != d)
-        .collect();
-    seen.sort_unstable();
-    seen.dedup();
-    seen.into_iter()
+/// Smallest corner, and the corner beyond the largest, of bricks and of a voxel.
+pub fn corners(include: Voxel, bricks: impl Iterator<Item = Voxel>) -> (Voxel, Voxel) {
+    let (mut min, mut max) = (include, include + Voxel::new(1, 1, 1));
+    for brick in bricks {
+        let low = voxel_at(brick, 0);
+        min = Voxel::new(min.x.min(low.x), min.y.min(low.y), min.z.min(low.z));
+        let high = low + Voxel::new(BRICK, BRICK, BRICK);
+        max = Voxel::new(max.x.max(high.x), max.y.max(high.y), max.z.max(high.z));
+    }
+    (min, max)
 }
 
 #[cfg(test)]
@@ -194,13 +109,5 @@ mod tests {
         for i in 0..volume.len() {
             assert_eq!(volume.index(volume.voxel(i)), Some(i));
         }
-    }
-
-    #[test]
-    fn a_diagonal_move_passes_between_others() {
-        let count = |d: Voxel| between(d).count();
-        assert_eq!(count(Voxel::new(1, 0, 0)), 0);
-        assert_eq!(count(Voxel::new(1, -1, 0)), 2);
-        assert_eq!(count(Voxel::new(1, 1, -1)), 6);
     }
 }

@@ -1,15 +1,12 @@
 //! Integer cells of a cubic lattice over the world.
 
-use elk_bus::payload;
+use elk_describe::{Describe, Invalid};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::checks;
-
 /// A cell of the lattice: along each axis it covers `[k·res, (k+1)·res)`, so its OctoMap key is `k + 32768`.
-#[payload]
-#[describe(check = checks::voxel)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Describe)]
+#[describe(check = check)]
 pub struct Voxel {
     /// Index along world x.
     pub x: i32,
@@ -79,6 +76,15 @@ impl Voxel {
     /// The indices as an array.
     pub fn to_array(self) -> [i32; 3] {
         [self.x, self.y, self.z]
+    }
+}
+
+/// Whether it is a voxel of a map, or one beside it.
+fn check(voxel: &Voxel) -> Result<(), Invalid> {
+    let range = INDEX_RANGE.start() - 1..=INDEX_RANGE.end() + 1;
+    match voxel.to_array().into_iter().find(|c| !range.contains(c)) {
+        None => Ok(()),
+        Some(c) => Err(Invalid::new("", format!("a voxel with index {c}"), "within the 16 bits of a map")),
     }
 }
 

@@ -9,24 +9,18 @@ use std::ops::RangeInclusive;
 
 use elk_bus::Invalid;
 pub use elk_bus::describe::MAX_COUNT;
+use elk_geometry::clearance::{self, Clearance};
+use elk_geometry::limits::check_point;
+use elk_geometry::{OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
-use crate::bricks::BRICK;
-use crate::clearance::{self, Clearance};
-use crate::map::{BrickStates, MapUpdate, OccupancyGrid};
+use crate::map::MapUpdate;
 use crate::messages::{Awaited, BrickMemory, Decision, ExplorerMemory, Leg, MotionMemory, Path};
-use crate::polyline::Polyline;
-use crate::pose::Pose;
 use crate::scan::Scan;
-use crate::voxel::{INDEX_RANGE, Voxel, reach_m};
 
 /// What a check comes to.
 pub type Checked = Result<(), Invalid>;
 
-/// Edges of voxels (m), as the parameter `Res` has them.
-pub const RESOLUTIONS_M: RangeInclusive<f64> = 0.001..=10.0;
-/// Largest distance of anything from the world's origin along an axis (m): 32,768 of the coarsest voxels.
-pub const FARTHEST_M: f64 = reach_m(*RESOLUTIONS_M.end());
 /// Clearances (m), as the parameter `Radius` has them.
 pub const CLEARANCES_M: RangeInclusive<f64> = 0.0..=10.0;
 /// Lengths of way between two scans (m), as the parameter `ScanSpacing` has them.
@@ -92,18 +86,9 @@ pub(crate) fn text(value: &str) -> Checked {
     }
 }
 
-/// A point of the world (m).
-pub fn point(point: &Point3<f64>) -> Checked {
-    let inside = |c: f64| c.abs() <= FARTHEST_M;
-    match ["x", "y", "z"].into_iter().zip(point.iter()).find(|(_, c)| !inside(**c)) {
-        None => Ok(()),
-        Some((axis, c)) => number(axis, *c, -FARTHEST_M..=FARTHEST_M, " m"),
-    }
-}
-
 /// Points of the world (m).
 pub(crate) fn points(points: &[Point3<f64>]) -> Checked {
-    each(points, point)
+    each(points, check_point)
 }
 
 /// The corners of a way (m, world): there is one at least.
@@ -112,35 +97,9 @@ pub(crate) fn corners(corners: &[Point3<f64>]) -> Checked {
     points(corners)
 }
 
-/// A pose within the world; that its rotation is one, its type sees to.
-pub fn pose(pose: &Pose) -> Checked {
-    point(&pose.position()).map_err(|inner| inner.within("translation"))
-}
-
-/// A voxel of a map, or one beside it.
-pub(crate) fn voxel(voxel: &Voxel) -> Checked {
-    let range = INDEX_RANGE.start() - 1..=INDEX_RANGE.end() + 1;
-    match voxel.to_array().into_iter().find(|c| !range.contains(c)) {
-        None => Ok(()),
-        Some(c) => Err(Invalid::new("", format!("a voxel with index {c}"), "within the 16 bits of a map")),
-    }
-}
-
-/// The position of a map's brick.
-pub(crate) fn brick(brick: &[i16; 3]) -> Checked {
-    let range = INDEX_RANGE.start() / BRICK..=INDEX_RANGE.end() / BRICK;
-    let outside = brick.iter().find(|c| !range.contains(&i32::from(**c)));
-    outside.map_or(Ok(()), |c| Err(Invalid::new("", c, "-4096 to 4095")))
-}
-
 /// Seconds of CPU by phase.
 pub(crate) fn phases(cpu_secs: &[(String, f64)]) -> Checked {
     each(cpu_secs, |(name, secs)| text(name).and_then(|()| number("", *secs, SUMS, " s")))
-}
-
-/// The cells of a brick.
-pub(crate) fn cells(packed: &[u8]) -> Checked {
-    holds("", packed.len() == BrickStates::BYTES, format!("{} bytes long", packed.len()), "128 bytes")
 }
 
 pub(crate) fn log_odds(log_odds: &[f32]) -> Checked {
@@ -220,6 +179,30 @@ pub(crate) fn scan(scan: &Scan<'_>) -> Checked {
     let measured = scan.points.len() as u64..=MAX_POINTS as u64;
     let wanted = "at least the number of points, and below 2^22 + 1";
     holds("measured", measured.contains(&scan.measured), scan.measured, wanted)
+}
+
+/// Rays without a return that would be believed farther than any other ray.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "FreeNoReturn {free_m} m is farther than MaxRange, {max_range_m} m; right is at most that, or a larger MaxRange (0: no limit)"
+)]
+pub struct BeyondRange {
+    /// How far such rays are to free (m).
+    pub free_m: f64,
+    /// How far the map believes any ray (m).
+    pub max_range_m: f64,
+}
+
+/// Whether a map that believes rays up to `max_range_m` (0: as far as they go) may let those without a return free up to
+/// `free_m`.
+///
+/// # Errors
+/// That is farther.
+pub fn within_range(free_m: f64, max_range_m: f64) -> Result<(), BeyondRange> {
+    match max_range_m > 0.0 && free_m > max_range_m {
+        true => Err(BeyondRange { free_m, max_range_m }),
+        false => Ok(()),
+    }
 }
 
 #[cfg(test)]

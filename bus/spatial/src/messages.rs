@@ -2,11 +2,12 @@
 //! what each says to its own successor.
 
 use elk_bus::payload;
+use elk_geometry::limits::RESOLUTIONS_M;
+use elk_geometry::state::check_brick;
+use elk_geometry::{Pose, Voxel};
 use nalgebra::Point3;
 
 use crate::checks;
-use crate::pose::Pose;
-use crate::voxel::Voxel;
 
 /// Controller to sensor: go there and take a scan.
 #[payload]
@@ -87,7 +88,7 @@ pub struct MapStatus {
     #[describe(count)]
     pub frontier: u64,
     /// Edge of a voxel (m).
-    #[describe(unit = "m", range = checks::RESOLUTIONS_M)]
+    #[describe(unit = "m", range = RESOLUTIONS_M)]
     pub resolution: f64,
     /// Seconds of CPU spent on insertion.
     #[describe(unit = "s", range = checks::SUMS)]
@@ -218,7 +219,7 @@ pub struct MapMemory {
     #[describe(count)]
     pub scan: u64,
     /// Edge of a voxel (m).
-    #[describe(unit = "m", range = checks::RESOLUTIONS_M)]
+    #[describe(unit = "m", range = RESOLUTIONS_M)]
     pub resolution: f64,
     /// The bricks, in the order in which they were first entered.
     #[describe(longest = checks::MAX_BRICKS)]
@@ -388,7 +389,7 @@ pub struct Leg {
     /// The plan that it is of.
     pub plan: Plan,
     /// Edge of a voxel of the map (m).
-    #[describe(unit = "m", range = checks::RESOLUTIONS_M)]
+    #[describe(unit = "m", range = RESOLUTIONS_M)]
     pub resolution: f64,
     /// Where the robot is too close to something from the start, as the explorer knows.
     #[describe(longest = checks::MAX_REMEMBERED)]
@@ -406,14 +407,14 @@ pub struct Leg {
     pub looks: u64,
 }
 
-/// A brick of the map as the map knows it (cells as in [`crate::bricks::cell_of`], cell `i` in bit `i mod 64` of word
+/// A brick of the map as the map knows it (cells as in [`elk_geometry::bricks::cell_of`], cell `i` in bit `i mod 64` of word
 /// `i / 64`).
 #[payload]
 #[describe(check = checks::brick_memory)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct BrickMemory {
     /// The brick's position, in bricks.
-    #[describe(check = checks::brick)]
+    #[describe(check = check_brick)]
     pub brick: [i16; 3],
     /// The cells that were ever updated.
     pub known: [u64; 8],
@@ -516,7 +517,7 @@ pub struct MotionPolicy {
     pub early_stop: bool,
     /// Look at the target while travelling; otherwise along the motion.
     pub look_at_target: bool,
-    /// The robot's clearance from occupied voxels (m, see [`crate::clearance`]): a path that comes closer is cut.
+    /// The robot's clearance from occupied voxels (m, see [`elk_geometry::clearance`]): a path that comes closer is cut.
     #[describe(unit = "m", range = checks::CLEARANCES_M)]
     pub clearance_m: f64,
 }

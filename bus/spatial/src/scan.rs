@@ -4,12 +4,13 @@ use std::borrow::Cow;
 
 use elk_bus::describe::Shape;
 use elk_bus::{Describe, payload};
+use elk_geometry::Pose;
+use elk_geometry::limits::FARTHEST_M;
 use nalgebra::{Point3, Vector3};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::checks;
-use crate::pose::Pose;
 
 /// Bytes of a point on the wire: three little-endian f32.
 const POINT_BYTES: usize = 12;
@@ -104,7 +105,7 @@ pub struct Scan<'a> {
     /// Pose of the camera at capture (world).
     pub pose: Pose,
     /// How far the sensor sees (m); 0: as far as there is anything.
-    #[describe(unit = "m", range = 0.0..=checks::FARTHEST_M)]
+    #[describe(unit = "m", range = 0.0..=FARTHEST_M)]
     pub range_m: f64,
     /// Points that the sensor measured. Filters hand the number on, so that it can be told what they left out.
     pub measured: u64,

@@ -2,16 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use elk_geometry::ray::Traversal;
+use elk_geometry::{FrontierSet, Pose, State, Voxel};
 use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
-use elk_spatial::ray::Traversal;
-use elk_spatial::{FrontierSet, Pose, State, Voxel};
 use nalgebra::Point3;
 
 use super::scene::nearest;
 use crate::goals::{Known, is_untried};
 use crate::policy::{LOOK_RANGE_M, VIEW_HALF_ANGLE};
-use crate::visibility::in_sight;
+use elk_geometry::visibility::in_sight;
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.
 const CUTS: u32 = 3;
@@ -244,7 +244,7 @@ fn tried_from(record: &mut TargetRecord, place: Voxel) {
 
 #[cfg(test)]
 mod tests {
-    use elk_spatial::{OccupancyGrid, State};
+    use elk_geometry::{OccupancyGrid, State};
 
     use super::*;
 

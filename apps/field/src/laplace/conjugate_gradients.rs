@@ -1,6 +1,6 @@
 //! Preconditioned conjugate gradients (Hestenes and Stiefel, 1952) for a symmetric positive definite operator.
 
-use super::Operator;
+use super::operator::Operator;
 
 /// Past this something is wrong with the problem, not with the number.
 const MAX_ITERATIONS: usize = 5000;

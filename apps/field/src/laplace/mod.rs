@@ -1,6 +1,6 @@
-//! Laplace's equation on the voxels that the robot can reach (thesis 6.2.5 and 6.4.1).
+//! Laplace's equation (thesis 6.2.5 and 6.4.1).
 //!
-//! ψ is 1 where the robot is and 0 at the goals (Dirichlet); no flux passes into anything else (Neumann). The thesis'
+//! ψ is 1 at the source and 0 at the sinks (Dirichlet); no flux passes into anything else (Neumann). The thesis'
 //! ±1 scale would lose digits where ψ is flat, and its mirror rule (6.28) gives a matrix that is not symmetric, is not
 //! defined where both neighbours are missing, and moves ψ by up to 0.14; so a voxel here is the average of the
 //! neighbours that exist, which is the finite volume form of zero flux, symmetric and positive definite.
@@ -14,42 +14,9 @@ pub mod multigrid;
 pub mod operator;
 pub mod relaxation;
 
-pub use operator::Operator;
+use operator::Operator;
 
-/// What a voxel is to the equation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(u8)]
-pub enum Cell {
-    /// Not in the domain: no flux passes.
-    #[default]
-    Outside,
-    /// ψ is to be found.
-    Inside,
-    /// ψ = 1: the robot.
-    Source,
-    /// ψ = 0: a goal.
-    Sink,
-}
-
-impl Cell {
-    /// The value that is given, if one is.
-    pub fn fixed(self) -> Option<f32> {
-        match self {
-            Cell::Source => Some(1.0),
-            Cell::Sink => Some(0.0),
-            Cell::Inside | Cell::Outside => None,
-        }
-    }
-}
-
-/// A domain with its boundary values: a box of cells, x fastest; all cells on the box's own faces are outside.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Problem {
-    /// Cells along x, y and z.
-    pub dim: [usize; 3],
-    /// What each is.
-    pub cells: Vec<Cell>,
-}
+use crate::problem::Problem;
 
 /// How to solve it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,7 +74,7 @@ pub fn solve_unless(problem: &Problem, solver: Solver, tolerance: f64, stopping:
         }
     };
     let residual = operator.relative_residual(&psi, &b);
-    for (psi, fixed) in psi.iter_mut().zip(problem.cells.iter().map(|c| c.fixed())) {
+    for (psi, fixed) in psi.iter_mut().zip(problem.cells().iter().map(|c| c.fixed())) {
         *psi = fixed.unwrap_or(*psi);
     }
     Solution { psi, iterations, residual }

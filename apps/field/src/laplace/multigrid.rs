@@ -4,8 +4,7 @@
 //! with the simplest parts that are symmetric: cells are merged 2 × 2 × 2, a coarse value is taken over by all its
 //! children, residuals are summed, and the smoother is damped Jacobi, the same number of sweeps before and after.
 
-use super::Operator;
-use super::operator::Weights;
+use super::operator::{Operator, Weights};
 
 /// Damping of the Jacobi sweeps; 6/7 smooths best in three dimensions.
 const OMEGA: f32 = 6.0 / 7.0;

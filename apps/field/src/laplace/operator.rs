@@ -1,6 +1,6 @@
 //! The discrete Laplacian as a weighted graph on a box of cells, matrix-free.
 
-use super::{Cell, Problem};
+use crate::problem::{Cell, Problem};
 
 /// The weights between neighbours inside.
 #[derive(Debug, Clone)]
@@ -32,15 +32,15 @@ pub struct Operator {
 impl Operator {
     /// The operator of a problem: weight 1 between neighbours that are both in the domain.
     pub fn of(problem: &Problem) -> Self {
-        let cells = &problem.cells;
-        let strides = strides(problem.dim);
+        let cells = problem.cells();
+        let strides = strides(problem.dim());
         let count = |i: usize| {
             let exists = |n: &usize| cells[*n] != Cell::Outside;
             let neighbours = strides.into_iter().flat_map(|s| [i - s, i + s]);
             neighbours.filter(exists).count() as f32
         };
         let diagonal = cells.iter().enumerate().map(|(i, c)| if *c == Cell::Inside { count(i) } else { 0.0 });
-        Self::new(problem.dim, Weights::Unit, diagonal.collect())
+        Self::new(problem.dim(), Weights::Unit, diagonal.collect())
     }
 
     /// An operator from its weights and its diagonal.
@@ -170,11 +170,11 @@ pub fn strides(dim: [usize; 3]) -> [usize; 3] {
 
 /// What the fixed neighbours give: for every cell inside, the sum of their values.
 pub fn right_hand_side(problem: &Problem) -> Vec<f32> {
-    let mut b = vec![0.0; problem.cells.len()];
-    for (i, value) in problem.cells.iter().map(|c| c.fixed()).enumerate() {
+    let mut b = vec![0.0; problem.cells().len()];
+    for (i, value) in problem.cells().iter().map(|c| c.fixed()).enumerate() {
         let Some(value) = value else { continue };
-        for n in strides(problem.dim).into_iter().flat_map(|s| [i - s, i + s]) {
-            if problem.cells[n] == Cell::Inside {
+        for n in strides(problem.dim()).into_iter().flat_map(|s| [i - s, i + s]) {
+            if problem.cells()[n] == Cell::Inside {
                 b[n] += value;
             }
         }

@@ -5,7 +5,7 @@
 //! instead of mirrored (see [`super`]).
 
 use super::operator::strides;
-use super::{Cell, Problem};
+use crate::problem::{Cell, Problem};
 
 /// The thesis stops by change alone; this bounds a tolerance that is never met.
 const MAX_SWEEPS: usize = 100_000;
@@ -16,7 +16,7 @@ pub fn gauss_seidel(problem: &Problem, epsilon: f64, stopping: impl Fn() -> bool
         Cell::Inside => 0.5,
         fixed => f64::from(fixed.fixed().unwrap_or(0.0)),
     };
-    let mut psi: Vec<f64> = problem.cells.iter().map(start).collect();
+    let mut psi: Vec<f64> = problem.cells().iter().map(start).collect();
     let stencils = stencils(problem);
     let mut sweeps = 0;
     while sweeps < MAX_SWEEPS {
@@ -36,13 +36,13 @@ struct Stencil {
 }
 
 fn stencils(problem: &Problem) -> Vec<Stencil> {
-    let inside = |i: &usize| problem.cells[*i] == Cell::Inside;
-    (0..problem.cells.len())
+    let inside = |i: &usize| problem.cells()[*i] == Cell::Inside;
+    (0..problem.cells().len())
         .filter(inside)
         .map(|i| {
             let mut stencil = Stencil { cell: i as u32, count: 0, neighbours: [0; 6] };
-            for n in strides(problem.dim).into_iter().flat_map(|s| [i - s, i + s]) {
-                if problem.cells[n] != Cell::Outside {
+            for n in strides(problem.dim()).into_iter().flat_map(|s| [i - s, i + s]) {
+                if problem.cells()[n] != Cell::Outside {
                     stencil.neighbours[stencil.count as usize] = n as u32;
                     stencil.count += 1;
                 }

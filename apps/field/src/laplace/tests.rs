@@ -1,4 +1,6 @@
 use super::*;
+use crate::problem::Cell;
+use elk_geometry::{Region, Voxel};
 use proptest::prelude::*;
 
 /// A box of `inner` cells with a halo; `cell` says what each inner cell is.
@@ -13,11 +15,11 @@ fn problem(inner: [usize; 3], cell: impl Fn([usize; 3]) -> Cell) -> Problem {
             }
         }
     }
-    Problem { dim, cells }
+    Problem::new(Region::new(Voxel::new(0, 0, 0), dim, 1.0), cells).unwrap()
 }
 
 fn at(p: &Problem, [x, y, z]: [usize; 3]) -> usize {
-    ((z + 1) * p.dim[1] + y + 1) * p.dim[0] + x + 1
+    ((z + 1) * p.dim()[1] + y + 1) * p.dim()[0] + x + 1
 }
 
 const ALL: [Solver; 2] = [Solver::Multigrid, Solver::Jacobi];
@@ -124,11 +126,11 @@ proptest! {
         });
         let p = connected(p);
         let s = solve(&p, Solver::Multigrid, 1e-7);
-        for (i, c) in p.cells.iter().enumerate().filter(|(_, c)| **c == Cell::Inside) {
+        for (i, c) in p.cells().iter().enumerate().filter(|(_, c)| **c == Cell::Inside) {
             let psi = s.psi[i];
             prop_assert!((-1e-5..=1.0 + 1e-5).contains(&psi), "{c:?} {psi}");
-            let around: Vec<f32> = operator::strides(p.dim).into_iter().flat_map(|d| [i - d, i + d])
-                .filter(|n| p.cells[*n] != Cell::Outside).map(|n| s.psi[n]).collect();
+            let around: Vec<f32> = operator::strides(p.dim()).into_iter().flat_map(|d| [i - d, i + d])
+                .filter(|n| p.cells()[*n] != Cell::Outside).map(|n| s.psi[n]).collect();
             let low = around.iter().copied().fold(f32::INFINITY, f32::min);
             let high = around.iter().copied().fold(f32::NEG_INFINITY, f32::max);
             prop_assert!(psi >= low - 1e-5 && psi <= high + 1e-5, "{low} {psi} {high}");
@@ -137,29 +139,30 @@ proptest! {
 }
 
 /// The part of a problem that is connected with its source; if no sink is, one of its cells becomes one.
-fn connected(mut p: Problem) -> Problem {
-    let source = p.cells.iter().position(|c| *c == Cell::Source).unwrap();
-    let mut found = vec![false; p.cells.len()];
+fn connected(p: Problem) -> Problem {
+    let mut cells = p.cells().to_vec();
+    let source = cells.iter().position(|c| *c == Cell::Source).unwrap();
+    let mut found = vec![false; cells.len()];
     let mut open = vec![source];
     found[source] = true;
     while let Some(i) = open.pop() {
-        for n in operator::strides(p.dim).into_iter().flat_map(|d| [i - d, i + d]) {
-            if !found[n] && p.cells[n] != Cell::Outside {
+        for n in operator::strides(p.dim()).into_iter().flat_map(|d| [i - d, i + d]) {
+            if !found[n] && cells[n] != Cell::Outside {
                 found[n] = true;
                 open.push(n);
             }
         }
     }
-    for (c, f) in p.cells.iter_mut().zip(&found) {
+    for (c, f) in cells.iter_mut().zip(&found) {
         if !f {
             *c = Cell::Outside;
         }
     }
-    let none = !p.cells.contains(&Cell::Sink);
-    if let Some(c) = p.cells.iter_mut().find(|c| none && **c == Cell::Inside) {
+    let none = !cells.contains(&Cell::Sink);
+    if let Some(c) = cells.iter_mut().find(|c| none && **c == Cell::Inside) {
         *c = Cell::Sink;
     }
-    p
+    Problem::new(p.region().clone(), cells).unwrap()
 }
 
 /// Regression: who was asked to stop in the midst of a long solution was killed.

@@ -4,21 +4,22 @@ use std::path::{Path, PathBuf};
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Key, Mail, Recall, Rejection, tell};
+use elk_geometry::Bounds;
+use elk_geometry::limits::RESOLUTIONS_M;
+use elk_map::bt::write_bt;
+use elk_map::{Dropped, Grazing, Insertion, MapConfig, OccupancyMap};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;
-use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, RESOLUTIONS_M};
+use elk_spatial::Scan;
+use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
 use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{MapStatus, RayTally};
-use elk_spatial::ray::within_range;
-use elk_spatial::{Bounds, Scan};
 use nalgebra::Vector3;
 
-use crate::bt::write_bt;
-use crate::insertion::{Dropped, Insertion};
-use crate::occupancy::{Grazing, MapConfig, OccupancyMap};
+use crate::memory;
 use crate::recovery::{Past, Stage};
 
 /// The maps that a mission can name.
@@ -175,10 +176,10 @@ impl MapApp {
             return Ok(());
         };
         if mail.is(&MAP_MEMORY) {
-            let memory = mail.decode(&MAP_MEMORY)?;
-            let map = OccupancyMap::from_memory(*self.map.config(), &memory).map_err(Rejection::new)?;
-            past.memory = Some((Box::new(map), memory.scan));
-            past.revisions.push(memory.revision);
+            let (snapshot, scan) = memory::read(mail.decode(&MAP_MEMORY)?);
+            let map = OccupancyMap::restore(*self.map.config(), &snapshot).map_err(Rejection::new)?;
+            past.memory = Some((Box::new(map), scan));
+            past.revisions.push(snapshot.revision);
         } else if mail.is(&MAP_KNOWN) {
             let known = mail.decode(&MAP_KNOWN)?;
             (self.cpu_secs, self.rays) = (known.cpu_secs, known.rays);
@@ -230,7 +231,7 @@ impl MapApp {
             return Err(Rejection::new(UpdateError::Ahead { have: revision, update: copy.revision }).into());
         }
         if copy.revision > self.map.grid().revision() {
-            self.map = OccupancyMap::from_copy(*self.map.config(), copy).map_err(Rejection::new)?;
+            self.map = OccupancyMap::from_states(*self.map.config(), &copy.delta()).map_err(Rejection::new)?;
             self.last_scan = copy.scan;
         }
         if copy.revision < revision {
@@ -257,7 +258,7 @@ impl MapApp {
             "{name}: the map was lost: nobody has a copy of its revision {revision}; it goes on from revision {own} (0: from \
              nothing), and what is missing has to be explored again"
         ));
-        self.map.skip_to(revision)?;
+        self.map.skip_to(revision);
         self.next_is_whole = true;
         self.begin(comms)
     }
@@ -317,11 +318,9 @@ impl MapApp {
         self.cpu_secs += thread_cpu_secs() - start;
         self.say_what_was_left_out(comms.name(), scan, &seen);
         self.tally(scan, &seen);
-        let update = self.map.advance(&seen.changed, scan.id);
-        match std::mem::take(&mut self.next_is_whole) {
-            true => comms.publish(&MAP_UPDATE, &self.map.grid().whole(scan.id))?,
-            false => comms.publish(&MAP_UPDATE, &update)?,
-        }
+        let delta = self.map.advance(&seen.changed);
+        let delta = if std::mem::take(&mut self.next_is_whole) { self.map.grid().whole() } else { delta };
+        comms.publish(&MAP_UPDATE, &MapUpdate::new(delta, scan.id))?;
         comms.publish(&MAP_KNOWN, &self.status())?;
         Ok(())
     }
@@ -397,7 +396,7 @@ impl MapApp {
     }
 
     fn publish_whole(&self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.publish(&MAP, &self.map.grid().whole(self.last_scan))?;
+        comms.publish(&MAP, &MapUpdate::new(self.map.grid().whole(), self.last_scan))?;
         Ok(())
     }
 
@@ -461,7 +460,7 @@ impl App for MapApp {
             // What it does not have it cannot leave; its successor asks again.
             return Ok(());
         }
-        comms.publish(&MAP_MEMORY, &self.map.memory(self.last_scan))?;
+        comms.publish(&MAP_MEMORY, &memory::write(self.map.snapshot(), self.last_scan))?;
         self.publish_whole(comms)?;
         self.file.as_ref().map_or(Ok(()), |path| self.save(path))
     }

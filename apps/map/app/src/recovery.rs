@@ -1,8 +1,7 @@
 //! How a map goes on from a predecessor: what is known of it, and how far it has come to be there itself.
 
+use elk_map::OccupancyMap;
 use elk_spatial::checks::MAX_REVISIONS_AHEAD;
-
-use crate::occupancy::OccupancyMap;
 
 /// How far a map has come to be there.
 pub enum Stage {

@@ -1,4 +1,5 @@
 use elk_bus::{Describe, ValueRef};
+use elk_geometry::{Pose, State};
 use serde_json::{Value, json};
 
 use super::*;
@@ -125,7 +126,7 @@ fn a_scan_is_checked_where_it_lies() {
 #[test]
 fn a_path_is_held_against_the_map() {
     let mut grid = OccupancyGrid::new(0.1);
-    (0..40).for_each(|x| assert!(grid.set(Voxel::new(x, 0, 0), crate::State::Free)));
+    (0..40).for_each(|x| assert!(grid.set(Voxel::new(x, 0, 0), State::Free)));
     let at = |x: f64| Point3::new(x, 0.05, 0.05);
     let path = |points: Vec<Point3<f64>>| Path { points, target: Voxel::new(9, 0, 0), unknown: vec![], looks: vec![] };
     assert!(path_in(&grid, &path(vec![at(0.0), at(3.9)]), 0.1).is_ok_and(|way| (way.length() - 3.9).abs() < 1e-9));
