@@ -289,7 +289,7 @@ impl Follower {
             }
             Decision::Go(path) => {
                 let grid = self.replica.grid();
-                let way = path_in(grid, path, plan.motion.clearance_m).map_err(Unfit::Path)?;
+                let way = path_in(grid, &path.points, plan.motion.clearance_m).map_err(Unfit::Path)?;
                 self.underway = Some(Underway::new(plan, path, way, grid)?);
                 Ok(vec![self.go_on()])
             }

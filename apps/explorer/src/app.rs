@@ -323,7 +323,7 @@ impl ExplorerApp {
         let right = plan.request == request.id && (request.revision..=grid.revision()).contains(&plan.revision);
         right
             && match &plan.decision {
-                Decision::Go(path) => path_in(grid, path, plan.motion.clearance_m).is_ok(),
+                Decision::Go(path) => path_in(grid, &path.points, plan.motion.clearance_m).is_ok(),
                 Decision::Done => true,
             }
     }

@@ -14,10 +14,6 @@ use elk_geometry::limits::check_point;
 use elk_geometry::{OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
-use crate::map::MapUpdate;
-use crate::messages::{Awaited, BrickMemory, Decision, ExplorerMemory, Leg, MotionMemory, Path};
-use crate::scan::Scan;
-
 /// What a check comes to.
 pub type Checked = Result<(), Invalid>;
 
@@ -59,7 +55,7 @@ const LARGEST_LOG_ODDS: f32 = 200.0;
 /// Largest count of what an explorer tried with one target.
 pub const MAX_TRIES: u32 = 1 << 30;
 
-fn holds(field: &str, true_: bool, found: impl std::fmt::Display, wanted: &str) -> Checked {
+pub(crate) fn holds(field: &str, true_: bool, found: impl std::fmt::Display, wanted: &str) -> Checked {
     if true_ { Ok(()) } else { Err(Invalid::new(field, found, wanted)) }
 }
 
@@ -106,79 +102,38 @@ pub(crate) fn log_odds(log_odds: &[f32]) -> Checked {
     each(log_odds, |one| holds("", one.abs() <= LARGEST_LOG_ODDS, one, "-200 to 200"))
 }
 
-pub(crate) fn map_update(update: &MapUpdate) -> Checked {
-    holds("since", update.since <= update.revision, update.since, "no later than the revision")
-}
-
-pub(crate) fn brick_memory(memory: &BrickMemory) -> Checked {
-    let known: u32 = memory.known.iter().map(|word| word.count_ones()).sum();
-    let right = memory.log_odds.len() == known as usize;
-    holds("log_odds", right, format!("a list of {}", memory.log_odds.len()), "as long as known has bits")
-}
-
-pub(crate) fn motion_memory(memory: &MotionMemory) -> Checked {
-    let MotionMemory { commands, allowed, requests, .. } = *memory;
-    holds("allowed", allowed <= commands, allowed, "no later than commands")?;
-    match &memory.awaited {
-        Awaited::Start | Awaited::Over(_) => {}
-        Awaited::Map(command) => holds("awaited.Map.id", command.id == commands, command.id, "the last of commands")?,
-        Awaited::Plan(asked) => holds("awaited.Plan.id", asked.id == requests, asked.id, "the last of requests")?,
-    }
-    let ascending = memory.samples.is_sorted_by(|one, next| one.scans < next.scans);
-    holds("samples", ascending, "a list out of order", "in the order of scans")
-}
-
-pub(crate) fn leg(leg: &Leg) -> Checked {
-    let Decision::Go(path) = &leg.plan.decision else { return Ok(()) };
-    let way = way(path, leg.plan.motion.clearance_m, leg.resolution);
-    way.map(drop).map_err(|inner| inner.within("plan.decision.Go"))
-}
-
-/// A path that can be looked through voxel by voxel, with the clearance (m) that it asks for.
-fn way(path: &Path, clearance_m: f64, resolution: f64) -> Result<Polyline, Invalid> {
+/// The way through points (m, world) that can be looked through voxel by voxel, with the clearance (m) that it asks for.
+pub(crate) fn way(points: &[Point3<f64>], clearance_m: f64, resolution: f64) -> Result<Polyline, Invalid> {
     let radius = clearance_m / resolution;
     if !Clearance::affordable(clearance_m, resolution) {
         let wanted = format!("at most {} voxels of {resolution} m", clearance::MAX_RADIUS_VOXELS);
         return Err(Invalid::new("clearance_m", format!("{radius:.0} voxels"), wanted));
     }
     let none = || Invalid::new("points", "empty", "at least one point");
-    let way = Polyline::new(path.points.iter().copied()).ok_or_else(none)?;
+    let way = Polyline::new(points.iter().copied()).ok_or_else(none)?;
     let longest = (MAX_LOOKUPS / (2.0 * radius + 1.0).powi(3)).min(MAX_WAY_VOXELS);
     number("points", way.length() / resolution, 0.0..=longest.floor(), " voxels of way")?;
     Ok(way)
 }
 
-/// The way of a path that can be of the map that is known: no point of it lies farther than a brick from what is known, it is no longer
-/// than a way through everything free and back, and it asks for a clearance that can be looked after.
+/// The way through the points of a path (m, world) that can be of the map that is known: no point lies farther than a brick
+/// from what is known, it is no longer than a way through everything free and back, and it asks for a clearance (m) that can
+/// be looked after.
 ///
 /// # Errors
 /// What it is instead.
-pub fn path_in(grid: &OccupancyGrid, path: &Path, clearance_m: f64) -> Result<Polyline, Invalid> {
+pub fn path_in(grid: &OccupancyGrid, points: &[Point3<f64>], clearance_m: f64) -> Result<Polyline, Invalid> {
     let resolution = grid.resolution();
-    let way = way(path, clearance_m, resolution)?;
+    let way = way(points, clearance_m, resolution)?;
     let near = |point: &Point3<f64>| {
         let near = grid.knows_near(Voxel::containing(*point, resolution));
         holds("", near, format!("({:.2}; {:.2}; {:.2})", point.x, point.y, point.z), "near what is known of the map")
     };
-    each(&path.points, near).map_err(|inner| inner.within("points"))?;
+    each(points, near).map_err(|inner| inner.within("points"))?;
     // Diagonally through every free voxel, there and back, and something to stand on where nothing is known yet.
     let longest = 2.0 * 3f64.sqrt() * resolution * (grid.free() + 100) as f64;
     number("points", way.length(), 0.0..=longest, " m of way in a map of this size")?;
     Ok(way)
-}
-
-pub(crate) fn explorer_memory(memory: &ExplorerMemory) -> Checked {
-    let at = memory.progress_at;
-    holds("progress_at", at <= memory.plan.revision, at, "no later than the plan's revision")
-}
-
-pub(crate) fn scan(scan: &Scan<'_>) -> Checked {
-    for (field, length) in [("points", scan.points.len()), ("no_return", scan.no_return.len())] {
-        holds(field, length <= MAX_POINTS, format!("a list of {length}"), "at most 4194304 points")?;
-    }
-    let measured = scan.points.len() as u64..=MAX_POINTS as u64;
-    let wanted = "at least the number of points, and below 2^22 + 1";
-    holds("measured", measured.contains(&scan.measured), scan.measured, wanted)
 }
 
 /// Rays without a return that would be believed farther than any other ray.

@@ -12,7 +12,7 @@ use crate::checks::{self, MAX_REVISIONS_AHEAD};
 /// What changed in a map from one revision to another: the bricks in which anything changed, whole.
 /// `since == 0` makes it the whole map.
 #[payload]
-#[describe(check = checks::map_update, drawn = "voxels")]
+#[describe(check = check, drawn = "voxels")]
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapUpdate {
     /// The revision that the bricks belong to; grows by one a scan.
@@ -44,6 +44,11 @@ impl MapUpdate {
         let Self { revision, since, scan: _, resolution, ref bricks } = *self;
         Delta { revision, since, resolution, bricks: Cow::Borrowed(bricks) }
     }
+}
+
+/// An update goes forward.
+fn check(update: &MapUpdate) -> checks::Checked {
+    checks::holds("since", update.since <= update.revision, update.since, "no later than the revision")
 }
 
 /// Why an update could not be applied.

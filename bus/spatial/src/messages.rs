@@ -228,7 +228,7 @@ pub struct MapMemory {
 
 /// Controller to its successor: how it stands.
 #[payload]
-#[describe(check = checks::motion_memory)]
+#[describe(check = motion_memory)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionMemory {
     /// The camera's pose (world), once the last command is carried out.
@@ -259,7 +259,7 @@ pub struct MotionMemory {
 
 /// Explorer to its successor, of whatever type: what it knows.
 #[payload]
-#[describe(check = checks::explorer_memory)]
+#[describe(check = explorer_memory)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExplorerMemory {
     /// The last plan.
@@ -383,7 +383,7 @@ pub enum Awaited {
 
 /// A path on the way.
 #[payload]
-#[describe(check = checks::leg)]
+#[describe(check = leg)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Leg {
     /// The plan that it is of.
@@ -410,7 +410,7 @@ pub struct Leg {
 /// A brick of the map as the map knows it (cells as in [`elk_geometry::bricks::cell_of`], cell `i` in bit `i mod 64` of word
 /// `i / 64`).
 #[payload]
-#[describe(check = checks::brick_memory)]
+#[describe(check = brick_memory)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct BrickMemory {
     /// The brick's position, in bricks.
@@ -561,4 +561,41 @@ impl FrontiersLeft {
         let looked_for = self.unreachable + self.invisible + self.unresolved + self.too_small + self.open;
         looked_for + self.no_return + self.map_edge + self.no_room + self.volume_edge
     }
+}
+
+/// There is one number for each known cell.
+fn brick_memory(memory: &BrickMemory) -> checks::Checked {
+    let known: u32 = memory.known.iter().map(|word| word.count_ones()).sum();
+    let right = memory.log_odds.len() == known as usize;
+    checks::holds("log_odds", right, format!("a list of {}", memory.log_odds.len()), "as long as known has bits")
+}
+
+/// What is allowed and waited for is among what was made, and the samples are in order.
+fn motion_memory(memory: &MotionMemory) -> checks::Checked {
+    let MotionMemory { commands, allowed, requests, .. } = *memory;
+    checks::holds("allowed", allowed <= commands, allowed, "no later than commands")?;
+    match &memory.awaited {
+        Awaited::Start | Awaited::Over(_) => {}
+        Awaited::Map(command) => {
+            checks::holds("awaited.Map.id", command.id == commands, command.id, "the last of commands")?
+        }
+        Awaited::Plan(asked) => {
+            checks::holds("awaited.Plan.id", asked.id == requests, asked.id, "the last of requests")?
+        }
+    }
+    let ascending = memory.samples.is_sorted_by(|one, next| one.scans < next.scans);
+    checks::holds("samples", ascending, "a list out of order", "in the order of scans")
+}
+
+/// Its path can be looked through.
+fn leg(leg: &Leg) -> checks::Checked {
+    let Decision::Go(path) = &leg.plan.decision else { return Ok(()) };
+    let way = checks::way(&path.points, leg.plan.motion.clearance_m, leg.resolution);
+    way.map(drop).map_err(|inner| inner.within("plan.decision.Go"))
+}
+
+/// There was progress before the plan, not after it.
+fn explorer_memory(memory: &ExplorerMemory) -> checks::Checked {
+    let at = memory.progress_at;
+    checks::holds("progress_at", at <= memory.plan.revision, at, "no later than the plan's revision")
 }

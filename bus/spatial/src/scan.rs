@@ -93,7 +93,7 @@ impl Describe for Points<'_> {
 
 /// What a depth camera saw from one pose.
 #[payload]
-#[describe(check = checks::scan, drawn = "points")]
+#[describe(check = check, drawn = "points")]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scan<'a> {
     /// Number of the scan, from 1, unbroken: filters and the map hand it on.
@@ -146,4 +146,14 @@ impl<'a> Scan<'a> {
     pub fn world_points(&self) -> impl ExactSizeIterator<Item = Point3<f64>> + '_ {
         self.points.iter().map(|p| self.pose.to_world(p.cast()))
     }
+}
+
+/// Its lists are no longer than any sensor's, and its count of points is one.
+fn check(scan: &Scan<'_>) -> checks::Checked {
+    for (field, length) in [("points", scan.points.len()), ("no_return", scan.no_return.len())] {
+        checks::holds(field, length <= checks::MAX_POINTS, format!("a list of {length}"), "at most 4194304 points")?;
+    }
+    let measured = scan.points.len() as u64..=checks::MAX_POINTS as u64;
+    let wanted = "at least the number of points, and below 2^22 + 1";
+    checks::holds("measured", measured.contains(&scan.measured), scan.measured, wanted)
 }

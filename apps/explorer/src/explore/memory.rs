@@ -80,7 +80,7 @@ impl Memory {
         let resolution = grid.resolution();
         let robot = Voxel::containing(request.pose.position(), resolution);
         // A predecessor's may be anything; nobody has followed one that is no path of this map.
-        let followed = self.path.take().filter(|path| path_in(grid, path, 0.0).is_ok());
+        let followed = self.path.take().filter(|path| path_in(grid, &path.points, 0.0).is_ok());
         if let Some(path) = &followed {
             // What cuts a path is seen on the way. Where it began the map was the plan's, and free.
             let begun = path.points.first() != Some(&request.pose.position());
