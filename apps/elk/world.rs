@@ -6,9 +6,9 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
+use elk_geometry::limits::RESOLUTIONS_M;
 use elk_mission::Kind;
 use elk_outside::text;
-use elk_spatial::checks::RESOLUTIONS_M;
 use elk_world::inspection::inspect;
 use elk_world::placement::{SCALES, UP};
 use elk_world::suitability::{Suitability, Wanted, suitability};

@@ -4,25 +4,25 @@ use std::ops::RangeInclusive;
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Mail, Recall, Rejection, asked_to_stop, tell};
+use elk_geometry::clearance::Clearance;
+use elk_geometry::limits::RESOLUTIONS_M;
+use elk_geometry::{Bounds, FrontierSet, Voxel};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::checks::{
-    CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, RESOLUTIONS_M, SPACINGS_M, path_in,
-};
-use elk_spatial::clearance::Clearance;
+use elk_spatial::Replica;
+use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, MapStatus, Plan, PlanRequest};
-use elk_spatial::{Bounds, FrontierSet, Replica, Voxel};
 use nalgebra::Vector3;
 
 use crate::explore::{Explorer, Settings};
 use crate::extent::Scope;
-use crate::laplace::Solver;
 use crate::policy::Policy;
 use crate::requests::{MOST_ASKERS, Requests};
 use crate::strategy::{ClosestFrontier, Potential, Start, Strategy};
+use elk_field::Solver;
 
 /// The explorers that a mission file can name.
 pub static TYPES: &[AppType] = &[
@@ -323,7 +323,7 @@ impl ExplorerApp {
         let right = plan.request == request.id && (request.revision..=grid.revision()).contains(&plan.revision);
         right
             && match &plan.decision {
-                Decision::Go(path) => path_in(grid, path, plan.motion.clearance_m).is_ok(),
+                Decision::Go(path) => path_in(grid, &path.points, plan.motion.clearance_m).is_ok(),
                 Decision::Done => true,
             }
     }

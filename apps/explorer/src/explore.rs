@@ -4,13 +4,13 @@ mod memory;
 mod scene;
 mod verdict;
 
+use elk_geometry::clearance::Clearance;
+use elk_geometry::frontier::Edges;
+use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use elk_spatial::checks::MAX_COUNT;
-use elk_spatial::clearance::Clearance;
-use elk_spatial::frontier::Edges;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
-use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
 use crate::extent::Scope;

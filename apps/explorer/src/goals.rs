@@ -4,11 +4,11 @@
 //! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
 //! every place that sees the unknown at all counts.
 
-use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
+use elk_geometry::{FrontierSet, OccupancyGrid, Voxel};
 use nalgebra::Point3;
 
-use crate::visibility::{Lookout, sees};
-use crate::volume::Volume;
+use elk_geometry::Volume;
+use elk_geometry::visibility::{Lookout, sees};
 
 /// Greatest distance of a standoff from its frontier voxel (m).
 const STANDOFF_M: f64 = 0.5;
@@ -216,7 +216,7 @@ fn ball(radius: f64) -> Vec<Voxel> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::{Bounds, State};
+    use elk_geometry::{Bounds, State};
 
     /// A free box of 10³ voxels, its floor occupied but for what `unknown` leaves open.
     fn room(unknown: &[Voxel]) -> (OccupancyGrid, Volume) {

@@ -4,13 +4,13 @@
 //! every result. `thesis` is its letter (6.5.1): follow the path to its end, looking along it. `elk` stops where the
 //! target's unknown side is in sight, cuts bends that nothing asks for, and looks at the target on the way.
 
+use elk_geometry::{Polyline, Pose, Voxel};
 use elk_spatial::messages::MotionPolicy;
-use elk_spatial::{Polyline, Pose, Voxel};
 use nalgebra::{Point3, Vector3};
 
 use crate::goals::{Known, Target};
-use crate::visibility::sees;
-use crate::volume::Volume;
+use elk_geometry::Volume;
+use elk_geometry::visibility::sees;
 
 /// Length of way between two checks for line of sight (m).
 const SIGHT_STEP_M: f64 = 0.05;
@@ -140,7 +140,7 @@ fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Po
 
 /// Whether the robot can go straight from `from` to `to`.
 fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>) -> bool {
-    elk_spatial::ray::Traversal::new(from, to, volume.resolution()).all(|v| volume.index(v).is_some_and(|i| reach[i]))
+    elk_geometry::ray::Traversal::new(from, to, volume.resolution()).all(|v| volume.index(v).is_some_and(|i| reach[i]))
 }
 
 /// The poses to scan from at `position`, in order: first the one that has most of the frontier in view beside the target,
@@ -222,7 +222,7 @@ fn outward(volume: &Volume, known: Known, position: Point3<f64>, target: &Target
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::{FrontierSet, OccupancyGrid, State};
+    use elk_geometry::{FrontierSet, OccupancyGrid, State};
 
     /// An L-shaped corridor, 5 voxels wide and high: 30 along x, then 30 along y; its far end is open.
     fn corridor() -> (OccupancyGrid, FrontierSet, Volume, Vec<bool>, Target) {

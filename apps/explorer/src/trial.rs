@@ -1,13 +1,13 @@
 //! A made-up room to try a strategy in, without a bus, a world or a robot.
 
-use elk_spatial::clearance::Clearance;
-use elk_spatial::{OccupancyGrid, State, Voxel};
+use elk_geometry::clearance::Clearance;
+use elk_geometry::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
 use crate::goals::{Goals, Target};
 use crate::space::Space;
 use crate::strategy::{Journal, Strategy, View};
-use crate::volume::Volume;
+use elk_geometry::Volume;
 
 /// Edge of the room's voxels, and radius of its robot (m).
 const EDGE_M: f64 = 0.1;

@@ -1,8 +1,8 @@
 //! Why nothing of what a sensor saw came into the map, as far as the map has counted it.
 
+use elk_geometry::voxel::reach_m;
 use elk_mission::AppSpec;
 use elk_spatial::messages::{MapStatus, RayTally};
-use elk_spatial::voxel::reach_m;
 
 /// Why the map holds nothing of what was to be seen, `filters` being between it and the sensor; none: it holds something.
 pub(crate) fn shortfall(filters: &[&AppSpec], map: &MapStatus) -> Option<String> {

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::{App, AppError, Comms, Community, Mail};
+use elk_geometry::Pose;
 use elk_launcher::{LaunchError, LaunchOptions, Outcome, launch};
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params, Registry};
-use elk_spatial::Pose;
 use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_REQUEST, MOTION_REPORT, POSE_COMMAND, PROGRESS, SENSOR_REPORT,
 };

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use elk_spatial::{OccupancyGrid, State, Voxel};
+use elk_geometry::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
 /// A world axis, or its reverse, as a direction of the view.

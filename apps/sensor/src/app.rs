@@ -2,12 +2,14 @@
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, DecodeError, Key, Mail, Recall, Rejection, tell};
+use elk_geometry::limits::check_point;
+use elk_geometry::{OccupancyGrid, Pose};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
-use elk_spatial::checks::{self, MAX_COMMANDS_LOST, MAX_POINTS, MAX_REVISIONS_AHEAD};
+use elk_spatial::Scan;
+use elk_spatial::checks::{MAX_COMMANDS_LOST, MAX_POINTS, MAX_REVISIONS_AHEAD};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
-use elk_spatial::map::MapUpdate;
+use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
-use elk_spatial::{OccupancyGrid, Pose, Scan};
 use elk_world::placement::{SCALES, UP};
 use elk_world::truth::accuracy;
 use elk_world::{BUILT_IN, CAR_INTERIOR, Placement, World};
@@ -163,7 +165,7 @@ fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
     let world = world(params)?;
     let remarks = remarks(params.text("World"), &world);
     let start = start(params, &world)?;
-    checks::point(&start.position()).map_err(|invalid| {
+    check_point(&start.position()).map_err(|invalid| {
         format!("Start: {invalid}, as no map reaches farther; move the world nearer to the origin")
     })?;
     let simulator = Simulator::new(world, settings(params), start)
@@ -403,7 +405,7 @@ impl SimulatorApp {
 
     fn judge(&self, update: &MapUpdate) -> Result<AccuracyReport, AppError> {
         let mut map = OccupancyGrid::new(update.resolution);
-        map.apply(update).map_err(Rejection::new)?;
+        map.apply(&update.delta()).map_err(|why| Rejection::new(UpdateError::from(why)))?;
         let known = map.free() + map.occupied();
         if known > MOST_JUDGED {
             return Err(
@@ -421,8 +423,8 @@ mod tests {
 
     use elk_bus::memory::MemoryBroker;
     use elk_bus::{BrokerConfig, Client, Clock, Community};
+    use elk_geometry::{State, Voxel};
     use elk_spatial::keys::SCAN;
-    use elk_spatial::{State, Voxel};
 
     use super::*;
 
@@ -511,7 +513,7 @@ mod tests {
 
         let mut map = OccupancyGrid::new(0.1);
         map.set(Voxel::new(0, 0, 8), State::Free);
-        probe.comms.publish(&MAP, &map.whole(1)).unwrap();
+        probe.comms.publish(&MAP, &MapUpdate::new(map.whole(), 1)).unwrap();
         probe.comms.flush().unwrap();
         serve(&mut app, &mut sensor);
         assert_eq!(heard(&mut probe), [("ACCURACY_REPORT".to_owned(), 1)]);

@@ -1,7 +1,7 @@
 //! Whether a simulated mission can be run in its world, looked at before anything starts.
 
+use elk_geometry::Bounds;
 use elk_mission::{AppSpec, Mission, Params, PreflightReport, element};
-use elk_spatial::Bounds;
 use elk_world::suitability::{Suitability, Wanted, suitability};
 use nalgebra::{Point3, Vector3};
 

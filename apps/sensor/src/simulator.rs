@@ -1,7 +1,8 @@
 //! A robot with a depth camera in a world that only the simulator knows (thesis 3.3).
 
+use elk_geometry::Pose;
+use elk_spatial::Scan;
 use elk_spatial::messages::{CameraPose, PoseCommand};
-use elk_spatial::{Pose, Scan};
 use nalgebra::{Point3, Vector3};
 
 use crate::camera::Camera;

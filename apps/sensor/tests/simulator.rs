@@ -1,7 +1,7 @@
 //! Scans, contacts and refusals, in rooms whose distances can be told by hand.
 
+use elk_geometry::Pose;
 use elk_sensor::{Camera, Refusal, Settings, Simulator, StereoNoise, random_start};
-use elk_spatial::Pose;
 use elk_spatial::messages::PoseCommand;
 use elk_world::random::Random;
 use elk_world::scenery::{SITES, Scenery, Solid};

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use elk_spatial::Bounds;
+use elk_geometry::Bounds;
 use nalgebra::Point3;
 
 use crate::triangle::{Triangle, bounds_of};

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use elk_bus::{Payload, Type, TypeRef, Value, codec};
+use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
 use elk_log::check::check;
 use elk_log::{Compression, Index, LogError, LogOptions, LogReader, LogWriter, Metadata, Record, segments};
+use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{CameraPose, Decision, MotionPolicy, Path as Way, Plan, Progress};
-use elk_spatial::{OccupancyGrid, Points, Pose, Scan, State, Voxel};
+use elk_spatial::{Points, Scan};
 use nalgebra::{Point3, Vector3};
 
 /// Message `number`, recorded a tenth of a second after the one before.
@@ -309,7 +311,7 @@ fn spatial() -> Vec<Record> {
     vec![
         record("SIM_SENSOR", 0, binary::<CameraPose>(&CameraPose { command: 1, pose })),
         record("SCAN", 1, binary::<Scan<'static>>(&Scan::new(1, 1, pose, points))),
-        record("MAP", 2, binary::<elk_spatial::map::MapUpdate>(&map.whole(1))),
+        record("MAP", 2, binary::<MapUpdate>(&MapUpdate::new(map.whole(), 1))),
         record("PLAN", 3, binary::<Plan>(&plan)),
         record(
             "PROGRESS",

@@ -1,8 +1,8 @@
 //! What follows from the other apps where the mission does not say: who reads whose scans, where frontiers count, and what
 //! two apps have to have in common.
 
-use elk_spatial::clearance::{Clearance, MAX_RADIUS_VOXELS};
-use elk_spatial::ray;
+use elk_geometry::clearance::{Clearance, MAX_RADIUS_VOXELS};
+use elk_spatial::checks;
 
 use crate::draft::Draft;
 use crate::element;
@@ -92,7 +92,7 @@ fn within_range(draft: &Draft, problems: &mut Findings) {
     else {
         return;
     };
-    if let (Some(given), Err(beyond)) = (said.or(most_said), ray::within_range(free, most)) {
+    if let (Some(given), Err(beyond)) = (said.or(most_said), checks::within_range(free, most)) {
         problems.add(&given.value_place, beyond.to_string());
     }
 }

@@ -2,16 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use elk_geometry::ray::Traversal;
+use elk_geometry::{FrontierSet, Pose, State, Voxel};
 use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
-use elk_spatial::ray::Traversal;
-use elk_spatial::{FrontierSet, Pose, State, Voxel};
 use nalgebra::Point3;
 
 use super::scene::nearest;
 use crate::goals::{Known, is_untried};
 use crate::policy::{LOOK_RANGE_M, VIEW_HALF_ANGLE};
-use crate::visibility::in_sight;
+use elk_geometry::visibility::in_sight;
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.
 const CUTS: u32 = 3;
@@ -80,7 +80,7 @@ impl Memory {
         let resolution = grid.resolution();
         let robot = Voxel::containing(request.pose.position(), resolution);
         // A predecessor's may be anything; nobody has followed one that is no path of this map.
-        let followed = self.path.take().filter(|path| path_in(grid, path, 0.0).is_ok());
+        let followed = self.path.take().filter(|path| path_in(grid, &path.points, 0.0).is_ok());
         if let Some(path) = &followed {
             // What cuts a path is seen on the way. Where it began the map was the plan's, and free.
             let begun = path.points.first() != Some(&request.pose.position());
@@ -244,7 +244,7 @@ fn tried_from(record: &mut TargetRecord, place: Voxel) {
 
 #[cfg(test)]
 mod tests {
-    use elk_spatial::{OccupancyGrid, State};
+    use elk_geometry::{OccupancyGrid, State};
 
     use super::*;
 

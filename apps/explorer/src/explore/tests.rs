@@ -1,11 +1,11 @@
 use super::*;
-use crate::laplace::Solver;
 use crate::strategy::{Potential, Start};
 use elk_bus::Describe;
+use elk_field::Solver;
+use elk_geometry::ray::Traversal;
+use elk_geometry::{Pose, State, Voxel};
 use elk_spatial::checks::{LARGEST_SUM, MAX_CORNERS, MAX_PHASES, MAX_REMEMBERED, MAX_TRIES};
 use elk_spatial::messages::{Outcome, TargetRecord};
-use elk_spatial::ray::Traversal;
-use elk_spatial::{Pose, State, Voxel};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -79,7 +79,7 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let look = |pose: &Pose, frontier: &mut FrontierSet, grid: &mut OccupancyGrid| {
         let changed = scan(grid, pose);
-        grid.advance(&changed, 0);
+        grid.advance(&changed);
         frontier.update(grid, &changed);
     };
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
@@ -184,7 +184,7 @@ fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
     let changed = scan(&mut grid, &pose);
     frontier.update(&grid, &changed);
     for id in 1..1000 {
-        grid.advance(&[], id);
+        grid.advance(&[]);
         let outcome = if id == 1 { Outcome::First } else { Outcome::Unresolved };
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
         match explorer.plan(&grid, &frontier, &request).decision {
@@ -211,7 +211,7 @@ fn run_under_the_sky(deaf: bool) -> (ExplorationReport, u64) {
     let mut rays = 0;
     let mut look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid, frontier: &mut FrontierSet| {
         let (changed, no_return) = scan_of(grid, pose, is_wall);
-        grid.advance(&changed, 0);
+        grid.advance(&changed);
         frontier.update(grid, &changed);
         rays += no_return;
         explorer.hear_of_rays(if deaf { 0 } else { rays });
@@ -334,7 +334,7 @@ fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     let changed = scan(&mut grid, &start);
-    grid.advance(&changed, 0);
+    grid.advance(&changed);
     frontier.update(&grid, &changed);
     let ahead = Vector3::new(0.1, 0.0, 0.0);
     let far = (0..MAX_CORNERS).map(|n| start.position() + ahead * if n % 2 == 0 { 1.0 } else { 3e6 }).collect();

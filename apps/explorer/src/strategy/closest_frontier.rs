@@ -1,7 +1,7 @@
 //! Always to the closest frontier (thesis 6.5.1.2, after Yamauchi 1997).
 
 use super::{Journal, Route, Strategy, View};
-use crate::astar;
+use elk_geometry::astar;
 
 /// Goes to the goal with the shortest way.
 #[derive(Debug, Clone, Copy, Default)]

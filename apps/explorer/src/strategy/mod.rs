@@ -18,7 +18,7 @@ use nalgebra::Point3;
 
 use crate::goals::Goals;
 use crate::space::Space;
-use crate::volume::Volume;
+use elk_geometry::Volume;
 
 /// What a strategy sees. [`View::cheapest`] and [`View::ways`] are all that most strategies need of it.
 #[derive(Debug, Clone, Copy)]

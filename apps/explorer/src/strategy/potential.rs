@@ -1,12 +1,10 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
-use elk_spatial::Polyline;
+use elk_field::{Cell, End, Field, Problem, ProblemError, Solver, solve_unless};
+use elk_geometry::{Polyline, astar};
 use nalgebra::{Point3, Vector3};
 
 use super::{Journal, Route, Strategy, View};
-use crate::astar;
-use crate::laplace::{self, Cell, Problem, Solver};
-use crate::streamline::{End, Field};
 
 /// Distance from the robot at which streamlines start, beside those through its face neighbours (m).
 const SEED_DISTANCE_M: f64 = 0.15;
@@ -31,7 +29,7 @@ pub struct Potential {
     pub start: Start,
     /// How the field is solved.
     pub solver: Solver,
-    /// When the solver has done enough (see [`laplace::solve`]).
+    /// When the solver has done enough (see [`elk_field::solve`]).
     pub tolerance: f64,
 }
 
@@ -54,15 +52,16 @@ impl Strategy for Potential {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        let problem = problem(view);
+        // The volume has a margin of what is unknown, so this is one.
+        let problem = problem(view).ok()?;
         let stopping = journal.is_to_stop;
-        let solve = || laplace::solve_unless(&problem, self.solver, self.tolerance, stopping);
+        let solve = || solve_unless(&problem, self.solver, self.tolerance, stopping);
         let solution = journal.time("field", solve);
         if journal.is_to_stop() {
             return None;
         }
         journal.iterations += solution.iterations as u64;
-        let field = Field { volume: view.volume, problem: &problem, psi: &solution.psi };
+        let field = Field { problem: &problem, psi: &solution.psi };
         let mut stalls = 0;
         let route = journal.time("streamline", || self.follow(view, &field, &mut stalls));
         journal.stalls += stalls;
@@ -92,7 +91,7 @@ impl Potential {
 }
 
 /// ψ is 1 where the route starts, 0 at the goals, and sought wherever else the robot can be.
-fn problem(view: &View<'_>) -> Problem {
+fn problem(view: &View<'_>) -> Result<Problem, ProblemError> {
     let start = view.space.start();
     let cell = |(i, reached): (usize, &bool)| match reached {
         _ if i == start => Cell::Source,
@@ -100,7 +99,7 @@ fn problem(view: &View<'_>) -> Problem {
         true if view.goals.contains(i) => Cell::Sink,
         true => Cell::Inside,
     };
-    Problem { dim: view.volume.dim(), cells: view.space.reach.iter().enumerate().map(cell).collect() }
+    Problem::new(view.volume.region().clone(), view.space.reach.iter().enumerate().map(cell).collect())
 }
 
 /// The centre of the face neighbour that most flows into.
@@ -117,7 +116,7 @@ fn largest_flux(view: &View<'_>, field: &Field<'_>) -> Option<Point3<f64>> {
 fn face_neighbours<'a>(view: &'a View<'_>, field: &'a Field<'_>) -> impl Iterator<Item = usize> + 'a {
     let start = view.space.start();
     let faces = view.volume.faces().into_iter();
-    faces.map(move |d| start.wrapping_add_signed(d)).filter(|n| field.problem.cells[*n] != Cell::Outside)
+    faces.map(move |d| start.wrapping_add_signed(d)).filter(|n| field.problem.cells()[*n] != Cell::Outside)
 }
 
 /// The centres of the face neighbours, and points evenly around the start (a Fibonacci lattice on the sphere).

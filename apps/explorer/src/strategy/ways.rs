@@ -1,7 +1,8 @@
 //! The shortest ways from where the robot is to all goals at once.
 
+use elk_geometry::astar::{self, Reached};
+
 use super::{Route, View};
-use crate::astar::{self, Reached};
 use crate::goals::Goal;
 
 /// The shortest ways to all goals of a [`View`], over voxels that the robot can be in.
