@@ -2,6 +2,7 @@
 //!
 //! Raw arguments become a checked configuration (`cli`, `elk_mission`), and only then does anything start.
 
+mod arguments;
 mod cli;
 mod commands;
 mod compare;
@@ -15,18 +16,17 @@ mod registry;
 mod replay;
 mod scope;
 mod target;
+mod terminal;
+mod version;
 mod world;
 
-use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
-use elk_bus::tell;
 use elk_launcher::Request;
-use elk_outside::colour::{self, Style};
-use elk_outside::text;
 
 use cli::{Cli, Command};
+use terminal::complain;
 
 fn main() -> ExitCode {
     elk_bus::let_owner_in();
@@ -67,21 +67,6 @@ fn main() -> ExitCode {
             complain(&in_one_line(&error));
             ExitCode::FAILURE
         }
-    }
-}
-
-/// Says what is wrong on standard error. Names of files and of other people's apps may be in it: the terminal only shows
-/// them, and only as much as is of use.
-fn complain(words: &str) {
-    const MOST: usize = 16_000;
-    let words = text::clipped(words, MOST);
-    let stderr = std::io::stderr();
-    if colour::on(&stderr) {
-        let line = format!("{} {}\n", Style::Bad.paint("elk:", true), text::printable_lines(&words));
-        // A terminal that is gone shows nothing.
-        let _ = stderr.lock().write_all(line.as_bytes());
-    } else {
-        tell(format_args!("elk: {words}"));
     }
 }
 

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 
-use crate::commands::say;
+use crate::terminal::say;
 
 /// What is to be made.
 #[derive(Debug, Args)]

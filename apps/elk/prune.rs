@@ -11,7 +11,7 @@ use clap::Args;
 use elk_bus::clock::Clock;
 use elk_outside::time;
 
-use crate::commands::say;
+use crate::terminal::{complain, say};
 
 /// The files that make a folder a run's: its log may lie elsewhere, and a log may have come without a launcher.
 const OF_A_RUN: [&str; 2] = ["log.mcap", "run.json"];
@@ -94,7 +94,7 @@ pub fn run(arguments: &PruneArgs) -> Result<ExitCode> {
         if *delete && let Err(error) = std::fs::remove_dir_all(folder) {
             failed += 1;
             left += bytes;
-            crate::complain(&format!("cannot delete {}: {error}", folder.display()));
+            complain(&format!("cannot delete {}: {error}", folder.display()));
         }
     }
     let megabytes = (old.iter().map(|run| run.bytes).sum::<u64>() - left) as f64 / 1e6;
@@ -142,7 +142,7 @@ fn runs(folder: &Path, now: f64) -> Result<(Vec<Run>, usize)> {
             Ok(Held { newest, bytes, is_written }) => {
                 runs.push(Run { age_secs: now - newest, bytes, folder, is_written });
             }
-            Err(error) => crate::complain(&format!("{}: {error}; it is passed over", unreadable(&folder))),
+            Err(error) => complain(&format!("{}: {error}; it is passed over", unreadable(&folder))),
         }
     }
     Ok((runs, others))

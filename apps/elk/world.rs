@@ -15,7 +15,7 @@ use elk_world::suitability::{Suitability, Wanted, suitability};
 use elk_world::{Placement, World};
 use nalgebra::Point3;
 
-use crate::commands::say;
+use crate::terminal::say;
 
 /// What to do with a world.
 #[derive(Debug, Subcommand)]

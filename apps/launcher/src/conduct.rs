@@ -14,13 +14,13 @@ use rustix::process::getpid;
 use crate::backend::Backend;
 use crate::control::{Answer, AppRow, Request, Server};
 use crate::error::LaunchError;
-use crate::launch_state::{self, LaunchState};
-use crate::listener::Listener;
-use crate::observer::News;
-use crate::person::{self, Person};
-use crate::progress::Display;
+use crate::process::usage::Usage;
+use crate::reports::listener::Listener;
+use crate::reports::observer::News;
+use crate::run::launch_state::{self, LaunchState};
 use crate::supervisor::{State, Ticket, Word};
-use crate::usage::Usage;
+use crate::terminal::person::{self, Person};
+use crate::terminal::progress::Display;
 
 /// How long the broker may take to answer.
 const BROKER_PATIENCE: Duration = Duration::from_secs(20);
@@ -330,7 +330,7 @@ impl Conduct<'_> {
 
     fn rows(&mut self) -> Vec<AppRow> {
         let losses = self.listener.observer().losses.clone();
-        let mut rows = vec![launcher_row(self.running, losses.dropped.get(crate::NAME).copied())];
+        let mut rows = vec![launcher_row(self.running, losses.dropped.get(crate::reports::NAME).copied())];
         rows.extend(self.backend.rows(&losses));
         rows
     }
@@ -382,7 +382,7 @@ fn motion(paused: bool) -> &'static str {
 fn launcher_row(running: Stopwatch, dropped: Option<u64>) -> AppRow {
     let usage = Usage::of(getpid());
     AppRow {
-        name: crate::NAME.to_owned(),
+        name: crate::reports::NAME.to_owned(),
         element: String::new(),
         type_name: "launcher".to_owned(),
         pid: Some(getpid().as_raw_nonzero().get()),

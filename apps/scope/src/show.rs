@@ -179,6 +179,11 @@ fn three_digits(number: f64) -> String {
     format!("{number:.decimals$}")
 }
 
+/// Names, or that there are none.
+pub(crate) fn or_nobody(readers: &[String]) -> String {
+    if readers.is_empty() { "nobody".to_owned() } else { names(readers, ", ") }
+}
+
 #[cfg(test)]
 mod tests {
     use elk_spatial::samples;

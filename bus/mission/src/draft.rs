@@ -6,8 +6,8 @@ use roxmltree::{Attribute, Node};
 
 use crate::arguments::split_arguments;
 use crate::element;
-use crate::exchange;
-use crate::mission::{AppSpec, Program};
+use crate::executable;
+use crate::kind::ParamSpec;
 use crate::name::{is_app_name, right_app_names};
 use crate::nearest::{instead, nearest};
 use crate::params::ParamValue;
@@ -15,12 +15,19 @@ use crate::policy::{self, Said};
 use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::resolve::{Given, Table, resolve};
-use crate::scenario::{Context, stray_text};
 use crate::setting::Override;
-use crate::spec::{AppType, ParamSpec};
+use crate::spec::{AppSpec, AppType, Program};
+use crate::xml::{own_text, stray_text, value_place};
 
 /// The type of Logger that is no logger: the mission is not recorded.
 const NONE: &str = "none";
+
+/// What every part of the check needs.
+pub(crate) struct Context<'a> {
+    pub registry: &'a Registry,
+    /// Where relative files are looked for.
+    pub folder: &'a Path,
+}
 
 /// One app as it was said.
 pub(crate) struct Draft {
@@ -327,7 +334,7 @@ impl Draft {
                 problems.add(&place, "what runs is said twice; one type or exec is right");
             }
             "type" => self.become_type(&said.text, &place, registry, problems),
-            "exec" => match exchange::executable(&said.text, Path::new("")) {
+            "exec" => match executable::executable(&said.text, Path::new("")) {
                 Ok(exec) => {
                     let exec = std::path::absolute(&exec).unwrap_or(exec).to_string_lossy().into_owned();
                     self.runs = Runs::Foreign { exec, args: Vec::new() };
@@ -411,17 +418,4 @@ fn executable(context: &Context, exec: &str) -> String {
         true => context.folder.join(exec).to_string_lossy().into_owned(),
         false => exec.to_owned(),
     }
-}
-
-/// Where the first letter of an element's text stands.
-fn value_place(node: Node) -> Option<At> {
-    let text = node.children().find(|child| own_text(*child).is_some_and(|t| !t.trim().is_empty()))?;
-    let said = text.text()?;
-    let lead = said.len() - said.trim_start().len();
-    Some(At::Byte(text.range().start + lead))
-}
-
-/// The text of a text node; comments have text, too, and do not count.
-fn own_text<'a>(node: Node<'a, '_>) -> Option<&'a str> {
-    node.text().filter(|_| node.is_text())
 }

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use crate::element;
-use crate::mission::{AppSpec, Mission, Mode, Program};
 use crate::policy::{self, Policy, Restart};
+use crate::spec::{AppSpec, Mission, Mode, Program};
 
 impl Mission {
     /// The mission as XML that means the same in any folder and under other defaults. Parameters of which `omit` says so

@@ -5,14 +5,15 @@ use std::path::Path;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::draft::Draft;
+use crate::draft::{self, Context, Draft};
 use crate::element;
-use crate::mission::{AppSpec, Mission, Mode};
 use crate::nearest::instead;
 use crate::policy::{self, SaidOfBroker};
 use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::setting::Override;
+use crate::spec::{AppSpec, Mission, Mode};
+use crate::xml::stray_text;
 use crate::{variables, wiring};
 
 /// The elements of a Scenario; how many of each a mission has.
@@ -40,13 +41,6 @@ const MOST_NODES: u32 = 100_000;
 
 /// Names on the bus that no app can have: the broker's own, and the launcher's.
 const RESERVED: [&str; 2] = ["db", "launcher"];
-
-/// What every part of the check needs.
-pub(crate) struct Context<'a> {
-    pub registry: &'a Registry,
-    /// Where relative files are looked for.
-    pub folder: &'a Path,
-}
 
 /// Checks the text of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
 pub(crate) fn check(
@@ -76,7 +70,7 @@ pub(crate) fn check(
     let (name, said_mode, broker) = head(scenario, file, problems);
     let mut drafts = drafts(&context, scenario, problems);
     count(&drafts, &place, problems);
-    crate::draft::default_logger(&mut drafts, registry, &place);
+    draft::default_logger(&mut drafts, registry, &place);
     names(&mut drafts, problems);
     apply(overrides, &mut drafts, registry, problems);
     wiring::connect(&mut drafts, problems);
@@ -179,20 +173,6 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Dra
         }
     }
     drafts
-}
-
-/// Text between elements is a forgotten tag.
-pub(crate) fn stray_text(parent: Node, problems: &mut Findings) {
-    for text in parent.children().filter(Node::is_text) {
-        let said = text.text().unwrap_or_default();
-        if !said.trim().is_empty() {
-            let lead = said.len() - said.trim_start().len();
-            let place = At::Byte(text.range().start + lead);
-            let word = said.split_whitespace().next().unwrap_or_default();
-            let parent = parent.tag_name().name();
-            problems.add(&place, format!("{word:?} stands loose in <{parent}>; right is an element"));
-        }
-    }
 }
 
 fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {

@@ -6,11 +6,11 @@ use elk_spatial::checks;
 
 use crate::draft::Draft;
 use crate::element;
-use crate::mission::Mode;
 use crate::params::ParamValue;
 use crate::problem::{At, Findings};
 use crate::resolve::Given;
-use crate::variables;
+use crate::spec::Mode;
+use crate::variables::{self, SCAN};
 
 /// Parameters that are the same for both elements: said of one, they hold for the other.
 const COMMON: [(&str, [&str; 2]); 3] = [
@@ -21,9 +21,6 @@ const COMMON: [(&str, [&str; 2]); 3] = [
 
 /// Parameters that say something only together, as middle and size of a volume.
 const TOGETHER: [&str; 2] = ["Mid", "Dim"];
-
-/// What the sensor publishes its scans under, if its type does not say.
-pub(crate) const SCAN: &str = "SCAN";
 
 /// Sets `Input` and `Output` of the filters and `Input` of the map: the first filter reads what the sensor publishes and
 /// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim` are

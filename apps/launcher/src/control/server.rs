@@ -10,8 +10,8 @@ use elk_bus::clock::Stopwatch;
 use elk_bus::shm::door;
 use rustix::event::{PollFd, PollFlags};
 
+use super::socket::{MAX_ANSWER, MAX_QUESTION, address, name, own_user, peer};
 use super::words::{Answer, Request};
-use super::{MAX_ANSWER, MAX_QUESTION, address, name, own_user, peer};
 use crate::error::LaunchError;
 use crate::supervisor::Ticket;
 

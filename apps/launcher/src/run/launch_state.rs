@@ -12,7 +12,7 @@ use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, R
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
-use crate::strays::Run;
+use crate::process::strays::Run;
 
 /// The variable.
 pub(crate) const KEY: &str = "LAUNCH_STATE";
@@ -190,7 +190,7 @@ impl LaunchState {
 fn join(community: &Community) -> Result<Client, ConnectError> {
     let clock = Stopwatch::start();
     loop {
-        match Client::connect(community, crate::NAME) {
+        match Client::connect(community, crate::reports::NAME) {
             Err(ConnectError::Refused { .. } | ConnectError::Handshake { .. }) if clock.elapsed() < PATIENCE => {
                 std::thread::sleep(ASK_EVERY)
             }

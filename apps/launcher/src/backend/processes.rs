@@ -14,18 +14,18 @@ use rustix::event::{PollFd, PollFlags};
 use rustix::process::Pid;
 
 use crate::backend::Backend;
+use crate::backend::environment::{DB, Environment};
 use crate::control::{AppRow, Request};
-use crate::descendants::Descendants;
-use crate::environment::{DB, Environment};
 use crate::error::LaunchError;
-use crate::launch_state::{AppState, LaunchState};
-use crate::listener::Join;
-use crate::observer::{Losses, News};
-use crate::process::{Bond, Process};
-use crate::run_folder::stamp;
-use crate::strays::Run;
+use crate::process::child::{Bond, Process};
+use crate::process::descendants::Descendants;
+use crate::process::strays::Run;
+use crate::process::usage::{Samples, Usage};
+use crate::reports::listener::Join;
+use crate::reports::observer::{Losses, News};
+use crate::run::folder::stamp;
+use crate::run::launch_state::{AppState, LaunchState};
 use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Supervisor, Ticket, UnitSpec, Word};
-use crate::usage::{Samples, Usage};
 
 /// How long a broker that is only to put things away may take to answer.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
@@ -75,7 +75,7 @@ impl Processes {
     }
 
     fn of_run(run: Run, mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
-        let descendants = Descendants::begin(run, &environment)?;
+        let descendants = Descendants::begin(run, &environment.program, &environment.community, environment.detached)?;
         let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
         let units = mission.apps.iter().map(|app| UnitSpec::new(&app.name, &app.element, &app.policy));
         let apps = mission.apps.iter().map(|app| Post { app: Some(app.clone()), ..Post::default() });
@@ -105,7 +105,7 @@ impl Processes {
     pub fn adopt(mission: &Mission, environment: Environment, state: &LaunchState) -> Result<Self, LaunchError> {
         let run = state.run.clone().map_or_else(Run::fresh, Ok)?;
         let mut all = Self::of_run(run, mission, environment)?;
-        all.descendants.adopted = true;
+        all.descendants.adopt();
         let log = all.environment.log_of(DB);
         all.explorers.clone_from(&state.explorers);
         all.posts[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log));
@@ -357,7 +357,7 @@ impl Processes {
     fn broker_answers(&mut self) -> bool {
         let clock = Stopwatch::start();
         while clock.elapsed() < ANSWER_PATIENCE {
-            if Client::connect(&self.environment.community, crate::NAME).is_ok() {
+            if Client::connect(&self.environment.community, crate::reports::NAME).is_ok() {
                 return true;
             }
             if self.posts[BROKER].holder.as_mut().is_none_or(|broker| broker.ended().is_some()) {
@@ -590,7 +590,7 @@ impl Drop for Processes {
 
 /// Another broker of the same community would make ours end, or be taken for it.
 fn free_of_brokers(community: &Community) -> Result<(), LaunchError> {
-    match Client::connect(community, crate::NAME) {
+    match Client::connect(community, crate::reports::NAME) {
         Err(ConnectError::NoBroker(_)) => Ok(()),
         Err(error @ ConnectError::ForeignUser { .. }) => Err(error.into()),
         Ok(_) | Err(_) => Err(LaunchError::Served(community.clone())),

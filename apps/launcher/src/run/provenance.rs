@@ -8,8 +8,8 @@ use elk_outside::file;
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
-use crate::run_folder::{copy_name, effective_name};
-use crate::summary;
+use crate::run::folder::{copy_name, effective_name};
+use crate::run::summary;
 
 /// The file in the run's folder.
 pub(crate) const RUN: &str = "run.json";

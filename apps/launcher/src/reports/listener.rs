@@ -13,7 +13,7 @@ use elk_bus::{Client, CommsError, ConnectError, Value};
 use rustix::event::{EventfdFlags, eventfd};
 
 use crate::error::LaunchError;
-use crate::observer::{News, Observer};
+use crate::reports::observer::{News, Observer};
 
 /// How long one look at the bus takes at most; then it is seen what is to be said.
 const LOOK: Duration = Duration::from_millis(20);

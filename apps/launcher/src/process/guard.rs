@@ -16,7 +16,7 @@ use elk_bus::clock::Stopwatch;
 use rustix::process::{Pid, Signal, getppid, kill_process_group, parent_process_death_signal, test_kill_process_group};
 
 use crate::error::LaunchError;
-use crate::strays::{self, Run, Sight};
+use crate::process::strays::{self, Run, Sight};
 
 /// How long groups may take to end before they are killed: two seconds after the launcher, nobody is left.
 const PATIENCE: Duration = Duration::from_millis(1500);
@@ -189,7 +189,7 @@ mod tests {
         let reaper = std::thread::spawn(move || (left.wait().unwrap(), id));
         guard(said.as_bytes()).unwrap();
         let (status, _) = reaper.join().unwrap();
-        assert_eq!(crate::process::how(status), "signal 15 (SIGTERM)");
+        assert_eq!(crate::process::child::how(status), "signal 15 (SIGTERM)");
         assert!(forgotten.try_wait().unwrap().is_none());
         forgotten.kill().unwrap();
         forgotten.wait().unwrap();

@@ -6,9 +6,9 @@ use elk_mission::{AppSpec, Mission, Mode, element};
 use elk_outside::file;
 
 use crate::error::LaunchError;
-use crate::provenance;
-use crate::run_folder::{copy_name, effective_name};
-use crate::summary;
+use crate::run::folder::{copy_name, effective_name};
+use crate::run::provenance;
+use crate::run::summary;
 
 /// The parameter of loggers and maps that names what they write.
 const FILE: &str = "File";

@@ -1,16 +1,19 @@
 //! What carries out a mission: a broker and apps, whether they are processes or threads.
 
+pub(crate) mod environment;
+pub(crate) mod processes;
+pub(crate) mod threads;
+
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use elk_mission::element;
 use rustix::event::PollFd;
 
 use crate::control::{AppRow, Request};
 use crate::error::LaunchError;
-use crate::launch_state::LaunchState;
-use crate::listener::Join;
-use crate::observer::{Losses, News};
+use crate::reports::listener::Join;
+use crate::reports::observer::{Losses, News};
+use crate::run::launch_state::LaunchState;
 use crate::supervisor::{Ticket, Word};
 
 /// A broker and the apps of a mission.
@@ -77,36 +80,4 @@ pub(crate) trait Backend {
 
     /// Ends the broker, once nobody needs it any more.
     fn stop_broker(&mut self);
-}
-
-/// The place of an element in the order of stopping: who commands ends before who obeys, the logger hears them all.
-pub(crate) fn stop_rank(element: &str) -> usize {
-    const ORDER: [&str; 7] = [
-        element::CONTROLLER,
-        element::EXPLORER,
-        element::MAP,
-        element::FILTER,
-        element::SENSOR,
-        element::APP,
-        element::LOGGER,
-    ];
-    ORDER.iter().position(|other| *other == element).unwrap_or(ORDER.len())
-}
-
-/// Numbers of `elements` in the order of stopping; of several filters the last one ends first.
-pub(crate) fn stop_order<'a>(elements: impl Iterator<Item = &'a str>) -> Vec<usize> {
-    let mut order: Vec<(usize, usize)> = elements.map(stop_rank).zip(0..).collect();
-    order.sort_by_key(|(rank, number)| (*rank, std::cmp::Reverse(*number)));
-    order.into_iter().map(|(_, number)| number).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::stop_order;
-
-    #[test]
-    fn who_commands_ends_before_who_obeys_and_the_logger_is_last() {
-        let elements = ["Logger", "Sensor", "Filter", "Filter", "Map", "App", "Controller", "Explorer"];
-        assert_eq!(stop_order(elements.into_iter()), [6, 7, 4, 3, 2, 1, 5, 0]);
-    }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-use crate::process::{Bond, Process};
+use crate::process::child::{Bond, Process};
 use crate::supervisor::Exit;
 
 /// How long a picture may take: it is drawn of what a run has known, in seconds.

@@ -7,8 +7,8 @@ use elk_bus::{Community, ProcessId, ProcessStat};
 use rustix::process::getpid;
 use serde::{Deserialize, Serialize};
 
-use crate::guard::Watched;
-use crate::strays::processes_with;
+use crate::process::guard::Watched;
+use crate::process::strays::processes_with;
 
 /// The environment variable that says of whoever descends from a mission's processes with whom they are to end.
 const LAUNCHER: &str = "ELK_LAUNCHER";
@@ -113,7 +113,7 @@ mod tests {
         let _input = orphan.stdin.take();
         let reaper = std::thread::spawn(move || orphan.wait().unwrap());
         assert!(end_orphans(&community).unwrap().contains(&id.pid.to_string()));
-        assert_eq!(crate::process::how(reaper.join().unwrap()), "signal 15 (SIGTERM)");
+        assert_eq!(crate::process::child::how(reaper.join().unwrap()), "signal 15 (SIGTERM)");
         assert_eq!(end_orphans(&community), None);
         for child in &mut spared {
             assert!(child.try_wait().unwrap().is_none());

@@ -12,7 +12,7 @@ use elk_bus::ProcessId;
 use rustix::process::{Pid, Signal, getppid, kill_process_group};
 
 use crate::error::LaunchError;
-use crate::handle;
+use crate::process::handle;
 use crate::supervisor::Exit;
 
 /// Lines of a dead app's log that its obituary quotes.

@@ -12,13 +12,13 @@ use elk_bus::{App, BrokerConfig, Client, Clock, Community, ConnectError, run_app
 use elk_mission::{AppSpec, Mission, Program, element};
 use rustix::event::PollFd;
 
-use crate::backend::{Backend, stop_order};
+use crate::backend::Backend;
 use crate::control::{AppRow, Request};
 use crate::error::LaunchError;
-use crate::launch_state::LaunchState;
-use crate::listener::Join;
-use crate::observer::{Losses, News};
-use crate::supervisor::{State, Ticket, Word};
+use crate::reports::listener::Join;
+use crate::reports::observer::{Losses, News};
+use crate::run::launch_state::LaunchState;
+use crate::supervisor::{State, Ticket, Word, stop_order};
 
 /// Threads of one community.
 pub(crate) struct Threads {

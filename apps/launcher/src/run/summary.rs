@@ -9,16 +9,24 @@ use elk_outside::file;
 use elk_spatial::messages::{CoverageMark, FrontiersLeft};
 use serde::{Deserialize, Serialize};
 
-use crate::backend::Backend;
 use crate::error::LaunchError;
-use crate::observer::Observer;
-use crate::shortfall::{overflow, shortfall};
-use crate::steps::Spread;
+use crate::reports::observer::Observer;
+use crate::reports::steps::Spread;
+use crate::run::shortfall::{overflow, shortfall};
 
 /// The file in the run's folder.
 const SUMMARY: &str = "summary.json";
 /// The longest that is read (bytes).
 const LONGEST: u64 = 1 << 20;
+
+/// Who ran, as far as the mission file does not say it.
+#[derive(Debug)]
+pub(crate) struct Ran {
+    /// The explorers, in the order in which they came.
+    pub explorers: Vec<String>,
+    /// The apps that were swapped.
+    pub swapped: Vec<String>,
+}
 
 /// A run, summed up. What nobody said is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -75,14 +83,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Sums up what was observed of a mission as `backend` has carried it out; `ended` is why it ended before its time, if it
-    /// did.
-    pub(crate) fn of(
-        mission: &Mission,
-        observed: &Observer,
-        backend: &dyn Backend,
-        ended: Option<&LaunchError>,
-    ) -> Self {
+    /// Sums up what was observed of a mission in which these `ran`; `ended` is why it ended before its time, if it did.
+    pub(crate) fn of(mission: &Mission, observed: &Observer, ran: Ran, ended: Option<&LaunchError>) -> Self {
         let report = observed.exploration.as_ref();
         let (complete, reason) = outcome(mission, observed, ended);
         let progress = observed.progress.as_ref();
@@ -96,8 +98,8 @@ impl Summary {
         Self {
             mission: mission.name.clone(),
             mission_file: mission.file.display().to_string(),
-            explorer: backend.explorers().join(", "),
-            swapped: backend.swapped(),
+            explorer: ran.explorers.join(", "),
+            swapped: ran.swapped,
             policy: report.map(|report| report.policy.clone()).or_else(|| policy(mission)),
             settings: report.map(|report| report.settings.clone()),
             seed: seed(mission),

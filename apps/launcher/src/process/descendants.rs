@@ -2,16 +2,17 @@
 //! with those who started it.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
+use elk_bus::Community;
 use rustix::process::Pid;
 
-use crate::environment::Environment;
 use crate::error::LaunchError;
-use crate::guard::Guard;
-use crate::orphans::Mark;
-use crate::strays::{Run, Sight, Strays};
+use crate::process::guard::Guard;
+use crate::process::orphans::Mark;
+use crate::process::strays::{Run, Sight, Strays};
 
 /// What is known of the descendants of one mission's processes.
 pub(crate) struct Descendants {
@@ -23,19 +24,25 @@ pub(crate) struct Descendants {
     /// What apps have started outside of their groups.
     strays: Strays,
     /// Whether a launcher which is gone has begun the mission.
-    pub adopted: bool,
+    adopted: bool,
 }
 
 impl Descendants {
-    /// Starts the guard of those who are to end with this launcher, and has orphans become this process' children.
-    pub fn begin(run: Run, environment: &Environment) -> Result<Self, LaunchError> {
-        let guard = match environment.detached {
+    /// Has orphans become this process' children, and starts the guard of those who are to end with this launcher, unless
+    /// they are `detached` from it. The guard is a command of `program`, elk itself.
+    pub fn begin(run: Run, program: &Path, community: &Community, detached: bool) -> Result<Self, LaunchError> {
+        let guard = match detached {
             true => None,
-            false => Some(Guard::start(&environment.program, &run)?),
+            false => Some(Guard::start(program, &run)?),
         };
-        let mark = Mark::own(&environment.community).filter(|_| !environment.detached);
+        let mark = Mark::own(community).filter(|_| !detached);
         Strays::gather_orphans();
         Ok(Self { run, mark, guard, strays: Strays::default(), adopted: false })
+    }
+
+    /// They were begun by a launcher that is gone: what they have started since then has to be looked for.
+    pub fn adopt(&mut self) {
+        self.adopted = true;
     }
 
     /// What tells them from all others.

@@ -7,7 +7,7 @@ use elk_bus::launched::{COMMUNITY, NAME};
 use elk_bus::{Community, LEASE, SUCCEED};
 use elk_mission::{AppSpec, Program, Registry, Restart};
 
-use crate::run_place::RunPlace;
+use crate::run::place::RunPlace;
 
 /// The broker's name among the processes.
 pub(crate) const DB: &str = "db";

@@ -12,7 +12,7 @@ use elk_spatial::keys::{
 };
 use elk_spatial::messages::{AccuracyReport, ExplorationReport, MapStatus, MotionReport, Progress, SensorReport};
 
-use crate::steps::StepTimes;
+use crate::reports::steps::StepTimes;
 
 /// The broker's list of clients, each name followed by a comma.
 const DB_CLIENTS: &str = "DB_CLIENTS";

@@ -10,7 +10,7 @@ use elk_mission::{Mission, Program, element};
 use elk_outside::screen::Screen;
 use elk_outside::text;
 
-use crate::observer::Observer;
+use crate::reports::observer::Observer;
 
 /// How often the line is written anew on a terminal.
 const TERMINAL_PERIOD: Duration = Duration::from_millis(100);

@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, WaitOptions, geteuid, getpid, pidfd_send_sign
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
-use crate::handle;
+use crate::process::handle;
 
 /// How long a stray may take to end when its app has.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(2);
