@@ -88,7 +88,8 @@ impl MemoryBroker {
             up: Box::new(MemoryUp(end.clone())),
             down: Box::new(MemoryDown(end)),
             back: Box::new(MemoryBack { broker: self.clone(), name, lease_secs, epoch }),
-            clock: shared.clock.driven(dial),
+            warp: shared.clock.warp(),
+            dial,
             epoch,
         })
     }

@@ -2,8 +2,8 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use elk_bus::key::fnv1a_of_file;
 use elk_mission::{AppSpec, Kind, Mission, MissionError, Override, Program, Registry, element};
+use elk_outside::checksum::fnv1a_of_file;
 use elk_outside::file;
 use serde::{Deserialize, Serialize};
 
