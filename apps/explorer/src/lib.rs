@@ -30,6 +30,7 @@ pub mod strategy;
 mod trial;
 
 pub use app::TYPES;
+pub use elk_geometry;
 pub use elk_mission::{Kind, ParamSpec, Params};
 pub use explore::{Explorer, Settings};
 pub use goals::{Goal, Goals, Target};

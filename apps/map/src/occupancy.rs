@@ -36,7 +36,7 @@ pub struct MapConfig {
     pub hit: f32,
     /// Added to a voxel that rays of the scan only passed through (log-odds, < 0).
     pub miss: f32,
-    /// The smallest log-odds that a voxel can have.
+    /// The smallest log-odds that a voxel can have; at most `clamp_max`.
     pub clamp_min: f32,
     /// The largest log-odds that a voxel can have.
     pub clamp_max: f32,
