@@ -3,13 +3,13 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use elk_proto::names::{Names, Unreadable};
+use elk_proto::seen::Seen;
+
 use crate::broker::CLOCK;
 use crate::clock::Stopwatch;
 use crate::comms::{Comms, CommsError};
 use crate::link::{Downlink, LinkError};
-use elk_proto::names::{Names, Unreadable};
-use elk_proto::seen::Seen;
-
 use crate::mail::Mail;
 use crate::wire::{self, Frame, FrameKind, RESENT};
 

@@ -83,6 +83,9 @@ impl Deref for Batch {
     }
 }
 
+/// How long a client waits for the next broker after one died.
+pub const REJOIN_PATIENCE: Duration = Duration::from_secs(10);
+
 /// The way back into the community after its broker died.
 pub trait Rejoin {
     /// Waits for the next broker, with limited patience, and joins it under the old name.

@@ -8,6 +8,9 @@ use std::mem::MaybeUninit;
 use std::rc::Rc;
 use std::time::Duration;
 
+use elk_os::clock::Stopwatch;
+use elk_os::tell;
+use elk_proto::link::{Fill, LinkError};
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -18,9 +21,6 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::lane::Service;
 use super::place::failed;
 use super::scarce;
-use elk_os::clock::Stopwatch;
-use elk_os::tell;
-use elk_proto::link::{Fill, LinkError};
 
 /// A received bulk value; its header is the sample's number, from 1.
 pub type BulkSample = Sample<Service, [u8], u64>;

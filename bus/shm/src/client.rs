@@ -10,6 +10,14 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 use std::time::Duration;
 
+use elk_os::clock::{Stopwatch, monotonic_nanos};
+use elk_os::limits;
+use elk_os::tell;
+use elk_proto::Dial;
+use elk_proto::broker::Introduction;
+use elk_proto::community::Community;
+use elk_proto::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink};
+use elk_proto::wire::{self, BulkRef, FrameKind, Header};
 use iceoryx2::node::Node;
 
 use super::bulk::{self, BulkReader, BulkWriter};
@@ -19,20 +27,10 @@ use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
 use super::place::Place;
 use super::scarce;
-use elk_os::clock::{Stopwatch, monotonic_nanos};
-use elk_os::limits;
-use elk_os::tell;
-use elk_proto::Dial;
-use elk_proto::broker::Introduction;
-use elk_proto::community::Community;
-use elk_proto::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
-use elk_proto::wire::{self, BulkRef, FrameKind, Header};
 
 /// The longest that a client sleeps: its bell rings when there is news, also when the broker dies.
 const LONGEST_SLEEP: Duration = Duration::from_secs(5);
 
-/// How long a client waits for the next broker after one died.
-const REJOIN_PATIENCE: Duration = Duration::from_secs(10);
 /// How often it looks whether that is there.
 const REJOIN_EVERY: Duration = Duration::from_millis(3);
 
@@ -174,7 +172,7 @@ struct ShmBack {
 impl Rejoin for ShmBack {
     fn rejoin(&mut self) -> Result<Link, LinkError> {
         let Self { community, name, lease_secs } = self;
-        let who = Introduction { name, lease_secs: *lease_secs, succeeds: false, returns: true };
+        let who = Introduction::returning(name, *lease_secs);
         let waited = Stopwatch::start();
         loop {
             match connect(community, &who) {

@@ -5,10 +5,10 @@
 
 use std::sync::Once;
 
+use elk_os::stop::end_saying;
 use signal_hook::consts::SIGBUS;
 
 use super::place::SHARED_MEMORY;
-use elk_os::stop::end_saying;
 
 /// What a process says that touches shared memory where there is none left.
 static LAST_WORDS: [&str; 3] = [

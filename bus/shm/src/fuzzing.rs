@@ -1,9 +1,10 @@
 //! What the fuzz target of pages drives: a client's page with any bytes in it, as the broker reads it. Hidden from the
 //! documentation; no program calls it.
 
+use elk_proto::wire;
+
 use super::lane::DEPTH;
 use super::page::{ClientPage, Page, SMALL};
-use elk_proto::wire;
 
 /// Lays `bytes` over a client's page and reads what the broker reads there; answers how many bytes of frames it found.
 ///

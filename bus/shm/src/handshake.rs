@@ -9,15 +9,15 @@ use std::os::unix::net::{SocketAddr, UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::time::Duration;
 
+use elk_proto::Dial;
+use elk_proto::codec;
+use elk_proto::community::Community;
 use rustix::net::{
     RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer, SendAncillaryMessage, SendFlags,
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::door;
-use elk_proto::Dial;
-use elk_proto::codec;
-use elk_proto::community::Community;
 
 /// Counts up whenever lanes, pages or frames change.
 pub const PROTOCOL: u32 = 6;

@@ -2,9 +2,10 @@
 //!
 //! The folder goes with the community: its broker removes it when it stops, and the words with it.
 
+use elk_proto::community::Community;
+
 use super::folder::{Folder, FolderError};
 use super::place::{Place, home};
-use elk_proto::community::Community;
 
 /// What begins the names of such files: the broker's own have another beginning.
 const PREFIX: &str = "kept-";

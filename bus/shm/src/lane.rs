@@ -4,6 +4,7 @@
 //! holds; nothing is ever overwritten, and iceoryx2's own waiting (which a killed reader would turn into hanging for
 //! good) is never needed.
 
+use elk_proto::link::LinkError;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -14,7 +15,6 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::full;
 use super::place::{Place, failed};
 use super::scarce;
-use elk_proto::link::LinkError;
 
 pub use super::service::Service;
 

@@ -6,13 +6,13 @@ use std::fs::{Permissions, set_permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
 
+use elk_proto::community::Community;
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::CallbackProgression;
 
 use super::folder::Folder;
 use super::place::{HeldPlace, Place, SHARED_MEMORY, home, prefix};
 use super::{handshake, lane};
-use elk_proto::community::Community;
 
 /// Clears away what dead communities of this user left. A community is dead when nobody listens in its name and none
 /// of its processes lives; nor, where others share the folder but not the network, anybody holds its place.

@@ -5,14 +5,14 @@ use std::io::Write;
 use std::ops::Deref;
 use std::path::{Path as FilePath, PathBuf};
 
+use elk_proto::community::Community;
+use elk_proto::link::LinkError;
 use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, Path, SemanticString};
 
 use super::folder::{Folder, FolderError};
 use super::handshake;
 use super::scarce;
-use elk_proto::community::Community;
-use elk_proto::link::LinkError;
 
 /// Where the operating system keeps shared memory.
 pub const SHARED_MEMORY: &str = "/dev/shm";

@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
 
-use super::handshake;
 use elk_proto::community::Community;
+
+use super::handshake;
 
 /// A community that a broker of this machine serves.
 #[derive(Debug, Clone, PartialEq, Eq)]

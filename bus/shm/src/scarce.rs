@@ -4,13 +4,13 @@ use std::fmt::Write;
 use std::os::fd::AsRawFd;
 use std::path::Path;
 
+use elk_proto::link::LinkError;
 use rustix::fs::{Access, AtFlags, CWD, accessat, statvfs};
 use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap_anonymous, munmap};
 use rustix::process::{Resource, getrlimit};
 
 use super::place::{self, SHARED_MEMORY};
-use elk_proto::link::LinkError;
 
 /// With less than this left (MB), an error of shared memory is most likely for want of room.
 const SCARCE_MB: u64 = 64;

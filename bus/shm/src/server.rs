@@ -5,36 +5,35 @@
 mod admission;
 mod bulk_values;
 mod lobby;
+mod peers;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
 use std::os::unix::net::UnixStream;
-use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use iceoryx2::node::Node;
-
-use super::bulk::{Budget, Samples};
-use super::client::lane_name;
-use super::folder::FolderError;
-use super::handshake::{self, Answer, Hello};
-use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
-use super::page::{BrokerPage, ClientPage, Page, SENT_AWAY};
-use super::place::{HeldPlace, Place};
-use super::{leftovers, scarce, sessions};
-use bulk_values::{Held, bulk_values_of, kept, place_bulk};
-use elk_os::ProcessId;
 use elk_os::clock::{Clock, Stopwatch, monotonic_nanos};
 use elk_os::limits;
 use elk_os::tell;
-use elk_proto::broker::{Broker, BrokerConfig, ClientId};
+use elk_proto::broker::{BrokerConfig, ClientId};
 use elk_proto::community::Community;
+use elk_proto::host::Host;
 use elk_proto::link::LinkError;
 use elk_proto::wire::Frame;
+
+use super::bulk::Budget;
+use super::folder::FolderError;
+use super::handshake::{self, Answer, Hello};
+use super::lane;
+use super::page::{BrokerPage, Page, SENT_AWAY};
+use super::place::{HeldPlace, Place};
+use super::{leftovers, scarce, sessions};
+use bulk_values::{Held, bulk_values_of, place_bulk};
+use peers::{Peer, Peers};
 
 /// A batch of mail is closed when it holds this many bytes.
 const BATCH_BYTES: usize = 64 << 10;
@@ -127,40 +126,13 @@ enum Event {
 /// The broker of a community, with its transport.
 pub struct Server {
     community: Community,
-    place: HeldPlace,
     clock: Clock,
-    epoch: u64,
-    broker: Broker,
-    peers: BTreeMap<ClientId, Peer>,
+    host: Host,
+    peers: Peers,
     page: Arc<Page<BrokerPage>>,
     events: Receiver<Event>,
-    node: Option<Node<Service>>,
-    /// Bulk values of publishers that are gone, as far as they are some variable's latest.
-    departed: BTreeMap<ClientId, Samples>,
-    /// The processes of clients of the broker that died before this one, by name, until they are back.
-    awaited: BTreeMap<String, Option<ProcessId>>,
-    /// Handovers whose end is not seen yet.
-    handovers: Vec<admission::Handover>,
     /// Buffers for batches of mail.
     spare: Vec<Vec<u8>>,
-    /// Room for copies of bulk values.
-    copies: Rc<Budget>,
-}
-
-/// A connected client.
-struct Peer {
-    connection: u64,
-    process: Option<ProcessId>,
-    stream: Arc<UnixStream>,
-    /// The client is gone; what it sent may still wait in its lane.
-    hung_up: bool,
-    page: Page<ClientPage>,
-    up: LaneReader,
-    down: LaneWriter,
-    /// What the client publishes in bulk, once it does.
-    bulk: Option<Held>,
-    /// The publishers whose bulk service the client has open, and since which generation.
-    attached: BTreeMap<ClientId, u32>,
 }
 
 impl Server {
@@ -193,27 +165,20 @@ impl Server {
             .map_err(|source| ServeError::NoThread { community: community.clone(), source })?;
         let copies = Budget::of(config.limits.copied_bytes);
         let awaited = found.iter().map(|one| (one.session.name.clone(), one.process)).collect();
-        let broker = match found.is_empty() {
-            true => Broker::new(config, clock.now()),
+        let host = match found.is_empty() {
+            true => Host::new(config, clock.now()),
             false => admission::recover(&place, config, clock.now(), found),
         };
-        let epoch = monotonic_nanos();
-        Ok(Self {
-            community,
-            place,
-            clock,
-            epoch,
-            broker,
-            peers: BTreeMap::new(),
-            page,
-            events,
-            node: Some(node),
+        let peers = Peers {
+            by_id: BTreeMap::new(),
             departed: BTreeMap::new(),
             awaited,
-            handovers: Vec::new(),
-            spare: Vec::new(),
+            place,
+            epoch: monotonic_nanos(),
+            node: Some(node),
             copies,
-        })
+        };
+        Ok(Self { community, clock, host, peers, page, events, spare: Vec::new() })
     }
 
     /// Serves until `stop`; then sends the clients away and leaves nothing behind.
@@ -221,12 +186,12 @@ impl Server {
         while !stop.load(Relaxed) {
             let rings = self.page.bell.rings();
             let now = self.clock.now();
-            self.broker.tick(now);
+            self.host.broker.tick(now);
             let moved =
                 self.take_events(now) | self.take_batches(now) | self.let_go_of_the_gone(now) | self.hand_out(now);
             self.follow_up(now);
             if !moved {
-                let until_next = self.clock.real(self.broker.next_deadline() - now);
+                let until_next = self.clock.real(self.host.broker.next_deadline() - now);
                 self.page.bell.wait(rings, until_next.min(LONGEST_SLEEP));
             }
         }
@@ -236,10 +201,10 @@ impl Server {
     /// One batch from each client that has sent any; whoever has written over its page is let go of.
     fn take_batches(&mut self, now: f64) -> bool {
         let mut any = false;
-        for (id, fault) in self.peers.iter().filter_map(Peer::is_due).collect::<Vec<_>>() {
+        for (id, fault) in self.peers.by_id.iter().filter_map(Peer::is_due).collect::<Vec<_>>() {
             any |= match fault {
                 Some(fault) => self.expel(now, id, &format_args!("its page cannot be true: {fault}")),
-                None => !self.broker.holds_back(now, id) && self.take_batch(now, id),
+                None => !self.host.broker.holds_back(now, id) && self.take_batch(now, id),
             };
             self.give_up_the_late(now, id);
         }
@@ -247,7 +212,7 @@ impl Server {
     }
 
     fn take_batch(&mut self, now: f64, id: ClientId) -> bool {
-        let Some(peer) = self.peers.get_mut(&id) else {
+        let Some(peer) = self.peers.by_id.get_mut(&id) else {
             return false;
         };
         let mut small = self.spare.pop().unwrap_or_default();
@@ -264,21 +229,18 @@ impl Server {
         if let Some(held) = &mut peer.bulk {
             held.samples.take_in();
         }
-        let taken = self.broker.receive(now, id, &batch);
-        self.resolve_mail_of_the_dead();
+        let taken = self.host.receive(now, id, &batch, &mut self.peers);
         let bulk = bulk_values_of(&batch, id).last();
         drop(batch);
         self.spare.push(small);
-        self.note_successions();
         if let Some(sample) = bulk {
             self.note_under_way(id, sample);
         }
-        self.attach_all();
         let mut lost = Vec::new();
-        if let Some(peer) = self.peers.get_mut(&id) {
+        if let Some(peer) = self.peers.by_id.get_mut(&id) {
             peer.page.up_taken.fetch_add(1, SeqCst);
             if let Some(held) = &mut peer.bulk {
-                held.let_go_of_unwanted(|sample| self.broker.is_latest_bulk(id, sample));
+                held.let_go_of_unwanted(|sample| self.host.broker.is_latest_bulk(id, sample));
                 lost = held.samples.take_lost();
             }
             if peer.page.client_waits.load(SeqCst) != 0 {
@@ -292,26 +254,19 @@ impl Server {
         }
     }
 
-    /// Puts copies of bulk values into the mail of those who are dead and may have a successor. A reader that lives finds
-    /// the last few where they lie; until a successor comes there may be many.
-    fn resolve_mail_of_the_dead(&mut self) {
-        let (peers, departed) = (&self.peers, &self.departed);
-        self.broker.resolve_mail(|frame| kept(peers, departed, frame));
-    }
-
     /// Latest values of publishers that are gone for which there was no room.
     fn note_lost(&mut self) {
-        let lost: Vec<_> = self.departed.iter_mut().map(|(id, samples)| (*id, samples.take_lost())).collect();
+        let lost = self.peers.tidy_departed(&self.host.broker);
         lost.into_iter().for_each(|(id, lost)| self.forget(id, lost));
     }
 
     fn forget(&mut self, publisher: ClientId, lost: Vec<(u64, usize)>) {
         for (sample, bytes) in lost {
-            for name in self.broker.forget_latest_bulk(publisher, sample) {
+            for name in self.host.broker.forget_latest_bulk(publisher, sample) {
                 tell(format_args!(
                     "elk db: the latest value of {name}, of {bytes} bytes, is let go of: there is room for {} bytes of \
                      such copies",
-                    self.copies.limit()
+                    self.peers.copies.limit()
                 ));
             }
         }
@@ -319,12 +274,12 @@ impl Server {
 
     fn expel(&mut self, now: f64, id: ClientId, why: &dyn std::fmt::Display) -> bool {
         let gone = |peer: &&mut Peer| !peer.hung_up && handshake::hung_up(&peer.stream);
-        if let Some(peer) = self.peers.get_mut(&id).filter(gone) {
+        if let Some(peer) = self.peers.by_id.get_mut(&id).filter(gone) {
             // That is why; its last words are taken before it is let go of.
             peer.hung_up = true;
             return true;
         }
-        let name = self.broker.client_name(id).unwrap_or("?").to_owned();
+        let name = self.host.broker.client_name(id).unwrap_or("?").to_owned();
         tell(format_args!("elk db: letting go of client {name}: {why}"));
         self.let_go(now, id);
         true
@@ -332,8 +287,8 @@ impl Server {
 
     /// Notes for the bulk value that just went out where it stands in the mail of those who got it.
     fn note_under_way(&mut self, publisher: ClientId, sample: u64) {
-        let reached = self.broker.reached();
-        if let Some(held) = self.held(publisher) {
+        let reached = self.host.broker.reached();
+        if let Some(held) = self.peers.held(publisher) {
             held.note_under_way(sample, reached);
         }
     }
@@ -341,64 +296,22 @@ impl Server {
     /// Gives up those who are far behind with a publisher's bulk values. They may be dead, and the news of that still to
     /// come: then their mail is given the values first. Not in the midst of a batch, since it may take others.
     fn give_up_the_late(&mut self, now: f64, publisher: ClientId) {
-        let Some(Peer { bulk: Some(held), .. }) = self.peers.get(&publisher) else { return };
-        for behind in held.far_behind(&self.broker) {
+        let Some(Peer { bulk: Some(held), .. }) = self.peers.by_id.get(&publisher) else { return };
+        for behind in held.far_behind(&self.host.broker) {
             self.let_go_if_dead(now, behind);
         }
-        let (peers, broker) = (&mut self.peers, &self.broker);
-        if let Some(held) = peers.get_mut(&publisher).and_then(|peer| peer.bulk.as_mut())
+        let (peers, broker) = (&mut self.peers, &self.host.broker);
+        if let Some(held) = peers.held(publisher)
             && held.make_room()
         {
             held.let_go_of_unwanted(|sample| broker.is_latest_bulk(publisher, sample));
         }
     }
 
-    fn held(&mut self, publisher: ClientId) -> Option<&mut Held> {
-        self.peers.get_mut(&publisher)?.bulk.as_mut()
-    }
-
-    /// Whoever took over mail with bulk values in it is who has to handle them.
-    fn note_successions(&mut self) {
-        for succession in self.broker.take_successions() {
-            let held = self.peers.values_mut().filter_map(|peer| peer.bulk.as_mut());
-            held.for_each(|held| held.follow(&succession));
-        }
-    }
-
-    fn attach_all(&mut self) {
-        for (receiver, publisher) in self.broker.take_attached() {
-            if receiver == publisher {
-                self.open_bulk_of(publisher);
-            } else if let Some(page) = self.peers.get(&publisher).map(|p| &p.page) {
-                let generation = page.attachments.fetch_add(1, SeqCst).wrapping_add(1);
-                if let Some(peer) = self.peers.get_mut(&receiver) {
-                    peer.attached.insert(publisher, generation);
-                }
-            }
-        }
-    }
-
-    fn open_bulk_of(&mut self, publisher: ClientId) {
-        let (Some(node), Some(peer)) = (&self.node, self.peers.get_mut(&publisher)) else {
-            return;
-        };
-        let open = || Samples::open(node, &lane_name(self.epoch, "bulk", publisher), &self.copies);
-        match scarce::room().and_then(|()| open()) {
-            Ok(samples) => peer.bulk = Some(Held::new(samples)),
-            // Its values travel in batches then.
-            Err(error) => {
-                peer.page.bulk_refused.store(1, Release);
-                let name = self.broker.client_name(publisher).unwrap_or("?");
-                tell(format_args!("elk db: large values of client {name} are copied: {error}"));
-            }
-        }
-        peer.page.attachments.fetch_add(1, SeqCst);
-    }
-
     /// Mail from the mailboxes into the lanes, as far as there is room.
     fn hand_out(&mut self, now: f64) -> bool {
         // Who wants every message (a logger, say) is in no hurry.
-        let (leisurely, urgent) = self.broker.with_mail().partition(|id| self.broker.is_lossless(*id));
+        let (leisurely, urgent) = self.host.broker.with_mail().partition(|id| self.host.broker.is_lossless(*id));
         let any = self.hand_out_to_all(now, urgent) | self.hand_out_to_all(now, leisurely);
         self.settle(now) | any
     }
@@ -406,12 +319,12 @@ impl Server {
     fn hand_out_to_all(&mut self, now: f64, ids: Vec<ClientId>) -> bool {
         let given: Vec<ClientId> = ids.into_iter().filter(|id| self.hand_out_to(now, *id)).collect();
         // To wake somebody takes longer than all the rest.
-        given.iter().filter_map(|id| self.peers.get(id)).for_each(|peer| peer.page.bell.ring());
+        given.iter().filter_map(|id| self.peers.by_id.get(id)).for_each(|peer| peer.page.bell.ring());
         !given.is_empty()
     }
 
     fn hand_out_to(&mut self, now: f64, id: ClientId) -> bool {
-        let Some(peer) = self.peers.get(&id).filter(|p| p.page.ready.load(Acquire) != 0) else {
+        let Some(peer) = self.peers.by_id.get(&id).filter(|p| p.page.ready.load(Acquire) != 0) else {
             return false;
         };
         if !peer.has_room() {
@@ -420,26 +333,25 @@ impl Server {
                 return false;
             }
         }
-        self.broker.note_handled(now, id, peer.page.handled.load(Acquire), &mut self.spare);
-        if !self.broker.may_give(id) {
+        self.host.broker.note_handled(now, id, peer.page.handled.load(Acquire), &mut self.spare);
+        if !self.host.broker.may_give(id) {
             peer.page.broker_waits.store(1, SeqCst);
-            self.broker.note_handled(now, id, peer.page.handled.load(SeqCst), &mut self.spare);
-            if !self.broker.may_give(id) {
+            self.host.broker.note_handled(now, id, peer.page.handled.load(SeqCst), &mut self.spare);
+            if !self.host.broker.may_give(id) {
                 return false;
             }
         }
         peer.page.broker_waits.store(0, SeqCst);
         let mut batch = self.spare.pop().unwrap_or_default();
         batch.clear();
-        let (peers, departed) = (&self.peers, &self.departed);
         // Copies for those who come late wait here until they are read.
-        let largest = self.copies.limit().saturating_sub(self.broker.given_bytes());
+        let largest = self.peers.copies.limit().saturating_sub(self.host.broker.given_bytes());
         let resolve =
-            |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk((peers, departed), (id, peer), largest, frame, batch);
-        self.broker.take_mail(id, BATCH_BYTES, &mut batch, resolve);
+            |frame: &Frame<'_>, batch: &mut Vec<u8>| place_bulk(&self.peers, (id, peer), largest, frame, batch);
+        self.host.broker.take_mail(id, BATCH_BYTES, &mut batch, resolve);
         let number = peer.page.down_sent.load(Relaxed);
         let sent = if peer.page.down.put(number, &batch) { Ok(()) } else { peer.down.send(&batch) };
-        self.broker.keep_given(id, batch);
+        self.host.broker.keep_given(id, batch);
         self.spare.retain(|buffer| buffer.capacity() <= 2 * BATCH_BYTES);
         self.spare.truncate(SPARE_BUFFERS);
         if let Err(error) = sent {
@@ -452,20 +364,20 @@ impl Server {
     /// Tells publishers how far their mail is handled, and those of bulk values how far their lossless receivers are;
     /// answers whether there may be more to tell.
     fn settle(&mut self, now: f64) -> bool {
-        for (id, peer) in &self.peers {
-            self.broker.note_handled(now, *id, peer.page.handled.load(Acquire), &mut self.spare);
-            self.broker.note_missed(*id, peer.page.missed.load(Relaxed));
+        for (id, peer) in &self.peers.by_id {
+            self.host.broker.note_handled(now, *id, peer.page.handled.load(Acquire), &mut self.spare);
+            self.host.broker.note_missed(*id, peer.page.missed.load(Relaxed));
         }
-        for (id, peer) in &self.peers {
-            peer.page.up_handled.store(self.broker.handled_batches(*id), Release);
+        for (id, peer) in &self.peers.by_id {
+            peer.page.up_handled.store(self.host.broker.handled_batches(*id), Release);
         }
-        if self.peers.values().all(|p| p.bulk.as_ref().is_none_or(Held::is_settled)) {
+        if self.peers.by_id.values().all(|p| p.bulk.as_ref().is_none_or(Held::is_settled)) {
             return false;
         }
         let mut awaited = BTreeSet::new();
-        for peer in self.peers.values_mut() {
+        for peer in self.peers.by_id.values_mut() {
             let Some(held) = &mut peer.bulk else { continue };
-            let settled = held.settled(now, &self.broker, &mut awaited);
+            let settled = held.settled(now, &self.host.broker, &mut awaited);
             if let Some(sample) = settled.filter(|sample| *sample > peer.page.bulk_settled.load(Relaxed)) {
                 peer.page.bulk_settled.store(sample, SeqCst);
                 if peer.page.client_waits.load(SeqCst) != 0 {
@@ -474,73 +386,29 @@ impl Server {
             }
         }
         // Those who are behind ring when they have read on; who did so just before this flag is seen at once.
-        let awaited: Vec<_> = awaited.iter().filter_map(|id| Some((*id, self.peers.get(id)?))).collect();
+        let awaited: Vec<_> = awaited.iter().filter_map(|id| Some((*id, self.peers.by_id.get(id)?))).collect();
         awaited.iter().for_each(|(_, peer)| peer.page.broker_waits.store(1, SeqCst));
         let has_read_on = |(id, peer): &(ClientId, &Peer)| {
             peer.page.down_taken.load(SeqCst); // stored after `handled`: who sees it sees that, too
-            self.broker.would_settle(*id, peer.page.handled.load(Acquire))
+            self.host.broker.would_settle(*id, peer.page.handled.load(Acquire))
         };
         awaited.iter().any(has_read_on)
     }
 
     /// Sends everybody away and removes the community's files.
     fn part(&mut self) {
-        for peer in self.peers.values() {
+        for peer in self.peers.by_id.values() {
             peer.page.closed.store(SENT_AWAY, Release);
             peer.page.bell.ring();
         }
         let waited = Stopwatch::start();
-        while self.peers.values().any(|p| !handshake::hung_up(&p.stream)) && waited.elapsed() < FAREWELL {
+        while self.peers.by_id.values().any(|p| !handshake::hung_up(&p.stream)) && waited.elapsed() < FAREWELL {
             let rings = self.page.bell.rings();
             self.page.bell.wait(rings, Duration::from_millis(20));
         }
-        self.peers.clear();
-        self.node = None;
-        leftovers::remove(&self.place);
-    }
-}
-
-/// A batch where it lies: in the lane, or, copied from the page, in a buffer.
-enum Taken<'a> {
-    Small(&'a [u8]),
-    Lane(LaneSample),
-}
-
-impl std::ops::Deref for Taken<'_> {
-    type Target = [u8];
-    fn deref(&self) -> &[u8] {
-        match self {
-            Taken::Small(bytes) => bytes,
-            Taken::Lane(sample) => sample.payload(),
-        }
-    }
-}
-
-impl Peer {
-    /// The next batch; a small one is copied into `buffer`, since its client could still write to the page.
-    fn next_batch<'a>(&self, buffer: &'a mut Vec<u8>) -> Result<Option<Taken<'a>>, LinkError> {
-        match self.page.up.get(self.page.up_taken.load(Relaxed)) {
-            Some(small) => {
-                buffer.clear();
-                buffer.extend_from_slice(small);
-                Ok(Some(Taken::Small(buffer)))
-            }
-            None => Ok(self.up.receive()?.map(Taken::Lane)),
-        }
-    }
-
-    /// Who has sent something, or has written over its page, and how.
-    fn is_due((id, peer): (&ClientId, &Self)) -> Option<(ClientId, Option<&'static str>)> {
-        let fault = peer.page.fault();
-        (fault.is_some() || peer.has_sent()).then_some((*id, fault))
-    }
-
-    fn has_sent(&self) -> bool {
-        (1..=DEPTH).contains(&self.page.on_the_way_up())
-    }
-
-    fn has_room(&self) -> bool {
-        self.page.on_the_way_down() < DEPTH
+        self.peers.by_id.clear();
+        self.peers.node = None;
+        leftovers::remove(&self.peers.place);
     }
 }
 

@@ -4,13 +4,13 @@
 //! one goes. They need not reach the disk: they outlive processes, not machines. A broker that finds a living process in
 //! them takes the place of a broker that died; any other is a leftover.
 
+use elk_os::ProcessId;
+use elk_proto::broker::{Retained, Session};
+use elk_proto::codec;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::place;
-use elk_os::ProcessId;
-use elk_proto::broker::{Retained, Session};
-use elk_proto::codec;
 
 /// A client's session, and the process that holds it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

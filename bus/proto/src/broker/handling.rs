@@ -14,7 +14,7 @@ pub struct Reached {
 }
 
 /// A client that has taken over another's session, with its mail.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Succession {
     /// Whose session it was.
     pub predecessor: ClientId,
@@ -85,11 +85,6 @@ impl Broker {
         self.clients.get(&id).map(|c| c.mailbox.done())
     }
 
-    /// Who has taken over whose session since the last call.
-    pub fn take_successions(&mut self) -> Vec<Succession> {
-        std::mem::take(&mut self.successions)
-    }
-
     /// Whoever waits for the predecessor to handle its mail waits for the successor now.
     pub(super) fn note_succession(&mut self, predecessor: ClientId, successor: ClientId) {
         let Some(client) = self.clients.get(&successor) else { return };
@@ -98,6 +93,6 @@ impl Broker {
             let reached = client.unhandled.iter_mut().flat_map(|(_, reached)| reached);
             reached.for_each(|reached| reached.follow(&succession));
         }
-        self.successions.push(succession);
+        self.wishes.follow.push_back(succession);
     }
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::message::Message;
 use crate::dial::Dial;
-use crate::wire::{self, ATTACH, BULK, Frame, FrameKind, Header, Named};
+use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, FrameKind, Header, Named};
 
 /// Room in the buffer of a batch that is under way for nothing (bytes), beside half of what the batch takes.
 const SPARE_CAPACITY: usize = 1 << 10;
@@ -397,10 +397,11 @@ impl Mailbox {
     /// Puts the values that `bulk` finds in the place of the references in the mail that waits, as far as there is room.
     /// The reader of a reference that stays will find nothing behind it, and count: of a value that is gone, or that has no
     /// room here even alone.
-    pub(super) fn resolve<'a>(&mut self, bulk: impl Fn(&Frame<'_>) -> Option<&'a [u8]>) {
+    pub(super) fn resolve<'a>(&mut self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) {
         let new = self.mail.split_off(self.resolved.max(self.head));
         for frame in wire::frames(&new).map_while(Result::ok) {
-            let value = if frame.header.flags & BULK == 0 { None } else { bulk(&frame) };
+            let reference = BulkRef::from_bytes(frame.value).filter(|_| frame.header.flags & BULK != 0);
+            let value = reference.and_then(&bulk);
             match value.filter(|value| wire::frame_len(frame.aux.len(), value.len()) <= self.limit) {
                 Some(value) => {
                     let header = Header { flags: frame.header.flags & !BULK, ..frame.header };

@@ -32,6 +32,11 @@ impl<'a> Introduction<'a> {
     pub fn new(name: &'a str) -> Self {
         Self { name, lease_secs: 0.0, succeeds: false, returns: false }
     }
+
+    /// Somebody who comes back after the broker's death.
+    pub fn returning(name: &'a str, lease_secs: f64) -> Self {
+        Self { lease_secs, returns: true, ..Self::new(name) }
+    }
 }
 
 /// Why a client was not let in.
@@ -127,7 +132,7 @@ impl Broker {
             Some(predecessor) => self.set_standing(id, Standing::Joining { predecessor, ready: false }),
             None => {
                 self.names.insert(name.into(), id);
-                self.sessions_changed = true;
+                self.wishes.keep_sessions = true;
                 self.announce(now, &format!("connected={name}"));
             }
         }
@@ -217,7 +222,7 @@ impl Broker {
             Some(Standing::Present) => {
                 let name = self.client_name(id).unwrap_or_default().to_owned();
                 self.publish_event(now, &format!("ready={name}"));
-                self.retiring.push(predecessor);
+                self.wishes.retire.push_back(predecessor);
             }
             // What it asks for first is what those know who are on their way back.
             _ if self.awaits_returns(now) && !self.returning.contains(&id) => {}
@@ -247,11 +252,6 @@ impl Broker {
         waiting.into_iter().for_each(|(id, predecessor)| self.take_over(now, id, predecessor));
     }
 
-    /// The clients that are to retire since the last call, because their successor is ready.
-    pub fn take_retiring(&mut self) -> Vec<ClientId> {
-        std::mem::take(&mut self.retiring)
-    }
-
     /// A client is gone. `handled`: how many of the messages that it was ever given it has handled; `goodbye`: it left
     /// in good order. What it published stays; its name is free at once, unless its session is kept.
     pub fn disconnect(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
@@ -278,7 +278,7 @@ impl Broker {
             client.standing = Standing::Disconnected { until, returns: false };
             self.given_bytes -= client.mailbox.given_bytes();
             client.mailbox.take_back(handled);
-            self.to_resolve.insert(id);
+            self.wishes.resolve.insert(id);
         } else {
             self.forget(id);
         }
@@ -323,7 +323,7 @@ impl Broker {
         for other in self.clients.values_mut() {
             other.feeds.remove(&id);
         }
-        self.sessions_changed = true;
+        self.wishes.keep_sessions = true;
         self.share_out_mail();
     }
 
@@ -346,7 +346,7 @@ impl Broker {
         }
         self.names.insert(name.clone(), id);
         self.set_standing(id, Standing::Present);
-        self.sessions_changed = true;
+        self.wishes.keep_sessions = true;
         let asked = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
         let change = |frame: Frame<'_>| Change::read(&frame, self.expected(id, &frame).ok()?).ok();
         let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(change).collect();
@@ -397,17 +397,13 @@ impl Broker {
         Ok(())
     }
 
-    /// The sessions of all clients, if they are others than at the last call: what has to outlive the broker.
-    pub fn take_sessions(&mut self) -> Option<Vec<Session>> {
-        if !std::mem::take(&mut self.sessions_changed) {
-            return None;
-        }
-        let holders = self.names.values().filter_map(|id| self.clients.get(id));
+    /// The sessions, with their holders' numbers: what has to outlive the broker (see [`super::Wish::KeepSessions`]).
+    pub fn sessions(&self) -> Vec<(ClientId, Session)> {
         let session = |client: &Client| Session {
             name: client.name.clone(),
             lease_secs: client.lease_secs,
             registrations: client.registrations.clone(),
         };
-        Some(holders.map(session).collect())
+        self.names.values().filter_map(|id| Some((*id, session(self.clients.get(id)?)))).collect()
     }
 }

@@ -26,6 +26,7 @@ pub mod table;
 mod time;
 mod types;
 mod variable;
+mod wishes;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -43,6 +44,8 @@ pub use retained::Retained;
 pub use time::CLOCK;
 use types::Types;
 use variable::Variable;
+pub use wishes::Wish;
+use wishes::Wishes;
 
 use crate::wire::{self, Frame, FrameKind, WireError};
 
@@ -106,19 +109,9 @@ pub struct Broker {
     due: BTreeSet<(Due, u32, ClientId)>,
     /// The latest values that lie in shared memory: (publisher, sample, variable).
     latest_bulk: BTreeSet<(ClientId, u64, u32)>,
-    attached: Vec<(ClientId, ClientId)>,
-    /// Disconnected sessions whose mail refers to values in shared memory.
-    to_resolve: BTreeSet<ClientId>,
     /// Who got mail from the batch that is being taken in.
     reached: Vec<ClientId>,
-    /// Holders of a name that are to make room for their successor.
-    retiring: Vec<ClientId>,
-    /// Who has taken over whose session, and up to where its mail is the one that it took over.
-    successions: Vec<Succession>,
-    /// Somebody who left something has gone since that was last asked for.
-    retained_changed: bool,
-    /// The sessions of clients are others than when they were last asked for.
-    sessions_changed: bool,
+    wishes: Wishes,
     own_source: u32,
     own_sequence: u64,
     next_summary: f64,
@@ -156,13 +149,8 @@ impl Broker {
             given_bytes: 0,
             due: BTreeSet::new(),
             latest_bulk: BTreeSet::new(),
-            attached: Vec::new(),
-            to_resolve: BTreeSet::new(),
             reached: Vec::new(),
-            retiring: Vec::new(),
-            successions: Vec::new(),
-            retained_changed: false,
-            sessions_changed: false,
+            wishes: Wishes::default(),
             own_source,
             // A broker that takes another's place is not to be taken for it.
             own_sequence: wire::first_sequence((now.max(0.0) * 1e3) as u64),
@@ -209,7 +197,7 @@ impl Broker {
             FrameKind::Define => self.define(from, frame),
             FrameKind::Register | FrameKind::Unregister => self.change_registration(now, from, frame),
             FrameKind::Attached => {
-                self.attached.push((from, frame.header.source));
+                self.wishes.attach.push_back((from, frame.header.source));
                 Ok(())
             }
             FrameKind::Ready => {
@@ -238,11 +226,6 @@ impl Broker {
     pub fn next_deadline(&self) -> f64 {
         let returns = self.returns_awaited_until.unwrap_or(f64::INFINITY);
         self.next_due().min(self.next_summary).min(self.next_expiry()).min(self.driver_awaited_until).min(returns)
-    }
-
-    /// The (receiver, publisher) pairs that attached since the last call.
-    pub fn take_attached(&mut self) -> Vec<(ClientId, ClientId)> {
-        std::mem::take(&mut self.attached)
     }
 
     /// A connected client's name.

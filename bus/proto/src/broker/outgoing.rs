@@ -3,7 +3,7 @@
 use super::membership::Standing;
 use super::naming::Names;
 use super::{Broker, Client, ClientId};
-use crate::wire::Frame;
+use crate::wire::{BulkRef, Frame};
 
 impl Broker {
     /// Whether the client's next batch has to wait: for a lossless registrant whose mailbox is full, or until the client
@@ -50,13 +50,11 @@ impl Broker {
         self.clients.get(&id).is_some_and(|client| client.mailbox.may_give())
     }
 
-    /// Puts values in the place of references in the mail of those who are dead and may have a successor: until that one
-    /// comes, the values could be gone. `bulk` finds what there is.
-    pub fn resolve_mail<'a>(&mut self, bulk: impl Fn(&Frame<'_>) -> Option<&'a [u8]>) {
-        for id in std::mem::take(&mut self.to_resolve) {
-            if let Some(client) = self.clients.get_mut(&id) {
-                client.mailbox.resolve(&bulk);
-            }
+    /// Puts values in the place of references in the mail of a client that is dead and may have a successor: until that one
+    /// comes, the values could be gone. `bulk` finds what there is. See [`super::Wish::Resolve`].
+    pub fn resolve_mail<'a>(&mut self, id: ClientId, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            client.mailbox.resolve(bulk);
         }
     }
 

@@ -132,7 +132,7 @@ impl Broker {
         let Some(client) = self.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
         client.registered_bytes = client.registrations.iter().map(Registration::bytes).sum();
-        self.sessions_changed = true;
+        self.wishes.keep_sessions = true;
         self.mark_lossless(id);
         match &change {
             Change::Add(registration) => {

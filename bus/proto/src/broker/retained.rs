@@ -23,21 +23,18 @@ pub struct Retained {
 impl Broker {
     /// A client is gone: if it leaves anything, that has to be kept.
     pub(super) fn note_departure(&mut self, id: ClientId) {
-        self.retained_changed |= self.variables.iter().any(|variable| variable.latest_from == Some(id));
+        self.wishes.keep_retained |= self.variables.iter().any(|variable| variable.latest_from == Some(id));
     }
 
-    /// What clients have left that are gone, if one has gone since the last call. `bulk` finds values that lie in shared
-    /// memory.
-    pub fn take_retained<'a>(&mut self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Vec<Retained>> {
-        if !std::mem::take(&mut self.retained_changed) {
-            return None;
-        }
+    /// What clients have left that are gone: what has to outlive the broker (see [`super::Wish::KeepRetained`]). `bulk` finds
+    /// values that lie in shared memory.
+    pub fn retained<'a>(&self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) -> Vec<Retained> {
         let left =
             |v: &&Variable| v.latest_from.is_none_or(|id| !self.clients.contains_key(&id) || self.is_disconnected(id));
-        Some(self.variables.iter().filter(left).filter_map(|variable| self.retained(variable, &bulk)).collect())
+        self.variables.iter().filter(left).filter_map(|variable| self.retained_of(variable, &bulk)).collect()
     }
 
-    fn retained<'a>(&self, variable: &Variable, bulk: &impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Retained> {
+    fn retained_of<'a>(&self, variable: &Variable, bulk: &impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Retained> {
         let frame = wire::first_frame(&variable.latest).ok()?;
         let header = frame.header;
         if header.source == self.own_source {
@@ -87,6 +84,6 @@ impl Broker {
             };
             self.keep_as_latest(now, None, &Message::new(header, &frame));
         }
-        self.retained_changed = !retained.is_empty();
+        self.wishes.keep_retained = !retained.is_empty();
     }
 }

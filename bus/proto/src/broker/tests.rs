@@ -11,7 +11,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::dial::Dial;
-use crate::wire::{Header, LATEST, LOSSLESS, Named, ValueKind, frames, put, put_definition};
+use crate::wire::{BulkRef, Header, LATEST, LOSSLESS, Named, ValueKind, frames, put, put_definition};
 
 /// A client of the test: speaks frames, remembers what it was told.
 struct Speaker {
@@ -135,6 +135,26 @@ fn broker() -> Broker {
 
 fn leased<'a>(name: &'a str, secs: f64) -> Introduction<'a> {
     Introduction { lease_secs: secs, ..Introduction::new(name) }
+}
+
+/// What the broker wants done.
+fn wishes(broker: &mut Broker) -> Vec<Wish> {
+    std::iter::from_fn(|| broker.poll()).collect()
+}
+
+/// Who is to retire, of what the broker wants done.
+fn retiring(broker: &mut Broker) -> Vec<ClientId> {
+    let retires = |wish| if let Wish::Retire(holder) = wish { Some(holder) } else { None };
+    wishes(broker).into_iter().filter_map(retires).collect()
+}
+
+/// Puts values in the place of references wherever the broker wants it.
+fn resolve<'a>(broker: &mut Broker, value: impl Fn(BulkRef) -> Option<&'a [u8]>) {
+    for wish in wishes(broker) {
+        if let Wish::Resolve(id) = wish {
+            broker.resolve_mail(id, &value);
+        }
+    }
 }
 
 /// A client says that it is ready.

@@ -1,10 +1,13 @@
 //! Which bulk values of a publisher are still wanted, and what a receiver can use of a message that refers to one.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeSet, VecDeque};
 
-use super::{Peer, Samples};
 use elk_proto::broker::{Broker, ClientId, Reached, Succession};
+use elk_proto::host::Ends;
 use elk_proto::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
+
+use super::peers::{Peer, Peers};
+use crate::bulk::Samples;
 
 /// Bulk values of a publisher that are kept for those who have not handled them; more are kept for lossless receivers
 /// only, who are never so far behind.
@@ -93,22 +96,10 @@ pub(super) fn bulk_values_of(batch: &[u8], client: ClientId) -> impl Iterator<It
     references.filter(move |reference| reference.client == client).map(|reference| reference.sample)
 }
 
-/// The value that a reference stands for, as far as the broker has kept it.
-pub(super) fn kept<'a>(
-    peers: &'a BTreeMap<ClientId, Peer>,
-    departed: &'a BTreeMap<ClientId, Samples>,
-    frame: &Frame<'_>,
-) -> Option<&'a [u8]> {
-    let reference = BulkRef::from_bytes(frame.value)?;
-    let here = |client| peers.get(client).and_then(|peer| Some(&peer.bulk.as_ref()?.samples));
-    let samples = here(&reference.client).or_else(|| departed.get(&reference.client));
-    samples?.get(reference.sample)
-}
-
 /// What a receiver can use of a message whose value lies in shared memory: the reference, if the value reached its own
 /// end of the bulk service; else a copy, with the hint to open one.
 pub(super) fn place_bulk(
-    (peers, departed): (&BTreeMap<ClientId, Peer>, &BTreeMap<ClientId, Samples>),
+    peers: &Peers,
     (id, to): (ClientId, &Peer),
     largest: usize,
     frame: &Frame<'_>,
@@ -119,10 +110,10 @@ pub(super) fn place_bulk(
     };
     let reached = to.attached.get(&reference.client).is_some_and(|since| *since <= reference.generation);
     let in_place = reached && frame.header.flags & LATEST == 0;
-    match kept(peers, departed, frame).filter(|_| !in_place) {
+    match peers.bulk(reference).filter(|_| !in_place) {
         Some(kept) => {
             // Of a publisher's own service its `Attached` says that it is there.
-            let others = reference.client != id && peers.contains_key(&reference.client);
+            let others = reference.client != id && peers.by_id.contains_key(&reference.client);
             let tell = others && !to.attached.contains_key(&reference.client);
             let attach = if tell { ATTACH } else { 0 };
             let publisher = reference.client.to_le_bytes();

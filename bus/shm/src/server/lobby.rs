@@ -9,11 +9,11 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
+use elk_os::clock::Stopwatch;
+use elk_os::tell;
 use rustix::io::Errno;
 
 use super::{Answer, handshake};
-use elk_os::clock::Stopwatch;
-use elk_os::tell;
 
 /// How many may be silent at a time.
 const ROOM: usize = 64;

@@ -168,17 +168,14 @@ fn mail_of_the_dead_holds_the_values_themselves() {
     Speaker::with(c).register(b, 0.0, "X", "*", 0.0);
     a.bulk(b, "X", 1);
     let values = ["", "1", "2", "3", "4"];
-    let value = |frame: &Frame<'_>| {
-        let sample = BulkRef::from_bytes(frame.value).unwrap().sample;
-        Some(values[sample as usize].as_bytes())
-    };
-    b.resolve_mail(value);
+    let value = |reference: BulkRef| Some(values[reference.sample as usize].as_bytes());
+    resolve(b, value);
     assert!(wire::is_bulk(&b.clients[&c].mailbox.clone_mail()[56..]), "who lives reads it in place");
     b.disconnect(1.0, c, 0, false);
-    b.resolve_mail(value);
+    resolve(b, value);
     (2..5).for_each(|sample| {
         a.bulk(b, "X", sample);
-        b.resolve_mail(value);
+        resolve(b, value);
     });
     let mut next = Speaker::with(b.connect(2.0, &Introduction::new("c")).unwrap());
     next.register(b, 2.0, "X", "*", 0.0);
@@ -308,10 +305,7 @@ fn a_value_that_has_no_room_in_the_mail_of_the_dead_is_not_copied() {
     let (short, long) = (vec![1; 500], vec![2; 2000]);
     for sample in 1..4 {
         a.bulk(b, "X", sample);
-        b.resolve_mail(|frame| match BulkRef::from_bytes(frame.value).unwrap().sample {
-            2 => Some(&long),
-            _ => Some(&short),
-        });
+        resolve(b, |reference| Some(if reference.sample == 2 { &long } else { &short }));
     }
     let mail = mailbox(b);
     let messages = wire::frames(&mail).map_while(Result::ok).filter(|frame| frame.header.kind == FrameKind::Notify);

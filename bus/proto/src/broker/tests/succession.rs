@@ -71,9 +71,9 @@ fn a_name_has_one_holder_and_one_successor_and_only_a_successor_may_come_for_it(
     let successor = Introduction { succeeds: true, ..Introduction::new("c") };
     let next = b.connect(0.0, &successor).unwrap();
     assert_eq!(b.connect(0.0, &successor), Err(Refusal::SuccessorTaken("c".into())));
-    assert!(b.take_retiring().is_empty() && !b.holds_back(0.0, next));
+    assert!(retiring(b).is_empty() && !b.holds_back(0.0, next));
     ready(b, 0.0, next);
-    assert_eq!(b.take_retiring(), [holder.id]);
+    assert_eq!(retiring(b), [holder.id]);
     assert!(b.holds_back(0.0, next), "what it says from now on waits until it has its session");
     b.disconnect(0.0, holder.id, 0, true);
     assert!(!b.holds_back(0.0, next));
@@ -85,9 +85,10 @@ fn a_recovered_broker_waits_for_those_who_live_and_gives_the_places_of_the_dead_
     let b = &mut broker();
     join_ready(b, 0.0, &leased("lives", 0.0));
     join_ready(b, 0.0, &leased("dead", 5.0));
-    let sessions: Vec<Session> = b.take_sessions().unwrap();
+    assert!(wishes(b).contains(&Wish::KeepSessions));
+    let sessions: Vec<Session> = b.sessions().into_iter().map(|(_, session)| session).collect();
     assert_eq!(sessions.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["dead", "lives"]);
-    assert!(b.take_sessions().is_none());
+    assert_eq!(wishes(b), [], "they are the same as before");
     let sessions = sessions.into_iter().map(|session| (session.clone(), session.name == "lives"));
     let b = &mut Broker::recover(BrokerConfig::new("test"), 100.0, sessions, 10.0);
     let mut a = Speaker::new(b, 100.0, "a");
@@ -159,7 +160,7 @@ impl Holders {
         let who = Introduction { succeeds: swap, ..leased("c", 5.0) };
         if swap {
             self.speaker = join_ready(b, 0.0, &who);
-            assert_eq!(b.take_retiring(), [dead]);
+            assert_eq!(retiring(b), [dead]);
         }
         b.disconnect(0.0, dead, self.handled, swap);
         if !swap {
