@@ -2,7 +2,8 @@
 //! documentation; no program calls it.
 
 use super::lane::DEPTH;
-use super::page::{ClientPage, Page, SMALL};
+use super::page::{ClientPage, Page};
+use super::shared::SMALL;
 use crate::wire;
 
 /// Lays `bytes` over a client's page and reads what the broker reads there; answers how many bytes of frames it found.
