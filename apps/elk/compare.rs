@@ -20,6 +20,7 @@ use elk_mission::{AppSpec, Mission, Override, element};
 
 use crate::missions::load;
 use crate::terminal::{print_table, say};
+pub use run::run_name;
 use run::{Plan, Row, Running};
 use strategy::{Strategy, set};
 

@@ -112,7 +112,8 @@ impl Target {
                 // What belongs to it comes before it.
                 files.sort_by_key(|file| *file == self.draft);
                 for file in files {
-                    let to = place.join(file.file_name().unwrap_or_default());
+                    let Some(name) = file.file_name() else { continue };
+                    let to = place.join(name);
                     rename(&file, &to).with_context(|| format!("cannot write {}", to.display()))?;
                 }
             }

@@ -366,9 +366,11 @@ impl Conduct<'_> {
         if !self.backend.note_state(&mut self.state) || self.said_state.as_ref() == Some(&self.state) {
             return;
         }
-        let text = self.state.next_text();
-        self.listener.say(launch_state::KEY, text.as_str());
-        if let Err(error) = LaunchState::keep(self.community, &text) {
+        let kept = self.state.next_text().and_then(|text| {
+            self.listener.say(launch_state::KEY, text.as_str());
+            LaunchState::keep(self.community, &text)
+        });
+        if let Err(error) = kept {
             self.display.say(&error.to_string());
         }
         self.said_state = Some(self.state.clone());

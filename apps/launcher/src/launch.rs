@@ -100,7 +100,8 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let stop = person::stop_signals(options.detached)?;
     let ended = end_orphans(&options.community);
     let now = Clock::new(1.0).now();
-    let folder = folder::create(&options.log_dir, &folder::stem(&mission.file), now)?;
+    let folder =
+        folder::create(&options.log_dir, &mission.file.file_stem().unwrap_or_default().to_string_lossy(), now)?;
     let manual = mission.mode == Mode::Manual && !options.auto;
     let place = RunPlace::new(&mission, &folder, manual);
     place.keep(&mission, &options.revision)?;

@@ -1,5 +1,8 @@
 //! The files of a log: segments, compression, the index, and what other people's tools read in them.
 
+#[path = "../../../tests/common/skip.rs"]
+mod skip;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -346,7 +349,8 @@ fn an_independent_reader_decodes_what_viewers_are_to_show() {
     write(&path, &spatial(), LogOptions { compression: Compression::Zstd, ..LogOptions::default() });
     let there = Command::new("python3").args(["-c", "import mcap, mcap_protobuf"]).output();
     if !there.is_ok_and(|output| output.status.success()) {
-        println!("skipped: python3 with the packages `mcap` and `mcap-protobuf-support` is not installed");
+        let why = "python3 with the packages `mcap` and `mcap-protobuf-support` is not installed";
+        skip::skip("an_independent_reader_decodes_what_viewers_are_to_show", "mcap", why);
         return;
     }
     let script = r#"
@@ -388,7 +392,8 @@ fn rerun_draws_what_it_is_to_show() {
     let folder = tempfile::tempdir().unwrap();
     write(&folder.path().join("log.mcap"), &spatial(), LogOptions::default());
     if !rerun(&["mcap", "--help"], folder.path()).is_ok_and(|output| output.status.success()) {
-        println!("skipped: rerun (the Python package `rerun-sdk`) is not installed");
+        let why = "rerun (the Python package `rerun-sdk`) is not installed";
+        skip::skip("rerun_draws_what_it_is_to_show", "rerun", why);
         return;
     }
     let mut said = Vec::new();

@@ -204,12 +204,11 @@ fn names(drafts: &mut [Draft], problems: &mut Findings) {
         }
     }
     for draft in drafts.iter_mut().filter(|draft| draft.named.is_none()) {
-        let numbered = (1..).map(|n| match n {
-            1 => draft.element.clone(),
-            n => format!("{}{n}", draft.element),
-        });
-        let free = numbered.into_iter().find(|name| !taken.contains_key(name));
-        let name = free.unwrap_or_default();
+        let (mut name, mut number) = (draft.element.clone(), 1);
+        while taken.contains_key(&name) {
+            number += 1;
+            name = format!("{}{number}", draft.element);
+        }
         taken.insert(name.clone(), draft.element.clone());
         draft.named = Some((name, draft.place.clone()));
     }

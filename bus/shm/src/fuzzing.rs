@@ -4,7 +4,8 @@
 use elk_proto::wire;
 
 use super::lane::DEPTH;
-use super::page::{ClientPage, Page, SMALL};
+use super::page::{ClientPage, Page};
+use super::shared::SMALL;
 
 /// Lays `bytes` over a client's page and reads what the broker reads there; answers how many bytes of frames it found.
 ///

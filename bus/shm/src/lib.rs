@@ -29,6 +29,8 @@ mod scarce;
 mod server;
 mod service;
 mod sessions;
+mod shared;
+mod sync;
 
 pub use client::{ConnectError, connect};
 pub use folder::{Fault, FolderError};

@@ -1,112 +1,20 @@
 //! Pages that two processes share: bells, counters, and batches that are small enough to lie beside them.
 
-use std::cell::UnsafeCell;
 use std::os::fd::{AsFd, OwnedFd};
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
-use std::time::Duration;
 
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, ftruncate, memfd_create};
-use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
-use rustix::thread::futex;
 
 use super::lane::DEPTH;
-
-/// Wakes one sleeper. The word counts rings, so that a ring between looking and sleeping is not missed; who rings pays
-/// a system call only if somebody sleeps.
-#[repr(C)]
-pub struct Bell {
-    rings: AtomicU32,
-    sleeping: AtomicU32,
-}
-
-impl Bell {
-    /// Rings.
-    pub fn ring(&self) {
-        self.rings.fetch_add(1, Ordering::SeqCst);
-        if self.sleeping.load(Ordering::SeqCst) != 0 {
-            // There is nobody to tell of a failure, and a sleeper's timeout mends it.
-            let _ = futex::wake(&self.rings, futex::Flags::empty(), 1);
-        }
-    }
-
-    /// The number of rings so far; look for work after this, then [`Bell::wait`] with it.
-    pub fn rings(&self) -> u32 {
-        self.rings.load(Ordering::SeqCst)
-    }
-
-    /// Sleeps until the bell has rung since `rings` was read, a signal came, or `timeout` has passed; answers whether it
-    /// was a signal.
-    pub fn wait(&self, rings: u32, timeout: Duration) -> bool {
-        self.sleeping.store(1, Ordering::SeqCst);
-        let mut interrupted = false;
-        if self.rings.load(Ordering::SeqCst) == rings {
-            let timeout = futex::Timespec {
-                tv_sec: timeout.as_secs().min(1 << 30) as i64,
-                tv_nsec: i64::from(timeout.subsec_nanos()) as _,
-            };
-            let woken = futex::wait(&self.rings, futex::Flags::empty(), rings, Some(&timeout));
-            interrupted = woken == Err(Errno::INTR);
-        }
-        self.sleeping.store(0, Ordering::SeqCst);
-        interrupted
-    }
-}
+use super::shared::{Bell, Slots};
 
 /// The broker's page: every client rings its bell.
 #[repr(C)]
 pub struct BrokerPage {
     /// Wakes the broker.
     pub bell: Bell,
-}
-
-/// The longest batch that travels in a page (bytes).
-pub const SMALL: usize = 504;
-
-/// Small batches under way, one way: a slot for each that may be. A sample of iceoryx2 costs 4 to 5 µs over a hop, a few
-/// hundred bytes beside the counter that announces them cost a copy. A slot is written before its batch is counted as
-/// sent, and again only after that was counted as taken.
-#[repr(C, align(64))]
-pub struct Slots([Slot; DEPTH as usize]);
-
-#[repr(C, align(8))]
-struct Slot {
-    /// 0: the batch is in the lane.
-    len: AtomicU32,
-    bytes: UnsafeCell<[u8; SMALL]>,
-}
-
-// SAFETY: who may touch a slot's bytes is settled by the counters of sent and taken batches (see `Slots`).
-unsafe impl Sync for Slots {}
-
-impl Slots {
-    fn slot(&self, number: u64) -> &Slot {
-        &self.0[(number % DEPTH) as usize]
-    }
-
-    /// Puts batch `number`, counted from 0, into its slot; `false`: it is too long, and has to go into the lane. Only for
-    /// the writing end, which has seen batch `number - DEPTH` taken.
-    pub fn put(&self, number: u64, batch: &[u8]) -> bool {
-        let slot = self.slot(number);
-        let small = batch.len() <= SMALL;
-        if small {
-            // SAFETY: nobody reads the slot before the batch is counted as sent, the length was looked at, and a slice of
-            // this process does not overlap with the page.
-            unsafe { std::ptr::copy_nonoverlapping(batch.as_ptr(), slot.bytes.get().cast(), batch.len()) };
-        }
-        slot.len.store(if small { batch.len() as u32 } else { 0 }, Ordering::Relaxed);
-        small
-    }
-
-    /// Batch `number`, if it lies in its slot. Only for the reading end, between sent and taken.
-    pub fn get(&self, number: u64) -> Option<&[u8]> {
-        let slot = self.slot(number);
-        let len = slot.len.load(Ordering::Relaxed) as usize;
-        // SAFETY: the other end does not write the slot before the batch is counted as taken; any bytes are valid, and
-        // the length is held against the slot's.
-        (len > 0).then(|| unsafe { std::slice::from_raw_parts(slot.bytes.get().cast(), len.min(SMALL)) })
-    }
 }
 
 /// A client's page. Each counter has one writer; the difference of a pair is what is under way.
@@ -281,6 +189,11 @@ impl<T> Drop for Page<T> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
+    use rustix::io::Errno;
+
+    use super::super::shared::SMALL;
     use super::*;
 
     #[test]

@@ -186,7 +186,10 @@ impl Asker {
     }
 
     fn answer(&mut self, answer: &Answer) {
-        let line = serde_json::to_vec(answer).unwrap_or_default();
+        let line = serde_json::to_vec(answer).unwrap_or_else(|error| {
+            debug_assert!(false, "an answer is names, texts and numbers: {error}");
+            br#"{"answer":"failed","text":"the launcher cannot put its answer into words"}"#.to_vec()
+        });
         if self.to_say.is_empty() {
             self.waited = Stopwatch::start();
         }

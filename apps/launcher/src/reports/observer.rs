@@ -59,7 +59,8 @@ pub(crate) struct Losses {
 impl Losses {
     /// An app's word of itself: `…,rejected=3,MOOSName=Map`. Nobody else's.
     fn note_status(&mut self, mail: &Mail<'_>) {
-        let text = mail.as_text().unwrap_or_default();
+        // An app of somebody else's may say anything under such a name.
+        let Some(text) = mail.as_text() else { return };
         let said = |name: &str| text.split(',').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
         if let (Some(name), Some(Ok(count))) = (said("MOOSName"), said("rejected").map(str::parse))
             && name == mail.source()
@@ -168,8 +169,9 @@ impl Observer {
     fn note_report(&mut self, mail: &Mail<'_>) -> Result<(), DecodeError> {
         match mail.key() {
             DB_EVENT => self.news.extend(mail.as_text().and_then(event)),
-            DB_CLIENTS => self.note_clients(mail.as_text().unwrap_or_default()),
-            DB_DROPS => self.losses.dropped = drops(mail.as_text().unwrap_or_default()),
+            // The broker writes these, texts both; anything else says nothing of who is there.
+            DB_CLIENTS => mail.as_text().into_iter().for_each(|text| self.note_clients(text)),
+            DB_DROPS => mail.as_text().into_iter().for_each(|text| self.losses.dropped = drops(text)),
             LOGGER_ERROR | REJECTED => self.note_trouble(mail),
             key if key.ends_with(STATUS_SUFFIX) => self.losses.note_status(mail),
             _ => {}

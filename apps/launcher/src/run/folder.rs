@@ -36,7 +36,7 @@ pub fn create(logs: &Path, stem: &str, now: f64) -> Result<PathBuf, LaunchError>
     Err(unwritable(ErrorKind::AlreadyExists.into()))
 }
 
-/// What a mission's run is called after.
+/// What a mission's run is called after: as far as it can be, its file's name.
 pub(crate) fn stem(mission: &Path) -> String {
     plain(&mission.file_stem().unwrap_or_default().to_string_lossy())
 }

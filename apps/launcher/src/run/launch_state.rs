@@ -102,9 +102,16 @@ impl LaunchState {
     }
 
     /// Counts up, and answers the text to be said.
-    pub fn next_text(&mut self) -> String {
+    ///
+    /// # Errors
+    /// It cannot be put into words; nothing is better than an empty text, which would take the last one's place.
+    pub fn next_text(&mut self) -> Result<String, LaunchError> {
         self.number = self.number.saturating_add(1);
-        serde_json::to_string(self).unwrap_or_default()
+        let failed = |error: serde_json::Error| LaunchError::System {
+            what: "no words for whoever picks the mission up",
+            source: error.into(),
+        };
+        serde_json::to_string(self).map_err(failed)
     }
 
     /// Keeps a text of it where no broker is needed.
@@ -168,18 +175,21 @@ impl LaunchState {
 
     /// The mission, checked against the registry as its file was.
     pub fn mission(&self, community: &Community, registry: &Registry) -> Result<Mission, LaunchError> {
+        let odd = |why| LaunchError::Attach { community: community.clone(), why };
         // They name files.
         if let Some(odd) = self.apps.iter().find(|app| !is_app_name(&app.name)) {
             let why = format!("what its launcher left word of names an app {:?}, which is no name for one", odd.name);
             return Err(LaunchError::Attach { community: community.clone(), why });
         }
-        let apps = self.apps.iter().map(|app| app.spec(registry)).collect::<Result<_, _>>()?;
+        let policies = self.apps.iter().map(|app| app.policy.policy()).collect::<Result<Vec<_>, _>>().map_err(odd)?;
+        let specs = self.apps.iter().zip(policies).map(|(app, policy)| app.spec(policy, registry));
+        let apps = specs.collect::<Result<_, _>>()?;
         Ok(Mission {
             name: self.name.clone(),
             file: self.file.clone(),
             bytes: Vec::new(),
             mode: if self.manual { Mode::Manual } else { Mode::Auto },
-            broker: self.broker_policy.policy(),
+            broker: self.broker_policy.policy().map_err(odd)?,
             mailbox_mb: self.mailbox_mb,
             apps,
         })
@@ -223,14 +233,14 @@ impl AppState {
     }
 
     /// The app, checked.
-    fn spec(&self, registry: &Registry) -> Result<AppSpec, LaunchError> {
+    fn spec(&self, policy: Policy, registry: &Registry) -> Result<AppSpec, LaunchError> {
         let said: BTreeSet<String> = self.settings.iter().map(|(name, _)| name.clone()).collect();
         let (exec, args) = self.exec.clone().unwrap_or_default();
         let stranger = AppSpec {
             name: self.name.clone(),
             element: self.element.clone(),
             program: Program::Foreign { exec, args },
-            policy: self.policy.policy(),
+            policy,
             said,
             settings: self.settings.clone(),
         };
@@ -255,12 +265,15 @@ impl PolicyState {
         }
     }
 
-    fn policy(&self) -> Policy {
-        Policy {
-            restart: Restart::of_word(&self.restart).unwrap_or_default(),
+    /// The policy, or what is wrong with its words.
+    fn policy(&self) -> Result<Policy, String> {
+        let unknown =
+            || format!("what its launcher left word of restarts an app {:?}, which means nothing", self.restart);
+        Ok(Policy {
+            restart: Restart::of_word(&self.restart).ok_or_else(unknown)?,
             restarts: self.restarts,
             window_secs: self.window_secs,
             health_secs: self.health_secs,
-        }
+        })
     }
 }

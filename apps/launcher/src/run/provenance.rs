@@ -195,7 +195,8 @@ fn checksum(file: &Path) -> String {
 /// Puts down in a run's folder what the run is made of.
 pub(crate) fn keep(mission: &Mission, folder: &Path, revision: &str) -> Result<(), LaunchError> {
     let provenance = Provenance::of(mission, revision);
-    let json = serde_json::to_string_pretty(&provenance).unwrap_or_default() + "\n";
+    let unwritten = |error: serde_json::Error| LaunchError::File { file: folder.join(RUN), source: error.into() };
+    let json = serde_json::to_string_pretty(&provenance).map_err(unwritten)? + "\n";
     let effective = mission.to_xml(&|app, param| is_of_run(app, param));
     for (name, text) in [(provenance.effective_mission.as_str(), effective), (RUN, json)] {
         let file = folder.join(name);

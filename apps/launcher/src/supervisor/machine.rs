@@ -548,7 +548,9 @@ impl Supervisor {
                 State::Stopping { .. } => return,
                 // It would have come back, and did not.
                 State::Waiting { .. } => {
-                    let how = self.units[place].last_exit.clone().unwrap_or_default();
+                    let last = self.units[place].last_exit.clone();
+                    debug_assert!(last.is_some(), "who waits to be started again has ended");
+                    let how = last.unwrap_or_else(|| "ended, nobody saw how".to_owned());
                     self.stopped(place, &Exit { how, ..Exit::default() }, now);
                 }
                 State::Idle | State::Stopped | State::Over => {}
