@@ -85,6 +85,11 @@ impl Client {
         known.or(self.is_out_of_numbers.then_some(REFUSED)).ok_or("a number was used before its definition")
     }
 
+    /// Numbers that it has given to names.
+    pub fn given_numbers(&self) -> usize {
+        self.numbers.iter().map(Vec::len).sum()
+    }
+
     pub fn is_joining(&self) -> bool {
         matches!(self.standing, Standing::Joining { .. })
     }
