@@ -48,8 +48,8 @@ impl Variables {
         self.all.iter_mut()
     }
 
-    /// Whether a message waits for its client's time to come, or for a moment less than a due one before it: it takes the
-    /// place of what waits, and the `interval` (s) counts from what was sent last. `most`: the bytes that may wait.
+    /// Holds a message back until `interval` (s) is over since the last one that client `to` was sent, in place of the one
+    /// that waits already; `false`: it is to be sent now. At most `most` bytes wait, of all clients.
     pub fn holds(&mut self, now: f64, to: ClientId, interval: f64, message: &Message<'_>, most: usize) -> bool {
         let Self { all, pending_bytes, due: all_due, .. } = self;
         let key = message.header.key;
