@@ -1,9 +1,9 @@
 //! A community as a transport hosts it: the broker, and what its decisions mean for the clients' ends, the same for all
 //! transports.
 //!
-//! A transport carries batches in and mail out, and says who came and who has gone. What follows from that is done here, in
-//! the right order: holders of names retire for their successors, whoever waits for a reader that was replaced waits for the
-//! next one, and what the next broker has to find, should this one die, is handed over to be kept.
+//! A transport carries batches in and mail out, and says who came and who has gone. What follows from that is done here,
+//! in the right order: holders of names retire for their successors, whoever waits for a reader that was replaced waits
+//! for the next one, and what the next broker has to find, should this one die, is handed over to be kept.
 
 use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Refusal, Retained, Session, Succession, Wish};
 use crate::wire::{BulkRef, WireError};

@@ -1,5 +1,7 @@
-//! What clients and broker of a community say to each other, and the broker that answers. Nothing here reads a clock, starts a
-//! thread or opens a file: a transport carries the bytes, and whoever drives this says what time it is.
+//! What clients and broker of a community say to each other, and the broker that answers.
+//!
+//! Nothing here reads a clock, starts a thread or opens a file: a transport carries the bytes, and whoever drives this says
+//! what time it is.
 //!
 //! | module | one idea |
 //! |---|---|

@@ -103,6 +103,11 @@ impl Client {
         }
     }
 
+    /// Numbers that it has given to names.
+    pub fn given_numbers(&self) -> usize {
+        self.numbers.iter().map(Vec::len).sum()
+    }
+
     pub fn is_joining(&self) -> bool {
         matches!(self.standing, Standing::Joining { .. })
     }

@@ -9,7 +9,7 @@ use crate::wire::{self, BULK, FrameKind, Header, Named, ValueKind};
 
 /// A time that can be ordered (s; never NaN here).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Due(f64);
+pub(super) struct Due(pub f64);
 
 impl Eq for Due {}
 impl PartialOrd for Due {
@@ -31,18 +31,18 @@ impl Broker {
 
     pub(super) fn publish_own(&mut self, now: f64, key: &str, kind: ValueKind, value: &[u8]) {
         let key = self.number(Named::Key, Definition::of(key));
-        self.own_sequence += 1;
+        let sequence = self.own.next();
         let header = Header {
             value_kind: kind,
             key,
-            source: self.own_source,
-            sequence: self.own_sequence,
+            source: self.own.source,
+            sequence,
             time: self.time(now),
             ..Header::new(FrameKind::Notify)
         };
         let mut frame = Vec::new();
         wire::put(&mut frame, &header, &[], value);
-        self.variables[key as usize].writers.insert(self.own_source);
+        self.variables[key].writers.insert(self.own.source);
         if let Some(message) = Message::stored(&frame) {
             self.store_and_deliver(now, None, &message);
         }
@@ -51,12 +51,12 @@ impl Broker {
     pub(super) fn store_and_deliver(&mut self, now: f64, from: Option<ClientId>, message: &Message<'_>) {
         let (key, source) = (message.header.key, message.header.source);
         self.settle_owed(now, key);
-        self.keep_as_latest(now, from, message);
+        self.variables.keep_as_latest(now, from, message);
         let route = self.route(key, source);
-        let deliveries = std::mem::take(&mut self.variables[key as usize].routes[route].deliveries);
+        let deliveries = std::mem::take(&mut self.variables[key].routes[route].deliveries);
         for delivery in &deliveries {
             if delivery.lossless
-                && let Some(feeder) = from.and_then(|f| self.clients.get_mut(&f))
+                && let Some(feeder) = from.and_then(|f| self.sessions.clients.get_mut(&f))
             {
                 feeder.feeds.insert(delivery.client);
             }
@@ -65,32 +65,32 @@ impl Broker {
                 false => self.deliver(now, delivery.client, message),
             }
         }
-        self.variables[key as usize].routes[route].deliveries = deliveries;
+        self.variables[key].routes[route].deliveries = deliveries;
     }
 
     /// The place of (key, source) in the variable's routes; a pair that is new is matched against all registrations.
     fn route(&mut self, key: u32, source: u32) -> usize {
-        if let Some(known) = self.variables[key as usize].routes.iter().position(|r| r.source == source) {
+        if let Some(known) = self.variables[key].routes.iter().position(|r| r.source == source) {
             return known;
         }
-        let (key_name, source_name) = (self.keys.name(key), self.sources.name(source));
+        let (key_name, source_name) = (self.names.keys.name(key), self.names.sources.name(source));
         let mut deliveries = Vec::new();
-        for (id, client) in self.clients.iter_mut().filter(|(_, c)| !c.is_joining()) {
+        for (id, client) in self.sessions.clients.iter_mut().filter(|(_, c)| !c.is_joining()) {
             let delivery = registration::combine(*id, &client.registrations, key_name, source_name);
             client.deliveries += usize::from(delivery.is_some());
             deliveries.extend(delivery);
         }
-        self.deliveries += deliveries.len();
+        self.variables.deliveries += deliveries.len();
         deliveries.shrink_to_fit();
-        let routes = &mut self.variables[key as usize].routes;
-        self.routes += 1;
+        self.variables.routes += 1;
+        let routes = &mut self.variables[key].routes;
         routes.push(variable::Route { source, deliveries });
         routes.len() - 1
     }
 
     pub(super) fn deliver(&mut self, now: f64, to: ClientId, message: &Message<'_>) {
         let has_room = self.has_room_for(to, message.len());
-        let Some(client) = self.clients.get_mut(&to) else { return };
+        let Some(client) = self.sessions.clients.get_mut(&to) else { return };
         if !has_room {
             client.mailbox.note_dropped();
             return;
@@ -105,56 +105,15 @@ impl Broker {
     }
 
     fn deliver_throttled(&mut self, now: f64, to: ClientId, interval: f64, message: &Message<'_>) {
-        let key = message.header.key;
-        let throttle = self.variables[key as usize].throttle(to);
-        let earliest = Due(throttle.last_sent + interval);
-        let due = throttle.pending.as_ref().map_or(earliest, |(due, _)| earliest.min(*due));
-        let waits = self.end_wait(key, to);
-        let has_room = self.pending_bytes + message.len() <= self.config.limits.pending_bytes;
-        let throttle = self.variables[key as usize].throttle(to);
-        if has_room && (now < due.0 || waits) {
-            throttle.pending = Some((due, message.to_bytes()));
-            self.pending_bytes += message.len();
-            self.due.insert((due, key, to));
-        } else {
-            throttle.last_sent = now;
+        if !self.variables.holds(now, to, interval, message, self.config.limits.pending_bytes) {
             self.deliver(now, to, message);
-        }
-    }
-
-    /// What waits for a client's time to come does so no longer; whether anything did.
-    pub(super) fn end_wait(&mut self, key: u32, client: ClientId) -> bool {
-        let Some((due, frame)) = self.variables[key as usize].take_pending(client) else { return false };
-        self.pending_bytes -= frame.len();
-        self.due.remove(&(due, key, client));
-        true
-    }
-
-    /// Forgets to whom a client's messages went and what it was to get.
-    pub(super) fn end_deliveries(&mut self, client: ClientId) {
-        for key in 0..self.variables.len() as u32 {
-            self.end_wait(key, client);
-            let variable = &mut self.variables[key as usize];
-            variable.routes.iter_mut().for_each(|route| route.deliveries.retain(|d| d.client != client));
-            variable.throttles.retain(|t| t.client != client);
         }
     }
 
     /// Delivers what throttled registrations held back and whose time has come.
     pub(super) fn deliver_due(&mut self, now: f64) {
-        while let Some(&(due, key, client)) = self.due.first().filter(|(due, ..)| due.0 <= now) {
-            self.due.remove(&(due, key, client));
-            let throttle = self.variables[key as usize].throttle(client);
-            throttle.last_sent = now;
-            if let Some((_, frame)) = throttle.pending.take() {
-                self.pending_bytes -= frame.len();
-                Message::stored(&frame).into_iter().for_each(|message| self.deliver(now, client, &message));
-            }
+        while let Some((client, frame)) = self.variables.take_due(now) {
+            Message::stored(&frame).into_iter().for_each(|message| self.deliver(now, client, &message));
         }
-    }
-
-    /// When the next of these is due (s).
-    pub(super) fn next_due(&self) -> f64 {
-        self.due.first().map_or(f64::INFINITY, |(due, ..)| due.0)
     }
 }

@@ -47,13 +47,13 @@ impl Broker {
             ValueKind::Double => Expected::Numbers,
             ValueKind::Text => Expected::Texts,
             ValueKind::Binary => {
-                let client = self.clients.get(&from).ok_or("the client is not connected")?;
+                let client = self.sessions.clients.get(&from).ok_or("the client is not connected")?;
                 let number = match client.number(Named::Type, frame.header.type_) {
                     Ok(number) => number,
                     Err(Unnumbered::Refused) => return Ok(None), // the client was told when it named it
                     Err(Unnumbered::Undefined) => return Err(UNDEFINED),
                 };
-                Expected::Values(self.types.name(number).to_owned(), self.types.layout(number))
+                Expected::Values(self.names.types.name(number).to_owned(), self.names.types.layout(number))
             }
         }))
     }
@@ -61,7 +61,7 @@ impl Broker {
     /// Why the first write to a variable, of a number or a text, contradicts all who have registered for it, if so. A typed
     /// value is no slip: readers that expect something else have to see to it themselves.
     pub(super) fn contradicts_readers(&self, key: u32, lock: TypeLock) -> Option<String> {
-        let name = self.keys.name(key);
+        let name = self.names.keys.name(key);
         let (reader, expected) = self.expectations(name).next()?;
         let reader = self.client_name(reader)?;
         let nobody = lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.is(lock, other));
@@ -70,16 +70,16 @@ impl Broker {
 
     /// Whether a write of another type takes the variable over: somebody reads it as that, and nobody as what it carries.
     pub(super) fn changes_over(&self, key: u32, lock: TypeLock) -> bool {
-        let name = self.keys.name(key);
+        let name = self.names.keys.name(key);
         let is_read_as = |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.is(lock, expected));
-        is_read_as(lock) && !self.variables[key as usize].lock.is_some_and(is_read_as)
+        is_read_as(lock) && !self.variables[key].lock.is_some_and(is_read_as)
     }
 
     /// A variable was written with a type that it did not have before: those who read something else there are told.
     pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
-        let Some(lock) = self.variables[key as usize].lock else { return };
-        let name = self.keys.name(key).to_owned();
-        let writer = self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source));
+        let Some(lock) = self.variables[key].lock else { return };
+        let name = self.names.keys.name(key).to_owned();
+        let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
         let is = self.describe(lock);
         let words = |(reader, expected)| {
             let how = self.difference(lock, expected, [writer, "this reader"]).unwrap_or_default();
@@ -94,7 +94,7 @@ impl Broker {
 
     /// Who expects what of a variable.
     fn expectations<'a>(&'a self, name: &'a str) -> impl Iterator<Item = (ClientId, &'a Expected)> {
-        self.clients.iter().flat_map(move |(id, client)| {
+        self.sessions.clients.iter().flat_map(move |(id, client)| {
             let of_name = client.registrations.iter().filter(move |r| r.key_pattern == name);
             of_name.filter_map(|r| Some((*id, r.expects.as_ref()?)))
         })
@@ -104,7 +104,7 @@ impl Broker {
         match (lock.kind, expected) {
             (ValueKind::Double, Expected::Numbers) | (ValueKind::Text, Expected::Texts) => true,
             (ValueKind::Binary, Expected::Values(name, layout)) => {
-                let (known, hash, _) = self.types.said(lock.type_);
+                let (known, hash, _) = self.names.types.said(lock.type_);
                 (known, hash) == (name.as_str(), *layout)
             }
             _ => false,
@@ -117,7 +117,8 @@ impl Broker {
         if lock.kind != ValueKind::Binary {
             return None;
         }
-        let (carried, expected) = (self.types.get(lock.type_), self.types.get(self.types.known(name, *layout)?));
+        let (carried, expected) =
+            (self.names.types.get(lock.type_), self.names.types.get(self.names.types.known(name, *layout)?));
         let whose = [format!("in {writer}'s build"), format!("in {reader}'s")];
         let how = carried.as_ref().difference_to(expected.as_ref(), [&whose[0], &whose[1]])?;
         Some(format!(" ({how})"))
@@ -127,8 +128,8 @@ impl Broker {
     pub(super) fn note_expectation(&mut self, id: ClientId, registration: &Registration) {
         let Some(expected) = &registration.expects else { return };
         let name = &registration.key_pattern;
-        let Some(key) = self.keys.known(name) else { return };
-        let Some(lock) = self.variables[key as usize].lock.filter(|lock| !self.is(*lock, expected)) else { return };
+        let Some(key) = self.names.keys.known(name) else { return };
+        let Some(lock) = self.variables[key].lock.filter(|lock| !self.is(*lock, expected)) else { return };
         let is_expected = self.expectations(name).any(|(_, other)| self.is(lock, other));
         let yields = lock.kind != ValueKind::Binary && !is_expected;
         let what_follows = if yields {
@@ -137,18 +138,18 @@ impl Broker {
             "this reader cannot read it: build both from one version, or give one of them another variable"
         };
         let reader = self.client_name(id).unwrap_or_default();
-        let writer = self.variables[key as usize].latest_source().map_or("", |source| self.sources.name(source));
+        let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
         let is = self.describe(lock);
         let how = self.difference(lock, expected, [writer, reader]).unwrap_or_default();
         let said = format!("{name} carries {is}, by {writer}; {reader} reads it as {expected}{how}: {what_follows}");
         let writes = |(other, client): &(&ClientId, &super::Client)| **other != id && client.published.contains(&key);
-        let writers = self.clients.iter().filter(writes).map(|(id, _)| *id);
+        let writers = self.sessions.clients.iter().filter(writes).map(|(id, _)| *id);
         for told in writers.chain([id]).collect::<Vec<_>>() {
             // Whoever has gone meanwhile need not be told.
             let _ = self.refuse(told, name, 0, &said);
         }
         if yields {
-            self.forget_value(key);
+            self.variables.forget_value(key);
         }
     }
 }

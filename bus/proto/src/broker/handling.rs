@@ -46,8 +46,8 @@ impl Broker {
     /// Remembers whose mail has to be handled before the batch that was just taken counts as handled.
     pub(super) fn note_unhandled(&mut self, from: ClientId) {
         let reached = self.reached();
-        let share = self.config.limits.unhandled_bytes / self.clients.len().max(1);
-        let Some(client) = self.clients.get_mut(&from) else { return };
+        let share = self.config.limits.unhandled_bytes / self.sessions.clients.len().max(1);
+        let Some(client) = self.sessions.clients.get_mut(&from) else { return };
         client.taken += 1;
         if !reached.is_empty() {
             client.unhandled_bytes += bytes_of(&reached);
@@ -62,7 +62,7 @@ impl Broker {
     /// Who got mail from the batch that was taken in last.
     pub fn reached(&self) -> Vec<Reached> {
         let reached = |id: &ClientId| {
-            let mailbox = &self.clients.get(id)?.mailbox;
+            let mailbox = &self.sessions.clients.get(id)?.mailbox;
             Some(Reached { client: *id, position: mailbox.pushed(), lossless: mailbox.is_lossless() })
         };
         self.reached.iter().filter_map(reached).collect()
@@ -71,25 +71,25 @@ impl Broker {
     /// The batch of a client up to which everybody has handled what they were to get of it; what it published until
     /// then will not be asked for again, should the broker die.
     pub fn handled_batches(&mut self, id: ClientId) -> u64 {
-        let Some(client) = self.clients.get(&id) else { return 0 };
+        let Some(client) = self.sessions.clients.get(&id) else { return 0 };
         let behind = |r: &Reached| self.mail_done(r.client).is_some_and(|done| done < r.position);
         let handled = |(_, reached): &&(u64, Box<[Reached]>)| !reached.iter().any(behind);
         let count = client.unhandled.iter().take_while(handled).count();
-        let Some(client) = self.clients.get_mut(&id) else { return 0 };
+        let Some(client) = self.sessions.clients.get_mut(&id) else { return 0 };
         client.unhandled_bytes -= client.unhandled.drain(..count).map(|(_, reached)| bytes_of(&reached)).sum::<usize>();
         client.unhandled.front().map_or(client.taken, |(batch, _)| batch - 1)
     }
 
     /// The position up to which a client is done with its mail; `None`: there is no such client.
     pub fn mail_done(&self, id: ClientId) -> Option<u64> {
-        self.clients.get(&id).map(|c| c.mailbox.done())
+        self.sessions.clients.get(&id).map(|c| c.mailbox.done())
     }
 
     /// Whoever waits for the predecessor to handle its mail waits for the successor now.
     pub(super) fn note_succession(&mut self, predecessor: ClientId, successor: ClientId) {
-        let Some(client) = self.clients.get(&successor) else { return };
+        let Some(client) = self.sessions.clients.get(&successor) else { return };
         let succession = Succession { predecessor, successor, position: client.mailbox.pushed() };
-        for client in self.clients.values_mut() {
+        for client in self.sessions.clients.values_mut() {
             let reached = client.unhandled.iter_mut().flat_map(|(_, reached)| reached);
             reached.for_each(|reached| reached.follow(&succession));
         }

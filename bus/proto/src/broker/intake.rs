@@ -17,7 +17,7 @@ fn refers_to_own(from: ClientId, value: &[u8]) -> bool {
 impl Broker {
     /// Takes in a message, in the numbers of its client.
     pub(super) fn notify(&mut self, now: f64, from: ClientId, frame: &Frame<'_>) -> Result<(), &'static str> {
-        let client = self.clients.get_mut(&from).ok_or("the client is not connected")?;
+        let client = self.sessions.clients.get_mut(&from).ok_or("the client is not connected")?;
         let header = match client.renumber(&frame.header) {
             Ok(header) => header,
             Err(Unnumbered::Refused) => return Ok(()), // the client was told when it named it
@@ -27,8 +27,8 @@ impl Broker {
         if client.is_joining() {
             return self.hold(from, header.key, frame);
         }
-        let variable = &mut self.variables[key as usize];
-        if variable.is_own && self.keys.name(key) == table::REQUEST {
+        let variable = &mut self.variables[key];
+        if variable.is_own && self.names.keys.name(key) == table::REQUEST {
             self.answer_with_table(now, from);
             return Ok(());
         }
@@ -37,11 +37,11 @@ impl Broker {
             return self.notify(now, from, frame);
         }
         // A driven clock, which may have been set meanwhile, tells nothing of how long a message took.
-        client.latency.note(self.driver.is_none().then_some(now - header.time));
+        client.latency.note(self.time.driver.is_none().then_some(now - header.time));
         let is_as_before = variable.lock == Some(TypeLock::of(&header));
         let is_as_last_time = client.last_published == Some(key);
         if let Some(reason) = self.refusal(from, &header, frame) {
-            let name = self.keys.name(key).to_owned();
+            let name = self.names.keys.name(key).to_owned();
             return self.refuse(from, &name, header.sequence, &reason);
         }
         if !is_as_last_time {
@@ -55,17 +55,17 @@ impl Broker {
     }
 
     fn note_writer(&mut self, from: ClientId, key: u32, source: u32) {
-        if let Some(client) = self.clients.get_mut(&from) {
+        if let Some(client) = self.sessions.clients.get_mut(&from) {
             client.last_published = Some(key);
             if client.published.insert(key) {
-                self.variables[key as usize].writers.insert(source);
+                self.variables[key].writers.insert(source);
             }
         }
     }
 
     /// Why a client's message is not taken, if so.
     fn refusal(&self, from: ClientId, header: &Header, frame: &Frame<'_>) -> Option<String> {
-        let (variable, bytes) = (&self.variables[header.key as usize], frame.bytes.len());
+        let (variable, bytes) = (&self.variables[header.key], frame.bytes.len());
         if variable.is_own {
             return Some(format!("{OWN_PREFIX}* are written by the broker alone"));
         }
@@ -80,7 +80,7 @@ impl Broker {
         }
         let is_known = || variable.routes.iter().any(|route| route.source == header.source);
         if self.is_full_of_routes() && !is_known() {
-            let (routes, readers) = (self.routes, self.deliveries);
+            let (routes, readers) = (self.variables.routes, self.variables.deliveries);
             return Some(format!(
                 "the community has {routes} pairs of variable and source already, with {readers} readers all together"
             ));
@@ -94,10 +94,10 @@ impl Broker {
     }
 
     fn type_conflict(&self, key: u32, lock: TypeLock) -> Option<String> {
-        let locked = self.variables[key as usize].lock?;
+        let locked = self.variables[key].lock?;
         (locked != lock).then(|| {
             let (was, is) = (self.describe(locked), self.describe(lock));
-            format!("{} carries {was} since its first write; {is} was refused", self.keys.name(key))
+            format!("{} carries {was} since its first write; {is} was refused", self.names.keys.name(key))
         })
     }
 
@@ -106,7 +106,7 @@ impl Broker {
             ValueKind::Double => "numbers".into(),
             ValueKind::Text => "texts".into(),
             ValueKind::Binary => {
-                format!("{} (layout {:016x})", self.types.name(lock.type_), self.types.layout(lock.type_))
+                format!("{} (layout {:016x})", self.names.types.name(lock.type_), self.names.types.layout(lock.type_))
             }
         }
     }
@@ -118,7 +118,7 @@ impl Broker {
         }
         // A name that is too long is refused under its beginning.
         let name = &name[..name.floor_char_boundary(wire::MAX_NAME)];
-        let client = self.clients.get_mut(&to).ok_or("the client is not connected")?;
+        let client = self.sessions.clients.get_mut(&to).ok_or("the client is not connected")?;
         let header = Header { sequence, ..Header::new(FrameKind::Refused) };
         wire::put(client.mailbox.notices(), &header, name.as_bytes(), reason.as_bytes());
         Ok(())

@@ -1,8 +1,7 @@
 //! What a broker keeps at most, whatever its clients do. docs/security.md adds the bounds up.
 
 use super::naming::Definition;
-use super::{Broker, Client, ClientId};
-use crate::types::Type;
+use super::{Broker, ClientId};
 use crate::wire::{self, Frame, FrameKind, Named};
 
 /// Bounds on what clients can make a broker hold. Names and the table are refused beyond them, with a word to the client;
@@ -86,26 +85,34 @@ const REFUSAL_BYTES: usize = 64 << 10;
 impl Broker {
     /// Why a name that is new cannot be taken, if so.
     pub(super) fn name_refusal(&self, from: ClientId, what: Named, definition: Definition<'_>) -> Option<String> {
-        let Definition { name, layout, description } = definition;
         let limits = &self.config.limits;
-        let (names, most, kind) = match what {
-            Named::Key => (self.keys.len(), limits.variables, "variables"),
-            Named::Source => (self.sources.len(), limits.other_names, "sources"),
-            Named::Type => (self.types.len(), limits.other_names, "types"),
-            Named::Community => (self.communities.len(), limits.other_names, "communities"),
+        let (most, kind) = match what {
+            Named::Key => (limits.variables, "variables"),
+            Named::Source => (limits.other_names, "sources"),
+            Named::Type => (limits.other_names, "types"),
+            Named::Community => (limits.other_names, "communities"),
         };
-        let bytes = self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes();
-        if name.len() > limits.name_bytes {
-            Some(format!("a name of {} bytes; at most {} are allowed", name.len(), limits.name_bytes))
-        } else if self.clients.get(&from).is_some_and(|client| client.brought >= limits.names_of_a_client) {
+        let len = definition.name.len();
+        if len > limits.name_bytes {
+            Some(format!("a name of {len} bytes; at most {} are allowed", limits.name_bytes))
+        } else if self.sessions.clients.get(&from).is_some_and(|client| client.brought >= limits.names_of_a_client) {
             Some(format!("this client has brought {} names already, and no more are allowed", limits.names_of_a_client))
-        } else if names >= most {
+        } else if self.names.count(what) >= most {
             Some(format!("the community has {most} {kind} already, and no more are allowed"))
-        } else if bytes + name.len() + description.len() > limits.all_name_bytes {
-            Some(format!("the names of the community fill {} bytes already", limits.all_name_bytes))
         } else {
-            Type::from_text(name, layout, description).err()
+            self.no_room_for(len + definition.description.len()).or_else(|| definition.mistake())
         }
+    }
+
+    /// Why the description of a type that is known by its name cannot be taken, if so.
+    pub(super) fn description_refusal(&self, definition: Definition<'_>) -> Option<String> {
+        self.no_room_for(definition.description.len()).or_else(|| definition.mistake())
+    }
+
+    fn no_room_for(&self, bytes: usize) -> Option<String> {
+        let most = self.config.limits.all_name_bytes;
+        let is_full = self.names.bytes() + bytes > most;
+        is_full.then(|| format!("the names of the community fill {most} bytes already"))
     }
 
     /// Why a registration with these patterns cannot be taken, if so.
@@ -126,7 +133,7 @@ impl Broker {
     /// Bytes that a message may add to the latest values in place of one of `old` bytes, or why it may not.
     pub(super) fn latest_refusal(&self, old: usize, new: usize) -> Option<String> {
         let most = self.config.limits.latest_bytes;
-        let would_be = self.latest_bytes - old + new;
+        let would_be = self.variables.latest_bytes - old + new;
         (new > old && would_be > most).then(|| format!("the latest values of the community fill {most} bytes already"))
     }
 
@@ -138,15 +145,14 @@ impl Broker {
         number: u32,
         name: &str,
     ) -> Result<bool, &'static str> {
-        let given = |client: &Client| client.numbers.iter().map(Vec::len).sum::<usize>();
-        let all: usize = self.clients.values().map(given).sum();
+        let all = self.sessions.numbers;
         let limits = &self.config.limits;
-        let client = self.clients.get_mut(&id).ok_or("the client is not connected")?;
+        let client = self.sessions.clients.get_mut(&id).ok_or("the client is not connected")?;
         let is_new = client.numbers[what as usize].len() <= number as usize;
         if !is_new || client.is_out_of_numbers {
             return Ok(is_new);
         }
-        client.is_out_of_numbers = given(client) >= limits.numbers_of_a_client || all >= limits.numbers;
+        client.is_out_of_numbers = client.given_numbers() >= limits.numbers_of_a_client || all >= limits.numbers;
         if client.is_out_of_numbers {
             let reason = "so many names are in use that no more are taken from this client";
             self.refuse(id, name, 0, reason)?;
@@ -162,8 +168,8 @@ impl Broker {
         if bytes <= LEAST_MAILBOX.min(self.config.mailbox_bytes) {
             return true;
         }
-        let is_large = self.clients.get(&to).is_some_and(|client| bytes > client.mailbox.limit());
-        let oversize = || self.clients.values().map(|client| client.mailbox.oversize_bytes()).sum::<usize>();
+        let is_large = self.sessions.clients.get(&to).is_some_and(|client| bytes > client.mailbox.limit());
+        let oversize = || self.sessions.clients.values().map(|client| client.mailbox.oversize_bytes()).sum::<usize>();
         !is_large || oversize().saturating_add(bytes) <= self.config.limits.oversize_bytes
     }
 
@@ -171,24 +177,24 @@ impl Broker {
     /// an app that was started again.
     pub(super) fn is_full_of_routes(&self) -> bool {
         let Limits { routes, deliveries, .. } = &self.config.limits;
-        self.routes >= *routes || self.deliveries >= deliveries / 4 * 3
+        self.variables.routes >= *routes || self.variables.deliveries >= deliveries / 4 * 3
     }
 
     /// Bytes of what clients say before they have their sessions.
     pub(super) fn held_bytes(&self) -> usize {
-        self.clients.values().map(|client| client.held.len()).sum()
+        self.sessions.clients.values().map(|client| client.held.len()).sum()
     }
 
     /// Whether a client has so many refusals waiting that further ones are not put down.
     pub(super) fn is_full_of_refusals(&self, id: ClientId) -> bool {
-        self.clients.get(&id).is_none_or(|client| client.mailbox.notice_bytes() >= REFUSAL_BYTES)
+        self.sessions.clients.get(&id).is_none_or(|client| client.mailbox.notice_bytes() >= REFUSAL_BYTES)
     }
 
     /// Gives every mailbox its share.
     pub(super) fn share_out_mail(&mut self) {
-        let share = self.config.limits.mail_bytes / self.clients.len().max(1);
+        let share = self.config.limits.mail_bytes / self.sessions.clients.len().max(1);
         let limit = share.max(LEAST_MAILBOX).min(self.config.mailbox_bytes);
-        self.clients.values_mut().for_each(|client| client.mailbox.set_limit(limit));
+        self.sessions.clients.values_mut().for_each(|client| client.mailbox.set_limit(limit));
     }
 }
 

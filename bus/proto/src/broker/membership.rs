@@ -97,15 +97,15 @@ impl Broker {
         patience: f64,
     ) -> Self {
         let mut broker = Self::new(config, now);
-        broker.driver_awaited_until = now + patience;
-        broker.returns_awaited_until = Some(now + RETURN_PATIENCE_SECS);
+        broker.time.driver_awaited_until = now + patience;
+        broker.sessions.returns_awaited_until = Some(now + RETURN_PATIENCE_SECS);
         for (session, returns) in sessions {
             let id = broker.add_client(now, &session.name, session.lease_secs);
-            let Some(client) = broker.clients.get_mut(&id) else { continue };
+            let Some(client) = broker.sessions.clients.get_mut(&id) else { continue };
             client.standing = Standing::Disconnected { until: now + patience, returns };
             client.registrations = session.registrations;
             broker.mark_lossless(id);
-            broker.names.insert(session.name, id);
+            broker.sessions.names.insert(session.name, id);
         }
         broker
     }
@@ -117,21 +117,21 @@ impl Broker {
         if name.is_empty() || name.chars().count() > 64 || !name.chars().all(printable) {
             return Err(Refusal::BadName(name.into()));
         }
-        if self.clients.len() >= self.config.limits.clients {
+        if self.sessions.clients.len() >= self.config.limits.clients {
             return Err(Refusal::Full(self.config.limits.clients));
         }
-        let holder = self.names.get(name).copied();
+        let holder = self.sessions.names.get(name).copied();
         if let Some(holder) = holder {
             self.may_succeed(holder, who)?;
         }
         let id = self.add_client(now, name, who.lease_secs);
         if who.returns {
-            self.returning.insert(id);
+            self.sessions.returning.insert(id);
         }
         match holder {
             Some(predecessor) => self.set_standing(id, Standing::Joining { predecessor, ready: false }),
             None => {
-                self.names.insert(name.into(), id);
+                self.sessions.names.insert(name.into(), id);
                 self.wishes.keep_sessions = true;
                 self.announce(now, &format!("connected={name}"));
             }
@@ -151,32 +151,30 @@ impl Broker {
     }
 
     fn add_client(&mut self, now: f64, name: &str, lease_secs: f64) -> ClientId {
-        let id = self.next_client;
-        self.next_client += 1;
         let lease_secs = if lease_secs.is_finite() { lease_secs.clamp(0.0, LONGEST_LEASE_SECS) } else { 0.0 };
-        self.clients.insert(id, Client::new(name, lease_secs, self.config.mailbox_bytes, now));
+        let id = self.sessions.add(Client::new(name, lease_secs, self.config.mailbox_bytes, now));
         self.share_out_mail();
         id
     }
 
     pub(super) fn standing(&self, id: ClientId) -> Option<Standing> {
-        self.clients.get(&id).map(|client| client.standing)
+        self.sessions.clients.get(&id).map(|client| client.standing)
     }
 
     fn set_standing(&mut self, id: ClientId, standing: Standing) {
-        if let Some(client) = self.clients.get_mut(&id) {
+        if let Some(client) = self.sessions.clients.get_mut(&id) {
             client.standing = standing;
         }
     }
 
     fn successor_of(&self, id: ClientId) -> Option<ClientId> {
         let succeeds = |c: &Client| matches!(c.standing, Standing::Joining { predecessor, .. } if predecessor == id);
-        self.clients.iter().find(|(_, client)| succeeds(client)).map(|(id, _)| *id)
+        self.sessions.clients.iter().find(|(_, client)| succeeds(client)).map(|(id, _)| *id)
     }
 
     /// Whether a client is on its way to the session of another.
     pub fn is_joining(&self, id: ClientId) -> bool {
-        self.clients.get(&id).is_some_and(Client::is_joining)
+        self.sessions.clients.get(&id).is_some_and(Client::is_joining)
     }
 
     /// Whether a client is gone and its session is kept.
@@ -186,12 +184,12 @@ impl Broker {
 
     /// Whether somebody is on the way to the session of a name, or may still come for it.
     pub fn is_expected(&self, name: &str) -> bool {
-        self.names.contains_key(name)
+        self.sessions.names.contains_key(name)
     }
 
     /// The client of this name that was to return will not: anybody may come for its session.
     pub fn expect_no_return(&mut self, name: &str) {
-        let client = self.names.get(name).and_then(|id| self.clients.get_mut(id));
+        let client = self.sessions.names.get(name).and_then(|id| self.sessions.clients.get_mut(id));
         if let Some(Standing::Disconnected { returns, .. }) = client.map(|client| &mut client.standing) {
             *returns = false;
         }
@@ -205,7 +203,7 @@ impl Broker {
     /// Whoever has said more than a mailbox holds has said enough to be ready.
     pub(super) fn on_much_said(&mut self, now: f64, id: ClientId) {
         let has_said_enough = |client: &Client| client.held.len() + client.asked.len() >= client.mailbox.limit();
-        if self.clients.get(&id).is_some_and(has_said_enough) {
+        if self.sessions.clients.get(&id).is_some_and(has_said_enough) {
             self.on_ready(now, id);
         }
     }
@@ -214,7 +212,7 @@ impl Broker {
     /// one says so a second time when it has said again what not everybody had heard.
     pub(super) fn on_ready(&mut self, now: f64, id: ClientId) {
         let Some(Standing::Joining { predecessor, ready: false }) = self.standing(id) else {
-            self.returning.remove(&id);
+            self.sessions.returning.remove(&id);
             return;
         };
         self.set_standing(id, Standing::Joining { predecessor, ready: true });
@@ -225,30 +223,30 @@ impl Broker {
                 self.wishes.retire.push_back(predecessor);
             }
             // What it asks for first is what those know who are on their way back.
-            _ if self.awaits_returns(now) && !self.returning.contains(&id) => {}
+            _ if self.awaits_returns(now) && !self.sessions.returning.contains(&id) => {}
             _ => self.take_over(now, id, predecessor),
         }
     }
 
     fn awaits_returns(&self, now: f64) -> bool {
         let is_to_return = |c: &Client| matches!(c.standing, Standing::Disconnected { returns: true, .. });
-        let awaited = !self.returning.is_empty() || self.clients.values().any(is_to_return);
-        awaited && self.returns_awaited_until.is_some_and(|until| now < until)
+        let awaited = !self.sessions.returning.is_empty() || self.sessions.clients.values().any(is_to_return);
+        awaited && self.sessions.returns_awaited_until.is_some_and(|until| now < until)
     }
 
     /// Gives those their sessions who waited for others to come back.
     pub(super) fn seat_those_who_wait(&mut self, now: f64) {
-        if self.returns_awaited_until.is_none() || self.awaits_returns(now) {
+        if self.sessions.returns_awaited_until.is_none() || self.awaits_returns(now) {
             return;
         }
-        self.returns_awaited_until = None;
+        self.sessions.returns_awaited_until = None;
         let waits = |(id, c): (&ClientId, &Client)| match c.standing {
             Standing::Joining { predecessor, ready: true } if self.is_disconnected(predecessor) => {
                 Some((*id, predecessor))
             }
             _ => None,
         };
-        let waiting: Vec<_> = self.clients.iter().filter_map(waits).collect();
+        let waiting: Vec<_> = self.sessions.clients.iter().filter_map(waits).collect();
         waiting.into_iter().for_each(|(id, predecessor)| self.take_over(now, id, predecessor));
     }
 
@@ -256,12 +254,11 @@ impl Broker {
     /// in good order. What it published stays; its name is free at once, unless its session is kept.
     pub fn disconnect(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
         self.let_go_of_clock(now, id);
-        self.returning.remove(&id);
+        self.sessions.returning.remove(&id);
         match self.standing(id) {
             None | Some(Standing::Disconnected { .. }) => {}
             Some(Standing::Joining { predecessor, .. }) => {
-                let client = self.clients.remove(&id);
-                self.given_bytes -= client.map_or(0, |client| client.mailbox.given_bytes());
+                self.sessions.remove(id);
                 self.abandon(now, predecessor);
             }
             Some(Standing::Present) => self.leave(now, id, handled, goodbye),
@@ -271,12 +268,12 @@ impl Broker {
     fn leave(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
         let successor = self.successor_of(id);
         self.note_departure(id);
-        let Some(client) = self.clients.get_mut(&id) else { return };
+        let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         let name = client.name.clone();
         if successor.is_some() || (!goodbye && client.lease_secs > 0.0) {
             let until = if successor.is_some() { f64::INFINITY } else { now + client.lease_secs };
             client.standing = Standing::Disconnected { until, returns: false };
-            self.given_bytes -= client.mailbox.given_bytes();
+            self.sessions.given_bytes -= client.mailbox.given_bytes();
             client.mailbox.take_back(handled);
             self.wishes.resolve.insert(id);
         } else {
@@ -292,7 +289,7 @@ impl Broker {
 
     /// The successor of `id` is gone before it came.
     fn abandon(&mut self, now: f64, id: ClientId) {
-        let Some(client) = self.clients.get_mut(&id) else { return };
+        let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         if let Standing::Disconnected { until, .. } = &mut client.standing {
             *until = until.min(now + client.lease_secs);
         }
@@ -301,7 +298,7 @@ impl Broker {
     /// Lets go of the sessions that nobody came for.
     pub(super) fn expire_sessions(&mut self, now: f64) {
         let expired = |c: &Client| matches!(c.standing, Standing::Disconnected { until, .. } if until <= now);
-        let ids: Vec<ClientId> = self.clients.iter().filter(|(_, c)| expired(c)).map(|(id, _)| *id).collect();
+        let ids: Vec<ClientId> = self.sessions.clients.iter().filter(|(_, c)| expired(c)).map(|(id, _)| *id).collect();
         ids.into_iter().for_each(|id| self.forget(id));
     }
 
@@ -309,18 +306,17 @@ impl Broker {
     pub(super) fn next_expiry(&self) -> f64 {
         let until =
             |c: &Client| if let Standing::Disconnected { until, .. } = c.standing { until } else { f64::INFINITY };
-        self.clients.values().map(until).fold(f64::INFINITY, f64::min)
+        self.sessions.clients.values().map(until).fold(f64::INFINITY, f64::min)
     }
 
     fn forget(&mut self, id: ClientId) {
-        let Some(client) = self.clients.remove(&id) else { return };
-        if self.names.get(&client.name) == Some(&id) {
-            self.names.remove(&client.name);
+        let Some(client) = self.sessions.remove(id) else { return };
+        if self.sessions.names.get(&client.name) == Some(&id) {
+            self.sessions.names.remove(&client.name);
         }
-        self.deliveries -= client.deliveries;
-        self.given_bytes -= client.mailbox.given_bytes();
-        self.end_deliveries(id);
-        for other in self.clients.values_mut() {
+        self.variables.deliveries -= client.deliveries;
+        self.variables.end_deliveries(id);
+        for other in self.sessions.clients.values_mut() {
             other.feeds.remove(&id);
         }
         self.wishes.keep_sessions = true;
@@ -332,22 +328,23 @@ impl Broker {
     /// comes in its place there, not twice.
     fn take_over(&mut self, now: f64, id: ClientId, predecessor: ClientId) {
         let name = self.client_name(id).unwrap_or_default().to_owned();
-        let dead = self.clients.remove(&predecessor);
-        if let (Some(dead), Some(client)) = (&dead, self.clients.get_mut(&id)) {
+        let dead = self.sessions.remove(predecessor);
+        if let (Some(dead), Some(client)) = (&dead, self.sessions.clients.get_mut(&id)) {
             client.mailbox.inherit_dropped(&dead.mailbox);
         }
-        self.deliveries -= dead.as_ref().map_or(0, |dead| dead.deliveries);
+        self.variables.deliveries -= dead.as_ref().map_or(0, |dead| dead.deliveries);
         let mail = dead.map(|dead| dead.mailbox.into_mail()).unwrap_or_default();
-        self.end_deliveries(predecessor);
-        for other in self.clients.values_mut() {
+        self.variables.end_deliveries(predecessor);
+        for other in self.sessions.clients.values_mut() {
             if other.feeds.remove(&predecessor) {
                 other.feeds.insert(id);
             }
         }
-        self.names.insert(name.clone(), id);
+        self.sessions.names.insert(name.clone(), id);
         self.set_standing(id, Standing::Present);
         self.wishes.keep_sessions = true;
-        let asked = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
+        let asked =
+            self.sessions.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
         let change = |frame: Frame<'_>| Change::read(&frame, self.expected(id, &frame).ok()?).ok();
         let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(change).collect();
         let mut registrations = Vec::new();
@@ -368,7 +365,7 @@ impl Broker {
     /// The messages of `mail` that `registrations` ask for.
     fn wanted<'a>(&self, id: ClientId, registrations: &[Registration], mail: &'a [u8]) -> Vec<Frame<'a>> {
         let wants = |frame: &Frame<'_>| {
-            let (key, source) = (self.keys.name(frame.header.key), self.sources.name(frame.header.source));
+            let (key, source) = (self.names.keys.name(frame.header.key), self.names.sources.name(frame.header.source));
             registration::combine(id, registrations, key, source).is_some()
         };
         wire::frames(mail).map_while(Result::ok).filter(wants).collect()
@@ -376,7 +373,8 @@ impl Broker {
 
     /// What the client published before it had its session.
     fn publish_held(&mut self, now: f64, id: ClientId) {
-        let held = self.clients.get_mut(&id).map(|client| std::mem::take(&mut client.held)).unwrap_or_default();
+        let held =
+            self.sessions.clients.get_mut(&id).map(|client| std::mem::take(&mut client.held)).unwrap_or_default();
         for frame in wire::frames(&held).map_while(Result::ok) {
             // It was checked when it was taken; what is wrong with it costs the client only this message.
             let _ = self.notify(now, id, &frame);
@@ -387,11 +385,11 @@ impl Broker {
     pub(super) fn hold(&mut self, id: ClientId, key: u32, frame: &Frame<'_>) -> Result<(), &'static str> {
         debug_assert_eq!(frame.header.kind, FrameKind::Notify);
         if self.held_bytes() + frame.bytes.len() > self.config.limits.mail_bytes {
-            let name = self.keys.name(key).to_owned();
+            let name = self.names.keys.name(key).to_owned();
             let reason = "too much is said by clients that wait for the session of another";
             return self.refuse(id, &name, frame.header.sequence, reason);
         }
-        let client = self.clients.get_mut(&id).ok_or("the client is not connected")?;
+        let client = self.sessions.clients.get_mut(&id).ok_or("the client is not connected")?;
         let header = Header { flags: frame.header.flags & !ATTACH, ..frame.header };
         wire::put(&mut client.held, &header, frame.aux, frame.value);
         Ok(())
@@ -404,6 +402,6 @@ impl Broker {
             lease_secs: client.lease_secs,
             registrations: client.registrations.clone(),
         };
-        self.names.values().filter_map(|id| Some((*id, session(self.clients.get(id)?)))).collect()
+        self.sessions.names.values().filter_map(|id| Some((*id, session(self.sessions.clients.get(id)?)))).collect()
     }
 }

@@ -21,29 +21,29 @@ mod naming;
 mod outgoing;
 mod registration;
 mod retained;
+mod sessions;
 mod summary;
 pub mod table;
 mod time;
 mod types;
 mod variable;
+mod variables;
 mod wishes;
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use client::Client;
-use delivery::Due;
 pub use expectation::Expected;
 pub use handling::{Reached, Succession};
-use interner::Interner;
 pub use limits::Limits;
 pub use mailbox::Mailbox;
 use membership::Standing;
 pub use membership::{Introduction, Refusal, Session};
+use naming::Names;
 pub use registration::Registration;
 pub use retained::Retained;
+use sessions::Sessions;
 pub use time::CLOCK;
-use types::Types;
-use variable::Variable;
+use time::Time;
+use variables::Variables;
 pub use wishes::Wish;
 use wishes::Wishes;
 
@@ -86,79 +86,48 @@ impl BrokerConfig {
 /// The broker's whole state.
 pub struct Broker {
     config: BrokerConfig,
-    started: f64,
-    clients: BTreeMap<ClientId, Client>,
-    names: BTreeMap<String, ClientId>,
-    next_client: ClientId,
-    keys: Interner,
-    sources: Interner,
-    types: Types,
-    communities: Interner,
-    /// By key number.
-    variables: Vec<Variable>,
-    /// Bytes of all latest values; pairs of a variable and a source.
-    latest_bytes: usize,
-    routes: usize,
-    /// Who gets what of these pairs: the entries of all routes.
-    deliveries: usize,
-    /// Bytes of messages that wait until a client's interval is over.
-    pending_bytes: usize,
-    /// Bytes of all batches that clients were given and have not handled.
-    given_bytes: usize,
-    /// Throttled values that wait for their time: (due, variable, client).
-    due: BTreeSet<(Due, u32, ClientId)>,
-    /// The latest values that lie in shared memory: (publisher, sample, variable).
-    latest_bulk: BTreeSet<(ClientId, u64, u32)>,
+    sessions: Sessions,
+    names: Names,
+    variables: Variables,
+    time: Time,
+    own: Own,
     /// Who got mail from the batch that is being taken in.
     reached: Vec<ClientId>,
     wishes: Wishes,
-    own_source: u32,
-    own_sequence: u64,
-    next_summary: f64,
-    driver: Option<time::Driver>,
-    /// Clients that have come back after a broker's death and have not yet said again all that they have to.
-    returning: BTreeSet<ClientId>,
-    /// Until then (s) nobody new takes over a session before they have.
-    returns_awaited_until: Option<f64>,
-    /// Until then (s), whoever drove the clock under the broker before this one may come back and go on.
-    driver_awaited_until: f64,
+}
+
+/// The broker as a source of messages.
+struct Own {
+    source: u32,
+    sequence: u64,
+}
+
+impl Own {
+    /// The sequence of its next message.
+    fn next(&mut self) -> u64 {
+        self.sequence += 1;
+        self.sequence
+    }
 }
 
 impl Broker {
     /// A broker without clients or variables, started at `now` (s).
     pub fn new(config: BrokerConfig, now: f64) -> Self {
-        let (mut sources, mut communities) = (Interner::default(), Interner::default());
-        let own_source = sources.number(&format!("MOOSDB_{}", config.community));
-        communities.number(&config.community);
+        let mut names = Names::default();
+        let source = names.sources.number(&format!("MOOSDB_{}", config.community));
+        names.communities.number(&config.community);
+        let millis = (now.max(0.0) * 1e3) as u64;
         Self {
             config,
-            started: now,
-            clients: BTreeMap::new(),
-            names: BTreeMap::new(),
             // Numbers of clients of a broker that died are not to be taken for those of this one.
-            next_client: ((now.max(0.0) * 1e3) as u64 & 0x0fff_ffff) as ClientId + 1,
-            keys: Interner::default(),
-            sources,
-            types: Types::default(),
-            communities,
-            variables: Vec::new(),
-            latest_bytes: 0,
-            routes: 0,
-            deliveries: 0,
-            pending_bytes: 0,
-            given_bytes: 0,
-            due: BTreeSet::new(),
-            latest_bulk: BTreeSet::new(),
+            sessions: Sessions::new((millis & 0x0fff_ffff) as ClientId + 1),
+            names,
+            variables: Variables::default(),
+            time: Time::new(now),
+            // A broker that takes another's place is not to be taken for it.
+            own: Own { source, sequence: wire::first_sequence(millis) },
             reached: Vec::new(),
             wishes: Wishes::default(),
-            own_source,
-            // A broker that takes another's place is not to be taken for it.
-            own_sequence: wire::first_sequence((now.max(0.0) * 1e3) as u64),
-            next_summary: now,
-            driver: None,
-            returning: BTreeSet::new(),
-            returns_awaited_until: None,
-            driver_awaited_until: f64::INFINITY,
         }
     }
 
@@ -216,31 +185,36 @@ impl Broker {
         self.await_driver(now);
         self.seat_those_who_wait(now);
         self.deliver_due(now);
-        if now >= self.next_summary {
-            self.next_summary = now + summary::PERIOD_SECS;
+        if now >= self.time.next_summary {
+            self.time.next_summary = now + summary::PERIOD_SECS;
             self.summarise(now);
         }
     }
 
     /// When [`Broker::tick`] next has something to do (s).
     pub fn next_deadline(&self) -> f64 {
-        let returns = self.returns_awaited_until.unwrap_or(f64::INFINITY);
-        self.next_due().min(self.next_summary).min(self.next_expiry()).min(self.driver_awaited_until).min(returns)
+        let returns = self.sessions.returns_awaited_until.unwrap_or(f64::INFINITY);
+        self.variables
+            .next_due()
+            .min(self.time.next_summary)
+            .min(self.next_expiry())
+            .min(self.time.driver_awaited_until)
+            .min(returns)
     }
 
     /// A connected client's name.
     pub fn client_name(&self, id: ClientId) -> Option<&str> {
-        self.clients.get(&id).map(|c| c.name.as_str())
+        self.sessions.clients.get(&id).map(|c| c.name.as_str())
     }
 
     /// The client that is there under a name.
     pub fn client_named(&self, name: &str) -> Option<ClientId> {
-        self.names.get(name).copied().filter(|id| self.standing(*id) == Some(Standing::Present))
+        self.sessions.names.get(name).copied().filter(|id| self.standing(*id) == Some(Standing::Present))
     }
 
     /// Number of connected clients.
     pub fn clients(&self) -> usize {
-        self.clients.values().filter(|c| c.standing == Standing::Present).count()
+        self.sessions.clients.values().filter(|c| c.standing == Standing::Present).count()
     }
 }
 

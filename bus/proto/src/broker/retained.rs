@@ -29,15 +29,16 @@ impl Broker {
     /// What clients have left that are gone: what has to outlive the broker (see [`super::Wish::KeepRetained`]). `bulk` finds
     /// values that lie in shared memory.
     pub fn retained<'a>(&self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) -> Vec<Retained> {
-        let left =
-            |v: &&Variable| v.latest_from.is_none_or(|id| !self.clients.contains_key(&id) || self.is_disconnected(id));
+        let left = |v: &&Variable| {
+            v.latest_from.is_none_or(|id| !self.sessions.clients.contains_key(&id) || self.is_disconnected(id))
+        };
         self.variables.iter().filter(left).filter_map(|variable| self.retained_of(variable, &bulk)).collect()
     }
 
     fn retained_of<'a>(&self, variable: &Variable, bulk: &impl Fn(BulkRef) -> Option<&'a [u8]>) -> Option<Retained> {
         let frame = wire::first_frame(&variable.latest).ok()?;
         let header = frame.header;
-        if header.source == self.own_source {
+        if header.source == self.own.source {
             return None; // the next broker has its own
         }
         let mut whole = Vec::new();
@@ -50,15 +51,15 @@ impl Broker {
         }
         let type_ = match header.value_kind {
             ValueKind::Binary => {
-                let (name, layout, description) = self.types.said(header.type_);
+                let (name, layout, description) = self.names.types.said(header.type_);
                 (name.to_owned(), layout, description.to_owned())
             }
             _ => Default::default(),
         };
         Some(Retained {
-            key: self.keys.name(header.key).to_owned(),
-            source: self.sources.name(header.source).to_owned(),
-            community: self.communities.name(header.community).to_owned(),
+            key: self.names.keys.name(header.key).to_owned(),
+            source: self.names.sources.name(header.source).to_owned(),
+            community: self.names.communities.name(header.community).to_owned(),
             type_,
             frame: whole,
         })
@@ -82,7 +83,7 @@ impl Broker {
                 community: self.number(Named::Community, Definition::of(&one.community)),
                 ..frame.header
             };
-            self.keep_as_latest(now, None, &Message::new(header, &frame));
+            self.variables.keep_as_latest(now, None, &Message::new(header, &frame));
         }
         self.wishes.keep_retained = !retained.is_empty();
     }

@@ -64,7 +64,7 @@ impl Latency {
 impl Broker {
     pub(super) fn summarise(&mut self, now: f64) {
         self.publish_own(now, "DB_TIME", ValueKind::Double, &self.time(now).to_le_bytes());
-        self.publish_own(now, "DB_UPTIME", ValueKind::Double, &(now - self.started).to_le_bytes());
+        self.publish_own(now, "DB_UPTIME", ValueKind::Double, &(now - self.time.started).to_le_bytes());
         self.publish_clients(now);
         let drops = self.per_client(|c| format!("{}={}", c.name, c.mailbox.lost()));
         self.publish_own(now, "DB_DROPS", ValueKind::Text, drops.as_bytes());
@@ -88,22 +88,22 @@ impl Broker {
 
     /// The clients that are there.
     pub(super) fn present(&self) -> impl Iterator<Item = (&ClientId, &Client)> {
-        self.clients.iter().filter(|(_, c)| c.standing == Standing::Present)
+        self.sessions.clients.iter().filter(|(_, c)| c.standing == Standing::Present)
     }
 
     /// `client=read:read&written:written,…`
     fn reads_and_writes(&self) -> String {
         let places: BTreeMap<_, _> = self.present().map(|(id, _)| id).zip(0..).collect();
         let mut read = vec![Vec::new(); places.len()];
-        for (key, variable) in (0..).zip(&self.variables) {
+        for (key, variable) in (0..).zip(self.variables.iter()) {
             let readers: BTreeSet<_> = variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
             for place in readers.iter().filter_map(|reader| places.get(reader)) {
-                read[*place as usize].push(self.keys.name(key));
+                read[*place as usize].push(self.names.keys.name(key));
             }
         }
         let most = LONGEST / (2 * read.len()).max(1);
         let line = |((_, client), read): ((_, &Client), &Vec<&str>)| {
-            let written = client.published.iter().map(|k| self.keys.name(*k));
+            let written = client.published.iter().map(|k| self.names.keys.name(*k));
             let (read, written) = (joined(read.iter().copied(), most), joined(written, most));
             format!("{}={read}&{written}", client.name)
         };
@@ -113,7 +113,7 @@ impl Broker {
     /// A table for people: name, time, writer, rate, type, value.
     fn variable_table(&mut self) -> String {
         let (mut table, mut left_out) = (String::new(), 0);
-        for (key, variable) in (0..).zip(&mut self.variables) {
+        for (key, variable) in (0..).zip(self.variables.iter_mut()) {
             let rate = (variable.writes - variable.summarised_writes) as f64 / PERIOD_SECS;
             variable.summarised_writes = variable.writes;
             variable.rate_hz = rate;
@@ -124,17 +124,17 @@ impl Broker {
                 left_out += 1;
                 continue;
             }
-            let source = self.sources.name(frame.header.source);
-            let age = variable.last_write - self.started;
+            let source = self.names.sources.name(frame.header.source);
+            let age = variable.last_write - self.time.started;
             let (kind, value) = match frame.header.value_kind {
                 ValueKind::Double => ('D', double(frame.value).map_or_else(String::new, |v| v.to_string())),
                 ValueKind::Text if frame.header.flags & BULK != 0 => ('S', String::new()),
                 ValueKind::Text => {
                     ('S', first_chars(&String::from_utf8_lossy(&frame.value[..frame.value.len().min(100)]), 25))
                 }
-                ValueKind::Binary => ('B', self.types.name(frame.header.type_).to_owned()),
+                ValueKind::Binary => ('B', self.names.types.name(frame.header.type_).to_owned()),
             };
-            let name = self.keys.name(key);
+            let name = self.names.keys.name(key);
             let _ = writeln!(table, "{name:<20} {age:<20.3} {source:<20} {rate:<8.1}Hz {kind} {value}");
         }
         if left_out > 0 {

@@ -228,13 +228,13 @@ impl Broker {
         }
         let key = self.number(Named::Key, Definition::of(TABLE.name()));
         let type_ = self.own_type::<CommunityTable>();
-        self.own_sequence += 1;
+        let sequence = self.own.next();
         let header = Header {
             value_kind: ValueKind::Binary,
             key,
-            source: self.own_source,
+            source: self.own.source,
             type_,
-            sequence: self.own_sequence,
+            sequence,
             time: self.time(now),
             ..Header::new(FrameKind::Notify)
         };
@@ -245,8 +245,8 @@ impl Broker {
 
     /// The number of a type that the broker itself writes.
     fn own_type<T: Payload>(&mut self) -> u32 {
-        let known = self.types.known(T::NAME, T::LAYOUT);
-        known.unwrap_or_else(|| self.types.number(T::NAME, T::LAYOUT, &TypeRef::of::<T>().text()))
+        let known = self.names.types.known(T::NAME, T::LAYOUT);
+        known.unwrap_or_else(|| self.names.types.number(T::NAME, T::LAYOUT, &TypeRef::of::<T>().text()))
     }
 
     fn table(&self, now: f64) -> CommunityTable {
@@ -254,7 +254,7 @@ impl Broker {
         let types = self.type_entries();
         let mut bytes: usize = types.iter().map(|one| one.name.len() + one.description.len()).sum();
         let (mut variables, mut left_out) = (Vec::new(), 0);
-        for (key, variable) in (0..).zip(&self.variables) {
+        for (key, variable) in (0..).zip(self.variables.iter()) {
             let Some(entry) = self.variable_entry(key, variable, bytes < LARGEST) else { continue };
             bytes += entry.size();
             match bytes <= LARGEST {
@@ -265,7 +265,7 @@ impl Broker {
         CommunityTable {
             community: self.config.community.clone(),
             time: now,
-            started: self.started,
+            started: self.time.started,
             clock: self.clock_entry(now),
             clients,
             variables,
@@ -280,12 +280,12 @@ impl Broker {
         let carried = carried.filter(|lock| lock.kind == ValueKind::Binary).map(|lock| lock.type_);
         let registrations = self.present().flat_map(|(_, client)| &client.registrations);
         let expected = registrations.filter_map(|registration| match registration.expects.as_ref()? {
-            Expected::Values(name, layout) => self.types.known(name, *layout),
+            Expected::Values(name, layout) => self.names.types.known(name, *layout),
             Expected::Numbers | Expected::Texts => None,
         });
         let numbers: BTreeSet<u32> = carried.chain(expected).collect();
         let entry = |number| {
-            let (name, layout, description) = self.types.said(number);
+            let (name, layout, description) = self.names.types.said(number);
             TypeEntry { name: name.to_owned(), layout, description: description.to_owned() }
         };
         numbers.into_iter().map(entry).collect()
@@ -295,7 +295,12 @@ impl Broker {
         ClientEntry {
             name: client.name.clone(),
             registrations: client.registrations.iter().map(Registration::entry).collect(),
-            writes: client.published.iter().take(MOST_WRITES).map(|key| self.keys.name(*key).to_owned()).collect(),
+            writes: client
+                .published
+                .iter()
+                .take(MOST_WRITES)
+                .map(|key| self.names.keys.name(*key).to_owned())
+                .collect(),
             messages: client.latency.count(),
             latency: client.latency.entry(),
             mail: client.mailbox.pushed(),
@@ -309,19 +314,19 @@ impl Broker {
     fn variable_entry(&self, key: u32, variable: &Variable, detailed: bool) -> Option<VariableEntry> {
         let kind = self.kind(variable.lock?);
         let frame = wire::first_frame(&variable.latest).ok()?;
-        let reader = |id: ClientId| self.clients.get(&id).map(|client| client.name.clone());
+        let reader = |id: ClientId| self.sessions.clients.get(&id).map(|client| client.name.clone());
         let route = |route: &super::variable::Route| RouteEntry {
-            source: self.sources.name(route.source).to_owned(),
+            source: self.names.sources.name(route.source).to_owned(),
             readers: route.deliveries.iter().filter_map(|delivery| reader(delivery.client)).collect(),
         };
         Some(VariableEntry {
-            name: self.keys.name(key).to_owned(),
+            name: self.names.keys.name(key).to_owned(),
             kind,
             messages: variable.writes,
             bytes: variable.bytes,
             rate_hz: variable.rate_hz,
             written: variable.last_write,
-            writer: self.sources.name(frame.header.source).to_owned(),
+            writer: self.names.sources.name(frame.header.source).to_owned(),
             latest: latest(&frame)?,
             latest_bytes: wire::value_bytes(frame.bytes),
             routes: variable.routes.iter().filter(|_| detailed).map(route).collect(),
@@ -333,7 +338,7 @@ impl Broker {
             ValueKind::Double => VariableKind::Number,
             ValueKind::Text => VariableKind::Text,
             ValueKind::Binary => {
-                let (name, layout, _) = self.types.said(lock.type_);
+                let (name, layout, _) = self.names.types.said(lock.type_);
                 VariableKind::Typed { name: name.to_owned(), layout }
             }
         }

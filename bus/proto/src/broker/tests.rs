@@ -7,6 +7,8 @@ mod routing;
 mod succession;
 mod table;
 
+use std::collections::BTreeMap;
+
 use proptest::prelude::*;
 
 use super::*;

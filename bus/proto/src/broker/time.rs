@@ -16,13 +16,30 @@ pub(super) struct Driver {
     dial: Dial,
 }
 
+/// The times that the broker goes by, all of its own clock (s), and who drives the community's.
+#[derive(Debug)]
+pub(super) struct Time {
+    pub started: f64,
+    pub next_summary: f64,
+    pub driver: Option<Driver>,
+    /// Until then, whoever drove the clock under the broker before this one may come back and go on.
+    pub driver_awaited_until: f64,
+}
+
+impl Time {
+    /// A broker starts, and nobody drives.
+    pub fn new(now: f64) -> Self {
+        Self { started: now, next_summary: now, driver: None, driver_awaited_until: f64::INFINITY }
+    }
+}
+
 /// What a refusal names when the clock could not be driven.
 pub const CLOCK: &str = "the clock";
 
 impl Broker {
     /// What the community's clock is set to, if somebody drives it.
     pub fn dial(&self) -> Option<Dial> {
-        self.driver.as_ref().map(|driver| driver.dial)
+        self.time.driver.as_ref().map(|driver| driver.dial)
     }
 
     /// The community's time (s) when the broker's own is `now`.
@@ -32,14 +49,14 @@ impl Broker {
 
     /// The client that drives the clock, and what that shows.
     pub(super) fn clock_entry(&self, now: f64) -> Option<ClockEntry> {
-        let Driver { client, dial } = self.driver.as_ref()?;
+        let Driver { client, dial } = self.time.driver.as_ref()?;
         let driver = self.client_name(*client)?.to_owned();
         Some(ClockEntry { driver, time: dial.time(now), rate: dial.rate })
     }
 
     /// A client sets the clock, or leaves it to itself.
     pub(super) fn set_clock(&mut self, now: f64, from: ClientId, dial: Option<Dial>) -> Result<(), &'static str> {
-        let holder = self.driver.as_ref().map(|driver| driver.client);
+        let holder = self.time.driver.as_ref().map(|driver| driver.client);
         match dial {
             Some(_) if holder.is_some_and(|holder| holder != from) => {
                 let driver = holder.and_then(|holder| self.client_name(holder)).unwrap_or_default();
@@ -48,7 +65,7 @@ impl Broker {
                 self.refuse(from, CLOCK, 0, &reason)
             }
             Some(dial) => {
-                self.driver = Some(Driver { client: from, dial });
+                self.time.driver = Some(Driver { client: from, dial });
                 self.tell_clock(|id| id != from);
                 if holder.is_none() {
                     let name = self.client_name(from).unwrap_or_default().to_owned();
@@ -65,7 +82,7 @@ impl Broker {
 
     /// A client drives no longer, if it did.
     pub(super) fn let_go_of_clock(&mut self, now: f64, id: ClientId) {
-        if self.driver.take_if(|driver| driver.client == id).is_some() {
+        if self.time.driver.take_if(|driver| driver.client == id).is_some() {
             self.tell_clock(|_| true);
             self.publish_event(now, "clock=");
         }
@@ -74,9 +91,9 @@ impl Broker {
     /// After the death of the broker before this one everybody's clock is as it was, since whoever drove it is about to
     /// drive on; if nobody is, it is left to itself.
     pub(super) fn await_driver(&mut self, now: f64) {
-        if now >= self.driver_awaited_until {
-            self.driver_awaited_until = f64::INFINITY;
-            if self.driver.is_none() {
+        if now >= self.time.driver_awaited_until {
+            self.time.driver_awaited_until = f64::INFINITY;
+            if self.time.driver.is_none() {
                 self.tell_clock(|_| true);
             }
         }
@@ -84,6 +101,10 @@ impl Broker {
 
     fn tell_clock(&mut self, whom: impl Fn(ClientId) -> bool) {
         let dial = self.dial();
-        self.clients.iter_mut().filter(|(id, _)| whom(**id)).for_each(|(_, client)| client.mailbox.tell_clock(dial));
+        self.sessions
+            .clients
+            .iter_mut()
+            .filter(|(id, _)| whom(**id))
+            .for_each(|(_, client)| client.mailbox.tell_clock(dial));
     }
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, VecDeque};
 
 use super::{Broker, ClientId, Succession};
 
-/// What has to be done, and by whom it was brought about does not matter any more.
+/// One thing that has to be done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Wish {
     /// The mail of this client, which is dead, refers to values that their publishers may let go of: they are to be put in
@@ -41,8 +41,8 @@ pub(super) struct Wishes {
 }
 
 impl Broker {
-    /// The next thing that the broker wants done, if there is any. It is asked until there is none after each call that takes
-    /// something in, or lets somebody come or go.
+    /// The next thing that the broker wants done, if there is any. Whoever has it take something in, or lets somebody come
+    /// or go, asks until there is none.
     #[inline]
     pub fn poll(&mut self) -> Option<Wish> {
         let wishes = &mut self.wishes;

@@ -1,5 +1,7 @@
 //! What clients cannot make a broker do: hold without bound, mix up types, speak in its name.
 
+use std::collections::BTreeSet;
+
 use super::super::message::Message;
 use super::*;
 use crate::wire::{BULK, BulkRef, TYPED};
@@ -59,7 +61,7 @@ fn names_are_bounded_in_length_number_and_sum() {
     a.text(b, 0.0, "X", "3");
     let (_, _, refused) = a.hear(b, 0.0);
     assert_eq!(refused, ["a name of 300 bytes; at most 256 are allowed"], "said once");
-    assert!(b.keys.known(&long).is_none() && b.keys.known("X").is_some());
+    assert!(b.names.keys.known(&long).is_none() && b.names.keys.known("X").is_some());
 
     let b = &mut bounded(|limits| limits.variables = 12);
     let mut a = Speaker::new(b, 0.0, "a");
@@ -67,7 +69,7 @@ fn names_are_bounded_in_length_number_and_sum() {
     c.register(b, 0.0, "K*", "*", 0.0);
     (0..20).for_each(|i| a.text(b, 0.0, &format!("K{i}"), "1"));
     let (_, _, refused) = a.hear(b, 0.0);
-    assert_eq!(b.keys.len(), 12);
+    assert_eq!(b.names.keys.len(), 12);
     assert!(!refused.is_empty() && refused.iter().all(|reason| reason.contains("12 variables already")), "{refused:?}");
     assert_eq!(c.texts(b, 0.0).len(), 20 - refused.len(), "the others arrive");
 
@@ -75,7 +77,7 @@ fn names_are_bounded_in_length_number_and_sum() {
     let mut a = Speaker::new(b, 0.0, "a");
     (0..20).for_each(|i| a.text(b, 0.0, &format!("{i:0>100}"), "1"));
     assert!(a.hear(b, 0.0).2.iter().all(|reason| reason.contains("fill 1000 bytes already")));
-    assert!(b.keys.bytes() <= 1000);
+    assert!(b.names.keys.bytes() <= 1000);
 }
 
 #[test]
@@ -102,12 +104,12 @@ fn latest_values_messages_and_registrations_are_bounded() {
     let (_, _, refused) = a.hear(b, 0.0);
     assert!(refused[0].contains("at most 60000 travel in a batch"), "{refused:?}");
     assert!(refused[1..].iter().all(|reason| reason.contains("fill 100000 bytes already")), "{refused:?}");
-    assert!(refused.len() > 6 && b.latest_bytes <= 100_000);
+    assert!(refused.len() > 6 && b.variables.latest_bytes <= 100_000);
     // What is there may get smaller, and as large again.
     a.text(b, 0.0, "K0", "short");
     a.text(b, 0.0, "K0", &"x".repeat(30_000));
     assert!(a.hear(b, 0.0).2.is_empty());
-    assert_eq!(b.latest_bytes, b.variables.iter().map(|v| v.latest.len()).sum::<usize>());
+    assert_eq!(b.variables.latest_bytes, b.variables.iter().map(|v| v.latest.len()).sum::<usize>());
 
     let b = &mut bounded(|limits| limits.registration_bytes = 1000);
     let mut c = Speaker::new(b, 0.0, "c");
@@ -123,7 +125,7 @@ fn refusals_are_bounded() {
     let mut a = Speaker::new(b, 0.0, "a");
     a.text(b, 0.0, "X", "a text");
     (0..10_000).for_each(|_| a.say(b, 0.0, "X", ValueKind::Double, &[0; 8]));
-    assert!(b.clients[&a.id].mailbox.notice_bytes() < 70_000);
+    assert!(b.sessions.clients[&a.id].mailbox.notice_bytes() < 70_000);
     assert!(a.hear(b, 0.0).2.len() > 100);
 }
 
@@ -136,10 +138,10 @@ fn a_late_reader_is_given_all_latest_values_however_many() {
         (0..5000).for_each(|i| a.text(b, 0.0, &format!("K{i}"), "old"));
         let mut c = Speaker::new(b, 0.0, "c");
         c.registration(b, 0.0, FrameKind::Register, "K*", "*", 0.0, flags);
-        assert!(b.clients[&c.id].mailbox.waiting() <= 10_000);
+        assert!(b.sessions.clients[&c.id].mailbox.waiting() <= 10_000);
         a.text(b, 0.0, "K4000", "new");
         let mut heard = Vec::new();
-        while !b.clients[&c.id].mailbox.is_empty() {
+        while !b.sessions.clients[&c.id].mailbox.is_empty() {
             let mut batch = Vec::new();
             b.take_mail(c.id, 2000, &mut batch, |_, _| {});
             assert!(batch.len() < 3000, "a batch is no larger for it");
@@ -170,7 +172,7 @@ fn mail_of_the_dead_holds_the_values_themselves() {
     let values = ["", "1", "2", "3", "4"];
     let value = |reference: BulkRef| Some(values[reference.sample as usize].as_bytes());
     resolve(b, value);
-    assert!(wire::is_bulk(&b.clients[&c].mailbox.clone_mail()[56..]), "who lives reads it in place");
+    assert!(wire::is_bulk(&b.sessions.clients[&c].mailbox.clone_mail()[56..]), "who lives reads it in place");
     b.disconnect(1.0, c, 0, false);
     resolve(b, value);
     (2..5).for_each(|sample| {
@@ -195,7 +197,7 @@ fn the_latest_value_of_one_who_is_gone_is_forgotten_when_there_is_no_room_for_it
     let mut c = Speaker::new(b, 0.0, "c");
     c.register(b, 0.0, "X", "*", 0.0);
     assert!(c.hear(b, 0.0).0.is_empty());
-    assert_eq!(b.latest_bytes, b.variables.iter().map(|v| v.latest.len()).sum::<usize>());
+    assert_eq!(b.variables.latest_bytes, b.variables.iter().map(|v| v.latest.len()).sum::<usize>());
 }
 
 #[test]
@@ -299,8 +301,8 @@ fn a_value_that_has_no_room_in_the_mail_of_the_dead_is_not_copied() {
     let mut a = Speaker::new(b, 0.0, "a");
     let c = b.connect(0.0, &Introduction { lease_secs: 5.0, ..Introduction::new("c") }).unwrap();
     Speaker::with(c).register(b, 0.0, "X", "*", 0.0);
-    let mailbox = |b: &mut Broker| b.clients[&c].mailbox.clone_mail();
-    b.clients.get_mut(&c).unwrap().mailbox.set_limit(2000);
+    let mailbox = |b: &mut Broker| b.sessions.clients[&c].mailbox.clone_mail();
+    b.sessions.clients.get_mut(&c).unwrap().mailbox.set_limit(2000);
     b.disconnect(1.0, c, 0, false);
     let (short, long) = (vec![1; 500], vec![2; 2000]);
     for sample in 1..4 {
@@ -332,7 +334,25 @@ fn a_type_that_is_not_what_it_is_said_to_be_is_refused() {
         assert!(told.len() == 1 && told[0].contains(said), "{told:?}");
         b.disconnect(0.0, liar.id, 0, true);
     }
-    assert_eq!(b.types.len(), 0);
+    assert_eq!(b.names.types.len(), 0);
+}
+
+/// Regression: it was refused as a further type, and its name counted once more.
+#[test]
+fn a_description_that_comes_late_is_no_further_name() {
+    let text = crate::types::TypeRef::of::<super::super::table::TypeEntry>().text();
+    let layout = <super::super::table::TypeEntry as crate::Payload>::LAYOUT;
+    for (room, is_taken) in [(text.len(), true), (text.len() - 1, false)] {
+        let b = &mut bounded(|limits| limits.other_names = 1);
+        for description in ["", text.as_str()] {
+            let client = Speaker::new(b, 0.0, if description.is_empty() { "first" } else { "second" });
+            let mut batch = Vec::new();
+            put_definition(&mut batch, Named::Type, 0, "Theirs", layout, description);
+            b.receive(0.0, client.id, &batch).unwrap();
+            b.config.limits.all_name_bytes = b.names.bytes() + room;
+        }
+        assert_eq!(b.names.types.is_described(0), is_taken);
+    }
 }
 
 /// Regression: a sum of what a client had lost and what it said that it had overflowed.
@@ -363,7 +383,7 @@ fn nobody_refers_to_another_s_values() {
     a.refer(b, "X", own);
     let refused = "it refers to a value that cannot be one of its publisher's";
     assert_eq!(a.hear(b, 0.0).2, [refused, refused]);
-    assert_eq!(b.clients[&c.id].mailbox.pushed(), 3, "a text, and the references to what is a's");
+    assert_eq!(b.sessions.clients[&c.id].mailbox.pushed(), 3, "a text, and the references to what is a's");
 }
 
 /// Regression: a variable that had a long value once kept its room.
@@ -376,7 +396,7 @@ fn variables_that_were_long_once_take_no_room() {
         a.text(b, 0.0, &format!("K{i}"), "x");
     }
     let room: usize = b.variables.iter().map(|v| v.latest.capacity()).sum();
-    assert!(room < 50_000 && b.latest_bytes < 20_000, "{room}");
+    assert!(room < 50_000 && b.variables.latest_bytes < 20_000, "{room}");
 }
 
 /// Regression: each reader with an interval had a copy of each variable's value, however large.
@@ -389,7 +409,12 @@ fn what_waits_for_an_interval_is_bounded() {
     for value in ["1", "2", "3"] {
         a.text(b, 0.0, "X", &value.repeat(20_000));
     }
-    assert!(b.pending_bytes <= 100_000 && b.due.len() == 4, "{} bytes, {}", b.pending_bytes, b.due.len());
+    assert!(
+        b.variables.pending_bytes <= 100_000 && b.variables.due.len() == 4,
+        "{} bytes, {}",
+        b.variables.pending_bytes,
+        b.variables.due.len()
+    );
     let last = |heard: Vec<String>| heard.last().map(|text| text[..1].to_owned());
     let first: Vec<_> = readers.iter_mut().map(|c| last(c.texts(b, 0.0))).collect();
     b.tick(101.0);
@@ -397,13 +422,13 @@ fn what_waits_for_an_interval_is_bounded() {
     for (first, then) in first.iter().zip(&then) {
         assert_eq!(then.as_ref().or(first.as_ref()).unwrap(), "3", "the newest comes, at once or in time");
     }
-    assert_eq!((b.pending_bytes, b.due.len()), (0, 0));
+    assert_eq!((b.variables.pending_bytes, b.variables.due.len()), (0, 0));
     // Whoever goes, or registers anew, leaves nothing that waits.
     a.text(b, 102.0, "X", "4");
-    assert!(b.pending_bytes > 0);
+    assert!(b.variables.pending_bytes > 0);
     b.disconnect(102.0, readers[0].id, 0, true);
     readers[1..].iter().for_each(|c| c.register(b, 102.0, "X", "*", 0.0));
-    assert_eq!((b.pending_bytes, b.due.len()), (0, 0));
+    assert_eq!((b.variables.pending_bytes, b.variables.due.len()), (0, 0));
 }
 
 /// Regression: a client's numbers for names were counted by nobody, not even those for names that were refused.
@@ -417,8 +442,9 @@ fn numbers_for_names_are_bounded() {
         b.receive(0.0, speaker.id, &batch).unwrap();
         speaker.keys = vec!["X".into(); 1000];
     }
-    let given = |b: &Broker| b.clients.values().flat_map(|c| &c.numbers).map(Vec::len).sum::<usize>();
+    let given = |b: &Broker| b.sessions.clients.values().flat_map(|c| &c.numbers).map(Vec::len).sum::<usize>();
     assert!(given(b) <= 152, "{}", given(b));
+    assert_eq!(given(b), b.sessions.numbers);
     let told = a.hear(b, 0.0).2;
     assert_eq!(told, ["so many names are in use that no more are taken from this client"]);
     let header = Header { key: 999, ..Header::new(FrameKind::Notify) };
@@ -439,28 +465,32 @@ fn who_gets_what_is_bounded() {
     readers.iter().for_each(|c| c.register(b, 0.0, "K*", "*", 0.0));
     (0..20).for_each(|i| a.text(b, 0.0, &format!("K{i}"), "1"));
     let count = |b: &Broker| b.variables.iter().flat_map(|v| &v.routes).map(|r| r.deliveries.len()).sum::<usize>();
-    assert_eq!((count(b), b.deliveries), (90, 90));
+    assert_eq!((count(b), b.variables.deliveries), (90, 90));
     let refused = a.hear(b, 0.0).2;
     assert!(refused.len() == 17 && refused[0].contains("pairs of variable and source already"), "{refused:?}");
     let late = Speaker::new(b, 0.0, "late");
     (0..3).for_each(|_| late.register(b, 0.0, "K*", "*", 0.0));
     (0..8).for_each(|i| late.register(b, 0.0, "K1", &format!("a{}", "*".repeat(i)), 0.0));
-    assert_eq!((count(b), b.deliveries), (93, 93));
+    assert_eq!((count(b), b.variables.deliveries), (93, 93));
     (0..9).for_each(|i| {
         let one = Speaker::new(b, 0.0, &format!("late-{i}"));
         one.register(b, 0.0, "K1", "*", 0.0);
         readers.push(one);
     });
-    assert_eq!((count(b), b.deliveries), (100, 100));
+    assert_eq!((count(b), b.variables.deliveries), (100, 100));
     let told = readers.last_mut().unwrap().hear(b, 0.0).2;
     assert_eq!(told, ["the readers of the community get 100 variables already, all together"]);
+    let again = &mut readers[0];
+    again.hear(b, 0.0);
+    again.register(b, 0.0, "K1", "a", 0.0);
+    assert_eq!(again.hear(b, 0.0).2, [""; 0], "what it gets already is no more than before");
     b.disconnect(0.0, late.id, 0, true);
     readers.drain(30..).for_each(|c| b.disconnect(0.0, c.id, 0, true));
     readers.drain(..10).for_each(|c| b.disconnect(0.0, c.id, 0, true));
     let mut batch = Vec::new();
     put(&mut batch, &Header::new(FrameKind::Unregister), b"K*", b"*");
     readers.drain(..10).for_each(|c| b.receive(0.0, c.id, &batch).unwrap());
-    assert_eq!((count(b), b.deliveries), (30, 30));
+    assert_eq!((count(b), b.variables.deliveries), (30, 30));
 }
 
 /// Regression: what was remembered of batches that somebody had not handled grew with the readers.
@@ -471,7 +501,7 @@ fn what_is_remembered_of_batches_is_bounded() {
     let readers: Vec<_> = (0..80).map(|i| Speaker::new(b, 0.0, &format!("c{i}"))).collect();
     readers.iter().for_each(|c| c.register(b, 0.0, "X", "*", 0.0));
     (0..1000).for_each(|_| a.text(b, 0.0, "X", "1"));
-    let client = &b.clients[&a.id];
+    let client = &b.sessions.clients[&a.id];
     let remembered: usize = client.unhandled.iter().map(|(_, reached)| size_of_val(&**reached)).sum();
     assert!(remembered <= client.unhandled_bytes && client.unhandled_bytes <= 1000, "{remembered}");
     (0..10).for_each(|_| assert!(b.handled_batches(a.id) <= 1000));
@@ -486,21 +516,21 @@ fn messages_larger_than_mailboxes_are_bounded() {
     readers.iter().for_each(|c| c.register(b, 0.0, "X", "*", 0.0));
     for round in 0..3 {
         a.text(b, 0.0, "X", &"x".repeat(300_000));
-        let waiting: usize = b.clients.values().map(|client| client.mailbox.waiting()).sum();
-        assert!(waiting + b.given_bytes < 2_000_000, "{waiting}");
+        let waiting: usize = b.sessions.clients.values().map(|client| client.mailbox.waiting()).sum();
+        assert!(waiting + b.sessions.given_bytes < 2_000_000, "{waiting}");
         for c in &readers {
             let mut batch = Vec::new();
             b.take_mail(c.id, 1 << 16, &mut batch, |_, _| {});
             b.keep_given(c.id, batch);
         }
-        assert!(b.given_bytes < 2_000_000, "{round}: {}", b.given_bytes);
+        assert!(b.sessions.given_bytes < 2_000_000, "{round}: {}", b.sessions.given_bytes);
     }
     a.text(b, 0.0, "X", "short");
-    let lost: u64 = b.clients.values().map(|client| client.mailbox.lost()).sum();
+    let lost: u64 = b.sessions.clients.values().map(|client| client.mailbox.lost()).sum();
     assert!(lost > 30, "{lost}");
-    assert!(readers.iter().all(|c| b.clients[&c.id].mailbox.waiting() > 0), "what is short comes");
+    assert!(readers.iter().all(|c| b.sessions.clients[&c.id].mailbox.waiting() > 0), "what is short comes");
     readers.iter().for_each(|c| b.disconnect(0.0, c.id, 0, true));
-    assert_eq!((b.given_bytes, b.deliveries), (0, 0));
+    assert_eq!((b.sessions.given_bytes, b.variables.deliveries), (0, 0));
 }
 
 /// Regression: two clients a name could each say a mailbox full before they had their session.

@@ -80,7 +80,10 @@ fn who_reads_slowly_sets_the_pace_of_its_publishers_without_end_and_of_nobody_el
         }
         d.text(b, now, "Y", "nobody waited for hears this");
         assert!(!b.holds_back(now, d.id));
-        assert!(b.clients[&c.id].mailbox.waiting() < LIMIT + 56, "a batch of each publisher comes on top, at most");
+        assert!(
+            b.sessions.clients[&c.id].mailbox.waiting() < LIMIT + 56,
+            "a batch of each publisher comes on top, at most"
+        );
         if now % 4.0 == 0.0 {
             let mut batch = Vec::new();
             b.take_mail(c.id, 1, &mut batch, |_, _| {});

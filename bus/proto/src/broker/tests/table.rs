@@ -1,5 +1,7 @@
 //! What the broker says of the community: the table and the `DB_*` variables.
 
+use std::collections::BTreeSet;
+
 use super::*;
 use crate::broker::table::{CommunityTable, LatestValue, REQUEST, RouteEntry, TABLE, VariableKind};
 use crate::codec;
