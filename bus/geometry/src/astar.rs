@@ -1,6 +1,7 @@
 //! Shortest ways over voxels: A* to one voxel, Dijkstra to the closest of many.
 //!
-//! The 26 neighbours, no corner cut. Ties go to the smaller index, so that equal maps give equal ways.
+//! What is `passable` is said by index of a [`Region`], of one voxel each, and of none on the region's own faces: with offsets
+//! from there a search would leave the box. The 26 neighbours, no corner cut. Ties go to the smaller index, so that equal maps give equal ways.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -81,6 +81,14 @@ mod tests {
         prop_oneof![-3.0..3.0f64, (-30..30i32).prop_map(|i| f64::from(i) * 0.1)]
     }
 
+    #[test]
+    fn a_segment_to_far_away_begins_like_any_other() {
+        for far in [1e300, f64::INFINITY] {
+            let walk = Traversal::new(Point3::new(-0.05, 0.05, 0.05), Point3::new(far, 0.05, 0.05), 0.1);
+            assert!(walk.take(3).map(|voxel| voxel.x).eq(-1..2));
+        }
+    }
+
     proptest! {
         #[test]
         fn a_walk_goes_face_to_face_and_arrives(a in prop::array::uniform3(coordinate()), b in prop::array::uniform3(coordinate())) {

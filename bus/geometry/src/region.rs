@@ -36,9 +36,12 @@ impl Region {
 
     /// The index of a voxel, if it lies in the box.
     pub fn index(&self, voxel: Voxel) -> Option<usize> {
-        let d = (voxel - self.origin).to_array();
-        let inside = (0..3).all(|a| d[a] >= 0 && (d[a] as usize) < self.dim[a]);
-        inside.then(|| (d[2] as usize * self.dim[1] + d[1] as usize) * self.dim[0] + d[0] as usize)
+        let (voxel, origin) = (voxel.to_array(), self.origin.to_array());
+        let along = |a: usize| {
+            let steps = usize::try_from(i64::from(voxel[a]) - i64::from(origin[a])).ok()?;
+            (steps < self.dim[a]).then_some(steps)
+        };
+        Some((along(2)? * self.dim[1] + along(1)?) * self.dim[0] + along(0)?)
     }
 
     /// The voxel at an index.
@@ -140,6 +143,10 @@ mod tests {
         assert!((0..region.len()).all(|i| region.index(region.voxel(i)) == Some(i)));
         assert!((0..region.len()).all(|i| region.index_at(region.center(i)) == Some(i)));
         assert_eq!(region.index(Voxel::new(1, 2, 0)), None);
+        // However far away, and whatever it is, a point that is not in it has no index.
+        for far in [1e300, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(region.index_at(Point3::new(far, 1.2, 0.2)), None);
+        }
     }
 
     #[test]
