@@ -20,3 +20,7 @@ pub mod keys;
 pub mod screen;
 pub mod text;
 pub mod time;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
