@@ -225,6 +225,7 @@ impl ExplorerApp {
     fn on_status(&mut self, status: &MapStatus) {
         self.said_full = status.full;
         self.explorer.hear_of_rays(status.rays.no_return);
+        self.explorer.hear_of_camera(&status.camera);
         self.look_whether_full();
     }
 

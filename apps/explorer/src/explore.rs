@@ -10,12 +10,13 @@ use elk_spatial::frontier::Edges;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
-use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_spatial::{Bounds, CameraInfo, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
 
 use crate::extent::Scope;
 use crate::goals::{Goal, Goals, Known, Target};
 use crate::policy::{Policy, looks};
+use crate::sight::Sight;
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
 use memory::Memory;
 use scene::Scene;
@@ -62,6 +63,8 @@ pub struct Explorer {
     scope: Scope,
     /// Rays of all scans that went without a return.
     no_return: u64,
+    /// What the camera sees.
+    sight: Sight,
 }
 
 impl Explorer {
@@ -76,7 +79,13 @@ impl Explorer {
             report: None,
             scope: Scope::default(),
             no_return: 0,
+            sight: Sight::default(),
         }
+    }
+
+    /// The scans are taken with this camera.
+    pub fn hear_of_camera(&mut self, camera: &CameraInfo) {
+        self.sight = Sight::of(camera);
     }
 
     /// Of the rays of all scans so far, so many went without a return. Where nothing is seen, looking again is in vain.
@@ -142,7 +151,7 @@ impl Explorer {
     pub fn plan(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
         self.plans = (self.plans + 1).min(MAX_COUNT);
-        let known = Known { grid, frontier };
+        let known = Known { grid, frontier, sight: self.sight };
         self.memory.learn(request, known, self.no_return);
         Plan {
             request: request.id,
@@ -191,9 +200,9 @@ impl Explorer {
 
     fn near_goals(&mut self, scene: &Scene) -> Goals {
         let Scene { volume, space, targets, .. } = scene;
-        let is_to_stop = self.settings.is_to_stop;
+        let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
         let wanted = targets.iter().take_while(|_| !is_to_stop());
-        self.journal.time("goals", || Goals::near(volume, &space.reach, wanted))
+        self.journal.time("goals", || Goals::near(volume, &space.reach, range_m, wanted))
     }
 
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
@@ -207,9 +216,9 @@ impl Explorer {
         let mut goals = Goals::none(volume);
         for candidates in [fresh, hidden] {
             let far;
-            let is_to_stop = self.settings.is_to_stop;
+            let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
             let wanted = candidates.iter().take_while(|_| !is_to_stop());
-            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, wanted));
+            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, range_m, wanted));
             self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), frontier);
             if !goals.is_empty() {
                 targets.extend(candidates);
@@ -258,12 +267,12 @@ impl Explorer {
     /// The path to follow, and what to do at its end.
     fn path(&mut self, scene: &Scene, known: Known, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
         let (volume, target) = (&scene.volume, &goal.target);
-        let policy = &self.settings.policy;
+        let (policy, range_m) = (&self.settings.policy, self.sight.range_m);
         let path = self.journal.time("path", || {
             let fixed = Polyline::new(way.iter().copied().take(scene.space.escape.len()));
             let fixed = fixed.map_or(0.0, |f| f.length());
             let whole = Polyline::new(way.iter().copied());
-            let shaped = whole.map(|w| policy.shape(volume, &scene.space.reach, target, w, fixed));
+            let shaped = whole.map(|w| policy.shape((volume, &scene.space.reach), (target, range_m), w, fixed));
             let points = shaped.map_or(way, |s| s.points().to_vec());
             let end = points.last().copied().unwrap_or(goal.position);
             Path {

@@ -42,7 +42,7 @@ impl Room {
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
         let target = |voxel: &Voxel| Target { voxel: *voxel, unknown: Vec::new(), tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
-        let goals = Goals::near(&volume, &space.reach, &targets);
+        let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets);
         Self { volume, space, goals, robot: robot.into(), places }
     }
 

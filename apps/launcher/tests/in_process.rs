@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use elk_bus::{App, AppError, Comms, Community, Mail};
 use elk_launcher::{LaunchError, LaunchOptions, Outcome, launch};
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params, Registry};
-use elk_spatial::Pose;
 use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_REQUEST, MOTION_REPORT, POSE_COMMAND, PROGRESS, SENSOR_REPORT,
 };
@@ -13,6 +12,7 @@ use elk_spatial::messages::{
     AccuracyReport, CoverageMark, ExplorationReport, FrontiersLeft, MapStatus, MotionReport, PoseCommand, Progress,
     RayTally, SensorReport,
 };
+use elk_spatial::{CameraInfo, Pose};
 use nalgebra::Point3;
 
 /// Answers pose commands, and judges maps; touches the world as often as it is told.
@@ -69,6 +69,7 @@ impl App for Map {
             cpu_secs: 0.25,
             full: false,
             rays,
+            camera: CameraInfo::default(),
         };
         comms.publish(&MAP_KNOWN, &status)?;
         Ok(comms.notify("MAPPED", scan)?)

@@ -13,7 +13,7 @@ use elk_spatial::keys::{
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{MapStatus, RayTally};
 use elk_spatial::ray::within_range;
-use elk_spatial::{Bounds, Scan};
+use elk_spatial::{Bounds, CameraInfo, Scan};
 use nalgebra::Vector3;
 
 use crate::bt::write_bt;
@@ -148,6 +148,8 @@ struct MapApp {
     range_said: bool,
     /// What became of the rays of all scans, its predecessor's included.
     rays: RayTally,
+    /// The camera of the last scan.
+    camera: CameraInfo,
 }
 
 impl MapApp {
@@ -166,6 +168,7 @@ impl MapApp {
             next_is_whole: false,
             range_said: false,
             rays: RayTally::default(),
+            camera: CameraInfo::default(),
         })
     }
 
@@ -181,7 +184,7 @@ impl MapApp {
             past.revisions.push(memory.revision);
         } else if mail.is(&MAP_KNOWN) {
             let known = mail.decode(&MAP_KNOWN)?;
-            (self.cpu_secs, self.rays) = (known.cpu_secs, known.rays);
+            (self.cpu_secs, self.rays, self.camera) = (known.cpu_secs, known.rays, known.camera);
             past.revisions.push(known.revision);
         } else if mail.is(&MAP_UPDATE) {
             past.revisions.push(mail.decode(&MAP_UPDATE)?.revision);
@@ -310,10 +313,10 @@ impl MapApp {
                 scan.id
             ));
         }
-        self.last_scan = scan.id;
+        (self.last_scan, self.camera) = (scan.id, scan.camera);
         let start = thread_cpu_secs();
         let origin = scan.pose.position();
-        let seen = self.map.insert_with(origin, scan.world_points(), scan.world_no_return(), scan.range_m);
+        let seen = self.map.insert_with(origin, scan.world_points(), scan.world_no_return(), scan.camera.range_m);
         self.cpu_secs += thread_cpu_secs() - start;
         self.say_what_was_left_out(comms.name(), scan, &seen);
         self.tally(scan, &seen);
@@ -383,6 +386,7 @@ impl MapApp {
             cpu_secs: self.cpu_secs,
             full: self.map.is_full(),
             rays: self.rays,
+            camera: self.camera,
         }
     }
 

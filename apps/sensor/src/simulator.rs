@@ -189,7 +189,7 @@ impl Simulator {
             }
         }
         let scan = Scan::new(self.scans, self.command, self.pose, points.into_iter().collect());
-        Scan { range_m: range.unwrap_or(0.0), no_return: no_return.into_iter().collect(), ..scan }
+        Scan { camera: camera.info(range.unwrap_or(0.0)), no_return: no_return.into_iter().collect(), ..scan }
     }
 
     /// True depth at a pixel (m along the optical axis).

@@ -4,6 +4,7 @@
 //! bus in sight, except [`keys`], which names the variables that apps exchange it under.
 
 pub mod bricks;
+pub mod camera;
 pub mod checks;
 pub mod clearance;
 pub mod frontier;
@@ -21,6 +22,7 @@ pub mod scan;
 pub mod voxel;
 
 pub use bricks::Bricks;
+pub use camera::CameraInfo;
 pub use frontier::FrontierSet;
 pub use map::{OccupancyGrid, State};
 pub use polyline::Polyline;

@@ -4,6 +4,7 @@
 use elk_bus::payload;
 use nalgebra::Point3;
 
+use crate::camera::CameraInfo;
 use crate::checks;
 use crate::pose::Pose;
 use crate::voxel::Voxel;
@@ -96,6 +97,8 @@ pub struct MapStatus {
     pub full: bool,
     /// What became of the rays of all scans so far.
     pub rays: RayTally,
+    /// The camera that the last scan was taken with.
+    pub camera: CameraInfo,
 }
 
 /// Controller to explorer: where to go from here?

@@ -27,6 +27,12 @@ fn scan(grid: &mut OccupancyGrid, pose: &Pose) -> Vec<Voxel> {
     scan_of(grid, pose, is_solid).0
 }
 
+/// The camera of that sensor.
+fn camera() -> CameraInfo {
+    let fov = 2.0 * 50f64.atan2(65.0);
+    CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m: 8.0 }
+}
+
 /// The same in any world, and the rays that met nothing: they say nothing.
 fn scan_of(grid: &mut OccupancyGrid, pose: &Pose, is_solid: fn(Voxel) -> bool) -> (Vec<Voxel>, u64) {
     let (mut seen, mut no_return) = (BTreeSet::new(), 0);
@@ -76,6 +82,7 @@ fn run(strategy: Box<dyn Strategy>, settings: Settings) -> Run {
 
 /// The same, with another explorer from the plan on for which `successor` has one; all begin with nothing but memory.
 fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) -> Run {
+    explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let look = |pose: &Pose, frontier: &mut FrontierSet, grid: &mut OccupancyGrid| {
         let changed = scan(grid, pose);
@@ -92,6 +99,7 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
         let plan = explorer.plan(&grid, &frontier, &request);
         if let Some(mut next) = successor(id) {
             next.succeed(&explorer.memory(&plan));
+            next.hear_of_camera(&camera());
             explorer = next;
         }
         let Decision::Go(path) = plan.decision else { break };
@@ -179,6 +187,7 @@ fn small_clusters_are_left_alone_and_counted() {
 fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
     let mut targets = BTreeSet::new();
+    explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::x());
     let changed = scan(&mut grid, &pose);
@@ -207,6 +216,7 @@ fn is_wall(v: Voxel) -> bool {
 fn run_under_the_sky(deaf: bool) -> (ExplorationReport, u64) {
     let settings = Settings { max_scans: 600, ..settings(Policy::elk(0.4)) };
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
+    explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let mut rays = 0;
     let mut look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid, frontier: &mut FrontierSet| {
@@ -331,6 +341,7 @@ fn fullest_memory(path: Path) -> ExplorerMemory {
 fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
     let patient = Settings { patience: u64::MAX, ..settings(Policy::elk(0.4)) };
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), patient);
+    explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     let changed = scan(&mut grid, &start);
