@@ -539,7 +539,7 @@ impl Round {
             assert!(idle < PATIENCE_ROUNDS, "nothing moves any more: {:?}", self.rejected());
         }
         let rejected = self.rejected().values().sum();
-        let contacts = self.sensor.unwrap().contacts;
+        let contacts = self.sensor.unwrap().contacts.unwrap();
         (self.motion.unwrap(), self.exploration.unwrap().complete, contacts, rejected)
     }
 

@@ -29,7 +29,7 @@ impl App for Sensor {
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         if mail.is(&POSE_COMMAND) {
             let scan = mail.decode(&POSE_COMMAND)?.id;
-            let contacts = self.contacts;
+            let contacts = Some(self.contacts);
             comms.publish(&SENSOR_REPORT, &SensorReport { scans: scan, contacts, scan, cpu_secs: 0.5 })?;
             comms.notify("SCAN", scan as f64)?;
         } else {

@@ -92,6 +92,12 @@ pub(crate) fn text(value: &str) -> Checked {
     }
 }
 
+/// A count that not everybody has.
+pub(crate) fn count(value: &Option<u64>) -> Checked {
+    let wanted = || format!("0 to {MAX_COUNT}");
+    value.map_or(Ok(()), |count| holds("", count <= MAX_COUNT, count, &wanted()))
+}
+
 /// A point of the world (m).
 pub fn point(point: &Point3<f64>) -> Checked {
     let inside = |c: f64| c.abs() <= FARTHEST_M;

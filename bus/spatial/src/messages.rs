@@ -37,21 +37,21 @@ pub struct CameraPose {
     pub pose: Pose,
 }
 
-/// Sensor to anyone, with each pose, and before the scan that is taken there: what a simulated sensor knows of its true
-/// world so far. A successor knows by it, the pose and the last scan where to go on.
+/// Sensor to anyone, with each pose, and before the scan that is taken there: how much it has done so far, and what a
+/// simulated one knows of its true world. A successor knows by it, the pose and the last scan where to go on.
 #[payload]
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorReport {
     /// Scans taken.
     #[describe(count)]
     pub scans: u64,
-    /// Motions on which the robot's body touched the true world.
-    #[describe(count)]
-    pub contacts: u64,
+    /// Motions on which the robot's body touched the true world; none: it is not known, as a real camera's is not.
+    #[describe(check = checks::count)]
+    pub contacts: Option<u64>,
     /// The scan after which this was said.
     #[describe(count)]
     pub scan: u64,
-    /// Seconds of CPU spent on ray casting.
+    /// Seconds of CPU spent on scans.
     #[describe(unit = "s", range = checks::SUMS)]
     pub cpu_secs: f64,
 }

@@ -1,16 +1,27 @@
-//! A robot with a depth camera in a world that only the simulator knows (thesis 3.3).
+//! A depth camera in a world that only the simulator knows (thesis 3.3), and the body that carries it.
 
-use elk_spatial::messages::{CameraPose, PoseCommand};
-use elk_spatial::{Pose, Scan};
+mod noise;
+mod parameters;
+mod preflight;
+
+pub use noise::StereoNoise;
+pub use parameters::TYPE;
+
+use elk_bus::AppError;
+use elk_spatial::{CameraInfo, OccupancyGrid, Pose};
+use elk_world::random::Random;
+use elk_world::truth::accuracy;
+use elk_world::{World, WorldError};
 use nalgebra::{Point3, Vector3};
 
 use crate::camera::Camera;
-use crate::noise::StereoNoise;
-use elk_world::random::Random;
-use elk_world::{World, WorldError};
+use crate::source::{Accuracy, Capture, DepthSource, Refusal, Seen, Travel, Truth};
 
 /// A randomly drawn start is at least this far from every surface (m).
 pub const START_CLEARANCE_M: f64 = 0.3;
+
+/// Voxels of a map that are held against the true world: more would take minutes.
+const MOST_JUDGED: usize = 1 << 25;
 
 /// Random streams of a seed: scan `k` draws from stream `k`, and the start from this one.
 const START_STREAM: u64 = 0;
@@ -43,117 +54,28 @@ impl Default for Settings {
     }
 }
 
-/// Why a pose cannot be taken.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Refusal {
-    /// The pose is in a solid, or not in the world at all.
-    #[error("{} is inside an obstacle or outside the world", shown(.0))]
-    NotFree(Point3<f64>),
-    /// A surface lies between here and there.
-    #[error("a surface lies on the straight way from {} to {}", shown(.0), shown(.1))]
-    Blocked(Point3<f64>, Point3<f64>),
-}
-
-fn shown(p: &Point3<f64>) -> String {
-    format!("({:.3}; {:.3}; {:.3})", p.x, p.y, p.z)
-}
-
-/// What came of a command.
-#[derive(Debug, Clone)]
-pub struct Outcome {
-    /// The scan from where the robot is now.
-    pub scan: Scan<'static>,
-    /// Whether the body touched the world on the way, or would have on the way to a place that it cannot be in.
-    pub contact: bool,
-    /// Why the robot stayed where it was, if it did.
-    pub refused: Option<Refusal>,
-}
-
-/// The robot and its world.
+/// The camera and its world.
 #[derive(Debug, Clone)]
 pub struct Simulator {
     world: World,
     settings: Settings,
-    pose: Pose,
-    command: u64,
-    scans: u64,
-    contacts: u64,
+    start: Pose,
+    /// What whoever looks at the scans should know of the world.
+    remarks: Vec<String>,
 }
 
 impl Simulator {
-    /// A robot at `start`, which has to be free.
-    pub fn new(world: World, settings: Settings, start: Pose) -> Result<Self, Refusal> {
-        let simulator = Self { world, settings, pose: start, command: 0, scans: 0, contacts: 0 };
-        simulator.free(&start)?;
-        Ok(simulator)
+    /// A camera that is at `start` before the first command.
+    pub fn new(world: World, settings: Settings, start: Pose) -> Self {
+        Self { world, settings, start, remarks: Vec::new() }
     }
 
-    /// The robot's pose (world).
-    pub fn pose(&self) -> Pose {
-        self.pose
-    }
-
-    /// The last command carried out or refused; 0: none yet.
-    pub fn command(&self) -> u64 {
-        self.command
-    }
-
-    /// Scans taken.
-    pub fn scans(&self) -> u64 {
-        self.scans
-    }
-
-    /// Motions on which the body touched the world.
-    pub fn contacts(&self) -> u64 {
-        self.contacts
-    }
-
-    /// The world.
-    pub fn world(&self) -> &World {
-        &self.world
-    }
-
-    /// Goes on where another robot in the same world stopped: at `pose`, after so many scans and contacts.
-    ///
-    /// # Errors
-    /// It cannot be there: the world is another one.
-    pub fn succeed(&mut self, at: &CameraPose, scans: u64, contacts: u64) -> Result<(), Refusal> {
-        self.free(&at.pose)?;
-        (self.pose, self.command, self.scans, self.contacts) = (at.pose, at.command, scans, contacts);
-        Ok(())
-    }
-
-    /// The last scan, as it was taken.
-    pub fn last_scan(&self) -> Scan<'static> {
-        self.scan()
-    }
-
-    /// Goes to the commanded pose, by way of the positions before it, and takes a scan; stays where it is, and scans
-    /// there, if that cannot be done. The command is one that passes its check ([`elk_bus::Describe::check`]): all of it finite.
-    pub fn execute(&mut self, command: &PoseCommand) -> Outcome {
-        let way = self.way(command);
-        let refused = self.passable(&way, &command.pose).err();
-        let contact = refused.is_some() || self.touches(&way);
-        if refused.is_none() {
-            self.pose = command.pose;
-        }
-        self.command = command.id;
-        self.contacts += u64::from(contact);
-        self.scans += 1;
-        Outcome { scan: self.scan(), contact, refused }
-    }
-
-    /// The positions to pass, the robot's own first.
-    fn way(&self, command: &PoseCommand) -> Vec<Point3<f64>> {
-        let ends = [self.pose.position(), command.pose.position()];
-        std::iter::once(ends[0]).chain(command.via.iter().copied()).chain(std::iter::once(ends[1])).collect()
-    }
-
-    fn free(&self, pose: &Pose) -> Result<(), Refusal> {
-        match self.world.is_free(pose.position()) {
-            true => Ok(()),
-            false => Err(Refusal::NotFree(pose.position())),
-        }
+    /// True depth at a pixel (m along the optical axis).
+    fn depth(&self, pose: &Pose, u: f64, v: f64) -> Option<f64> {
+        let in_camera = self.settings.camera.direction(u, v);
+        let depth = self.world.cast(pose.position(), pose.0.rotation * in_camera)?;
+        let near = self.settings.range.is_none_or(|range| depth * in_camera.norm() <= range);
+        near.then_some(depth)
     }
 
     /// Whether the centre of the body can go all the way, and be at its end.
@@ -171,15 +93,25 @@ impl Simulator {
         let radius = self.settings.body_radius;
         way.windows(2).any(|s| self.world.touches(s[0], s[1], radius))
     }
+}
+
+impl DepthSource for Simulator {
+    fn camera(&self) -> CameraInfo {
+        self.settings.camera.info(self.settings.range.unwrap_or(0.0))
+    }
+
+    fn start(&self) -> Pose {
+        self.start
+    }
 
     /// One ray through the centre of each pixel; one that hits nothing within the camera's range gives no point, but a
     /// direction without a return. Noise depends on the seed and on the scan's number alone, not on what was seen before.
-    fn scan(&self) -> Scan<'static> {
-        let Settings { camera, noise, seed, range, .. } = &self.settings;
-        let mut random = Random::new(*seed, self.scans);
+    fn scan(&mut self, capture: &Capture) -> Result<Seen, AppError> {
+        let Settings { camera, noise, seed, .. } = &self.settings;
+        let mut random = Random::new(*seed, capture.scan);
         let (mut points, mut no_return) = (Vec::new(), Vec::new());
         for (u, v) in camera.pixels() {
-            let measured = self.depth(u, v).map(|depth| match noise {
+            let measured = self.depth(&capture.pose, u, v).map(|depth| match noise {
                 Some(noise) => noise.measure(camera, (u, v), depth, &mut random),
                 None => Some(camera.point(u, v, depth)),
             });
@@ -188,16 +120,38 @@ impl Simulator {
                 None => no_return.push(Point3::from(camera.direction(u, v).normalize()).cast()),
             }
         }
-        let scan = Scan::new(self.scans, self.command, self.pose, points.into_iter().collect());
-        Scan { camera: camera.info(range.unwrap_or(0.0)), no_return: no_return.into_iter().collect(), ..scan }
+        Ok(Seen { points: points.into_iter().collect(), no_return: no_return.into_iter().collect() })
     }
 
-    /// True depth at a pixel (m along the optical axis).
-    fn depth(&self, u: f64, v: f64) -> Option<f64> {
-        let in_camera = self.settings.camera.direction(u, v);
-        let depth = self.world.cast(self.pose.position(), self.pose.0.rotation * in_camera)?;
-        let near = self.settings.range.is_none_or(|range| depth * in_camera.norm() <= range);
-        near.then_some(depth)
+    fn truth(&self) -> Option<&dyn Truth> {
+        Some(self)
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        self.remarks.clone()
+    }
+}
+
+impl Truth for Simulator {
+    fn free(&self, pose: &Pose) -> Result<(), Refusal> {
+        match self.world.is_free(pose.position()) {
+            true => Ok(()),
+            false => Err(Refusal::NotFree(pose.position())),
+        }
+    }
+
+    fn travel(&self, way: &[Point3<f64>], end: &Pose) -> Travel {
+        let refused = self.passable(way, end).err();
+        Travel { contact: refused.is_some() || self.touches(way), refused }
+    }
+
+    fn judge(&self, map: &OccupancyGrid) -> Result<Option<Accuracy>, AppError> {
+        let known = map.free() + map.occupied();
+        if known > MOST_JUDGED {
+            return Err(format!("{known} voxels are known; at most {MOST_JUDGED} are judged").into());
+        }
+        let accuracy = accuracy(&self.world, map);
+        Ok(Some(Accuracy { share: accuracy.share(), voxels: accuracy.known }))
     }
 }
 
