@@ -4,15 +4,17 @@ mod memory;
 mod scene;
 mod verdict;
 
+use elk_bus::tell;
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::clearance::Clearance;
 use elk_spatial::frontier::Edges;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
-use elk_spatial::{Bounds, CameraInfo, FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_spatial::{Bounds, CameraInfo, FrontierSet, OccupancyGrid, Polyline, StrategyMemory, Voxel};
 use nalgebra::Point3;
 
+use crate::candidates::{Candidates, Weighed};
 use crate::extent::Scope;
 use crate::goals::{Goal, Goals, Known, Target};
 use crate::policy::{Policy, looks};
@@ -65,6 +67,8 @@ pub struct Explorer {
     no_return: u64,
     /// What the camera sees.
     sight: Sight,
+    /// The goals that were weighed for the last plan.
+    weighed: Weighed,
 }
 
 impl Explorer {
@@ -80,6 +84,7 @@ impl Explorer {
             scope: Scope::default(),
             no_return: 0,
             sight: Sight::default(),
+            weighed: Weighed::default(),
         }
     }
 
@@ -116,13 +121,41 @@ impl Explorer {
         self.report.as_ref()
     }
 
-    /// Goes on where another explorer, of whatever strategy, stopped.
-    pub fn succeed(&mut self, left: &ExplorerMemory) {
+    /// Goes on where another explorer, of whatever strategy, stopped. Answers why what that one's strategy itself remembered is
+    /// not taken over, if it is not.
+    pub fn succeed(&mut self, left: &ExplorerMemory) -> Option<String> {
         self.memory = Memory::recall(left);
         self.no_return = self.no_return.max(left.no_return);
         self.journal.recall(left);
         self.plans = left.plans;
         self.report = left.ended.clone();
+        self.recall_strategy(left.strategy.as_ref()?)
+    }
+
+    fn recall_strategy(&mut self, left: &StrategyMemory) -> Option<String> {
+        let name = self.strategy.name();
+        let why = match left.strategy == name {
+            true => self.strategy.recall(left).err()?.to_string(),
+            false => format!("it goes on as {name}"),
+        };
+        Some(format!("what {} itself remembered is left aside: {why}", left.strategy))
+    }
+
+    /// What the strategy itself leaves. What cannot be left is no reason to plan nothing.
+    fn strategy_memory(&self) -> Option<StrategyMemory> {
+        let name = self.strategy.name();
+        let left = self.strategy.memory().unwrap_or_else(|error| {
+            tell(format_args!("{name} leaves no memory of its own: {error}"));
+            None
+        })?;
+        Some(StrategyMemory { strategy: name.to_owned(), ..left })
+    }
+
+    /// The goals that the strategy weighed for the last plan; `None`: it weighed none.
+    pub fn candidates(&self, request: &PlanRequest, revision: u64) -> Option<Candidates> {
+        let Weighed { count: weighed, .. } = self.weighed;
+        let goals = || self.weighed.clone().into_goals();
+        (weighed > 0).then(|| Candidates { request: request.id, revision, from: request.pose, weighed, goals: goals() })
     }
 
     /// What a successor has to know, `plan` being the last one: never more than it believes, whatever this one was left.
@@ -131,9 +164,9 @@ impl Explorer {
             plan: plan.clone(),
             ended: self.report.clone(),
             plans: self.plans,
-            stalls: self.journal.stalls.min(MAX_COUNT),
             fallbacks: self.journal.fallbacks.min(MAX_COUNT),
-            iterations: self.journal.iterations.min(MAX_COUNT),
+            counters: self.journal.counters().to_vec(),
+            strategy: self.strategy_memory(),
             cpu_secs: self.journal.phases().to_vec(),
             trail: Vec::new(),
             targets: Vec::new(),
@@ -153,6 +186,7 @@ impl Explorer {
         self.plans = (self.plans + 1).min(MAX_COUNT);
         let known = Known { grid, frontier, sight: self.sight };
         self.memory.learn(request, known, self.no_return);
+        self.weighed = Weighed::default();
         Plan {
             request: request.id,
             revision: grid.revision(),
@@ -253,6 +287,8 @@ impl Explorer {
                 self.journal.fallbacks += 1;
                 ClosestFrontier.plan(&view, &mut self.journal)
             })?;
+        self.weighed = self.journal.take_weighed();
+        self.weighed.choose(route.goal);
         let goal = goals.at(route.goal)?;
         let escape = space.escape.iter().skip(1).map(|i| volume.center(*i));
         let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
@@ -304,7 +340,7 @@ impl Explorer {
             reason,
             frontiers_left: left,
             plans: self.plans,
-            stalls: self.journal.stalls.min(MAX_COUNT),
+            counters: self.journal.counters().to_vec(),
             cpu_secs: self.journal.phases().to_vec(),
         });
         Decision::Done

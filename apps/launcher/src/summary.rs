@@ -64,8 +64,8 @@ pub struct Summary {
     pub coverage: Vec<CoverageMark>,
     /// Plans made.
     pub plans: Option<u64>,
-    /// Streamlines that stalled before they reached a frontier.
-    pub stalls: Option<u64>,
+    /// What the explorer's strategy counted, by name.
+    pub counters: BTreeMap<String, u64>,
     /// Seconds of CPU by phase.
     pub cpu_seconds: BTreeMap<String, f64>,
     /// From one pose command to the next.
@@ -114,7 +114,7 @@ impl Summary {
             seconds: observed.seconds(),
             coverage: motion.map(|motion| motion.marks.clone()).unwrap_or_default(),
             plans: report.map(|report| report.plans),
-            stalls: report.map(|report| report.stalls),
+            counters: report.map(|report| report.counters.iter().cloned().collect()).unwrap_or_default(),
             cpu_seconds: cpu_seconds(observed),
             step: observed.steps.whole_step(),
             step_by_app: observed.steps.by_app(),

@@ -127,7 +127,7 @@ impl App for Explorer {
             reason: "nothing is left".into(),
             frontiers_left: FrontiersLeft { invisible: 2, ..FrontiersLeft::default() },
             plans: 1,
-            stalls: 0,
+            counters: Vec::new(),
             cpu_secs: vec![("field".into(), 0.125)],
         };
         Ok(comms.publish(&EXPLORATION_REPORT, &report)?)

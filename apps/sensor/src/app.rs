@@ -18,27 +18,14 @@ pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str,
     ParamSpec { name, kind, default: Some(default), doc }
 }
 
-pub(crate) const OUTPUT: ParamSpec =
-    param("Output", Kind::Variable, "SCAN", "Variable under which scans are published.");
-pub(crate) const POSE_VARIABLE: ParamSpec =
-    param("MOOSPoseVarName", Kind::Variable, "SIM_SENSOR", "Variable under which the camera's pose is published.");
-pub(crate) const ESTIMATOR: ParamSpec =
-    param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly.");
-
-/// The parameters of one sensor, and those that all share.
-macro_rules! and_common {
-    ($($own:expr),* $(,)?) => {
-        &[
-            $($own,)*
-            $crate::app::OUTPUT, $crate::app::POSE_VARIABLE, $crate::app::ESTIMATOR,
-            elk_mission::MOOS_HOST, elk_mission::MOOS_PORT,
-        ]
-    };
-}
-pub(crate) use and_common;
-
 /// The parameters that all sensors have.
-pub const COMMON: &[ParamSpec] = &[OUTPUT, POSE_VARIABLE, ESTIMATOR, MOOS_HOST, MOOS_PORT];
+pub const COMMON: &[ParamSpec] = &[
+    param("Output", Kind::Variable, "SCAN", "Variable under which scans are published."),
+    param("MOOSPoseVarName", Kind::Variable, "SIM_SENSOR", "Variable under which the camera's pose is published."),
+    param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
+    MOOS_HOST,
+    MOOS_PORT,
+];
 
 /// A sensor of any source, with the parameters that all share.
 ///
@@ -164,7 +151,10 @@ impl SensorApp {
         self.inherited = true;
         self.cpu_secs = cpu_secs;
         match scan < scans {
-            true => self.publish_scan(comms),
+            true => {
+                let scan = self.robot.scan(comms.time());
+                self.publish(comms, scan)
+            }
             false => Ok(()),
         }
     }
@@ -198,14 +188,6 @@ impl SensorApp {
         // A successor finds the two together, and then knows by the last scan whether this one came to be published.
         self.publish_pose(comms)?;
         comms.publish(&SENSOR_REPORT, &self.report())?;
-        self.publish(comms, scan)
-    }
-
-    /// Takes the last scan again that a predecessor did not come to publish.
-    fn publish_scan(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        let before = thread_cpu_secs();
-        let scan = self.robot.scan(comms.time());
-        self.cpu_secs += thread_cpu_secs() - before;
         self.publish(comms, scan)
     }
 

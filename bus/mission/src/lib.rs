@@ -56,5 +56,5 @@ pub use preflight::{NotReady, Preflight, PreflightReport};
 pub use problem::{Place, Problem, Problems};
 pub use registry::Registry;
 pub use setting::{Override, OverrideError};
-pub use spec::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec};
+pub use spec::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, joined};
 pub use value::ValueError;

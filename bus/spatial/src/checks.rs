@@ -144,6 +144,11 @@ pub(crate) fn phases(cpu_secs: &[(String, f64)]) -> Checked {
     each(cpu_secs, |(name, secs)| text(name).and_then(|()| number("", *secs, SUMS, " s")))
 }
 
+/// Counts by name.
+pub(crate) fn counters(counters: &[(String, u64)]) -> Checked {
+    each(counters, |(name, total)| text(name).and_then(|()| count(&Some(*total))))
+}
+
 /// The cells of a brick.
 pub(crate) fn cells(packed: &[u8]) -> Checked {
     holds("", packed.len() == BrickStates::BYTES, format!("{} bytes long", packed.len()), "128 bytes")

@@ -19,6 +19,7 @@ pub mod replica;
 #[doc(hidden)]
 pub mod samples;
 pub mod scan;
+pub mod strategy_memory;
 pub mod voxel;
 
 pub use bricks::Bricks;
@@ -29,4 +30,5 @@ pub use polyline::Polyline;
 pub use pose::Pose;
 pub use replica::Replica;
 pub use scan::{Points, Scan};
+pub use strategy_memory::StrategyMemory;
 pub use voxel::{Bounds, Voxel};

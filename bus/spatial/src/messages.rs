@@ -7,6 +7,7 @@ use nalgebra::Point3;
 use crate::camera::CameraInfo;
 use crate::checks;
 use crate::pose::Pose;
+use crate::strategy_memory::StrategyMemory;
 use crate::voxel::Voxel;
 
 /// Controller to sensor: go there and take a scan.
@@ -161,9 +162,9 @@ pub struct ExplorationReport {
     /// Plans made.
     #[describe(count)]
     pub plans: u64,
-    /// Streamlines that stalled before they reached a frontier.
-    #[describe(count)]
-    pub stalls: u64,
+    /// What the strategy counted, by name.
+    #[describe(longest = checks::MAX_PHASES, check = checks::counters)]
+    pub counters: Vec<(String, u64)>,
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,
@@ -271,15 +272,14 @@ pub struct ExplorerMemory {
     /// Plans made.
     #[describe(count)]
     pub plans: u64,
-    /// Streamlines that stalled before they reached a frontier.
-    #[describe(count)]
-    pub stalls: u64,
     /// Plans for which the strategy had no answer.
     #[describe(count)]
     pub fallbacks: u64,
-    /// Iterations of the field's solver.
-    #[describe(count)]
-    pub iterations: u64,
+    /// What the strategy counted, by name.
+    #[describe(longest = checks::MAX_PHASES, check = checks::counters)]
+    pub counters: Vec<(String, u64)>,
+    /// What the strategy itself remembers, for the next one of its name.
+    pub strategy: Option<StrategyMemory>,
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,

@@ -1,10 +1,11 @@
 use super::*;
 use crate::laplace::Solver;
 use crate::strategy::{Potential, Start};
-use elk_bus::Describe;
+use elk_bus::{DecodeError, Describe};
 use elk_spatial::checks::{LARGEST_SUM, MAX_CORNERS, MAX_PHASES, MAX_REMEMBERED, MAX_TRIES};
 use elk_spatial::messages::{Outcome, TargetRecord};
 use elk_spatial::ray::Traversal;
+use elk_spatial::strategy_memory::LeaveError;
 use elk_spatial::{Pose, State, Voxel};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
@@ -321,9 +322,9 @@ fn fullest_memory(path: Path) -> ExplorerMemory {
         plan: Plan { request: 1, revision: MAX_COUNT, decision: Decision::Go(path), motion, cpu_secs: 0.0 },
         ended: None,
         plans: MAX_COUNT,
-        stalls: MAX_COUNT,
         fallbacks: MAX_COUNT,
-        iterations: MAX_COUNT,
+        counters: (0..MAX_PHASES).map(|n| (format!("counter {n}"), MAX_COUNT)).collect(),
+        strategy: None,
         cpu_secs: (0..MAX_PHASES).map(|n| (format!("phase {n}"), LARGEST_SUM)).collect(),
         trail: line(1).collect(),
         targets: elsewhere.chain([record(target, vec![target; MAX_CORNERS])]).collect(),
@@ -382,4 +383,63 @@ fn strategies_hand_over_to_each_other_what_they_tried() {
     assert!(run.report.complete, "{:?}", run.report);
     let phases: Vec<&str> = run.report.cpu_secs.iter().map(|(phase, _)| phase.as_str()).collect();
     assert!(phases.contains(&"field") && phases.contains(&"search"), "{phases:?}");
+}
+
+/// What a strategy of somebody's remembers.
+#[elk_bus::payload]
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Visits {
+    /// Plans that it made.
+    plans: u64,
+}
+
+/// A strategy that goes on counting where the one before it stopped.
+#[derive(Default)]
+struct Counting(Visits);
+
+impl Strategy for Counting {
+    fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+        self.0.plans += 1;
+        journal.count("visits", 1);
+        view.cheapest(journal, |_, way_m| way_m)
+    }
+
+    fn memory(&self) -> Result<Option<StrategyMemory>, LeaveError> {
+        StrategyMemory::of::<Visits>("", &self.0).map(Some)
+    }
+
+    fn recall(&mut self, left: &StrategyMemory) -> Result<(), DecodeError> {
+        self.0 = left.take::<Visits>()?;
+        Ok(())
+    }
+}
+
+#[test]
+fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
+    let mut explorer = Explorer::new(Box::<Counting>::default(), settings(Policy::elk(0.4)));
+    explorer.hear_of_camera(&camera());
+    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    let changed = scan(&mut grid, &pose);
+    grid.advance(&changed, 0);
+    frontier.update(&grid, &changed);
+    let request = PlanRequest { id: 1, pose, revision: grid.revision(), outcome: Outcome::First };
+    let plan = explorer.plan(&grid, &frontier, &request);
+    let candidates = explorer.candidates(&request, plan.revision).unwrap();
+    assert_eq!(candidates.goals.iter().filter(|goal| goal.chosen).count(), 1, "{candidates:?}");
+    let left = explorer.memory(&plan);
+    ExplorerMemory::check(&left).unwrap();
+    assert_eq!(left.counters, [("visits".to_owned(), 1)]);
+
+    let mut next = Explorer::new(Box::<Counting>::default(), settings(Policy::elk(0.4)));
+    assert_eq!(next.succeed(&left), None);
+    let memory = |explorer: &Explorer| explorer.memory(&plan).strategy.map(|own| own.take::<Visits>().unwrap());
+    assert_eq!(memory(&next), Some(Visits { plans: 1 }));
+
+    let mut other = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    let said = other.succeed(&left).unwrap();
+    assert_eq!(said, "what Counting itself remembered is left aside: it goes on as ClosestFrontier");
+    let of_another_build = StrategyMemory { layout: 7, ..left.strategy.clone().unwrap() };
+    let said = next.succeed(&ExplorerMemory { strategy: Some(of_another_build), ..left }).unwrap();
+    assert!(said.starts_with("what Counting itself remembered is left aside: Counting"), "{said}");
 }

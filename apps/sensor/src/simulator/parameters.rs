@@ -1,7 +1,7 @@
 //! The simulator as a mission file says it.
 
 use elk_bus::AppError;
-use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use elk_spatial::Pose;
 use elk_spatial::checks::{self, MAX_POINTS};
 use elk_world::placement::{SCALES, UP};
@@ -11,7 +11,7 @@ use nalgebra::Point3;
 use super::noise::StereoNoise;
 use super::preflight::preflight;
 use super::{Settings, Simulator, random_start};
-use crate::app::{and_common, app, param};
+use crate::app::{COMMON, app, param};
 use crate::camera::Camera;
 use crate::source::Truth;
 
@@ -20,14 +20,14 @@ pub const TYPE: AppType = AppType {
     element: "Sensor",
     name: "Simulator",
     summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
-    params: PARAMS,
+    params: &joined::<{ PARAMS.len() + COMMON.len() }>(PARAMS, COMMON),
     build: |params| app(params, Box::new(simulator(params)?)),
     preflight: Some(preflight),
 };
 
 const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 
-const PARAMS: &[ParamSpec] = and_common![
+const PARAMS: &[ParamSpec] = &[
     param(
         "World",
         Kind::File { builtin: &BUILT_IN },
