@@ -1,4 +1,4 @@
-//! A sensor of one's own: a depth camera in a hall without pillars, worked out instead of measured.
+//! A sensor of one's own: a depth camera in an empty room, worked out instead of measured.
 //! `elk launch mission.xml --set Sensor.exec=./target/release/hall --set Sensor.Size='6; 4; 3'` explores it.
 
 use elk_sensor::nalgebra::Point3;
@@ -8,7 +8,7 @@ const PARAMS: &[ParamSpec] = &[ParamSpec {
     name: "Size",
     kind: Kind::Size { unit: "m" },
     default: Some("6; 4; 3"),
-    doc: "Length, width and height of the hall; one of its corners is the origin.",
+    doc: "Length, width and height of the room; one of its corners is the origin.",
 }];
 
 struct Hall {
@@ -40,7 +40,7 @@ impl DepthSource for Hall {
 fn main() -> std::process::ExitCode {
     let camera = Camera::new(100, 100, 75_f64.to_radians());
     elk_sensor::main(PARAMS, |params| match params.point("Size") {
-        [0.0, ..] => Err("Size is 0, and nothing is seen in such a hall; right is its length, width and height".into()),
+        [0.0, ..] => Err("Size is 0, and nothing is seen in such a room; right is its length, width and height".into()),
         size => Ok(Hall { size, camera }),
     })
 }
