@@ -282,9 +282,10 @@ impl SensorApp {
         let Some(truth) = self.robot.truth() else { return Ok(None) };
         let mut map = OccupancyGrid::new(update.resolution);
         map.apply(update).map_err(Rejection::new)?;
+        // Who cannot tell has judged no voxel: nobody waits for more.
         let accuracy = truth.judge(&map).map_err(Rejection::new)?;
-        let report = |Accuracy { share, voxels }| AccuracyReport { revision: update.revision, accuracy: share, voxels };
-        Ok(accuracy.map(report))
+        let Accuracy { share, voxels } = accuracy.unwrap_or(Accuracy { share: 0.0, voxels: 0 });
+        Ok(Some(AccuracyReport { revision: update.revision, accuracy: share, voxels }))
     }
 }
 

@@ -419,13 +419,21 @@ fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
     let mut explorer = Explorer::new(Box::<Counting>::default(), settings(Policy::elk(0.4)));
     explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
-    let pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
-    let changed = scan(&mut grid, &pose);
-    grid.advance(&changed, 0);
-    frontier.update(&grid, &changed);
-    let request = PlanRequest { id: 1, pose, revision: grid.revision(), outcome: Outcome::First };
-    let plan = explorer.plan(&grid, &frontier, &request);
-    let candidates = explorer.candidates(&request, plan.revision).unwrap();
+    let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    // A robot that stands in a goal looks first, whatever its strategy.
+    let (plan, candidates) = (1..)
+        .find_map(|id| {
+            let changed = scan(&mut grid, &pose);
+            grid.advance(&changed, 0);
+            frontier.update(&grid, &changed);
+            let request = PlanRequest { id, pose, revision: grid.revision(), outcome: Outcome::First };
+            let plan = explorer.plan(&grid, &frontier, &request);
+            let Decision::Go(path) = &plan.decision else { panic!("{:?}", explorer.report()) };
+            pose = path.looks[0];
+            let candidates = explorer.candidates(&request, plan.revision)?;
+            Some((plan, candidates))
+        })
+        .unwrap();
     assert_eq!(candidates.goals.iter().filter(|goal| goal.chosen).count(), 1, "{candidates:?}");
     let left = explorer.memory(&plan);
     ExplorerMemory::check(&left).unwrap();
