@@ -382,9 +382,9 @@ fn long_lies() -> Vec<(String, Value)> {
         plan: plan(vec![here]),
         ended: None,
         plans: 1,
-        stalls: 0,
         fallbacks: 0,
-        iterations: 0,
+        counters: vec![],
+        strategy: None,
         cpu_secs: vec![],
         hidden: trail.clone(),
         targets: vec![],
@@ -540,7 +540,7 @@ impl Round {
             assert!(idle < PATIENCE_ROUNDS, "nothing moves any more: {:?}", self.rejected());
         }
         let rejected = self.rejected().values().sum();
-        let contacts = self.sensor.unwrap().contacts;
+        let contacts = self.sensor.unwrap().contacts.unwrap();
         (self.motion.unwrap(), self.exploration.unwrap().complete, contacts, rejected)
     }
 

@@ -42,7 +42,7 @@ impl Room {
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
         let target = |voxel: &Voxel| Target { voxel: *voxel, unknown: Vec::new(), tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
-        let goals = Goals::near(&volume, &space.reach, &targets);
+        let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets);
         Self { volume, space, goals, robot: robot.into(), places }
     }
 
@@ -84,8 +84,8 @@ mod tests {
     }
 
     impl Strategy for Level {
-        fn plan(&mut self, view: &View<'_>, _: &mut Journal) -> Option<Route> {
-            view.cheapest(|goal, way_m| way_m + self.climb * (goal.position.z - view.from.z).abs())
+        fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+            view.cheapest(journal, |goal, way_m| way_m + self.climb * (goal.position.z - view.from.z).abs())
         }
     }
 

@@ -1,12 +1,13 @@
 //! A mission from its first app to its last word.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Community, ConnectError};
-use elk_mission::element;
+use elk_mission::element::{self, ELEMENTS};
 use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
@@ -69,9 +70,9 @@ impl Conduct<'_> {
     pub fn begin(&mut self) -> Result<(), LaunchError> {
         self.backend.start_broker()?;
         self.join("at once")?;
-        // The logger is there before anybody has anything to say.
-        self.start(&|element| element == element::LOGGER)?;
-        self.start(&|element| element != element::LOGGER)
+        let ranks: BTreeSet<u8> = ELEMENTS.iter().map(|element| element.start_rank).collect();
+        let is_of = |element: &str, rank| element::named(element).is_some_and(|element| element.start_rank == rank);
+        ranks.into_iter().try_for_each(|rank| self.start(&|element| is_of(element, rank)))
     }
 
     /// Waits until the launcher itself is on the bus.

@@ -126,7 +126,7 @@ fn write_run(run: &Path, stretch: f64) {
         reason: "no frontier is left".into(),
         frontiers_left: FrontiersLeft::default(),
         plans: 13,
-        stalls: 0,
+        counters: Vec::new(),
         cpu_secs: vec![],
     };
     put(record(&keys::EXPLORATION_REPORT, &report, scans));

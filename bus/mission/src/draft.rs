@@ -5,7 +5,7 @@ use std::path::Path;
 use roxmltree::{Attribute, Node};
 
 use crate::arguments::split_arguments;
-use crate::element;
+use crate::element::{self, ELEMENTS};
 use crate::executable;
 use crate::kind::ParamSpec;
 use crate::name::{is_app_name, right_app_names};
@@ -19,7 +19,7 @@ use crate::setting::Override;
 use crate::spec::{AppSpec, AppType, Program};
 use crate::xml::{own_text, stray_text, value_place};
 
-/// The type of Logger that is no logger: the mission is not recorded.
+/// The type of an element that is supposed, for a mission without one: it is not recorded.
 const NONE: &str = "none";
 
 /// What every part of the check needs.
@@ -161,7 +161,7 @@ impl Draft {
 
     fn type_called(&self, name: &str, place: &At, registry: &Registry, problems: &mut Findings) -> Runs {
         let mut known: Vec<&str> = registry.of_element(&self.element).map(|t| t.name).collect();
-        if self.element == element::LOGGER {
+        if element::named(&self.element).is_some_and(|element| element.supposed) {
             known.push(NONE);
             if name == NONE {
                 return Runs::Nothing;
@@ -390,14 +390,15 @@ impl Draft {
     }
 }
 
-/// A mission that does not speak of a logger has the registry's first one.
-pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scenario: &At) {
-    let logger = registry.of_element(element::LOGGER).next();
-    if let Some(app_type) = logger
-        && drafts.iter().all(|draft| draft.element != element::LOGGER)
-    {
+/// A mission that does not speak of an element that is supposed has the registry's first type of it.
+pub(crate) fn suppose_elements(drafts: &mut Vec<Draft>, registry: &Registry, scenario: &At) {
+    for element in ELEMENTS.iter().filter(|element| element.supposed) {
+        let Some(app_type) = registry.of_element(element.name).next() else { continue };
+        if drafts.iter().any(|draft| draft.element == element.name) {
+            continue;
+        }
         drafts.push(Draft {
-            element: element::LOGGER.to_owned(),
+            element: element.name.to_owned(),
             place: scenario.clone(),
             named: None,
             given: Vec::new(),

@@ -57,6 +57,19 @@ pub enum Kind {
     },
 }
 
+/// Two tables of parameters as one: those of one type, and those that all types of its element share. `N` is the length of
+/// both together.
+pub const fn joined<const N: usize>(one: &[ParamSpec], other: &[ParamSpec]) -> [ParamSpec; N] {
+    assert!(one.len() + other.len() == N);
+    let mut all = [MOOS_HOST; N];
+    let mut i = 0;
+    while i < N {
+        all[i] = if i < one.len() { one[i] } else { other[i - one.len()] };
+        i += 1;
+    }
+    all
+}
+
 const FOR_MOOS: &str = "Accepted for MOOS' sake, without effect: the broker is found by the community's name.";
 
 /// Where MOOS would look for its database.

@@ -6,7 +6,7 @@ use std::path::Path;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::draft::{self, Context, Draft};
-use crate::element;
+use crate::element::{self, Count, ELEMENTS};
 use crate::nearest::instead;
 use crate::policy::{self, SaidOfBroker};
 use crate::problem::{At, Findings};
@@ -15,24 +15,6 @@ use crate::setting::Override;
 use crate::spec::{AppSpec, Mission, Mode};
 use crate::xml::stray_text;
 use crate::{variables, wiring};
-
-/// The elements of a Scenario; how many of each a mission has.
-const ELEMENTS: [(&str, Count); 7] = [
-    (element::SENSOR, Count::One),
-    (element::FILTER, Count::Any),
-    (element::MAP, Count::One),
-    (element::EXPLORER, Count::One),
-    (element::CONTROLLER, Count::One),
-    (element::LOGGER, Count::AtMostOne),
-    (element::APP, Count::Any),
-];
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Count {
-    One,
-    AtMostOne,
-    Any,
-}
 
 /// The most apps of a mission: each is a process.
 const MOST_APPS: usize = 1000;
@@ -70,7 +52,7 @@ pub(crate) fn check(
     let (name, said_mode, broker) = head(scenario, file, problems);
     let mut drafts = drafts(&context, scenario, problems);
     count(&drafts, &place, problems);
-    draft::default_logger(&mut drafts, registry, &place);
+    draft::suppose_elements(&mut drafts, registry, &place);
     names(&mut drafts, problems);
     apply(overrides, &mut drafts, registry, problems);
     wiring::connect(&mut drafts, problems);
@@ -163,10 +145,10 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Dra
             problems.add(&place, format!("one app more than {MOST_APPS}; right is a mission of at most so many"));
             break;
         }
-        if ELEMENTS.iter().any(|(known, _)| *known == element) {
+        if element::named(element).is_some() {
             drafts.push(Draft::read(context, node, problems));
         } else {
-            let known = ELEMENTS.map(|(known, _)| known);
+            let known = ELEMENTS.map(|one| one.name);
             let place = At::Byte(node.range().start);
             let right = instead(element, &known);
             problems.add(&place, format!("<{element}> is no element of a Scenario; {right}"));
@@ -176,7 +158,7 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Dra
 }
 
 fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {
-    for (element, count) in ELEMENTS {
+    for element::Element { name: element, count, .. } in ELEMENTS {
         let mut of_element = drafts.iter().filter(|draft| draft.element == element);
         let first = of_element.next();
         if first.is_none() && count == Count::One {

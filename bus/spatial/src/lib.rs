@@ -4,6 +4,7 @@
 //! [`messages`], the [`scan`] and the [`map`] as they travel, what is believed of them ([`checks`]), and a reader's own copy
 //! of the map ([`replica`]).
 
+pub mod camera;
 pub mod checks;
 pub mod keys;
 pub mod map;
@@ -12,6 +13,9 @@ pub mod replica;
 #[doc(hidden)]
 pub mod samples;
 pub mod scan;
+pub mod strategy_memory;
 
+pub use camera::CameraInfo;
 pub use replica::Replica;
 pub use scan::{Points, Scan};
+pub use strategy_memory::StrategyMemory;

@@ -7,7 +7,9 @@ use elk_geometry::state::check_brick;
 use elk_geometry::{Pose, Voxel};
 use nalgebra::Point3;
 
+use crate::camera::CameraInfo;
 use crate::checks;
+use crate::strategy_memory::StrategyMemory;
 
 /// Controller to sensor: go there and take a scan.
 #[payload]
@@ -37,21 +39,21 @@ pub struct CameraPose {
     pub pose: Pose,
 }
 
-/// Sensor to anyone, with each pose, and before the scan that is taken there: what a simulated sensor knows of its true
-/// world so far. A successor knows by it, the pose and the last scan where to go on.
+/// Sensor to anyone, with each pose, and before the scan that is taken there: how much it has done so far, and what a
+/// simulated one knows of its true world. A successor knows by it, the pose and the last scan where to go on.
 #[payload]
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorReport {
     /// Scans taken.
     #[describe(count)]
     pub scans: u64,
-    /// Motions on which the robot's body touched the true world.
-    #[describe(count)]
-    pub contacts: u64,
+    /// Motions on which the robot's body touched the true world; none: it is not known, as a real camera's is not.
+    #[describe(check = checks::count)]
+    pub contacts: Option<u64>,
     /// The scan after which this was said.
     #[describe(count)]
     pub scan: u64,
-    /// Seconds of CPU spent on ray casting.
+    /// Seconds of CPU spent on scans.
     #[describe(unit = "s", range = checks::SUMS)]
     pub cpu_secs: f64,
 }
@@ -97,6 +99,8 @@ pub struct MapStatus {
     pub full: bool,
     /// What became of the rays of all scans so far.
     pub rays: RayTally,
+    /// The camera that the last scan was taken with.
+    pub camera: CameraInfo,
 }
 
 /// Controller to explorer: where to go from here?
@@ -159,9 +163,9 @@ pub struct ExplorationReport {
     /// Plans made.
     #[describe(count)]
     pub plans: u64,
-    /// Streamlines that stalled before they reached a frontier.
-    #[describe(count)]
-    pub stalls: u64,
+    /// What the strategy counted, by name.
+    #[describe(longest = checks::MAX_PHASES, check = checks::counters)]
+    pub counters: Vec<(String, u64)>,
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,
@@ -269,15 +273,14 @@ pub struct ExplorerMemory {
     /// Plans made.
     #[describe(count)]
     pub plans: u64,
-    /// Streamlines that stalled before they reached a frontier.
-    #[describe(count)]
-    pub stalls: u64,
     /// Plans for which the strategy had no answer.
     #[describe(count)]
     pub fallbacks: u64,
-    /// Iterations of the field's solver.
-    #[describe(count)]
-    pub iterations: u64,
+    /// What the strategy counted, by name.
+    #[describe(longest = checks::MAX_PHASES, check = checks::counters)]
+    pub counters: Vec<(String, u64)>,
+    /// What the strategy itself remembers, for the next one of its name.
+    pub strategy: Option<StrategyMemory>,
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,

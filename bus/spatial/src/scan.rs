@@ -5,11 +5,11 @@ use std::borrow::Cow;
 use elk_bus::describe::Shape;
 use elk_bus::{Describe, payload};
 use elk_geometry::Pose;
-use elk_geometry::limits::FARTHEST_M;
 use nalgebra::{Point3, Vector3};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::camera::CameraInfo;
 use crate::checks;
 
 /// Bytes of a point on the wire: three little-endian f32.
@@ -104,9 +104,8 @@ pub struct Scan<'a> {
     pub command: u64,
     /// Pose of the camera at capture (world).
     pub pose: Pose,
-    /// How far the sensor sees (m); 0: as far as there is anything.
-    #[describe(unit = "m", range = 0.0..=FARTHEST_M)]
-    pub range_m: f64,
+    /// What the camera can see.
+    pub camera: CameraInfo,
     /// Points that the sensor measured. Filters hand the number on, so that it can be told what they left out.
     pub measured: u64,
     /// Directions in the camera frame (unit vectors) in which the sensor saw that there is nothing up to its range. A pixel
@@ -120,9 +119,10 @@ pub struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    /// The scan of a sensor that sees as far as there is anything, and saw these points and nothing else.
+    /// The scan of a camera of which nothing is known, and which saw these points and nothing else.
     pub fn new(id: u64, command: u64, pose: Pose, points: Points<'a>) -> Self {
-        Self { id, command, pose, range_m: 0.0, measured: points.len() as u64, no_return: Points::default(), points }
+        let (camera, measured) = (CameraInfo::default(), points.len() as u64);
+        Self { id, command, pose, camera, measured, no_return: Points::default(), points }
     }
 
     /// The same scan with other points: what a filter makes of it.

@@ -2,9 +2,11 @@
 
 use elk_field::{Cell, End, Field, Problem, ProblemError, Solver, solve_unless};
 use elk_geometry::{Polyline, astar};
+use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
 
 use super::{Journal, Route, Strategy, View};
+use crate::app::{COMMON, app, param};
 
 /// Distance from the robot at which streamlines start, beside those through its face neighbours (m).
 const SEED_DISTANCE_M: f64 = 0.15;
@@ -12,6 +14,56 @@ const SEED_DISTANCE_M: f64 = 0.15;
 const SEED_DIRECTIONS: usize = 20;
 /// Past this a streamline has lost its way (m).
 const LONGEST_M: f64 = 1000.0;
+
+/// Its row in the table of explorers.
+pub const TYPE: AppType = AppType {
+    element: "Explorer",
+    name: "Potential",
+    summary: "Follows a streamline of the harmonic potential between robot and frontier (Laplace's equation, RK4).",
+    params: &joined::<{ COMMON.len() + PARAMS.len() }>(COMMON, PARAMS),
+    build: |params| app(params, Box::new(potential(params))),
+    preflight: None,
+};
+
+const PARAMS: &[ParamSpec] = &[
+    param(
+        "Start",
+        Kind::Choice(&["policy", "flux", "shortest"]),
+        "policy",
+        "The streamline to follow: the one of largest flux, the shortest of 26, or as the policy has it (thesis: flux, elk: \
+         shortest).",
+    ),
+    param(
+        "Solver",
+        Kind::Choice(&["multigrid", "jacobi", "thesis"]),
+        "multigrid",
+        "How Laplace's equation is solved: conjugate gradients preconditioned by multigrid or by the diagonal, or \
+         Gauss-Seidel as in the thesis.",
+    ),
+    param(
+        "Tolerance",
+        Kind::Number { unit: "", min: 0.0, max: 1.0 },
+        "0",
+        "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, and 1e-4 for thesis.",
+    ),
+];
+
+fn potential(params: &Params) -> Potential {
+    let solver = match params.text("Solver") {
+        "thesis" => Solver::Thesis,
+        "jacobi" => Solver::Jacobi,
+        _ => Solver::Multigrid,
+    };
+    let start = match (params.text("Start"), params.text("Policy")) {
+        ("flux", _) | ("policy", "thesis") => Start::Flux,
+        _ => Start::Shortest,
+    };
+    let tolerance = match params.number("Tolerance") {
+        0.0 => solver.usual_tolerance(),
+        tolerance => tolerance,
+    };
+    Potential { start, solver, tolerance }
+}
 
 /// Which streamline to follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,11 +112,11 @@ impl Strategy for Potential {
         if journal.is_to_stop() {
             return None;
         }
-        journal.iterations += solution.iterations as u64;
+        journal.count("iterations", solution.iterations as u64);
         let field = Field { problem: &problem, psi: &solution.psi };
         let mut stalls = 0;
         let route = journal.time("streamline", || self.follow(view, &field, &mut stalls));
-        journal.stalls += stalls;
+        journal.count("stalls", stalls);
         route
     }
 }

@@ -217,16 +217,24 @@ impl Observer {
         self.exploration.is_some() && self.motion.is_some()
     }
 
-    /// Whether the map as it is now has been held against the true world.
+    /// Whether the map as it is now has been held against the true world, or nobody knows that.
     pub fn judged(&self) -> bool {
+        if self.sensor.as_ref().is_some_and(|report| report.contacts.is_none()) {
+            return true;
+        }
         let revision = self.map.as_ref().map_or(0, |map| map.revision);
         self.accuracy.as_ref().is_some_and(|judged| judged.revision >= revision)
     }
 
-    /// Motions that touched the true world, if the sensor has said so of the last scan.
-    pub fn contacts(&self) -> Option<u64> {
+    /// What the sensor has said of the last scan.
+    pub fn last_report(&self) -> Option<&SensorReport> {
         let scans = self.motion.as_ref()?.scans;
-        self.sensor.as_ref().filter(|report| report.scans >= scans).map(|report| report.contacts)
+        self.sensor.as_ref().filter(|report| report.scans >= scans)
+    }
+
+    /// Motions that touched the true world, if the sensor has said so of the last scan, and can tell.
+    pub fn contacts(&self) -> Option<u64> {
+        self.last_report()?.contacts
     }
 
     /// Seconds of the community's time since the first pose command.
@@ -325,7 +333,7 @@ mod tests {
             liar.comms.publish(&PROGRESS, &Progress { scans: u64::MAX, ..right.clone() }).unwrap();
             liar.comms.publish(&PROGRESS, &Progress { path_length_m: f64::NAN, ..right.clone() }).unwrap();
         }
-        let report = SensorReport { scans: u64::MAX, contacts: 0, scan: 0, cpu_secs: 0.0 };
+        let report = SensorReport { scans: u64::MAX, contacts: Some(0), scan: 0, cpu_secs: 0.0 };
         liar.comms.publish(&SENSOR_REPORT, &report).unwrap();
         (0..100).for_each(|n| liar.comms.notify(LOGGER_ERROR, format!("disk {n}").as_str()).unwrap());
         liar.comms.publish(&PROGRESS, &right).unwrap();

@@ -73,10 +73,23 @@ fn refused(map: &MapStatus) -> String {
 
 #[cfg(test)]
 mod tests {
+    use elk_spatial::CameraInfo;
+
     use super::*;
 
     fn map(free: u64, rays: RayTally) -> MapStatus {
-        MapStatus { revision: 1, free, occupied: 0, frontier: 0, resolution: 0.1, cpu_secs: 0.0, full: false, rays }
+        let camera = CameraInfo::default();
+        MapStatus {
+            revision: 1,
+            free,
+            occupied: 0,
+            frontier: 0,
+            resolution: 0.1,
+            cpu_secs: 0.0,
+            full: false,
+            rays,
+            camera,
+        }
     }
 
     #[test]

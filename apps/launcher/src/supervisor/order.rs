@@ -2,23 +2,10 @@
 
 use elk_mission::element;
 
-/// The place of an element in the order of stopping: who commands ends before who obeys, the logger hears them all.
-fn stop_rank(element: &str) -> usize {
-    const ORDER: [&str; 7] = [
-        element::CONTROLLER,
-        element::EXPLORER,
-        element::MAP,
-        element::FILTER,
-        element::SENSOR,
-        element::APP,
-        element::LOGGER,
-    ];
-    ORDER.iter().position(|other| *other == element).unwrap_or(ORDER.len())
-}
-
 /// Numbers of `elements` in the order of stopping; of several filters the last one ends first.
 pub(crate) fn stop_order<'a>(elements: impl Iterator<Item = &'a str>) -> Vec<usize> {
-    let mut order: Vec<(usize, usize)> = elements.map(stop_rank).zip(0..).collect();
+    let rank = |element: &str| element::named(element).map_or(u8::MAX, |element| element.stop_rank);
+    let mut order: Vec<(u8, usize)> = elements.map(rank).zip(0..).collect();
     order.sort_by_key(|(rank, number)| (*rank, std::cmp::Reverse(*number)));
     order.into_iter().map(|(_, number)| number).collect()
 }

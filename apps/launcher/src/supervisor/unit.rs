@@ -42,7 +42,7 @@ impl UnitSpec {
             restarts: policy.restarts,
             window: time::duration(policy.window_secs),
             health: policy.health_secs.map(time::duration),
-            may_finish: element == element::APP,
+            may_finish: element::named(element).is_some_and(|element| element.may_finish),
             urgent: false,
         }
     }

@@ -203,6 +203,7 @@ impl ScanRate {
 
 #[cfg(test)]
 mod tests {
+    use elk_spatial::CameraInfo;
     use elk_spatial::messages::{MapStatus, Progress, RayTally};
 
     use super::*;
@@ -224,6 +225,7 @@ mod tests {
             cpu_secs: 0.0,
             full: false,
             rays: RayTally::default(),
+            camera: CameraInfo::default(),
         });
         observed.progress =
             Some(Progress { scan: 3, revision: 3, scans: 3, path_length_m: 1.25, free: 20, finished: false });

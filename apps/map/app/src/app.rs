@@ -10,13 +10,14 @@ use elk_map::bt::write_bt;
 use elk_map::{Dropped, Grazing, Insertion, MapConfig, OccupancyMap};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;
-use elk_spatial::Scan;
+
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
 use elk_spatial::keys::{
     MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{MapStatus, RayTally};
+use elk_spatial::{CameraInfo, Scan};
 use nalgebra::Vector3;
 
 use crate::memory;
@@ -149,6 +150,8 @@ struct MapApp {
     range_said: bool,
     /// What became of the rays of all scans, its predecessor's included.
     rays: RayTally,
+    /// The camera of the last scan.
+    camera: CameraInfo,
 }
 
 impl MapApp {
@@ -167,6 +170,7 @@ impl MapApp {
             next_is_whole: false,
             range_said: false,
             rays: RayTally::default(),
+            camera: CameraInfo::default(),
         })
     }
 
@@ -182,7 +186,7 @@ impl MapApp {
             past.revisions.push(snapshot.revision);
         } else if mail.is(&MAP_KNOWN) {
             let known = mail.decode(&MAP_KNOWN)?;
-            (self.cpu_secs, self.rays) = (known.cpu_secs, known.rays);
+            (self.cpu_secs, self.rays, self.camera) = (known.cpu_secs, known.rays, known.camera);
             past.revisions.push(known.revision);
         } else if mail.is(&MAP_UPDATE) {
             past.revisions.push(mail.decode(&MAP_UPDATE)?.revision);
@@ -311,10 +315,10 @@ impl MapApp {
                 scan.id
             ));
         }
-        self.last_scan = scan.id;
+        (self.last_scan, self.camera) = (scan.id, scan.camera);
         let start = thread_cpu_secs();
         let origin = scan.pose.position();
-        let seen = self.map.insert_with(origin, scan.world_points(), scan.world_no_return(), scan.range_m);
+        let seen = self.map.insert_with(origin, scan.world_points(), scan.world_no_return(), scan.camera.range_m);
         self.cpu_secs += thread_cpu_secs() - start;
         self.say_what_was_left_out(comms.name(), scan, &seen);
         self.tally(scan, &seen);
@@ -382,6 +386,7 @@ impl MapApp {
             cpu_secs: self.cpu_secs,
             full: self.map.is_full(),
             rays: self.rays,
+            camera: self.camera,
         }
     }
 

@@ -115,7 +115,8 @@ fn a_scan_is_checked_where_it_lies() {
     let scan = crate::Scan::new(1, 1, Pose::looking(Point3::origin(), nalgebra::Vector3::x()), Default::default());
     let said = |scan: crate::Scan<'_>| scan.check().unwrap_err().to_string();
     assert_eq!(scan.check(), Ok(()));
-    assert!(said(crate::Scan { range_m: f64::NAN, ..scan.clone() }).starts_with("range_m is NaN"));
+    let camera = crate::CameraInfo { range_m: f64::NAN, ..scan.camera };
+    assert!(said(crate::Scan { camera, ..scan.clone() }).starts_with("camera.range_m is NaN"));
     assert!(said(crate::Scan { measured: 1 << 40, ..scan.clone() }).starts_with("measured is 1099511627776"));
     let point = [Point3::origin()].into_iter().collect();
     assert!(

@@ -5,7 +5,7 @@ use elk_mission::{AppSpec, Mission, Params, PreflightReport, element};
 use elk_world::suitability::{Suitability, Wanted, suitability};
 use nalgebra::{Point3, Vector3};
 
-use crate::app::{pixels, start, world};
+use super::parameters::{pixels, start, world};
 
 /// The map's parameters where the mission has a map of another kind.
 const RESOLUTION_M: f64 = 0.1;
