@@ -65,7 +65,3 @@ pub use record::{Metadata, Record, RecordRef};
 pub use segments::{is_written, segments};
 pub use selection::Selection;
 pub use writer::{Compression, LogOptions, LogWriter, MAX_STAGED_BYTES};
-
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;
