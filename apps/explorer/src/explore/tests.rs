@@ -424,7 +424,7 @@ fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
     let (plan, candidates) = (1..)
         .find_map(|id| {
             let changed = scan(&mut grid, &pose);
-            grid.advance(&changed, 0);
+            grid.advance(&changed);
             frontier.update(&grid, &changed);
             let request = PlanRequest { id, pose, revision: grid.revision(), outcome: Outcome::First };
             let plan = explorer.plan(&grid, &frontier, &request);
