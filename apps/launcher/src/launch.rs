@@ -52,7 +52,7 @@ pub struct LaunchOptions {
     pub in_process: bool,
     /// Broker and apps go on when the launcher dies, and [`attach`] picks them up.
     pub detached: bool,
-    /// The launcher gives the terminal back once the mission runs: it was started by [`wait_until_begun`].
+    /// The launcher gives the terminal back once the mission runs: it was started by `wait_until_begun`.
     pub background: bool,
     /// The app types that a swap can name.
     pub registry: Registry,

@@ -94,7 +94,7 @@ pub fn type_name<T: ?Sized>() -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::Kind;
+    use crate::kind::Kind;
 
     const fn flag(name: &'static str) -> ParamSpec {
         ParamSpec { name, kind: Kind::Flag, default: Some("true"), doc: "" }
