@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::{Output, Stdio};
 
 use common::Elk;
+use common::skip::skip;
 use common::small::small;
 use elk_bus::Value;
 use elk_log::{LogReader, LogWriter, Metadata, Record};
@@ -243,7 +244,7 @@ fn shells_and_man_know_every_command() {
     let ask = "source ./elk.bash; COMP_WORDS=(elk lau); COMP_CWORD=1; _elk elk lau elk; echo \"${COMPREPLY[@]}\"";
     match std::process::Command::new("bash").args(["-c", ask]).current_dir(elk.folder()).output() {
         Ok(answer) => assert_eq!(String::from_utf8_lossy(&answer.stdout), "launch\n", "{answer:?}"),
-        Err(error) => println!("skipped: no bash: {error}"),
+        Err(error) => skip("completions by bash", "bash", &error.to_string()),
     }
     succeed(&elk, &["man", "man1"]);
     let pages = names(&elk.folder().join("man1"));

@@ -16,6 +16,7 @@ use std::process::{Command, Stdio};
 use common::Elk;
 use common::events::{Events, Patience, WATCHDOG, folders_of};
 use common::running::Running;
+use common::skip::skip;
 use common::small::small;
 use elk_bus::Community;
 
@@ -36,7 +37,7 @@ fn launch_with_little_room(elk: &Elk, test: &str, folder: &str, options: &str) -
         command
     };
     if !inside("true").output().is_ok_and(|tried| tried.status.success()) {
-        println!("{test}: skipped, `unshare --map-root-user --mount` cannot mount a tmpfs here");
+        skip(test, "unshare", "`unshare --map-root-user --mount` cannot mount a tmpfs here");
         return None;
     }
     let (program, community) = (env!("CARGO_BIN_EXE_elk"), elk.community());
@@ -102,7 +103,8 @@ fn alone(elk: &Elk, program: &Path, arguments: &[&str]) -> String {
 #[test]
 fn who_may_start_no_process_and_no_thread_is_told_so_with_what_to_do() {
     if !rustix::process::geteuid().is_root() {
-        println!("who_may_start_no_process_…: skipped, only root can become a user without processes");
+        let why = "only root can become a user without processes";
+        skip("who_may_start_no_process_and_no_thread_is_told_so_with_what_to_do", "root", why);
         return;
     }
     let elk = Elk::new("alone");

@@ -14,10 +14,10 @@ use common::spoilt::spoilt;
 use common::{Elk, Launcher};
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, Mail, Origin, TypeRef, Value, ValueRef};
+use elk_geometry::{Pose, Voxel};
 use elk_spatial::keys::{PLAN, PLAN_REQUEST, POSE_COMMAND};
 use elk_spatial::messages::{Decision, MotionPolicy, Path, Plan};
 use elk_spatial::samples::{Sample, named};
-use elk_spatial::{Pose, Voxel};
 use nalgebra::Point3;
 
 const APPS: [&str; 5] = ["Sensor", "Filter", "Map", "Explorer", "Controller"];

@@ -21,12 +21,13 @@ use elk_bus::{
     App, BrokerConfig, Client, Clock, Comms, Community, DecodeError, Key, Mail, Origin, Payload, Rejection, TypeRef,
     Value, number,
 };
+use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
 use elk_mission::{Mission, Program};
+use elk_spatial::Scan;
 use elk_spatial::keys::*;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{self, *};
 use elk_spatial::samples::{Sample, named};
-use elk_spatial::{OccupancyGrid, Pose, Scan, State, Voxel};
 use nalgebra::{Point3, Vector3};
 use registry::registry;
 use spoilt::spoilt;
@@ -199,12 +200,12 @@ impl Others {
 
     /// The map takes a scan that teaches nothing, and answers whoever asks for all of it.
     fn map_goes_on(&mut self, seat: &mut Seat, app: &str) {
-        let update = self.map.advance(&[], 0);
+        let update = MapUpdate::new(self.map.advance(&[]), 0);
         self.publish(&MAP_UPDATE, &update);
         for _ in 0..4 {
             self.settle(seat, app);
             if std::mem::take(&mut self.heard.asked_for_map) {
-                let whole = self.map.whole(0);
+                let whole = MapUpdate::new(self.map.whole(), 0);
                 self.publish(&MAP, &whole);
             }
         }
@@ -261,7 +262,7 @@ fn assert_well(element: &str, seat: &mut Seat, others: &mut Others) {
             for _ in 0..3 {
                 others.settle(seat, element);
                 if std::mem::take(&mut others.heard.asked_for_map) {
-                    let whole = others.map.whole(0);
+                    let whole = MapUpdate::new(others.map.whole(), 0);
                     others.publish(&MAP, &whole);
                 }
             }
@@ -370,20 +371,20 @@ fn long_lies() -> Vec<(String, Value)> {
         motion: motion(),
         cpu_secs: 0.0,
     };
-    let bricks = |count| vec![elk_spatial::map::BrickStates { brick: [0; 3], cells: vec![] }; count];
+    let bricks = |count| vec![elk_geometry::state::BrickStates { brick: [0; 3], cells: vec![] }; count];
     let map = |bricks| MapUpdate { revision: 2, since: 0, scan: 2, resolution: 0.25, bricks };
     // Far apart, and each of them full of free voxels.
     let spread =
-        |i: i16| elk_spatial::map::BrickStates { brick: [i % 90 * 40, i / 90 * 40, 0], cells: vec![0x55; 128] };
+        |i: i16| elk_geometry::state::BrickStates { brick: [i % 90 * 40, i / 90 * 40, 0], cells: vec![0x55; 128] };
     let far = |z: f32| (0..MANY).map(move |i| Point3::new(i as f32 % 1000.0, i as f32 / 1000.0, z)).collect();
     let scan = |id, points| Scan::new(id, 1, at(0.0), points);
     let memory = |trail: Vec<Voxel>| ExplorerMemory {
         plan: plan(vec![here]),
         ended: None,
         plans: 1,
-        stalls: 0,
         fallbacks: 0,
-        iterations: 0,
+        counters: vec![],
+        strategy: None,
         cpu_secs: vec![],
         hidden: trail.clone(),
         targets: vec![],
@@ -539,7 +540,7 @@ impl Round {
             assert!(idle < PATIENCE_ROUNDS, "nothing moves any more: {:?}", self.rejected());
         }
         let rejected = self.rejected().values().sum();
-        let contacts = self.sensor.unwrap().contacts;
+        let contacts = self.sensor.unwrap().contacts.unwrap();
         (self.motion.unwrap(), self.exploration.unwrap().complete, contacts, rejected)
     }
 
@@ -571,7 +572,7 @@ fn contradictions(request: u64, command: u64) -> Vec<(String, Value)> {
     stray.set(Voxel::new(12_000, 12_000, 12_000), State::Free);
     let mut coarse = OccupancyGrid::new(0.5);
     coarse.set(Voxel::new(0, 0, 0), State::Free);
-    let far = MapUpdate { revision: 1_000_000, ..stray.whole(1) };
+    let far = MapUpdate { revision: 1_000_000, ..MapUpdate::new(stray.whole(), 1) };
     let plan = |points: Vec<Point3<f64>>, clearance_m: f64, revision: u64| {
         let path = messages::Path { points, target: Voxel::new(0, 0, 3), unknown: vec![], looks: vec![] };
         let scan_spacing_m = 0.01;
@@ -584,8 +585,8 @@ fn contradictions(request: u64, command: u64) -> Vec<(String, Value)> {
     let zigzag = (0..100_000).map(|i| here + Vector3::x() * f64::from(i % 2)).collect();
     let ask = |pose, revision| PlanRequest { id: 1 << 40, pose, revision, outcome: Outcome::Unresolved };
     vec![
-        value(&MAP_UPDATE, &MapUpdate { revision: 3, ..coarse.whole(1) }),
-        value(&MAP, &MapUpdate { revision: 1_000_000, ..coarse.whole(1) }),
+        value(&MAP_UPDATE, &MapUpdate { revision: 3, ..MapUpdate::new(coarse.whole(), 1) }),
+        value(&MAP, &MapUpdate { revision: 1_000_000, ..MapUpdate::new(coarse.whole(), 1) }),
         value(&MAP_UPDATE, &far),
         value(&MAP, &MapUpdate { revision: (1 << 48) - 1, ..far.clone() }),
         plan(vec![here], 9.0, 1),

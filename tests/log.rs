@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use common::lab::{Lab, hear, wait_for_clients};
+use common::skip::skip;
 use common::{Elk, kill};
 use elk_bus::{Client, Type, TypeRef, Value};
 use elk_log::{LogReader, LogWriter, Metadata, Record};
@@ -244,7 +245,7 @@ fn logs_that_moos_ivp_wrote_are_read() {
     for name in ["alogclip_test", "alogscan_test"] {
         let path = data.join("alog").join(format!("{name}.alog"));
         if !path.is_file() {
-            println!("skipped: {} is not there", path.display());
+            skip("logs_that_moos_ivp_wrote_are_read", "data", &format!("{} is not there", path.display()));
             continue;
         }
         let log = elk_log::alog::AlogReader::open(&path).unwrap();
@@ -431,7 +432,8 @@ fn syncs(elk: &Elk) -> usize {
 fn sync_waits_for_the_disk_itself_and_says_when_that_fails() {
     let strace = std::process::Command::new("strace").args(["-o", "/dev/null", "true"]).output();
     if !strace.is_ok_and(|output| output.status.success()) {
-        println!("skipped: strace is not installed, or may not trace");
+        let why = "strace is not installed, or may not trace";
+        skip("sync_waits_for_the_disk_itself_and_says_when_that_fails", "strace", why);
         return;
     }
     let elk = Elk::new("log-sync");

@@ -119,6 +119,30 @@ fn a_new_explorer_is_tested_explores_and_is_swapped_in() {
 }
 
 #[test]
+fn a_new_sensor_is_tested_and_what_it_sees_is_explored() {
+    let elk = Elk::new("my-hall");
+    made(&elk, "sensor", "my-hall");
+    cargo(&elk, "my-hall", &["test"]);
+    cargo(&elk, "my-hall", &["build"]);
+    let folder = elk.folder().join("my-hall");
+    std::fs::create_dir_all(folder.join("target/release")).unwrap();
+    symlink(program("my-hall"), folder.join("target/release/my-hall")).unwrap();
+    let launch = |size: &str| {
+        let size = format!("Sensor.Size={size}");
+        let set = ["--set", "Map.Res=0.25", "--set", &size, "--community", elk.community()];
+        let command = [&["launch", "mission.xml", "--headless"], &set[..]].concat();
+        let out = elk.command(&command).current_dir(&folder).output().unwrap();
+        let said = String::from_utf8_lossy(&out.stdout) + String::from_utf8_lossy(&out.stderr);
+        (out.status.success(), said.into_owned())
+    };
+    let (complete, said) = launch("4; 3; 2.5");
+    assert!(complete && said.contains("my-hall: complete"), "{said}");
+    assert!(!said.contains("contacts"), "it does not know the true world, and nobody claims so: {said}");
+    let (complete, said) = launch("0; 0; 0");
+    assert!(!complete && said.contains("Size is 0, and nothing is seen in such a room"), "{said}");
+}
+
+#[test]
 fn what_is_there_is_not_written_over_and_a_bad_name_makes_nothing() {
     let elk = Elk::new("new-nothing");
     std::fs::create_dir(elk.folder().join("mine")).unwrap();

@@ -13,6 +13,7 @@ use std::process::{Command, Output, Stdio};
 use common::events::{Events, once_served_in};
 use common::lab::hear;
 use common::running::Running;
+use common::skip::skip;
 use common::small::small;
 use common::{Elk, kill, shared_memory_of};
 use elk_bus::{Client, Community};
@@ -221,7 +222,8 @@ fn what_is_scribbled_over_or_cut_off_in_the_community_s_folder_holds_nobody_up()
 #[test]
 fn another_user_can_neither_read_nor_write_anything_of_a_mission() {
     if !rustix::process::geteuid().is_root() {
-        println!("another_user_can_neither_…: skipped, only root can look through another user's eyes");
+        let why = "only root can look through another user's eyes";
+        skip("another_user_can_neither_read_nor_write_anything_of_a_mission", "root", why);
         return;
     }
     let elk = Elk::new("second-user");
@@ -285,7 +287,8 @@ fn a_container_that_starts_again_does_not_find_itself_there_already() {
         command.output()
     };
     if !contained("true").is_ok_and(|tried| tried.status.success()) {
-        println!("a_container_that_…: skipped, `unshare --map-root-user --pid --mount-proc` is not allowed here");
+        let why = "`unshare --map-root-user --pid --mount-proc` is not allowed here";
+        skip("a_container_that_starts_again_does_not_find_itself_there_already", "unshare", why);
         return;
     }
     let launch = format!("{program} launch mission.xml --headless --community {}", elk.community());

@@ -203,7 +203,7 @@ impl Table {
         Outcome {
             motion: self.motion.take().unwrap(),
             exploration,
-            contacts: sensor.contacts,
+            contacts: sensor.contacts.unwrap(),
             scans: sensor.scans,
             map,
         }

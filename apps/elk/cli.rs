@@ -1,25 +1,21 @@
-//! The command line.
+//! The command line: all commands, and what is said of each.
 
-use std::ffi::OsString;
 use std::path::PathBuf;
-use std::sync::LazyLock;
+use std::process::ExitCode;
 
+use anyhow::Result;
 use clap::{Args, Parser, Subcommand};
-use elk_bus::Community;
-use elk_bus::launched::{COMMUNITY, USUAL_COMMUNITY};
-use elk_mission::Override;
+use elk_launcher::Request;
 
-use crate::compare::CompareArgs;
-use crate::control;
-use crate::log::LogCommand;
-use crate::new::NewArgs;
-use crate::replay::ReplayArgs;
-use crate::scope::ScopeCommand;
-use crate::world::WorldCommand;
-
-/// The git revision that this was built from; `-changed` behind it: and from changes that no revision has.
-pub const REVISION: &str = env!("ELK_REVISION");
-const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("ELK_REVISION"), ")");
+use crate::arguments::{AppArgs, AttachArgs, BrokerArgs, CommunityArgs, LaunchArgs, MissionArgs};
+use crate::compare::{self, CompareArgs};
+use crate::log::{self, LogCommand};
+use crate::new::{self, NewArgs};
+use crate::replay::{self, ReplayArgs};
+use crate::scope::{self, ScopeCommand};
+use crate::version::VERSION;
+use crate::world::{self, WorldCommand};
+use crate::{commands, control, manual};
 
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
@@ -31,230 +27,159 @@ pub struct Cli {
     pub command: Command,
 }
 
-/// What elk can do.
-#[derive(Debug, Subcommand)]
-pub enum Command {
+/// The commands, each an entry: its help and example, its arguments, and what it does.
+macro_rules! commands {
+    ($($(#[$meta:meta])* $name:ident($arguments:ident: $type:ty) => $run:expr;)*) => {
+        /// What elk can do.
+        #[derive(Debug, Subcommand)]
+        pub enum Command {
+            $($(#[$meta])* $name($type),)*
+        }
+
+        impl Command {
+            /// Does it.
+            pub fn run(self) -> Result<ExitCode> {
+                match self {
+                    $(Self::$name($arguments) => $run,)*
+                }
+            }
+        }
+    };
+}
+
+commands! {
     /// Run a mission: start its broker and apps, watch over them, sum up
     #[command(
         after_help = "Example: elk launch mission-files/apartment.xml --set Explorer.type=ClosestFrontier\n         \
                             elk launch car --set Explorer.exec=../mine/target/release/mine\n         \
                             elk launch logs/apartment-20261123-224512 --headless"
     )]
-    Launch(LaunchArgs),
+    Launch(arguments: LaunchArgs) => commands::launch(arguments);
     /// Bring a mission that was launched with --detach back to this terminal, whether its launcher lives or not
     #[command(after_help = "Example: elk launch car --detach; elk attach")]
-    Attach(AttachArgs),
+    Attach(arguments: AttachArgs) => commands::attach(arguments);
     /// Show who runs in a mission: process, state, CPU, memory, mail dropped, restarts
     #[command(after_help = "Example: elk apps --json")]
-    Apps(control::AppsArgs),
+    Apps(arguments: control::AppsArgs) => control::apps(&arguments);
     /// Stop an app of a running mission
     #[command(after_help = "Example: elk stop Filter")]
-    Stop(control::StopArgs),
+    Stop(arguments: control::StopArgs) => control::stop(arguments);
     /// Start a stopped app of a running mission, and wait until it has registered
     #[command(after_help = "Example: elk start Filter")]
-    Start(control::StartArgs),
+    Start(arguments: control::StartArgs) => control::start(arguments);
     /// Exchange an app of a running mission: its mail goes on to the new one
     #[command(after_help = "Example: elk swap Explorer type=ClosestFrontier\n         \
                             elk swap Explorer exec=../mine/target/release/mine Climb=2")]
-    Swap(control::SwapArgs),
+    Swap(arguments: control::SwapArgs) => control::swap(arguments);
     /// Hold the robot of a running mission before its next pose
     #[command(after_help = "Example: elk pause")]
-    Pause(CommunityArgs),
+    Pause(arguments: CommunityArgs) => control::motion(&arguments.community, &Request::Pause);
     /// Let the robot of a paused or manual mission run on
     #[command(after_help = "Example: elk pause; elk resume")]
-    Resume(CommunityArgs),
+    Resume(arguments: CommunityArgs) => control::motion(&arguments.community, &Request::Resume);
     /// Let the robot of a paused or manual mission take one pose
     #[command(after_help = "Example: elk pause; elk step; elk resume")]
-    Step(CommunityArgs),
+    Step(arguments: CommunityArgs) => control::motion(&arguments.community, &Request::Step);
     /// Check a mission file, its world, its start and its executables, and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
-    Check(MissionArgs),
+    Check(arguments: MissionArgs) => commands::check(&arguments);
     /// Run strategies against each other in one mission, over seeds: a table with mean and spread, and a CSV file
     #[command(override_usage = "elk compare [OPTIONS] STRATEGY… MISSION")]
     #[command(after_help = "Example: elk compare Potential ClosestFrontier ../mine/target/release/mine --seeds 1..3 \
                             -j 2 car\n         elk compare 'Potential Start=flux' \
                             'Potential Start=shortest' car\n\nA run that fails is a row that says why. Ends with 1 if a run is \
                             not complete.")]
-    Compare(CompareArgs),
-    /// Make a crate of your own that builds, runs and is tested: an app, or an explorer
+    Compare(arguments: CompareArgs) => compare::compare(&arguments);
+    /// Make a crate of your own that builds, runs and is tested: an app, an explorer, or a sensor
     #[command(after_help = "Example: elk new explorer mine --path ../mine")]
-    New(NewArgs),
+    New(arguments: NewArgs) => new::new(&arguments);
     /// List the missions that are built in, with their worlds: they run from anywhere
     #[command(after_help = "Example: elk missions; elk launch car")]
-    Missions,
+    Missions(_arguments: NoArgs) => commands::missions();
     /// Print what makes a shell complete elk's commands
     #[command(after_help = "Example: source <(elk completions bash)\n         \
                             mkdir -p ~/.config/fish/completions; elk completions fish > ~/.config/fish/completions/elk.fish")]
-    Completions {
-        /// The shell
-        shell: clap_complete::Shell,
-    },
+    Completions(arguments: CompletionsArgs) => manual::completions(arguments.shell);
     /// Write the manual's pages
     #[command(after_help = "Example: elk man ~/.local/share/man/man1")]
-    Man {
-        /// The folder to write them into
-        folder: PathBuf,
-    },
+    Man(arguments: ManArgs) => manual::man(&arguments.folder);
     /// List the app types with their parameters, units, defaults and meaning
     #[command(after_help = "Example: elk types Explorer")]
-    Types {
-        /// Only the types of this element: Sensor, Filter, Map, Explorer, Controller or Logger
-        element: Option<String>,
-    },
+    Types(arguments: TypesArgs) => commands::types(arguments.element.as_deref());
     /// Serve a community: the broker by itself
     #[command(after_help = "Example: elk db --mailbox 64")]
-    Db(BrokerArgs),
+    Db(arguments: BrokerArgs) => commands::db(arguments);
     /// Run a sensor by itself
     #[command(after_help = "Example: elk sensor --type Simulator World=mission-files/worlds/car.obj")]
-    Sensor(AppArgs),
+    Sensor(arguments: AppArgs) => commands::app("Sensor", arguments);
     /// Run a filter by itself
     #[command(after_help = "Example: elk filter --type Distance Threshold=5 Input=SCAN Output=SCAN_1")]
-    Filter(AppArgs),
+    Filter(arguments: AppArgs) => commands::app("Filter", arguments);
     /// Run a map by itself
     #[command(after_help = "Example: elk map --type OctoMap Res=0.05 Input=SCAN_1")]
-    Map(AppArgs),
+    Map(arguments: AppArgs) => commands::app("Map", arguments);
     /// Run an explorer by itself
     #[command(after_help = "Example: elk explorer --type Potential 'Mid=0; 0; 0' 'Dim=5.7; 4.3; 4.5'")]
-    Explorer(AppArgs),
+    Explorer(arguments: AppArgs) => commands::app("Explorer", arguments);
     /// Run a controller by itself
     #[command(after_help = "Example: elk controller --type MOOSSim")]
-    Controller(AppArgs),
+    Controller(arguments: AppArgs) => commands::app("Controller", arguments);
     /// Run a logger by itself
     #[command(after_help = "Example: elk logger --type Mcap File=everything.mcap")]
-    Logger(AppArgs),
+    Logger(arguments: AppArgs) => commands::app("Logger", arguments);
     /// Looks into a running community, and pokes.
     #[command(flatten)]
-    Scope(ScopeCommand),
+    Scope(arguments: ScopeCommand) => scope::run(arguments);
     /// Look at a world before a robot is sent into it
     #[command(after_help = "Example: elk world info mission-files/worlds/car.obj\n         \
                             elk world check room.obj --scale 0.5 --start '0.5; 0.5; 0.4'")]
-    World {
-        /// What to do
-        #[command(subcommand)]
-        command: WorldCommand,
-    },
+    #[command(subcommand)]
+    World(arguments: WorldCommand) => world::run(arguments);
     /// Draw plan and section of a run into its folder
     #[command(after_help = "Example: elk picture logs/apartment-20261123-224512")]
-    Picture {
-        /// The run's folder
-        run: PathBuf,
-    },
+    Picture(arguments: PictureArgs) => commands::picture(&arguments.run);
     /// Play a log back onto the bus, or into live apps
     #[command(after_help = crate::replay::HELP)]
-    Replay(Box<ReplayArgs>),
+    Replay(arguments: Box<ReplayArgs>) => replay::run(*arguments);
     /// Look into logs: what is in them, are they whole, mend, shorten, compare, hand on
     #[command(after_help = "Example: elk log info logs/apartment-20261123-224512")]
-    Log {
-        /// What to do
-        #[command(subcommand)]
-        command: LogCommand,
-    },
+    #[command(subcommand)]
+    Log(arguments: LogCommand) => log::run(arguments);
     /// End the processes of a launcher that is gone; the launcher starts this itself
     #[command(hide = true)]
-    Guard,
+    Guard(_arguments: NoArgs) => commands::guard();
 }
 
-/// The community of commands that say none. It is a default, and not the argument's variable, for commands that are of no
-/// community at all.
-static DEFAULT_COMMUNITY: LazyLock<OsString> =
-    LazyLock::new(|| std::env::var_os(COMMUNITY).unwrap_or_else(|| USUAL_COMMUNITY.into()));
-
-/// Which community.
+/// Nothing to say.
 #[derive(Debug, Args)]
-pub struct CommunityArgs {
-    /// The community's name, without it $ELK_COMMUNITY; communities of one machine do not hear each other
-    #[arg(long, default_value = DEFAULT_COMMUNITY.as_os_str())]
-    pub community: Community,
-}
+pub struct NoArgs {}
 
-/// A broker.
+/// Which shell.
 #[derive(Debug, Args)]
-pub struct BrokerArgs {
-    /// Which community.
-    #[command(flatten)]
-    pub community: CommunityArgs,
-    /// Mail that is kept for each client, and for one that died and is started again (MB)
-    #[arg(long, value_name = "MB", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024))]
-    pub mailbox: u32,
+pub struct CompletionsArgs {
+    /// The shell
+    shell: clap_complete::Shell,
 }
 
-/// Which mission, and what to change in it.
+/// Where to.
 #[derive(Debug, Args)]
-pub struct MissionArgs {
-    /// The mission file, the name of a built-in one (`elk missions` lists them), or the folder of a run that is to be had
-    /// again
-    pub mission: PathBuf,
-    /// Say a parameter here instead of in the file; `type` exchanges the app's type, `exec` (and `args`) puts another
-    /// program in its place; files from the working directory
-    #[arg(long = "set", value_name = "APP.PARAM=VALUE")]
-    pub sets: Vec<Override>,
+pub struct ManArgs {
+    /// The folder to write them into
+    folder: PathBuf,
 }
 
-/// How to launch a mission.
+/// Which types.
 #[derive(Debug, Args)]
-pub struct LaunchArgs {
-    /// Which mission.
-    #[command(flatten)]
-    pub mission: MissionArgs,
-    /// Run a manual mission through, without waiting for Enter
-    #[arg(long)]
-    pub auto: bool,
-    /// Where the run's folder is made
-    #[arg(long, default_value = "logs", value_name = "DIR")]
-    pub log_dir: PathBuf,
-    /// Plain lines instead of one that changes
-    #[arg(long)]
-    pub headless: bool,
-    /// Give the terminal back once the mission runs, which outlives its launcher; `elk attach` brings it back
-    #[arg(long, conflicts_with = "in_process")]
-    pub detach: bool,
-    /// The launcher that gives the terminal back; `--detach` starts it itself
-    #[arg(long, hide = true, requires = "detach")]
-    pub background: bool,
-    /// Move the robot so many times as fast as a robot goes (its controller's Speed and TurnRate), so that there is
-    /// something to watch; 0: as fast as it can be
-    #[arg(long, value_name = "N")]
-    pub pace: Option<f64>,
-    /// Run everything in this one process, over a bus in memory
-    #[arg(long)]
-    pub in_process: bool,
-    /// Which community.
-    #[command(flatten)]
-    pub community: CommunityArgs,
+pub struct TypesArgs {
+    /// Only the types of this element: Sensor, Filter, Map, Explorer, Controller or Logger
+    element: Option<String>,
 }
 
-/// Which mission is to be picked up.
+/// Which run.
 #[derive(Debug, Args)]
-pub struct AttachArgs {
-    /// Plain lines instead of one that changes
-    #[arg(long)]
-    pub headless: bool,
-    /// Which community.
-    #[command(flatten)]
-    pub community: CommunityArgs,
-}
-
-/// One app by itself.
-#[derive(Debug, Args)]
-pub struct AppArgs {
-    /// Its type; `elk types` lists them
-    #[arg(long = "type", value_name = "TYPE")]
-    pub type_name: String,
-    /// Its name on the bus; its element's if not said
-    #[arg(long)]
-    pub name: Option<String>,
-    /// Which community.
-    #[command(flatten)]
-    pub community: CommunityArgs,
-    /// Its parameters
-    #[arg(value_name = "PARAM=VALUE", value_parser = setting)]
-    pub settings: Vec<(String, String)>,
-}
-
-/// `Param=Value`
-pub fn setting(said: &str) -> Result<(String, String), String> {
-    let (name, text) = said.split_once('=').ok_or("right is Param=Value, for example Res=0.05")?;
-    Ok((name.trim().to_owned(), text.to_owned()))
+pub struct PictureArgs {
+    /// The run's folder
+    run: PathBuf,
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! What each command does, once its arguments are checked.
 
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -10,11 +9,13 @@ use elk_launcher::{AttachOptions, Deputy, LaunchOptions, Outcome, end_orphans};
 use elk_mission::{AppType, Mission, Registry, describe, element, instead};
 use elk_outside::colour::{self, Style};
 use elk_outside::text;
-use elk_scope::{Output, ScopeError, Table};
+use elk_scope::Table;
 
-use crate::cli::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs, REVISION};
+use crate::arguments::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs};
 use crate::missions;
 use crate::registry::registry;
+use crate::terminal::{print_table, say, show};
+use crate::version::REVISION;
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
@@ -140,17 +141,6 @@ pub fn missions() -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints a table as wide as the terminal, if it is one.
-pub fn print_table(table: &Table) -> Result<()> {
-    let mut out = BufWriter::new(std::io::stdout().lock());
-    let mut output = Output::standard(&mut out);
-    let lines = table.lines(output.columns());
-    match lines.iter().try_for_each(|line| output.styled(line)).and_then(|()| output.flush()) {
-        Err(ScopeError::ReaderGone) => Ok(()),
-        done => Ok(done?),
-    }
-}
-
 /// `elk types`
 pub fn types(element: Option<&str>) -> Result<ExitCode> {
     let registry = registry();
@@ -216,17 +206,4 @@ pub fn picture(run: &Path) -> Result<ExitCode> {
 pub fn guard() -> Result<ExitCode> {
     elk_launcher::guard(std::io::stdin().lock()).context("the launcher cannot be followed")?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Writes lines to standard output, which the terminal only shows, whatever names are in them; a reader that has gone (`elk types | head`) is no failure.
-pub fn say(text: &str) -> Result<()> {
-    show(&text::printable_lines(text))
-}
-
-/// As [`say`], of words that are printable already, and may have colours.
-fn show(text: &str) -> Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
 }

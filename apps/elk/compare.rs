@@ -18,8 +18,9 @@ use elk_bus::{stop_on_signals, tell};
 use elk_launcher::{create_run_folder, handle};
 use elk_mission::{AppSpec, Mission, Override, element};
 
-use crate::commands::{print_table, say};
 use crate::missions::load;
+use crate::terminal::{print_table, say};
+pub use run::run_name;
 use run::{Plan, Row, Running};
 use strategy::{Strategy, set};
 

@@ -12,8 +12,8 @@ use elk_outside::{text, time};
 use elk_scope::Table;
 use elk_scope::show::duration;
 
-use crate::cli::{CommunityArgs, setting};
-use crate::commands::{print_table, say};
+use crate::arguments::{CommunityArgs, setting};
+use crate::terminal::{print_table, say};
 
 /// How long a launcher may take to answer, on top of what it was given to do it.
 const PATIENCE: Duration = Duration::from_secs(30);

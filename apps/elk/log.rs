@@ -3,40 +3,35 @@
 mod arguments;
 mod export;
 mod info;
+mod reading;
 
 use std::fmt::Write as _;
-use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use elk_bus::clock::Clock;
-use elk_bus::{App, Client, RunError, ValueRef, run_app_on, stop_on_signals, tell};
+use elk_bus::{App, Client, RunError, ValueRef, run_app_on, stop_on_signals};
 use elk_log::check::check;
 use elk_log::copy::{self, Copied, copy};
 use elk_log::csv::LONGEST_LIST;
 use elk_log::diff::{Diff, DiffOptions, Difference, diff};
-use elk_log::selection::{Place, Window};
-use elk_log::{Index, LogReader, Metadata, Record, RecordRef, Selection};
+use elk_log::{Metadata, Record, RecordRef, Selection};
 use elk_logger::{Logger, Recorder};
 use elk_outside::text;
 use serde_json::{Value as Json, json};
 
-use crate::cli::CommunityArgs;
-use crate::complain;
+use crate::arguments::CommunityArgs;
 use crate::prune;
 use crate::target::Target;
+use crate::terminal::{progress, say};
 
 use arguments::OutputArgs;
 pub use arguments::{LogCommand, SelectionArgs};
 use export::export;
 use info::info;
-
-/// So many messages that cannot be read are each complained of; the others are counted.
-const MOST_COMPLAINTS: u64 = 20;
-
-/// What is said of a log that is not whole.
-const HOW_TO_MEND: &str = "  elk log recover makes a whole one of all that can be had of it\n";
+use reading::{HOW_TO_MEND, for_each_record, is_something, warn_of, window};
 
 /// `elk log …`
 pub fn run(command: LogCommand) -> Result<ExitCode> {
@@ -62,40 +57,6 @@ pub fn run(command: LogCommand) -> Result<ExitCode> {
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     let of_system = |error: &std::io::Error| error.kind() == ErrorKind::BrokenPipe;
     error.chain().any(|cause| cause.downcast_ref().is_some_and(of_system))
-}
-
-/// Writes lines to standard output. Names and values of a log are anybody's: the terminal only shows them.
-fn say(lines: &str) -> Result<()> {
-    Ok(std::io::stdout().write_all(text::printable_lines(lines).as_bytes())?)
-}
-
-/// Says on a terminal how far reading has come, and leaves no trace of it; is silent in a pipe.
-pub fn progress(what: &'static str) -> impl FnMut(u64, u64) {
-    let terminal = std::io::stderr().is_terminal();
-    let mut shown = Shown(None);
-    move |done, all| {
-        let percent = (100 * done).checked_div(all).unwrap_or(100);
-        if terminal && shown.0 != Some(percent) {
-            shown.0 = Some(percent);
-            draw(&format!("\r{what} {percent} %\r"));
-        }
-    }
-}
-
-/// The percentage that stands on the terminal.
-struct Shown(Option<u64>);
-
-impl Drop for Shown {
-    fn drop(&mut self) {
-        if self.0.is_some() {
-            draw("\x1b[K");
-        }
-    }
-}
-
-/// Draws on standard error. A terminal that is gone shows nothing; nobody ends over it, as with [`eprint!`].
-pub fn draw(text: &str) {
-    let _ = std::io::stderr().write_all(text.as_bytes());
 }
 
 /// `elk log check`
@@ -149,80 +110,7 @@ fn say_copied(copied: &Copied, target: Target) -> Result<()> {
         said += &format!("{unreadable} messages could not be read\n");
     }
     left_out.iter().for_each(|what| said += &format!("left out: {what}\n"));
-    finish(target, &said)
-}
-
-/// Puts a result into its place, then says what is to be said of it.
-fn finish(target: Target, said: &str) -> Result<()> {
-    let piped = target.is_standard_output();
-    for beside in target.finish()? {
-        let name = beside.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        complain(&format!("{name} is left out: standard output has no room for a second file; right is -o FILE"));
-    }
-    match piped {
-        true if said.is_empty() => {}
-        true => tell(said.trim_end()),
-        false => say(said)?,
-    }
-    Ok(())
-}
-
-fn warn_of(damage: &[String]) {
-    for reason in damage {
-        complain(&format!("the log is not whole: {reason}"));
-    }
-}
-
-/// A part of a log, and when the earliest message of that log was recorded.
-fn window<'a>(log: &Path, selection: &'a Selection) -> Result<Window<'a>> {
-    let index = Index::read(log, &mut progress("reading a log without an index:"))?;
-    Ok(Window { origin: index.span().map_or(0.0, |(start, _)| start), selection })
-}
-
-/// Hands the records of a part of a log to `each`, with their seconds after the log's earliest message.
-fn for_each_record(
-    log: &Path,
-    window: Window<'_>,
-    mut each: impl FnMut(f64, &RecordRef<'_>) -> Result<()>,
-) -> Result<()> {
-    let Window { selection, .. } = window;
-    let mut reader = LogReader::open(log)?;
-    reader.within(&window);
-    let (mut found, mut unreadable) = (0_u64, 0_u64);
-    while let Some(next) = reader.next_ref() {
-        let record = match next {
-            Ok(record) => record,
-            Err(error) => {
-                unreadable += 1;
-                if unreadable <= MOST_COMPLAINTS {
-                    complain(&error.to_string());
-                }
-                continue;
-            }
-        };
-        if window.place(record.received) == Place::Within && selection.takes(record.key, record.source) {
-            found += 1;
-            each(record.time - window.origin, &record)?;
-        }
-    }
-    if unreadable > MOST_COMPLAINTS {
-        complain(&format!("and {} messages more cannot be read", unreadable - MOST_COMPLAINTS));
-    }
-    warn_of(&reader.damage());
-    is_something(found, log, selection)
-}
-
-/// Sees that a part of a log that somebody wants is not nothing: a slip in a name is an answer to nobody.
-fn is_something(found: u64, log: &Path, selection: &Selection) -> Result<()> {
-    match found > 0 || *selection == Selection::default() {
-        true => Ok(()),
-        false => {
-            let log = log.display();
-            bail!(
-                "no message of {log} is what the options say (`elk log info {log}` lists what it has, and its length)"
-            )
-        }
-    }
+    target.conclude(&said)
 }
 
 /// `elk log cat`
@@ -336,7 +224,7 @@ fn record(patterns: Vec<String>, community: &CommunityArgs, output: &OutputArgs)
     }
     let messages = logger.state.messages();
     match piped {
-        Some(target) => finish(target, &format!("{messages} messages in standard output\n"))?,
+        Some(target) => target.conclude(&format!("{messages} messages in standard output\n"))?,
         None => say(&format!("{messages} messages in {}\n", output.output.display()))?,
     }
     Ok(ExitCode::SUCCESS)

@@ -2,6 +2,7 @@
 //!
 //! Raw arguments become a checked configuration (`cli`, `elk_mission`), and only then does anything start.
 
+mod arguments;
 mod cli;
 mod commands;
 mod compare;
@@ -15,73 +16,25 @@ mod registry;
 mod replay;
 mod scope;
 mod target;
+mod terminal;
+mod version;
 mod world;
 
-use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
-use elk_bus::tell;
-use elk_launcher::Request;
-use elk_outside::colour::{self, Style};
-use elk_outside::text;
 
-use cli::{Cli, Command};
+use cli::Cli;
+use terminal::complain;
 
 fn main() -> ExitCode {
     elk_bus::let_owner_in();
-    let done = match Cli::parse().command {
-        Command::Launch(arguments) => commands::launch(arguments),
-        Command::Attach(arguments) => commands::attach(arguments),
-        Command::Apps(arguments) => control::apps(&arguments),
-        Command::Stop(arguments) => control::stop(arguments),
-        Command::Start(arguments) => control::start(arguments),
-        Command::Swap(arguments) => control::swap(arguments),
-        Command::Pause(arguments) => control::motion(&arguments.community, &Request::Pause),
-        Command::Resume(arguments) => control::motion(&arguments.community, &Request::Resume),
-        Command::Step(arguments) => control::motion(&arguments.community, &Request::Step),
-        Command::Check(arguments) => commands::check(&arguments),
-        Command::Compare(arguments) => compare::compare(&arguments),
-        Command::New(arguments) => new::new(&arguments),
-        Command::Missions => commands::missions(),
-        Command::Completions { shell } => manual::completions(shell),
-        Command::Man { folder } => manual::man(&folder),
-        Command::Types { element } => commands::types(element.as_deref()),
-        Command::Db(arguments) => commands::db(arguments),
-        Command::Sensor(app) => commands::app("Sensor", app),
-        Command::Filter(app) => commands::app("Filter", app),
-        Command::Map(app) => commands::app("Map", app),
-        Command::Explorer(app) => commands::app("Explorer", app),
-        Command::Controller(app) => commands::app("Controller", app),
-        Command::Logger(app) => commands::app("Logger", app),
-        Command::Scope(command) => scope::run(command),
-        Command::Replay(arguments) => replay::run(*arguments),
-        Command::Log { command } => log::run(command),
-        Command::World { command } => world::run(command),
-        Command::Picture { run } => commands::picture(&run),
-        Command::Guard => commands::guard(),
-    };
-    match done {
+    match Cli::parse().command.run() {
         Ok(code) => code,
         Err(error) => {
             complain(&in_one_line(&error));
             ExitCode::FAILURE
         }
-    }
-}
-
-/// Says what is wrong on standard error. Names of files and of other people's apps may be in it: the terminal only shows
-/// them, and only as much as is of use.
-fn complain(words: &str) {
-    const MOST: usize = 16_000;
-    let words = text::clipped(words, MOST);
-    let stderr = std::io::stderr();
-    if colour::on(&stderr) {
-        let line = format!("{} {}\n", Style::Bad.paint("elk:", true), text::printable_lines(&words));
-        // A terminal that is gone shows nothing.
-        let _ = stderr.lock().write_all(line.as_bytes());
-    } else {
-        tell(format_args!("elk: {words}"));
     }
 }
 

@@ -9,7 +9,7 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 
 use crate::cli::Cli;
-use crate::commands::say;
+use crate::terminal::say;
 
 /// `elk completions`
 pub fn completions(shell: Shell) -> Result<ExitCode> {

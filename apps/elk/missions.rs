@@ -7,8 +7,8 @@ use anyhow::{Result, anyhow};
 use elk_launcher::{is_run, mission_of_run};
 use elk_mission::{Mission, MissionError, Override, instead};
 
-use crate::cli::REVISION;
 use crate::registry::registry;
+use crate::version::REVISION;
 
 /// The folder that a built-in mission's errors name: there is none.
 const FOLDER: &str = "built-in";

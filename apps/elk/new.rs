@@ -6,12 +6,12 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 
-use crate::commands::say;
+use crate::terminal::say;
 
 /// What is to be made.
 #[derive(Debug, Args)]
 pub struct NewArgs {
-    /// `app`: any app on the bus; `explorer`: a strategy of one's own
+    /// `app`: any app on the bus; `explorer`: a strategy of one's own; `sensor`: a depth source of one's own
     kind: Kind,
     /// Its name: the crate's, and the program's
     name: String,
@@ -24,6 +24,7 @@ pub struct NewArgs {
 enum Kind {
     App,
     Explorer,
+    Sensor,
 }
 
 impl Kind {
@@ -32,6 +33,7 @@ impl Kind {
         match self {
             Self::App => "Hello",
             Self::Explorer => "Level",
+            Self::Sensor => "Hall",
         }
     }
 
@@ -39,8 +41,9 @@ impl Kind {
     fn code(self) -> String {
         match self {
             Self::App => APP.to_owned(),
-            // The example is a program itself: its own name stands where other templates have NAME.
+            // The examples are programs themselves: their own names stand where other templates have NAME.
             Self::Explorer => filled(EXPLORER, &[("level", "NAME")]) + EXPLORER_TESTS,
+            Self::Sensor => filled(SENSOR, &[("hall", "NAME")]) + SENSOR_TESTS,
         }
     }
 }
@@ -55,6 +58,10 @@ const APP_MISSION: &str = include_str!("new/app.xml.txt");
 const EXPLORER: &str = include_str!("../explorer/examples/level.rs");
 const EXPLORER_TESTS: &str = include_str!("new/explorer_tests.rs.txt");
 const EXPLORER_MISSION: &str = include_str!("new/explorer.xml.txt");
+/// The example of the sensor's documentation is what a depth source begins with.
+const SENSOR: &str = include_str!("../sensor/examples/hall.rs");
+const SENSOR_TESTS: &str = include_str!("new/sensor_tests.rs.txt");
+const SENSOR_MISSION: &str = include_str!("new/sensor.xml.txt");
 
 /// `elk new`
 pub fn new(arguments: &NewArgs) -> Result<ExitCode> {
@@ -91,6 +98,7 @@ fn files(kind: Kind, name: &str, checkout: &Path) -> [(&'static str, String); 4]
     let (crate_name, library, mission) = match kind {
         Kind::App => ("elk-bus", "bus", APP_MISSION),
         Kind::Explorer => ("elk-explorer", "apps/explorer", EXPLORER_MISSION),
+        Kind::Sensor => ("elk-sensor", "apps/sensor", SENSOR_MISSION),
     };
     let dependency = format!("{crate_name} = {}", dependency(checkout, library));
     let words = [("NAME", name), (kind.placeholder(), &camel(name)), ("DEPENDENCY", &dependency)];
@@ -111,7 +119,7 @@ fn dependency(checkout: &Path, library: &str) -> String {
 }
 
 fn is_checkout(folder: &Path) -> bool {
-    ["bus", "apps/explorer"].iter().all(|one| folder.join(one).join("Cargo.toml").is_file())
+    ["bus", "apps/explorer", "apps/sensor"].iter().all(|one| folder.join(one).join("Cargo.toml").is_file())
 }
 
 /// `my-explorer` is `MyExplorer` as a type.
@@ -187,11 +195,12 @@ mod tests {
     #[test]
     fn a_name_makes_a_crate_and_a_type() {
         assert_eq!(camel("my-own_explorer2"), "MyOwnExplorer2");
-        let is_right = |name: &str| [Kind::App, Kind::Explorer].map(|kind| check_name(kind, name).is_ok());
+        let is_right =
+            |name: &str| [Kind::App, Kind::Explorer, Kind::Sensor].map(|kind| check_name(kind, name).is_ok());
         for right in
             ["mine", "my-app", "a1", "hello", "hello-me", "level", "level-headed", "name", "an", "metres", "car"]
         {
-            assert_eq!(is_right(right), [true, true], "{right}");
+            assert_eq!(is_right(right), [true; 3], "{right}");
         }
         let of_shape = ["", "Mine", "1a", "a b", "../a", "-a", "a-", "self-", "ä", "a.b", "a/b", "a\nb", "a\"b"];
         let of_rust =
@@ -200,7 +209,7 @@ mod tests {
         let of_cargo = ["build", "deps", "examples", "incremental"];
         let of_elk = ["elk", "elk-bus", "elk_bus", "elk-explorer"];
         for wrong in [&of_shape[..], &of_rust, &of_more_rust, &of_cargo, &of_elk].concat() {
-            assert_eq!(is_right(wrong), [false, false], "{wrong}");
+            assert_eq!(is_right(wrong), [false; 3], "{wrong}");
         }
         for of_app in
             ["app", "app-error", "comms", "failure", "key", "mail", "run-options", "greeted", "atomic-bool", "client"]
@@ -210,11 +219,14 @@ mod tests {
         for of_explorer in ["journal", "kind", "param-spec", "route", "strategy", "view", "room"] {
             assert!(check_name(Kind::Explorer, of_explorer).is_err(), "{of_explorer}");
         }
+        for of_sensor in ["camera", "capture", "depth-source", "pose", "seen"] {
+            assert!(check_name(Kind::Sensor, of_sensor).is_err(), "{of_sensor}");
+        }
     }
 
     #[test]
     fn every_word_of_the_code_that_could_be_a_type_is_no_name() {
-        for kind in [Kind::App, Kind::Explorer] {
+        for kind in [Kind::App, Kind::Explorer, Kind::Sensor] {
             let code = kind.code();
             let is_type = |word: &&str| word.starts_with(|c: char| c.is_ascii_uppercase()) && says(&code, word);
             let types: std::collections::BTreeSet<&str> = code.split(|c| !is_of_word(c)).filter(is_type).collect();

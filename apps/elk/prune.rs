@@ -11,12 +11,11 @@ use clap::Args;
 use elk_bus::clock::Clock;
 use elk_outside::time;
 
-use crate::commands::say;
+use crate::compare::run_name;
+use crate::terminal::{complain, say};
 
 /// The files that make a folder a run's: its log may lie elsewhere, and a log may have come without a launcher.
 const OF_A_RUN: [&str; 2] = ["log.mcap", "run.json"];
-/// The folder that makes a folder a comparison's.
-const FIRST_OF_COMPARISON: &str = "run-001";
 /// A log that was written so lately (s) may be written on, also by an older elk, which does not hold it.
 const BUSY_SECS: f64 = 60.0;
 const DAY_SECS: f64 = 86_400.0;
@@ -94,7 +93,7 @@ pub fn run(arguments: &PruneArgs) -> Result<ExitCode> {
         if *delete && let Err(error) = std::fs::remove_dir_all(folder) {
             failed += 1;
             left += bytes;
-            crate::complain(&format!("cannot delete {}: {error}", folder.display()));
+            complain(&format!("cannot delete {}: {error}", folder.display()));
         }
     }
     let megabytes = (old.iter().map(|run| run.bytes).sum::<u64>() - left) as f64 / 1e6;
@@ -142,7 +141,7 @@ fn runs(folder: &Path, now: f64) -> Result<(Vec<Run>, usize)> {
             Ok(Held { newest, bytes, is_written }) => {
                 runs.push(Run { age_secs: now - newest, bytes, folder, is_written });
             }
-            Err(error) => crate::complain(&format!("{}: {error}; it is passed over", unreadable(&folder))),
+            Err(error) => complain(&format!("{}: {error}; it is passed over", unreadable(&folder))),
         }
     }
     Ok((runs, others))
@@ -152,7 +151,7 @@ fn runs(folder: &Path, now: f64) -> Result<(Vec<Run>, usize)> {
 fn is_run(folder: &Path) -> bool {
     let there = |name: &str| folder.join(name).symlink_metadata();
     OF_A_RUN.iter().any(|name| there(name).is_ok_and(|file| file.is_file()))
-        || there(FIRST_OF_COMPARISON).is_ok_and(|first| first.is_dir())
+        || there(&run_name(0)).is_ok_and(|first| first.is_dir())
 }
 
 /// What a folder holds, with all that lies in it.

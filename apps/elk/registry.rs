@@ -7,7 +7,7 @@ pub fn registry() -> Registry {
     Registry::new(&[
         elk_sensor::TYPES,
         elk_filter::TYPES,
-        elk_map::TYPES,
+        elk_map_app::TYPES,
         elk_explorer::TYPES,
         elk_controller::TYPES,
         elk_logger::TYPES,

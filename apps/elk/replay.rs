@@ -15,10 +15,10 @@ use elk_replay::{
     Console, PlayOptions, Played, Player, Press, Progress, Rate, ReproduceOptions, Reproduced, Tape, reproduce,
 };
 
-use crate::cli::CommunityArgs;
-use crate::commands::say;
-use crate::log::{SelectionArgs, draw, progress};
+use crate::arguments::CommunityArgs;
+use crate::log::SelectionArgs;
 use crate::missions;
+use crate::terminal::{draw, progress, say};
 
 /// What stands below the help.
 pub const HELP: &str = "Example: elk replay logs/apartment-20261123-224512 --rate 2\n\n\

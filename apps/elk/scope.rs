@@ -15,8 +15,8 @@ use elk_scope::{
 };
 use signal_hook::iterator::Signals;
 
-use crate::cli::CommunityArgs;
-use crate::complain;
+use crate::arguments::CommunityArgs;
+use crate::terminal::complain;
 
 /// What looks into a running community.
 #[derive(Debug, Subcommand)]

@@ -12,7 +12,7 @@ use rustix::io::Errno;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-use crate::commands::say;
+use crate::terminal::{complain, say};
 
 /// A result that is yet to be written: under its own name, in a folder that is gone when this is.
 pub struct Target {
@@ -62,7 +62,7 @@ impl Target {
     }
 
     /// Whether it goes to standard output, so that nothing else may.
-    pub fn is_standard_output(&self) -> bool {
+    fn is_standard_output(&self) -> bool {
         self.output.is_none()
     }
 
@@ -80,9 +80,24 @@ impl Target {
         self.output.as_ref().map_or("standard output".to_owned(), |file| file.display().to_string())
     }
 
+    /// Puts the result into its place, then says what is to be said of it.
+    pub fn conclude(self, said: &str) -> Result<()> {
+        let piped = self.is_standard_output();
+        for beside in self.finish()? {
+            let name = beside.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            complain(&format!("{name} is left out: standard output has no room for a second file; right is -o FILE"));
+        }
+        match piped {
+            true if said.is_empty() => {}
+            true => tell(said.trim_end()),
+            false => say(said)?,
+        }
+        Ok(())
+    }
+
     /// The result is whole: it takes its place, along with what was written beside it. Answers what of that standard
     /// output has no place for.
-    pub fn finish(self) -> Result<Vec<PathBuf>> {
+    fn finish(self) -> Result<Vec<PathBuf>> {
         let mut files: Vec<PathBuf> = std::fs::read_dir(&self.folder)?.flatten().map(|entry| entry.path()).collect();
         files.sort();
         match &self.output {
@@ -97,7 +112,8 @@ impl Target {
                 // What belongs to it comes before it.
                 files.sort_by_key(|file| *file == self.draft);
                 for file in files {
-                    let to = place.join(file.file_name().unwrap_or_default());
+                    let Some(name) = file.file_name() else { continue };
+                    let to = place.join(name);
                     rename(&file, &to).with_context(|| format!("cannot write {}", to.display()))?;
                 }
             }

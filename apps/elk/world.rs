@@ -6,16 +6,16 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
+use elk_geometry::limits::RESOLUTIONS_M;
 use elk_mission::Kind;
 use elk_outside::text;
-use elk_spatial::checks::RESOLUTIONS_M;
 use elk_world::inspection::inspect;
 use elk_world::placement::{SCALES, UP};
 use elk_world::suitability::{Suitability, Wanted, suitability};
 use elk_world::{Placement, World};
 use nalgebra::Point3;
 
-use crate::commands::say;
+use crate::terminal::say;
 
 /// What to do with a world.
 #[derive(Debug, Subcommand)]

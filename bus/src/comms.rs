@@ -3,12 +3,13 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 
-use crate::clock::{Clock, Dial, monotonic_nanos};
+use crate::Dial;
+use crate::clock::{Clock, monotonic_nanos};
 use crate::codec::{self, EncodeError};
 use crate::community::Community;
 use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
-use crate::outbox::Outbox;
+use crate::outbox::{BATCH_BYTES, Outbox};
 use crate::rejection::Complaints;
 use crate::subscription::{Carries, Subscribe, Terms};
 use crate::types::TypeRef;
@@ -17,8 +18,6 @@ use crate::wire::{self, BULK, FrameKind, Header, LOSSLESS, Named, RESENT, TYPED,
 
 /// Values of at least this many bytes are written once into shared memory and read in place.
 pub const BULK_MIN_BYTES: usize = 16 << 10;
-/// A batch that has grown to this many bytes leaves without being asked to.
-pub const BATCH_BYTES: usize = 48 << 10;
 
 /// Why the bus could not do what it was asked to.
 #[derive(Debug, thiserror::Error)]
@@ -129,7 +128,7 @@ impl Comms {
         let comms = Self {
             name: name.into(),
             community: community.clone(),
-            clock: link.clock,
+            clock: Clock::new(link.warp).driven(link.dial),
             driving: false,
             up: link.up,
             back: link.back,
@@ -307,7 +306,7 @@ impl Comms {
             self.outbox.recall(&*dead);
             self.back = link.back;
             // A broker that knows of nobody who drives the clock may yet be told; till then it runs on as it was set.
-            self.clock = link.clock.driven(link.clock.dial().or(self.clock.dial()));
+            self.clock = Clock::new(link.warp).driven(link.dial.or(self.clock.dial()));
             self.epoch = link.epoch;
             self.new_down = Some(link.down);
             self.ready = true;

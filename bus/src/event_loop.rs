@@ -32,29 +32,32 @@ use std::sync::Arc;
 use rustix::event::{EventfdFlags, eventfd};
 
 use crate::client::Client;
+use crate::link::Wake;
 
 /// A descriptor that is readable from when it is set until it is cleared.
 #[derive(Debug)]
-pub struct Wake(OwnedFd);
+pub(crate) struct EventFd(OwnedFd);
 
-impl Wake {
+impl EventFd {
     /// One that is set: whoever is about to sleep has to look first.
     pub(crate) fn new() -> io::Result<Arc<Self>> {
         Ok(Arc::new(Self(eventfd(1, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?)))
     }
+}
 
-    pub(crate) fn set(&self) {
+impl Wake for EventFd {
+    fn set(&self) {
         // One that is full is set.
         let _ = rustix::io::write(&self.0, &1_u64.to_ne_bytes());
     }
 
-    pub(crate) fn clear(&self) {
+    fn clear(&self) {
         // One that is empty is clear.
         let _ = rustix::io::read(&self.0, &mut [0; 8]);
     }
 }
 
-impl AsFd for Wake {
+impl AsFd for EventFd {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.0.as_fd()
     }

@@ -51,11 +51,12 @@
 
 use std::time::Duration;
 
+use elk_proto::rejection::Rejection;
+
 use crate::app::{App, AppError};
 use crate::comms::Comms;
 use crate::mail::Mail;
 use crate::recall::{self, Recall};
-use crate::rejection::Rejection;
 use crate::subscription::{Reads, Subscribe, Terms};
 
 /// What an app of type `S` does with which message, and when.

@@ -5,16 +5,16 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::Arc;
 use std::time::Duration;
 
+use elk_proto::names::{Names, Unreadable};
+use elk_proto::seen::Seen;
+
 use crate::broker::CLOCK;
 use crate::clock::Stopwatch;
 use crate::comms::{Comms, CommsError};
-use crate::event_loop::Wake;
+use crate::event_loop::EventFd;
 use crate::link::{Downlink, LinkError};
 use crate::mail::Mail;
-use crate::seen::Seen;
-use crate::types::Type;
-use crate::value::ValueRef;
-use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, FrameKind, Named, RESENT, ValueKind};
+use crate::wire::{self, Frame, FrameKind, RESENT};
 
 /// What a client hears.
 pub struct Inbox {
@@ -31,7 +31,7 @@ pub struct Inbox {
     dropped_before: u64,
     refusals: VecDeque<Refused>,
     /// For a client that lives in somebody's event loop.
-    wake: Option<Arc<Wake>>,
+    wake: Option<Arc<EventFd>>,
 }
 
 /// A message, a registration or a name of this client that the broker did not take.
@@ -45,80 +45,8 @@ pub struct Refused {
     pub reason: String,
 }
 
-/// Names of one kind that a client takes in; a broker has fewer (see [`crate::broker::Limits`]).
-const MOST_NAMES: usize = 1 << 20;
-
 /// Refusals that are kept for who asks for them; of more the oldest go.
 const MOST_REFUSALS: usize = 1000;
-
-/// The broker's numbers and what they stand for, as far as it has said so.
-#[derive(Default)]
-struct Names {
-    /// Of variables, sources and communities.
-    names: [Vec<Option<String>>; 4],
-    types: Vec<Option<Type>>,
-}
-
-impl Names {
-    fn define(&mut self, frame: &Frame<'_>) {
-        let number = frame.header.key as usize;
-        if number >= MOST_NAMES {
-            return; // no broker has so many: whoever sent this is none
-        }
-        let name = String::from_utf8_lossy(frame.aux);
-        match wire::named(frame.header.flags) {
-            None => {}
-            Some(Named::Type) => *place(&mut self.types, number) = Some(type_of(frame, &name)),
-            Some(what) => *place(&mut self.names[what as usize], number) = Some(name.into_owned()),
-        }
-    }
-
-    fn name(&self, what: Named, number: u32) -> &str {
-        self.names[what as usize].get(number as usize).and_then(Option::as_deref).unwrap_or_default()
-    }
-
-    fn type_(&self, number: u32) -> Option<&Type> {
-        self.types.get(number as usize)?.as_ref()
-    }
-
-    fn is_said(&self, what: Named, number: u32) -> bool {
-        match what {
-            Named::Type => self.type_(number).is_some(),
-            _ => self.names[what as usize].get(number as usize).is_some_and(Option::is_some),
-        }
-    }
-
-    /// What a message refers to and was never named, if there is such a thing.
-    fn missing(&self, frame: &Frame<'_>) -> Option<&'static str> {
-        let unsaid = |(what, number): &(Named, u32)| !self.is_said(*what, *number);
-        wire::numbers(frame.bytes).find(unsaid).map(|(what, _)| match what {
-            Named::Key => "a variable whose name was never said",
-            Named::Source => "a source whose name was never said",
-            Named::Type => "a type whose name was never said",
-            Named::Community => "a community whose name was never said",
-        })
-    }
-
-    /// The names of a variable and a source.
-    fn of(&self, key: u32, source: u32) -> (&str, &str) {
-        (self.name(Named::Key, key), self.name(Named::Source, source))
-    }
-}
-
-/// The place of a number in a table that is as long as it has to be.
-fn place<T>(table: &mut Vec<Option<T>>, number: usize) -> &mut Option<T> {
-    if table.len() <= number {
-        table.resize_with(number + 1, || None);
-    }
-    &mut table[number]
-}
-
-/// The type that a definition names. A broker passes no description on that is none.
-fn type_of(frame: &Frame<'_>, name: &str) -> Type {
-    let layout = frame.header.sequence;
-    let described = std::str::from_utf8(frame.value).ok().and_then(|text| Type::from_text(name, layout, text).ok());
-    described.unwrap_or_else(|| Type::undescribed(name, layout))
-}
 
 impl Inbox {
     /// The hearing end of a client, over a transport's way down.
@@ -185,12 +113,12 @@ impl Inbox {
         let wake = match self.wake.take() {
             Some(wake) => wake,
             None => {
-                let wake = Wake::new()?;
+                let wake = EventFd::new()?;
                 self.down.wake_by(wake.clone())?;
                 wake
             }
         };
-        let wake: &Wake = self.wake.insert(wake);
+        let wake: &EventFd = self.wake.insert(wake);
         Ok(wake.as_fd())
     }
 
@@ -256,9 +184,9 @@ impl Inbox {
         // A publisher that has found the next broker already may have taken its shared memory along; it will say again
         // what was in there.
         let will_be_said_again = !self.down.open();
-        match mail(&mut *self.down, &self.names, frame) {
+        match self.names.mail(&mut *self.down, frame) {
             Ok(mail) => {
-                self.seen.note(&frame.header, mail.key, mail.source);
+                self.seen.note(&frame.header, mail.key(), mail.source());
                 on_mail(comms, &mail)
             }
             Err(Unreadable::Damaged(why)) => {
@@ -303,57 +231,16 @@ impl Inbox {
     }
 }
 
-/// Why a message cannot be shown.
-enum Unreadable {
-    /// Its value was overwritten before this client came to read it.
-    Gone,
-    /// It is not what it says it is.
-    Damaged(&'static str),
-}
-
-fn mail<'a>(down: &'a mut dyn Downlink, names: &'a Names, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
-    let header = frame.header;
-    if let Some(missing) = names.missing(frame) {
-        return Err(Unreadable::Damaged(missing));
-    }
-    let bytes = match header.flags & BULK {
-        0 => frame.value,
-        _ => BulkRef::from_bytes(frame.value).and_then(|reference| down.bulk(reference)).ok_or(Unreadable::Gone)?,
-    };
-    let text =
-        |bytes: &'a [u8]| std::str::from_utf8(bytes).map_err(|_| Unreadable::Damaged("a text that is not UTF-8"));
-    let value = match header.value_kind {
-        ValueKind::Double => {
-            let bytes = bytes.try_into().map_err(|_| Unreadable::Damaged("a number that is not eight bytes long"))?;
-            ValueRef::Double(f64::from_le_bytes(bytes))
-        }
-        ValueKind::Text => ValueRef::Text(text(bytes)?),
-        ValueKind::Binary => {
-            let type_ = names.type_(header.type_);
-            let type_ = type_.ok_or(Unreadable::Damaged("a type whose name was never said"))?.as_ref();
-            ValueRef::Binary { type_, bytes }
-        }
-    };
-    let (key, source) = names.of(header.key, header.source);
-    Ok(Mail {
-        header,
-        key,
-        source,
-        community: names.name(Named::Community, header.community),
-        source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
-        value,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ValueRef;
     use crate::broker::BrokerConfig;
     use crate::clock::Clock;
     use crate::community::Community;
     use crate::link::{Batch, Link};
     use crate::memory::MemoryBroker;
-    use crate::wire::Header;
+    use crate::wire::{BulkRef, Header, Named, ValueKind};
 
     /// The far end of a client whose broker says this one batch.
     struct Said(Option<Vec<u8>>);

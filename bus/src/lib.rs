@@ -1,70 +1,47 @@
 //! The bus: a broker that mirrors the MOOSDB, lanes of shared memory to it, and the framework that apps are written in.
 //!
-//! | module | one idea |
-//! |---|---|
-//! | [`broker`] | the broker as a state machine without clock, socket or thread |
-//! | [`wire`] | frames: what lies in a batch between client and broker |
-//! | [`link`] | what a transport gives a client |
-//! | [`memory`], [`shm`] | the transports: inside one process, and between processes over iceoryx2 |
-//! | [`comms`], [`inbox`], [`mail`] | what a client says, what it hears, and a message as it gets it |
-//! | [`subscription`] | what a client wants to hear, and how |
-//! | [`client`], [`app`] | both ends together; MOOS' three callbacks |
-//! | [`handlers`] | an app as one table: what it hears, does and remembers |
-//! | [`event_loop`] | a client in somebody's event loop: a descriptor that is readable when mail waits |
-//! | [`launched`] | what a launcher hands over to an app: name, community, parameters, lease |
-//! | [`request`] | questions and answers: two variables, told apart by who asked which |
-//! | [`rejection`] | messages that an app cannot use: said, counted, passed over |
-//! | [`key`], [`value`], [`types`], [`codec`] | typed keys, the three kinds of value, what a type is, its encoding |
-//! | [`stop`] | signals that ask a process to stop |
-//! | [`clock`], [`community`], [`pattern`] | the one clock, names, wildcards |
+//! This crate is what an app needs; what it is made of lies in crates of its own, and is to be had under its names here.
+//!
+//! | module | one idea | from |
+//! |---|---|---|
+//! | [`comms`], [`inbox`] | what a client says, and what it hears | |
+//! | [`subscription`] | what a client wants to hear, and how | |
+//! | [`client`], [`app`] | both ends together; MOOS' three callbacks | |
+//! | [`handlers`] | an app as one table: what it hears, does and remembers | |
+//! | [`request`] | questions and answers: two variables, told apart by who asked which | |
+//! | [`event_loop`] | a client in somebody's event loop: a descriptor that is readable when mail waits | |
+//! | [`launched`] | what a launcher hands over to an app: name, community, parameters, lease | |
+//! | [`rejection`] | messages that an app cannot use: said, counted, passed over | |
+//! | [`memory`], [`shm`] | the transports: inside one process, and between processes over iceoryx2 | `elk-shm` |
+//! | [`broker`], [`wire`], [`link`] | the broker, what is said to it, and the seam that a transport fills | `elk-proto` |
+//! | [`key`], [`value`], [`types`], [`codec`] | typed keys, the three kinds of value, what a type is, its encoding | `elk-proto` |
+//! | [`community`], [`pattern`] | names of communities, wildcards | `elk-proto` |
+//! | [`clock`], [`stop`] | the one clock, signals that ask a process to stop | `elk-os` |
 
 // `#[payload]` names this crate by its own name, here as everywhere.
 extern crate self as elk_bus;
 
 pub mod app;
-pub mod broker;
 pub mod client;
-pub mod clock;
-pub mod codec;
 pub mod comms;
-pub mod community;
 pub mod event_loop;
 mod failure;
 pub mod handlers;
 pub mod inbox;
-pub mod key;
 pub mod launched;
-mod limits;
-pub mod link;
-pub mod mail;
 pub mod memory;
-mod outbox;
-pub mod pattern;
-mod process_id;
-mod process_stat;
 mod recall;
 pub mod rejection;
 pub mod request;
-mod seen;
-pub mod shm;
-pub mod stop;
 #[cfg(feature = "tokio")]
 pub mod stream;
 pub mod subscription;
-pub mod types;
-pub mod value;
-pub mod wire;
-mod words;
 
 use std::sync::atomic::AtomicBool;
 
 pub use app::{App, AppError, RunError, run_app_on};
-pub use broker::{BrokerConfig, Introduction};
 pub use client::Client;
-pub use clock::Clock;
-pub use codec::DecodeError;
 pub use comms::{Comms, CommsError, Origin};
-pub use community::Community;
 /// What [`payload`] derives besides: a type says what its bytes are, and what every value of it has to keep to.
 pub use elk_describe as describe;
 /// Makes a struct or an enum travel: as the value of a [`Key`], or as a field of one.
@@ -89,25 +66,29 @@ pub use elk_describe as describe;
 /// What borrows from a message in shared memory has one lifetime.
 pub use elk_describe::payload;
 pub use elk_describe::{Describe, Description, Invalid};
+pub use elk_os::clock::{self, Clock};
+pub use elk_os::limits::let_owner_in;
+pub use elk_os::stop::{self, asked_to_stop, stop_on_signals, stop_signals};
+pub use elk_os::{ProcessId, ProcessStat, tell};
+pub use elk_proto::broker::{self, BrokerConfig, Introduction};
+pub use elk_proto::codec::{self, DecodeError};
+pub use elk_proto::community::{self, Community};
+pub use elk_proto::key::{self, Key, Payload};
+pub use elk_proto::mail::{self, Mail};
+use elk_proto::outbox;
+pub use elk_proto::rejection::Rejection;
+pub use elk_proto::types::{self, Type, TypeRef};
+pub use elk_proto::value::{self, Value, ValueRef};
+pub use elk_proto::{Dial, link, pattern, wire};
+pub use elk_shm::{self as shm, ConnectError, Fault, FolderError, Owner, Running, ServeError, remedy, running};
 pub use failure::Failure;
 pub use handlers::{Handled, Handlers};
 pub use inbox::{Inbox, Refused};
-pub use key::{Key, Payload};
 pub use launched::{LEASE, OptionError, RunOptions, SUCCEED};
-pub use limits::let_owner_in;
-pub use mail::Mail;
-pub use process_id::ProcessId;
-pub use process_stat::ProcessStat;
-pub use rejection::Rejection;
 pub use request::{Asker, Question, Request};
 /// What [`payload`] derives.
 pub use serde;
-pub use shm::{ConnectError, Fault, FolderError, Owner, Running, ServeError, remedy, running};
-pub use stop::{asked_to_stop, stop_on_signals, stop_signals};
 pub use subscription::{Subscribe, Subscription, any, number, text};
-pub use types::{Type, TypeRef};
-pub use value::{Value, ValueRef};
-pub use words::tell;
 
 impl Client {
     /// Joins a community of this machine over shared memory.

@@ -3,23 +3,20 @@
 //!
 //! Its broker can be made to die and to come back, and its clients to be killed, as those of processes are.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
+use elk_proto::host::{Ends, Host, Progress};
+
 use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Limits, Refusal, Retained, Session};
-use crate::clock::{Clock, Stopwatch};
-use crate::event_loop::Wake;
-use crate::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
+use crate::clock::{Clock, Stopwatch, monotonic_nanos};
+use crate::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
 use crate::wire::BulkRef;
 
-/// How long a client waits for the next broker.
-const REJOIN_PATIENCE: Duration = Duration::from_secs(10);
 /// The longest that who listens for a client sleeps.
 const LONGEST_SLEEP: Duration = Duration::from_secs(5);
-/// How long a recovered broker keeps the sessions of clients that do not come back (s).
-const SESSIONS_KEPT_SECS: f64 = 10.0;
 
 /// A broker that clients of the same process connect to.
 #[derive(Clone)]
@@ -34,16 +31,47 @@ struct Shared {
 }
 
 struct State {
-    broker: Option<Broker>,
-    /// What the next broker finds, should this one die.
-    sessions: Vec<Session>,
-    retained: Vec<Retained>,
+    host: Option<Host>,
+    ends: MemoryEnds,
     /// 0: the broker has stopped in good order.
     epoch: u64,
-    handled: BTreeMap<ClientId, u64>,
-    retiring: BTreeSet<ClientId>,
-    /// Names whose holder has retired, until its successor has handled a message.
-    handovers: BTreeMap<String, Stopwatch>,
+}
+
+/// The clients' ends, and what the next broker finds, should this one die.
+#[derive(Default)]
+struct MemoryEnds {
+    clients: BTreeMap<ClientId, ClientEnd>,
+    sessions: Vec<Session>,
+    retained: Vec<Retained>,
+}
+
+#[derive(Default)]
+struct ClientEnd {
+    progress: Progress,
+    /// It is to leave, for its successor.
+    retires: bool,
+}
+
+impl Ends for MemoryEnds {
+    fn progress(&self, id: ClientId) -> Option<Progress> {
+        self.clients.get(&id).map(|end| end.progress)
+    }
+
+    fn retire(&mut self, id: ClientId) {
+        self.clients.entry(id).and_modify(|end| end.retires = true);
+    }
+
+    fn monotonic_nanos(&self) -> u64 {
+        monotonic_nanos()
+    }
+
+    fn keep_sessions(&mut self, sessions: Vec<(ClientId, Session)>) {
+        self.sessions = sessions.into_iter().map(|(_, session)| session).collect();
+    }
+
+    fn keep_retained(&mut self, retained: Vec<Retained>) {
+        self.retained = retained;
+    }
 }
 
 impl MemoryBroker {
@@ -58,15 +86,7 @@ impl MemoryBroker {
             ..config.limits
         };
         let config = BrokerConfig { limits, ..config };
-        let state = State {
-            broker: Some(Broker::new(config.clone(), clock.now())),
-            sessions: Vec::new(),
-            retained: Vec::new(),
-            epoch: 1,
-            handled: BTreeMap::new(),
-            retiring: BTreeSet::new(),
-            handovers: BTreeMap::new(),
-        };
+        let state = State { host: Some(Host::new(config.clone(), clock.now())), ends: MemoryEnds::default(), epoch: 1 };
         Self(Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new(), clock, config }))
     }
 
@@ -80,10 +100,12 @@ impl MemoryBroker {
         let shared = &self.0;
         let mut state = shared.lock();
         let now = shared.clock.now();
+        let State { host, ends, .. } = &mut *state;
         // A broker that has stopped has no names to give; the link will say that it is gone.
-        let id = state.broker.as_mut().map_or(Ok(0), |b| b.connect(now, who))?;
-        let dial = state.broker.as_ref().and_then(Broker::dial);
-        state.follow_up();
+        let id = host.as_mut().map_or(Ok(0), |host| host.join(now, who, ends))?;
+        ends.clients.insert(id, ClientEnd::default());
+        let dial = host.as_ref().and_then(|host| host.broker.dial());
+        state.follow_up(now);
         let epoch = state.epoch;
         let end = Arc::new(End { shared: shared.clone(), id, epoch, goodbye: AtomicBool::new(false) });
         let (name, lease_secs) = (who.name.to_owned(), who.lease_secs);
@@ -91,7 +113,8 @@ impl MemoryBroker {
             up: Box::new(MemoryUp(end.clone())),
             down: Box::new(MemoryDown { end, wake: None }),
             back: Box::new(MemoryBack { broker: self.clone(), name, lease_secs, epoch }),
-            clock: shared.clock.driven(dial),
+            warp: shared.clock.warp(),
+            dial,
             epoch,
         })
     }
@@ -99,15 +122,16 @@ impl MemoryBroker {
     /// Ends the community: clients are told that the broker is gone.
     pub fn stop(&self) {
         let mut state = self.0.lock();
-        (state.broker, state.epoch) = (None, 0);
+        (state.host, state.epoch) = (None, 0);
         self.0.changed.notify_all();
     }
 
     /// The broker dies, with all that it held.
     pub fn crash(&self) {
         let mut state = self.0.lock();
-        state.follow_up();
-        (state.broker, state.retiring, state.handled) = (None, BTreeSet::new(), BTreeMap::new());
+        state.follow_up(self.0.clock.now());
+        state.host = None;
+        state.ends.clients.clear();
         self.0.changed.notify_all();
     }
 
@@ -115,11 +139,9 @@ impl MemoryBroker {
     pub fn recover(&self) {
         let mut state = self.0.lock();
         // They stay: this broker may die as well before anybody has come back.
-        let sessions = state.sessions.clone().into_iter().map(|session| (session, true));
+        let sessions = state.ends.sessions.clone().into_iter().map(|session| (session, true));
         let (config, now) = (self.0.config.clone(), self.0.clock.now());
-        let mut broker = Broker::recover(config, now, sessions, SESSIONS_KEPT_SECS);
-        broker.inherit(now, &state.retained);
-        state.broker = Some(broker);
+        state.host = Some(Host::recover(config, now, sessions, &state.ends.retained));
         state.epoch += 1;
         self.0.changed.notify_all();
     }
@@ -128,25 +150,30 @@ impl MemoryBroker {
     pub fn kill(&self, name: &str) {
         let mut state = self.0.lock();
         let now = self.0.clock.now();
-        let State { broker: Some(broker), handled, .. } = &mut *state else { return };
-        if let Some(id) = broker.client_named(name) {
-            broker.disconnect(now, id, handled.get(&id).copied().unwrap_or_default(), false);
+        if let Some(id) = state.host.as_ref().and_then(|host| host.broker.client_named(name)) {
+            state.let_go(now, id, false);
         }
-        state.follow_up();
         self.0.changed.notify_all();
     }
 }
 
 impl State {
-    fn follow_up(&mut self) {
-        if let Some(broker) = &mut self.broker {
-            self.retiring.extend(broker.take_retiring());
-            if let Some(sessions) = broker.take_sessions() {
-                self.sessions = sessions;
-            }
-            if let Some(retained) = broker.take_retained(|_| None) {
-                self.retained = retained;
-            }
+    fn follow_up(&mut self, now: f64) {
+        if let Some(host) = &mut self.host {
+            host.follow_up(now, &mut self.ends);
+        }
+    }
+
+    fn is_retiring(&self, id: ClientId) -> bool {
+        self.ends.clients.get(&id).is_some_and(|end| end.retires)
+    }
+
+    fn let_go(&mut self, now: f64, id: ClientId, goodbye: bool) {
+        if let Some(host) = &mut self.host
+            && let Some(end) = self.ends.clients.remove(&id)
+        {
+            host.leave(now, id, end.progress, goodbye, &mut self.ends);
+            self.follow_up(now);
         }
     }
 }
@@ -159,8 +186,8 @@ impl Shared {
     /// The broker that the clients of this epoch are connected to.
     fn broker<'a>(&self, state: &'a mut State, epoch: u64) -> Result<&'a mut Broker, LinkError> {
         let (now, community) = (state.epoch, self.config.community.clone());
-        match &mut state.broker {
-            Some(broker) if now == epoch => Ok(broker),
+        match &mut state.host {
+            Some(host) if now == epoch => Ok(&mut host.broker),
             _ if now == 0 => Err(LinkError::BrokerGone(community)),
             _ => Err(LinkError::BrokerDied(community)),
         }
@@ -178,13 +205,8 @@ struct End {
 impl Drop for End {
     fn drop(&mut self) {
         let mut state = self.shared.lock();
-        let handled = state.handled.remove(&self.id).unwrap_or_default();
-        let retired = state.retiring.remove(&self.id);
-        if let Ok(broker) = self.shared.broker(&mut state, self.epoch) {
-            let name = broker.client_name(self.id).filter(|_| retired).map(str::to_owned);
-            broker.disconnect(self.shared.clock.now(), self.id, handled, self.goodbye.load(Ordering::Relaxed));
-            state.handovers.extend(name.map(|name| (name, Stopwatch::start())));
-            state.follow_up();
+        if state.epoch == self.epoch {
+            state.let_go(self.shared.clock.now(), self.id, self.goodbye.load(Ordering::Relaxed));
         }
         self.shared.changed.notify_all();
     }
@@ -200,8 +222,9 @@ impl Uplink for MemoryUp {
             let broker = shared.broker(&mut state, *epoch)?;
             let now = shared.clock.now();
             if !broker.holds_back(now, *id) {
-                let taken = broker.receive(now, *id, batch);
-                state.follow_up();
+                let State { host: Some(host), ends, .. } = &mut *state else { continue };
+                let taken = host.receive(now, *id, batch, ends);
+                host.follow_up(now, ends);
                 shared.changed.notify_all();
                 return taken.map_err(|e| LinkError::SharedMemory(e.to_string()));
             }
@@ -232,15 +255,15 @@ impl Uplink for MemoryUp {
 struct MemoryDown {
     end: Arc<End>,
     /// For a client that lives in somebody's event loop.
-    wake: Option<Arc<Wake>>,
+    wake: Option<Arc<dyn Wake>>,
 }
 
 /// Sets `wake` whenever there may be something for a client, until its end or that of its broker.
-fn listen(shared: &Shared, end: &Weak<End>, (id, epoch): (ClientId, u64), wake: &Wake) {
+fn listen(shared: &Shared, end: &Weak<End>, (id, epoch): (ClientId, u64), wake: &dyn Wake) {
     let mut state = shared.lock();
     loop {
         let now = shared.clock.now();
-        let retiring = state.retiring.contains(&id);
+        let retiring = state.is_retiring(id);
         let next = match shared.broker(&mut state, epoch) {
             Ok(broker) if end.strong_count() > 0 => {
                 broker.tick(now);
@@ -276,17 +299,17 @@ impl Downlink for MemoryDown {
             }
             let next = shared.clock.real(broker.next_deadline() - now).max(Duration::from_millis(1));
             let left = timeout.checked_sub(waited.elapsed()).filter(|left| !left.is_zero());
-            let Some(left) = left.filter(|_| !state.retiring.contains(id)) else {
+            let Some(left) = left.filter(|_| !state.is_retiring(*id)) else {
                 return Ok(None);
             };
             state = wait(shared, state, left.min(next));
         }
     }
 
-    fn wake_by(&mut self, wake: Arc<Wake>) -> std::io::Result<()> {
+    fn wake_by(&mut self, wake: Arc<dyn Wake>) -> std::io::Result<()> {
         let (shared, end, of) = (self.end.shared.clone(), Arc::downgrade(&self.end), (self.end.id, self.end.epoch));
         self.wake = Some(wake.clone());
-        std::thread::Builder::new().name("wake".into()).spawn(move || listen(&shared, &end, of, &wake)).map(drop)
+        std::thread::Builder::new().name("wake".into()).spawn(move || listen(&shared, &end, of, &*wake)).map(drop)
     }
 
     fn open(&self) -> bool {
@@ -299,20 +322,21 @@ impl Downlink for MemoryDown {
         let mut state = shared.lock();
         let Ok(broker) = shared.broker(&mut state, *epoch) else { return };
         broker.note_handled(shared.clock.now(), *id, messages, &mut Vec::new());
-        let name = broker.client_name(*id).unwrap_or_default().to_owned();
-        state.handled.insert(*id, messages);
-        if let Some(since) = state.handovers.remove(&name)
-            && let Ok(broker) = shared.broker(&mut state, *epoch)
-        {
-            let gap_ms = since.elapsed().as_secs_f64() * 1e3;
-            broker.publish_event(shared.clock.now(), &format!("handover={name} gap_ms={gap_ms:.3}"));
+        let State { host: Some(host), ends, .. } = &mut *state else { return };
+        if let Some(ClientEnd { progress, .. }) = ends.clients.get_mut(id) {
+            let at = monotonic_nanos();
+            let first_handled_at = if progress.first_handled_at == 0 { at } else { progress.first_handled_at };
+            *progress = Progress { handled: messages, first_handled_at, last_handled_at: at };
+        }
+        if host.is_handing_over() {
+            host.follow_up(shared.clock.now(), ends);
         }
     }
 
     fn note_missed(&mut self, _: u64) {}
 
     fn retiring(&self) -> bool {
-        self.end.shared.lock().retiring.contains(&self.end.id)
+        self.end.shared.lock().is_retiring(self.end.id)
     }
 
     fn bulk(&mut self, _: BulkRef) -> Option<&[u8]> {
@@ -338,15 +362,14 @@ impl Rejoin for MemoryBack {
         let waited = Stopwatch::start();
         let gone = || LinkError::BrokerGone(shared.config.community.clone());
         let mut state = shared.lock();
-        while state.epoch <= self.epoch || state.broker.is_none() {
+        while state.epoch <= self.epoch || state.host.is_none() {
             if state.epoch == 0 || waited.elapsed() >= REJOIN_PATIENCE {
                 return Err(gone());
             }
             state = wait(shared, state, Duration::from_millis(50));
         }
         drop(state);
-        let who = Introduction { name: &self.name, lease_secs: self.lease_secs, succeeds: false, returns: true };
-        self.broker.join(&who).map_err(|_| gone())
+        self.broker.join(&Introduction::returning(&self.name, self.lease_secs)).map_err(|_| gone())
     }
 }
 

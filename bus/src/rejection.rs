@@ -12,7 +12,7 @@ use crate::codec::DecodeError;
 use crate::comms::{Comms, CommsError};
 use crate::inbox::Refused;
 use crate::mail::Mail;
-use crate::words::tell;
+use crate::{Rejection, tell};
 
 /// The variable under which every app says what it has rejected: a text for people, for the log and the launcher.
 pub const REJECTED: &str = "MAIL_REJECTED";
@@ -22,21 +22,6 @@ const SAID_IN_FULL: u64 = 3;
 const SAID_EVERY: Duration = Duration::from_secs(5);
 /// Pairs of variable and writer that are told apart; of all others the words are rationed together.
 const PAIRS: usize = 256;
-
-/// Why an app cannot use a message although it decodes: it contradicts what the app knows. An app that fails with this,
-/// or with a [`DecodeError`], in [`crate::App::on_new_mail`] goes on with the next message.
-///
-/// What the app had changed before it failed stays changed: look first, then act.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct Rejection(String);
-
-impl Rejection {
-    /// A rejection for this reason, which names the field at fault.
-    pub fn new(reason: impl std::fmt::Display) -> Self {
-        Self(reason.to_string())
-    }
-}
 
 /// How often there was something to complain of, and how much of that was said.
 #[derive(Debug, Default)]

@@ -64,12 +64,14 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use elk_proto::rejection::Rejection;
+
 use crate::app::AppError;
 use crate::comms::{Comms, CommsError, Origin};
 use crate::handlers::Handlers;
 use crate::key::{Key, Payload};
 use crate::mail::Mail;
-use crate::rejection::Rejection;
+use crate::subscription::Subscribe;
 use crate::wire;
 
 /// What can be asked, and what the answer is.

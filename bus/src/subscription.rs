@@ -118,13 +118,6 @@ pub fn any(keys: &str) -> Subscription<Any> {
     Subscription::new(keys, Carries::Anything)
 }
 
-impl<T: Payload> Key<T> {
-    /// The variable with this key, as something to register for in a way of one's own.
-    pub fn subscription(&self) -> Subscription<Typed<T>> {
-        Subscription::new(self.name(), Carries::Values(TypeRef::of::<T>()))
-    }
-}
-
 /// What can be registered for.
 pub trait Subscribe {
     /// How its messages are read.
@@ -143,7 +136,7 @@ impl<R: Reads> Subscribe for Subscription<R> {
 impl<T: Payload> Subscribe for &Key<T> {
     type As = Typed<T>;
     fn subscription(self) -> Subscription<Typed<T>> {
-        Key::subscription(self)
+        Subscription::new(self.name(), Carries::Values(TypeRef::of::<T>()))
     }
 }
 

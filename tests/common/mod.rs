@@ -7,6 +7,7 @@ pub mod events;
 pub mod car;
 pub mod lab;
 pub mod running;
+pub mod skip;
 pub mod small;
 pub mod spoilt;
 pub mod terminal;

@@ -223,7 +223,7 @@ fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
 mod tests {
     use elk_bus::memory::MemoryBroker;
     use elk_bus::{App, BrokerConfig, Client, Clock, Community};
-    use elk_spatial::{OccupancyGrid, Pose};
+    use elk_geometry::{OccupancyGrid, Pose};
 
     use super::*;
 
@@ -308,7 +308,7 @@ mod tests {
         fn scanned(&mut self, id: u64) {
             let at = CameraPose { command: id, pose: self.pose };
             self.others.comms.publish(&camera_pose(CAMERA_POSE), &at).unwrap();
-            let update = self.map.advance(&[], id);
+            let update = MapUpdate::new(self.map.advance(&[]), id);
             self.others.comms.publish(&MAP_UPDATE, &update).unwrap();
         }
     }

@@ -10,14 +10,15 @@
 use std::collections::BTreeSet;
 
 use elk_bus::Invalid;
+use elk_geometry::clearance::{Clearance, TooWide};
+use elk_geometry::{OccupancyGrid, Polyline, Pose, State, Voxel};
+use elk_spatial::Replica;
 use elk_spatial::checks::{MAX_BRICKS, MAX_COMMANDS_LOST, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, path_in};
-use elk_spatial::clearance::{Clearance, TooWide};
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{
     Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
     Progress,
 };
-use elk_spatial::{OccupancyGrid, Polyline, Pose, Replica, State, Voxel};
 use nalgebra::Point3;
 
 use crate::record::Record;
@@ -288,7 +289,7 @@ impl Follower {
             }
             Decision::Go(path) => {
                 let grid = self.replica.grid();
-                let way = path_in(grid, path, plan.motion.clearance_m).map_err(Unfit::Path)?;
+                let way = path_in(grid, &path.points, plan.motion.clearance_m).map_err(Unfit::Path)?;
                 self.underway = Some(Underway::new(plan, path, way, grid)?);
                 Ok(vec![self.go_on()])
             }

@@ -1,6 +1,6 @@
 //! How long a robot is on its way: a simulated camera jumps, and a person who watches wants to see a robot.
 
-use elk_spatial::Pose;
+use elk_geometry::Pose;
 use elk_spatial::messages::PoseCommand;
 
 /// A robot's speed, and how many times as fast it is to go.

@@ -80,10 +80,15 @@ impl fmt::Display for Row {
     }
 }
 
+/// The folder of a comparison's run, counted from 0.
+pub fn run_name(number: usize) -> String {
+    format!("run-{:03}", number + 1)
+}
+
 impl Running {
     /// Launches it, in a process group of its own: a Ctrl-C at the terminal is the comparison's, which then ends it.
     pub fn start(plan: &Plan, number: usize, folder: &Path) -> Result<Self> {
-        let place = folder.join(format!("run-{:03}", number + 1));
+        let place = folder.join(run_name(number));
         std::fs::create_dir_all(&place).with_context(|| format!("cannot make {}", place.display()))?;
         let said =
             File::create(place.join("said.txt")).with_context(|| format!("cannot write to {}", place.display()))?;

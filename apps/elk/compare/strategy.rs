@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow};
 use elk_mission::{Override, element, instead, split_arguments};
 
-use crate::cli::setting;
+use crate::arguments::setting;
 use crate::registry::registry;
 
 /// What runs as the mission's explorer.

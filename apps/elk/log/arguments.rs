@@ -7,7 +7,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use elk_log::{Compression, LogOptions, Selection};
 use elk_outside::time;
 
-use crate::cli::CommunityArgs;
+use crate::arguments::CommunityArgs;
 use crate::prune::PruneArgs;
 use crate::target::{Target, not_to_a_terminal};
 

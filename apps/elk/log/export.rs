@@ -11,9 +11,9 @@ use elk_log::selection::Window;
 use elk_log::{LogReader, Selection};
 
 use super::arguments::Format;
-use super::{finish, for_each_record, window};
-use crate::complain;
+use super::reading::{for_each_record, window};
 use crate::target::Target;
+use crate::terminal::complain;
 
 /// `elk log export`
 pub fn export(log: &Path, to: Format, output: Option<PathBuf>, selection: &Selection) -> Result<ExitCode> {
@@ -33,7 +33,7 @@ pub fn export(log: &Path, to: Format, output: Option<PathBuf>, selection: &Selec
         }
     }
     let said = format!("{}\n", target.shown());
-    finish(target, &said)?;
+    target.conclude(&said)?;
     Ok(ExitCode::SUCCESS)
 }
 

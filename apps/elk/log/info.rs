@@ -11,7 +11,8 @@ use elk_log::{Index, Metadata};
 use elk_outside::text;
 use serde_json::{Value as Json, json};
 
-use super::{HOW_TO_MEND, progress, say};
+use super::reading::HOW_TO_MEND;
+use crate::terminal::{progress, say};
 
 /// `elk log info`
 pub fn info(log: &Path, as_json: bool) -> Result<ExitCode> {

@@ -15,8 +15,8 @@ struct Level {
 }
 
 impl Strategy for Level {
-    fn plan(&mut self, view: &View<'_>, _: &mut Journal) -> Option<Route> {
-        view.cheapest(|goal, way_m| way_m + self.climb * (goal.position.z - view.from.z).abs())
+    fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+        view.cheapest(journal, |goal, way_m| way_m + self.climb * (goal.position.z - view.from.z).abs())
     }
 }
 

@@ -1,13 +1,13 @@
 //! How much memory a plan takes for each voxel of its box: `cargo run --release -p elk-explorer --example plan_memory
 //! [EDGE]`, of a hall so many voxels long, wide and high.
 
-use elk_explorer::laplace::Solver;
 use elk_explorer::strategy::Start;
 use elk_explorer::{ClosestFrontier, Explorer, Policy, Potential, Settings, Strategy};
+use elk_field::Solver;
+use elk_geometry::clearance::Clearance;
+use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
 use elk_spatial::checks::MAX_REMEMBERED;
-use elk_spatial::clearance::Clearance;
 use elk_spatial::messages::{Outcome, PlanRequest};
-use elk_spatial::{OccupancyGrid, Pose, State, Voxel};
 
 const RESOLUTION: f64 = 0.1;
 
@@ -18,7 +18,7 @@ fn hall(edge: i32) -> OccupancyGrid {
     for voxel in (0..edge.pow(3)).map(|i| Voxel::new(i % edge, i / edge % edge, i / edge / edge)) {
         grid.set(voxel, if walled(voxel) { State::Occupied } else { State::Free });
     }
-    grid.advance(&[], 1);
+    grid.advance(&[]);
     grid
 }
 

@@ -4,47 +4,28 @@ use std::ops::RangeInclusive;
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Handlers, Mail, Rejection, asked_to_stop, number, tell};
-use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_spatial::checks::{
-    CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, RESOLUTIONS_M, SPACINGS_M, path_in,
-};
-use elk_spatial::clearance::Clearance;
+use elk_geometry::clearance::Clearance;
+use elk_geometry::limits::RESOLUTIONS_M;
+use elk_geometry::{Bounds, FrontierSet, Voxel};
+use elk_mission::{Kind, ParamSpec, Params};
+use elk_spatial::Replica;
+use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, MapStatus, Plan, PlanRequest};
-use elk_spatial::{Bounds, FrontierSet, Replica, Voxel};
 use nalgebra::Vector3;
 
+use crate::candidates::EXPLORER_GOALS;
 use crate::explore::{Explorer, Settings};
 use crate::extent::Scope;
-use crate::laplace::Solver;
 use crate::policy::Policy;
 use crate::requests::{MOST_ASKERS, Requests};
-use crate::strategy::{ClosestFrontier, Potential, Start, Strategy};
+use crate::strategy::Strategy;
 
-/// The explorers that a mission file can name.
-pub static TYPES: &[AppType] = &[
-    AppType {
-        element: "Explorer",
-        name: "ClosestFrontier",
-        summary: "Goes to the closest frontier, by A*.",
-        params: COMMON,
-        build: |params| app(params, Box::new(ClosestFrontier)),
-        preflight: None,
-    },
-    AppType {
-        element: "Explorer",
-        name: "Potential",
-        summary: "Follows a streamline of the harmonic potential between robot and frontier (Laplace's equation, RK4).",
-        params: POTENTIAL,
-        build: |params| app(params, Box::new(potential(params))),
-        preflight: None,
-    },
-];
-
-const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
+/// A parameter with a default.
+pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
     ParamSpec { name, kind, default: Some(default), doc }
 }
 
@@ -85,27 +66,6 @@ const PATIENCE: ParamSpec = param(
     "100",
     "A run that learns nothing new in this many scans has failed, and so has one in which the sensor refuses as many motions.",
 );
-const START: ParamSpec = param(
-    "Start",
-    Kind::Choice(&["policy", "flux", "shortest"]),
-    "policy",
-    "The streamline to follow: the one of largest flux, the shortest of 26, or as the policy has it (thesis: flux, elk: \
-     shortest).",
-);
-const SOLVER: ParamSpec = param(
-    "Solver",
-    Kind::Choice(&["multigrid", "jacobi", "thesis"]),
-    "multigrid",
-    "How Laplace's equation is solved: conjugate gradients preconditioned by multigrid or by the diagonal, or \
-     Gauss-Seidel as in the thesis.",
-);
-const TOLERANCE: ParamSpec = param(
-    "Tolerance",
-    Kind::Number { unit: "", min: 0.0, max: 1.0 },
-    "0",
-    "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, and 1e-4 for thesis.",
-);
-
 const MAX_BRICKS_PARAM: ParamSpec = param(
     "MaxBricks",
     Kind::Integer { min: 64, max: MAX_BRICKS as i64 },
@@ -121,19 +81,21 @@ const MAX_VOXELS: ParamSpec = param(
      the robot can get to, or, if that is too much, what of it is near.",
 );
 
-/// The parameters that all explorers share, and those of one.
-macro_rules! params {
-    ($($own:expr),*) => {
-        &[
-            MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE, MAX_BRICKS_PARAM, MAX_VOXELS,
-            $($own),*
-        ]
-    };
-}
-
 /// The parameters that all explorers have.
-pub const COMMON: &[ParamSpec] = params![];
-const POTENTIAL: &[ParamSpec] = params![START, SOLVER, TOLERANCE];
+pub const COMMON: &[ParamSpec] = &[
+    MID,
+    DIM,
+    RES,
+    POLICY,
+    RADIUS,
+    SPACING,
+    MIN_FRONTIER,
+    ATTEMPTS,
+    MAX_SCANS,
+    PATIENCE,
+    MAX_BRICKS_PARAM,
+    MAX_VOXELS,
+];
 
 /// An explorer of any strategy with the parameters that all share.
 pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>, AppError> {
@@ -181,23 +143,6 @@ fn bounds(params: &Params) -> Option<Bounds> {
     (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(params.point("Mid").into(), dim))
 }
 
-fn potential(params: &Params) -> Potential {
-    let solver = match params.text("Solver") {
-        "thesis" => Solver::Thesis,
-        "jacobi" => Solver::Jacobi,
-        _ => Solver::Multigrid,
-    };
-    let start = match (params.text("Start"), params.text("Policy")) {
-        ("flux", _) | ("policy", "thesis") => Start::Flux,
-        _ => Start::Shortest,
-    };
-    let tolerance = match params.number("Tolerance") {
-        0.0 => solver.usual_tolerance(),
-        tolerance => tolerance,
-    };
-    Potential { start, solver, tolerance }
-}
-
 /// An [`Explorer`] on the bus.
 pub struct ExplorerApp {
     explorer: Explorer,
@@ -243,6 +188,7 @@ impl ExplorerApp {
     fn on_status(&mut self, _: &mut Comms, status: MapStatus) -> Result<(), AppError> {
         self.said_full = status.full;
         self.explorer.hear_of_rays(status.rays.no_return);
+        self.explorer.hear_of_camera(&status.camera);
         self.look_whether_full();
         Ok(())
     }
@@ -335,6 +281,9 @@ impl ExplorerApp {
         self.say_scope(comms.name());
         // Before it is said: who has heard a plan can rely on every explorer to come to know it.
         comms.publish(&EXPLORER_MEMORY, &self.explorer.memory(&plan))?;
+        if let Some(candidates) = self.explorer.candidates(&request, plan.revision) {
+            comms.publish(&EXPLORER_GOALS, &candidates)?;
+        }
         self.plan = Some(plan);
         self.say(comms)
     }
@@ -347,7 +296,7 @@ impl ExplorerApp {
         let right = plan.request == request.id && (request.revision..=grid.revision()).contains(&plan.revision);
         right
             && match &plan.decision {
-                Decision::Go(path) => path_in(grid, path, plan.motion.clearance_m).is_ok(),
+                Decision::Go(path) => path_in(grid, &path.points, plan.motion.clearance_m).is_ok(),
                 Decision::Done => true,
             }
     }

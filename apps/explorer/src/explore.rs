@@ -4,18 +4,22 @@ mod memory;
 mod scene;
 mod verdict;
 
+use elk_bus::tell;
+use elk_geometry::clearance::Clearance;
+use elk_geometry::frontier::Edges;
+use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
 use elk_spatial::checks::MAX_COUNT;
-use elk_spatial::clearance::Clearance;
-use elk_spatial::frontier::Edges;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
-use elk_spatial::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_spatial::{CameraInfo, StrategyMemory};
 use nalgebra::Point3;
 
+use crate::candidates::{Candidates, Weighed};
 use crate::extent::Scope;
 use crate::goals::{Goal, Goals, Known, Target};
 use crate::policy::{Policy, looks};
+use crate::sight::Sight;
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
 use memory::Memory;
 use scene::Scene;
@@ -62,6 +66,10 @@ pub struct Explorer {
     scope: Scope,
     /// Rays of all scans that went without a return.
     no_return: u64,
+    /// What the camera sees.
+    sight: Sight,
+    /// The goals that were weighed for the last plan.
+    weighed: Weighed,
 }
 
 impl Explorer {
@@ -76,7 +84,14 @@ impl Explorer {
             report: None,
             scope: Scope::default(),
             no_return: 0,
+            sight: Sight::default(),
+            weighed: Weighed::default(),
         }
+    }
+
+    /// The scans are taken with this camera.
+    pub fn hear_of_camera(&mut self, camera: &CameraInfo) {
+        self.sight = Sight::of(camera);
     }
 
     /// Of the rays of all scans so far, so many went without a return. Where nothing is seen, looking again is in vain.
@@ -107,13 +122,41 @@ impl Explorer {
         self.report.as_ref()
     }
 
-    /// Goes on where another explorer, of whatever strategy, stopped.
-    pub fn succeed(&mut self, left: &ExplorerMemory) {
+    /// Goes on where another explorer, of whatever strategy, stopped. Answers why what that one's strategy itself remembered is
+    /// not taken over, if it is not.
+    pub fn succeed(&mut self, left: &ExplorerMemory) -> Option<String> {
         self.memory = Memory::recall(left);
         self.no_return = self.no_return.max(left.no_return);
         self.journal.recall(left);
         self.plans = left.plans;
         self.report = left.ended.clone();
+        self.recall_strategy(left.strategy.as_ref()?)
+    }
+
+    fn recall_strategy(&mut self, left: &StrategyMemory) -> Option<String> {
+        let name = self.strategy.name();
+        let why = match left.strategy == name {
+            true => self.strategy.recall(left).err()?.to_string(),
+            false => format!("it goes on as {name}"),
+        };
+        Some(format!("what {} itself remembered is left aside: {why}", left.strategy))
+    }
+
+    /// What the strategy itself leaves. What cannot be left is no reason to plan nothing.
+    fn strategy_memory(&self) -> Option<StrategyMemory> {
+        let name = self.strategy.name();
+        let left = self.strategy.memory().unwrap_or_else(|error| {
+            tell(format_args!("{name} leaves no memory of its own: {error}"));
+            None
+        })?;
+        Some(StrategyMemory { strategy: name.to_owned(), ..left })
+    }
+
+    /// The goals that the strategy weighed for the last plan; `None`: it weighed none.
+    pub fn candidates(&self, request: &PlanRequest, revision: u64) -> Option<Candidates> {
+        let Weighed { count: weighed, .. } = self.weighed;
+        let goals = || self.weighed.clone().into_goals();
+        (weighed > 0).then(|| Candidates { request: request.id, revision, from: request.pose, weighed, goals: goals() })
     }
 
     /// What a successor has to know, `plan` being the last one: never more than it believes, whatever this one was left.
@@ -122,9 +165,9 @@ impl Explorer {
             plan: plan.clone(),
             ended: self.report.clone(),
             plans: self.plans,
-            stalls: self.journal.stalls.min(MAX_COUNT),
             fallbacks: self.journal.fallbacks.min(MAX_COUNT),
-            iterations: self.journal.iterations.min(MAX_COUNT),
+            counters: self.journal.counters().to_vec(),
+            strategy: self.strategy_memory(),
             cpu_secs: self.journal.phases().to_vec(),
             trail: Vec::new(),
             targets: Vec::new(),
@@ -142,8 +185,9 @@ impl Explorer {
     pub fn plan(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
         self.plans = (self.plans + 1).min(MAX_COUNT);
-        let known = Known { grid, frontier };
+        let known = Known { grid, frontier, sight: self.sight };
         self.memory.learn(request, known, self.no_return);
+        self.weighed = Weighed::default();
         Plan {
             request: request.id,
             revision: grid.revision(),
@@ -191,9 +235,9 @@ impl Explorer {
 
     fn near_goals(&mut self, scene: &Scene) -> Goals {
         let Scene { volume, space, targets, .. } = scene;
-        let is_to_stop = self.settings.is_to_stop;
+        let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
         let wanted = targets.iter().take_while(|_| !is_to_stop());
-        self.journal.time("goals", || Goals::near(volume, &space.reach, wanted))
+        self.journal.time("goals", || Goals::near(volume, &space.reach, range_m, wanted))
     }
 
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
@@ -207,9 +251,9 @@ impl Explorer {
         let mut goals = Goals::none(volume);
         for candidates in [fresh, hidden] {
             let far;
-            let is_to_stop = self.settings.is_to_stop;
+            let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
             let wanted = candidates.iter().take_while(|_| !is_to_stop());
-            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, wanted));
+            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, range_m, wanted));
             self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), frontier);
             if !goals.is_empty() {
                 targets.extend(candidates);
@@ -244,6 +288,8 @@ impl Explorer {
                 self.journal.fallbacks += 1;
                 ClosestFrontier.plan(&view, &mut self.journal)
             })?;
+        self.weighed = self.journal.take_weighed();
+        self.weighed.choose(route.goal);
         let goal = goals.at(route.goal)?;
         let escape = space.escape.iter().skip(1).map(|i| volume.center(*i));
         let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
@@ -258,12 +304,12 @@ impl Explorer {
     /// The path to follow, and what to do at its end.
     fn path(&mut self, scene: &Scene, known: Known, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
         let (volume, target) = (&scene.volume, &goal.target);
-        let policy = &self.settings.policy;
+        let (policy, range_m) = (&self.settings.policy, self.sight.range_m);
         let path = self.journal.time("path", || {
             let fixed = Polyline::new(way.iter().copied().take(scene.space.escape.len()));
             let fixed = fixed.map_or(0.0, |f| f.length());
             let whole = Polyline::new(way.iter().copied());
-            let shaped = whole.map(|w| policy.shape(volume, &scene.space.reach, target, w, fixed));
+            let shaped = whole.map(|w| policy.shape((volume, &scene.space.reach), (target, range_m), w, fixed));
             let points = shaped.map_or(way, |s| s.points().to_vec());
             let end = points.last().copied().unwrap_or(goal.position);
             Path {
@@ -295,7 +341,7 @@ impl Explorer {
             reason,
             frontiers_left: left,
             plans: self.plans,
-            stalls: self.journal.stalls.min(MAX_COUNT),
+            counters: self.journal.counters().to_vec(),
             cpu_secs: self.journal.phases().to_vec(),
         });
         Decision::Done

@@ -2,8 +2,9 @@
 //!
 //! A dense volume costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes.
 
-use elk_spatial::bricks::{BRICK, Bricks, voxel_at};
-use elk_spatial::{OccupancyGrid, State, Voxel};
+use elk_geometry::bricks::Bricks;
+use elk_geometry::volume::corners;
+use elk_geometry::{OccupancyGrid, State, Voxel};
 
 /// What of the map is in an [`Extent`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -59,18 +60,6 @@ impl Extent {
         let (min, max, voxel) = (self.min.to_array(), self.max.to_array(), voxel.to_array());
         (0..3).all(|axis| (min[axis]..max[axis]).contains(&voxel[axis]))
     }
-}
-
-/// Smallest corner, and the corner beyond the largest, of bricks and of a voxel.
-pub fn corners(include: Voxel, bricks: impl Iterator<Item = Voxel>) -> (Voxel, Voxel) {
-    let (mut min, mut max) = (include, include + Voxel::new(1, 1, 1));
-    for brick in bricks {
-        let low = voxel_at(brick, 0);
-        min = Voxel::new(min.x.min(low.x), min.y.min(low.y), min.z.min(low.z));
-        let high = low + Voxel::new(BRICK, BRICK, BRICK);
-        max = Voxel::new(max.x.max(high.x), max.y.max(high.y), max.z.max(high.z));
-    }
-    (min, max)
 }
 
 /// Number of voxels of a box with `margin` voxels around.

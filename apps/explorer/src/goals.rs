@@ -4,11 +4,12 @@
 //! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
 //! every place that sees the unknown at all counts.
 
-use elk_spatial::{FrontierSet, OccupancyGrid, Voxel};
+use elk_geometry::{FrontierSet, OccupancyGrid, Voxel};
 use nalgebra::Point3;
 
-use crate::visibility::{Lookout, sees};
-use crate::volume::Volume;
+use crate::sight::Sight;
+use elk_geometry::Volume;
+use elk_geometry::visibility::{Lookout, sees};
 
 /// Greatest distance of a standoff from its frontier voxel (m).
 const STANDOFF_M: f64 = 0.5;
@@ -24,6 +25,8 @@ pub struct Known<'a> {
     pub grid: &'a OccupancyGrid,
     /// Its frontier.
     pub frontier: &'a FrontierSet,
+    /// What the camera sees that looks there.
+    pub sight: Sight,
 }
 
 impl<'a> Known<'a> {
@@ -114,10 +117,11 @@ impl Goals {
         }
     }
 
-    /// Goals in the frontier itself, or at a standoff.
+    /// Goals in the frontier itself, or at a standoff from which a camera that sees `range_m` far sees it.
     pub fn near<'a>(
         volume: &Volume,
         reach: &[bool],
+        range_m: f64,
         targets: impl IntoIterator<Item = &'a Target, IntoIter: Clone>,
     ) -> Self {
         let targets = targets.into_iter();
@@ -130,7 +134,7 @@ impl Goals {
             let position = volume.center(i);
             goals.add(i, || Goal { index: i, position, target: target.clone() });
         }
-        let ball = ball(STANDOFF_M / volume.resolution());
+        let ball = ball(STANDOFF_M.min(range_m) / volume.resolution());
         for target in targets.filter(|t| enterable(t).is_none()) {
             if let Some(i) = standoff(volume, reach, target, &ball) {
                 let position = volume.center(i);
@@ -140,10 +144,15 @@ impl Goals {
         goals
     }
 
-    /// Places that look into the unknown beside a target, from afar if need be, for the first targets that any sees; and
-    /// what became of the targets before those ran out.
-    pub fn far<'a>(volume: &Volume, reach: &[bool], targets: impl IntoIterator<Item = &'a Target>) -> (Self, Far) {
-        let lookout = Lookout::new(LAST_RESORT_M, volume.resolution()).from_within(volume, reach);
+    /// Places that look into the unknown beside a target, from afar if need be, as far as the camera sees, for the first
+    /// targets that any sees; and what became of the targets before those ran out.
+    pub fn far<'a>(
+        volume: &Volume,
+        reach: &[bool],
+        range_m: f64,
+        targets: impl IntoIterator<Item = &'a Target>,
+    ) -> (Self, Far) {
+        let lookout = Lookout::new(LAST_RESORT_M.min(range_m), volume.resolution()).from_within(volume, reach);
         let (mut goals, mut far) = (Self::none(volume), Far::default());
         let mut seen = 0;
         for target in targets {
@@ -216,7 +225,10 @@ fn ball(radius: f64) -> Vec<Voxel> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::{Bounds, State};
+    use elk_geometry::{Bounds, State};
+
+    /// As far as a camera sees that has no limit (m).
+    const FAR: f64 = f64::INFINITY;
 
     /// A free box of 10³ voxels, its floor occupied but for what `unknown` leaves open.
     fn room(unknown: &[Voxel]) -> (OccupancyGrid, Volume) {
@@ -238,7 +250,11 @@ mod tests {
     }
 
     fn target(grid: &OccupancyGrid, bounds: Option<Bounds>, tried: Vec<Voxel>) -> Target {
-        Target::new(Known { grid, frontier: &FrontierSet::new(bounds) }, Voxel::new(5, 5, 0), tried)
+        Target::new(
+            Known { grid, frontier: &FrontierSet::new(bounds), sight: Sight::default() },
+            Voxel::new(5, 5, 0),
+            tried,
+        )
     }
 
     fn reach(volume: &Volume, margin: i32) -> Vec<bool> {
@@ -254,10 +270,10 @@ mod tests {
         let target = target(&grid, None, vec![]);
         assert_eq!(target.unknown, vec![hole]);
 
-        let entered = Goals::near(&volume, &reach(&volume, 0), [&target]);
+        let entered = Goals::near(&volume, &reach(&volume, 0), FAR, [&target]);
         assert!(entered.contains(volume.index(frontier).unwrap()));
 
-        let kept_off = Goals::near(&volume, &reach(&volume, 2), [&target]);
+        let kept_off = Goals::near(&volume, &reach(&volume, 2), FAR, [&target]);
         let above = volume.index(Voxel::new(5, 5, 2)).unwrap();
         assert_eq!(kept_off.len(), 1);
         assert_eq!(kept_off.at(above).map(|g| g.target.voxel), Some(frontier));
@@ -269,7 +285,7 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let tried = vec![Voxel::new(5, 5, 0), Voxel::new(5, 5, 2)];
         let target = target(&grid, None, tried.clone());
-        let goals = Goals::near(&volume, &reach(&volume, 1), [&target]);
+        let goals = Goals::near(&volume, &reach(&volume, 1), FAR, [&target]);
         assert_eq!(goals.len(), 1);
         for t in tried {
             assert!(!goals.contains(volume.index(t).unwrap()));
@@ -293,7 +309,9 @@ mod tests {
         let brick = (0..8).flat_map(|x| (0..8).flat_map(move |y| (0..8).map(move |z| Voxel::new(x, y, z))));
         brick.filter(|voxel| *voxel != hole).for_each(|voxel| assert!(grid.set(voxel, State::Free)));
         let mut frontier = FrontierSet::new(None);
-        let of = |frontier: &FrontierSet| Target::new(Known { grid: &grid, frontier }, rim, vec![]).unknown;
+        let of = |frontier: &FrontierSet| {
+            Target::new(Known { grid: &grid, frontier, sight: Sight::default() }, rim, vec![]).unknown
+        };
         assert_eq!(of(&frontier), [hole, rim + Voxel::new(1, 0, 0)]);
         frontier.set_full(true, &grid);
         assert_eq!(of(&frontier), [hole]);
@@ -305,9 +323,11 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let target = target(&grid, None, vec![]);
         let nowhere = vec![false; volume.len()];
-        let (goals, far) = Goals::far(&volume, &nowhere, [&target]);
+        let (goals, far) = Goals::far(&volume, &nowhere, FAR, [&target]);
         assert!(goals.is_empty() && far.invisible == vec![target.voxel]);
-        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), [&target]);
+        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), FAR, [&target]);
         assert!(!goals.is_empty() && far == Far::default());
+        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), 0.25, [&target]);
+        assert!(goals.is_empty() && far.invisible == vec![target.voxel], "the camera does not see so far");
     }
 }

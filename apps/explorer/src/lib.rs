@@ -1,10 +1,10 @@
 //! Where to go next: frontier exploration of an occupancy grid, one module per strategy behind one trait.
 //!
 //! The way through the code, in the order in which a plan is made ([`explore::Explorer::plan`]):
-//! [`extent`] says which part of the map, [`volume`] takes a dense copy of it, [`space`] says where the robot can be, [`goals`] from where each frontier
-//! voxel can be resolved (with [`visibility`]), a [`strategy`] chooses one and a way to it (with [`astar`], or with
-//! [`laplace`] and [`streamline`]), and [`policy`] makes of it a path with scans. [`app`] puts that on the bus, [`program`]
-//! makes it a program.
+//! [`extent`] says which part of the map, a [`Volume`](elk_geometry::Volume) is a dense copy of it, [`space`] says where the
+//! robot can be, [`goals`] from where each frontier voxel can be resolved (with [`elk_geometry::visibility`]), a [`strategy`]
+//! chooses one and a way to it (with [`elk_geometry::astar`], or with [`elk_field`]), and [`policy`] makes of it a path with
+//! scans. [`app`] puts that on the bus, [`program`] makes it a program.
 //!
 //! # A strategy of one's own
 //!
@@ -15,31 +15,32 @@
 //! ```
 //!
 //! [`View::goals`] are the places to choose from, [`View::cheapest`] is the shortest way to the one that costs least, and
-//! [`View::ways`] gives lengths and ways one by one. Whatever it chooses, [`Policy`] says how far the way is followed and
+//! [`View::ways`] gives lengths and ways one by one. What it weighs and counts goes into the [`Journal`], and from there to
+//! whoever looks on (`EXPLORER_GOALS`, the report); what the next one of its kind is to know it leaves with
+//! [`Strategy::memory`]. Whatever it chooses, [`Policy`] says how far the way is followed and
 //! where scans are taken, so that strategies can be compared. [`Room`] is a place to try one in.
 
 pub mod app;
-pub mod astar;
+pub mod candidates;
 pub mod explore;
 pub mod extent;
 pub mod goals;
-pub mod laplace;
 pub mod policy;
 pub mod program;
 mod requests;
+pub mod sight;
 pub mod space;
 pub mod strategy;
-pub mod streamline;
 mod trial;
-pub mod visibility;
-pub mod volume;
 
-pub use app::TYPES;
+pub use elk_geometry;
 pub use elk_mission::{Kind, ParamSpec, Params};
+pub use elk_spatial::StrategyMemory;
 pub use explore::{Explorer, Settings};
 pub use goals::{Goal, Goals, Target};
 pub use nalgebra;
 pub use policy::Policy;
 pub use program::{main, main_with};
-pub use strategy::{ClosestFrontier, Journal, Potential, Route, Strategy, View, Ways};
+pub use sight::Sight;
+pub use strategy::{ClosestFrontier, Journal, Potential, Route, Strategy, TYPES, View, Ways};
 pub use trial::Room;

@@ -4,13 +4,13 @@
 //! every result. `thesis` is its letter (6.5.1): follow the path to its end, looking along it. `elk` stops where the
 //! target's unknown side is in sight, cuts bends that nothing asks for, and looks at the target on the way.
 
+use elk_geometry::{Polyline, Pose, Voxel};
 use elk_spatial::messages::MotionPolicy;
-use elk_spatial::{Polyline, Pose, Voxel};
 use nalgebra::{Point3, Vector3};
 
 use crate::goals::{Known, Target};
-use crate::visibility::sees;
-use crate::volume::Volume;
+use elk_geometry::Volume;
+use elk_geometry::visibility::sees;
 
 /// Length of way between two checks for line of sight (m).
 const SIGHT_STEP_M: f64 = 0.05;
@@ -18,9 +18,7 @@ const SIGHT_STEP_M: f64 = 0.05;
 const LOOK_RADIUS_M: f64 = 0.35;
 /// Frontier this near counts when a look chooses its direction (m).
 pub(crate) const LOOK_RANGE_M: f64 = 3.0;
-/// What a look is sure to have in view: a cone of this half angle (rad), inside the thesis' 75°.
-pub(crate) const VIEW_HALF_ANGLE: f64 = 35.0 * std::f64::consts::PI / 180.0;
-/// How far the optical axis may turn away from the target to have more in view (rad).
+/// How far the optical axis may turn away from the target to have more in view (rad), if that is in view still.
 const TILTS: [f64; 2] = [15.0 * std::f64::consts::PI / 180.0, 28.0 * std::f64::consts::PI / 180.0];
 /// Looks straight at single unknown voxels, after the first look.
 const EXACT_LOOKS: usize = 4;
@@ -95,20 +93,26 @@ impl Policy {
         }
     }
 
-    /// The part of `way` to follow to resolve `target`. `reach` is where the robot can be; the first `fixed` (m) of the
-    /// way, on which it backs off from an obstacle, are left as they are.
-    pub fn shape(&self, volume: &Volume, reach: &[bool], target: &Target, way: Polyline, fixed: f64) -> Polyline {
-        let cut = self.cut(volume, target, way);
+    /// The part of `way` to follow to resolve `target` with a camera that sees `range_m` far. `reach` is where the robot can
+    /// be; the first `fixed` (m) of the way, on which it backs off from an obstacle, are left as they are.
+    pub fn shape(
+        &self,
+        (volume, reach): (&Volume, &[bool]),
+        (target, range_m): (&Target, f64),
+        way: Polyline,
+        fixed: f64,
+    ) -> Polyline {
+        let cut = self.cut(volume, target, range_m, way);
         if !self.straighten {
             return cut;
         }
         let straight = straighten(volume, reach, &cut, fixed);
-        self.cut(volume, target, straight)
+        self.cut(volume, target, range_m, straight)
     }
 
     /// Ends the way where the target is in sight.
-    fn cut(&self, volume: &Volume, target: &Target, way: Polyline) -> Polyline {
-        let Some(range) = self.stop_at_sight_m else {
+    fn cut(&self, volume: &Volume, target: &Target, range_m: f64, way: Polyline) -> Polyline {
+        let Some(range) = self.stop_at_sight_m.map(|range| range.min(range_m)) else {
             return way;
         };
         let center = target.voxel.center(volume.resolution());
@@ -140,7 +144,7 @@ fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Po
 
 /// Whether the robot can go straight from `from` to `to`.
 fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>) -> bool {
-    elk_spatial::ray::Traversal::new(from, to, volume.resolution()).all(|v| volume.index(v).is_some_and(|i| reach[i]))
+    elk_geometry::ray::Traversal::new(from, to, volume.resolution()).all(|v| volume.index(v).is_some_and(|i| reach[i]))
 }
 
 /// The poses to scan from at `position`, in order: first the one that has most of the frontier in view beside the target,
@@ -165,9 +169,10 @@ fn widest(volume: &Volume, known: Known, position: Point3<f64>, target: &Target)
     };
     let around: Vec<Vector3<f64>> =
         unknown_around(known, position).iter().filter(in_sight).filter_map(toward).collect();
-    let in_view = |d: &Vector3<f64>| around.iter().filter(|u| u.dot(d) >= VIEW_HALF_ANGLE.cos()).count();
+    let sight = known.sight;
+    let in_view = |d: &Vector3<f64>| around.iter().filter(|u| sight.covers(d, u)).count();
     let mut best = (0, axis);
-    for direction in tilted(axis) {
+    for direction in tilted(axis, sight.half_angle) {
         let count = in_view(&direction);
         if count > best.0 {
             best = (count, direction);
@@ -176,8 +181,8 @@ fn widest(volume: &Volume, known: Known, position: Point3<f64>, target: &Target)
     best.1
 }
 
-/// A direction, and those that are tilted against it in eight ways by each of [`TILTS`].
-fn tilted(axis: Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> {
+/// A direction, and those that are tilted against it in eight ways by each of [`TILTS`] that is below `half_angle` (rad).
+fn tilted(axis: Vector3<f64>, half_angle: f64) -> impl Iterator<Item = Vector3<f64>> {
     let side = axis.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x);
     let up = side.cross(&axis);
     let turn = move |k: i32| {
@@ -185,12 +190,12 @@ fn tilted(axis: Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> {
         side * angle.cos() + up * angle.sin()
     };
     let by = move |tilt: f64| (0..8).map(move |k| axis * tilt.cos() + turn(k) * tilt.sin());
-    std::iter::once(axis).chain(TILTS.into_iter().flat_map(by))
+    std::iter::once(axis).chain(TILTS.into_iter().filter(move |tilt| *tilt < half_angle).flat_map(by))
 }
 
-/// The unknown voxels beside the frontier within [`LOOK_RANGE_M`] of `position`.
+/// The unknown voxels beside the frontier within [`LOOK_RANGE_M`] of `position`, as far as the camera sees.
 fn unknown_around(known: Known, position: Point3<f64>) -> Vec<Voxel> {
-    let near = known.frontier_near(position, LOOK_RANGE_M);
+    let near = known.frontier_near(position, LOOK_RANGE_M.min(known.sight.range_m));
     let mut unknown: Vec<Voxel> = near.flat_map(|v| known.unknown_beside(v)).collect();
     unknown.sort_unstable();
     unknown.dedup();
@@ -222,7 +227,8 @@ fn outward(volume: &Volume, known: Known, position: Point3<f64>, target: &Target
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::{FrontierSet, OccupancyGrid, State};
+    use crate::sight::Sight;
+    use elk_geometry::{FrontierSet, OccupancyGrid, State};
 
     /// An L-shaped corridor, 5 voxels wide and high: 30 along x, then 30 along y; its far end is open.
     fn corridor() -> (OccupancyGrid, FrontierSet, Volume, Vec<bool>, Target) {
@@ -242,7 +248,8 @@ mod tests {
         frontier.update(&grid, &all);
         let volume = Volume::of(&grid, Voxel::new(0, 0, 0), 2);
         let reach: Vec<bool> = volume.states().iter().map(|s| *s == State::Free).collect();
-        let target = Target::new(Known { grid: &grid, frontier: &frontier }, Voxel::new(27, 29, 2), vec![]);
+        let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
+        let target = Target::new(known, Voxel::new(27, 29, 2), vec![]);
         (grid, frontier, volume, reach, target)
     }
 
@@ -254,15 +261,18 @@ mod tests {
     #[test]
     fn the_thesis_follows_to_the_end_and_elk_until_it_sees() {
         let (_, _, volume, reach, target) = corridor();
-        let thesis = Policy::thesis(0.4).shape(&volume, &reach, &target, way(), 0.0);
+        let thesis = Policy::thesis(0.4).shape((&volume, &reach), (&target, f64::INFINITY), way(), 0.0);
         assert_eq!(thesis, way());
-        let elk = Policy::elk(0.4).shape(&volume, &reach, &target, way(), 0.0);
+        let elk = Policy::elk(0.4).shape((&volume, &reach), (&target, f64::INFINITY), way(), 0.0);
         assert!(target.seen_from(&volume, elk.end()));
         assert!(elk.length() < 2.7, "{}", elk.length());
         assert_eq!(elk.points()[0], way().points()[0]);
         for pair in elk.points().windows(2) {
             assert!(free_line(&volume, &reach, pair[0], pair[1]));
         }
+        let short_sighted = Policy::elk(0.4).shape((&volume, &reach), (&target, 1.0), way(), 0.0);
+        let left = (short_sighted.end() - target.voxel.center(0.1)).norm();
+        assert!(target.seen_from(&volume, short_sighted.end()) && left <= 1.0, "{left}");
     }
 
     #[test]
@@ -279,7 +289,7 @@ mod tests {
     #[test]
     fn the_first_look_is_along_the_frontiers_normal_the_next_into_the_unknown() {
         let (grid, frontier, volume, _, target) = corridor();
-        let known = Known { grid: &grid, frontier: &frontier };
+        let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
         let inside = target.voxel.center(0.1);
         let poses = looks(&volume, known, inside, &target);
         assert_eq!(poses.len(), 2);

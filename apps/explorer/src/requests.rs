@@ -57,7 +57,7 @@ fn is_outdated(request: &PlanRequest, revision: u64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use elk_spatial::Pose;
+    use elk_geometry::Pose;
     use elk_spatial::messages::Outcome;
     use nalgebra::Point3;
 

@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
-use elk_spatial::clearance::Clearance;
-use elk_spatial::{State, Voxel};
+use elk_geometry::clearance::Clearance;
+use elk_geometry::{State, Voxel};
 
-use crate::volume::Volume;
+use elk_geometry::Volume;
 
 /// How far a robot that stands too close to an obstacle may have to back off (voxels of way).
 const ESCAPE_VOXELS: u32 = 8;
@@ -138,7 +138,7 @@ fn walk(volume: &Volume, robot: usize, free: &[bool]) -> (Vec<usize>, impl Fn(us
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::OccupancyGrid;
+    use elk_geometry::OccupancyGrid;
 
     /// A corridor of 20 × 5 × 5 free voxels between occupied walls, cut in two by a wall at x = 10 with a hole of
     /// `hole` × `hole` voxels.

@@ -1,13 +1,13 @@
 //! A made-up room to try a strategy in, without a bus, a world or a robot.
 
-use elk_spatial::clearance::Clearance;
-use elk_spatial::{OccupancyGrid, State, Voxel};
+use elk_geometry::clearance::Clearance;
+use elk_geometry::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
 use crate::goals::{Goals, Target};
 use crate::space::Space;
 use crate::strategy::{Journal, Strategy, View};
-use crate::volume::Volume;
+use elk_geometry::Volume;
 
 /// Edge of the room's voxels, and radius of its robot (m).
 const EDGE_M: f64 = 0.1;
@@ -42,7 +42,7 @@ impl Room {
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
         let target = |voxel: &Voxel| Target { voxel: *voxel, unknown: Vec::new(), tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
-        let goals = Goals::near(&volume, &space.reach, &targets);
+        let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets);
         Self { volume, space, goals, robot: robot.into(), places }
     }
 
@@ -84,8 +84,8 @@ mod tests {
     }
 
     impl Strategy for Level {
-        fn plan(&mut self, view: &View<'_>, _: &mut Journal) -> Option<Route> {
-            view.cheapest(|goal, way_m| way_m + self.climb * (goal.position.z - view.from.z).abs())
+        fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+            view.cheapest(journal, |goal, way_m| way_m + self.climb * (goal.position.z - view.from.z).abs())
         }
     }
 

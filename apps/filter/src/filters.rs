@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use elk_spatial::{Points, Voxel};
+use elk_geometry::Voxel;
+use elk_spatial::Points;
 use nalgebra::{Point3, Vector3};
 
 /// The points at most `threshold` (m) from the camera, in their order. A point that is not finite is left out.

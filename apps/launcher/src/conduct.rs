@@ -1,12 +1,13 @@
 //! A mission from its first app to its last word.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Community, ConnectError};
-use elk_mission::element;
+use elk_mission::element::{self, ELEMENTS};
 use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
@@ -14,13 +15,13 @@ use rustix::process::getpid;
 use crate::backend::Backend;
 use crate::control::{Answer, AppRow, Request, Server};
 use crate::error::LaunchError;
-use crate::launch_state::{self, LaunchState};
-use crate::listener::Listener;
-use crate::observer::News;
-use crate::person::{self, Person};
-use crate::progress::Display;
+use crate::process::usage::Usage;
+use crate::reports::listener::Listener;
+use crate::reports::observer::News;
+use crate::run::launch_state::{self, LaunchState};
 use crate::supervisor::{State, Ticket, Word};
-use crate::usage::Usage;
+use crate::terminal::person::{self, Person};
+use crate::terminal::progress::Display;
 
 /// How long the broker may take to answer.
 const BROKER_PATIENCE: Duration = Duration::from_secs(20);
@@ -69,9 +70,9 @@ impl Conduct<'_> {
     pub fn begin(&mut self) -> Result<(), LaunchError> {
         self.backend.start_broker()?;
         self.join("at once")?;
-        // The logger is there before anybody has anything to say.
-        self.start(&|element| element == element::LOGGER)?;
-        self.start(&|element| element != element::LOGGER)
+        let ranks: BTreeSet<u8> = ELEMENTS.iter().map(|element| element.start_rank).collect();
+        let is_of = |element: &str, rank| element::named(element).is_some_and(|element| element.start_rank == rank);
+        ranks.into_iter().try_for_each(|rank| self.start(&|element| is_of(element, rank)))
     }
 
     /// Waits until the launcher itself is on the bus.
@@ -330,7 +331,7 @@ impl Conduct<'_> {
 
     fn rows(&mut self) -> Vec<AppRow> {
         let losses = self.listener.observer().losses.clone();
-        let mut rows = vec![launcher_row(self.running, losses.dropped.get(crate::NAME).copied())];
+        let mut rows = vec![launcher_row(self.running, losses.dropped.get(crate::reports::NAME).copied())];
         rows.extend(self.backend.rows(&losses));
         rows
     }
@@ -366,9 +367,11 @@ impl Conduct<'_> {
         if !self.backend.note_state(&mut self.state) || self.said_state.as_ref() == Some(&self.state) {
             return;
         }
-        let text = self.state.next_text();
-        self.listener.say(launch_state::KEY, text.as_str());
-        if let Err(error) = LaunchState::keep(self.community, &text) {
+        let kept = self.state.next_text().and_then(|text| {
+            self.listener.say(launch_state::KEY, text.as_str());
+            LaunchState::keep(self.community, &text)
+        });
+        if let Err(error) = kept {
             self.display.say(&error.to_string());
         }
         self.said_state = Some(self.state.clone());
@@ -382,7 +385,7 @@ fn motion(paused: bool) -> &'static str {
 fn launcher_row(running: Stopwatch, dropped: Option<u64>) -> AppRow {
     let usage = Usage::of(getpid());
     AppRow {
-        name: crate::NAME.to_owned(),
+        name: crate::reports::NAME.to_owned(),
         element: String::new(),
         type_name: "launcher".to_owned(),
         pid: Some(getpid().as_raw_nonzero().get()),

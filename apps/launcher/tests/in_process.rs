@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::{App, AppError, Comms, Community, Mail};
+use elk_geometry::Pose;
 use elk_launcher::{LaunchError, LaunchOptions, Outcome, launch};
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params, Registry};
-use elk_spatial::Pose;
+use elk_spatial::CameraInfo;
 use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_REQUEST, MOTION_REPORT, POSE_COMMAND, PROGRESS, SENSOR_REPORT,
 };
@@ -29,7 +30,7 @@ impl App for Sensor {
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         if mail.is(&POSE_COMMAND) {
             let scan = mail.decode(&POSE_COMMAND)?.id;
-            let contacts = self.contacts;
+            let contacts = Some(self.contacts);
             comms.publish(&SENSOR_REPORT, &SensorReport { scans: scan, contacts, scan, cpu_secs: 0.5 })?;
             comms.notify("SCAN", scan as f64)?;
         } else {
@@ -69,6 +70,7 @@ impl App for Map {
             cpu_secs: 0.25,
             full: false,
             rays,
+            camera: CameraInfo::default(),
         };
         comms.publish(&MAP_KNOWN, &status)?;
         Ok(comms.notify("MAPPED", scan)?)
@@ -126,7 +128,7 @@ impl App for Explorer {
             reason: "nothing is left".into(),
             frontiers_left: FrontiersLeft { invisible: 2, ..FrontiersLeft::default() },
             plans: 1,
-            stalls: 0,
+            counters: Vec::new(),
             cpu_secs: vec![("field".into(), 0.125)],
         };
         Ok(comms.publish(&EXPLORATION_REPORT, &report)?)

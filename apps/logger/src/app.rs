@@ -4,10 +4,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use elk_bus::clock::{Clock, Stopwatch};
-use elk_bus::key::fnv1a_of_file;
 use elk_bus::{AppError, Comms, Handled, Handlers, Mail, any, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params};
+use elk_outside::checksum::fnv1a_of_file;
 use elk_outside::file;
 
 use crate::recorder::Recorder;

@@ -4,9 +4,9 @@
 
 use std::collections::{HashMap, HashSet};
 
+use elk_geometry::Voxel;
+use elk_geometry::ray::Traversal;
 use elk_map::{MapConfig, OccupancyMap};
-use elk_spatial::Voxel;
-use elk_spatial::ray::Traversal;
 use nalgebra::{Point3, Vector3};
 
 type RecordedScan = (Point3<f64>, Vec<Point3<f64>>);

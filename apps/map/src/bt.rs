@@ -230,7 +230,7 @@ impl Reader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::Voxel;
+    use elk_geometry::Voxel;
     use proptest::prelude::*;
 
     fn bytes_of(tree: &Node<bool>) -> Vec<u8> {

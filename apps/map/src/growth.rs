@@ -1,8 +1,8 @@
 //! The growth of sets of cells across the borders of bricks. In a [`Mask`] a row along x is a byte, so whole layers are
 //! worked on at once.
 
-use elk_spatial::mask::Mask;
-use elk_spatial::voxel::{FACES, Voxel};
+use elk_geometry::mask::Mask;
+use elk_geometry::voxel::{FACES, Voxel};
 
 /// The cells with x = 0, in every row of a layer.
 const FIRST_COLUMN: u64 = 0x0101_0101_0101_0101;
@@ -62,8 +62,8 @@ fn along_y(own: u64, front: u64, back: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
-    use elk_spatial::mask::{self, cells, count};
+    use elk_geometry::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
+    use elk_geometry::mask::{self, cells, count};
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 

@@ -4,10 +4,10 @@
 //! wins over any number of passing rays. The order of the points therefore does not matter, and a voxel near the sensor
 //! that a thousand rays pass is not a thousand times as free (`exploration-prototype`: without this no exploration ends).
 
-use elk_spatial::Voxel;
-use elk_spatial::bricks::{brick_of, voxel_at};
-use elk_spatial::mask::{self, Mask};
-use elk_spatial::voxel::INDEX_RANGE;
+use elk_geometry::Voxel;
+use elk_geometry::bricks::{brick_of, voxel_at};
+use elk_geometry::mask::{self, Mask};
+use elk_geometry::voxel::INDEX_RANGE;
 use nalgebra::{Point3, Vector3};
 
 use crate::growth::grown;

@@ -1,21 +1,29 @@
-//! The occupancy map: log-odds voxels, scan insertion, and OctoMap's files.
+//! An occupancy map: log-odds voxels, exact scan insertion, its frontier, and OctoMap's files. Without a bus: a robot's map for
+//! whoever has scans.
 //!
-//! [`occupancy::OccupancyMap`] is the map and what can be asked of it, [`insertion`] how a scan gets into it, [`memory`] how
-//! it gets into its successor, [`octree`] and [`bt`] how into OctoMap's files and out of them, [`app`] the process around
-//! it. Metres; world frame, z up; voxel indices as in [`elk_spatial::Voxel`].
+//! [`OccupancyMap`] is the map and what can be asked of it, [`insertion`] how a scan gets into it, [`snapshot`] how all that
+//! it knows is kept and had again, [`octree`] and [`bt`] how it gets into OctoMap's files and out of them. Metres; world
+//! frame, z up; voxel indices as in [`elk_geometry::Voxel`].
+//!
+//! ```
+#![doc = include_str!("../examples/scan.rs")]
+//! ```
 
-pub mod app;
 pub mod bt;
-pub mod frontier;
+mod frontier;
 pub mod growth;
 pub mod insertion;
-pub mod memory;
 pub mod occupancy;
 pub mod octree;
-mod recovery;
+pub mod snapshot;
 mod table;
+mod volume;
 pub mod walk;
 
-pub use app::TYPES;
 pub use insertion::{Dropped, Insertion};
 pub use occupancy::{Grazing, MapConfig, OccupancyMap};
+pub use snapshot::{RestoreError, Snapshot};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,14 +1,13 @@
 //! The map: what is known of every voxel, as log-odds of being occupied (thesis 6.3.1; Hornung et al., *OctoMap*, 2013,
 //! section 3.1).
 
-use elk_spatial::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
-use elk_spatial::checks::MAX_BRICKS;
-use elk_spatial::map::MapUpdate;
-use elk_spatial::mask::{self, Mask};
-use elk_spatial::{Bounds, OccupancyGrid, State, Voxel};
+use elk_geometry::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
+use elk_geometry::delta::Delta;
+use elk_geometry::mask::{self, Mask};
+use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 
-use crate::frontier::Volume;
 use crate::table::BrickTable;
+use crate::volume::Volume;
 
 /// When a ray that passes through a voxel does not count against it.
 ///
@@ -37,7 +36,7 @@ pub struct MapConfig {
     pub hit: f32,
     /// Added to a voxel that rays of the scan only passed through (log-odds, < 0).
     pub miss: f32,
-    /// The smallest log-odds that a voxel can have.
+    /// The smallest log-odds that a voxel can have; at most `clamp_max`.
     pub clamp_min: f32,
     /// The largest log-odds that a voxel can have.
     pub clamp_max: f32,
@@ -65,7 +64,7 @@ impl Default for MapConfig {
             grazing: Grazing::default(),
             max_range: 0.0,
             free_no_return: 0.0,
-            max_bricks: MAX_BRICKS,
+            max_bricks: 1 << 18,
             bounds: None,
         }
     }
@@ -170,9 +169,9 @@ impl OccupancyMap {
     }
 
     /// Advances to the next revision and answers what changed since the one before: `changed` is what
-    /// [`OccupancyMap::insert`] answered, `scan` the scan's number.
-    pub fn advance(&mut self, changed: &[Voxel], scan: u64) -> MapUpdate {
-        self.grid.advance(changed, scan)
+    /// [`OccupancyMap::insert`] answered.
+    pub fn advance(&mut self, changed: &[Voxel]) -> Delta<'static> {
+        self.grid.advance(changed)
     }
 
     /// Whether it has all the bricks that it may have.

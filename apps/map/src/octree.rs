@@ -3,7 +3,7 @@
 //! Sixteen levels over 2¹⁶ voxels an axis; child `i` is the upper half along x, y, z where bits 0, 1, 2 of `i` are set.
 //! Eight equal leaves are one leaf a level up, so a leaf above the lowest level stands for its whole cube.
 
-use elk_spatial::Voxel;
+use elk_geometry::Voxel;
 
 use crate::occupancy::OccupancyMap;
 

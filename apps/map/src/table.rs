@@ -5,9 +5,9 @@
 use std::collections::HashMap;
 use std::hash::BuildHasherDefault;
 
-use elk_spatial::Voxel;
-use elk_spatial::bricks::BrickHasher;
-use elk_spatial::voxel::FACES;
+use elk_geometry::Voxel;
+use elk_geometry::bricks::BrickHasher;
+use elk_geometry::voxel::FACES;
 
 /// A link that was never followed.
 const UNLINKED: u32 = u32::MAX;

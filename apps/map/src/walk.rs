@@ -6,7 +6,7 @@
 //! astray: each axis' first crossing is moved (by less than 1e-11 of the ray) to where all its crossings fit before the
 //! end and one more would not.
 
-use elk_spatial::Voxel;
+use elk_geometry::Voxel;
 use nalgebra::Point3;
 
 /// The end of the ray in fixed point: one part in 10¹².
@@ -70,7 +70,7 @@ impl Walk {
         self.at & BRICK_BITS
     }
 
-    /// The present voxel's layer in its brick (z), and its bit in the layer (see [`elk_spatial::mask`]).
+    /// The present voxel's layer in its brick (z), and its bit in the layer (see [`elk_geometry::mask`]).
     #[inline]
     pub fn cell(&self) -> (usize, u64) {
         let bit = self.at & 7 | self.at >> (FIELD - 3) & 56;
@@ -99,7 +99,7 @@ impl Walk {
     }
 
     /// The face through which the walk came into the present brick from the one of `key`, as an index into
-    /// [`elk_spatial::voxel::FACES`].
+    /// [`elk_geometry::voxel::FACES`].
     pub fn face_from(&self, key: u64) -> usize {
         let moved = self.brick_key() ^ key;
         let axis = (moved.trailing_zeros() / FIELD) as usize;
@@ -110,8 +110,8 @@ impl Walk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_spatial::bricks::{brick_of, cell_of};
-    use elk_spatial::voxel::FACES;
+    use elk_geometry::bricks::{brick_of, cell_of};
+    use elk_geometry::voxel::FACES;
     use proptest::prelude::*;
 
     fn coordinate() -> impl Strategy<Value = f64> {

@@ -1,5 +1,8 @@
 //! What we write, OctoMap's own tools read: Debian's `octomap-tools`, skipped where they are not installed.
 
+#[path = "../../../tests/common/skip.rs"]
+mod skip;
+
 use std::path::Path;
 use std::process::Command;
 
@@ -25,7 +28,7 @@ fn convert(from: &Path, to: &Path) -> Option<String> {
     let output = match Command::new("convert_octree").arg(from).arg(to).output() {
         Ok(output) => output,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            eprintln!("skipped: convert_octree is not installed (Debian: octomap-tools)");
+            skip::skip("octomap_tools", "octomap-tools", "convert_octree is not installed (Debian: octomap-tools)");
             return None;
         }
         Err(error) => panic!("convert_octree: {error}"),

@@ -1,5 +1,8 @@
 //! Maps that OctoMap wrote, read by us; skipped where the recorded data (`ELK_DATA`) are not there.
 
+#[path = "../../../tests/common/skip.rs"]
+mod skip;
+
 use std::path::PathBuf;
 
 use elk_map::bt::{read_bt, write_bt};
@@ -11,7 +14,8 @@ fn maps_that_octomap_wrote_are_read_and_written_alike() {
     // (file, nodes): the counts are those of the files' own headers.
     for (name, nodes) in [("octomap/geb079.bt", 532_566), ("scans/s100_r010.bt", 0)] {
         let Ok(bytes) = std::fs::read(data.join(name)) else {
-            eprintln!("skipped: no {name} in {} (set ELK_DATA)", data.display());
+            let why = format!("there is no {name} in {} (set ELK_DATA)", data.display());
+            skip::skip("maps_that_octomap_wrote_are_read_and_written_alike", "data", &why);
             continue;
         };
         let file = read_bt(&bytes).unwrap();

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use elk_bus::codec::DecodeError;
 use elk_bus::{Key, Payload, tell};
+use elk_geometry::{OccupancyGrid, Pose, Voxel, frontier};
 use elk_log::{LogError, LogReader, Record};
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::Decision;
-use elk_spatial::{OccupancyGrid, Pose, Replica, Scan, Voxel, frontier, keys};
+use elk_spatial::{Replica, Scan, keys};
 use nalgebra::Point3;
 
 /// An explored world and how it was explored.

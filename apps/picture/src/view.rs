@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use elk_spatial::{OccupancyGrid, State, Voxel};
+use elk_geometry::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
 /// A world axis, or its reverse, as a direction of the view.
@@ -161,8 +161,9 @@ impl Frame {
                 *count += 1;
             }
         }
-        let most = free.iter().max().copied().unwrap_or_default();
-        self.min[2] + free.iter().position(|&count| count == most).unwrap_or_default() as i32
+        // Of equals `max_by_key` takes the last one.
+        let most_open = (0..free.len()).rev().max_by_key(|&cell| free[cell]);
+        self.min[2] + most_open.map_or(0, |cell| cell as i32)
     }
 }
 

@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use elk_bus::{Key, Payload, TypeRef, Value, codec};
+use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
 use elk_log::{LogWriter, Metadata, Record};
 use elk_picture::{PictureError, draw_run};
+use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{ExplorationReport, FrontiersLeft, PoseCommand, Progress};
-use elk_spatial::{OccupancyGrid, Points, Pose, Scan, State, Voxel, keys};
+use elk_spatial::{Points, Scan, keys};
 use nalgebra::{Point3, Vector3};
 
 const RESOLUTION: f64 = 0.1;
@@ -112,7 +114,7 @@ fn write_run(run: &Path, stretch: f64) {
         put(record(&keys::SCAN, &Scan::new(id, id, pose, Points::default()), id));
     }
     let scans = poses.len() as u64;
-    put(record(&keys::MAP, &explored(stretch).whole(scans), scans));
+    put(record(&keys::MAP, &MapUpdate::new(explored(stretch).whole(), scans), scans));
     let length = poses.windows(2).map(|w| (w[1].position() - w[0].position()).norm()).sum();
     let progress = Progress { scan: scans, revision: 0, scans, path_length_m: length, free: 0, finished: true };
     put(record(&keys::PROGRESS, &progress, scans));
@@ -124,7 +126,7 @@ fn write_run(run: &Path, stretch: f64) {
         reason: "no frontier is left".into(),
         frontiers_left: FrontiersLeft::default(),
         plans: 13,
-        stalls: 0,
+        counters: Vec::new(),
         cpu_secs: vec![],
     };
     put(record(&keys::EXPLORATION_REPORT, &report, scans));

@@ -7,9 +7,9 @@ use elk_outside::text::name;
 use serde_json::{Value, json};
 
 use crate::error::ScopeError;
-use crate::info::or_nobody;
 use crate::output::{Output, in_columns};
 use crate::session::Scope;
+use crate::show;
 
 /// How to draw it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,7 +75,7 @@ fn as_text(table: &CommunityTable, sayings: &[Saying]) -> Vec<String> {
     for of_one in sayings.chunk_by(|one, other| one.writer == other.writer) {
         let gone = if is_there(table, &of_one[0].writer) { "" } else { " (gone)" };
         lines.push(format!("{}{gone}", name(&of_one[0].writer)));
-        let rows = of_one.iter().map(|one| vec![one.variable.clone(), format!("→ {}", or_nobody(&one.readers))]);
+        let rows = of_one.iter().map(|one| vec![one.variable.clone(), format!("→ {}", show::or_nobody(&one.readers))]);
         lines.extend(in_columns(&rows.collect::<Vec<_>>(), &[]).into_iter().map(|row| format!("  {row}")));
     }
     let silent = table.clients.iter().filter(|client| !sayings.iter().any(|one| one.writer == client.name));

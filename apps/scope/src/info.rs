@@ -51,11 +51,12 @@ impl Info {
     /// Nobody has the name.
     pub fn run(&self, scope: &mut Scope, output: &mut Output<'_>) -> Result<(), ScopeError> {
         let table = scope.table()?;
+        let types = Types::of(&table);
         let mut first = true;
         for name in self.names(&table)? {
-            let known = Known::of(&table, name, scope)?;
+            let known = Known::of(&table, &types, name, scope)?;
             if self.json {
-                output.json(&known.as_json(&table))?;
+                output.json(&known.as_json(&table, &types))?;
                 continue;
             }
             if !std::mem::take(&mut first) {
@@ -83,11 +84,12 @@ impl Info {
 }
 
 impl<'a> Known<'a> {
-    fn of(table: &'a CommunityTable, name: &'a str, scope: &mut Scope) -> Result<Self, ScopeError> {
+    fn of(table: &'a CommunityTable, types: &Types, name: &'a str, scope: &mut Scope) -> Result<Self, ScopeError> {
         let client = table.clients.iter().find(|client| client.name == name);
         let variable = table.variables.iter().find(|variable| variable.name == name);
-        let value = variable.map(|variable| latest_value(scope, table, variable)).transpose()?.flatten();
-        let status = client.and_then(|client| latest_text(table, &format!("{}_STATUS", client.name.to_uppercase())));
+        let value = variable.map(|variable| latest_value(scope, types, variable)).transpose()?.flatten();
+        let status =
+            client.and_then(|client| latest_text(table, types, &format!("{}_STATUS", client.name.to_uppercase())));
         Ok(Self { name, client, status, variable, value, waiting: waiting_for(table, name) })
     }
 
@@ -105,11 +107,11 @@ impl<'a> Known<'a> {
         lines
     }
 
-    fn as_json(&self, table: &CommunityTable) -> Value {
+    fn as_json(&self, table: &CommunityTable, types: &Types) -> Value {
         json!({
             "name": self.name,
             "client": self.client.map(|client| client_as_json(table, client, self.status.as_deref())),
-            "variable": self.variable.map(|v| whole_variable_as_json(table, v, self.value.as_ref())),
+            "variable": self.variable.map(|v| whole_variable_as_json(table, types, v, self.value.as_ref())),
             "waited_for_by": self.waiting,
         })
     }
@@ -122,19 +124,15 @@ fn waiting_for<'a>(table: &'a CommunityTable, name: &str) -> Vec<&'a str> {
     waiting.map(|client| client.name.as_str()).collect()
 }
 
-fn latest_text(table: &CommunityTable, name: &str) -> Option<String> {
+fn latest_text(table: &CommunityTable, types: &Types, name: &str) -> Option<String> {
     let variable = table.variables.iter().find(|variable| variable.name == name)?;
-    Some(show::value_for_people(show::latest(&Types::of(table), variable)?.as_ref()))
+    Some(show::value_for_people(show::latest(types, variable)?.as_ref()))
 }
 
 /// The latest value, whole: the broker gives it to whoever registers.
-fn latest_value(
-    scope: &mut Scope,
-    table: &CommunityTable,
-    variable: &VariableEntry,
-) -> Result<Option<BusValue>, ScopeError> {
+fn latest_value(scope: &mut Scope, types: &Types, variable: &VariableEntry) -> Result<Option<BusValue>, ScopeError> {
     if variable.latest_bytes <= LONGEST_VALUE as u64 {
-        return Ok(show::latest(&Types::of(table), variable));
+        return Ok(show::latest(types, variable));
     }
     let Ok(name) = variable.name.parse::<Pattern>() else { return Ok(None) };
     scope.register(&[name], &Pattern::any())?;
@@ -247,16 +245,11 @@ pub(crate) fn variable_as_text(
         ),
     ]);
     for route in &variable.routes {
-        lines.push(format!("  {} tells {}", name(&route.source), or_nobody(&route.readers)));
+        lines.push(format!("  {} tells {}", name(&route.source), show::or_nobody(&route.readers)));
     }
     let value = value.map_or("could not be read in time".to_owned(), |value| show::value_for_people(value.as_ref()));
     lines.push(format!("  latest      {value}"));
     lines
-}
-
-/// Names, or that there are none.
-pub(crate) fn or_nobody(readers: &[String]) -> String {
-    if readers.is_empty() { "nobody".to_owned() } else { names(readers, ", ") }
 }
 
 fn client_as_json(table: &CommunityTable, client: &ClientEntry, status: Option<&str>) -> Value {
@@ -274,8 +267,13 @@ fn client_as_json(table: &CommunityTable, client: &ClientEntry, status: Option<&
     })
 }
 
-fn whole_variable_as_json(table: &CommunityTable, variable: &VariableEntry, value: Option<&BusValue>) -> Value {
-    let mut json = variable_as_json(table.time, &Types::of(table), variable);
+fn whole_variable_as_json(
+    table: &CommunityTable,
+    types: &Types,
+    variable: &VariableEntry,
+    value: Option<&BusValue>,
+) -> Value {
+    let mut json = variable_as_json(table.time, types, variable);
     if let VariableKind::Typed { layout, .. } = variable.kind {
         json["layout"] = format!("{layout:016x}").into();
     }

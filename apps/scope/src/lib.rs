@@ -36,13 +36,13 @@ pub mod top;
 
 pub use communities::communities;
 pub use echo::Echo;
-pub use error::ScopeError;
+pub use error::{PokeError, ScopeError};
 pub use graph::{Drawing, graph};
 pub use info::Info;
 pub use list::List;
 pub use output::{Line, Output, Screen, Table};
 pub use pattern::{Pattern, PatternError};
-pub use poke::{Poke, PokeError, Said};
+pub use poke::{Poke, Said};
 pub use rates::{Quantity, Rates};
 pub use session::Scope;
 pub use top::Top;

@@ -68,8 +68,8 @@ impl<'a> Output<'a> {
 
     /// Writes a line of JSON.
     pub fn json(&mut self, json: &impl Serialize) -> Result<(), ScopeError> {
-        // Names, numbers and JSON can always be written as JSON.
-        self.raw_line(&text::printable_json(&serde_json::to_string(json).unwrap_or_default()))
+        let line = serde_json::to_string(json).map_err(std::io::Error::from)?;
+        self.raw_line(&text::printable_json(&line))
     }
 
     fn raw_line(&mut self, line: &str) -> Result<(), ScopeError> {

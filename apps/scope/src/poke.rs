@@ -6,13 +6,11 @@
 use std::borrow::Cow;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableKind};
-use elk_bus::describe::WriteError;
 use elk_bus::{Description, Origin, Type, Value as BusValue, ValueRef, pattern};
 use elk_mission::instead;
 use serde_json::json;
 
-use crate::error::ScopeError;
-use crate::info::or_nobody;
+use crate::error::{PokeError, ScopeError};
 use crate::output::Output;
 use crate::session::Scope;
 use crate::show;
@@ -41,83 +39,6 @@ pub struct Poke {
     pub said: Said,
     /// Write one JSON object about what was done.
     pub json: bool,
-}
-
-/// Why a variable was not written.
-#[derive(Debug, thiserror::Error)]
-pub enum PokeError {
-    /// The name cannot be a variable's.
-    #[error("{0:?} is no variable's name: one variable is written at a time, and '*' and '?' stand in patterns only")]
-    Name(String),
-    /// The variable is the broker's own.
-    #[error("{0} is the broker's own variable: DB_* are written by it alone")]
-    Brokers(String),
-    /// The variable carries something else.
-    #[error("{name} carries {carries}, not {said}; right is, for example, {example}")]
-    Carries {
-        /// The variable.
-        name: String,
-        /// What it carries.
-        carries: String,
-        /// What was said.
-        said: String,
-        /// A command that is right.
-        example: String,
-    },
-    /// The value is no number.
-    #[error("{name} has to be a number, and {value:?} is none; right is, for example, 3.5")]
-    Number {
-        /// The variable.
-        name: String,
-        /// What was typed.
-        value: String,
-    },
-    /// The variable carries a type that nobody has described.
-    #[error("{name} carries {type_}, which nobody has described: only an app that has the type can write it")]
-    Undescribed {
-        /// The variable.
-        name: String,
-        /// The type.
-        type_: Type,
-    },
-    /// There is no such type.
-    #[error("nobody in this community writes or reads a type {type_name:?}; {instead}")]
-    Type {
-        /// The type's name.
-        type_name: String,
-        /// What there is.
-        instead: String,
-    },
-    /// The value is no JSON.
-    #[error("{name} carries {type_name}, and the value is no JSON: {source}; its form is {example}")]
-    Json {
-        /// The variable.
-        name: String,
-        /// The type's name.
-        type_name: String,
-        /// What is wrong, and where.
-        source: serde_json::Error,
-        /// A value of its form: zeros, empty lists.
-        example: String,
-    },
-    /// The value is JSON, and no value of the type.
-    #[error("{name} cannot be written: {source}; its form is {example}")]
-    Value {
-        /// The variable.
-        name: String,
-        /// What is wrong.
-        source: WriteError,
-        /// A value of its form: zeros, empty lists.
-        example: String,
-    },
-    /// Nobody has written the variable, and the value looks like a typed one.
-    #[error(
-        "nobody has written {0} yet, and the value looks like JSON: say of which type it is with --type TYPE, or --text"
-    )]
-    Undecided(String),
-    /// The broker did not take it.
-    #[error("the broker refused it: {0}")]
-    Refused(String),
 }
 
 impl Poke {
@@ -250,7 +171,7 @@ impl Poke {
             return output.json(&json!({"key": self.name, "type": value.0, "value": value.1, "readers": readers}));
         }
         let (type_name, value) = (show::type_name(&value), show::value_for_people(value));
-        output.line(&format!("{} = {value} ({type_name}), heard by {}", self.name, or_nobody(&readers)))
+        output.line(&format!("{} = {value} ({type_name}), heard by {}", self.name, show::or_nobody(&readers)))
     }
 }
 

@@ -179,6 +179,11 @@ fn three_digits(number: f64) -> String {
     format!("{number:.decimals$}")
 }
 
+/// Names, or that there are none.
+pub(crate) fn or_nobody(readers: &[String]) -> String {
+    if readers.is_empty() { "nobody".to_owned() } else { names(readers, ", ") }
+}
+
 #[cfg(test)]
 mod tests {
     use elk_spatial::samples;
@@ -192,12 +197,12 @@ mod tests {
         let value = ValueRef::Binary { type_: scan.type_, bytes: &bytes };
         assert_eq!(
             value_for_people(value),
-            "id: 1, command: 1, pose: {rotation: [0, 0, 0, 1], translation: [1, 2, 0.5]}, range_m: 5, measured: 1, \
-             no_return: [[0, 0, 1]], points: [[0.1, -0.2, 3]]"
+            "id: 1, command: 1, pose: {rotation: [0, 0, 0, 1], translation: [1, 2, 0.5]}, \
+             camera: {columns: 100, rows: 100, fov_x: 1.309, fov_y: 1.309, range_m: 5}, measured: 1, no_return: [[0, 0, 1]], points: [[0.1, -0.2, 3]]"
         );
         assert_eq!(value_for_programs(value)["points"][0][1], -0.2);
         let many = json!({"id": 1, "command": 1, "pose": {"rotation": [0, 0, 0, 1], "translation": [0, 0, 0]},
-                          "range_m": 0, "measured": 7312, "no_return": [],
+                          "camera": scan.value()["camera"], "measured": 7312, "no_return": [],
                           "points": vec![[0.0, 0.0, 1.0]; 7312]});
         let bytes = scan.bytes_of(&many).unwrap();
         let value = ValueRef::Binary { type_: scan.type_, bytes: &bytes };

@@ -1,14 +1,14 @@
 //! CPU time of a 100×100 scan in each world: `cargo run --release -p elk-sensor --example scan_time`
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_sensor::{Settings, Simulator, random_start};
-use elk_spatial::messages::PoseCommand;
+use elk_sensor::simulator::{Settings, Simulator, random_start};
+use elk_sensor::{Capture, DepthSource};
 use elk_world::World;
 use elk_world::scenery::SITES;
 
 const SCANS: u64 = 100;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), elk_sensor::AppError> {
     for site in &SITES {
         let before = thread_cpu_secs();
         let world = World::from_triangles(site.name, (site.build)().triangles())?;
@@ -17,10 +17,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut points = 0;
         for seed in 0..SCANS {
             let pose = random_start(&world, seed)?;
-            let mut simulator = Simulator::new(world.clone(), Settings::default(), pose)?;
-            let command = PoseCommand { id: 1, via: Vec::new(), pose };
+            let mut simulator = Simulator::new(world.clone(), Settings::default(), pose);
             let before = thread_cpu_secs();
-            points += simulator.execute(&command).scan.points.len();
+            points += simulator.scan(&Capture { scan: 1, time_secs: 0.0, pose })?.points.len();
             scanning += thread_cpu_secs() - before;
         }
         println!(

@@ -1,115 +1,26 @@
-//! The simulator as an app: pose commands in, poses and scans out.
+//! A depth source as an app: pose commands in, poses and scans out.
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Handled, Handlers, Key, Mail, Rejection, tell};
-use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
-use elk_spatial::checks::{self, MAX_COMMANDS_LOST, MAX_POINTS, MAX_REVISIONS_AHEAD};
+use elk_bus::{App, AppError, Comms, Handled, Handlers, Key, Mail, Rejection, Subscribe, tell};
+use elk_geometry::{OccupancyGrid, Pose};
+use elk_mission::{Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
+use elk_spatial::Scan;
+use elk_spatial::checks::{MAX_COMMANDS_LOST, MAX_REVISIONS_AHEAD};
 use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
-use elk_spatial::map::MapUpdate;
+use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
-use elk_spatial::{OccupancyGrid, Pose, Scan};
-use elk_world::placement::{SCALES, UP};
-use elk_world::truth::accuracy;
-use elk_world::{BUILT_IN, CAR_INTERIOR, Placement, World};
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Isometry3;
 
-use crate::camera::Camera;
-use crate::noise::StereoNoise;
-use crate::preflight::preflight;
-use crate::simulator::{Settings, Simulator, random_start};
+use crate::robot::{Robot, ScanError};
+use crate::source::{Accuracy, DepthSource};
 
-/// The sensors that a mission file can name.
-pub static TYPES: &[AppType] = &[AppType {
-    element: "Sensor",
-    name: "Simulator",
-    summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
-    params: PARAMS,
-    build,
-    preflight: Some(preflight),
-}];
-
-const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
+/// A parameter with a default.
+pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
     ParamSpec { name, kind, default: Some(default), doc }
 }
 
-const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
-
-const PARAMS: &[ParamSpec] = &[
-    param(
-        "World",
-        Kind::File { builtin: &BUILT_IN },
-        CAR_INTERIOR,
-        "The world: an OBJ, STL, PLY or glTF file; `elk world info FILE` says what is in it.",
-    ),
-    param(
-        "Scale",
-        Kind::Number { unit: "", min: *SCALES.start(), max: *SCALES.end() },
-        "1",
-        "Metres that the world's unit is long: 0.001 for millimetres.",
-    ),
-    param(
-        "Up",
-        Kind::Choice(UP),
-        "format",
-        "The world file's axis that points up; format: y for glTF, z for the others.",
-    ),
-    param("Width", PIXELS, "100", "Pixels in a row of the depth image."),
-    param("Height", PIXELS, "100", "Rows of the depth image."),
-    param(
-        "Fov",
-        Kind::Number { unit: "deg", min: 1.0, max: 170.0 },
-        "75",
-        "Horizontal field of view; pixels are square, so Width and Height give the vertical one.",
-    ),
-    param(
-        "Range",
-        Kind::Number { unit: "m", min: 0.0, max: 1e4 },
-        "0",
-        "How far the camera sees: what is farther gives no return; 0: as far as there is anything.",
-    ),
-    param(
-        "NoiseSigma",
-        Kind::Number { unit: "px", min: 0.0, max: 100.0 },
-        "0",
-        "Standard deviation of the matched pixel position before triangulation; 0: exact depth.",
-    ),
-    param(
-        "NoiseBaseline",
-        Kind::Number { unit: "m", min: 0.001, max: 10.0 },
-        "0.12",
-        "Distance of the two cameras whose triangulation NoiseSigma disturbs (the thesis' stereo camera: 0.12).",
-    ),
-    param("Seed", Kind::Integer { min: 0, max: i64::MAX }, "1", "Seed of noise and of RandomStart."),
-    param(
-        "Start",
-        Kind::Point { unit: "m" },
-        "0; 0; 0.8",
-        "Position at the start, in free space (the default is in the car interior).",
-    ),
-    param(
-        "StartYaw",
-        Kind::Number { unit: "deg", min: -360.0, max: 360.0 },
-        "0",
-        "Heading at the start, anticlockwise from world x.",
-    ),
-    param(
-        "StartPitch",
-        Kind::Number { unit: "deg", min: -90.0, max: 90.0 },
-        "0",
-        "Elevation of the view at the start, up positive.",
-    ),
-    param(
-        "RandomStart",
-        Kind::Flag,
-        "false",
-        "Start anywhere free, 0.3 m off every surface, looking anywhere, drawn from Seed; Start, StartYaw and StartPitch then do not count.",
-    ),
-    param(
-        "BodyRadius",
-        Kind::Number { unit: "m", min: 0.0, max: 10.0 },
-        "0.05",
-        "Radius of the robot's body, a ball around the camera, for counting contacts.",
-    ),
+/// The parameters that all sensors have.
+pub const COMMON: &[ParamSpec] = &[
     param("Output", Kind::Variable, "SCAN", "Variable under which scans are published."),
     param("MOOSPoseVarName", Kind::Variable, "SIM_SENSOR", "Variable under which the camera's pose is published."),
     param("PoseEstimator", Kind::Choice(&["none"]), "none", "How the pose is estimated; none: it is known exactly."),
@@ -117,9 +28,19 @@ const PARAMS: &[ParamSpec] = &[
     MOOS_PORT,
 ];
 
-/// The [`Simulator`] on the bus.
-pub struct SimulatorApp {
-    simulator: Simulator,
+/// A sensor of any source, with the parameters that all share.
+///
+/// # Errors
+/// Its robot cannot be where the source says that it starts.
+pub fn app(params: &Params, source: Box<dyn DepthSource>) -> Result<Box<dyn App>, AppError> {
+    let robot = Robot::new(source).map_err(|refusal| format!("start: {refusal}"))?;
+    let keys = (Key::named(params.text("Output")), camera_pose(params.text("MOOSPoseVarName")));
+    Ok(Box::new(SensorApp::new(robot, keys).on_the_bus()))
+}
+
+/// A [`Robot`] on the bus.
+struct SensorApp {
+    robot: Robot,
     scan: Key<Scan<'static>>,
     camera_pose: Key<CameraPose>,
     /// CPU spent on scans so far (s).
@@ -130,12 +51,7 @@ pub struct SimulatorApp {
     inherited: bool,
     /// The last judgement of a map.
     judged: Option<AccuracyReport>,
-    /// What is to be said of the world at the start.
-    remarks: Vec<String>,
 }
-
-/// Voxels of a map that are held against the true world: more would take minutes.
-const MOST_JUDGED: usize = 1 << 25;
 
 /// What is known of a predecessor.
 #[derive(Debug, Default)]
@@ -146,93 +62,29 @@ struct Past {
     scan: u64,
 }
 
-fn build(params: &Params) -> Result<Box<dyn App>, AppError> {
-    pixels(params)?;
-    let world = world(params)?;
-    let remarks = remarks(params.text("World"), &world);
-    let start = start(params, &world)?;
-    checks::point(&start.position()).map_err(|invalid| {
-        format!("Start: {invalid}, as no map reaches farther; move the world nearer to the origin")
-    })?;
-    let simulator = Simulator::new(world, settings(params), start)
-        .map_err(|refusal| format!("Start: {refusal}; choose a free place, or RandomStart true"))?;
-    let app = SimulatorApp {
-        simulator,
-        scan: Key::named(params.text("Output")),
-        camera_pose: camera_pose(params.text("MOOSPoseVarName")),
-        cpu_secs: 0.0,
-        past: Some(Past::default()),
-        inherited: false,
-        judged: None,
-        remarks,
-    };
-    Ok(Box::new(app.on_the_bus()))
-}
-
-/// Sees that a scan is not too large.
-pub(crate) fn pixels(params: &Params) -> Result<(), AppError> {
-    let pixels = params.integer("Width") * params.integer("Height");
-    match pixels > MAX_POINTS as i64 {
-        true => Err(format!("Width times Height is {pixels}; a scan has at most {MAX_POINTS} points").into()),
-        false => Ok(()),
+impl SensorApp {
+    fn new(robot: Robot, (scan, camera_pose): (Key<Scan<'static>>, Key<CameraPose>)) -> Self {
+        Self { robot, scan, camera_pose, cpu_secs: 0.0, past: Some(Past::default()), inherited: false, judged: None }
     }
-}
 
-pub(crate) fn world(params: &Params) -> Result<World, AppError> {
-    Ok(World::load(params.text("World"), &Placement::new(params.number("Scale"), params.text("Up"))?)?)
-}
-
-/// What whoever looks at the scans should know of the world.
-fn remarks(name: &str, world: &World) -> Vec<String> {
-    let open = world.openness().words().map(|words| format!("it is open: {words}"));
-    let all = world.reading().remarks().into_iter().chain(open);
-    all.map(|remark| format!("World {name}: {remark}")).collect()
-}
-
-pub(crate) fn start(params: &Params, world: &World) -> Result<Pose, AppError> {
-    if params.flag("RandomStart") {
-        return Ok(random_start(world, seed(params))?);
-    }
-    let angle = |name| params.number(name).to_radians();
-    let place = Point3::from(params.point("Start"));
-    Ok(Pose::from_yaw_pitch(place, angle("StartYaw"), angle("StartPitch")))
-}
-
-fn settings(params: &Params) -> Settings {
-    // The table keeps the numbers of pixels within 32 bits and the seed positive.
-    let pixels = |name| params.integer(name) as u32;
-    let noise = StereoNoise { sigma_px: params.number("NoiseSigma"), baseline_m: params.number("NoiseBaseline") };
-    Settings {
-        camera: Camera::new(pixels("Width"), pixels("Height"), params.number("Fov").to_radians()),
-        noise: (noise.sigma_px > 0.0).then_some(noise),
-        seed: seed(params),
-        body_radius: params.number("BodyRadius"),
-        range: Some(params.number("Range")).filter(|range| *range > 0.0),
-    }
-}
-
-fn seed(params: &Params) -> u64 {
-    params.integer("Seed") as u64
-}
-
-impl SimulatorApp {
     fn on_the_bus(self) -> Handled<Self> {
-        Handlers::<Self>::new()
+        let table = Handlers::<Self>::new()
             .on_start_up(Self::remark)
             .recall(&self.camera_pose, |sensor, _, pose| sensor.past(|past| past.pose = Some(pose)))
             .recall(&SENSOR_REPORT, |sensor, _, report| sensor.past(|past| past.report = Some(report)))
             .recall(&self.scan, |sensor, _, scan| sensor.past(|past| past.scan = scan.id))
-            .recall(&ACCURACY_REPORT, Self::on_judgement)
             .recalled(Self::begin)
             .on(&POSE_COMMAND, Self::on_command)
-            .on(&MAP, Self::on_map)
             // What others say of it.
-            .on(self.camera_pose.subscription().as_it_comes(), Self::on_camera_pose)
-            .with(self)
+            .on(self.camera_pose.subscription().as_it_comes(), Self::on_camera_pose);
+        match self.robot.truth().is_some() {
+            true => table.recall(&ACCURACY_REPORT, Self::on_judgement).on(&MAP, Self::on_map).with(self),
+            false => table.with(self),
+        }
     }
 
     fn remark(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        for remark in self.remarks.drain(..) {
+        for remark in self.robot.remarks() {
             tell(format_args!("{}: {remark}", comms.name()));
         }
         Ok(())
@@ -260,8 +112,9 @@ impl SimulatorApp {
             return self.publish_pose(comms);
         };
         let report = report.filter(|report| report.scans <= scan.max(pose.command) + MAX_REVISIONS_AHEAD);
-        let (scans, contacts, cpu_secs) = report.map_or((scan, 0, 0.0), |r| (r.scans, r.contacts, r.cpu_secs));
-        if let Err(refusal) = self.simulator.succeed(&pose, scans, contacts) {
+        let (scans, contacts, cpu_secs) =
+            report.map_or((scan, 0, 0.0), |r| (r.scans, r.contacts.unwrap_or(0), r.cpu_secs));
+        if let Err(refusal) = self.robot.succeed(&pose, scans, contacts) {
             tell(format_args!(
                 "{}: where the sensor before this one was ({}): {refusal}; give this one the same World. It begins at its own \
                  start, and goes where the next command begins",
@@ -273,14 +126,17 @@ impl SimulatorApp {
         self.inherited = true;
         self.cpu_secs = cpu_secs;
         match scan < scans {
-            true => Ok(comms.publish(&self.scan, &self.simulator.last_scan())?),
+            true => {
+                let scan = self.robot.scan(comms.time());
+                self.publish(comms, scan)
+            }
             false => Ok(()),
         }
     }
 
     fn on_command(&mut self, comms: &mut Comms, command: PoseCommand) -> Result<(), AppError> {
-        if command.id <= self.simulator.command() {
-            let last = self.simulator.command();
+        if command.id <= self.robot.command() {
+            let last = self.robot.command();
             // The last one comes again when the controller or the sensor was exchanged; an older one is a mistake.
             if command.id < last {
                 tell(format_args!("pose command {} ignored: {last} is already carried out", command.id));
@@ -293,26 +149,37 @@ impl SimulatorApp {
             self.publish_pose(comms)?;
             return Err(foreign.into());
         }
-        if self.simulator.command() == 0 && command.id > 1 {
+        if self.robot.command() == 0 && command.id > 1 {
             self.find_robot(comms.name(), &command);
         }
         self.inherited = false;
         let before = thread_cpu_secs();
-        let outcome = self.simulator.execute(&command);
+        let travel = self.robot.go(&command);
+        let scan = self.robot.scan(comms.time());
         self.cpu_secs += thread_cpu_secs() - before;
-        if let Some(refusal) = outcome.refused {
+        if let Some(refusal) = travel.refused {
             tell(format_args!("pose command {} refused, the robot stays: {refusal}", command.id));
         }
         // A successor finds the two together, and then knows by the last scan whether this one came to be published.
         self.publish_pose(comms)?;
         comms.publish(&SENSOR_REPORT, &self.report())?;
-        comms.publish(&self.scan, &outcome.scan)?;
-        Ok(())
+        self.publish(comms, scan)
+    }
+
+    /// Without a scan the app ends; that the robot has moved is out by then.
+    fn publish(&self, comms: &mut Comms, scan: Result<Scan<'static>, ScanError>) -> Result<(), AppError> {
+        match scan {
+            Ok(scan) => Ok(comms.publish(&self.scan, &scan)?),
+            Err(error) => {
+                comms.flush()?;
+                Err(error.into())
+            }
+        }
     }
 
     /// Commands are unbroken, as long as it has heard all of them itself; one of another number is not the controller's.
     fn look_at_number(&self, command: &PoseCommand) -> Result<(), Rejection> {
-        let last = self.simulator.command();
+        let last = self.robot.command();
         let most = if self.inherited { last + MAX_COMMANDS_LOST } else { last + 1 };
         if last == 0 || command.id <= most {
             return Ok(());
@@ -327,7 +194,7 @@ impl SimulatorApp {
         let pose = Pose(Isometry3::from_parts(place.into(), command.pose.0.rotation));
         let last = command.id - 1;
         // Where it cannot be it is not taken to be; the command is refused then.
-        if self.simulator.succeed(&CameraPose { command: last, pose }, last, 0).is_ok() {
+        if self.robot.succeed(&CameraPose { command: last, pose }, last, 0).is_ok() {
             tell(format_args!(
                 "{name}: what became of pose commands 1 to {last} is lost with the sensor and the broker before this one; \
                  the robot is taken to be where command {} begins, and no contact before it counts",
@@ -337,7 +204,7 @@ impl SimulatorApp {
     }
 
     fn place(&self) -> CameraPose {
-        CameraPose { command: self.simulator.command(), pose: self.simulator.pose() }
+        CameraPose { command: self.robot.command(), pose: self.robot.pose() }
     }
 
     fn publish_pose(&self, comms: &mut Comms) -> Result<(), AppError> {
@@ -365,35 +232,30 @@ impl SimulatorApp {
 
     fn report(&self) -> SensorReport {
         SensorReport {
-            scans: self.simulator.scans(),
-            contacts: self.simulator.contacts(),
-            scan: self.simulator.scans(),
+            scans: self.robot.scans(),
+            contacts: self.robot.contacts(),
+            scan: self.robot.scans(),
             cpu_secs: self.cpu_secs,
         }
     }
 
-    /// Judges a whole map, or says again what it was judged to be; only the simulator knows the truth.
+    /// Judges a whole map, or says again what it was judged to be; only who knows the true world is asked.
     fn on_map(&mut self, comms: &mut Comms, update: MapUpdate) -> Result<(), AppError> {
-        let report = match self.judged.take_if(|judged| judged.revision == update.revision) {
-            Some(judged) => judged,
+        self.judged = match self.judged.take_if(|judged| judged.revision == update.revision) {
+            Some(judged) => Some(judged),
             None => self.judge(&update)?,
         };
-        comms.publish(&ACCURACY_REPORT, &report)?;
-        self.judged = Some(report);
-        Ok(())
+        self.judged.iter().try_for_each(|report| Ok(comms.publish(&ACCURACY_REPORT, report)?))
     }
 
-    fn judge(&self, update: &MapUpdate) -> Result<AccuracyReport, AppError> {
+    fn judge(&self, update: &MapUpdate) -> Result<Option<AccuracyReport>, AppError> {
+        let Some(truth) = self.robot.truth() else { return Ok(None) };
         let mut map = OccupancyGrid::new(update.resolution);
-        map.apply(update).map_err(Rejection::new)?;
-        let known = map.free() + map.occupied();
-        if known > MOST_JUDGED {
-            return Err(
-                Rejection::new(format_args!("{known} voxels are known; at most {MOST_JUDGED} are judged")).into()
-            );
-        }
-        let accuracy = accuracy(self.simulator.world(), &map);
-        Ok(AccuracyReport { revision: update.revision, accuracy: accuracy.share(), voxels: accuracy.known })
+        map.apply(&update.delta()).map_err(|why| Rejection::new(UpdateError::from(why)))?;
+        // Who cannot tell has judged no voxel: nobody waits for more.
+        let accuracy = truth.judge(&map).map_err(Rejection::new)?;
+        let Accuracy { share, voxels } = accuracy.unwrap_or(Accuracy { share: 0.0, voxels: 0 });
+        Ok(Some(AccuracyReport { revision: update.revision, accuracy: share, voxels }))
     }
 }
 
@@ -403,25 +265,19 @@ mod tests {
 
     use elk_bus::memory::MemoryBroker;
     use elk_bus::{BrokerConfig, Client, Clock, Community, any};
+    use elk_geometry::{State, Voxel};
     use elk_spatial::keys::SCAN;
-    use elk_spatial::{State, Voxel};
 
     use super::*;
+    use crate::simulator::{Settings, Simulator};
+    use elk_world::{CAR_INTERIOR, Placement, World};
+    use nalgebra::Point3;
 
-    fn app() -> Handled<SimulatorApp> {
+    fn app() -> Handled<SensorApp> {
         let world = World::load(CAR_INTERIOR, &Placement::default()).unwrap();
         let start = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 0.8), 0.0, 0.0);
-        let app = SimulatorApp {
-            simulator: Simulator::new(world, Settings::default(), start).unwrap(),
-            scan: SCAN,
-            camera_pose: camera_pose("SIM_SENSOR"),
-            cpu_secs: 0.0,
-            past: Some(Past::default()),
-            inherited: false,
-            judged: None,
-            remarks: Vec::new(),
-        };
-        app.on_the_bus()
+        let simulator = Simulator::new(world, Settings::default(), start);
+        SensorApp::new(Robot::new(Box::new(simulator)).unwrap(), (SCAN, camera_pose("SIM_SENSOR"))).on_the_bus()
     }
 
     fn join(broker: &MemoryBroker, name: &str) -> Client {
@@ -430,14 +286,14 @@ mod tests {
     }
 
     /// Hands the app what has come for it, on the spot.
-    fn serve(app: &mut Handled<SimulatorApp>, client: &mut Client) {
+    fn serve(app: &mut Handled<SensorApp>, client: &mut Client) {
         let (comms, inbox) = (&mut client.comms, &mut client.inbox);
         while inbox.receive(comms, Duration::ZERO, |comms, mail| app.on_new_mail(comms, mail)).unwrap() > 0 {}
         comms.flush().unwrap();
     }
 
     /// As [`serve`], until nothing comes any more; the number of rejections.
-    fn rejections(app: &mut Handled<SimulatorApp>, client: &mut Client) -> usize {
+    fn rejections(app: &mut Handled<SensorApp>, client: &mut Client) -> usize {
         let (comms, inbox) = (&mut client.comms, &mut client.inbox);
         let mut count = 0;
         let mut give = |comms: &mut Comms, mail: &Mail<'_>| match app.on_new_mail(comms, mail) {
@@ -461,7 +317,7 @@ mod tests {
                 let number = match mail.key() {
                     "SIM_SENSOR" => mail.decode(&camera_pose("SIM_SENSOR")).unwrap().command,
                     "SCAN" => mail.decode(&SCAN).unwrap().command,
-                    "SENSOR_REPORT" => mail.decode(&SENSOR_REPORT).unwrap().contacts,
+                    "SENSOR_REPORT" => mail.decode(&SENSOR_REPORT).unwrap().contacts.unwrap(),
                     _ => mail.decode(&ACCURACY_REPORT).unwrap().voxels,
                 };
                 heard.push((mail.key().to_owned(), number));
@@ -489,11 +345,11 @@ mod tests {
         serve(&mut app, &mut sensor);
         let expected = [("SIM_SENSOR", 1), ("SENSOR_REPORT", 0), ("SCAN", 1)];
         assert_eq!(heard(&mut probe), expected.map(|(key, n)| (key.to_owned(), n)));
-        assert_eq!(app.state.simulator.pose(), pose);
+        assert_eq!(app.state.robot.pose(), pose);
 
         let mut map = OccupancyGrid::new(0.1);
         map.set(Voxel::new(0, 0, 8), State::Free);
-        probe.comms.publish(&MAP, &map.whole(1)).unwrap();
+        probe.comms.publish(&MAP, &MapUpdate::new(map.whole(), 1)).unwrap();
         probe.comms.flush().unwrap();
         serve(&mut app, &mut sensor);
         assert_eq!(heard(&mut probe), [("ACCURACY_REPORT".to_owned(), 1)]);
@@ -504,8 +360,9 @@ mod tests {
         let mut probe = join(&broker, "probe");
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
         let mut other = app();
-        let scan = other.state.simulator.execute(&PoseCommand { id: 1, via: Vec::new(), pose }).scan;
-        let report = SensorReport { contacts: 2, ..other.state.report() };
+        other.state.robot.go(&PoseCommand { id: 1, via: Vec::new(), pose });
+        let scan = other.state.robot.scan(0.0).unwrap();
+        let report = SensorReport { contacts: Some(2), ..other.state.report() };
         probe.comms.publish(&other.state.camera_pose, &CameraPose { command: 1, pose }).unwrap();
         probe.comms.publish(&SENSOR_REPORT, &report).unwrap();
         probe.comms.register(any("*").from("Simulator")).unwrap();
@@ -515,8 +372,8 @@ mod tests {
             successor.on_start_up(&mut sensor.comms).unwrap();
             serve(&mut successor, &mut sensor);
             assert_eq!(heard(&mut probe), published);
-            assert_eq!(successor.state.simulator.last_scan(), scan);
-            assert_eq!((successor.state.simulator.pose(), successor.state.report()), (pose, report.clone()));
+            assert_eq!(successor.state.robot.scan(0.0).unwrap(), scan);
+            assert_eq!((successor.state.robot.pose(), successor.state.report()), (pose, report.clone()));
         }
     }
 
@@ -534,7 +391,7 @@ mod tests {
         serve(&mut app, &mut sensor);
         let expected = [("SIM_SENSOR", 0), ("SIM_SENSOR", 7), ("SENSOR_REPORT", 0), ("SCAN", 7)];
         assert_eq!(heard(&mut probe), expected.map(|(key, n)| (key.to_owned(), n)));
-        assert_eq!((app.state.simulator.pose(), app.state.simulator.last_scan().id), (pose, 7), "scans are counted on");
+        assert_eq!((app.state.robot.pose(), app.state.robot.scans()), (pose, 7), "scans are counted on");
     }
 
     /// Regression: it ended, and so did each that came after it.
@@ -550,7 +407,7 @@ mod tests {
         app.on_start_up(&mut sensor.comms).unwrap();
         serve(&mut app, &mut sensor);
         assert_eq!(heard(&mut probe), [("SIM_SENSOR".to_owned(), 0)]);
-        assert_eq!(app.state.simulator.pose().position(), start);
+        assert_eq!(app.state.robot.pose().position(), start);
     }
 
     #[test]
@@ -565,7 +422,7 @@ mod tests {
             assert!(failure.is::<Rejection>(), "{failure}");
         }
         app.state.on_command(&mut sensor.comms, command(2)).unwrap();
-        assert_eq!((app.state.simulator.command(), app.state.simulator.scans()), (2, 2));
+        assert_eq!((app.state.robot.command(), app.state.robot.scans()), (2, 2));
         // Of a predecessor's last commands the word may be lost.
         app.state.inherited = true;
         app.state.on_command(&mut sensor.comms, command(4)).unwrap();
@@ -579,17 +436,14 @@ mod tests {
         let (mut app, mut sensor, mut probe) = (app(), join(&broker, "Simulator"), join(&broker, "probe"));
         app.on_start_up(&mut sensor.comms).unwrap();
         serve(&mut app, &mut sensor);
-        let (here, nowhere) = (app.state.simulator.pose(), Point3::new(f64::NAN, 0.0, 0.8));
+        let (here, nowhere) = (app.state.robot.pose(), Point3::new(f64::NAN, 0.0, 0.8));
         let lost = Pose::from_yaw_pitch(nowhere, 0.0, 0.0);
         for (via, pose) in [(vec![], lost), (vec![nowhere], here)] {
             probe.comms.publish(&POSE_COMMAND, &PoseCommand { id: 1, via, pose }).unwrap();
             probe.comms.flush().unwrap();
             assert_eq!(rejections(&mut app, &mut sensor), 1);
         }
-        assert_eq!(
-            (app.state.simulator.scans(), app.state.simulator.contacts(), app.state.simulator.pose()),
-            (0, 0, here)
-        );
+        assert_eq!((app.state.robot.scans(), app.state.robot.contacts(), app.state.robot.pose()), (0, Some(0), here));
     }
 
     /// Regression: nobody contradicted a pose that somebody made up, and the controller stood there for ever.
@@ -637,14 +491,14 @@ mod tests {
     fn a_report_that_the_pose_contradicts_is_not_believed() {
         let (mut app, broker) = (self::app(), MemoryBroker::new(BrokerConfig::new("sensor-test"), Clock::new(1.0)));
         let pose = Pose::from_yaw_pitch(Point3::new(0.4, 0.0, 0.8), 1.0, 0.0);
-        let report = Some(SensorReport { scans: 1 << 47, contacts: 9, scan: 1 << 47, cpu_secs: 0.0 });
+        let report = Some(SensorReport { scans: 1 << 47, contacts: Some(9), scan: 1 << 47, cpu_secs: 0.0 });
         app.state.past = Some(Past { pose: Some(CameraPose { command: 5, pose }), report, scan: 5 });
         app.state.begin(&mut join(&broker, "Simulator").comms).unwrap();
-        assert_eq!((app.state.simulator.scans(), app.state.simulator.contacts()), (5, 0));
+        assert_eq!((app.state.robot.scans(), app.state.robot.contacts()), (5, Some(0)));
         // Nor is a pose after commands of which nobody has seen a scan.
         let mut app = self::app();
         app.state.past = Some(Past { pose: Some(CameraPose { command: 1 << 47, pose }), ..Past::default() });
         app.state.begin(&mut join(&broker, "Another").comms).unwrap();
-        assert_eq!((app.state.simulator.command(), app.state.simulator.scans()), (0, 0));
+        assert_eq!((app.state.robot.command(), app.state.robot.scans()), (0, 0));
     }
 }

@@ -1,5 +1,6 @@
 //! A pinhole camera: which way each pixel looks.
 
+use elk_spatial::CameraInfo;
 use nalgebra::{Point3, Vector3};
 
 /// A pinhole camera with square pixels. Pixel coordinates: u to the right, v down, the image from (0, 0) to
@@ -18,6 +19,13 @@ impl Camera {
     /// A camera of `width` × `height` pixels that sees `fov_x` (rad, below π) from the left to the right edge of its image.
     pub fn new(width: u32, height: u32, fov_x: f64) -> Self {
         Self { width, height, focal_px: f64::from(width) / 2.0 / (fov_x / 2.0).tan() }
+    }
+
+    /// What whoever reads its scans is to know of it; it sees `range_m` far, 0: as far as there is anything.
+    pub fn info(&self, range_m: f64) -> CameraInfo {
+        let angle = |pixels: u32| 2.0 * (f64::from(pixels) / 2.0 / self.focal_px).atan();
+        let (fov_x, fov_y) = (angle(self.width), angle(self.height));
+        CameraInfo { columns: self.width, rows: self.height, fov_x, fov_y, range_m }
     }
 
     /// The pixels' centres (px), row by row.
@@ -54,6 +62,9 @@ mod tests {
         assert!((left.x.atan2(left.z).to_degrees() + 37.5).abs() < 1e-9 && left.y == 0.0);
         assert!((top.y * 2.0 - left.x).abs() < 1e-12 && top.x == 0.0, "half as high as wide");
         assert_eq!(camera.direction(50.0, 25.0), Vector3::z());
+        let info = camera.info(5.0);
+        assert!((info.fov_x.to_degrees() - 75.0).abs() < 1e-9 && info.fov_y < info.fov_x, "{info:?}");
+        assert_eq!((info.columns, info.rows, info.range_m), (100, 50, 5.0));
     }
 
     #[test]

@@ -1,15 +1,37 @@
-//! Where depth comes from: a simulated depth camera in a world of `elk-world`.
+//! Where depth comes from: one trait, a simulated camera behind it, and the app around it, which is written once.
 //!
-//! [`Simulator`] is a robot with a depth camera in a [`World`](elk_world::World), which is what is truly there and
-//! which only it knows. [`app`] puts it on the bus.
+//! [`source`] is the seam: whatever answers "a scan from this pose" is a sensor. [`robot`] carries it where it is sent, and
+//! counts; [`app`] puts that on the bus, and [`program`] makes a program of it. [`simulator`] is a depth camera in a
+//! [`World`](elk_world::World), which is what is truly there and which only it knows.
+//!
+//! # A sensor of one's own
+//!
+//! A crate that depends on this one and has this `main.rs` is a sensor; `elk new sensor NAME` makes such a crate.
+//!
+//! ```no_run
+#![doc = include_str!("../examples/hall.rs")]
+//! ```
+//!
+//! A sensor of elk's own is a module here with a `TYPE`, and its row in [`TYPES`].
 
 pub mod app;
 pub mod camera;
-pub mod noise;
-mod preflight;
+pub mod program;
+pub mod robot;
 pub mod simulator;
+pub mod source;
 
-pub use app::TYPES;
 pub use camera::Camera;
-pub use noise::StereoNoise;
-pub use simulator::{Outcome, Refusal, Settings, Simulator, random_start};
+pub use elk_bus::AppError;
+pub use elk_geometry::{OccupancyGrid, Pose};
+pub use elk_mission::{Kind, ParamSpec, Params};
+pub use elk_spatial::{CameraInfo, Points};
+pub use nalgebra;
+pub use program::main;
+pub use robot::{Robot, ScanError};
+pub use source::{Accuracy, Capture, DepthSource, Refusal, Seen, Travel, Truth};
+
+use elk_mission::AppType;
+
+/// The sensors that a mission file can name.
+pub static TYPES: &[AppType] = &[simulator::TYPE];

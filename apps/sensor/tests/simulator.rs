@@ -1,7 +1,9 @@
 //! Scans, contacts and refusals, in rooms whose distances can be told by hand.
 
-use elk_sensor::{Camera, Refusal, Settings, Simulator, StereoNoise, random_start};
-use elk_spatial::Pose;
+use elk_geometry::Pose;
+use elk_sensor::simulator::{Settings, Simulator, StereoNoise, random_start};
+use elk_sensor::{Camera, Refusal, Robot, Travel};
+use elk_spatial::Scan;
 use elk_spatial::messages::PoseCommand;
 use elk_world::random::Random;
 use elk_world::scenery::{SITES, Scenery, Solid};
@@ -20,16 +22,16 @@ fn at(x: f64, y: f64, z: f64) -> Pose {
     Pose::looking(Point3::new(x, y, z), Vector3::x())
 }
 
-fn simulator(settings: Settings) -> Simulator {
-    Simulator::new(room(), settings, at(0.5, 1.0, 1.0)).unwrap()
+fn robot(settings: Settings) -> Robot {
+    Robot::new(Box::new(Simulator::new(room(), settings, at(0.5, 1.0, 1.0)))).unwrap()
 }
 
-fn go(simulator: &mut Simulator, id: u64, pose: Pose) -> elk_sensor::Outcome {
-    go_by(simulator, id, Vec::new(), pose)
+fn go(robot: &mut Robot, id: u64, pose: Pose) -> (Travel, Scan<'static>) {
+    go_by(robot, id, Vec::new(), pose)
 }
 
-fn go_by(simulator: &mut Simulator, id: u64, via: Vec<Point3<f64>>, pose: Pose) -> elk_sensor::Outcome {
-    simulator.execute(&PoseCommand { id, via, pose })
+fn go_by(robot: &mut Robot, id: u64, via: Vec<Point3<f64>>, pose: Pose) -> (Travel, Scan<'static>) {
+    (robot.go(&PoseCommand { id, via, pose }), robot.scan(0.0).unwrap())
 }
 
 /// Distance to the walls of the empty part of the room along a ray.
@@ -75,7 +77,7 @@ fn no_ray_slips_out_at_an_edge_or_a_corner() {
 
 #[test]
 fn the_image_is_right_way_up_and_its_points_are_in_the_camera_frame() {
-    let scan = go(&mut simulator(Settings::default()), 1, at(1.0, 2.0, 0.5)).scan;
+    let scan = go(&mut robot(Settings::default()), 1, at(1.0, 2.0, 0.5)).1;
     assert_eq!((scan.id, scan.command, scan.points.len()), (1, 1, 10_000));
     let points: Vec<_> = scan.points.iter().collect();
     let (first, last) = (points[0], points[9_999]);
@@ -108,44 +110,45 @@ fn a_ray_out_of_an_open_world_gives_no_point() {
 #[test]
 fn the_body_touches_what_comes_within_its_radius() {
     let settings = Settings { body_radius: 0.2, ..Settings::default() };
-    let mut s = simulator(settings);
-    assert!(!go(&mut s, 1, at(0.5, 1.0, 1.0)).contact, "standing still in the open");
-    assert!(!go(&mut s, 2, at(3.0, 3.75, 1.0)).contact, "past the closet at 0.25 m");
-    assert!(go(&mut s, 3, at(1.5, 3.85, 1.0)).contact, "to 0.15 m from its front");
-    assert!(go(&mut s, 4, at(2.15, 3.9, 1.0)).contact, "along its front to its corner");
+    let mut s = robot(settings);
+    assert!(!go(&mut s, 1, at(0.5, 1.0, 1.0)).0.contact, "standing still in the open");
+    assert!(!go(&mut s, 2, at(3.0, 3.75, 1.0)).0.contact, "past the closet at 0.25 m");
+    assert!(go(&mut s, 3, at(1.5, 3.85, 1.0)).0.contact, "to 0.15 m from its front");
+    assert!(go(&mut s, 4, at(2.15, 3.9, 1.0)).0.contact, "along its front to its corner");
     assert_eq!(s.pose(), at(2.15, 3.9, 1.0), "a touch does not stop the robot");
-    assert_eq!((s.contacts(), s.scans()), (2, 4));
+    assert_eq!((s.contacts(), s.scans()), (Some(2), 4));
 }
 
 #[test]
 fn poses_in_solids_beyond_walls_and_nowhere_are_refused() {
-    let mut s = simulator(Settings::default());
+    let mut s = robot(Settings::default());
     let start = s.pose();
     let not_free = [at(1.5, 4.5, 1.0), at(-0.5, 1.0, 1.0), at(2.0, 3.0, 2.5)];
     for (i, pose) in not_free.into_iter().enumerate() {
-        let outcome = go(&mut s, i as u64 + 1, pose);
-        assert_eq!(outcome.refused, Some(Refusal::NotFree(pose.position())));
-        assert!(outcome.contact && outcome.scan.pose == start && outcome.scan.command == i as u64 + 1);
+        let (travel, scan) = go(&mut s, i as u64 + 1, pose);
+        assert_eq!(travel, Travel { contact: true, refused: Some(Refusal::NotFree(pose.position())) });
+        assert!(scan.pose == start && scan.command == i as u64 + 1);
     }
     go(&mut s, 4, at(0.5, 4.5, 1.0));
-    let through = go(&mut s, 5, at(3.0, 4.5, 1.0));
+    let (through, _) = go(&mut s, 5, at(3.0, 4.5, 1.0));
     assert!(matches!(through.refused, Some(Refusal::Blocked(..))), "the closet is in the way");
-    assert_eq!((s.contacts(), s.scans()), (4, 5));
-    let message = Simulator::new(room(), Settings::default(), at(1.5, 4.5, 1.0)).unwrap_err().to_string();
+    assert_eq!((s.contacts(), s.scans()), (Some(4), 5));
+    let message = Robot::new(Box::new(Simulator::new(room(), Settings::default(), at(1.5, 4.5, 1.0))));
+    let message = message.err().unwrap().to_string();
     assert_eq!(message, "(1.500; 4.500; 1.000) is inside an obstacle or outside the world");
 }
 
 #[test]
 fn a_way_with_corners_is_judged_segment_by_segment() {
-    let mut s = simulator(Settings::default());
+    let mut s = robot(Settings::default());
     go(&mut s, 1, at(0.5, 4.5, 1.0));
     let around = |y: f64| vec![Point3::new(0.5, y, 1.0), Point3::new(2.5, y, 1.0)];
-    let outcome = go_by(&mut s, 2, around(3.5), at(2.5, 4.5, 1.0));
-    assert!(outcome.refused.is_none() && !outcome.contact, "around the closet");
-    let outcome = go_by(&mut s, 3, around(4.2).into_iter().rev().collect(), at(0.5, 4.5, 1.0));
-    assert_eq!(outcome.refused, Some(Refusal::Blocked(Point3::new(2.5, 4.2, 1.0), Point3::new(0.5, 4.2, 1.0))));
-    let outcome = go_by(&mut s, 4, vec![Point3::new(2.02, 4.5, 1.0)], at(2.5, 4.5, 1.0));
-    assert!(outcome.contact && outcome.refused.is_none(), "there and back, 2 cm from the closet");
+    let (travel, _) = go_by(&mut s, 2, around(3.5), at(2.5, 4.5, 1.0));
+    assert!(travel.refused.is_none() && !travel.contact, "around the closet");
+    let (travel, _) = go_by(&mut s, 3, around(4.2).into_iter().rev().collect(), at(0.5, 4.5, 1.0));
+    assert_eq!(travel.refused, Some(Refusal::Blocked(Point3::new(2.5, 4.2, 1.0), Point3::new(0.5, 4.2, 1.0))));
+    let (travel, _) = go_by(&mut s, 4, vec![Point3::new(2.02, 4.5, 1.0)], at(2.5, 4.5, 1.0));
+    assert!(travel.contact && travel.refused.is_none(), "there and back, 2 cm from the closet");
 }
 
 #[test]
@@ -153,16 +156,16 @@ fn noise_belongs_to_the_scan_and_not_to_its_history() {
     let noise = Some(StereoNoise { sigma_px: 1.0, baseline_m: 0.12 });
     let settings = |seed| Settings { noise, seed, ..Settings::default() };
     let third = |seed, way: [f64; 2]| {
-        let mut s = simulator(settings(seed));
+        let mut s = robot(settings(seed));
         for (i, x) in way.into_iter().enumerate() {
             go(&mut s, i as u64 + 1, at(x, 1.0, 1.0));
         }
-        go(&mut s, 3, at(1.0, 1.0, 1.0)).scan
+        go(&mut s, 3, at(1.0, 1.0, 1.0)).1
     };
     assert_eq!(third(1, [0.6, 0.7]), third(1, [2.0, 3.0]));
     assert_ne!(third(1, [0.6, 0.7]), third(2, [0.6, 0.7]));
-    let mut s = simulator(settings(1));
-    let (a, b) = (go(&mut s, 1, at(1.0, 1.0, 1.0)).scan, go(&mut s, 2, at(1.0, 1.0, 1.0)).scan);
+    let mut s = robot(settings(1));
+    let (a, b) = (go(&mut s, 1, at(1.0, 1.0, 1.0)).1, go(&mut s, 2, at(1.0, 1.0, 1.0)).1);
     assert_ne!(a.points, b.points, "two scans from one place differ");
 }
 

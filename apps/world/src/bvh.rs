@@ -3,7 +3,7 @@
 //! A binary tree, split where binned surface areas promise the least work (Wald, *On fast Construction of SAH-based
 //! Bounding Volume Hierarchies*, 2007). The same triangles in the same order give the same tree.
 
-use elk_spatial::Bounds;
+use elk_geometry::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::ray::{Hit, Ray};

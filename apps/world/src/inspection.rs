@@ -2,8 +2,8 @@
 
 use std::fmt::{self, Write};
 
-use elk_spatial::Bounds;
-use elk_spatial::voxel::FACES;
+use elk_geometry::Bounds;
+use elk_geometry::voxel::FACES;
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use elk_spatial::Bounds;
+use elk_geometry::Bounds;
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 

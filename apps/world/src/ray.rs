@@ -1,6 +1,6 @@
 //! Rays, and where they hit triangles and boxes without slipping between two triangles that share an edge.
 
-use elk_spatial::Bounds;
+use elk_geometry::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::triangle::Triangle;

@@ -1,7 +1,7 @@
 //! Whether a mission can be run in a world.
 
-use elk_spatial::Bounds;
-use elk_spatial::voxel::reach_m;
+use elk_geometry::Bounds;
+use elk_geometry::voxel::reach_m;
 use nalgebra::Point3;
 
 use crate::bvh::overlap;

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use elk_spatial::Bounds;
+use elk_geometry::Bounds;
 use nalgebra::Point3;
 
 use crate::triangle::{Triangle, bounds_of};
@@ -72,7 +72,11 @@ impl Topology {
         let mut links = Links::new(triangles.len());
         let (mut rims, mut conflicts, mut junctions) = (Vec::new(), Vec::new(), Vec::new());
         let ends = |side: &Side| {
-            let at = |corner: u32| corners[side.triangle].iter().position(|&c| c == corner).unwrap_or_default();
+            let at = |corner: u32| {
+                let found = corners[side.triangle].iter().position(|&c| c == corner);
+                debug_assert!(found.is_some(), "a side ends at corners of its triangle");
+                found.unwrap_or_default()
+            };
             [side.edge.0, side.edge.1].map(|corner| triangles[side.triangle].0[at(corner)])
         };
         for group in sides.chunk_by(|a, b| a.edge == b.edge) {

@@ -1,6 +1,6 @@
 //! Triangles: their distance from a segment and their overlap with a box.
 
-use elk_spatial::Bounds;
+use elk_geometry::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::ray::Ray;

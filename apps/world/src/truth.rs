@@ -1,7 +1,7 @@
 //! How true a map is: its known voxels against the world.
 
-use elk_spatial::bricks::{BRICK, BRICK_CELLS, voxel_at};
-use elk_spatial::{Bounds, OccupancyGrid, State, Voxel};
+use elk_geometry::bricks::{BRICK, BRICK_CELLS, voxel_at};
+use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use nalgebra::Vector3;
 
 use crate::world::World;

@@ -9,7 +9,7 @@
 //! Other files have no shell around the free space: their walls are solids of their own, as in a model of a building.
 //! There an even number is free, and outside is free, too.
 
-use elk_spatial::Bounds;
+use elk_geometry::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;

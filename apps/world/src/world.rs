@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use elk_geometry::Bounds;
 use elk_outside::file;
-use elk_spatial::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use elk_spatial::Bounds;
+use elk_geometry::Bounds;
 use elk_world::scenery::{SITES, Site, Solid};
 use elk_world::{CAR_INTERIOR, Placement, World};
 use nalgebra::{Point3, Vector3};

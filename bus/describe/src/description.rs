@@ -187,8 +187,11 @@ impl Description {
 
     /// As it travels.
     pub fn to_text(&self) -> String {
-        // A tree of names and numbers has no key that is no text, which alone JSON could not say.
-        serde_json::to_string(self).unwrap_or_default()
+        // An empty text says that nobody has described the type.
+        serde_json::to_string(self).unwrap_or_else(|error| {
+            debug_assert!(false, "a tree of names and numbers can be said as JSON: {error}");
+            String::new()
+        })
     }
 
     /// Reads what somebody says that a type is.

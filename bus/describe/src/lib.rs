@@ -59,3 +59,7 @@ pub mod derived {
 }
 
 extern crate self as elk_describe;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

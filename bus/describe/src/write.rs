@@ -104,13 +104,13 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
         (Kind::Struct(one), _) => wrong(&format!("an object with {}", names(&one.fields))),
         (Kind::Enum(one), _) => {
             let variants = || one.variants.iter().map(|one| one.name.as_str()).collect::<Vec<_>>().join(", ");
-            let (name, content) = match json {
-                Value::String(name) => (name, &Value::Null),
-                Value::Object(object) if object.len() == 1 => match object.iter().next() {
-                    Some(said) => said,
-                    None => return wrong(&variants()),
-                },
-                _ => return wrong(&format!("one of {}", variants())),
+            let said = match json {
+                Value::String(name) => Some((name, &Value::Null)),
+                Value::Object(object) if object.len() == 1 => object.iter().next(),
+                _ => None,
+            };
+            let Some((name, content)) = said else {
+                return wrong(&format!("one of {}", variants()));
             };
             let Some(number) = one.variants.iter().position(|variant| variant.name == *name) else {
                 return wrong(&format!("one of {}", variants()));

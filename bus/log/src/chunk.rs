@@ -218,7 +218,9 @@ impl Chunk {
 
     /// The bytes of a record that was given.
     pub fn bytes(&self, place: &Range<usize>) -> &[u8] {
-        self.bytes.get(place.clone()).unwrap_or_default()
+        let bytes = self.bytes.get(place.clone());
+        debug_assert!(bytes.is_some(), "{place:?} is of another chunk");
+        bytes.unwrap_or_default()
     }
 }
 

@@ -36,22 +36,18 @@ pub(crate) fn plain(json: &str) -> serde_json::Result<PlainJson> {
 /// What would be JSON if JSON had NaN and infinities, which Python and others write into it: with `null` for these.
 /// Nothing: it holds none.
 pub(crate) fn without_nan(json: &str) -> Option<String> {
-    let (mut out, mut rest, mut found) = (String::new(), json, false);
-    while let Some(at) = rest.find(|c: char| c == '"' || c.is_ascii_alphabetic()) {
-        let (before, from) = rest.split_at(at);
-        let (token, behind) = from.split_at(token_length(from));
-        out.push_str(before);
-        if NOT_FINITE.iter().any(|word| word.eq_ignore_ascii_case(token)) {
-            found = true;
-            out.truncate(out.trim_end_matches(['+', '-']).len());
+    // Nothing is copied before the first one: most messages have none.
+    let (mut out, mut copied, mut at) = (String::new(), 0, 0);
+    while let Some(skipped) = json[at..].find(|c: char| c == '"' || c.is_ascii_alphabetic()) {
+        let from = at + skipped;
+        at = from + token_length(&json[from..]);
+        if NOT_FINITE.iter().any(|word| word.eq_ignore_ascii_case(&json[from..at])) {
+            out.push_str(json[copied..from].trim_end_matches(['+', '-']));
             out.push_str("null");
-        } else {
-            out.push_str(token);
+            copied = at;
         }
-        rest = behind;
     }
-    out.push_str(rest);
-    found.then_some(out)
+    (copied > 0).then(|| out + &json[copied..])
 }
 
 /// Length of the text in quotes, or of the word, that `json` begins with (bytes).

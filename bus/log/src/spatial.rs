@@ -14,8 +14,9 @@
 
 use elk_bus::describe::Kind;
 use elk_bus::{Payload, TypeRef, codec};
-use elk_spatial::bricks::voxel_at;
-use elk_spatial::map::{BrickStates, MapUpdate, State};
+use elk_geometry::bricks::voxel_at;
+use elk_geometry::state::{BrickStates, State};
+use elk_spatial::map::MapUpdate;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::foxglove::{self, DATA, MessageType};
@@ -177,7 +178,7 @@ fn put_map(out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
 const MOST_SHOWN: usize = 1 << 20;
 
 fn occupied_centers(brick: &BrickStates, resolution: f64) -> impl Iterator<Item = [u8; 12]> {
-    let cells = (0..elk_spatial::bricks::BRICK_CELLS).filter(|cell| brick.state(*cell) == State::Occupied);
+    let cells = (0..elk_geometry::bricks::BRICK_CELLS).filter(|cell| brick.state(*cell) == State::Occupied);
     cells.map(move |cell| foxglove::packed(voxel_at(brick.position(), cell).center(resolution)))
 }
 
@@ -194,8 +195,9 @@ fn put_poses(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elk_geometry::{OccupancyGrid, Pose, Voxel};
+    use elk_spatial::Scan;
     use elk_spatial::messages::{Plan, PoseCommand};
-    use elk_spatial::{OccupancyGrid, Pose, Scan, Voxel};
     use nalgebra::Point3;
     use proptest::prelude::*;
 
@@ -271,7 +273,7 @@ mod tests {
         for (voxel, state) in voxels {
             map.set(voxel, state);
         }
-        let value = encoded(&map.whole(1));
+        let value = encoded(&MapUpdate::new(map.whole(), 1));
         let mut message = Vec::new();
         put((Shape::Map, MAP), 1, b"", &value, &mut message);
         let [data] = find_bytes(&message, [DATA]).unwrap();

@@ -1,13 +1,18 @@
 //! The files of a log: segments, compression, the index, and what other people's tools read in them.
 
+#[path = "../../../tests/common/skip.rs"]
+mod skip;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use elk_bus::{Payload, Type, TypeRef, Value, codec};
+use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
 use elk_log::check::check;
 use elk_log::{Compression, Index, LogError, LogOptions, LogReader, LogWriter, Metadata, Record, segments};
+use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{CameraPose, Decision, MotionPolicy, Path as Way, Plan, Progress};
-use elk_spatial::{OccupancyGrid, Points, Pose, Scan, State, Voxel};
+use elk_spatial::{Points, Scan};
 use nalgebra::{Point3, Vector3};
 
 /// Message `number`, recorded a tenth of a second after the one before.
@@ -309,7 +314,7 @@ fn spatial() -> Vec<Record> {
     vec![
         record("SIM_SENSOR", 0, binary::<CameraPose>(&CameraPose { command: 1, pose })),
         record("SCAN", 1, binary::<Scan<'static>>(&Scan::new(1, 1, pose, points))),
-        record("MAP", 2, binary::<elk_spatial::map::MapUpdate>(&map.whole(1))),
+        record("MAP", 2, binary::<MapUpdate>(&MapUpdate::new(map.whole(), 1))),
         record("PLAN", 3, binary::<Plan>(&plan)),
         record(
             "PROGRESS",
@@ -344,7 +349,8 @@ fn an_independent_reader_decodes_what_viewers_are_to_show() {
     write(&path, &spatial(), LogOptions { compression: Compression::Zstd, ..LogOptions::default() });
     let there = Command::new("python3").args(["-c", "import mcap, mcap_protobuf"]).output();
     if !there.is_ok_and(|output| output.status.success()) {
-        println!("skipped: python3 with the packages `mcap` and `mcap-protobuf-support` is not installed");
+        let why = "python3 with the packages `mcap` and `mcap-protobuf-support` is not installed";
+        skip::skip("an_independent_reader_decodes_what_viewers_are_to_show", "mcap", why);
         return;
     }
     let script = r#"
@@ -386,7 +392,8 @@ fn rerun_draws_what_it_is_to_show() {
     let folder = tempfile::tempdir().unwrap();
     write(&folder.path().join("log.mcap"), &spatial(), LogOptions::default());
     if !rerun(&["mcap", "--help"], folder.path()).is_ok_and(|output| output.status.success()) {
-        println!("skipped: rerun (the Python package `rerun-sdk`) is not installed");
+        let why = "rerun (the Python package `rerun-sdk`) is not installed";
+        skip::skip("rerun_draws_what_it_is_to_show", "rerun", why);
         return;
     }
     let mut said = Vec::new();

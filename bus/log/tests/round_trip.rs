@@ -1,5 +1,8 @@
 //! What goes into a log comes out of it: whole, cut anywhere, and through an independent reader.
 
+#[path = "../../../tests/common/skip.rs"]
+mod skip;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -177,7 +180,8 @@ fn an_independent_reader_sees_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let path = small_log(folder.path());
     if !Command::new("python3").args(["-c", "import mcap"]).output().is_ok_and(|o| o.status.success()) {
-        println!("skipped: python3 with the package `mcap` is not installed");
+        let why = "python3 with the package `mcap` is not installed";
+        skip::skip("an_independent_reader_sees_the_same", "mcap", why);
         return;
     }
     let script = r#"

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use common::record;
 use elk_bus::{Payload, TypeRef, Value, codec};
+use elk_geometry::Pose;
 use elk_log::alog::{AlogReader, AlogWriter};
 use elk_log::csv::put_csv;
 use elk_log::{LogReader, LogWriter, Metadata, Record};
-use elk_spatial::Pose;
 use elk_spatial::messages::{CameraPose, Progress};
 use nalgebra::{Point3, Vector3};
 

@@ -2,9 +2,10 @@
 
 use std::fmt::Write;
 
+use crate::kind::ParamSpec;
 use crate::policy::{Attribute, OF_APP, OF_BROKER};
 use crate::registry::Registry;
-use crate::spec::{AppType, ParamSpec};
+use crate::spec::AppType;
 
 /// Every app type with its parameters, units, defaults and meaning.
 pub fn describe(registry: &Registry) -> String {

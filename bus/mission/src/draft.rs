@@ -5,9 +5,9 @@ use std::path::Path;
 use roxmltree::{Attribute, Node};
 
 use crate::arguments::split_arguments;
-use crate::element;
-use crate::exchange;
-use crate::mission::{AppSpec, Program};
+use crate::element::{self, ELEMENTS};
+use crate::executable;
+use crate::kind::ParamSpec;
 use crate::name::{is_app_name, right_app_names};
 use crate::nearest::{instead, nearest};
 use crate::params::ParamValue;
@@ -15,12 +15,19 @@ use crate::policy::{self, Said};
 use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::resolve::{Given, Table, resolve};
-use crate::scenario::{Context, stray_text};
 use crate::setting::Override;
-use crate::spec::{AppType, ParamSpec};
+use crate::spec::{AppSpec, AppType, Program};
+use crate::xml::{own_text, stray_text, value_place};
 
-/// The type of Logger that is no logger: the mission is not recorded.
+/// The type of an element that is supposed, for a mission without one: it is not recorded.
 const NONE: &str = "none";
+
+/// What every part of the check needs.
+pub(crate) struct Context<'a> {
+    pub registry: &'a Registry,
+    /// Where relative files are looked for.
+    pub folder: &'a Path,
+}
 
 /// One app as it was said.
 pub(crate) struct Draft {
@@ -154,7 +161,7 @@ impl Draft {
 
     fn type_called(&self, name: &str, place: &At, registry: &Registry, problems: &mut Findings) -> Runs {
         let mut known: Vec<&str> = registry.of_element(&self.element).map(|t| t.name).collect();
-        if self.element == element::LOGGER {
+        if element::named(&self.element).is_some_and(|element| element.supposed) {
             known.push(NONE);
             if name == NONE {
                 return Runs::Nothing;
@@ -327,7 +334,7 @@ impl Draft {
                 problems.add(&place, "what runs is said twice; one type or exec is right");
             }
             "type" => self.become_type(&said.text, &place, registry, problems),
-            "exec" => match exchange::executable(&said.text, Path::new("")) {
+            "exec" => match executable::executable(&said.text, Path::new("")) {
                 Ok(exec) => {
                     let exec = std::path::absolute(&exec).unwrap_or(exec).to_string_lossy().into_owned();
                     self.runs = Runs::Foreign { exec, args: Vec::new() };
@@ -383,14 +390,15 @@ impl Draft {
     }
 }
 
-/// A mission that does not speak of a logger has the registry's first one.
-pub(crate) fn default_logger(drafts: &mut Vec<Draft>, registry: &Registry, scenario: &At) {
-    let logger = registry.of_element(element::LOGGER).next();
-    if let Some(app_type) = logger
-        && drafts.iter().all(|draft| draft.element != element::LOGGER)
-    {
+/// A mission that does not speak of an element that is supposed has the registry's first type of it.
+pub(crate) fn suppose_elements(drafts: &mut Vec<Draft>, registry: &Registry, scenario: &At) {
+    for element in ELEMENTS.iter().filter(|element| element.supposed) {
+        let Some(app_type) = registry.of_element(element.name).next() else { continue };
+        if drafts.iter().any(|draft| draft.element == element.name) {
+            continue;
+        }
         drafts.push(Draft {
-            element: element::LOGGER.to_owned(),
+            element: element.name.to_owned(),
             place: scenario.clone(),
             named: None,
             given: Vec::new(),
@@ -411,17 +419,4 @@ fn executable(context: &Context, exec: &str) -> String {
         true => context.folder.join(exec).to_string_lossy().into_owned(),
         false => exec.to_owned(),
     }
-}
-
-/// Where the first letter of an element's text stands.
-fn value_place(node: Node) -> Option<At> {
-    let text = node.children().find(|child| own_text(*child).is_some_and(|t| !t.trim().is_empty()))?;
-    let said = text.text()?;
-    let lead = said.len() - said.trim_start().len();
-    Some(At::Byte(text.range().start + lead))
-}
-
-/// The text of a text node; comments have text, too, and do not count.
-fn own_text<'a>(node: Node<'a, '_>) -> Option<&'a str> {
-    node.text().filter(|_| node.is_text())
 }

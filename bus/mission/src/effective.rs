@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::element;
-use crate::mission::{AppSpec, Mission, Mode, Program};
+use crate::element::{self, ELEMENTS};
 use crate::policy::{self, Policy, Restart};
+use crate::spec::{AppSpec, Mission, Mode, Program};
 
 impl Mission {
     /// The mission as XML that means the same in any folder and under other defaults. Parameters of which `omit` says so
@@ -24,8 +24,10 @@ impl Mission {
         for app in &self.apps {
             put_app(&mut text, app, omit);
         }
-        if self.of_element(element::LOGGER).next().is_none() {
-            text += "    <Logger type=\"none\"/>\n";
+        for element::Element { name, .. } in ELEMENTS.iter().filter(|element| element.supposed) {
+            if self.of_element(name).next().is_none() {
+                text += &format!("    <{name} type=\"none\"/>\n");
+            }
         }
         text + "</Scenario>\n"
     }

@@ -1,15 +1,14 @@
 //! One app of a running mission exchanged for another: what is kept of it, and what is checked before anything starts.
 
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::draft::Draft;
-use crate::mission::{AppSpec, Program};
+use crate::executable::executable;
 use crate::nearest::instead;
 use crate::problem::{At, Findings, Problems};
 use crate::registry::Registry;
 use crate::resolve::{Given, Table, resolve};
-use crate::spec::AppType;
+use crate::spec::{AppSpec, AppType, Program};
 use crate::{variables, wiring};
 
 /// What is to be different about an app: `type=T`, or `exec=FILE`, and parameters.
@@ -138,35 +137,5 @@ impl AppSpec {
         let said = settings.iter().map(|(name, _)| name.clone()).collect();
         let program = Program::Foreign { exec, args };
         Exchanged { app: Self { program, settings, said, ..self.clone() }, dropped: Vec::new() }
-    }
-}
-
-/// The executable that is meant: a path is looked for from `folder`, a bare name in `PATH`.
-pub(crate) fn executable(exec: &str, folder: &Path) -> Result<PathBuf, String> {
-    if exec.is_empty() {
-        return Err("exec is empty; right is an executable".to_owned());
-    }
-    if exec.contains('/') {
-        let path = folder.join(exec);
-        return runs(&path).map(|()| path);
-    }
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = std::env::split_paths(&path).map(|place| place.join(exec)).find(|file| runs(file).is_ok());
-    found.ok_or_else(|| match runs(&folder.join(exec)) {
-        Ok(()) => format!("there is no {exec} in PATH; did you mean ./{exec}?"),
-        Err(_) => format!("there is no {exec} in PATH; right is an executable's name, or a path with a /"),
-    })
-}
-
-/// Whether a file can be run.
-fn runs(file: &Path) -> Result<(), String> {
-    let shown = file.display();
-    match std::fs::metadata(file) {
-        Err(error) => Err(format!("{shown} cannot be run: {error}")),
-        Ok(found) if !found.is_file() => Err(format!("{shown} is no file; right is an executable")),
-        Ok(found) if found.permissions().mode() & 0o111 == 0 => {
-            Err(format!("{shown} is not executable; `chmod +x` makes a program of it"))
-        }
-        Ok(_) => Ok(()),
     }
 }

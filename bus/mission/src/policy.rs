@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use crate::kind::Kind;
 use crate::nearest::{instead, nearest};
 use crate::params::ParamValue;
-use crate::spec::Kind;
 use crate::value::ValueError;
 
 /// What happens when an app dies.

@@ -4,28 +4,7 @@
 //! An [`AppType`](crate::AppType) may bring a look of its own at what it needs; of any other type it is seen that it
 //! can be built. So what passes here starts.
 
-use crate::mission::{AppSpec, Mission, Program};
-use crate::params::Params;
-
-/// How an app type looks at what one of its apps needs, in the mission that it is part of. It starts and changes
-/// nothing.
-pub type Preflight = fn(&Params, &Mission) -> PreflightReport;
-
-/// What such a look came to.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct PreflightReport {
-    /// Why the app could not do its work; what was found and what would be right.
-    pub faults: Vec<String>,
-    /// What will probably not be as it was meant.
-    pub warnings: Vec<String>,
-}
-
-impl PreflightReport {
-    /// One fault.
-    pub fn fault(what: impl ToString) -> Self {
-        Self { faults: vec![what.to_string()], warnings: Vec::new() }
-    }
-}
+use crate::spec::{AppSpec, Mission, PreflightReport, Program};
 
 /// Why a mission that is well said could not be run; a line each, `App: why`.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

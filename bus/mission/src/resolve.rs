@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use crate::kind::{Kind, ParamSpec};
 use crate::nearest::instead;
 use crate::params::{ParamValue, Params};
-use crate::problem::{At, Findings};
-use crate::spec::{Kind, ParamSpec};
+use crate::problem::{At, Findings, Problems};
+use crate::spec::{AppSpec, AppType, Program};
 
 /// A parameter as it was said.
 #[derive(Debug, Clone)]
@@ -111,5 +112,65 @@ fn as_text(kind: &Kind, value: &ParamValue) -> String {
             path.to_string_lossy().into_owned()
         }
         (ParamValue::Text(value), _) => value.clone(),
+    }
+}
+
+impl AppType {
+    /// Checks parameters as one app by itself is given them on its command line: `Param=Value`, files relative to `folder`.
+    ///
+    /// # Errors
+    /// Everything that is wrong, each with the argument it was said in.
+    pub fn check(&self, settings: &[(String, String)], folder: &Path) -> Result<Params, Problems> {
+        let place = At::CommandLine(format!("--type {}", self.name));
+        check(&Table { who: &self.title(), params: self.params }, settings, folder, &place)
+    }
+}
+
+impl Params {
+    /// Checks what an app was told, `Param=Value` each, against a table of its own; `who` it is stands in errors. Relative
+    /// files are looked for in `folder`.
+    ///
+    /// # Errors
+    /// Everything that is wrong, each with the argument it was said in.
+    pub fn check(
+        who: &str,
+        table: &'static [ParamSpec],
+        settings: &[(String, String)],
+        folder: &Path,
+    ) -> Result<Self, Problems> {
+        check(&Table { who, params: table }, settings, folder, &At::CommandLine(who.to_owned()))
+    }
+}
+
+fn check(table: &Table<'_>, settings: &[(String, String)], folder: &Path, place: &At) -> Result<Params, Problems> {
+    let given = settings.iter().map(|(name, text)| {
+        let said = At::CommandLine(format!("{name}={text}"));
+        Given::new(name, text, said.clone(), said, folder)
+    });
+    let mut problems = Findings::default();
+    let Resolved { params, .. } = resolve(table, given.collect(), place, &mut problems);
+    match problems.is_empty() {
+        true => Ok(params),
+        false => Err(problems.located(folder, "")),
+    }
+}
+
+impl AppSpec {
+    /// Sets a parameter, checked as if it stood in the mission file.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn set(&mut self, name: &str, text: &str) -> Result<(), Problems> {
+        let mut settings = self.settings.clone();
+        match settings.iter_mut().find(|(key, _)| key == name) {
+            Some((_, value)) => *value = text.to_owned(),
+            None => settings.push((name.to_owned(), text.to_owned())),
+        }
+        if let Program::Builtin(app_type, params) = &mut self.program {
+            *params = app_type.check(&settings, Path::new(""))?;
+        }
+        self.settings = settings;
+        self.said.insert(name.to_owned());
+        Ok(())
     }
 }

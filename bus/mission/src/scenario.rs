@@ -5,33 +5,16 @@ use std::path::Path;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::draft::Draft;
-use crate::element;
-use crate::mission::{AppSpec, Mission, Mode};
+use crate::draft::{self, Context, Draft};
+use crate::element::{self, Count, ELEMENTS};
 use crate::nearest::instead;
 use crate::policy::{self, SaidOfBroker};
 use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::setting::Override;
+use crate::spec::{AppSpec, Mission, Mode};
+use crate::xml::stray_text;
 use crate::{variables, wiring};
-
-/// The elements of a Scenario; how many of each a mission has.
-const ELEMENTS: [(&str, Count); 7] = [
-    (element::SENSOR, Count::One),
-    (element::FILTER, Count::Any),
-    (element::MAP, Count::One),
-    (element::EXPLORER, Count::One),
-    (element::CONTROLLER, Count::One),
-    (element::LOGGER, Count::AtMostOne),
-    (element::APP, Count::Any),
-];
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Count {
-    One,
-    AtMostOne,
-    Any,
-}
 
 /// The most apps of a mission: each is a process.
 const MOST_APPS: usize = 1000;
@@ -40,13 +23,6 @@ const MOST_NODES: u32 = 100_000;
 
 /// Names on the bus that no app can have: the broker's own, and the launcher's.
 const RESERVED: [&str; 2] = ["db", "launcher"];
-
-/// What every part of the check needs.
-pub(crate) struct Context<'a> {
-    pub registry: &'a Registry,
-    /// Where relative files are looked for.
-    pub folder: &'a Path,
-}
 
 /// Checks the text of a mission file; what is wrong goes to `problems`. `None`: not even a Scenario.
 pub(crate) fn check(
@@ -76,7 +52,7 @@ pub(crate) fn check(
     let (name, said_mode, broker) = head(scenario, file, problems);
     let mut drafts = drafts(&context, scenario, problems);
     count(&drafts, &place, problems);
-    crate::draft::default_logger(&mut drafts, registry, &place);
+    draft::suppose_elements(&mut drafts, registry, &place);
     names(&mut drafts, problems);
     apply(overrides, &mut drafts, registry, problems);
     wiring::connect(&mut drafts, problems);
@@ -169,10 +145,10 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Dra
             problems.add(&place, format!("one app more than {MOST_APPS}; right is a mission of at most so many"));
             break;
         }
-        if ELEMENTS.iter().any(|(known, _)| *known == element) {
+        if element::named(element).is_some() {
             drafts.push(Draft::read(context, node, problems));
         } else {
-            let known = ELEMENTS.map(|(known, _)| known);
+            let known = ELEMENTS.map(|one| one.name);
             let place = At::Byte(node.range().start);
             let right = instead(element, &known);
             problems.add(&place, format!("<{element}> is no element of a Scenario; {right}"));
@@ -181,22 +157,8 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Dra
     drafts
 }
 
-/// Text between elements is a forgotten tag.
-pub(crate) fn stray_text(parent: Node, problems: &mut Findings) {
-    for text in parent.children().filter(Node::is_text) {
-        let said = text.text().unwrap_or_default();
-        if !said.trim().is_empty() {
-            let lead = said.len() - said.trim_start().len();
-            let place = At::Byte(text.range().start + lead);
-            let word = said.split_whitespace().next().unwrap_or_default();
-            let parent = parent.tag_name().name();
-            problems.add(&place, format!("{word:?} stands loose in <{parent}>; right is an element"));
-        }
-    }
-}
-
 fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {
-    for (element, count) in ELEMENTS {
+    for element::Element { name: element, count, .. } in ELEMENTS {
         let mut of_element = drafts.iter().filter(|draft| draft.element == element);
         let first = of_element.next();
         if first.is_none() && count == Count::One {
@@ -224,12 +186,11 @@ fn names(drafts: &mut [Draft], problems: &mut Findings) {
         }
     }
     for draft in drafts.iter_mut().filter(|draft| draft.named.is_none()) {
-        let numbered = (1..).map(|n| match n {
-            1 => draft.element.clone(),
-            n => format!("{}{n}", draft.element),
-        });
-        let free = numbered.into_iter().find(|name| !taken.contains_key(name));
-        let name = free.unwrap_or_default();
+        let (mut name, mut number) = (draft.element.clone(), 1);
+        while taken.contains_key(&name) {
+            number += 1;
+            name = format!("{}{number}", draft.element);
+        }
         taken.insert(name.clone(), draft.element.clone());
         draft.named = Some((name, draft.place.clone()));
     }

@@ -1,9 +1,16 @@
-//! The table of app types: what a mission file may say, in what units, and what it means when it says nothing.
+//! What a mission is made of: types of apps, and apps of these types, all of it checked.
+//!
+//! A type can look at the mission that its app is part of before it starts, so both stand here.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 use elk_bus::{App, AppError};
 
+use crate::executable::executable;
+use crate::kind::ParamSpec;
 use crate::params::Params;
-use crate::preflight::Preflight;
+use crate::policy::Policy;
 
 /// One type of app, as it is offered to mission files and to `elk types`.
 pub struct AppType {
@@ -21,69 +28,148 @@ pub struct AppType {
     pub preflight: Option<Preflight>,
 }
 
-/// One parameter of an app type.
-#[derive(Debug, Clone, Copy)]
-pub struct ParamSpec {
-    /// Its element's name in the mission file.
-    pub name: &'static str,
-    /// What it may be.
-    pub kind: Kind,
-    /// What it is if the mission does not say; `None`: it must be said.
-    pub default: Option<&'static str>,
-    /// What it means, in one sentence.
-    pub doc: &'static str,
+/// How an app type looks at what one of its apps needs, in the mission that it is part of. It starts and changes
+/// nothing.
+pub type Preflight = fn(&Params, &Mission) -> PreflightReport;
+
+/// What such a look came to.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct PreflightReport {
+    /// Why the app could not do its work; what was found and what would be right.
+    pub faults: Vec<String>,
+    /// What will probably not be as it was meant.
+    pub warnings: Vec<String>,
 }
 
-/// What a parameter may be.
-#[derive(Debug, Clone, Copy)]
-pub enum Kind {
-    /// A number in `min..=max`, in `unit` (`m`, `rad`, `deg`, `s`, `Hz`, `px`, or empty).
-    Number {
-        /// The unit.
-        unit: &'static str,
-        /// The smallest value allowed.
-        min: f64,
-        /// The largest value allowed.
-        max: f64,
-    },
-    /// A whole number in `min..=max`.
-    Integer {
-        /// The smallest value allowed.
-        min: i64,
-        /// The largest value allowed.
-        max: i64,
-    },
-    /// `true` or `false`.
-    Flag,
-    /// Three numbers separated by semicolons: `x; y; z`, in `unit`.
-    Point {
-        /// The unit.
-        unit: &'static str,
-    },
-    /// The edges of a box, as a point: all positive, or all 0 for none.
-    Size {
-        /// The unit.
-        unit: &'static str,
-    },
-    /// One of these words.
-    Choice(&'static [&'static str]),
-    /// Any text.
-    Text,
-    /// The name of a variable of the community.
-    Variable,
-    /// A file to read, relative to the mission file; must exist. A name in `builtin` stands for itself.
-    File {
-        /// Names that are no files but built into the program.
-        builtin: &'static [&'static str],
+impl PreflightReport {
+    /// One fault.
+    pub fn fault(what: impl ToString) -> Self {
+        Self { faults: vec![what.to_string()], warnings: Vec::new() }
+    }
+}
+
+/// A checked mission.
+#[derive(Debug, Clone)]
+pub struct Mission {
+    /// Its name, for people.
+    pub name: String,
+    /// The file that it was read from.
+    pub file: PathBuf,
+    /// That file, byte for byte; empty: it was not read from one.
+    pub bytes: Vec<u8>,
+    /// Whether it waits for a person before each step: as `Manual` of its controller says, else as the Scenario's type does.
+    pub mode: Mode,
+    /// What happens when its broker dies.
+    pub broker: Policy,
+    /// Mail that its broker keeps for each client (MB).
+    pub mailbox_mb: u32,
+    /// Its apps, in the order of the file; a logger that the file does not name comes last.
+    pub apps: Vec<AppSpec>,
+}
+
+/// How a mission runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// Straight through.
+    Auto,
+    /// Waits for a person before each step.
+    Manual,
+}
+
+/// One app of a mission.
+#[derive(Debug, Clone)]
+pub struct AppSpec {
+    /// Its name, unique in the mission; it is also its name on the bus.
+    pub name: String,
+    /// Its element: `Sensor`, `Filter`, …
+    pub element: String,
+    /// What runs.
+    pub program: Program,
+    /// What happens when it dies or hangs.
+    pub policy: Policy,
+    /// Names of the parameters that somebody set; the others have their type's defaults.
+    pub said: BTreeSet<String>,
+    /// Its parameters as text that says the same wherever it is read, defaults included: `elk <element> Param=Value…`.
+    pub settings: Vec<(String, String)>,
+}
+
+/// What runs as an app.
+#[derive(Debug, Clone)]
+pub enum Program {
+    /// One of the registry's types.
+    Builtin(&'static AppType, Params),
+    /// Any other executable.
+    Foreign {
+        /// The executable: a path, or a name that is looked for in `PATH`.
+        exec: PathBuf,
+        /// Arguments before its parameters.
+        args: Vec<String>,
     },
 }
 
-const FOR_MOOS: &str = "Accepted for MOOS' sake, without effect: the broker is found by the community's name.";
+impl AppType {
+    /// The parameter of this name. As in MOOS, case does not count.
+    pub fn param(&self, name: &str) -> Option<&'static ParamSpec> {
+        self.params.iter().find(|param| param.name.eq_ignore_ascii_case(name))
+    }
 
-/// Where MOOS would look for its database.
-pub const MOOS_HOST: ParamSpec =
-    ParamSpec { name: "MOOSHost", kind: Kind::Text, default: Some("localhost"), doc: FOR_MOOS };
+    /// `Filter Distance`
+    pub(crate) fn title(&self) -> String {
+        format!("{} {}", self.element, self.name)
+    }
+}
 
-/// The port that MOOS would use.
-pub const MOOS_PORT: ParamSpec =
-    ParamSpec { name: "MOOSPort", kind: Kind::Integer { min: 1, max: 65_535 }, default: Some("9000"), doc: FOR_MOOS };
+impl std::fmt::Debug for AppType {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {}", self.element, self.name)
+    }
+}
+
+impl Mission {
+    /// The apps of an element, in the order of the file.
+    pub fn of_element(&self, element: &str) -> impl Iterator<Item = &AppSpec> {
+        self.apps.iter().filter(move |app| app.element == element)
+    }
+}
+
+impl Program {
+    /// The file that runs, found as it will be at the start: a path as it is, a bare name in `PATH`; none: it is elk itself.
+    ///
+    /// # Errors
+    /// There is none that can be run, in words.
+    pub fn executable(&self) -> Result<Option<PathBuf>, String> {
+        match self {
+            Self::Builtin(..) => Ok(None),
+            Self::Foreign { exec, .. } => executable(&exec.to_string_lossy(), Path::new("")).map(Some),
+        }
+    }
+}
+
+impl AppSpec {
+    /// The type's name; `exec` for another executable.
+    pub fn type_name(&self) -> &str {
+        match &self.program {
+            Program::Builtin(app_type, _) => app_type.name,
+            Program::Foreign { .. } => "exec",
+        }
+    }
+
+    /// The text of a parameter.
+    pub fn setting(&self, name: &str) -> Option<&str> {
+        let mut settings = self.settings.iter();
+        settings.find(|(key, _)| key == name).map(|(_, text)| text.as_str())
+    }
+
+    /// Whether it is one of the registry's types.
+    pub fn is_builtin(&self) -> bool {
+        matches!(self.program, Program::Builtin(..))
+    }
+
+    /// Whether its type has a parameter of this name; another executable has whatever it is given.
+    pub fn takes(&self, name: &str) -> bool {
+        match &self.program {
+            Program::Builtin(app_type, _) => app_type.param(name).is_some(),
+            Program::Foreign { .. } => self.setting(name).is_some(),
+        }
+    }
+}

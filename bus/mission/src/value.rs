@@ -3,10 +3,9 @@
 use std::num::IntErrorKind;
 use std::path::Path;
 
+use crate::kind::Kind;
 use crate::nearest::instead;
 use crate::params::ParamValue;
-use crate::spec::Kind;
-use crate::variables;
 
 /// The longest name of a variable (bytes).
 const LONGEST_VARIABLE: usize = 256;
@@ -177,7 +176,7 @@ fn variable(text: &str, kind: &Kind) -> Result<ParamValue, ValueError> {
     let odd = |c: char| c.is_whitespace() || c.is_control() || ",*?".contains(c);
     match text.is_empty() || text.contains(odd) || text.len() > LONGEST_VARIABLE {
         true => Err(wrong(format!("{text:?} is no name of a variable"), kind)),
-        false if variables::is_of_the_broker(text) => {
+        false if is_of_the_broker(text) => {
             let found = format!("{text} is a variable that the broker writes itself, as all of DB_*");
             Err(ValueError { found, right: "right is another name".to_owned() })
         }
@@ -216,6 +215,11 @@ fn instead_of_file(text: &str, builtin: &[&str], path: &Path) -> String {
         (None, []) => "files are looked for from the mission file's folder".to_owned(),
         (None, names) => instead(text, names),
     }
+}
+
+/// Whether the broker writes a variable itself.
+fn is_of_the_broker(name: &str) -> bool {
+    name.starts_with("DB_")
 }
 
 #[cfg(test)]

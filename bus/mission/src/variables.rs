@@ -11,12 +11,13 @@ use elk_spatial::messages::CameraPose;
 
 use crate::draft::Draft;
 use crate::element;
+use crate::kind::Kind;
 use crate::problem::{At, Findings};
-use crate::spec::Kind;
-use crate::wiring::SCAN;
 
 /// Variables of an exploration that carry texts and numbers. Those that carry a type [`keys::carried_by`] knows.
 const PLAIN: [&str; 7] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE", "LOGGER_ERROR", REJECTED];
+/// What the sensor publishes its scans under, if its type does not say.
+pub(crate) const SCAN: &str = "SCAN";
 /// What every app says of itself is called after it.
 const STATUS: &str = "_STATUS";
 
@@ -53,11 +54,6 @@ impl Written {
 
 /// Parameters that name a variable of scans which an app of this element reads.
 const READ: [(&str, &str); 2] = [(element::FILTER, "Input"), (element::MAP, "Input")];
-
-/// Whether the broker writes a variable itself.
-pub(crate) fn is_of_the_broker(name: &str) -> bool {
-    name.starts_with("DB_")
-}
 
 /// Whether a parameter can name a variable so.
 pub(crate) fn is_name(name: &str) -> bool {

@@ -1,16 +1,16 @@
 //! What follows from the other apps where the mission does not say: who reads whose scans, where frontiers count, and what
 //! two apps have to have in common.
 
-use elk_spatial::clearance::{Clearance, MAX_RADIUS_VOXELS};
-use elk_spatial::ray;
+use elk_geometry::clearance::{Clearance, MAX_RADIUS_VOXELS};
+use elk_spatial::checks;
 
 use crate::draft::Draft;
 use crate::element;
-use crate::mission::Mode;
 use crate::params::ParamValue;
 use crate::problem::{At, Findings};
 use crate::resolve::Given;
-use crate::variables;
+use crate::spec::Mode;
+use crate::variables::{self, SCAN};
 
 /// Parameters that are the same for both elements: said of one, they hold for the other.
 const COMMON: [(&str, [&str; 2]); 3] = [
@@ -21,9 +21,6 @@ const COMMON: [(&str, [&str; 2]); 3] = [
 
 /// Parameters that say something only together, as middle and size of a volume.
 const TOGETHER: [&str; 2] = ["Mid", "Dim"];
-
-/// What the sensor publishes its scans under, if its type does not say.
-pub(crate) const SCAN: &str = "SCAN";
 
 /// Sets `Input` and `Output` of the filters and `Input` of the map: the first filter reads what the sensor publishes and
 /// publishes `SCAN_1`, each later one reads what the one before it publishes, and the map reads the last. `Mid` and `Dim` are
@@ -92,7 +89,7 @@ fn within_range(draft: &Draft, problems: &mut Findings) {
     else {
         return;
     };
-    if let (Some(given), Err(beyond)) = (said.or(most_said), ray::within_range(free, most)) {
+    if let (Some(given), Err(beyond)) = (said.or(most_said), checks::within_range(free, most)) {
         problems.add(&given.value_place, beyond.to_string());
     }
 }

@@ -9,24 +9,14 @@ use std::ops::RangeInclusive;
 
 use elk_bus::Invalid;
 pub use elk_bus::describe::MAX_COUNT;
+use elk_geometry::clearance::{self, Clearance};
+use elk_geometry::limits::check_point;
+use elk_geometry::{OccupancyGrid, Polyline, Voxel};
 use nalgebra::Point3;
-
-use crate::bricks::BRICK;
-use crate::clearance::{self, Clearance};
-use crate::map::{BrickStates, MapUpdate, OccupancyGrid};
-use crate::messages::{Awaited, BrickMemory, Decision, ExplorerMemory, Leg, MotionMemory, Path};
-use crate::polyline::Polyline;
-use crate::pose::Pose;
-use crate::scan::Scan;
-use crate::voxel::{INDEX_RANGE, Voxel, reach_m};
 
 /// What a check comes to.
 pub type Checked = Result<(), Invalid>;
 
-/// Edges of voxels (m), as the parameter `Res` has them.
-pub const RESOLUTIONS_M: RangeInclusive<f64> = 0.001..=10.0;
-/// Largest distance of anything from the world's origin along an axis (m): 32,768 of the coarsest voxels.
-pub const FARTHEST_M: f64 = reach_m(*RESOLUTIONS_M.end());
 /// Clearances (m), as the parameter `Radius` has them.
 pub const CLEARANCES_M: RangeInclusive<f64> = 0.0..=10.0;
 /// Lengths of way between two scans (m), as the parameter `ScanSpacing` has them.
@@ -65,7 +55,7 @@ const LARGEST_LOG_ODDS: f32 = 200.0;
 /// Largest count of what an explorer tried with one target.
 pub const MAX_TRIES: u32 = 1 << 30;
 
-fn holds(field: &str, true_: bool, found: impl std::fmt::Display, wanted: &str) -> Checked {
+pub(crate) fn holds(field: &str, true_: bool, found: impl std::fmt::Display, wanted: &str) -> Checked {
     if true_ { Ok(()) } else { Err(Invalid::new(field, found, wanted)) }
 }
 
@@ -92,18 +82,15 @@ pub(crate) fn text(value: &str) -> Checked {
     }
 }
 
-/// A point of the world (m).
-pub fn point(point: &Point3<f64>) -> Checked {
-    let inside = |c: f64| c.abs() <= FARTHEST_M;
-    match ["x", "y", "z"].into_iter().zip(point.iter()).find(|(_, c)| !inside(**c)) {
-        None => Ok(()),
-        Some((axis, c)) => number(axis, *c, -FARTHEST_M..=FARTHEST_M, " m"),
-    }
+/// A count that not everybody has.
+pub(crate) fn count(value: &Option<u64>) -> Checked {
+    let wanted = || format!("0 to {MAX_COUNT}");
+    value.map_or(Ok(()), |count| holds("", count <= MAX_COUNT, count, &wanted()))
 }
 
 /// Points of the world (m).
 pub(crate) fn points(points: &[Point3<f64>]) -> Checked {
-    each(points, point)
+    each(points, check_point)
 }
 
 /// The corners of a way (m, world): there is one at least.
@@ -112,114 +99,76 @@ pub(crate) fn corners(corners: &[Point3<f64>]) -> Checked {
     points(corners)
 }
 
-/// A pose within the world; that its rotation is one, its type sees to.
-pub fn pose(pose: &Pose) -> Checked {
-    point(&pose.position()).map_err(|inner| inner.within("translation"))
-}
-
-/// A voxel of a map, or one beside it.
-pub(crate) fn voxel(voxel: &Voxel) -> Checked {
-    let range = INDEX_RANGE.start() - 1..=INDEX_RANGE.end() + 1;
-    match voxel.to_array().into_iter().find(|c| !range.contains(c)) {
-        None => Ok(()),
-        Some(c) => Err(Invalid::new("", format!("a voxel with index {c}"), "within the 16 bits of a map")),
-    }
-}
-
-/// The position of a map's brick.
-pub(crate) fn brick(brick: &[i16; 3]) -> Checked {
-    let range = INDEX_RANGE.start() / BRICK..=INDEX_RANGE.end() / BRICK;
-    let outside = brick.iter().find(|c| !range.contains(&i32::from(**c)));
-    outside.map_or(Ok(()), |c| Err(Invalid::new("", c, "-4096 to 4095")))
-}
-
 /// Seconds of CPU by phase.
 pub(crate) fn phases(cpu_secs: &[(String, f64)]) -> Checked {
     each(cpu_secs, |(name, secs)| text(name).and_then(|()| number("", *secs, SUMS, " s")))
 }
 
-/// The cells of a brick.
-pub(crate) fn cells(packed: &[u8]) -> Checked {
-    holds("", packed.len() == BrickStates::BYTES, format!("{} bytes long", packed.len()), "128 bytes")
+/// Counts by name.
+pub(crate) fn counters(counters: &[(String, u64)]) -> Checked {
+    each(counters, |(name, total)| text(name).and_then(|()| count(&Some(*total))))
 }
 
 pub(crate) fn log_odds(log_odds: &[f32]) -> Checked {
     each(log_odds, |one| holds("", one.abs() <= LARGEST_LOG_ODDS, one, "-200 to 200"))
 }
 
-pub(crate) fn map_update(update: &MapUpdate) -> Checked {
-    holds("since", update.since <= update.revision, update.since, "no later than the revision")
-}
-
-pub(crate) fn brick_memory(memory: &BrickMemory) -> Checked {
-    let known: u32 = memory.known.iter().map(|word| word.count_ones()).sum();
-    let right = memory.log_odds.len() == known as usize;
-    holds("log_odds", right, format!("a list of {}", memory.log_odds.len()), "as long as known has bits")
-}
-
-pub(crate) fn motion_memory(memory: &MotionMemory) -> Checked {
-    let MotionMemory { commands, allowed, requests, .. } = *memory;
-    holds("allowed", allowed <= commands, allowed, "no later than commands")?;
-    match &memory.awaited {
-        Awaited::Start | Awaited::Over(_) => {}
-        Awaited::Map(command) => holds("awaited.Map.id", command.id == commands, command.id, "the last of commands")?,
-        Awaited::Plan(asked) => holds("awaited.Plan.id", asked.id == requests, asked.id, "the last of requests")?,
-    }
-    let ascending = memory.samples.is_sorted_by(|one, next| one.scans < next.scans);
-    holds("samples", ascending, "a list out of order", "in the order of scans")
-}
-
-pub(crate) fn leg(leg: &Leg) -> Checked {
-    let Decision::Go(path) = &leg.plan.decision else { return Ok(()) };
-    let way = way(path, leg.plan.motion.clearance_m, leg.resolution);
-    way.map(drop).map_err(|inner| inner.within("plan.decision.Go"))
-}
-
-/// A path that can be looked through voxel by voxel, with the clearance (m) that it asks for.
-fn way(path: &Path, clearance_m: f64, resolution: f64) -> Result<Polyline, Invalid> {
+/// The way through points (m, world) that can be looked through voxel by voxel, with the clearance (m) that it asks for.
+pub(crate) fn way(points: &[Point3<f64>], clearance_m: f64, resolution: f64) -> Result<Polyline, Invalid> {
     let radius = clearance_m / resolution;
     if !Clearance::affordable(clearance_m, resolution) {
         let wanted = format!("at most {} voxels of {resolution} m", clearance::MAX_RADIUS_VOXELS);
         return Err(Invalid::new("clearance_m", format!("{radius:.0} voxels"), wanted));
     }
     let none = || Invalid::new("points", "empty", "at least one point");
-    let way = Polyline::new(path.points.iter().copied()).ok_or_else(none)?;
+    let way = Polyline::new(points.iter().copied()).ok_or_else(none)?;
     let longest = (MAX_LOOKUPS / (2.0 * radius + 1.0).powi(3)).min(MAX_WAY_VOXELS);
     number("points", way.length() / resolution, 0.0..=longest.floor(), " voxels of way")?;
     Ok(way)
 }
 
-/// The way of a path that can be of the map that is known: no point of it lies farther than a brick from what is known, it is no longer
-/// than a way through everything free and back, and it asks for a clearance that can be looked after.
+/// The way through the points of a path (m, world) that can be of the map that is known: no point lies farther than a brick
+/// from what is known, it is no longer than a way through everything free and back, and it asks for a clearance (m) that can
+/// be looked after.
 ///
 /// # Errors
 /// What it is instead.
-pub fn path_in(grid: &OccupancyGrid, path: &Path, clearance_m: f64) -> Result<Polyline, Invalid> {
+pub fn path_in(grid: &OccupancyGrid, points: &[Point3<f64>], clearance_m: f64) -> Result<Polyline, Invalid> {
     let resolution = grid.resolution();
-    let way = way(path, clearance_m, resolution)?;
+    let way = way(points, clearance_m, resolution)?;
     let near = |point: &Point3<f64>| {
         let near = grid.knows_near(Voxel::containing(*point, resolution));
         holds("", near, format!("({:.2}; {:.2}; {:.2})", point.x, point.y, point.z), "near what is known of the map")
     };
-    each(&path.points, near).map_err(|inner| inner.within("points"))?;
+    each(points, near).map_err(|inner| inner.within("points"))?;
     // Diagonally through every free voxel, there and back, and something to stand on where nothing is known yet.
     let longest = 2.0 * 3f64.sqrt() * resolution * (grid.free() + 100) as f64;
     number("points", way.length(), 0.0..=longest, " m of way in a map of this size")?;
     Ok(way)
 }
 
-pub(crate) fn explorer_memory(memory: &ExplorerMemory) -> Checked {
-    let at = memory.progress_at;
-    holds("progress_at", at <= memory.plan.revision, at, "no later than the plan's revision")
+/// Rays without a return that would be believed farther than any other ray.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "FreeNoReturn {free_m} m is farther than MaxRange, {max_range_m} m; right is at most that, or a larger MaxRange (0: no limit)"
+)]
+pub struct BeyondRange {
+    /// How far such rays are to free (m).
+    pub free_m: f64,
+    /// How far the map believes any ray (m).
+    pub max_range_m: f64,
 }
 
-pub(crate) fn scan(scan: &Scan<'_>) -> Checked {
-    for (field, length) in [("points", scan.points.len()), ("no_return", scan.no_return.len())] {
-        holds(field, length <= MAX_POINTS, format!("a list of {length}"), "at most 4194304 points")?;
+/// Whether a map that believes rays up to `max_range_m` (0: as far as they go) may let those without a return free up to
+/// `free_m`.
+///
+/// # Errors
+/// That is farther.
+pub fn within_range(free_m: f64, max_range_m: f64) -> Result<(), BeyondRange> {
+    match max_range_m > 0.0 && free_m > max_range_m {
+        true => Err(BeyondRange { free_m, max_range_m }),
+        false => Ok(()),
     }
-    let measured = scan.points.len() as u64..=MAX_POINTS as u64;
-    let wanted = "at least the number of points, and below 2^22 + 1";
-    holds("measured", measured.contains(&scan.measured), scan.measured, wanted)
 }
 
 #[cfg(test)]

@@ -2,11 +2,14 @@
 //! what each says to its own successor.
 
 use elk_bus::payload;
+use elk_geometry::limits::RESOLUTIONS_M;
+use elk_geometry::state::check_brick;
+use elk_geometry::{Pose, Voxel};
 use nalgebra::Point3;
 
+use crate::camera::CameraInfo;
 use crate::checks;
-use crate::pose::Pose;
-use crate::voxel::Voxel;
+use crate::strategy_memory::StrategyMemory;
 
 /// Controller to sensor: go there and take a scan.
 #[payload]
@@ -36,21 +39,21 @@ pub struct CameraPose {
     pub pose: Pose,
 }
 
-/// Sensor to anyone, with each pose, and before the scan that is taken there: what a simulated sensor knows of its true
-/// world so far. A successor knows by it, the pose and the last scan where to go on.
+/// Sensor to anyone, with each pose, and before the scan that is taken there: how much it has done so far, and what a
+/// simulated one knows of its true world. A successor knows by it, the pose and the last scan where to go on.
 #[payload]
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorReport {
     /// Scans taken.
     #[describe(count)]
     pub scans: u64,
-    /// Motions on which the robot's body touched the true world.
-    #[describe(count)]
-    pub contacts: u64,
+    /// Motions on which the robot's body touched the true world; none: it is not known, as a real camera's is not.
+    #[describe(check = checks::count)]
+    pub contacts: Option<u64>,
     /// The scan after which this was said.
     #[describe(count)]
     pub scan: u64,
-    /// Seconds of CPU spent on ray casting.
+    /// Seconds of CPU spent on scans.
     #[describe(unit = "s", range = checks::SUMS)]
     pub cpu_secs: f64,
 }
@@ -87,7 +90,7 @@ pub struct MapStatus {
     #[describe(count)]
     pub frontier: u64,
     /// Edge of a voxel (m).
-    #[describe(unit = "m", range = checks::RESOLUTIONS_M)]
+    #[describe(unit = "m", range = RESOLUTIONS_M)]
     pub resolution: f64,
     /// Seconds of CPU spent on insertion.
     #[describe(unit = "s", range = checks::SUMS)]
@@ -96,6 +99,8 @@ pub struct MapStatus {
     pub full: bool,
     /// What became of the rays of all scans so far.
     pub rays: RayTally,
+    /// The camera that the last scan was taken with.
+    pub camera: CameraInfo,
 }
 
 /// Controller to explorer: where to go from here?
@@ -158,9 +163,9 @@ pub struct ExplorationReport {
     /// Plans made.
     #[describe(count)]
     pub plans: u64,
-    /// Streamlines that stalled before they reached a frontier.
-    #[describe(count)]
-    pub stalls: u64,
+    /// What the strategy counted, by name.
+    #[describe(longest = checks::MAX_PHASES, check = checks::counters)]
+    pub counters: Vec<(String, u64)>,
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,
@@ -218,7 +223,7 @@ pub struct MapMemory {
     #[describe(count)]
     pub scan: u64,
     /// Edge of a voxel (m).
-    #[describe(unit = "m", range = checks::RESOLUTIONS_M)]
+    #[describe(unit = "m", range = RESOLUTIONS_M)]
     pub resolution: f64,
     /// The bricks, in the order in which they were first entered.
     #[describe(longest = checks::MAX_BRICKS)]
@@ -227,7 +232,7 @@ pub struct MapMemory {
 
 /// Controller to its successor: how it stands.
 #[payload]
-#[describe(check = checks::motion_memory)]
+#[describe(check = motion_memory)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionMemory {
     /// The camera's pose (world), once the last command is carried out.
@@ -258,7 +263,7 @@ pub struct MotionMemory {
 
 /// Explorer to its successor, of whatever type: what it knows.
 #[payload]
-#[describe(check = checks::explorer_memory)]
+#[describe(check = explorer_memory)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExplorerMemory {
     /// The last plan.
@@ -268,15 +273,14 @@ pub struct ExplorerMemory {
     /// Plans made.
     #[describe(count)]
     pub plans: u64,
-    /// Streamlines that stalled before they reached a frontier.
-    #[describe(count)]
-    pub stalls: u64,
     /// Plans for which the strategy had no answer.
     #[describe(count)]
     pub fallbacks: u64,
-    /// Iterations of the field's solver.
-    #[describe(count)]
-    pub iterations: u64,
+    /// What the strategy counted, by name.
+    #[describe(longest = checks::MAX_PHASES, check = checks::counters)]
+    pub counters: Vec<(String, u64)>,
+    /// What the strategy itself remembers, for the next one of its name.
+    pub strategy: Option<StrategyMemory>,
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,
@@ -382,13 +386,13 @@ pub enum Awaited {
 
 /// A path on the way.
 #[payload]
-#[describe(check = checks::leg)]
+#[describe(check = leg)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Leg {
     /// The plan that it is of.
     pub plan: Plan,
     /// Edge of a voxel of the map (m).
-    #[describe(unit = "m", range = checks::RESOLUTIONS_M)]
+    #[describe(unit = "m", range = RESOLUTIONS_M)]
     pub resolution: f64,
     /// Where the robot is too close to something from the start, as the explorer knows.
     #[describe(longest = checks::MAX_REMEMBERED)]
@@ -406,14 +410,14 @@ pub struct Leg {
     pub looks: u64,
 }
 
-/// A brick of the map as the map knows it (cells as in [`crate::bricks::cell_of`], cell `i` in bit `i mod 64` of word
+/// A brick of the map as the map knows it (cells as in [`elk_geometry::bricks::cell_of`], cell `i` in bit `i mod 64` of word
 /// `i / 64`).
 #[payload]
-#[describe(check = checks::brick_memory)]
+#[describe(check = brick_memory)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct BrickMemory {
     /// The brick's position, in bricks.
-    #[describe(check = checks::brick)]
+    #[describe(check = check_brick)]
     pub brick: [i16; 3],
     /// The cells that were ever updated.
     pub known: [u64; 8],
@@ -516,7 +520,7 @@ pub struct MotionPolicy {
     pub early_stop: bool,
     /// Look at the target while travelling; otherwise along the motion.
     pub look_at_target: bool,
-    /// The robot's clearance from occupied voxels (m, see [`crate::clearance`]): a path that comes closer is cut.
+    /// The robot's clearance from occupied voxels (m, see [`elk_geometry::clearance`]): a path that comes closer is cut.
     #[describe(unit = "m", range = checks::CLEARANCES_M)]
     pub clearance_m: f64,
 }
@@ -560,4 +564,41 @@ impl FrontiersLeft {
         let looked_for = self.unreachable + self.invisible + self.unresolved + self.too_small + self.open;
         looked_for + self.no_return + self.map_edge + self.no_room + self.volume_edge
     }
+}
+
+/// There is one number for each known cell.
+fn brick_memory(memory: &BrickMemory) -> checks::Checked {
+    let known: u32 = memory.known.iter().map(|word| word.count_ones()).sum();
+    let right = memory.log_odds.len() == known as usize;
+    checks::holds("log_odds", right, format!("a list of {}", memory.log_odds.len()), "as long as known has bits")
+}
+
+/// What is allowed and waited for is among what was made, and the samples are in order.
+fn motion_memory(memory: &MotionMemory) -> checks::Checked {
+    let MotionMemory { commands, allowed, requests, .. } = *memory;
+    checks::holds("allowed", allowed <= commands, allowed, "no later than commands")?;
+    match &memory.awaited {
+        Awaited::Start | Awaited::Over(_) => {}
+        Awaited::Map(command) => {
+            checks::holds("awaited.Map.id", command.id == commands, command.id, "the last of commands")?
+        }
+        Awaited::Plan(asked) => {
+            checks::holds("awaited.Plan.id", asked.id == requests, asked.id, "the last of requests")?
+        }
+    }
+    let ascending = memory.samples.is_sorted_by(|one, next| one.scans < next.scans);
+    checks::holds("samples", ascending, "a list out of order", "in the order of scans")
+}
+
+/// Its path can be looked through.
+fn leg(leg: &Leg) -> checks::Checked {
+    let Decision::Go(path) = &leg.plan.decision else { return Ok(()) };
+    let way = checks::way(&path.points, leg.plan.motion.clearance_m, leg.resolution);
+    way.map(drop).map_err(|inner| inner.within("plan.decision.Go"))
+}
+
+/// There was progress before the plan, not after it.
+fn explorer_memory(memory: &ExplorerMemory) -> checks::Checked {
+    let at = memory.progress_at;
+    checks::holds("progress_at", at <= memory.plan.revision, at, "no later than the plan's revision")
 }

@@ -1,10 +1,13 @@
 //! A reader's copy of the map, kept up to date with what the map publishes.
 
 use elk_bus::{AppError, Comms};
+use elk_geometry::OccupancyGrid;
+use elk_geometry::delta::Changes;
+use elk_geometry::state::BrickStates;
 
 use crate::checks::MAX_REVISIONS_AHEAD;
 use crate::keys::MAP;
-use crate::map::{BrickStates, Changes, MapUpdate, OccupancyGrid, UpdateError, room_for};
+use crate::map::{MapUpdate, UpdateError};
 
 /// A copy of the map.
 ///
@@ -61,7 +64,7 @@ impl Replica {
     /// ([`crate::keys::MAP_RECALL`]); `None`: this one is older, or of nothing.
     pub fn copy_of(&self, revision: f64) -> Option<MapUpdate> {
         let own = self.grid.revision();
-        (own > 0 && own as f64 >= revision).then(|| self.grid.whole(self.scan))
+        (own > 0 && own as f64 >= revision).then(|| MapUpdate::new(self.grid.whole(), self.scan))
     }
 
     /// Answers a map that was killed and asks for a copy of `revision` ([`MAP_RECALL`](crate::keys::MAP_RECALL)), if there is
@@ -137,7 +140,7 @@ impl Replica {
         if update.resolution != self.grid.resolution() {
             self.grid = OccupancyGrid::new(update.resolution);
         }
-        let changes = self.grid.apply(update)?;
+        let changes = self.grid.apply(&update.delta())?;
         (self.scan, self.since) = (update.scan, update.since);
         if update.since == 0 {
             (self.asked, self.question, self.doubtful) = (false, false, false);
@@ -161,15 +164,17 @@ impl Replica {
             0 => update.bricks.len(),
             _ => known.len() + update.bricks.iter().filter(|b| known.brick(b.position()).is_none()).count(),
         };
-        room_for(bricks, self.max_bricks)
+        match self.max_bricks {
+            most if bricks > most => Err(UpdateError::TooMany { bricks, most }),
+            _ => Ok(()),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::State;
-    use crate::voxel::Voxel;
+    use elk_geometry::{State, Voxel};
 
     /// A map that grows by a voxel a scan: the update, and the whole map after it.
     fn publisher(resolution: f64) -> impl FnMut() -> (MapUpdate, MapUpdate) {
@@ -177,7 +182,7 @@ mod tests {
         move || {
             let voxel = Voxel::new(map.revision() as i32, 0, 0);
             map.set(voxel, State::Free);
-            (map.advance(&[voxel], 0), map.whole(0))
+            (MapUpdate::new(map.advance(&[voxel]), 0), MapUpdate::new(map.whole(), 0))
         }
     }
 
@@ -215,15 +220,18 @@ mod tests {
         let mut replica = Replica::new(None, 9);
         for x in 0..2 {
             map.set(Voxel::new(9 * x, 0, 0), State::Free);
-            replica.take(&map.advance(&[Voxel::new(9 * x, 0, 0)], 7)).unwrap();
+            replica.take(&MapUpdate::new(map.advance(&[Voxel::new(9 * x, 0, 0)]), 7)).unwrap();
         }
-        assert_eq!((replica.copy_of(1.0), replica.copy_of(2.0)), (Some(map.whole(7)), Some(map.whole(7))));
+        assert_eq!(
+            (replica.copy_of(1.0), replica.copy_of(2.0)),
+            (Some(MapUpdate::new(map.whole(), 7)), Some(MapUpdate::new(map.whole(), 7)))
+        );
         assert_eq!(replica.copy_of(3.0), None);
     }
 
     #[test]
     fn voxels_of_another_size_are_refused() {
-        let whole = OccupancyGrid::new(0.2).advance(&[], 0);
+        let whole = MapUpdate::new(OccupancyGrid::new(0.2).advance(&[]), 0);
         let misfit = Replica::new(Some(0.1), 9).take(&whole).unwrap_err();
         assert!(matches!(misfit, UpdateError::Resolution { .. }));
     }
@@ -266,7 +274,7 @@ mod tests {
             (OccupancyGrid::new(0.2), [Voxel::new(0, 0, 0), Voxel::new(9, 0, 0), Voxel::new(0, 9, 0)]);
         let mut publish = |voxel: Voxel, scan| {
             map.set(voxel, State::Free);
-            (map.advance(&[voxel], scan), map.whole(scan))
+            (MapUpdate::new(map.advance(&[voxel]), scan), MapUpdate::new(map.whole(), scan))
         };
         let first = publish(voxels[0], 1).0;
         let (second, whole) = publish(voxels[1], 2);
@@ -310,13 +318,13 @@ mod tests {
         let mut replica = Replica::new(None, 2);
         let mut grow = |x: i32| {
             map.set(Voxel::new(8 * x, 0, 0), State::Free);
-            map.advance(&[Voxel::new(8 * x, 0, 0)], 0)
+            MapUpdate::new(map.advance(&[Voxel::new(8 * x, 0, 0)]), 0)
         };
         let updates = [0, 1, 1, 2].map(&mut grow);
         updates[..3].iter().for_each(|update| drop(replica.take(update).unwrap()));
         let too_many = UpdateError::TooMany { bricks: 3, most: 2 };
         assert_eq!(replica.take(&updates[3]), Err(too_many));
-        assert_eq!(replica.take(&map.whole(0)), Err(too_many));
+        assert_eq!(replica.take(&MapUpdate::new(map.whole(), 0)), Err(too_many));
         assert_eq!(replica.grid().bricks().len(), 2);
     }
 }

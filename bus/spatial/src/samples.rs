@@ -67,7 +67,7 @@ pub fn named(name: &str) -> Option<&'static Sample> {
 /// A value of each type.
 pub const SAMPLES: &[Sample] = &[
     Sample::of::<Scan<'static>>(
-        r#"{"id":1,"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"range_m":5.0,"measured":1,"no_return":[[0.0,0.0,1.0]],"points":[[0.1,-0.2,3.0]]}"#,
+        r#"{"id":1,"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"camera":{"columns":100,"rows":100,"fov_x":1.309,"fov_y":1.309,"range_m":5.0},"measured":1,"no_return":[[0.0,0.0,1.0]],"points":[[0.1,-0.2,3.0]]}"#,
     ),
     Sample::of::<MapUpdate>(
         r#"{"revision":1,"since":0,"scan":1,"resolution":0.1,"bricks":[{"brick":[0,0,-1],"cells":"?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#?..#"}]}"#,
@@ -75,7 +75,7 @@ pub const SAMPLES: &[Sample] = &[
     Sample::of::<PoseCommand>(r#"{"id":1,"via":[],"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}"#),
     Sample::of::<CameraPose>(r#"{"command":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}"#),
     Sample::of::<MapStatus>(
-        r#"{"revision":1,"free":8,"occupied":2,"frontier":3,"resolution":0.1,"cpu_secs":0.01,"full":false,"rays":{"no_return":1,"measured":9,"received":9,"invalid":0,"outside":0,"too_far":0,"no_room":0}}"#,
+        r#"{"revision":1,"free":8,"occupied":2,"frontier":3,"resolution":0.1,"cpu_secs":0.01,"full":false,"rays":{"no_return":1,"measured":9,"received":9,"invalid":0,"outside":0,"too_far":0,"no_room":0},"camera":{"columns":100,"rows":100,"fov_x":1.309,"fov_y":1.309,"range_m":5.0}}"#,
     ),
     Sample::of::<PlanRequest>(
         r#"{"id":1,"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"revision":1,"outcome":"First"}"#,
@@ -88,7 +88,7 @@ pub const SAMPLES: &[Sample] = &[
         r#"{"scans":9,"path_length_m":2.5,"free":8,"marks":[{"share":0.95,"scans":7,"path_length_m":2.0}]}"#,
     ),
     Sample::of::<ExplorationReport>(
-        r#"{"explorer":"Potential","policy":"elk","settings":"clearance 0.1 m","complete":true,"reason":"nothing is left","frontiers_left":{"unreachable":0,"invisible":1,"unresolved":0,"no_return":0,"too_small":2,"open":0,"map_edge":0,"no_room":0,"volume_edge":0},"plans":9,"stalls":0,"cpu_secs":[["solve",0.5]]}"#,
+        r#"{"explorer":"Potential","policy":"elk","settings":"clearance 0.1 m","complete":true,"reason":"nothing is left","frontiers_left":{"unreachable":0,"invisible":1,"unresolved":0,"no_return":0,"too_small":2,"open":0,"map_edge":0,"no_room":0,"volume_edge":0},"plans":9,"counters":[["stalls",0]],"cpu_secs":[["solve",0.5]]}"#,
     ),
     Sample::of::<SensorReport>(r#"{"scans":9,"contacts":0,"scan":9,"cpu_secs":0.5}"#),
     Sample::of::<AccuracyReport>(r#"{"revision":9,"accuracy":0.99,"voxels":1000}"#),
@@ -99,7 +99,7 @@ pub const SAMPLES: &[Sample] = &[
         r#"{"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"awaited":{"Map":{"id":1,"via":[],"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}},"commands":1,"allowed":1,"steps":0,"requests":1,"path_length_m":2.5,"leg":{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"resolution":0.1,"allowed":[],"done_m":2.5,"step_m":0.5,"blocked":false,"looks":0},"samples":[{"scans":1,"free":8,"path_length_m":0.0}]}"#,
     ),
     Sample::of::<ExplorerMemory>(
-        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"ended":null,"plans":1,"stalls":0,"fallbacks":0,"iterations":14,"cpu_secs":[["field",0.5]],"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[],"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0,"no_return":0}"#,
+        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"ended":null,"plans":1,"fallbacks":0,"counters":[["iterations",14]],"strategy":{"strategy":"Level","type_name":"Visits","layout":1,"bytes":"70"},"cpu_secs":[["field",0.5]],"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[],"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0,"no_return":0}"#,
     ),
 ];
 

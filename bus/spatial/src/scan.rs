@@ -4,12 +4,13 @@ use std::borrow::Cow;
 
 use elk_bus::describe::Shape;
 use elk_bus::{Describe, payload};
+use elk_geometry::Pose;
 use nalgebra::{Point3, Vector3};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::camera::CameraInfo;
 use crate::checks;
-use crate::pose::Pose;
 
 /// Bytes of a point on the wire: three little-endian f32.
 const POINT_BYTES: usize = 12;
@@ -92,7 +93,7 @@ impl Describe for Points<'_> {
 
 /// What a depth camera saw from one pose.
 #[payload]
-#[describe(check = checks::scan, drawn = "points")]
+#[describe(check = check, drawn = "points")]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scan<'a> {
     /// Number of the scan, from 1, unbroken: filters and the map hand it on.
@@ -103,9 +104,8 @@ pub struct Scan<'a> {
     pub command: u64,
     /// Pose of the camera at capture (world).
     pub pose: Pose,
-    /// How far the sensor sees (m); 0: as far as there is anything.
-    #[describe(unit = "m", range = 0.0..=checks::FARTHEST_M)]
-    pub range_m: f64,
+    /// What the camera can see.
+    pub camera: CameraInfo,
     /// Points that the sensor measured. Filters hand the number on, so that it can be told what they left out.
     pub measured: u64,
     /// Directions in the camera frame (unit vectors) in which the sensor saw that there is nothing up to its range. A pixel
@@ -119,9 +119,10 @@ pub struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    /// The scan of a sensor that sees as far as there is anything, and saw these points and nothing else.
+    /// The scan of a camera of which nothing is known, and which saw these points and nothing else.
     pub fn new(id: u64, command: u64, pose: Pose, points: Points<'a>) -> Self {
-        Self { id, command, pose, range_m: 0.0, measured: points.len() as u64, no_return: Points::default(), points }
+        let (camera, measured) = (CameraInfo::default(), points.len() as u64);
+        Self { id, command, pose, camera, measured, no_return: Points::default(), points }
     }
 
     /// The same scan with other points: what a filter makes of it.
@@ -145,4 +146,14 @@ impl<'a> Scan<'a> {
     pub fn world_points(&self) -> impl ExactSizeIterator<Item = Point3<f64>> + '_ {
         self.points.iter().map(|p| self.pose.to_world(p.cast()))
     }
+}
+
+/// Its lists are no longer than any sensor's, and its count of points is one.
+fn check(scan: &Scan<'_>) -> checks::Checked {
+    for (field, length) in [("points", scan.points.len()), ("no_return", scan.no_return.len())] {
+        checks::holds(field, length <= checks::MAX_POINTS, format!("a list of {length}"), "at most 4194304 points")?;
+    }
+    let measured = scan.points.len() as u64..=checks::MAX_POINTS as u64;
+    let wanted = "at least the number of points, and below 2^22 + 1";
+    checks::holds("measured", measured.contains(&scan.measured), scan.measured, wanted)
 }

@@ -4,7 +4,7 @@
 mod common;
 
 use elk_bus::Introduction;
-use elk_bus::broker::{Broker, BrokerConfig, ClientId};
+use elk_bus::broker::{Broker, BrokerConfig, ClientId, Wish};
 use elk_bus::wire::{self, BulkRef, Named};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
@@ -59,8 +59,15 @@ impl Lab {
                 broker.note_missed(id, u64::arbitrary(from)?);
             }
             5 => {
-                let _ = (broker.take_successions(), broker.take_attached(), broker.take_sessions());
-                let _ = (broker.take_retiring(), broker.take_retained(|_| None), broker.reached());
+                while let Some(wish) = broker.poll() {
+                    match wish {
+                        Wish::Resolve(dead) => broker.resolve_mail(dead, |_| Some(b"a value")),
+                        Wish::KeepSessions => drop(broker.sessions()),
+                        Wish::KeepRetained => drop(broker.retained(|_| None)),
+                        Wish::Follow(_) | Wish::Attach { .. } | Wish::Retire(_) => {}
+                    }
+                }
+                let _ = broker.reached();
                 let _ = (broker.holds_back(*now, id), broker.waits_for(*now, id), broker.handled_batches(id));
                 let _ = (broker.is_idle(id), broker.mail_done(id), broker.with_mail().count());
             }

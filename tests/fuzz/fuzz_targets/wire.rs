@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use elk_bus::link::{Batch, Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use elk_bus::wire::{self, BulkRef, Named};
-use elk_bus::{Client, Clock, CommsError, Community, Description, ValueRef};
+use elk_bus::{Client, CommsError, Community, Description, ValueRef};
 use elk_spatial::samples::{self, SAMPLES};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
@@ -104,7 +104,7 @@ fuzz_target!(|bytes: &[u8]| {
     let Ok(batches) = batches(&mut Unstructured::new(bytes)) else { return };
     let count = batches.len();
     let down = Box::new(Made(batches));
-    let link = Link { up: Box::new(Nowhere), down, back: Box::new(Nowhere), clock: Clock::new(1.0), epoch: 1 };
+    let link = Link { up: Box::new(Nowhere), down, back: Box::new(Nowhere), warp: 1.0, dial: None, epoch: 1 };
     let Ok(community) = Community::new("fuzz") else { return };
     let mut client = Client::over(link, "fuzz", &community);
     for _ in 0..count {

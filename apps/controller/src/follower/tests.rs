@@ -32,7 +32,7 @@ impl Bench {
     /// other one's last words again.
     fn exchange(&mut self) -> Vec<Output> {
         self.follower = Follower::successor(&self.follower.memory(0, 0)).unwrap();
-        assert!(self.follower.on_map(&self.map.whole(self.scan)).unwrap().is_empty());
+        assert!(self.follower.on_map(&MapUpdate::new(self.map.whole(), self.scan)).unwrap().is_empty());
         self.follower.resume()
     }
 
@@ -46,7 +46,7 @@ impl Bench {
         for (voxel, state) in cells {
             self.map.set(voxel, state);
         }
-        let update = self.map.advance(&changed, id);
+        let update = MapUpdate::new(self.map.advance(&changed), id);
         self.follower.on_map(&update).unwrap()
     }
 
@@ -162,9 +162,9 @@ fn a_refused_command_is_a_cut_and_no_way() {
 fn a_lost_update_is_asked_for_and_the_run_goes_on() {
     let (mut bench, first) = Bench::new();
     bench.follower.on_plan(&plan(&first, true)).unwrap();
-    bench.map.advance(&[], 1);
+    bench.map.advance(&[]);
     assert!(bench.scan(2, vec![]).is_empty() && bench.follower.take_question());
-    let whole = bench.map.whole(2);
+    let whole = MapUpdate::new(bench.map.whole(), 2);
     let outputs = bench.follower.on_map(&whole).unwrap();
     assert!(matches!(outputs[..], [Output::Progress(_), Output::Command(_)]));
 }
@@ -211,7 +211,7 @@ fn a_successor_says_again_what_was_perhaps_not_said() {
     assert!(bench.follower.resume().is_empty(), "the sensor has carried it out");
     let outputs = bench.scan(2, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
     assert!(outputs.is_empty() && bench.follower.take_question(), "the map is not here yet");
-    let asked = request(&bench.follower.on_map(&bench.map.whole(2)).unwrap());
+    let asked = request(&bench.follower.on_map(&MapUpdate::new(bench.map.whole(), 2)).unwrap());
     assert_eq!(asked.outcome, Outcome::Cut);
     let over =
         bench.follower.on_plan(&Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) }).unwrap();
@@ -223,7 +223,7 @@ fn a_plan_waits_for_the_map_that_it_was_made_from() {
     let (mut bench, first) = Bench::new();
     bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
     assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty());
-    let outputs = bench.follower.on_map(&bench.map.whole(1)).unwrap();
+    let outputs = bench.follower.on_map(&MapUpdate::new(bench.map.whole(), 1)).unwrap();
     assert!(matches!(outputs[..], [Output::Command(_)]), "{outputs:?}");
 }
 
@@ -257,7 +257,7 @@ fn a_plan_of_another_map_is_refused_and_the_right_one_still_taken() {
 #[test]
 fn a_map_that_is_ahead_of_all_scans_is_refused() {
     let (mut bench, first) = Bench::new();
-    let far = MapUpdate { revision: 1_000_000, ..bench.map.whole(1) };
+    let far = MapUpdate { revision: 1_000_000, ..MapUpdate::new(bench.map.whole(), 1) };
     assert!(bench.follower.on_map(&far).is_err());
     assert_eq!(bench.follow(&plan(&first, true)).outcome, Outcome::Unresolved);
 }

@@ -2,16 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use elk_geometry::ray::Traversal;
+use elk_geometry::{FrontierSet, Pose, State, Voxel};
 use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
-use elk_spatial::ray::Traversal;
-use elk_spatial::{FrontierSet, Pose, State, Voxel};
 use nalgebra::Point3;
 
 use super::scene::nearest;
 use crate::goals::{Known, is_untried};
-use crate::policy::{LOOK_RANGE_M, VIEW_HALF_ANGLE};
-use crate::visibility::in_sight;
+use crate::policy::LOOK_RANGE_M;
+use elk_geometry::visibility::in_sight;
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.
 const CUTS: u32 = 3;
@@ -76,11 +76,11 @@ impl Memory {
 
     /// Takes note of how the last path went; of the rays of all scans so far, `no_return` went without a return.
     pub fn learn(&mut self, request: &PlanRequest, known: Known, no_return: u64) {
-        let Known { grid, frontier } = known;
+        let Known { grid, frontier, .. } = known;
         let resolution = grid.resolution();
         let robot = Voxel::containing(request.pose.position(), resolution);
         // A predecessor's may be anything; nobody has followed one that is no path of this map.
-        let followed = self.path.take().filter(|path| path_in(grid, path, 0.0).is_ok());
+        let followed = self.path.take().filter(|path| path_in(grid, &path.points, 0.0).is_ok());
         if let Some(path) = &followed {
             // What cuts a path is seen on the way. Where it began the map was the plan's, and free.
             let begun = path.points.first() != Some(&request.pose.position());
@@ -140,7 +140,7 @@ impl Memory {
     /// Looks from `from` (m, world) found nothing where rays went without a return: what was in view of them was looked at in
     /// vain, too. Under an open sky each voxel below it would be looked at for itself, thousands of them.
     fn judge_view(&mut self, looks: &[Pose], from: Point3<f64>, known: Known) {
-        let grid = known.grid;
+        let Known { grid, sight, .. } = known;
         let resolution = grid.resolution();
         let robot = Voxel::containing(from, resolution);
         // A ray without a return has passed all that is unknown on its way: it is no cover.
@@ -150,11 +150,11 @@ impl Memory {
         };
         let in_view = |unknown: Voxel| {
             let toward = (unknown.center(resolution) - from).try_normalize(1e-9);
-            let in_cone = |look: &Pose| toward.is_some_and(|t| t.dot(&look.forward()) >= VIEW_HALF_ANGLE.cos());
+            let in_cone = |look: &Pose| toward.is_some_and(|toward| sight.covers(&look.forward(), &toward));
             looks.iter().any(in_cone) && in_sight(resolution, passed, from, unknown)
         };
         let seen = |voxel: &Voxel| known.unknown_beside(*voxel).any(in_view);
-        for voxel in known.frontier_near(from, LOOK_RANGE_M).filter(seen) {
+        for voxel in known.frontier_near(from, LOOK_RANGE_M.min(sight.range_m)).filter(seen) {
             let record = self.record(voxel);
             record.no_return = true;
             if is_untried(&record.tried, robot) {
@@ -244,7 +244,7 @@ fn tried_from(record: &mut TargetRecord, place: Voxel) {
 
 #[cfg(test)]
 mod tests {
-    use elk_spatial::{OccupancyGrid, State};
+    use elk_geometry::{OccupancyGrid, State};
 
     use super::*;
 

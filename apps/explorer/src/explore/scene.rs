@@ -1,6 +1,6 @@
 //! The map as one plan sees it: where the robot can be, what is to be resolved, and what is not, by cause.
 
-use elk_spatial::Voxel;
+use elk_geometry::Voxel;
 use elk_spatial::messages::FrontiersLeft;
 use nalgebra::Point3;
 
@@ -9,7 +9,7 @@ use super::memory::Memory;
 use crate::extent::{Extent, Scope};
 use crate::goals::{Known, Target};
 use crate::space::Space;
-use crate::volume::Volume;
+use elk_geometry::Volume;
 
 /// The scene of one plan.
 pub struct Scene {

@@ -1,11 +1,12 @@
 use super::*;
-use crate::laplace::Solver;
 use crate::strategy::{Potential, Start};
-use elk_bus::Describe;
+use elk_bus::{DecodeError, Describe};
+use elk_field::Solver;
+use elk_geometry::ray::Traversal;
+use elk_geometry::{Pose, State, Voxel};
 use elk_spatial::checks::{LARGEST_SUM, MAX_CORNERS, MAX_PHASES, MAX_REMEMBERED, MAX_TRIES};
 use elk_spatial::messages::{Outcome, TargetRecord};
-use elk_spatial::ray::Traversal;
-use elk_spatial::{Pose, State, Voxel};
+use elk_spatial::strategy_memory::LeaveError;
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -25,6 +26,12 @@ fn is_solid(v: Voxel) -> bool {
 /// A perfect sensor of all directions in a cone: every voxel on a ray up to a solid one becomes known.
 fn scan(grid: &mut OccupancyGrid, pose: &Pose) -> Vec<Voxel> {
     scan_of(grid, pose, is_solid).0
+}
+
+/// The camera of that sensor.
+fn camera() -> CameraInfo {
+    let fov = 2.0 * 50f64.atan2(65.0);
+    CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m: 8.0 }
 }
 
 /// The same in any world, and the rays that met nothing: they say nothing.
@@ -76,10 +83,11 @@ fn run(strategy: Box<dyn Strategy>, settings: Settings) -> Run {
 
 /// The same, with another explorer from the plan on for which `successor` has one; all begin with nothing but memory.
 fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) -> Run {
+    explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let look = |pose: &Pose, frontier: &mut FrontierSet, grid: &mut OccupancyGrid| {
         let changed = scan(grid, pose);
-        grid.advance(&changed, 0);
+        grid.advance(&changed);
         frontier.update(grid, &changed);
     };
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
@@ -92,6 +100,7 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
         let plan = explorer.plan(&grid, &frontier, &request);
         if let Some(mut next) = successor(id) {
             next.succeed(&explorer.memory(&plan));
+            next.hear_of_camera(&camera());
             explorer = next;
         }
         let Decision::Go(path) = plan.decision else { break };
@@ -179,12 +188,13 @@ fn small_clusters_are_left_alone_and_counted() {
 fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
     let mut targets = BTreeSet::new();
+    explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::x());
     let changed = scan(&mut grid, &pose);
     frontier.update(&grid, &changed);
     for id in 1..1000 {
-        grid.advance(&[], id);
+        grid.advance(&[]);
         let outcome = if id == 1 { Outcome::First } else { Outcome::Unresolved };
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
         match explorer.plan(&grid, &frontier, &request).decision {
@@ -207,11 +217,12 @@ fn is_wall(v: Voxel) -> bool {
 fn run_under_the_sky(deaf: bool) -> (ExplorationReport, u64) {
     let settings = Settings { max_scans: 600, ..settings(Policy::elk(0.4)) };
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
+    explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let mut rays = 0;
     let mut look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid, frontier: &mut FrontierSet| {
         let (changed, no_return) = scan_of(grid, pose, is_wall);
-        grid.advance(&changed, 0);
+        grid.advance(&changed);
         frontier.update(grid, &changed);
         rays += no_return;
         explorer.hear_of_rays(if deaf { 0 } else { rays });
@@ -311,9 +322,9 @@ fn fullest_memory(path: Path) -> ExplorerMemory {
         plan: Plan { request: 1, revision: MAX_COUNT, decision: Decision::Go(path), motion, cpu_secs: 0.0 },
         ended: None,
         plans: MAX_COUNT,
-        stalls: MAX_COUNT,
         fallbacks: MAX_COUNT,
-        iterations: MAX_COUNT,
+        counters: (0..MAX_PHASES).map(|n| (format!("counter {n}"), MAX_COUNT)).collect(),
+        strategy: None,
         cpu_secs: (0..MAX_PHASES).map(|n| (format!("phase {n}"), LARGEST_SUM)).collect(),
         trail: line(1).collect(),
         targets: elsewhere.chain([record(target, vec![target; MAX_CORNERS])]).collect(),
@@ -331,10 +342,11 @@ fn fullest_memory(path: Path) -> ExplorerMemory {
 fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
     let patient = Settings { patience: u64::MAX, ..settings(Policy::elk(0.4)) };
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), patient);
+    explorer.hear_of_camera(&camera());
     let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     let changed = scan(&mut grid, &start);
-    grid.advance(&changed, 0);
+    grid.advance(&changed);
     frontier.update(&grid, &changed);
     let ahead = Vector3::new(0.1, 0.0, 0.0);
     let far = (0..MAX_CORNERS).map(|n| start.position() + ahead * if n % 2 == 0 { 1.0 } else { 3e6 }).collect();
@@ -371,4 +383,71 @@ fn strategies_hand_over_to_each_other_what_they_tried() {
     assert!(run.report.complete, "{:?}", run.report);
     let phases: Vec<&str> = run.report.cpu_secs.iter().map(|(phase, _)| phase.as_str()).collect();
     assert!(phases.contains(&"field") && phases.contains(&"search"), "{phases:?}");
+}
+
+/// What a strategy of somebody's remembers.
+#[elk_bus::payload]
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Visits {
+    /// Plans that it made.
+    plans: u64,
+}
+
+/// A strategy that goes on counting where the one before it stopped.
+#[derive(Default)]
+struct Counting(Visits);
+
+impl Strategy for Counting {
+    fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+        self.0.plans += 1;
+        journal.count("visits", 1);
+        view.cheapest(journal, |_, way_m| way_m)
+    }
+
+    fn memory(&self) -> Result<Option<StrategyMemory>, LeaveError> {
+        StrategyMemory::of::<Visits>("", &self.0).map(Some)
+    }
+
+    fn recall(&mut self, left: &StrategyMemory) -> Result<(), DecodeError> {
+        self.0 = left.take::<Visits>()?;
+        Ok(())
+    }
+}
+
+#[test]
+fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
+    let mut explorer = Explorer::new(Box::<Counting>::default(), settings(Policy::elk(0.4)));
+    explorer.hear_of_camera(&camera());
+    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    // A robot that stands in a goal looks first, whatever its strategy.
+    let (plan, candidates) = (1..)
+        .find_map(|id| {
+            let changed = scan(&mut grid, &pose);
+            grid.advance(&changed);
+            frontier.update(&grid, &changed);
+            let request = PlanRequest { id, pose, revision: grid.revision(), outcome: Outcome::First };
+            let plan = explorer.plan(&grid, &frontier, &request);
+            let Decision::Go(path) = &plan.decision else { panic!("{:?}", explorer.report()) };
+            pose = path.looks[0];
+            let candidates = explorer.candidates(&request, plan.revision)?;
+            Some((plan, candidates))
+        })
+        .unwrap();
+    assert_eq!(candidates.goals.iter().filter(|goal| goal.chosen).count(), 1, "{candidates:?}");
+    let left = explorer.memory(&plan);
+    ExplorerMemory::check(&left).unwrap();
+    assert_eq!(left.counters, [("visits".to_owned(), 1)]);
+
+    let mut next = Explorer::new(Box::<Counting>::default(), settings(Policy::elk(0.4)));
+    assert_eq!(next.succeed(&left), None);
+    let memory = |explorer: &Explorer| explorer.memory(&plan).strategy.map(|own| own.take::<Visits>().unwrap());
+    assert_eq!(memory(&next), Some(Visits { plans: 1 }));
+
+    let mut other = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    let said = other.succeed(&left).unwrap();
+    assert_eq!(said, "what Counting itself remembered is left aside: it goes on as ClosestFrontier");
+    let of_another_build = StrategyMemory { layout: 7, ..left.strategy.clone().unwrap() };
+    let said = next.succeed(&ExplorerMemory { strategy: Some(of_another_build), ..left }).unwrap();
+    assert!(said.starts_with("what Counting itself remembered is left aside: Counting"), "{said}");
 }

@@ -1,8 +1,8 @@
 //! What a run came to: whether it is complete, and why it ended, for people.
 
+use elk_geometry::voxel::{INDEX_RANGE, reach_m};
+use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use elk_spatial::messages::FrontiersLeft;
-use elk_spatial::voxel::{INDEX_RANGE, reach_m};
-use elk_spatial::{Bounds, OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
 use super::Settings;

@@ -1,7 +1,20 @@
 //! Always to the closest frontier (thesis 6.5.1.2, after Yamauchi 1997).
 
+use elk_mission::AppType;
+
 use super::{Journal, Route, Strategy, View};
-use crate::astar;
+use crate::app::{COMMON, app};
+use elk_geometry::astar;
+
+/// Its row in the table of explorers.
+pub const TYPE: AppType = AppType {
+    element: "Explorer",
+    name: "ClosestFrontier",
+    summary: "Goes to the closest frontier, by A*.",
+    params: COMMON,
+    build: |params| app(params, Box::new(ClosestFrontier)),
+    preflight: None,
+};
 
 /// Goes to the goal with the shortest way.
 #[derive(Debug, Clone, Copy, Default)]

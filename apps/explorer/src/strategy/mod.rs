@@ -1,7 +1,7 @@
 //! Strategies: which goal to go to, and which way.
 //!
-//! A new one is a type that implements [`Strategy`]: in a program of its own ([`crate::main`]), or in a module here with an
-//! entry in [`crate::app::TYPES`]. What happens with its route (how far it is followed, where scans are taken) is [`crate::policy`]'s business and the same
+//! A new one is a type that implements [`Strategy`]: in a program of its own ([`crate::main`]), or in a module here, whose `TYPE`
+//! is then a row of [`TYPES`]. What happens with its route (how far it is followed, where scans are taken) is [`crate::policy`]'s business and the same
 //! for all strategies, so that their results can be compared.
 
 mod closest_frontier;
@@ -12,13 +12,21 @@ pub use closest_frontier::ClosestFrontier;
 pub use potential::{Potential, Start};
 pub use ways::Ways;
 
-use elk_spatial::checks::{LARGEST_SUM, MAX_PHASES};
+use elk_bus::DecodeError;
+use elk_mission::{AppType, type_name};
+use elk_spatial::StrategyMemory;
+use elk_spatial::checks::{LARGEST_SUM, MAX_COUNT, MAX_PHASES};
 use elk_spatial::messages::ExplorerMemory;
+use elk_spatial::strategy_memory::LeaveError;
 use nalgebra::Point3;
 
-use crate::goals::Goals;
+use crate::candidates::Weighed;
+use crate::goals::{Goal, Goals};
 use crate::space::Space;
-use crate::volume::Volume;
+use elk_geometry::Volume;
+
+/// The explorers that a mission file can name.
+pub static TYPES: &[AppType] = &[closest_frontier::TYPE, potential::TYPE];
 
 /// What a strategy sees. [`View::cheapest`] and [`View::ways`] are all that most strategies need of it.
 #[derive(Debug, Clone, Copy)]
@@ -66,33 +74,42 @@ pub trait Strategy: Send {
     /// The way to the goal that it chooses; `None` if it finds none: then the closest goal is taken, and the plan counted
     /// as a fallback. It is asked after every scan, and may remember what it likes; equal maps should give equal ways.
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route>;
+
+    /// What the next one of its name is to know, after a swap or a death: asked for with every plan, and left with the memory
+    /// that all explorers share. [`StrategyMemory::of`] makes it of a payload type.
+    ///
+    /// # Errors
+    /// There is one that cannot be left; the plan is made all the same.
+    fn memory(&self) -> Result<Option<StrategyMemory>, LeaveError> {
+        Ok(None)
+    }
+
+    /// Goes on with what one of its name has left: [`StrategyMemory::take`] makes a value of it.
+    ///
+    /// # Errors
+    /// It is of another type, or of another build's; that is said, and the strategy begins without it.
+    fn recall(&mut self, _left: &StrategyMemory) -> Result<(), DecodeError> {
+        Ok(())
+    }
 }
 
-/// The last word of a type's name: `Level` of `mine::Level`.
-pub(crate) fn type_name<T: ?Sized>() -> &'static str {
-    let name = std::any::type_name::<T>();
-    let name = name.split('<').next().unwrap_or(name);
-    name.rsplit("::").next().unwrap_or(name)
-}
-
-/// What planning cost and what went wrong on the way.
+/// What planning cost, what was weighed, and what went wrong on the way.
 #[derive(Debug, Clone)]
 pub struct Journal {
     clock: fn() -> f64,
     is_to_stop: fn() -> bool,
     phases: Vec<(String, f64)>,
-    /// Streamlines that stalled before they reached a goal.
-    pub stalls: u64,
+    counters: Vec<(String, u64)>,
+    weighed: Weighed,
     /// Plans for which the strategy had no answer and the closest goal was taken.
     pub fallbacks: u64,
-    /// Iterations of the field's solver.
-    pub iterations: u64,
 }
 
 impl Journal {
     /// An empty one; `clock` gives the seconds of CPU that the thread has used.
     pub fn new(clock: fn() -> f64) -> Self {
-        Self { clock, is_to_stop: || false, phases: Vec::new(), stalls: 0, fallbacks: 0, iterations: 0 }
+        let (phases, counters) = (Vec::new(), Vec::new());
+        Self { clock, is_to_stop: || false, phases, counters, weighed: Weighed::default(), fallbacks: 0 }
     }
 
     /// `is_to_stop` says whether the process is asked to stop.
@@ -108,8 +125,8 @@ impl Journal {
 
     /// Goes on with what a predecessor has booked.
     pub fn recall(&mut self, left: &ExplorerMemory) {
-        (self.stalls, self.fallbacks, self.iterations) = (left.stalls, left.fallbacks, left.iterations);
-        self.phases = left.cpu_secs.clone();
+        self.fallbacks = left.fallbacks;
+        (self.phases, self.counters) = (left.cpu_secs.clone(), left.counters.clone());
     }
 
     /// Does `work` and books its time on `phase`, if there are not too many of those already ([`MAX_PHASES`]).
@@ -124,6 +141,31 @@ impl Journal {
             None => {}
         }
         result
+    }
+
+    /// Counts `more` of `what`, if there are not too many counters already ([`MAX_PHASES`]). The report of the run has the sum.
+    pub fn count(&mut self, what: &'static str, more: u64) {
+        let room = self.counters.len() < MAX_PHASES;
+        match self.counters.iter_mut().find(|(name, _)| *name == what) {
+            Some((_, total)) => *total = total.saturating_add(more).min(MAX_COUNT),
+            None if room => self.counters.push((what.to_owned(), more.min(MAX_COUNT))),
+            None => {}
+        }
+    }
+
+    /// What was counted, in the order in which it first came.
+    pub fn counters(&self) -> &[(String, u64)] {
+        &self.counters
+    }
+
+    /// Takes note of a goal that the strategy could go to, with what it gives it in its own unit: whoever looks on sees it.
+    pub fn weigh(&mut self, goal: &Goal, score: f64) {
+        self.weighed.add(goal, score);
+    }
+
+    /// The goals that were weighed since they were last taken.
+    pub fn take_weighed(&mut self) -> Weighed {
+        std::mem::take(&mut self.weighed)
     }
 
     /// Seconds of CPU by phase, in the order in which they first came.

@@ -1,12 +1,12 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
-use elk_spatial::Polyline;
+use elk_field::{Cell, End, Field, Problem, ProblemError, Solver, solve_unless};
+use elk_geometry::{Polyline, astar};
+use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
 
 use super::{Journal, Route, Strategy, View};
-use crate::astar;
-use crate::laplace::{self, Cell, Problem, Solver};
-use crate::streamline::{End, Field};
+use crate::app::{COMMON, app, param};
 
 /// Distance from the robot at which streamlines start, beside those through its face neighbours (m).
 const SEED_DISTANCE_M: f64 = 0.15;
@@ -14,6 +14,56 @@ const SEED_DISTANCE_M: f64 = 0.15;
 const SEED_DIRECTIONS: usize = 20;
 /// Past this a streamline has lost its way (m).
 const LONGEST_M: f64 = 1000.0;
+
+/// Its row in the table of explorers.
+pub const TYPE: AppType = AppType {
+    element: "Explorer",
+    name: "Potential",
+    summary: "Follows a streamline of the harmonic potential between robot and frontier (Laplace's equation, RK4).",
+    params: &joined::<{ COMMON.len() + PARAMS.len() }>(COMMON, PARAMS),
+    build: |params| app(params, Box::new(potential(params))),
+    preflight: None,
+};
+
+const PARAMS: &[ParamSpec] = &[
+    param(
+        "Start",
+        Kind::Choice(&["policy", "flux", "shortest"]),
+        "policy",
+        "The streamline to follow: the one of largest flux, the shortest of 26, or as the policy has it (thesis: flux, elk: \
+         shortest).",
+    ),
+    param(
+        "Solver",
+        Kind::Choice(&["multigrid", "jacobi", "thesis"]),
+        "multigrid",
+        "How Laplace's equation is solved: conjugate gradients preconditioned by multigrid or by the diagonal, or \
+         Gauss-Seidel as in the thesis.",
+    ),
+    param(
+        "Tolerance",
+        Kind::Number { unit: "", min: 0.0, max: 1.0 },
+        "0",
+        "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, and 1e-4 for thesis.",
+    ),
+];
+
+fn potential(params: &Params) -> Potential {
+    let solver = match params.text("Solver") {
+        "thesis" => Solver::Thesis,
+        "jacobi" => Solver::Jacobi,
+        _ => Solver::Multigrid,
+    };
+    let start = match (params.text("Start"), params.text("Policy")) {
+        ("flux", _) | ("policy", "thesis") => Start::Flux,
+        _ => Start::Shortest,
+    };
+    let tolerance = match params.number("Tolerance") {
+        0.0 => solver.usual_tolerance(),
+        tolerance => tolerance,
+    };
+    Potential { start, solver, tolerance }
+}
 
 /// Which streamline to follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,7 +81,7 @@ pub struct Potential {
     pub start: Start,
     /// How the field is solved.
     pub solver: Solver,
-    /// When the solver has done enough (see [`laplace::solve`]).
+    /// When the solver has done enough (see [`elk_field::solve`]).
     pub tolerance: f64,
 }
 
@@ -54,18 +104,19 @@ impl Strategy for Potential {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        let problem = problem(view);
+        // The volume has a margin of what is unknown, so this is one.
+        let problem = problem(view).ok()?;
         let stopping = journal.is_to_stop;
-        let solve = || laplace::solve_unless(&problem, self.solver, self.tolerance, stopping);
+        let solve = || solve_unless(&problem, self.solver, self.tolerance, stopping);
         let solution = journal.time("field", solve);
         if journal.is_to_stop() {
             return None;
         }
-        journal.iterations += solution.iterations as u64;
-        let field = Field { volume: view.volume, problem: &problem, psi: &solution.psi };
+        journal.count("iterations", solution.iterations as u64);
+        let field = Field { problem: &problem, psi: &solution.psi };
         let mut stalls = 0;
         let route = journal.time("streamline", || self.follow(view, &field, &mut stalls));
-        journal.stalls += stalls;
+        journal.count("stalls", stalls);
         route
     }
 }
@@ -92,7 +143,7 @@ impl Potential {
 }
 
 /// ψ is 1 where the route starts, 0 at the goals, and sought wherever else the robot can be.
-fn problem(view: &View<'_>) -> Problem {
+fn problem(view: &View<'_>) -> Result<Problem, ProblemError> {
     let start = view.space.start();
     let cell = |(i, reached): (usize, &bool)| match reached {
         _ if i == start => Cell::Source,
@@ -100,7 +151,7 @@ fn problem(view: &View<'_>) -> Problem {
         true if view.goals.contains(i) => Cell::Sink,
         true => Cell::Inside,
     };
-    Problem { dim: view.volume.dim(), cells: view.space.reach.iter().enumerate().map(cell).collect() }
+    Problem::new(view.volume.region().clone(), view.space.reach.iter().enumerate().map(cell).collect())
 }
 
 /// The centre of the face neighbour that most flows into.
@@ -117,7 +168,7 @@ fn largest_flux(view: &View<'_>, field: &Field<'_>) -> Option<Point3<f64>> {
 fn face_neighbours<'a>(view: &'a View<'_>, field: &'a Field<'_>) -> impl Iterator<Item = usize> + 'a {
     let start = view.space.start();
     let faces = view.volume.faces().into_iter();
-    faces.map(move |d| start.wrapping_add_signed(d)).filter(|n| field.problem.cells[*n] != Cell::Outside)
+    faces.map(move |d| start.wrapping_add_signed(d)).filter(|n| field.problem.cells()[*n] != Cell::Outside)
 }
 
 /// The centres of the face neighbours, and points evenly around the start (a Fibonacci lattice on the sphere).

@@ -1,8 +1,8 @@
 //! The shortest ways from where the robot is to all goals at once.
 
-use super::{Route, View};
-use crate::astar::{self, Reached};
+use super::{Journal, Route, View};
 use crate::goals::Goal;
+use elk_geometry::astar::{self, Reached};
 
 /// The shortest ways to all goals of a [`View`], over voxels that the robot can be in.
 pub struct Ways<'a> {
@@ -18,11 +18,12 @@ impl<'a> View<'a> {
     }
 
     /// The shortest way to the goal that costs least, the first of equals; `cost` is asked for each goal with the length
-    /// of the shortest way there (m). `None`: there is a way to no goal.
-    pub fn cheapest(&self, cost: impl Fn(&Goal, f64) -> f64) -> Option<Route> {
+    /// of the shortest way there (m), and what it says goes into the journal. `None`: there is a way to no goal.
+    pub fn cheapest(&self, journal: &mut Journal, cost: impl Fn(&Goal, f64) -> f64) -> Option<Route> {
         let ways = self.ways();
         let priced = self.goals.iter().filter_map(|goal| Some((goal, cost(goal, ways.length_m(goal)?))));
-        let (goal, _) = priced.min_by(|(_, one), (_, other)| one.total_cmp(other))?;
+        let weighed = priced.inspect(|(goal, cost)| journal.weigh(goal, *cost));
+        let (goal, _) = weighed.min_by(|(_, one), (_, other)| one.total_cmp(other))?;
         ways.route(goal)
     }
 }

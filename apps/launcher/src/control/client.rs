@@ -7,8 +7,8 @@ use std::time::Duration;
 use elk_bus::shm::door;
 use elk_bus::{Community, Owner};
 
+use super::socket::{MAX_ANSWER, name, own_user, peer};
 use super::words::{Answer, Request};
-use super::{MAX_ANSWER, name, own_user, peer};
 
 /// How long a launcher may take to take one more in.
 const PATIENCE: Duration = Duration::from_secs(5);

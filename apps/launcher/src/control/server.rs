@@ -10,8 +10,8 @@ use elk_bus::clock::Stopwatch;
 use elk_bus::shm::door;
 use rustix::event::{PollFd, PollFlags};
 
+use super::socket::{MAX_ANSWER, MAX_QUESTION, address, name, own_user, peer};
 use super::words::{Answer, Request};
-use super::{MAX_ANSWER, MAX_QUESTION, address, name, own_user, peer};
 use crate::error::LaunchError;
 use crate::supervisor::Ticket;
 
@@ -186,7 +186,10 @@ impl Asker {
     }
 
     fn answer(&mut self, answer: &Answer) {
-        let line = serde_json::to_vec(answer).unwrap_or_default();
+        let line = serde_json::to_vec(answer).unwrap_or_else(|error| {
+            debug_assert!(false, "an answer is names, texts and numbers: {error}");
+            br#"{"answer":"failed","text":"the launcher cannot put its answer into words"}"#.to_vec()
+        });
         if self.to_say.is_empty() {
             self.waited = Stopwatch::start();
         }

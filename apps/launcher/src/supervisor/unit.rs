@@ -6,7 +6,7 @@ use std::time::Duration;
 use elk_mission::{Policy, Restart, element};
 use elk_outside::time;
 
-use super::{Exit, Ticket};
+use super::words::{Exit, Ticket};
 
 /// The first pause before a restart; each further one is twice as long, if it follows at once.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
@@ -42,7 +42,7 @@ impl UnitSpec {
             restarts: policy.restarts,
             window: time::duration(policy.window_secs),
             health: policy.health_secs.map(time::duration),
-            may_finish: element == element::APP,
+            may_finish: element::named(element).is_some_and(|element| element.may_finish),
             urgent: false,
         }
     }

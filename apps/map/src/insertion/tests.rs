@@ -1,5 +1,5 @@
 use super::*;
-use elk_spatial::State;
+use elk_geometry::State;
 use proptest::prelude::*;
 
 fn point() -> impl Strategy<Value = Point3<f64>> {
@@ -107,15 +107,15 @@ fn no_more_bricks_come_into_being_than_there_is_room_for() {
     assert_eq!(near.dropped, Dropped::default());
     let far = map.insert(at(0.5, 0.5), (0..100).map(|i| at(500.5, f64::from(i) * 5.0)));
     assert!(far.dropped.no_room > 90, "{:?}", far.dropped);
-    assert_eq!((map.memory(0).bricks.len(), map.grid().bricks().len()), (3, 3));
+    assert_eq!((map.snapshot().bricks.len(), map.grid().bricks().len()), (3, 3));
     let elsewhere = map.insert(at(-400.5, 0.5), [at(-402.5, 0.5)]);
     assert_eq!((elsewhere.dropped.no_room, elsewhere.changed.len()), (1, 0));
     let again = map.insert(at(0.5, 0.5), [at(2.5, 0.5)]);
     assert_eq!(again.dropped, Dropped::default(), "what it has it still updates");
-    assert!(OccupancyMap::from_memory(config, &map.memory(0)).is_ok());
+    assert!(OccupancyMap::restore(config, &map.snapshot()).is_ok());
     let smaller = MapConfig { max_bricks: 2, ..config };
-    assert!(OccupancyMap::from_memory(smaller, &map.memory(0)).is_err());
-    assert!(OccupancyMap::from_copy(smaller, &map.grid().whole(0)).is_err());
+    assert!(OccupancyMap::restore(smaller, &map.snapshot()).is_err());
+    assert!(OccupancyMap::from_states(smaller, &map.grid().whole()).is_err());
 }
 
 #[test]
@@ -161,10 +161,10 @@ fn what_is_no_point_is_dropped_and_counted() {
 #[test]
 fn the_update_carries_what_the_scan_changed() {
     let mut map = map(Grazing::Guard);
-    let mut reader = elk_spatial::OccupancyGrid::new(1.0);
-    for (scan, y) in [(1, 0.5), (2, 9.5), (3, -20.5)] {
+    let mut reader = elk_geometry::OccupancyGrid::new(1.0);
+    for y in [0.5, 9.5, -20.5] {
         let mut changed = map.insert(at(0.5, 0.5), [at(6.5, y)]).changed;
-        let update = map.advance(&changed, scan);
+        let update = map.advance(&changed);
         let mut read: Vec<Voxel> = reader.apply(&update).unwrap().voxels().collect();
         changed.sort();
         read.sort();

@@ -1,4 +1,5 @@
 use elk_bus::{Describe, ValueRef};
+use elk_geometry::{Pose, State};
 use serde_json::{Value, json};
 
 use super::*;
@@ -114,7 +115,8 @@ fn a_scan_is_checked_where_it_lies() {
     let scan = crate::Scan::new(1, 1, Pose::looking(Point3::origin(), nalgebra::Vector3::x()), Default::default());
     let said = |scan: crate::Scan<'_>| scan.check().unwrap_err().to_string();
     assert_eq!(scan.check(), Ok(()));
-    assert!(said(crate::Scan { range_m: f64::NAN, ..scan.clone() }).starts_with("range_m is NaN"));
+    let camera = crate::CameraInfo { range_m: f64::NAN, ..scan.camera };
+    assert!(said(crate::Scan { camera, ..scan.clone() }).starts_with("camera.range_m is NaN"));
     assert!(said(crate::Scan { measured: 1 << 40, ..scan.clone() }).starts_with("measured is 1099511627776"));
     let point = [Point3::origin()].into_iter().collect();
     assert!(
@@ -125,15 +127,14 @@ fn a_scan_is_checked_where_it_lies() {
 #[test]
 fn a_path_is_held_against_the_map() {
     let mut grid = OccupancyGrid::new(0.1);
-    (0..40).for_each(|x| assert!(grid.set(Voxel::new(x, 0, 0), crate::State::Free)));
+    (0..40).for_each(|x| assert!(grid.set(Voxel::new(x, 0, 0), State::Free)));
     let at = |x: f64| Point3::new(x, 0.05, 0.05);
-    let path = |points: Vec<Point3<f64>>| Path { points, target: Voxel::new(9, 0, 0), unknown: vec![], looks: vec![] };
-    assert!(path_in(&grid, &path(vec![at(0.0), at(3.9)]), 0.1).is_ok_and(|way| (way.length() - 3.9).abs() < 1e-9));
-    let far = path_in(&grid, &path(vec![at(0.0), at(9.0)]), 0.1).unwrap_err();
+    assert!(path_in(&grid, &[at(0.0), at(3.9)], 0.1).is_ok_and(|way| (way.length() - 3.9).abs() < 1e-9));
+    let far = path_in(&grid, &[at(0.0), at(9.0)], 0.1).unwrap_err();
     assert_eq!(far.to_string(), "points[1] is (9.00; 0.05; 0.05); it has to be near what is known of the map");
-    let wide = path_in(&grid, &path(vec![at(0.0)]), 3.3).unwrap_err();
+    let wide = path_in(&grid, &[at(0.0)], 3.3).unwrap_err();
     assert_eq!(wide.to_string(), "clearance_m is 33 voxels; it has to be at most 32 voxels of 0.1 m");
-    let zigzag = (0..1000).map(|i| at(f64::from(i % 2) * 3.0)).collect();
-    let long = path_in(&grid, &path(zigzag), 0.1).unwrap_err();
+    let zigzag: Vec<_> = (0..1000).map(|i| at(f64::from(i % 2) * 3.0)).collect();
+    let long = path_in(&grid, &zigzag, 0.1).unwrap_err();
     assert!(long.to_string().contains("m of way in a map of this size"), "{long}");
 }

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 /// What loads can be looked into. The name's ending counts where the bytes do not tell the format.
 pub fn look_into(name: &str, bytes: &[u8]) {
     let Ok(world) = World::from_bytes(name, bytes, &Placement::default()) else { return };
-    let elk_spatial::Bounds { min, max } = world.extents();
+    let elk_geometry::Bounds { min, max } = world.extents();
     let middle = nalgebra::center(&min, &max);
     for direction in [Vector3::x(), Vector3::new(-0.3, 0.7, 0.2)] {
         let hit = world.cast(middle, direction);

@@ -10,7 +10,7 @@ mod kitchen;
 use nalgebra::{Point3, Vector3};
 
 use super::Scenery;
-use elk_spatial::{Bounds, Pose};
+use elk_geometry::{Bounds, Pose};
 
 /// A world that comes with elk: how it is built, and what a mission in it says.
 pub struct Site {

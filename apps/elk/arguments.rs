@@ -1,0 +1,113 @@
+//! Arguments that several commands take, and those of the commands that run something.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use clap::Args;
+use elk_bus::Community;
+use elk_bus::launched::{COMMUNITY, USUAL_COMMUNITY};
+use elk_mission::Override;
+
+/// The community of commands that say none. It is a default, and not the argument's variable, for commands that are of no
+/// community at all.
+static DEFAULT_COMMUNITY: LazyLock<OsString> =
+    LazyLock::new(|| std::env::var_os(COMMUNITY).unwrap_or_else(|| USUAL_COMMUNITY.into()));
+
+/// Which community.
+#[derive(Debug, Args)]
+pub struct CommunityArgs {
+    /// The community's name, without it $ELK_COMMUNITY; communities of one machine do not hear each other
+    #[arg(long, default_value = DEFAULT_COMMUNITY.as_os_str())]
+    pub community: Community,
+}
+
+/// A broker.
+#[derive(Debug, Args)]
+pub struct BrokerArgs {
+    /// Which community.
+    #[command(flatten)]
+    pub community: CommunityArgs,
+    /// Mail that is kept for each client, and for one that died and is started again (MB)
+    #[arg(long, value_name = "MB", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub mailbox: u32,
+}
+
+/// Which mission, and what to change in it.
+#[derive(Debug, Args)]
+pub struct MissionArgs {
+    /// The mission file, the name of a built-in one (`elk missions` lists them), or the folder of a run that is to be had
+    /// again
+    pub mission: PathBuf,
+    /// Say a parameter here instead of in the file; `type` exchanges the app's type, `exec` (and `args`) puts another
+    /// program in its place; files from the working directory
+    #[arg(long = "set", value_name = "APP.PARAM=VALUE")]
+    pub sets: Vec<Override>,
+}
+
+/// How to launch a mission.
+#[derive(Debug, Args)]
+pub struct LaunchArgs {
+    /// Which mission.
+    #[command(flatten)]
+    pub mission: MissionArgs,
+    /// Run a manual mission through, without waiting for Enter
+    #[arg(long)]
+    pub auto: bool,
+    /// Where the run's folder is made
+    #[arg(long, default_value = "logs", value_name = "DIR")]
+    pub log_dir: PathBuf,
+    /// Plain lines instead of one that changes
+    #[arg(long)]
+    pub headless: bool,
+    /// Give the terminal back once the mission runs, which outlives its launcher; `elk attach` brings it back
+    #[arg(long, conflicts_with = "in_process")]
+    pub detach: bool,
+    /// The launcher that gives the terminal back; `--detach` starts it itself
+    #[arg(long, hide = true, requires = "detach")]
+    pub background: bool,
+    /// Move the robot so many times as fast as a robot goes (its controller's Speed and TurnRate), so that there is
+    /// something to watch; 0: as fast as it can be
+    #[arg(long, value_name = "N")]
+    pub pace: Option<f64>,
+    /// Run everything in this one process, over a bus in memory
+    #[arg(long)]
+    pub in_process: bool,
+    /// Which community.
+    #[command(flatten)]
+    pub community: CommunityArgs,
+}
+
+/// Which mission is to be picked up.
+#[derive(Debug, Args)]
+pub struct AttachArgs {
+    /// Plain lines instead of one that changes
+    #[arg(long)]
+    pub headless: bool,
+    /// Which community.
+    #[command(flatten)]
+    pub community: CommunityArgs,
+}
+
+/// One app by itself.
+#[derive(Debug, Args)]
+pub struct AppArgs {
+    /// Its type; `elk types` lists them
+    #[arg(long = "type", value_name = "TYPE")]
+    pub type_name: String,
+    /// Its name on the bus; its element's if not said
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Which community.
+    #[command(flatten)]
+    pub community: CommunityArgs,
+    /// Its parameters
+    #[arg(value_name = "PARAM=VALUE", value_parser = setting)]
+    pub settings: Vec<(String, String)>,
+}
+
+/// `Param=Value`
+pub fn setting(said: &str) -> Result<(String, String), String> {
+    let (name, text) = said.split_once('=').ok_or("right is Param=Value, for example Res=0.05")?;
+    Ok((name.trim().to_owned(), text.to_owned()))
+}

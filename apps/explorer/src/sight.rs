@@ -1,0 +1,52 @@
+//! How wide and how far the robot's camera is sure to see: as its scans say.
+
+use elk_spatial::CameraInfo;
+use nalgebra::Vector3;
+
+/// So near the edge of the image (rad) nothing counts as in view: a voxel is not a point, and its centre alone is looked at.
+const EDGE_MARGIN: f64 = 2.5 * std::f64::consts::PI / 180.0;
+
+/// What a camera has in view, as a cone around its optical axis: which way up it is held does not matter then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sight {
+    /// Half the angle of the cone (rad).
+    pub half_angle: f64,
+    /// How far it sees (m); infinite: as far as there is anything.
+    pub range_m: f64,
+}
+
+impl Sight {
+    /// What a camera is sure to see. Of one that is not known that is what it is aimed at.
+    pub fn of(camera: &CameraInfo) -> Self {
+        Self { half_angle: (camera.cone_half_angle() - EDGE_MARGIN).max(0.0), range_m: camera.reach_m() }
+    }
+
+    /// Whether a camera that looks along `axis` has in view what lies in direction `toward` (unit vectors).
+    pub fn covers(&self, axis: &Vector3<f64>, toward: &Vector3<f64>) -> bool {
+        toward.dot(axis) >= self.half_angle.cos()
+    }
+}
+
+impl Default for Sight {
+    fn default() -> Self {
+        Self::of(&CameraInfo::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wide_camera_covers_what_a_narrow_one_does_not() {
+        let camera = |degrees: f64| {
+            let fov = degrees.to_radians();
+            Sight::of(&CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m: 4.0 })
+        };
+        let (axis, aside) = (Vector3::x(), Vector3::new(1.0, 0.5, 0.0).normalize());
+        assert!(camera(75.0).covers(&axis, &aside) && !camera(40.0).covers(&axis, &aside));
+        assert!(camera(40.0).covers(&axis, &axis) && Sight::default().covers(&axis, &axis));
+        assert!((camera(75.0).half_angle.to_degrees() - 35.0).abs() < 1e-9);
+        assert_eq!((camera(75.0).range_m, Sight::default().range_m), (4.0, f64::INFINITY));
+    }
+}

@@ -1,0 +1,252 @@
+//! What a run came to: `summary.json`, and a few lines for people.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+use elk_mission::{AppSpec, Mission, element};
+use elk_outside::file;
+use elk_spatial::messages::{CoverageMark, FrontiersLeft};
+use serde::{Deserialize, Serialize};
+
+use crate::error::LaunchError;
+use crate::reports::observer::Observer;
+use crate::reports::steps::Spread;
+use crate::run::shortfall::{overflow, shortfall};
+
+/// The file in the run's folder.
+const SUMMARY: &str = "summary.json";
+/// The longest that is read (bytes).
+const LONGEST: u64 = 1 << 20;
+
+/// Who ran, as far as the mission file does not say it.
+#[derive(Debug)]
+pub(crate) struct Ran {
+    /// The explorers, in the order in which they came.
+    pub explorers: Vec<String>,
+    /// The apps that were swapped.
+    pub swapped: Vec<String>,
+}
+
+/// A run, summed up. What nobody said is `null`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// The mission's name.
+    pub mission: String,
+    /// The mission file.
+    pub mission_file: String,
+    /// The explorer's type; of several that took turns, each once, in their order.
+    pub explorer: String,
+    /// The apps that were swapped while the mission ran: who runs it again does so without that.
+    pub swapped: Vec<String>,
+    /// The motion policy's name.
+    pub policy: Option<String>,
+    /// Strategy, policy and clearance with all their settings.
+    pub settings: Option<String>,
+    /// The seed of everything random.
+    pub seed: Option<i64>,
+    /// Whether every frontier that can be reached and seen is resolved, in a map that holds something, without a contact with
+    /// the true world.
+    pub complete: bool,
+    /// Why the run ended.
+    pub reason: String,
+    /// Scans taken.
+    pub scans: u64,
+    /// Length of the way (m).
+    pub path_length_m: f64,
+    /// Frontier voxels left, by cause.
+    pub frontiers_left: Option<FrontiersLeft>,
+    /// Voxels known.
+    pub known_voxels: u64,
+    /// Of these, free.
+    pub free_voxels: u64,
+    /// Of these, occupied.
+    pub occupied_voxels: u64,
+    /// Known voxels whose state is that of the true world, of all known voxels (0 to 1).
+    pub accuracy: Option<f64>,
+    /// Motions on which the robot touched the true world.
+    pub contacts: Option<u64>,
+    /// Time from the first pose command to the last message of a step (s).
+    pub seconds: f64,
+    /// Scans and way to 95, 99, 99.9 and 100 % of the free voxels known at the end.
+    pub coverage: Vec<CoverageMark>,
+    /// Plans made.
+    pub plans: Option<u64>,
+    /// What the explorer's strategy counted, by name.
+    pub counters: BTreeMap<String, u64>,
+    /// Seconds of CPU by phase.
+    pub cpu_seconds: BTreeMap<String, f64>,
+    /// From one pose command to the next.
+    pub step: Option<Spread>,
+    /// Of it, what lies between an app's input and its output, by app.
+    pub step_by_app: BTreeMap<String, Spread>,
+}
+
+impl Summary {
+    /// Sums up what was observed of a mission in which these `ran`; `ended` is why it ended before its time, if it did.
+    pub(crate) fn of(mission: &Mission, observed: &Observer, ran: Ran, ended: Option<&LaunchError>) -> Self {
+        let report = observed.exploration.as_ref();
+        let (complete, reason) = outcome(mission, observed, ended);
+        let progress = observed.progress.as_ref();
+        let motion = observed.motion.as_ref();
+        let (scans, path_length_m) = match (motion, progress) {
+            (Some(motion), _) => (motion.scans, motion.path_length_m),
+            (None, Some(progress)) => (progress.scans, progress.path_length_m),
+            (None, None) => (0, 0.0),
+        };
+        let (free, occupied) = observed.map.as_ref().map_or((0, 0), |map| (map.free, map.occupied));
+        Self {
+            mission: mission.name.clone(),
+            mission_file: mission.file.display().to_string(),
+            explorer: ran.explorers.join(", "),
+            swapped: ran.swapped,
+            policy: report.map(|report| report.policy.clone()).or_else(|| policy(mission)),
+            settings: report.map(|report| report.settings.clone()),
+            seed: seed(mission),
+            complete,
+            reason,
+            scans,
+            path_length_m,
+            frontiers_left: report.map(|report| report.frontiers_left),
+            known_voxels: free + occupied,
+            free_voxels: free,
+            occupied_voxels: occupied,
+            accuracy: observed.accuracy.as_ref().filter(|judged| judged.voxels > 0).map(|judged| judged.accuracy),
+            contacts: observed.contacts(),
+            seconds: observed.seconds(),
+            coverage: motion.map(|motion| motion.marks.clone()).unwrap_or_default(),
+            plans: report.map(|report| report.plans),
+            counters: report.map(|report| report.counters.iter().cloned().collect()).unwrap_or_default(),
+            cpu_seconds: cpu_seconds(observed),
+            step: observed.steps.whole_step(),
+            step_by_app: observed.steps.by_app(),
+        }
+    }
+
+    /// Writes it into the run's folder.
+    pub(crate) fn write(&self, folder: &Path) -> Result<(), LaunchError> {
+        let file = folder.join(SUMMARY);
+        let written = serde_json::to_string_pretty(self)
+            .map_err(std::io::Error::from)
+            .and_then(|json| std::fs::write(&file, json + "\n"));
+        written.map_err(|source| LaunchError::File { file, source })
+    }
+}
+
+/// The apps that were swapped in the run that is kept in `folder`, as far as it was summed up.
+pub(crate) fn swapped(folder: &Path) -> Vec<String> {
+    #[derive(Default, Deserialize)]
+    struct Swapped {
+        #[serde(default)]
+        swapped: Vec<String>,
+    }
+    let text = file::read_text(&folder.join(SUMMARY), LONGEST).unwrap_or_default();
+    serde_json::from_str::<Swapped>(&text).unwrap_or_default().swapped
+}
+
+/// Whether the mission is complete, and why it ended.
+fn outcome(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
+    let Some(report) = &observed.exploration else {
+        let silent = || "the explorer did not say why it ended".to_owned();
+        return (false, ended.map_or_else(silent, LaunchError::to_string));
+    };
+    let reason = &report.reason;
+    match (ended, objection(mission, observed, report.complete)) {
+        (Some(error), _) if report.complete => (false, format!("{reason}, but {error}")),
+        (Some(error), _) => (false, error.to_string()),
+        (None, None) => (report.complete, reason.clone()),
+        (None, Some(objection)) if report.complete => (false, format!("{reason}, but {objection}")),
+        (None, Some(objection)) => (false, format!("{reason}: {objection}")),
+    }
+}
+
+/// What speaks against a mission whose explorer calls it complete, or says more than the explorer can know.
+fn objection(mission: &Mission, observed: &Observer, complete: bool) -> Option<String> {
+    let map = observed.map.as_ref();
+    let filters: Vec<&AppSpec> = mission.of_element(element::FILTER).collect();
+    if let Some(shortfall) = map.and_then(|map| shortfall(&filters, map)) {
+        return Some(shortfall);
+    }
+    match observed.last_report().map(|report| report.contacts) {
+        _ if !complete => map.and_then(overflow),
+        None => Some("nobody counted contacts with the true world".to_owned()),
+        // A real camera cannot tell, and that is no failure.
+        Some(None | Some(0)) => None,
+        Some(Some(n)) => Some(format!("the robot touched the true world {n} times")),
+    }
+}
+
+/// The seed of the first app that has one, in the order of the file: the sensor's.
+pub(crate) fn seed(mission: &Mission) -> Option<i64> {
+    let stages = mission.apps.iter().filter(|app| app.element != element::LOGGER);
+    stages.filter_map(|app| app.setting("Seed")?.parse().ok()).next()
+}
+
+/// The policy that the mission asks its explorer for: what there is to say of one that has not reported.
+fn policy(mission: &Mission) -> Option<String> {
+    mission.of_element(element::EXPLORER).find_map(|app| app.setting("Policy")).map(str::to_owned)
+}
+
+fn cpu_seconds(observed: &Observer) -> BTreeMap<String, f64> {
+    let sensor = observed.sensor.iter().map(|report| ("scans".to_owned(), report.cpu_secs));
+    let map = observed.map.iter().map(|map| ("map insertion".to_owned(), map.cpu_secs));
+    let plans = observed.exploration.iter().flat_map(|report| report.cpu_secs.clone());
+    sensor.chain(map).chain(plans).collect()
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let word = if self.complete { "complete" } else { "NOT complete" };
+        writeln!(f, "{}: {word}: {}", self.mission, self.reason)?;
+        if self.scans == 0 {
+            return Ok(());
+        }
+        let Self { scans, path_length_m: length, seconds, explorer, .. } = self;
+        let policy = self.policy.as_ref().map(|policy| format!(", policy {policy}")).unwrap_or_default();
+        writeln!(f, "  {scans} scans, {length:.1} m of way, {seconds:.1} s, explorer {explorer}{policy}")?;
+        if let Some(settings) = &self.settings {
+            writeln!(f, "  {settings}")?;
+        }
+        if !self.swapped.is_empty() {
+            writeln!(f, "  swapped while it ran: {}", self.swapped.join(", "))?;
+        }
+        for mark in &self.coverage {
+            let percent = 100.0 * mark.share;
+            writeln!(
+                f,
+                "  {percent:>5.1} % of the free voxels known at the end after {} scans, {:.1} m",
+                mark.scans, mark.path_length_m
+            )?;
+        }
+        let Self { known_voxels: known, free_voxels: free, occupied_voxels: occupied, .. } = self;
+        writeln!(f, "  {known} voxels known: {free} free, {occupied} occupied")?;
+        if let Some(left) = &self.frontiers_left {
+            writeln!(
+                f,
+                "  {} frontier voxels left: {} unreachable, {} invisible, {} unresolved, {} with nothing to be seen behind, \
+                 {} too small, {} open, {} where the \
+                 map ends, {} where it is full, {} where the volume ends",
+                left.total(),
+                left.unreachable,
+                left.invisible,
+                left.unresolved,
+                left.no_return,
+                left.too_small,
+                left.open,
+                left.map_edge,
+                left.no_room,
+                left.volume_edge
+            )?;
+        }
+        let accuracy = self.accuracy.map(|share| format!("accuracy {:.2} %", 100.0 * share));
+        let contacts = self.contacts.map(|count| format!("contacts {count}"));
+        let judged: Vec<String> = accuracy.into_iter().chain(contacts).collect();
+        if !judged.is_empty() {
+            writeln!(f, "  {}", judged.join(", "))?;
+        }
+        if let Some(step) = &self.step {
+            writeln!(f, "  a step: median {:.1} ms, 99 % within {:.1} ms", step.median_ms, step.p99_ms)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,447 @@
+//! The process around the map: scans in, what they changed out.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use elk_bus::clock::thread_cpu_secs;
+use elk_bus::{App, AppError, Comms, Handlers, Key, Rejection, tell};
+use elk_geometry::Bounds;
+use elk_geometry::limits::RESOLUTIONS_M;
+use elk_map::bt::write_bt;
+use elk_map::{Dropped, Grazing, Insertion, MapConfig, OccupancyMap};
+use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_outside::file;
+
+use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
+use elk_spatial::keys::{
+    MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
+};
+use elk_spatial::map::{MapUpdate, UpdateError};
+use elk_spatial::messages::{MapMemory, MapStatus, RayTally};
+use elk_spatial::{CameraInfo, Scan};
+use nalgebra::Vector3;
+
+use crate::memory;
+use crate::recovery::{Past, Stage};
+
+/// The maps that a mission can name.
+pub static TYPES: &[AppType] = &[AppType {
+    element: "Map",
+    name: "OctoMap",
+    summary: "Log-odds occupancy of voxels, with its frontier; writes OctoMap's .bt files.",
+    params: PARAMS,
+    build: |params| Ok(Box::new(MapApp::new(params)?.on_the_bus())),
+    preflight: None,
+}];
+
+const fn number(
+    name: &'static str,
+    (unit, min, max): (&'static str, f64, f64),
+    default: &'static str,
+    doc: &'static str,
+) -> ParamSpec {
+    ParamSpec { name, kind: Kind::Number { unit, min, max }, default: Some(default), doc }
+}
+
+const fn point(name: &'static str, kind: Kind, doc: &'static str) -> ParamSpec {
+    ParamSpec { name, kind, default: Some("0; 0; 0"), doc }
+}
+
+const PARAMS: &[ParamSpec] = &[
+    number("Res", ("m", *RESOLUTIONS_M.start(), *RESOLUTIONS_M.end()), "0.1", "Edge of a voxel."),
+    ParamSpec {
+        name: "Input",
+        kind: Kind::Variable,
+        default: Some("SCAN"),
+        doc: "The variable of the scans to insert: the sensor's, or the last filter's.",
+    },
+    ParamSpec {
+        name: "Grazing",
+        kind: Kind::Choice(&["guard", "sticky", "none"]),
+        default: Some("guard"),
+        doc: "Which voxels passing rays spare: once hit and beside a hit of the same scan (guard), once hit (sticky: \
+              only without noise), none (plain log-odds).",
+    },
+    number(
+        "MaxRange",
+        ("m", 0.0, 1e4),
+        "30",
+        "Farther points are no hits, their rays free only up to here; 0: no limit.",
+    ),
+    number(
+        "FreeNoReturn",
+        ("m", 0.0, 1e4),
+        "0",
+        "How far a ray frees voxels in whose direction the sensor saw nothing, at most MaxRange; 0: not at all.",
+    ),
+    ParamSpec {
+        name: "MaxBricks",
+        kind: Kind::Integer { min: 64, max: MAX_BRICKS as i64 },
+        default: Some("32768"),
+        doc: "Bricks of 8x8x8 voxels that the map may have, 3 kB each; what lies beyond them is left out.",
+    },
+    point("Mid", Kind::Point { unit: "m" }, "Middle of the volume in which frontiers count."),
+    point("Dim", Kind::Size { unit: "m" }, "Size of the volume in which frontiers count; all 0: everywhere."),
+    number("LogOddsHit", ("", 0.01, 10.0), "0.85", "Added to a voxel that a scan hit."),
+    number("LogOddsMiss", ("", -10.0, -0.01), "-0.4", "Added to a voxel that a scan's rays only passed."),
+    number("ClampMin", ("", -100.0, 0.0), "-2", "Smallest log-odds of a voxel."),
+    number("ClampMax", ("", 0.01, 100.0), "3.5", "Largest log-odds of a voxel."),
+    ParamSpec {
+        name: "File",
+        kind: Kind::Text,
+        default: Some(""),
+        doc: "Where to write the map as a .bt file when the mission ends; empty: nowhere.",
+    },
+];
+
+/// The map's settings as a mission gives them.
+fn config(params: &Params) -> Result<MapConfig, AppError> {
+    let dim = Vector3::from(params.point("Dim"));
+    let bounds = (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(params.point("Mid").into(), dim));
+    let (max_range, free_no_return) = (params.number("MaxRange"), params.number("FreeNoReturn"));
+    within_range(free_no_return, max_range)?;
+    Ok(MapConfig {
+        resolution: params.number("Res"),
+        hit: params.number("LogOddsHit") as f32,
+        miss: params.number("LogOddsMiss") as f32,
+        clamp_min: params.number("ClampMin") as f32,
+        clamp_max: params.number("ClampMax") as f32,
+        grazing: match params.text("Grazing") {
+            "none" => Grazing::None,
+            "sticky" => Grazing::Sticky,
+            _ => Grazing::Guard,
+        },
+        max_range,
+        free_no_return,
+        // The table keeps it positive.
+        max_bricks: params.integer("MaxBricks") as usize,
+        bounds,
+    })
+}
+
+/// How long a map that was killed waits for a reader's copy before it begins anew (s): longer than any reader plans. After
+/// half of it any copy will do.
+const COPY_PATIENCE_SECS: f64 = 10.0;
+/// Scans, and points of scans, that are kept for a map that is not there yet.
+const MOST_WAITING: usize = 256;
+const MOST_WAITING_POINTS: usize = MAX_POINTS;
+/// How often a map looks whether it has waited long enough.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// The map on the bus.
+///
+/// A map that stops leaves its memory, log-odds and all, under MAP_MEMORY. One that is killed leaves what its readers have:
+/// a whole map of three values each. Publishing the memory with every scan instead would write the whole map where
+/// little has changed, and cost the more, the larger the world is.
+struct MapApp {
+    map: OccupancyMap,
+    input: Key<Scan<'static>>,
+    file: Option<PathBuf>,
+    last_scan: u64,
+    cpu_secs: f64,
+    stage: Stage,
+    /// Scans that came before the map was there to take them, oldest first.
+    waiting: Vec<Scan<'static>>,
+    /// Whether somebody asked for the whole map before it was there.
+    requested: bool,
+    /// Whether readers may have a map that this one does not go on from.
+    next_is_whole: bool,
+    /// Whether it was said that points lie beyond the largest range.
+    range_said: bool,
+    /// What became of the rays of all scans, its predecessor's included.
+    rays: RayTally,
+    /// The camera of the last scan.
+    camera: CameraInfo,
+}
+
+impl MapApp {
+    fn new(params: &Params) -> Result<Self, AppError> {
+        let file = params.text("File");
+        Ok(Self {
+            map: OccupancyMap::new(config(params)?),
+            input: Key::named(params.text("Input")),
+            file: (!file.is_empty()).then(|| file.into()),
+            last_scan: 0,
+            cpu_secs: 0.0,
+            stage: Stage::Recalling(Past::default()),
+            waiting: Vec::new(),
+            requested: false,
+            next_is_whole: false,
+            range_said: false,
+            rays: RayTally::default(),
+            camera: CameraInfo::default(),
+        })
+    }
+
+    fn on_the_bus(self) -> impl App {
+        Handlers::<Self>::new()
+            .recall(&MAP_MEMORY, Self::on_memory)
+            .recall(&MAP_KNOWN, Self::on_known)
+            .recall(&MAP_UPDATE, |map, _, update| map.hear_of(update.revision))
+            .recall(&PROGRESS, |map, _, progress| map.hear_of(progress.revision))
+            .recall(&PLAN_REQUEST, |map, _, request| map.hear_of(request.revision))
+            .recall(&PLAN, |map, _, plan| map.hear_of(plan.revision))
+            .recalled(Self::recalled)
+            .on(&self.input, Self::on_scan)
+            .on(elk_bus::number(MAP_REQUEST), Self::on_request)
+            .when_wanted(&MAP, Self::on_copy)
+            .iterate(LOOK_EVERY, Self::give_up_on_copies)
+            .on_stop(Self::leave)
+            .with(self)
+    }
+
+    /// The map that the predecessor left when it stopped.
+    fn on_memory(&mut self, _: &mut Comms, memory: MapMemory) -> Result<(), AppError> {
+        let (snapshot, scan) = memory::read(memory);
+        let map = OccupancyMap::restore(*self.map.config(), &snapshot).map_err(Rejection::new)?;
+        if let Stage::Recalling(past) = &mut self.stage {
+            past.memory = Some((Box::new(map), scan));
+        }
+        self.hear_of(snapshot.revision)
+    }
+
+    fn on_known(&mut self, _: &mut Comms, known: MapStatus) -> Result<(), AppError> {
+        (self.cpu_secs, self.rays, self.camera) = (known.cpu_secs, known.rays, known.camera);
+        self.hear_of(known.revision)
+    }
+
+    /// Takes note of a revision that the predecessor's map had, as somebody says.
+    fn hear_of(&mut self, revision: u64) -> Result<(), AppError> {
+        if let Stage::Recalling(past) = &mut self.stage {
+            past.revisions.push(revision);
+        }
+        Ok(())
+    }
+
+    /// All that the predecessor published is known: it left its memory, was killed, or there was none.
+    fn recalled(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let Stage::Recalling(past) = &mut self.stage else {
+            return Ok(());
+        };
+        let revision = past.revision();
+        match past.memory.take() {
+            Some((map, scan)) if map.grid().revision() <= revision => (self.map, self.last_scan) = (*map, scan),
+            Some((map, _)) => {
+                let (name, left) = (comms.name(), map.grid().revision());
+                tell(format_args!(
+                    "{name}: a map of revision {left} was left (MAP_MEMORY), of which nobody else has heard; it is not \
+                     believed"
+                ));
+            }
+            None => {}
+        }
+        if self.map.grid().revision() >= revision {
+            return self.begin(comms);
+        }
+        comms.register(&MAP)?;
+        comms.notify(MAP_RECALL, revision as f64)?;
+        self.stage = Stage::Asking { revision, since: comms.clock().own(), any: false };
+        Ok(())
+    }
+
+    /// A whole map came; a copy of the map that was, if it is asked for and not too old.
+    fn on_copy(&mut self, comms: &mut Comms, copy: MapUpdate) -> Result<(), AppError> {
+        let Stage::Asking { revision, .. } = self.stage else {
+            return Ok(());
+        };
+        if copy.revision > revision + MAX_REVISIONS_AHEAD {
+            return Err(Rejection::new(UpdateError::Ahead { have: revision, update: copy.revision }).into());
+        }
+        if copy.revision > self.map.grid().revision() {
+            self.map = OccupancyMap::from_states(*self.map.config(), &copy.delta()).map_err(Rejection::new)?;
+            self.last_scan = copy.scan;
+        }
+        if copy.revision < revision {
+            return Ok(());
+        }
+        comms.publish(&MAP_KNOWN, &self.status())?;
+        self.begin(comms)
+    }
+
+    /// Goes on with what there is, if a copy was waited for in vain.
+    fn give_up_on_copies(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let Stage::Asking { revision, since, any } = &mut self.stage else {
+            return Ok(());
+        };
+        let (revision, waited) = (*revision, comms.clock().own() - *since);
+        if waited > COPY_PATIENCE_SECS / 2.0 && !std::mem::replace(any, true) {
+            comms.notify(MAP_RECALL, 0.0)?;
+        }
+        if waited < COPY_PATIENCE_SECS {
+            return Ok(());
+        }
+        let (name, own) = (comms.name(), self.map.grid().revision());
+        tell(format_args!(
+            "{name}: the map was lost: nobody has a copy of its revision {revision}; it goes on from revision {own} (0: from \
+             nothing), and what is missing has to be explored again"
+        ));
+        self.map.skip_to(revision);
+        self.next_is_whole = true;
+        self.begin(comms)
+    }
+
+    fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        if matches!(self.stage, Stage::Asking { .. }) {
+            comms.unregister(&MAP)?;
+        }
+        self.stage = Stage::Here;
+        let mut waiting = std::mem::take(&mut self.waiting);
+        // The latest scan comes to every map that starts, whether its predecessor had taken it or not.
+        waiting.retain(|scan| scan.id > self.last_scan);
+        waiting.iter().try_for_each(|scan| self.insert(comms, scan))?;
+        if std::mem::take(&mut self.requested) {
+            self.publish_whole(comms)?;
+        }
+        Ok(())
+    }
+
+    fn on_scan(&mut self, comms: &mut Comms, scan: Scan<'_>) -> Result<(), AppError> {
+        match self.stage {
+            Stage::Here => self.insert(comms, &scan),
+            _ if self.waiting.iter().any(|other| other.id == scan.id) => Ok(()),
+            _ if !self.has_room_for(&scan) => {
+                Err(Rejection::new("the map is not there yet, and too many scans wait for it already").into())
+            }
+            _ => {
+                self.waiting.push(scan.into_owned());
+                Ok(())
+            }
+        }
+    }
+
+    /// Whether a scan may wait for the map.
+    fn has_room_for(&self, scan: &Scan<'_>) -> bool {
+        let rays = |scan: &Scan<'_>| scan.points.len() + scan.no_return.len();
+        let waiting: usize = self.waiting.iter().map(rays).sum();
+        self.waiting.len() < MOST_WAITING && waiting + rays(scan) <= MOST_WAITING_POINTS
+    }
+
+    fn insert(&mut self, comms: &mut Comms, scan: &Scan<'_>) -> Result<(), AppError> {
+        // A successor of the sensor or of a filter that does not know whether it was published publishes it again.
+        if scan.id == self.last_scan {
+            return Ok(());
+        }
+        if scan.id != self.last_scan + 1 {
+            let (name, last) = (comms.name(), self.last_scan);
+            tell(format_args!(
+                "{name}: scan {} follows scan {last}: scans were lost, or the sensor started again",
+                scan.id
+            ));
+        }
+        (self.last_scan, self.camera) = (scan.id, scan.camera);
+        let start = thread_cpu_secs();
+        let origin = scan.pose.position();
+        let seen = self.map.insert_with(origin, scan.world_points(), scan.world_no_return(), scan.camera.range_m);
+        self.cpu_secs += thread_cpu_secs() - start;
+        self.say_what_was_left_out(comms.name(), scan, &seen);
+        self.tally(scan, &seen);
+        let delta = self.map.advance(&seen.changed);
+        let delta = if std::mem::take(&mut self.next_is_whole) { self.map.grid().whole() } else { delta };
+        comms.publish(&MAP_UPDATE, &MapUpdate::new(delta, scan.id))?;
+        comms.publish(&MAP_KNOWN, &self.status())?;
+        Ok(())
+    }
+
+    fn say_what_was_left_out(&mut self, name: &str, scan: &Scan<'_>, seen: &Insertion) {
+        let (id, points) = (scan.id, scan.points.len());
+        let Dropped { invalid, out_of_range, no_room } = seen.dropped;
+        if invalid > 0 {
+            tell(format_args!("{name}: scan {id}: {invalid} points are not finite or at the camera itself; left out"));
+        }
+        if out_of_range > 0 && self.rays.outside == 0 {
+            tell(format_args!(
+                "{name}: {out_of_range} of {points} points of scan {id} lie outside the map's 65536 voxels an axis, and are \
+                 left out; move the world nearer to the origin, or set a coarser Res. Counted from now on"
+            ));
+        }
+        if seen.cut > 0 && !std::mem::replace(&mut self.range_said, true) {
+            let range = self.map.config().max_range;
+            tell(format_args!(
+                "{name}: {} of {points} points of scan {id} are farther than {range} m (MaxRange): they are no hits, and \
+                 free only up to there; set Map.MaxRange for more (0: no limit). Not said again",
+                seen.cut
+            ));
+        }
+        if no_room > 0 && self.rays.no_room == 0 {
+            let most = self.map.config().max_bricks;
+            tell(format_args!(
+                "{name}: the map is full: {no_room} of {points} points of scan {id} lie beyond its {most} bricks (MaxBricks) \
+                 and are left out; set Map.MaxBricks or a coarser Res. Counted from now on"
+            ));
+        }
+    }
+
+    fn tally(&mut self, scan: &Scan<'_>, seen: &Insertion) {
+        let Dropped { invalid, out_of_range, no_room } = seen.dropped;
+        let rays = &mut self.rays;
+        let counts = [
+            (&mut rays.no_return, scan.no_return.len()),
+            (&mut rays.measured, scan.measured as usize),
+            (&mut rays.received, scan.points.len()),
+            (&mut rays.invalid, invalid),
+            (&mut rays.outside, out_of_range),
+            (&mut rays.too_far, seen.cut),
+            (&mut rays.no_room, no_room),
+        ];
+        for (sum, more) in counts {
+            *sum = (*sum + more as u64).min(MAX_COUNT);
+        }
+    }
+
+    fn status(&self) -> MapStatus {
+        let grid = self.map.grid();
+        MapStatus {
+            revision: grid.revision(),
+            free: grid.free() as u64,
+            occupied: grid.occupied() as u64,
+            frontier: self.map.frontier_len() as u64,
+            resolution: grid.resolution(),
+            cpu_secs: self.cpu_secs,
+            full: self.map.is_full(),
+            rays: self.rays,
+            camera: self.camera,
+        }
+    }
+
+    fn on_request(&mut self, comms: &mut Comms, _: f64) -> Result<(), AppError> {
+        match self.stage {
+            Stage::Here => self.publish_whole(comms),
+            _ => {
+                self.requested = true;
+                Ok(())
+            }
+        }
+    }
+
+    fn publish_whole(&self, comms: &mut Comms) -> Result<(), AppError> {
+        comms.publish(&MAP, &MapUpdate::new(self.map.grid().whole(), self.last_scan))?;
+        Ok(())
+    }
+
+    fn save(&self, path: &Path) -> Result<(), AppError> {
+        let write = || {
+            let mut bytes = Vec::new();
+            write_bt(&mut bytes, &self.map.occupancy_tree(), self.map.config().resolution)?;
+            file::write(path, &bytes)
+        };
+        let name = path.display();
+        write().map_err(|e| format!("cannot write the map to {name}: {e}; choose another File").into())
+    }
+
+    /// Leaves its memory to a successor, and the map to whoever wants it.
+    fn leave(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let RayTally { no_room, outside, .. } = self.rays;
+        for (count, where_) in [(no_room, "where the map had no more room"), (outside, "outside the map")] {
+            if count > 0 {
+                tell(format_args!("{}: {count} points were left out that lay {where_}", comms.name()));
+            }
+        }
+        if !matches!(self.stage, Stage::Here) {
+            // What it does not have it cannot leave; its successor asks again.
+            return Ok(());
+        }
+        comms.publish(&MAP_MEMORY, &memory::write(self.map.snapshot(), self.last_scan))?;
+        self.publish_whole(comms)?;
+        self.file.as_ref().map_or(Ok(()), |path| self.save(path))
+    }
+}

@@ -1,0 +1,9 @@
+//! The map as a process: scans in, what they changed out. The map itself is [`elk_map`]'s and knows of no bus.
+//!
+//! [`app`] is the process, `recovery` how it goes on from a predecessor, `memory` what it leaves to a successor.
+
+pub mod app;
+mod memory;
+mod recovery;
+
+pub use app::TYPES;

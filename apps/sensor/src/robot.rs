@@ -1,0 +1,158 @@
+//! A robot with a depth source: it goes where it is sent and scans there, and counts. No bus in sight.
+
+use elk_bus::{AppError, Describe};
+use elk_geometry::Pose;
+use elk_spatial::Scan;
+use elk_spatial::messages::{CameraPose, PoseCommand};
+use nalgebra::Point3;
+
+use crate::source::{Capture, DepthSource, Refusal, Seen, Travel, Truth};
+
+/// There is no scan.
+#[derive(Debug, thiserror::Error)]
+#[error("scan {scan} from ({:.2}; {:.2}; {:.2}) m: {source}", .place.x, .place.y, .place.z)]
+pub struct ScanError {
+    /// Its number.
+    pub scan: u64,
+    /// Where it was to be taken (m, world).
+    pub place: Point3<f64>,
+    /// Why, as the source says it.
+    pub source: AppError,
+}
+
+/// The robot.
+pub struct Robot {
+    source: Box<dyn DepthSource>,
+    pose: Pose,
+    command: u64,
+    scans: u64,
+    contacts: u64,
+}
+
+impl Robot {
+    /// A robot at its source's start.
+    ///
+    /// # Errors
+    /// It cannot be there, as far as the source knows the true world.
+    pub fn new(source: Box<dyn DepthSource>) -> Result<Self, Refusal> {
+        let robot = Self { pose: source.start(), source, command: 0, scans: 0, contacts: 0 };
+        robot.free(&robot.pose)?;
+        Ok(robot)
+    }
+
+    /// Its pose (world).
+    pub fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// The last command carried out or refused; 0: none yet.
+    pub fn command(&self) -> u64 {
+        self.command
+    }
+
+    /// Scans taken, the one that is still to be taken included.
+    pub fn scans(&self) -> u64 {
+        self.scans
+    }
+
+    /// Motions on which the body touched the world; `None`: nobody can tell.
+    pub fn contacts(&self) -> Option<u64> {
+        self.source.truth().map(|_| self.contacts)
+    }
+
+    /// The true world, if it is known.
+    pub fn truth(&self) -> Option<&dyn Truth> {
+        self.source.truth()
+    }
+
+    /// What whoever looks at the scans should know.
+    pub fn remarks(&self) -> Vec<String> {
+        self.source.remarks()
+    }
+
+    /// Goes on where another robot stopped: at `at`, after so many scans and contacts.
+    ///
+    /// # Errors
+    /// It cannot be there: the world is another one.
+    pub fn succeed(&mut self, at: &CameraPose, scans: u64, contacts: u64) -> Result<(), Refusal> {
+        self.free(&at.pose)?;
+        (self.pose, self.command, self.scans, self.contacts) = (at.pose, at.command, scans, contacts);
+        Ok(())
+    }
+
+    /// Goes to the commanded pose, by way of the positions before it, or stays where it is, if that cannot be done. A scan is
+    /// due then, in either case. The command is one that passes its check ([`elk_bus::Describe::check`]): all of it finite.
+    pub fn go(&mut self, command: &PoseCommand) -> Travel {
+        let ends = [self.pose.position(), command.pose.position()];
+        let way: Vec<Point3<f64>> =
+            std::iter::once(ends[0]).chain(command.via.iter().copied()).chain(std::iter::once(ends[1])).collect();
+        let travel = self.source.truth().map(|truth| truth.travel(&way, &command.pose)).unwrap_or_default();
+        if travel.refused.is_none() {
+            self.pose = command.pose;
+        }
+        self.command = command.id;
+        self.contacts += u64::from(travel.contact);
+        self.scans += 1;
+        travel
+    }
+
+    /// Takes the scan that is due, or the last one again.
+    ///
+    /// # Errors
+    /// There is none, or one that no reader would believe.
+    pub fn scan(&mut self, time_secs: f64) -> Result<Scan<'static>, ScanError> {
+        let capture = Capture { scan: self.scans, time_secs, pose: self.pose };
+        self.capture(&capture).map_err(|source| ScanError { scan: self.scans, place: self.pose.position(), source })
+    }
+
+    fn capture(&mut self, capture: &Capture) -> Result<Scan<'static>, AppError> {
+        let Seen { points, no_return } = self.source.scan(capture)?;
+        let scan = Scan::new(capture.scan, self.command, capture.pose, points);
+        let scan = Scan { camera: self.source.camera(), no_return, ..scan };
+        scan.check()?;
+        Ok(scan)
+    }
+
+    fn free(&self, pose: &Pose) -> Result<(), Refusal> {
+        self.source.truth().map_or(Ok(()), |truth| truth.free(pose))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use elk_spatial::CameraInfo;
+
+    use super::*;
+
+    /// A camera that sees a point 2 m ahead, but for every third scan.
+    struct Flaky;
+
+    impl DepthSource for Flaky {
+        fn camera(&self) -> CameraInfo {
+            CameraInfo { columns: 1, rows: 1, ..CameraInfo::default() }
+        }
+
+        fn scan(&mut self, capture: &Capture) -> Result<Seen, AppError> {
+            match capture.scan % 3 {
+                0 => Err("the cable is loose; push it in".into()),
+                _ => Ok(Seen { points: [Point3::new(0.0, 0.0, 2.0)].into_iter().collect(), ..Seen::default() }),
+            }
+        }
+    }
+
+    #[test]
+    fn a_real_camera_is_where_it_was_sent_and_counts_no_contacts() {
+        let mut robot = Robot::new(Box::new(Flaky)).unwrap();
+        let pose = |x| Pose::from_yaw_pitch(Point3::new(x, 0.0, 1.0), 0.0, 0.0);
+        for id in 1..=2 {
+            assert_eq!(robot.go(&PoseCommand { id, via: vec![], pose: pose(id as f64) }), Travel::default());
+            let scan = robot.scan(0.0).unwrap();
+            assert_eq!((scan.id, scan.command, scan.pose, scan.camera.columns), (id, id, pose(id as f64), 1));
+        }
+        assert_eq!((robot.contacts(), robot.scans()), (None, 2));
+        robot.go(&PoseCommand { id: 3, via: vec![], pose: pose(3.0) });
+        let failed = robot.scan(0.0).unwrap_err().to_string();
+        assert_eq!(failed, "scan 3 from (3.00; 0.00; 1.00) m: the cable is loose; push it in");
+        assert_eq!((robot.command(), robot.pose()), (3, pose(3.0)), "it went there all the same");
+    }
+}

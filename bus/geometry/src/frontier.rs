@@ -1,0 +1,247 @@
+//! The frontier: free voxels with an unknown face neighbour (thesis 6.3.1.1), kept up to date as voxels change.
+
+use std::borrow::Borrow;
+use std::collections::BTreeSet;
+
+use crate::bricks::{Bricks, brick_of, voxel_at};
+use crate::grid::OccupancyGrid;
+use crate::state::State;
+use crate::voxel::{Bounds, FACES, Voxel};
+
+/// Whether `voxel` is free and has an unknown face neighbour.
+pub fn is_frontier(grid: &OccupancyGrid, voxel: Voxel) -> bool {
+    grid.state(voxel) == State::Free && unknown_neighbours(grid, voxel).next().is_some()
+}
+
+/// The face neighbours of `voxel` that are unknown, in the order of [`crate::voxel::FACES`].
+pub fn unknown_neighbours(grid: &OccupancyGrid, voxel: Voxel) -> impl Iterator<Item = Voxel> + '_ {
+    voxel.face_neighbours().into_iter().filter(|n| grid.state(*n) == State::Unknown)
+}
+
+/// Whether what is unknown in `voxel` counts: it lies in the volume to explore (`None`: everywhere), and a map has a place
+/// for it.
+pub fn counts(voxel: Voxel, bounds: Option<Bounds>, resolution: f64) -> bool {
+    voxel.is_mappable() && bounds.is_none_or(|b| b.contains(voxel.center(resolution)))
+}
+
+/// Free voxels that would be frontier voxels if the map, or the volume to explore, went on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Edges {
+    /// Where the map ends: it has no indices for what is beyond.
+    pub map: u64,
+    /// Where the volume to explore ends.
+    pub volume: u64,
+    /// Where a map that is full has no brick: what is there it cannot come to know.
+    pub no_room: u64,
+}
+
+impl Edges {
+    /// Those of a map whose frontier this is; no frontier voxel is among them.
+    pub fn of(grid: &OccupancyGrid, frontier: &FrontierSet) -> Self {
+        let mut edges = Self::default();
+        let free = grid.bricks().voxels().filter(|(_, state)| *state == State::Free).map(|(voxel, _)| voxel);
+        let inside = |voxel: Voxel| counts(voxel, frontier.bounds, grid.resolution());
+        for voxel in free.filter(|voxel| inside(*voxel) && !frontier.contains(*voxel)) {
+            let mut unknown = unknown_neighbours(grid, voxel).peekable();
+            if unknown.peek().is_none() {
+                continue;
+            }
+            let beyond: Vec<Voxel> = unknown.collect();
+            if beyond.iter().any(|beyond| !beyond.is_mappable()) {
+                edges.map += 1;
+            } else if beyond.iter().any(|beyond| inside(*beyond)) {
+                edges.no_room += 1;
+            } else {
+                edges.volume += 1;
+            }
+        }
+        edges
+    }
+}
+
+/// All frontier voxels inside a bounded volume, in lexicographic order.
+#[derive(Debug, Clone, Default)]
+pub struct FrontierSet {
+    voxels: BTreeSet<Voxel>,
+    bounds: Option<Bounds>,
+    /// The map is full: it comes to know nothing of bricks that it does not have.
+    full: bool,
+}
+
+impl FrontierSet {
+    /// No frontier yet; voxels whose unknown neighbours all lie outside `bounds`, or outside the map, will not count.
+    pub fn new(bounds: Option<Bounds>) -> Self {
+        Self { voxels: BTreeSet::new(), bounds, full: false }
+    }
+
+    /// Takes note that the map is full, or that it is not. Only of voxels at the rim of the bricks that there are it changes
+    /// anything.
+    pub fn set_full(&mut self, full: bool, grid: &OccupancyGrid) {
+        if std::mem::replace(&mut self.full, full) == full {
+            return;
+        }
+        let ends = |brick: Voxel| FACES.iter().any(|face| grid.bricks().brick(brick + *face).is_none());
+        for (brick, cells) in grid.bricks().iter().filter(|(brick, _)| ends(*brick)) {
+            let free = cells.iter().enumerate().filter(|(_, state)| **state == State::Free);
+            free.for_each(|(cell, _)| self.revise(grid, voxel_at(brick, cell)));
+        }
+    }
+
+    /// Takes note that these voxels of `grid` changed.
+    pub fn update(&mut self, grid: &OccupancyGrid, changed: impl IntoIterator<Item = impl Borrow<Voxel>>) {
+        // Each voxel is looked at once, however many of its neighbours changed.
+        let mut touched: Bricks<bool> = Bricks::new();
+        for voxel in changed {
+            let voxel = *voxel.borrow();
+            std::iter::once(voxel).chain(voxel.face_neighbours()).for_each(|near| *touched.get_mut(near) = true);
+        }
+        touched.voxels().filter(|(_, touched)| *touched).for_each(|(voxel, _)| self.revise(grid, voxel));
+    }
+
+    fn revise(&mut self, grid: &OccupancyGrid, voxel: Voxel) {
+        if self.counts(grid, voxel) {
+            self.voxels.insert(voxel);
+        } else {
+            self.voxels.remove(&voxel);
+        }
+    }
+
+    fn counts(&self, grid: &OccupancyGrid, voxel: Voxel) -> bool {
+        grid.state(voxel) == State::Free
+            && counts(voxel, self.bounds, grid.resolution())
+            && self.unknown_beside(grid, voxel).next().is_some()
+    }
+
+    /// What makes `voxel` frontier, if it is free: its face neighbours that are unknown, in the volume to explore, and that
+    /// the map can come to know.
+    pub fn unknown_beside<'a>(&'a self, grid: &'a OccupancyGrid, voxel: Voxel) -> impl Iterator<Item = Voxel> + 'a {
+        let inside = |v: &Voxel| counts(*v, self.bounds, grid.resolution());
+        let knowable = |v: &Voxel| !self.full || grid.bricks().brick(brick_of(*v)).is_some();
+        unknown_neighbours(grid, voxel).filter(inside).filter(knowable)
+    }
+
+    /// Whether `voxel` is a frontier voxel.
+    pub fn contains(&self, voxel: Voxel) -> bool {
+        self.voxels.contains(&voxel)
+    }
+
+    /// The frontier voxels in lexicographic order.
+    pub fn iter(&self) -> impl Iterator<Item = Voxel> + '_ {
+        self.voxels.iter().copied()
+    }
+
+    /// Number of frontier voxels.
+    pub fn len(&self) -> usize {
+        self.voxels.len()
+    }
+
+    /// Whether no frontier is left.
+    pub fn is_empty(&self) -> bool {
+        self.voxels.is_empty()
+    }
+
+    /// The volume that counts.
+    pub fn bounds(&self) -> Option<Bounds> {
+        self.bounds
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::voxel::INDEX_RANGE;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Kept up to date change by change, the set is what a look at every voxel would find.
+        #[test]
+        fn incremental_equals_exhaustive(changes in prop::collection::vec(((5..11i32, 0..6i32, 0..6i32), 0..3u8), 1..150)) {
+            let mut grid = OccupancyGrid::new(0.1);
+            let mut set = FrontierSet::new(None);
+            for ((x, y, z), s) in changes {
+                let state = [State::Unknown, State::Free, State::Occupied][s as usize];
+                let voxel = Voxel::new(x, y, z);
+                if grid.set(voxel, state) {
+                    set.update(&grid, [voxel]);
+                }
+            }
+            let all: BTreeSet<Voxel> = grid.bricks().voxels().map(|(v, _)| v).filter(|v| is_frontier(&grid, *v)).collect();
+            prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all.clone());
+            set.set_full(true, &grid);
+            let in_its_bricks = |v: &Voxel| set.unknown_beside(&grid, *v).next().is_some();
+            prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all.iter().copied().filter(in_its_bricks).collect());
+            set.set_full(false, &grid);
+            prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all);
+        }
+    }
+
+    #[test]
+    fn outside_the_bounds_nothing_counts() {
+        let mut grid = OccupancyGrid::new(1.0);
+        let bounds = Bounds { min: [0.0; 3].into(), max: [2.0; 3].into() };
+        let mut set = FrontierSet::new(Some(bounds));
+        let inside = Voxel::new(1, 1, 1);
+        grid.set(inside, State::Free);
+        set.update(&grid, [inside]);
+        assert!(set.contains(inside), "its neighbour (0, 1, 1) is unknown and inside");
+        for n in [Voxel::new(0, 1, 1), Voxel::new(1, 0, 1), Voxel::new(1, 1, 0)] {
+            grid.set(n, State::Occupied);
+            set.update(&grid, [n]);
+        }
+        assert!(set.is_empty(), "what is left unknown lies outside");
+    }
+
+    /// Regression: what is beyond the map stays unknown, and was looked at for ever.
+    #[test]
+    fn where_the_map_or_the_volume_ends_is_no_frontier_but_an_edge() {
+        let mut grid = OccupancyGrid::new(1.0);
+        let last = Voxel::new(*INDEX_RANGE.end(), 0, 0);
+        let all: Vec<Voxel> = std::iter::once(last).chain(last.face_neighbours()).collect();
+        grid.set(last, State::Free);
+        let mut set = FrontierSet::new(None);
+        set.update(&grid, [last]);
+        assert!(set.contains(last) && Edges::of(&grid, &set) == Edges::default());
+        for voxel in all.iter().filter(|voxel| voxel.is_mappable() && **voxel != last) {
+            grid.set(*voxel, State::Occupied);
+            set.update(&grid, [voxel]);
+        }
+        assert!(set.is_empty());
+        assert_eq!(Edges::of(&grid, &set), Edges { map: 1, ..Edges::default() });
+        grid.set(last, State::Occupied);
+        assert_eq!(Edges::of(&grid, &set), Edges::default(), "a wall there is where the world ends");
+
+        let origin = Voxel::new(0, 0, 0);
+        let mut bounded = FrontierSet::new(Some(Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() }));
+        grid.set(origin, State::Free);
+        bounded.update(&grid, [origin]);
+        assert_eq!(Edges::of(&grid, &bounded), Edges { volume: 1, ..Edges::default() });
+        set.update(&grid, [origin]);
+        assert!(set.contains(origin), "without a volume it is a frontier voxel");
+        assert_eq!(Edges::of(&grid, &set), Edges::default());
+    }
+
+    /// Regression: what a full map has no room for was looked at for thousands of scans.
+    #[test]
+    fn what_a_full_map_has_no_brick_for_is_no_frontier() {
+        let mut grid = OccupancyGrid::new(1.0);
+        let all: Vec<Voxel> =
+            (0..8).flat_map(|x| (0..8).flat_map(move |y| (0..8).map(move |z| Voxel::new(x, y, z)))).collect();
+        all.iter().for_each(|voxel| assert!(grid.set(*voxel, State::Free)));
+        let mut set = FrontierSet::new(None);
+        set.update(&grid, &all);
+        let surface = set.len();
+        set.set_full(true, &grid);
+        assert!(set.is_empty());
+        assert_eq!(Edges::of(&grid, &set), Edges { no_room: surface as u64, ..Edges::default() });
+        grid.set(all[0], State::Unknown);
+        set.update(&grid, [all[0]]);
+        assert_eq!(set.len(), 3, "in its own bricks it can come to know everything");
+        assert!(
+            set.unknown_beside(&grid, all[1]).eq([all[0]]),
+            "and what is beyond is not to be resolved there, either"
+        );
+        set.set_full(false, &grid);
+        assert_eq!(set.len(), surface - 1);
+        assert!(set.unknown_beside(&grid, all[1]).count() == 3);
+    }
+}

@@ -1,0 +1,216 @@
+//! The three-valued grid: what is known of every voxel, in numbered revisions, so that others can keep copies of it.
+
+use std::borrow::Cow;
+
+use crate::bricks::{BRICK_CELLS, Bricks, brick_of};
+use crate::delta::{Changes, Delta, DeltaError};
+use crate::mask::{self, Mask};
+use crate::state::{BrickStates, State};
+use crate::voxel::Voxel;
+
+/// The states of all voxels, and how many there are of each.
+#[derive(Debug, Clone)]
+pub struct OccupancyGrid {
+    states: Bricks<State>,
+    resolution: f64,
+    revision: u64,
+    counts: [usize; 3],
+}
+
+impl OccupancyGrid {
+    /// An unknown world with voxels of `resolution` (m), at revision 0.
+    pub fn new(resolution: f64) -> Self {
+        Self { states: Bricks::new(), resolution, revision: 0, counts: [0; 3] }
+    }
+
+    /// Edge of a voxel (m).
+    pub fn resolution(&self) -> f64 {
+        self.resolution
+    }
+
+    /// The revision of the last update applied.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// The state of a voxel.
+    pub fn state(&self, voxel: Voxel) -> State {
+        self.states.get(voxel)
+    }
+
+    /// The states by brick, for walks that stay near.
+    pub fn bricks(&self) -> &Bricks<State> {
+        &self.states
+    }
+
+    /// Whether anything is known of the brick that a voxel lies in, or of one beside it.
+    pub fn knows_near(&self, voxel: Voxel) -> bool {
+        let own = brick_of(voxel);
+        std::iter::once(own).chain(own.neighbours()).any(|brick| self.states.brick(brick).is_some())
+    }
+
+    /// Number of free voxels.
+    pub fn free(&self) -> usize {
+        self.counts[State::Free as usize]
+    }
+
+    /// Number of occupied voxels.
+    pub fn occupied(&self) -> usize {
+        self.counts[State::Occupied as usize]
+    }
+
+    /// Sets one voxel; answers whether that changed it.
+    pub fn set(&mut self, voxel: Voxel, state: State) -> bool {
+        if state == State::Unknown && self.states.brick(brick_of(voxel)).is_none() {
+            return false;
+        }
+        let cell = self.states.get_mut(voxel);
+        let before = std::mem::replace(cell, state);
+        if before != state && before != State::Unknown {
+            self.counts[before as usize] -= 1;
+        }
+        if before != state && state != State::Unknown {
+            self.counts[state as usize] += 1;
+        }
+        before != state
+    }
+
+    /// Applies what changed in another grid, of which this is a copy; answers what that changed here, in the delta's order.
+    ///
+    /// # Errors
+    /// It is of a grid with other voxels, or does not continue from this revision.
+    pub fn apply(&mut self, delta: &Delta<'_>) -> Result<Changes, DeltaError> {
+        if delta.resolution != self.resolution {
+            return Err(DeltaError::Resolution { have: self.resolution, delta: delta.resolution });
+        }
+        if delta.since != 0 && delta.since != self.revision {
+            return Err(DeltaError::Gap { have: self.revision, since: delta.since });
+        }
+        let mut changes = Changes::default();
+        if delta.since == 0 {
+            // Anew, so that nothing piles up of maps that replace each other.
+            let before = std::mem::take(&mut self.states);
+            self.counts = [0; 3];
+            changes.add_what_is_not_in(&delta.bricks, &before);
+            delta.bricks.iter().for_each(|packed| changes.add(self.write(packed, Some(&before))));
+        } else {
+            delta.bricks.iter().for_each(|packed| changes.add(self.write(packed, None)));
+        }
+        self.revision = delta.revision;
+        Ok(changes)
+    }
+
+    /// Writes a brick; answers the cells that are other than they were, `before` or until now.
+    fn write(&mut self, packed: &BrickStates, before: Option<&Bricks<State>>) -> (Voxel, Mask) {
+        let (position, new) = (packed.position(), packed.unpack());
+        let own = self.states.brick(position);
+        let old = own.copied().unwrap_or([State::Unknown; BRICK_CELLS]);
+        if own.is_some() || new != old {
+            *self.states.brick_mut(position) = new;
+        }
+        for state in [State::Free, State::Occupied] {
+            let number = |cells: &[State]| cells.iter().filter(|s| **s == state).count();
+            self.counts[state as usize] += number(&new);
+            self.counts[state as usize] -= number(&old);
+        }
+        let before = before.map_or(old, |b| b.brick(position).copied().unwrap_or([State::Unknown; BRICK_CELLS]));
+        let mut cells = mask::NONE;
+        let changed = (0..BRICK_CELLS).filter(|cell| before[*cell] != new[*cell]);
+        changed.for_each(|cell| mask::set(&mut cells, cell));
+        (position, cells)
+    }
+
+    /// Calls itself `revision`, because somebody may have a copy that is called so, and needs the next one whole.
+    pub fn skip_to(&mut self, revision: u64) {
+        self.revision = revision;
+    }
+
+    /// The whole grid, as any copy can apply it.
+    pub fn whole(&self) -> Delta<'static> {
+        let bricks = self.states.iter().map(|(b, cells)| BrickStates::pack(b, cells)).collect();
+        Delta { revision: self.revision, since: 0, resolution: self.resolution, bricks: Cow::Owned(bricks) }
+    }
+
+    /// Advances to the next revision and answers what changed: the bricks that hold `changed` voxels.
+    pub fn advance(&mut self, changed: &[Voxel]) -> Delta<'static> {
+        let touched: std::collections::BTreeSet<Voxel> = changed.iter().map(|v| brick_of(*v)).collect();
+        let bricks = touched.into_iter().filter_map(|b| Some(BrickStates::pack(b, self.states.brick(b)?))).collect();
+        // The first delta is the whole grid: there is no revision 0 to continue from.
+        let since = self.revision;
+        self.revision += 1;
+        Delta { revision: self.revision, since, resolution: self.resolution, bricks: Cow::Owned(bricks) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Some cells of some bricks, and what they are to be.
+    fn cells() -> impl Strategy<Value = Vec<(Voxel, State)>> {
+        let state = prop_oneof![Just(State::Unknown), Just(State::Free), Just(State::Occupied)];
+        let voxel = prop::array::uniform3(-9..9i32).prop_map(Voxel::from);
+        prop::collection::vec((voxel, state), 0..60)
+    }
+
+    fn set_all(grid: &mut OccupancyGrid, cells: &[(Voxel, State)]) -> Vec<Voxel> {
+        cells.iter().filter(|(voxel, state)| grid.set(*voxel, *state)).map(|(voxel, _)| *voxel).collect()
+    }
+
+    proptest! {
+        /// Brick by brick or voxel by voxel, it is the same map, and the same has changed.
+        #[test]
+        fn what_is_written_brick_by_brick_is_what_was_set(first in cells(), then in cells(), whole in any::<bool>()) {
+            let mut map = OccupancyGrid::new(0.1);
+            let changed = set_all(&mut map, &first);
+            let mut reader = OccupancyGrid::new(0.1);
+            reader.apply(&map.advance(&changed)).unwrap();
+            let before = reader.clone();
+            let changed = set_all(&mut map, &then);
+            let update = map.advance(&changed);
+            let update = if whole { map.whole() } else { update };
+            let said: std::collections::BTreeSet<Voxel> = reader.apply(&update).unwrap().voxels().collect();
+            let differs = |voxel: &Voxel| before.state(*voxel) != map.state(*voxel);
+            let all = then.iter().map(|(voxel, _)| *voxel);
+            prop_assert_eq!(said, all.filter(differs).collect());
+            prop_assert!(map.bricks().voxels().all(|(voxel, state)| reader.state(voxel) == state));
+            prop_assert_eq!((reader.free(), reader.occupied()), (map.free(), map.occupied()));
+        }
+    }
+
+    #[test]
+    fn a_delta_carries_a_change_to_a_copy() {
+        let mut map = OccupancyGrid::new(0.1);
+        let mut reader = OccupancyGrid::new(0.1);
+        let cells = [(Voxel::new(0, 0, 0), State::Free), (Voxel::new(-1, 9, 3), State::Occupied)];
+        for (voxel, state) in cells {
+            assert!(map.set(voxel, state) && !map.set(voxel, state));
+            let update = map.advance(&[voxel]);
+            assert!(reader.apply(&update).unwrap().voxels().eq([voxel]));
+            assert_eq!(reader.state(voxel), state);
+        }
+        assert_eq!((reader.free(), reader.occupied(), reader.revision()), (1, 1, 2));
+    }
+
+    #[test]
+    fn a_gap_is_refused_and_mended_by_the_whole_map() {
+        let mut map = OccupancyGrid::new(0.1);
+        let mut late = OccupancyGrid::new(0.1);
+        late.set(Voxel::new(500, 0, 0), State::Free);
+        let mut last = None;
+        for i in 0..3 {
+            map.set(Voxel::new(i, 0, 0), State::Free);
+            last = Some(map.advance(&[Voxel::new(i, 0, 0)]));
+        }
+        assert_eq!(late.apply(&last.unwrap()), Err(DeltaError::Gap { have: 0, since: 2 }));
+        let changed: Vec<Voxel> = late.apply(&map.whole()).unwrap().voxels().collect();
+        let lost = Voxel::new(500, 0, 0);
+        assert_eq!(changed, [lost, Voxel::new(0, 0, 0), Voxel::new(1, 0, 0), Voxel::new(2, 0, 0)]);
+        assert_eq!(
+            (late.free(), late.revision(), late.bricks().len()),
+            (3, 3, 1),
+            "nothing is kept of what it never saw"
+        );
+    }
+}

@@ -1,0 +1,55 @@
+//! Voxels, and what is worked out on them: grids of what is free and what is occupied, frontiers, rays, sight, clearance,
+//! shortest ways. No bus, no clock, no file: a robot's map for whoever has one.
+//!
+//! Metres, radians; right-handed, z up; camera frame x right, y down, z forward.
+//!
+//! | what | where |
+//! |---|---|
+//! | cells of the lattice over the world, boxes | [`voxel`]; how far they go: [`limits`] |
+//! | values by voxel, sparse: bricks of 8×8×8 | [`bricks`]; sets of a brick's cells: [`mask`] |
+//! | what is free, occupied, unknown | [`state`], [`grid`]; what changed, for whoever keeps a copy: [`delta`] |
+//! | where what is known ends | [`frontier`] |
+//! | a box of voxels with numbers, and the states of one | [`region`], [`volume`] |
+//! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
+//! | where a body of some size can be, and the shortest way there | [`clearance`], [`astar`] |
+//! | ways in straight lines, and where a camera is | [`polyline`], [`pose`] |
+//!
+//! ```
+#![doc = include_str!("../examples/rooms.rs")]
+//! ```
+//!
+//! What a robot would send to another one ([`Voxel`], [`Pose`], [`state::BrickStates`]) has serde's traits and describes
+//! itself ([`elk_describe::Describe`]): field names, units, and what a value has to keep to.
+
+pub mod astar;
+pub mod bricks;
+pub mod clearance;
+pub mod delta;
+pub mod frontier;
+pub mod grid;
+pub mod limits;
+pub mod mask;
+pub mod polyline;
+pub mod pose;
+pub mod ray;
+pub mod region;
+pub mod state;
+pub mod visibility;
+pub mod volume;
+pub mod voxel;
+
+pub use bricks::Bricks;
+pub use clearance::Clearance;
+pub use delta::Delta;
+pub use frontier::FrontierSet;
+pub use grid::OccupancyGrid;
+pub use polyline::Polyline;
+pub use pose::Pose;
+pub use region::Region;
+pub use state::State;
+pub use volume::Volume;
+pub use voxel::{Bounds, Voxel};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

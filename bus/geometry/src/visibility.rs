@@ -1,0 +1,221 @@
+//! What can be looked into from where, over free voxels.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::ray::Traversal;
+use crate::state::State;
+use crate::volume::Volume;
+use crate::voxel::{FACES, Voxel};
+
+/// Whether a camera at `from` (m, world) can look into voxel `target`: every voxel before it, on the straight line to
+/// its centre, is free.
+pub fn sees(volume: &Volume, from: Point3<f64>, target: Voxel) -> bool {
+    in_sight(volume.resolution(), |voxel| volume.state(voxel), from, target)
+}
+
+/// The same among voxels of `resolution` (m) of these states.
+pub fn in_sight(resolution: f64, state: impl Fn(Voxel) -> State, from: Point3<f64>, target: Voxel) -> bool {
+    let way = Traversal::new(from, target.center(resolution), resolution);
+    way.take_while(|v| *v != target).all(|v| state(v) == State::Free)
+}
+
+/// Looks for places that see into a voxel, over all directions at the map's resolution.
+///
+/// The rays run backwards, from the centre of the voxel to those of the surface of a cube around it, and only through
+/// faces behind which there is something free; nearly all of them die at once, since what hides a voxel is next to it. So
+/// the search is exhaustive, at a small part of the price of trying every place. The rays are cast in an order that
+/// spreads over all directions from the start, and a search that finds places is cut short.
+#[derive(Debug, Clone)]
+pub struct Lookout {
+    /// For each face, in the order of [`FACES`]: the ways to go from the centre of a voxel through it (m).
+    ways: [Vec<Vector3<f64>>; 6],
+    /// Corners of a box outside of which there is no place to look from (m, world).
+    places: Option<[Point3<f64>; 2]>,
+}
+
+/// A search ends that has found this many places.
+const ENOUGH: usize = 64;
+/// Steps of about the golden section of a list, coprime to its length, visit all of it, spread evenly.
+const STRIDE: f64 = 0.618_033_988_749_895;
+
+impl Lookout {
+    /// Looks from at most `range` (m) away, over voxels of `resolution` (m).
+    pub fn new(range: f64, resolution: f64) -> Self {
+        let surface: Vec<Voxel> = cube_surface((range / resolution).ceil() as i32).collect();
+        let through = |face: Voxel| {
+            let leaves = |d: &&Voxel| first_face(**d) == face;
+            let ends: Vec<Voxel> = surface.iter().filter(leaves).copied().collect();
+            spread(&ends).map(|d| Vector3::new(d.x.into(), d.y.into(), d.z.into()).normalize() * range).collect()
+        };
+        Self { ways: FACES.map(through), places: None }
+    }
+
+    /// The same for who can only be in `reach`: rays that do not come near it are not cast. A robot that is wide, or shut in,
+    /// reaches little.
+    pub fn from_within(self, volume: &Volume, reach: &[bool]) -> Self {
+        let reached = (0..reach.len()).filter(|i| reach[*i]).map(|i| volume.center(i));
+        let nowhere = [Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3])];
+        let [min, max] = reached.fold(nowhere, |[min, max], p| [min.inf(&p), max.sup(&p)]);
+        // Half a voxel, and as much for rounding.
+        let margin = Vector3::repeat(volume.resolution());
+        Self { places: Some([min - margin, max + margin]), ..self }
+    }
+
+    /// Whether the way from `aim` comes to where there may be a place.
+    fn comes_near(&self, aim: Point3<f64>, way: Vector3<f64>) -> bool {
+        let Some([min, max]) = self.places else { return true };
+        let (mut enters, mut leaves) = (0.0f64, 1.0f64);
+        for axis in 0..3 {
+            let [one, other] = [min, max].map(|corner| (corner[axis] - aim[axis]) / way[axis]);
+            (enters, leaves) = (enters.max(one.min(other)), leaves.min(one.max(other)));
+        }
+        enters <= leaves
+    }
+
+    /// Places in `reach` that look into voxel `target`, one a ray: the first reachable voxel on it, with the point there.
+    /// None only if there is none.
+    pub fn viewpoints(&self, volume: &Volume, reach: &[bool], target: Voxel) -> Vec<(usize, Point3<f64>)> {
+        let resolution = volume.resolution();
+        let aim = target.center(resolution);
+        let open = |(face, _): &(&Voxel, &Vec<Vector3<f64>>)| volume.state(target + **face) == State::Free;
+        let mut found = std::collections::BTreeMap::new();
+        let ways = FACES.iter().zip(&self.ways).filter(open).flat_map(|(_, ways)| ways);
+        for way in ways.filter(|way| self.comes_near(aim, **way)) {
+            if let Some((i, voxel)) = first_on_ray(volume, reach, target, aim, *way) {
+                let point = nearest_on_line(aim, way.normalize(), voxel.center(resolution));
+                if Voxel::containing(point, resolution) == voxel {
+                    found.entry(i).or_insert(point);
+                }
+            }
+            if found.len() >= ENOUGH {
+                break;
+            }
+        }
+        found.into_iter().collect()
+    }
+}
+
+/// The face through which the way from a voxel's centre in direction `d` leaves it: that of the largest component, of
+/// equals the first.
+fn first_face(d: Voxel) -> Voxel {
+    let components = d.to_array();
+    let largest = (1..3).fold(0, |a, b| if components[b].abs() > components[a].abs() { b } else { a });
+    let mut face = [0; 3];
+    face[largest] = components[largest].signum();
+    face.into()
+}
+
+/// All of `list`, neighbours far apart.
+fn spread(list: &[Voxel]) -> impl Iterator<Item = Voxel> + '_ {
+    let count = list.len();
+    let near = ((count as f64 * STRIDE) as usize).max(1);
+    let stride = (near..).find(|s| gcd(*s, count) == 1).unwrap_or(1);
+    (0..count).map(move |k| list[k * stride % count])
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+/// The first voxel on the ray from `aim` in `target` along `way` that the robot can be in, if all before it are free.
+fn first_on_ray(
+    volume: &Volume,
+    reach: &[bool],
+    target: Voxel,
+    aim: Point3<f64>,
+    way: Vector3<f64>,
+) -> Option<(usize, Voxel)> {
+    Traversal::new(aim, aim + way, volume.resolution())
+        .skip_while(|v| *v == target)
+        .map_while(|v| {
+            let i = volume.index(v)?;
+            (volume.states()[i] == State::Free).then_some((i, v))
+        })
+        .find(|(i, _)| reach[*i])
+}
+
+/// The voxels of the surface of the cube of half edge `n`, relative to its centre.
+fn cube_surface(n: i32) -> impl Iterator<Item = Voxel> {
+    let side = move || -n..=n;
+    side().flat_map(move |z| {
+        side().flat_map(move |y| {
+            let inside = z.abs() < n && y.abs() < n;
+            let step = if inside { 2 * n } else { 1 };
+            side().step_by(step.max(1) as usize).map(move |x| Voxel::new(x, y, z))
+        })
+    })
+}
+
+fn nearest_on_line(from: Point3<f64>, direction: Vector3<f64>, to: Point3<f64>) -> Point3<f64> {
+    from + direction * direction.dot(&(to - from))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::OccupancyGrid;
+
+    #[test]
+    fn a_cube_has_a_surface() {
+        assert_eq!(cube_surface(1).count(), 26);
+        assert_eq!(cube_surface(3).count(), 7 * 7 * 7 - 5 * 5 * 5);
+    }
+
+    /// A free room of 9 × 9 × 1 voxels with an occupied wall at x = 4 that leaves a gap of one voxel at y = 0.
+    fn room() -> Volume {
+        let mut grid = OccupancyGrid::new(0.1);
+        for x in 0..9 {
+            for y in 0..9 {
+                let wall = x == 4 && y != 0;
+                let state = if wall { State::Occupied } else { State::Free };
+                grid.set(Voxel::new(x, y, 0), state);
+            }
+        }
+        Volume::of(&grid, Voxel::new(0, 0, 0), 2)
+    }
+
+    #[test]
+    fn a_wall_hides_what_is_behind() {
+        let volume = room();
+        let at = |x, y| Voxel::new(x, y, 0).center(0.1);
+        assert!(sees(&volume, at(1, 5), Voxel::new(-1, 5, 0)));
+        assert!(!sees(&volume, at(1, 5), Voxel::new(9, 5, 0)));
+        assert!(sees(&volume, at(1, 0), Voxel::new(9, 0, 0)));
+    }
+
+    #[test]
+    fn viewpoints_are_all_that_see_and_none_that_does_not() {
+        let volume = room();
+        let left: Vec<bool> =
+            (0..volume.len()).map(|i| volume.states()[i] == State::Free && volume.voxel(i).x < 3).collect();
+        let target = Voxel::new(9, 1, 0);
+        let lookout = Lookout::new(2.0, 0.1);
+        let found = lookout.viewpoints(&volume, &left, target);
+        assert!(!found.is_empty());
+        for (i, point) in &found {
+            assert!(left[*i]);
+            assert_eq!(volume.index_at(*point), Some(*i));
+            assert!(sees(&volume, *point, target), "{point:?}");
+        }
+        assert!(lookout.viewpoints(&volume, &left, Voxel::new(9, 7, 0)).is_empty());
+    }
+
+    /// Regression: a robot that reached a single voxel had rays cast in all directions for each target, 37 s a plan.
+    #[test]
+    fn rays_that_are_not_cast_would_have_found_nothing() {
+        let volume = room();
+        let (all, targets) = (Lookout::new(2.0, 0.1), [[9, 1, 0], [-1, 5, 0], [2, 9, 0], [3, 3, 1], [8, 8, -1]]);
+        let free: Vec<usize> = (0..volume.len()).filter(|i| volume.states()[*i] == State::Free).collect();
+        let mut found = 0;
+        for part in [&free[..1], &free[40..41], &free[20..50], &free[..]] {
+            let reach: Vec<bool> = (0..volume.len()).map(|i| part.contains(&i)).collect();
+            let near = all.clone().from_within(&volume, &reach);
+            for target in targets.map(Voxel::from) {
+                let expected = all.viewpoints(&volume, &reach, target);
+                assert_eq!(near.viewpoints(&volume, &reach, target), expected, "{target:?}");
+                found += expected.len();
+            }
+        }
+        assert!(found > 10, "{found}");
+    }
+}

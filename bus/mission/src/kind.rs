@@ -1,0 +1,81 @@
+//! One parameter of an app: what it may be, in what unit, and what it is when nobody says it.
+
+/// One parameter of an app type.
+#[derive(Debug, Clone, Copy)]
+pub struct ParamSpec {
+    /// Its element's name in the mission file.
+    pub name: &'static str,
+    /// What it may be.
+    pub kind: Kind,
+    /// What it is if the mission does not say; `None`: it must be said.
+    pub default: Option<&'static str>,
+    /// What it means, in one sentence.
+    pub doc: &'static str,
+}
+
+/// What a parameter may be.
+#[derive(Debug, Clone, Copy)]
+pub enum Kind {
+    /// A number in `min..=max`, in `unit` (`m`, `rad`, `deg`, `s`, `Hz`, `px`, or empty).
+    Number {
+        /// The unit.
+        unit: &'static str,
+        /// The smallest value allowed.
+        min: f64,
+        /// The largest value allowed.
+        max: f64,
+    },
+    /// A whole number in `min..=max`.
+    Integer {
+        /// The smallest value allowed.
+        min: i64,
+        /// The largest value allowed.
+        max: i64,
+    },
+    /// `true` or `false`.
+    Flag,
+    /// Three numbers separated by semicolons: `x; y; z`, in `unit`.
+    Point {
+        /// The unit.
+        unit: &'static str,
+    },
+    /// The edges of a box, as a point: all positive, or all 0 for none.
+    Size {
+        /// The unit.
+        unit: &'static str,
+    },
+    /// One of these words.
+    Choice(&'static [&'static str]),
+    /// Any text.
+    Text,
+    /// The name of a variable of the community.
+    Variable,
+    /// A file to read, relative to the mission file; must exist. A name in `builtin` stands for itself.
+    File {
+        /// Names that are no files but built into the program.
+        builtin: &'static [&'static str],
+    },
+}
+
+/// Two tables of parameters as one: those of one type, and those that all types of its element share. `N` is the length of
+/// both together.
+pub const fn joined<const N: usize>(one: &[ParamSpec], other: &[ParamSpec]) -> [ParamSpec; N] {
+    assert!(one.len() + other.len() == N);
+    let mut all = [MOOS_HOST; N];
+    let mut i = 0;
+    while i < N {
+        all[i] = if i < one.len() { one[i] } else { other[i - one.len()] };
+        i += 1;
+    }
+    all
+}
+
+const FOR_MOOS: &str = "Accepted for MOOS' sake, without effect: the broker is found by the community's name.";
+
+/// Where MOOS would look for its database.
+pub const MOOS_HOST: ParamSpec =
+    ParamSpec { name: "MOOSHost", kind: Kind::Text, default: Some("localhost"), doc: FOR_MOOS };
+
+/// The port that MOOS would use.
+pub const MOOS_PORT: ParamSpec =
+    ParamSpec { name: "MOOSPort", kind: Kind::Integer { min: 1, max: 65_535 }, default: Some("9000"), doc: FOR_MOOS };

@@ -1,0 +1,20 @@
+//! What a process of a community asks of its operating system.
+//!
+//! | module | one idea |
+//! |---|---|
+//! | [`clock`] | the one clock |
+//! | [`stop`] | signals that ask a process to stop |
+//! | [`process_id`], [`process_stat`] | which process is meant, and what the system says of it |
+//! | [`limits`] | limits that are low by habit |
+//! | [`words`] | what processes say to people |
+
+pub mod clock;
+pub mod limits;
+pub mod process_id;
+pub mod process_stat;
+pub mod stop;
+pub mod words;
+
+pub use process_id::ProcessId;
+pub use process_stat::ProcessStat;
+pub use words::tell;

@@ -1,0 +1,114 @@
+//! What the broker knows of one client.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use super::handling::Reached;
+use super::limits::{REFUSED, UNNAMED};
+use super::mailbox::Mailbox;
+use super::membership::Standing;
+use super::registration::Registration;
+use super::{ClientId, summary};
+use crate::wire::{BULK, Header, Named, RESENT, ValueKind};
+
+/// A client.
+pub(super) struct Client {
+    pub name: String,
+    pub standing: Standing,
+    /// How long its session is kept after its death (s).
+    pub lease_secs: f64,
+    /// The client's numbers, by [`Named`], to the broker's.
+    pub numbers: [Vec<u32>; 4],
+    /// It has given so many numbers that all further ones stand for names that are not taken.
+    pub is_out_of_numbers: bool,
+    /// Names that nobody had brought before it.
+    pub brought: usize,
+    pub registrations: Vec<Registration>,
+    pub registered_bytes: usize,
+    /// Routes that it is in.
+    pub deliveries: usize,
+    pub mailbox: Mailbox,
+    /// What it registered and took back, and what it published, before it had its session.
+    pub asked: Vec<u8>,
+    pub held: Vec<u8>,
+    /// Batches taken from it.
+    pub taken: u64,
+    /// Those whose mail not everybody has handled: (batch, who got mail from it).
+    pub unhandled: VecDeque<(u64, Box<[Reached]>)>,
+    pub unhandled_bytes: usize,
+    /// Lossless registrants that this client's messages went to.
+    pub feeds: BTreeSet<ClientId>,
+    pub published: BTreeSet<u32>,
+    pub last_published: Option<u32>,
+    pub latency: summary::Latency,
+}
+
+/// What a client is told that uses a number before it says what that stands for.
+pub(super) const UNDEFINED: &str = "a number was used before its definition";
+
+/// Why a client's number stands for none of the broker's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unnumbered {
+    /// It was never defined.
+    Undefined,
+    /// It was given to a name that the broker did not take.
+    Refused,
+}
+
+impl Client {
+    pub fn new(name: &str, lease_secs: f64, mailbox_bytes: usize, now: f64) -> Self {
+        Self {
+            name: name.into(),
+            standing: Standing::Present,
+            lease_secs,
+            numbers: [vec![], vec![UNNAMED], vec![], vec![0]],
+            is_out_of_numbers: false,
+            brought: 0,
+            registrations: Vec::new(),
+            registered_bytes: 0,
+            deliveries: 0,
+            mailbox: Mailbox::new(mailbox_bytes, now),
+            asked: Vec::new(),
+            held: Vec::new(),
+            taken: 0,
+            unhandled: VecDeque::new(),
+            unhandled_bytes: 0,
+            feeds: BTreeSet::new(),
+            published: BTreeSet::new(),
+            last_published: None,
+            latency: summary::Latency::default(),
+        }
+    }
+
+    /// The header of one of the client's messages in the broker's numbers.
+    #[inline]
+    pub fn renumber(&self, header: &Header) -> Result<Header, Unnumbered> {
+        Ok(Header {
+            flags: header.flags & (BULK | RESENT),
+            key: self.number(Named::Key, header.key)?,
+            source: self.number(Named::Source, header.source)?,
+            type_: if header.value_kind == ValueKind::Binary { self.number(Named::Type, header.type_)? } else { 0 },
+            community: self.number(Named::Community, header.community)?,
+            ..*header
+        })
+    }
+
+    /// The broker's number for one of the client's.
+    #[inline]
+    pub fn number(&self, what: Named, number: u32) -> Result<u32, Unnumbered> {
+        match self.numbers[what as usize].get(number as usize) {
+            Some(&REFUSED) => Err(Unnumbered::Refused),
+            Some(known) => Ok(*known),
+            None if self.is_out_of_numbers => Err(Unnumbered::Refused),
+            None => Err(Unnumbered::Undefined),
+        }
+    }
+
+    /// Numbers that it has given to names.
+    pub fn given_numbers(&self) -> usize {
+        self.numbers.iter().map(Vec::len).sum()
+    }
+
+    pub fn is_joining(&self) -> bool {
+        matches!(self.standing, Standing::Joining { .. })
+    }
+}

@@ -1,0 +1,155 @@
+//! What readers expect of a variable: writer and reader that mean different things are told when they meet, at both ends.
+//!
+//! A variable's type is fixed by its first write, as in MOOS. But a number or a text is not taken where all who have said
+//! what they read there read something else, and one that was first yields to such a reader: a person's slip, or a writer
+//! that was first with a name, does not take the variable from those whose it is. A type that nobody reads yields as soon
+//! as another is written that somebody reads: so neither a writer nor a reader alone can take a variable. Where both types
+//! are read, the first write stands, and both ends are told: that is for people to sort out.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::client::{UNDEFINED, Unnumbered};
+use super::registration::Registration;
+use super::variable::TypeLock;
+use super::{Broker, ClientId};
+use crate::wire::{Frame, Named, TYPED, ValueKind};
+
+/// What a reader expects.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Expected {
+    /// Numbers.
+    Numbers,
+    /// Texts.
+    Texts,
+    /// Values of a type, by name and layout.
+    Values(String, u64),
+}
+
+impl fmt::Display for Expected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Expected::Numbers => f.write_str("numbers"),
+            Expected::Texts => f.write_str("texts"),
+            Expected::Values(name, layout) => write!(f, "{name} (layout {layout:016x})"),
+        }
+    }
+}
+
+impl Broker {
+    /// What a registration says that its client expects.
+    pub(super) fn expected(&self, from: ClientId, frame: &Frame<'_>) -> Result<Option<Expected>, &'static str> {
+        if frame.header.flags & TYPED == 0 {
+            return Ok(None);
+        }
+        Ok(Some(match frame.header.value_kind {
+            ValueKind::Double => Expected::Numbers,
+            ValueKind::Text => Expected::Texts,
+            ValueKind::Binary => {
+                let client = self.sessions.clients.get(&from).ok_or("the client is not connected")?;
+                let number = match client.number(Named::Type, frame.header.type_) {
+                    Ok(number) => number,
+                    Err(Unnumbered::Refused) => return Ok(None), // the client was told when it named it
+                    Err(Unnumbered::Undefined) => return Err(UNDEFINED),
+                };
+                Expected::Values(self.names.types.name(number).to_owned(), self.names.types.layout(number))
+            }
+        }))
+    }
+
+    /// Why the first write to a variable, of a number or a text, contradicts all who have registered for it, if so. A typed
+    /// value is no slip: readers that expect something else have to see to it themselves.
+    pub(super) fn contradicts_readers(&self, key: u32, lock: TypeLock) -> Option<String> {
+        let name = self.names.keys.name(key);
+        let (reader, expected) = self.expectations(name).next()?;
+        let reader = self.client_name(reader)?;
+        let nobody = lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.is(lock, other));
+        nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.describe(lock)))
+    }
+
+    /// Whether a write of another type takes the variable over: somebody reads it as that, and nobody as what it carries.
+    pub(super) fn changes_over(&self, key: u32, lock: TypeLock) -> bool {
+        let name = self.names.keys.name(key);
+        let is_read_as = |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.is(lock, expected));
+        is_read_as(lock) && !self.variables[key].lock.is_some_and(is_read_as)
+    }
+
+    /// A variable was written with a type that it did not have before: those who read something else there are told.
+    pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
+        let Some(lock) = self.variables[key].lock else { return };
+        let name = self.names.keys.name(key).to_owned();
+        let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
+        let is = self.describe(lock);
+        let words = |(reader, expected)| {
+            let how = self.difference(lock, expected, [writer, "this reader"]).unwrap_or_default();
+            (reader, format!("{name} carries {is}, by {writer}: this reader cannot read it{how}"))
+        };
+        let reads_else = self.expectations(&name).filter(|(_, expected)| !self.is(lock, expected));
+        for (reader, said) in reads_else.map(words).collect::<Vec<_>>() {
+            // Whoever has gone meanwhile need not be told.
+            let _ = self.refuse(reader, &name, 0, &said);
+        }
+    }
+
+    /// Who expects what of a variable.
+    fn expectations<'a>(&'a self, name: &'a str) -> impl Iterator<Item = (ClientId, &'a Expected)> {
+        self.sessions.clients.iter().flat_map(move |(id, client)| {
+            let of_name = client.registrations.iter().filter(move |r| r.key_pattern == name);
+            of_name.filter_map(|r| Some((*id, r.expects.as_ref()?)))
+        })
+    }
+
+    fn is(&self, lock: TypeLock, expected: &Expected) -> bool {
+        match (lock.kind, expected) {
+            (ValueKind::Double, Expected::Numbers) | (ValueKind::Text, Expected::Texts) => true,
+            (ValueKind::Binary, Expected::Values(name, layout)) => {
+                let (known, hash, _) = self.names.types.said(lock.type_);
+                (known, hash) == (name.as_str(), *layout)
+            }
+            _ => false,
+        }
+    }
+
+    /// Where the definitions of writer and reader differ, if it is one type of two builds.
+    fn difference(&self, lock: TypeLock, expected: &Expected, [writer, reader]: [&str; 2]) -> Option<String> {
+        let Expected::Values(name, layout) = expected else { return None };
+        if lock.kind != ValueKind::Binary {
+            return None;
+        }
+        let (carried, expected) =
+            (self.names.types.get(lock.type_), self.names.types.get(self.names.types.known(name, *layout)?));
+        let whose = [format!("in {writer}'s build"), format!("in {reader}'s")];
+        let how = carried.as_ref().difference_to(expected.as_ref(), [&whose[0], &whose[1]])?;
+        Some(format!(" ({how})"))
+    }
+
+    /// A client has registered: what it expects is held against what the variable carries.
+    pub(super) fn note_expectation(&mut self, id: ClientId, registration: &Registration) {
+        let Some(expected) = &registration.expects else { return };
+        let name = &registration.key_pattern;
+        let Some(key) = self.names.keys.known(name) else { return };
+        let Some(lock) = self.variables[key].lock.filter(|lock| !self.is(*lock, expected)) else { return };
+        let is_expected = self.expectations(name).any(|(_, other)| self.is(lock, other));
+        let yields = lock.kind != ValueKind::Binary && !is_expected;
+        let what_follows = if yields {
+            "what was written is forgotten, and no more of it is taken"
+        } else {
+            "this reader cannot read it: build both from one version, or give one of them another variable"
+        };
+        let reader = self.client_name(id).unwrap_or_default();
+        let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
+        let is = self.describe(lock);
+        let how = self.difference(lock, expected, [writer, reader]).unwrap_or_default();
+        let said = format!("{name} carries {is}, by {writer}; {reader} reads it as {expected}{how}: {what_follows}");
+        let writes = |(other, client): &(&ClientId, &super::Client)| **other != id && client.published.contains(&key);
+        let writers = self.sessions.clients.iter().filter(writes).map(|(id, _)| *id);
+        for told in writers.chain([id]).collect::<Vec<_>>() {
+            // Whoever has gone meanwhile need not be told.
+            let _ = self.refuse(told, name, 0, &said);
+        }
+        if yields {
+            self.variables.forget_value(key);
+        }
+    }
+}

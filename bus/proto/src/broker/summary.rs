@@ -1,0 +1,172 @@
+//! The `DB_*` variables that MOOS' tools know, and `DB_DROPS`, which MOOS has no word for.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+
+use super::membership::Standing;
+use super::table::LatencyEntry;
+use super::{Broker, Client, ClientId};
+use crate::wire::{self, BULK, ValueKind};
+
+/// How often they are refreshed (s), as in the MOOSDB.
+pub(super) const PERIOD_SECS: f64 = 2.0;
+
+/// The longest of these texts (bytes, about): of more it says how much.
+const LONGEST: usize = 256 << 10;
+
+/// How long a client's messages took to the broker (s): `DB_QOS`.
+#[derive(Debug, Default)]
+pub(super) struct Latency {
+    recent: f64,
+    min: f64,
+    max: f64,
+    sum: f64,
+    measured: u64,
+    count: u64,
+}
+
+impl Latency {
+    /// Takes note of one message, and of how long it took, if that is known.
+    pub fn note(&mut self, secs: Option<f64>) {
+        self.count += 1;
+        // A client's time may be anything.
+        let Some(secs) = secs.filter(|secs| secs.is_finite()) else { return };
+        // The broker's time is that of the beginning of its round, and the message may have come during it.
+        let secs = secs.max(0.0);
+        self.min = if self.measured == 0 { secs } else { self.min.min(secs) };
+        self.max = self.max.max(secs);
+        self.recent = secs;
+        self.sum += secs;
+        self.measured += 1;
+    }
+
+    /// Messages noted.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The latency as the table has it.
+    pub fn entry(&self) -> LatencyEntry {
+        LatencyEntry { recent_secs: self.recent, min_secs: self.min, max_secs: self.max, mean_secs: self.mean() }
+    }
+
+    fn mean(&self) -> f64 {
+        self.sum / (self.measured.max(1) as f64)
+    }
+
+    /// `recent:max:min:average` (ms).
+    fn text(&self) -> String {
+        let ms = |secs: f64| format!("{:.3}", secs * 1e3);
+        [self.recent, self.max, self.min, self.mean()].map(ms).join(":")
+    }
+}
+
+impl Broker {
+    pub(super) fn summarise(&mut self, now: f64) {
+        self.publish_own(now, "DB_TIME", ValueKind::Double, &self.time(now).to_le_bytes());
+        self.publish_own(now, "DB_UPTIME", ValueKind::Double, &(now - self.time.started).to_le_bytes());
+        self.publish_clients(now);
+        let drops = self.per_client(|c| format!("{}={}", c.name, c.mailbox.lost()));
+        self.publish_own(now, "DB_DROPS", ValueKind::Text, drops.as_bytes());
+        let quality = self.per_client(|c| format!("{}={}", c.name, c.latency.text()));
+        self.publish_own(now, "DB_QOS", ValueKind::Text, quality.as_bytes());
+        let reads_and_writes = self.reads_and_writes();
+        self.publish_own(now, "DB_RWSUMMARY", ValueKind::Text, reads_and_writes.as_bytes());
+        let table = self.variable_table();
+        self.publish_own(now, "DB_VARSUMMARY", ValueKind::Text, table.as_bytes());
+    }
+
+    /// `DB_CLIENTS`: the names of all clients.
+    pub(super) fn publish_clients(&mut self, now: f64) {
+        let names = self.per_client(|c| c.name.clone());
+        self.publish_own(now, "DB_CLIENTS", ValueKind::Text, names.as_bytes());
+    }
+
+    fn per_client(&self, text: impl Fn(&Client) -> String) -> String {
+        self.present().map(|(_, c)| text(c) + ",").collect()
+    }
+
+    /// The clients that are there.
+    pub(super) fn present(&self) -> impl Iterator<Item = (&ClientId, &Client)> {
+        self.sessions.clients.iter().filter(|(_, c)| c.standing == Standing::Present)
+    }
+
+    /// `client=read:read&written:written,…`
+    fn reads_and_writes(&self) -> String {
+        let places: BTreeMap<_, _> = self.present().map(|(id, _)| id).zip(0..).collect();
+        let mut read = vec![Vec::new(); places.len()];
+        for (key, variable) in (0..).zip(self.variables.iter()) {
+            let readers: BTreeSet<_> = variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
+            for place in readers.iter().filter_map(|reader| places.get(reader)) {
+                read[*place as usize].push(self.names.keys.name(key));
+            }
+        }
+        let most = LONGEST / (2 * read.len()).max(1);
+        let line = |((_, client), read): ((_, &Client), &Vec<&str>)| {
+            let written = client.published.iter().map(|k| self.names.keys.name(*k));
+            let (read, written) = (joined(read.iter().copied(), most), joined(written, most));
+            format!("{}={read}&{written}", client.name)
+        };
+        self.present().zip(&read).map(line).collect::<Vec<_>>().join(",")
+    }
+
+    /// A table for people: name, time, writer, rate, type, value.
+    fn variable_table(&mut self) -> String {
+        let (mut table, mut left_out) = (String::new(), 0);
+        for (key, variable) in (0..).zip(self.variables.iter_mut()) {
+            let rate = (variable.writes - variable.summarised_writes) as f64 / PERIOD_SECS;
+            variable.summarised_writes = variable.writes;
+            variable.rate_hz = rate;
+            let Ok(frame) = wire::first_frame(&variable.latest) else {
+                continue;
+            };
+            if table.len() >= LONGEST {
+                left_out += 1;
+                continue;
+            }
+            let source = self.names.sources.name(frame.header.source);
+            let age = variable.last_write - self.time.started;
+            let (kind, value) = match frame.header.value_kind {
+                ValueKind::Double => ('D', double(frame.value).map_or_else(String::new, |v| v.to_string())),
+                ValueKind::Text if frame.header.flags & BULK != 0 => ('S', String::new()),
+                ValueKind::Text => {
+                    ('S', first_chars(&String::from_utf8_lossy(&frame.value[..frame.value.len().min(100)]), 25))
+                }
+                ValueKind::Binary => ('B', self.names.types.name(frame.header.type_).to_owned()),
+            };
+            let name = self.names.keys.name(key);
+            let _ = writeln!(table, "{name:<20} {age:<20.3} {source:<20} {rate:<8.1}Hz {kind} {value}");
+        }
+        if left_out > 0 {
+            let _ = writeln!(table, "and {left_out} more");
+        }
+        table
+    }
+}
+
+/// Names with colons between them, up to about `most` bytes; then how many more there are.
+fn joined<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> String {
+    let (mut text, mut left_out) = (String::new(), 0);
+    for name in names {
+        if text.len() >= most {
+            left_out += 1;
+            continue;
+        }
+        if !text.is_empty() {
+            text.push(':');
+        }
+        text.push_str(name);
+    }
+    if left_out > 0 {
+        let _ = write!(text, ":+{left_out}");
+    }
+    text
+}
+
+fn double(value: &[u8]) -> Option<f64> {
+    value.try_into().ok().map(f64::from_le_bytes)
+}
+
+fn first_chars(text: &str, n: usize) -> String {
+    text.chars().take(n).map(|c| if c.is_control() { ' ' } else { c }).collect()
+}

@@ -1,0 +1,114 @@
+//! A message as a client gets it.
+
+use crate::codec::DecodeError;
+use crate::key::{Key, Payload};
+use crate::rejection::Rejection;
+use crate::value::ValueRef;
+use crate::wire::{self, Header, LATEST};
+
+/// A message where it lies: names in the client's tables, the value in the batch or in the publisher's shared memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Mail<'a> {
+    pub(super) header: Header,
+    pub(super) key: &'a str,
+    pub(super) source: &'a str,
+    pub(super) community: &'a str,
+    pub(super) source_aux: &'a str,
+    pub(super) value: ValueRef<'a>,
+}
+
+impl<'a> Mail<'a> {
+    /// The variable's name.
+    #[inline]
+    pub fn key(&self) -> &'a str {
+        self.key
+    }
+
+    /// The name of the app that published it.
+    #[inline]
+    pub fn source(&self) -> &'a str {
+        self.source
+    }
+
+    /// What the publisher said about the source; mostly empty.
+    #[inline]
+    pub fn source_aux(&self) -> &'a str {
+        self.source_aux
+    }
+
+    /// The community that it was first published in.
+    #[inline]
+    pub fn community(&self) -> &'a str {
+        self.community
+    }
+
+    /// When it was published (s, the community's clock).
+    #[inline]
+    pub fn time(&self) -> f64 {
+        self.header.time
+    }
+
+    /// The publisher's count of its messages, from 1; a publisher that was started again counts anew.
+    #[inline]
+    pub fn sequence(&self) -> u64 {
+        wire::count(self.header.sequence)
+    }
+
+    /// Whether it was published before this client registered, and given to it as the variable's latest value.
+    #[inline]
+    pub fn is_latest(&self) -> bool {
+        self.header.flags & LATEST != 0
+    }
+
+    /// The value.
+    #[inline]
+    pub fn value(&self) -> ValueRef<'a> {
+        self.value
+    }
+
+    /// The value, if it is a number.
+    #[inline]
+    pub fn as_double(&self) -> Option<f64> {
+        if let ValueRef::Double(number) = self.value { Some(number) } else { None }
+    }
+
+    /// The value of a variable that carries numbers.
+    ///
+    /// # Errors
+    /// It is none: an app that fails with this goes on with the next message.
+    #[inline]
+    pub fn number(&self) -> Result<f64, Rejection> {
+        self.as_double().ok_or_else(|| Rejection::new("it has to be a number"))
+    }
+
+    /// The value, if it is a text.
+    #[inline]
+    pub fn as_text(&self) -> Option<&'a str> {
+        if let ValueRef::Text(text) = self.value { Some(text) } else { None }
+    }
+
+    /// The value of a variable that carries texts.
+    ///
+    /// # Errors
+    /// It is none: an app that fails with this goes on with the next message.
+    pub fn text(&self) -> Result<&'a str, Rejection> {
+        self.as_text().ok_or_else(|| Rejection::new("it has to be a text"))
+    }
+
+    /// Whether it is of the variable that `key` names.
+    #[inline]
+    pub fn is<T: Payload>(&self, key: &Key<T>) -> bool {
+        self.key == key.name()
+    }
+
+    /// Decodes the value as a `T`, whatever the variable.
+    pub fn decode_as<T: Payload>(&self) -> Result<T::View<'a>, DecodeError> {
+        self.value.decode_as::<T>(self.key)
+    }
+
+    /// Decodes the value as what `key` carries; bulky parts stay where they lie.
+    #[inline]
+    pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
+        self.value.decode(key)
+    }
+}

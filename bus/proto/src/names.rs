@@ -1,0 +1,123 @@
+//! What the broker's numbers stand for, and a message read with them.
+
+use crate::link::Downlink;
+use crate::mail::Mail;
+use crate::types::Type;
+use crate::value::ValueRef;
+use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, Named, ValueKind};
+
+/// Names of one kind that a client takes in; a broker has fewer (see [`crate::broker::Limits`]).
+const MOST_NAMES: usize = 1 << 20;
+
+/// The broker's numbers and what they stand for, as far as it has said so.
+#[derive(Default)]
+pub struct Names {
+    /// Of variables, sources and communities.
+    names: [Vec<Option<String>>; 4],
+    types: Vec<Option<Type>>,
+}
+
+impl Names {
+    /// Takes in a definition.
+    pub fn define(&mut self, frame: &Frame<'_>) {
+        let number = frame.header.key as usize;
+        if number >= MOST_NAMES {
+            return; // no broker has so many: whoever sent this is none
+        }
+        let name = String::from_utf8_lossy(frame.aux);
+        match wire::named(frame.header.flags) {
+            None => {}
+            Some(Named::Type) => *place(&mut self.types, number) = Some(type_of(frame, &name)),
+            Some(what) => *place(&mut self.names[what as usize], number) = Some(name.into_owned()),
+        }
+    }
+
+    fn name(&self, what: Named, number: u32) -> &str {
+        self.names[what as usize].get(number as usize).and_then(Option::as_deref).unwrap_or_default()
+    }
+
+    /// The name that a message refers to by its number.
+    #[inline]
+    fn said(&self, what: Named, number: u32) -> Result<&str, Unreadable> {
+        let name = self.names[what as usize].get(number as usize).and_then(Option::as_deref);
+        name.ok_or(Unreadable::Damaged(unsaid(what)))
+    }
+
+    #[inline]
+    fn said_type(&self, number: u32) -> Result<&Type, Unreadable> {
+        let type_ = self.types.get(number as usize).and_then(Option::as_ref);
+        type_.ok_or(Unreadable::Damaged(unsaid(Named::Type)))
+    }
+
+    /// A message as its client gets it; `down` knows where bulk values lie.
+    ///
+    /// # Errors
+    /// It cannot be shown.
+    #[inline]
+    pub fn mail<'a>(&'a self, down: &'a mut dyn Downlink, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
+        let header = frame.header;
+        let key = self.said(Named::Key, header.key)?;
+        let source = self.said(Named::Source, header.source)?;
+        let community = self.said(Named::Community, header.community)?;
+        let bytes = match header.flags & BULK {
+            0 => frame.value,
+            _ => BulkRef::from_bytes(frame.value).and_then(|reference| down.bulk(reference)).ok_or(Unreadable::Gone)?,
+        };
+        let text =
+            |bytes: &'a [u8]| std::str::from_utf8(bytes).map_err(|_| Unreadable::Damaged("a text that is not UTF-8"));
+        let value = match header.value_kind {
+            ValueKind::Double => {
+                let bytes =
+                    bytes.try_into().map_err(|_| Unreadable::Damaged("a number that is not eight bytes long"))?;
+                ValueRef::Double(f64::from_le_bytes(bytes))
+            }
+            ValueKind::Text => ValueRef::Text(text(bytes)?),
+            ValueKind::Binary => ValueRef::Binary { type_: self.said_type(header.type_)?.as_ref(), bytes },
+        };
+        Ok(Mail {
+            header,
+            key,
+            source,
+            community,
+            source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
+            value,
+        })
+    }
+
+    /// The names of a variable and a source.
+    pub fn of(&self, key: u32, source: u32) -> (&str, &str) {
+        (self.name(Named::Key, key), self.name(Named::Source, source))
+    }
+}
+
+fn unsaid(what: Named) -> &'static str {
+    match what {
+        Named::Key => "a variable whose name was never said",
+        Named::Source => "a source whose name was never said",
+        Named::Type => "a type whose name was never said",
+        Named::Community => "a community whose name was never said",
+    }
+}
+
+/// The place of a number in a table that is as long as it has to be.
+fn place<T>(table: &mut Vec<Option<T>>, number: usize) -> &mut Option<T> {
+    if table.len() <= number {
+        table.resize_with(number + 1, || None);
+    }
+    &mut table[number]
+}
+
+/// The type that a definition names. A broker passes no description on that is none.
+fn type_of(frame: &Frame<'_>, name: &str) -> Type {
+    let layout = frame.header.sequence;
+    let described = std::str::from_utf8(frame.value).ok().and_then(|text| Type::from_text(name, layout, text).ok());
+    described.unwrap_or_else(|| Type::undescribed(name, layout))
+}
+
+/// Why a message cannot be shown.
+pub enum Unreadable {
+    /// Its value was overwritten before this client came to read it.
+    Gone,
+    /// It is not what it says it is.
+    Damaged(&'static str),
+}
