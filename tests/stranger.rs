@@ -121,7 +121,7 @@ fn a_stranger_s_sensor_explorer_and_app_run_are_seen_poked_and_swapped() {
     let summary = elk.summary();
     assert_eq!(summary["contacts"], 0, "{summary:#}");
     assert!(summary["accuracy"].as_f64().unwrap() > 0.9, "{summary:#}");
-    assert_eq!(summary["swapped"], serde_json::json!(["Explorer", "Sensor"]), "{summary:#}");
+    assert_eq!(summary["swapped"], serde_json::json!(["Sensor", "Explorer"]), "{summary:#}");
     assert!(summary["counters"]["revisits"].is_u64(), "{summary:#}");
 }
 
