@@ -101,7 +101,8 @@ impl Truth for Hall {
             let distance = self.distance(voxel.center(resolution));
             match state {
                 State::Occupied => distance.abs() <= resolution,
-                _ => distance >= -resolution,
+                State::Free => distance >= -resolution,
+                State::Unknown => false,
             }
         };
         let voxels = map.free() + map.occupied();
