@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use elk_launcher::Request;
 
 use crate::arguments::{AppArgs, AttachArgs, BrokerArgs, CommunityArgs, LaunchArgs, MissionArgs};
@@ -99,10 +99,10 @@ commands! {
     /// Print what makes a shell complete elk's commands
     #[command(after_help = "Example: source <(elk completions bash)\n         \
                             mkdir -p ~/.config/fish/completions; elk completions fish > ~/.config/fish/completions/elk.fish")]
-    Completions(arguments: CompletionsArgs) => manual::completions(arguments.shell);
+    Completions(arguments: CompletionsArgs) => manual::completions(Cli::command(), arguments.shell);
     /// Write the manual's pages
     #[command(after_help = "Example: elk man ~/.local/share/man/man1")]
-    Man(arguments: ManArgs) => manual::man(&arguments.folder);
+    Man(arguments: ManArgs) => manual::man(Cli::command(), &arguments.folder);
     /// List the app types with their parameters, units, defaults and meaning
     #[command(after_help = "Example: elk types Explorer")]
     Types(arguments: TypesArgs) => commands::types(arguments.element.as_deref());
