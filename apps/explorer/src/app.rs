@@ -179,8 +179,10 @@ impl ExplorerApp {
         Ok(())
     }
 
-    fn succeed(&mut self, _: &mut Comms, left: ExplorerMemory) -> Result<(), AppError> {
-        self.explorer.succeed(&left);
+    fn succeed(&mut self, comms: &mut Comms, left: ExplorerMemory) -> Result<(), AppError> {
+        if let Some(remark) = self.explorer.succeed(&left) {
+            tell(format_args!("{}: {remark}", comms.name()));
+        }
         self.plan = Some(left.plan);
         Ok(())
     }
