@@ -58,9 +58,9 @@ pub(crate) enum Carries {
 impl Terms {
     /// Whether it is about a message of this variable from this source.
     pub fn fits(&self, key: &str, source: &str) -> bool {
-        let fits = |pattern: &str, name: &str| match is_literal(pattern) {
-            true => pattern == name,
-            false => pattern == "*" || matches(pattern, name),
+        // Mostly a row names one variable, of whomever.
+        let fits = |pattern: &str, name: &str| {
+            pattern == "*" || pattern == name || !is_literal(pattern) && matches(pattern, name)
         };
         fits(&self.keys, key) && fits(&self.sources, source)
     }

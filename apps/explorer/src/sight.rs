@@ -13,17 +13,20 @@ pub struct Sight {
     pub half_angle: f64,
     /// How far it sees (m); infinite: as far as there is anything.
     pub range_m: f64,
+    /// Of [`Sight::half_angle`]: each voxel near a look is held against it.
+    cos_half_angle: f64,
 }
 
 impl Sight {
     /// What a camera is sure to see. Of one that is not known that is what it is aimed at.
     pub fn of(camera: &CameraInfo) -> Self {
-        Self { half_angle: (camera.cone_half_angle() - EDGE_MARGIN).max(0.0), range_m: camera.reach_m() }
+        let half_angle = (camera.cone_half_angle() - EDGE_MARGIN).max(0.0);
+        Self { half_angle, range_m: camera.reach_m(), cos_half_angle: half_angle.cos() }
     }
 
     /// Whether a camera that looks along `axis` has in view what lies in direction `toward` (unit vectors).
     pub fn covers(&self, axis: &Vector3<f64>, toward: &Vector3<f64>) -> bool {
-        toward.dot(axis) >= self.half_angle.cos()
+        toward.dot(axis) >= self.cos_half_angle
     }
 }
 
