@@ -283,7 +283,7 @@ impl ExplorerApp {
         self.say_scope(comms.name());
         // Before it is said: who has heard a plan can rely on every explorer to come to know it.
         comms.publish(&EXPLORER_MEMORY, &self.explorer.memory(&plan))?;
-        if let Some(candidates) = self.explorer.candidates(&request, plan.revision) {
+        if let Some(candidates) = self.explorer.take_candidates(&request, plan.revision) {
             comms.publish(&EXPLORER_GOALS, &candidates)?;
         }
         self.plan = Some(plan);

@@ -152,11 +152,11 @@ impl Explorer {
         Some(StrategyMemory { strategy: name.to_owned(), ..left })
     }
 
-    /// The goals that the strategy weighed for the last plan; `None`: it weighed none.
-    pub fn candidates(&self, request: &PlanRequest, revision: u64) -> Option<Candidates> {
-        let Weighed { count: weighed, .. } = self.weighed;
-        let goals = || self.weighed.clone().into_goals();
-        (weighed > 0).then(|| Candidates { request: request.id, revision, from: request.pose, weighed, goals: goals() })
+    /// Takes the goals that the strategy weighed for the last plan; `None`: it weighed none, or they were taken.
+    pub fn take_candidates(&mut self, request: &PlanRequest, revision: u64) -> Option<Candidates> {
+        let weighed = std::mem::take(&mut self.weighed);
+        let (request, from, count) = (request.id, request.pose, weighed.count);
+        (count > 0).then(|| Candidates { request, revision, from, weighed: count, goals: weighed.into_goals() })
     }
 
     /// What a successor has to know, `plan` being the last one: never more than it believes, whatever this one was left.

@@ -430,7 +430,7 @@ fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
             let plan = explorer.plan(&grid, &frontier, &request);
             let Decision::Go(path) = &plan.decision else { panic!("{:?}", explorer.report()) };
             pose = path.looks[0];
-            let candidates = explorer.candidates(&request, plan.revision)?;
+            let candidates = explorer.take_candidates(&request, plan.revision)?;
             Some((plan, candidates))
         })
         .unwrap();
