@@ -2,12 +2,10 @@
 
 use std::io::{BufRead, BufReader};
 
-/// FNV-1a.
-fn fnv1a(text: &str) -> u64 {
-    fnv1a_on(0xcbf2_9ce4_8422_2325, text.as_bytes())
-}
+/// FNV-1a of nothing.
+const BASIS: u64 = 0xcbf2_9ce4_8422_2325;
 
-/// Goes on with [`fnv1a`], whose value so far is `hash`, over more bytes: what is hashed in pieces is hashed as a whole.
+/// Goes on with an FNV-1a whose value so far is `hash`, over more bytes: what is hashed in pieces is hashed as a whole.
 fn fnv1a_on(hash: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
@@ -18,7 +16,7 @@ fn fnv1a_on(hash: u64, bytes: &[u8]) -> u64 {
 /// It cannot be read, or is no ordinary file.
 pub fn fnv1a_of_file(path: &std::path::Path) -> std::io::Result<u64> {
     let mut file = BufReader::new(crate::file::open(path)?);
-    let mut hash = fnv1a("");
+    let mut hash = BASIS;
     loop {
         let bytes = file.fill_buf()?;
         if bytes.is_empty() {
@@ -43,7 +41,7 @@ mod tests {
         // Longer than what is read at once.
         let long = "v 0 0 0\n".repeat(5000);
         std::fs::write(&path, &long).unwrap();
-        assert_eq!(fnv1a_of_file(&path).unwrap(), fnv1a(&long));
+        assert_eq!(fnv1a_of_file(&path).unwrap(), fnv1a_on(BASIS, long.as_bytes()));
         assert!(fnv1a_of_file(folder.path()).is_err() && fnv1a_of_file(std::path::Path::new("/dev/zero")).is_err());
     }
 }

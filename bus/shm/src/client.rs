@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use elk_os::clock::{Stopwatch, monotonic_nanos};
 use elk_os::limits;
-use elk_os::tell;
+use elk_os::{Owner, tell};
 use elk_proto::Dial;
 use elk_proto::broker::Introduction;
 use elk_proto::community::Community;
@@ -108,8 +108,8 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
         ErrorKind::WouldBlock => broken(error),
         _ => ConnectError::NoBroker(community.clone()),
     })?;
-    let (process, user) = handshake::peer(&stream).map_err(broken)?;
-    if user != handshake::own_user() {
+    let Owner { process, user } = Owner::at_other_end(&stream).map_err(broken)?;
+    if user != elk_os::own_user() {
         return Err(ConnectError::ForeignUser { community: community.clone(), process, user });
     }
     let Introduction { name, lease_secs, succeeds, returns } = *who;

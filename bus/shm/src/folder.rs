@@ -13,8 +13,8 @@ use rustix::fs::{
     statat, unlinkat,
 };
 
-use super::handshake::own_user;
 use super::scarce;
+use elk_os::own_user;
 
 /// Bits of a mode that let others write.
 const WRITABLE: u32 = 0o022;

@@ -81,17 +81,6 @@ pub fn dial(community: &Community) -> std::io::Result<UnixStream> {
     Ok(stream)
 }
 
-/// The process and the user at the other end.
-pub fn peer(stream: &UnixStream) -> std::io::Result<(u32, u32)> {
-    let credentials = rustix::net::sockopt::socket_peercred(stream)?;
-    Ok((credentials.pid.as_raw_nonzero().get() as u32, credentials.uid.as_raw()))
-}
-
-/// The user that this process runs as.
-pub fn own_user() -> u32 {
-    rustix::process::geteuid().as_raw()
-}
-
 /// Sends a message, and files with it.
 pub fn send<T: Serialize>(stream: &UnixStream, message: &T, files: &[BorrowedFd<'_>]) -> std::io::Result<()> {
     let mut bytes = vec![0; 4];

@@ -61,8 +61,8 @@ fn shared_memory_of(community: &Community) -> Vec<OsString> {
     let prefix = prefix(community);
     let entries = std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
     let named = entries.filter(|entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()));
-    let ours = named
-        .filter(|entry| entry.metadata().is_ok_and(|found| found.is_file() && found.uid() == handshake::own_user()));
+    let ours =
+        named.filter(|entry| entry.metadata().is_ok_and(|found| found.is_file() && found.uid() == elk_os::own_user()));
     ours.map(|entry| entry.file_name()).collect()
 }
 

@@ -36,6 +36,6 @@ mod sync;
 pub use client::{ConnectError, connect};
 pub use folder::{Fault, FolderError};
 pub use kept::{keep, kept};
-pub use running::{Owner, Running, running};
+pub use running::{Running, running};
 pub use scarce::remedy;
 pub use server::{ServeError, Server};

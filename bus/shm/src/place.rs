@@ -11,7 +11,6 @@ use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, Path, SemanticString};
 
 use super::folder::{Folder, FolderError};
-use super::handshake;
 use super::scarce;
 
 /// Where the operating system keeps shared memory.
@@ -188,7 +187,7 @@ fn can_be_named(path: &FilePath, community: &Community) -> bool {
 /// The folder of all communities of this user: `elk` in the folder that the system has made for this user alone until
 /// the next start, else `elk-UID` in the one for temporary files.
 pub fn home() -> PathBuf {
-    let user = handshake::own_user();
+    let user = elk_os::own_user();
     match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|folder| is_private(folder)) {
         Some(folder) => folder.join("elk"),
         None => {
@@ -203,7 +202,7 @@ fn is_private(folder: &FilePath) -> bool {
     use std::os::unix::fs::MetadataExt;
     let found = folder.symlink_metadata();
     let ours =
-        |found: &std::fs::Metadata| found.is_dir() && found.uid() == handshake::own_user() && found.mode() & 0o022 == 0;
+        |found: &std::fs::Metadata| found.is_dir() && found.uid() == elk_os::own_user() && found.mode() & 0o022 == 0;
     folder.is_absolute() && found.is_ok_and(|found| ours(&found))
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
 
+use elk_os::{Owner, own_user};
 use elk_proto::community::Community;
 
 use super::handshake;
@@ -16,19 +17,10 @@ pub struct Running {
     pub broker: Option<Owner>,
 }
 
-/// A process and its user, as the kernel knows them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Owner {
-    /// The process' number.
-    pub process: u32,
-    /// The user that it runs as.
-    pub user: u32,
-}
-
 impl Running {
     /// Whether this process runs as the same user, and so can join.
     pub fn is_own(&self) -> bool {
-        self.broker.is_some_and(|broker| broker.user == handshake::own_user())
+        self.broker.is_some_and(|broker| broker.user == own_user())
     }
 }
 
@@ -41,11 +33,11 @@ pub fn running() -> std::io::Result<Vec<Running>> {
 /// `None`: the broker has stopped since the kernel listed it.
 fn ask(community: Community) -> Option<Running> {
     let broker = match handshake::knock(&community) {
-        Ok(stream) => Some(handshake::peer(&stream).ok()?),
+        Ok(stream) => Some(Owner::at_other_end(&stream).ok()?),
         Err(error) if error.kind() == ErrorKind::WouldBlock => None,
         Err(_) => return None,
     };
-    Some(Running { community, broker: broker.map(|(process, user)| Owner { process, user }) })
+    Some(Running { community, broker })
 }
 
 /// The communities whose brokers' sockets listen, from the text of `/proc/net/unix`: its columns are number, references,
@@ -82,7 +74,7 @@ mod tests {
         let community = Community::new(format!("running-{}", std::process::id())).unwrap();
         let _socket = handshake::listen(&community).unwrap();
         let found = running().unwrap().into_iter().find(|one| one.community == community);
-        let broker = Owner { process: std::process::id(), user: handshake::own_user() };
+        let broker = Owner { process: std::process::id(), user: own_user() };
         assert_eq!(found, Some(Running { community, broker: Some(broker) }));
     }
 

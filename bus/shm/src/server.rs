@@ -18,7 +18,7 @@ use std::time::Duration;
 
 use elk_os::clock::{Clock, Stopwatch, monotonic_nanos};
 use elk_os::limits;
-use elk_os::tell;
+use elk_os::{Owner, tell};
 use elk_proto::broker::{BrokerConfig, ClientId};
 use elk_proto::community::Community;
 use elk_proto::host::Host;
@@ -434,10 +434,10 @@ fn hold(community: &Community) -> Result<HeldPlace, ServeError> {
 
 fn taken(community: &Community, source: std::io::Error) -> ServeError {
     let community = community.clone();
-    let other = handshake::knock(&community).and_then(|stream| handshake::peer(&stream));
+    let other = handshake::knock(&community).and_then(|stream| Owner::at_other_end(&stream));
     match other {
-        Ok((process, user)) if user != handshake::own_user() => ServeError::Foreign { community, process, user },
-        Ok((process, user)) => ServeError::Taken { community, process, user },
+        Ok(Owner { process, user }) if user != elk_os::own_user() => ServeError::Foreign { community, process, user },
+        Ok(Owner { process, user }) => ServeError::Taken { community, process, user },
         Err(full) if full.kind() == ErrorKind::WouldBlock => ServeError::Io { community, source: full },
         // Bound, and not listened at; or its holder has ended this moment.
         Err(_) if source.kind() == ErrorKind::AddrInUse => ServeError::Silent { community },

@@ -5,9 +5,9 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use elk_bus::shm::door;
-use elk_bus::{Community, Owner};
+use elk_bus::{Community, Owner, own_user};
 
-use super::socket::{MAX_ANSWER, name, own_user, peer};
+use super::socket::{MAX_ANSWER, name};
 use super::words::{Answer, Request};
 
 /// How long a launcher may take to take one more in.
@@ -94,7 +94,7 @@ fn dial(community: &Community, patience: Duration) -> Result<UnixStream, AskErro
         ErrorKind::WouldBlock => broken(error),
         _ => AskError::NoLauncher(community.clone()),
     })?;
-    let Owner { process, user } = peer(&stream).map_err(broken)?;
+    let Owner { process, user } = Owner::at_other_end(&stream).map_err(broken)?;
     if user != own_user() {
         return Err(AskError::ForeignUser { community: community.clone(), process, user });
     }

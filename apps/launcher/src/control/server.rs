@@ -5,12 +5,12 @@ use std::os::fd::AsFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::Duration;
 
-use elk_bus::Community;
 use elk_bus::clock::Stopwatch;
 use elk_bus::shm::door;
+use elk_bus::{Community, Owner, own_user};
 use rustix::event::{PollFd, PollFlags};
 
-use super::socket::{MAX_ANSWER, MAX_QUESTION, address, name, own_user, peer};
+use super::socket::{MAX_ANSWER, MAX_QUESTION, address, name};
 use super::words::{Answer, Request};
 use crate::error::LaunchError;
 use crate::supervisor::Ticket;
@@ -59,7 +59,7 @@ impl Server {
         let address = address(community).map_err(failed)?;
         let listener = UnixListener::bind_addr(&address).map_err(|error| match error.kind() {
             ErrorKind::AddrInUse => {
-                let holder = door::knock(&name(community)).and_then(|stream| peer(&stream)).ok();
+                let holder = door::knock(&name(community)).and_then(|stream| Owner::at_other_end(&stream)).ok();
                 LaunchError::Launched { community: community.clone(), holder }
             }
             _ => failed(error),
@@ -112,7 +112,7 @@ impl Server {
                 }
             };
             // Whoever is somebody else gives no orders here.
-            let own = peer(&stream).is_ok_and(|peer| peer.user == own_user());
+            let own = Owner::at_other_end(&stream).is_ok_and(|peer| peer.user == own_user());
             if own && stream.set_nonblocking(true).is_ok() {
                 self.askers.push(Asker::new(self.next_ticket, stream));
                 self.next_ticket += 1;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, SeqCst};
 use std::sync::mpsc::Sender;
 
-use elk_os::{ProcessId, tell};
+use elk_os::{Owner, ProcessId, tell};
 use elk_proto::broker::Introduction;
 use elk_proto::host::{Host, Progress};
 
@@ -129,7 +129,7 @@ impl Server {
         let peer = Peer {
             name: name.to_owned(),
             connection,
-            process: ProcessId::of(handshake::peer(stream).map_err(system)?.0 as i32),
+            process: ProcessId::of(Owner::at_other_end(stream).map_err(system)?.process as i32),
             stream: stream.clone(),
             hung_up: false,
             page: Page::<ClientPage>::create("elk-client").map_err(system)?,
@@ -202,9 +202,9 @@ pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &
 }
 
 fn first_word(stream: &UnixStream) -> Option<Hello> {
-    let (_, user) = handshake::peer(stream).ok()?;
-    if user != handshake::own_user() {
-        let reason = format!("this community belongs to user {}", handshake::own_user());
+    let user = Owner::at_other_end(stream).ok()?.user;
+    if user != elk_os::own_user() {
+        let reason = format!("this community belongs to user {}", elk_os::own_user());
         let _ = handshake::send(stream, &Answer::Refused { reason }, &[]);
         return None;
     }
