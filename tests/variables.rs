@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use elk_bus::{TypeRef, ValueRef};
+use elk_explorer::candidates::{Candidates, EXPLORER_GOALS};
 use elk_spatial::{keys, samples};
 use serde_json::Value;
 
@@ -48,6 +50,12 @@ fn every_variable_has_an_example_that_is_a_value_of_its_type() {
                 carried
                     .check(&bytes)
                     .unwrap_or_else(|error| panic!("nobody would believe the guide's {name}: {error}"));
+            }
+            (None, "Candidates") => {
+                let type_ = TypeRef::of::<Candidates>();
+                let bytes =
+                    type_.description().unwrap().to_bytes(json).unwrap_or_else(|error| panic!("{name}: {error}"));
+                ValueRef::Binary { type_, bytes: &bytes }.decode(&EXPLORER_GOALS).unwrap();
             }
             (None, "text") => assert!(json.is_string(), "{name}: {json}"),
             (None, "number") => assert!(json.is_f64(), "{name}: {json}"),
