@@ -99,6 +99,7 @@ impl Outbox {
         }
     }
 
+    #[inline]
     fn let_go_of_oldest(&mut self) -> bool {
         let Some(oldest) = self.retained.pop_front() else { return false };
         self.retained_bytes -= oldest.batch.len();
@@ -108,6 +109,7 @@ impl Outbox {
         oldest.bulk
     }
 
+    #[inline]
     fn recycle(&mut self, mut batch: Vec<u8>) {
         if self.spare.len() < SPARE_BUFFERS {
             batch.clear();

@@ -75,6 +75,7 @@ impl Type {
     }
 
     /// The type where it lies.
+    #[inline]
     pub fn as_ref(&self) -> TypeRef<'_> {
         let described = self.description.as_ref().map_or(Described::Not, Described::By);
         TypeRef { name: &self.name, layout: self.layout, described }

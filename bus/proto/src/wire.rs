@@ -104,11 +104,13 @@ pub fn first_sequence(millis: u64) -> u64 {
 }
 
 /// The publisher's count in a sequence.
+#[inline]
 pub fn count(sequence: u64) -> u64 {
     sequence & ((1 << COUNT_BITS) - 1)
 }
 
 /// Whether two sequences are of the same life of a publisher.
+#[inline]
 pub fn same_life(one: u64, other: u64) -> bool {
     one >> COUNT_BITS == other >> COUNT_BITS
 }
@@ -276,6 +278,7 @@ pub fn dial(frame: &Frame<'_>) -> Result<Option<Dial>, &'static str> {
 }
 
 /// The frames of a batch; ends after the first that is damaged.
+#[inline]
 pub fn frames(batch: &[u8]) -> impl Iterator<Item = Result<Frame<'_>, WireError>> {
     let mut at = 0;
     let mut damaged = false;
@@ -344,6 +347,7 @@ pub fn value_bytes(frame: &[u8]) -> u64 {
 }
 
 /// The client whose bulk service the receiver of `frame` is told to attach to.
+#[inline]
 pub fn publisher_to_attach(frame: &Frame<'_>) -> Option<u32> {
     (frame.header.flags & ATTACH != 0 && frame.aux.len() == 4).then(|| u32_at(frame.aux, 0))
 }
@@ -369,6 +373,7 @@ pub fn named(flags: u16) -> Option<Named> {
     [Named::Key, Named::Source, Named::Type, Named::Community].into_iter().find(|n| *n as u16 == flags)
 }
 
+#[inline]
 fn frame_kind(byte: u8) -> Option<FrameKind> {
     use FrameKind::*;
     [Notify, Register, Unregister, Define, Refused, Dropped, Attached, Ready, Clock]
@@ -376,14 +381,17 @@ fn frame_kind(byte: u8) -> Option<FrameKind> {
         .find(|k| *k as u8 == byte)
 }
 
+#[inline]
 fn value_kind(byte: u8) -> Option<ValueKind> {
     [ValueKind::Double, ValueKind::Text, ValueKind::Binary].into_iter().find(|k| *k as u8 == byte)
 }
 
+#[inline]
 fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }
 
+#[inline]
 fn u64_at(bytes: &[u8], at: usize) -> u64 {
     u64::from(u32_at(bytes, at)) | u64::from(u32_at(bytes, at + 4)) << 32
 }

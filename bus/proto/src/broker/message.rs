@@ -12,6 +12,7 @@ pub(super) struct Message<'a> {
 impl<'a> Message<'a> {
     /// The message of a `frame`, with another header. Of what stands in the frame's own nothing is taken: that may lie in
     /// its client's memory, and be another by now.
+    #[inline]
     pub fn new(header: Header, frame: &Frame<'a>) -> Self {
         let fixed = wire::fixed(&header, frame.aux.len(), frame.value.len());
         Self { fixed, header, rest: frame.bytes.get(wire::HEADER..).unwrap_or_default() }
@@ -24,6 +25,7 @@ impl<'a> Message<'a> {
     }
 
     /// Bytes of the whole frame.
+    #[inline]
     pub fn len(&self) -> usize {
         self.fixed.len() + self.rest.len()
     }
