@@ -10,7 +10,7 @@ use elk_bus::clock::Stopwatch;
 use elk_bus::comms::BULK_MIN_BYTES;
 use elk_bus::pattern::matches;
 use elk_bus::{Client, Origin};
-use elk_log::selection::Place;
+use elk_log::selection::Position;
 use elk_log::{RecordRef, Selection};
 use elk_outside::time;
 
@@ -309,7 +309,7 @@ impl<'a> Player<'a> {
                 return Ok(false);
             };
             // What is behind the part may be followed by what is in it.
-            let within = self.options.selection.place(time - self.origin) == Place::Within;
+            let within = self.options.selection.position(time - self.origin) == Position::Within;
             if !within || !self.options.selection.takes(key, source) || matches(OF_THE_BROKER, key) {
                 continue;
             }

@@ -18,7 +18,7 @@ use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
 use elk_bus::{Client, Community, Mail, any, tell};
 use elk_log::diff::VOLATILE_KEYS;
-use elk_log::selection::{Place, Window};
+use elk_log::selection::{Position, Window};
 use elk_log::{LogReader, Selection};
 use elk_mission::{AppSpec, Mission, Program};
 use elk_outside::time;
@@ -264,7 +264,7 @@ impl Stage {
                 break;
             };
             // What elk does not understand no app has registered for.
-            if window.place(time) != Place::Within || is_volatile(key) || log.unknown_type().is_some() {
+            if window.position(time) != Position::Within || is_volatile(key) || log.unknown_type().is_some() {
                 continue;
             }
             if self.live.iter().any(|name| name == source) {

@@ -225,10 +225,10 @@ fn head_at(bytes: &mut impl Bytes, at: u64) -> Result<Option<Head>> {
     Ok(bytes.peek(at)?.as_ref().map(Head::of))
 }
 
-/// Where all that a record says to hold ends, which begins and ends at `place`; nothing: beyond its own end. Of its texts only
-/// the lengths are read.
-pub(crate) fn end_of_content(opcode: u8, bytes: &mut impl Bytes, place: Range<u64>) -> Result<Option<u64>> {
-    let mut texts = Texts { bytes, at: place.start, end: place.end };
+/// Where all that a record says to hold ends; the record itself lies at `range`; nothing: beyond its own end. Of its texts
+/// only the lengths are read.
+pub(crate) fn end_of_content(opcode: u8, bytes: &mut impl Bytes, range: Range<u64>) -> Result<Option<u64>> {
+    let mut texts = Texts { bytes, at: range.start, end: range.end };
     let there = match opcode {
         op::HEADER => texts.skip(2)?,
         op::SCHEMA => texts.behind(2).skip(3)?, // the last one may be any bytes

@@ -111,9 +111,9 @@ impl Source {
         }
         self.read.set(self.read.get() + read as u64);
         if let Some((byte, mask)) = self.mended
-            && let Some(place) = byte.checked_sub(at).filter(|place| *place < read as u64)
+            && let Some(index) = byte.checked_sub(at).filter(|index| *index < read as u64)
         {
-            to[place as usize] ^= mask;
+            to[index as usize] ^= mask;
         }
         Ok(read)
     }
