@@ -25,8 +25,8 @@ use super::folder::FolderError;
 use super::forward::Forward;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
+use super::namespace::Namespace;
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
-use super::place::Place;
 use super::scarce;
 
 /// The longest that a client sleeps: its bell rings when there is news, also when the broker dies.
@@ -128,9 +128,9 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let page = Arc::new(page);
     watch(&stream, &page).map_err(|source| ConnectError::NoThread { community: community.clone(), source })?;
     let unusable = |source| ConnectError::Folder { community: community.clone(), source };
-    let place = Place::open(community, &folder).map_err(unusable)?;
-    let node = lane::node(&place)?;
-    place.close_folder().map_err(unusable)?;
+    let namespace = Namespace::open(community, &folder).map_err(unusable)?;
+    let node = lane::node(&namespace)?;
+    namespace.close_folder().map_err(unusable)?;
     let community = community.clone();
     let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });

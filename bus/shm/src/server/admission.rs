@@ -13,7 +13,7 @@ use elk_proto::host::{Host, Progress};
 use super::lobby::{Door, Lobby};
 use super::peers::Peer;
 use super::{
-    Answer, BTreeMap, BrokerConfig, BrokerPage, ClientId, Event, Hello, LinkError, Page, Place, SENT_AWAY, Server,
+    Answer, BTreeMap, BrokerConfig, BrokerPage, ClientId, Event, Hello, LinkError, Namespace, Page, SENT_AWAY, Server,
     handshake, leftovers, scarce, sessions,
 };
 use crate::client::lane_name;
@@ -21,15 +21,15 @@ use crate::lane::{LaneReader, LaneWriter};
 use crate::page::ClientPage;
 use sessions::Held;
 
-/// A broker in the place of one that died.
-pub(super) fn recover(place: &Place, config: BrokerConfig, now: f64, found: Vec<Held>) -> Host {
+/// A broker that takes over from one that died.
+pub(super) fn recover(namespace: &Namespace, config: BrokerConfig, now: f64, found: Vec<Held>) -> Host {
     let clients = found.len();
     tell(format_args!("elk db: the broker before this one died; the sessions of its {clients} clients are kept"));
     let sessions = found.into_iter().map(|one| {
         let alive = one.is_alive();
         (one.session, alive)
     });
-    Host::recover(config, now, sessions, &sessions::read_retained(place))
+    Host::recover(config, now, sessions, &sessions::read_retained(namespace))
 }
 
 impl Server {
@@ -70,7 +70,7 @@ impl Server {
             Ok((id, peer)) => {
                 let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
                 let (warp, dial) = (self.clock.warp(), self.host.broker.dial());
-                let folder = self.peers.place.folder().path().to_owned();
+                let folder = self.peers.namespace.folder().path().to_owned();
                 let welcome = Answer::Welcome { id, epoch: self.peers.epoch, warp, dial, folder };
                 // Who hung up meanwhile is noticed by the connection's own thread.
                 let _ = handshake::send(&stream, &welcome, &files);
@@ -138,7 +138,7 @@ impl Server {
             bulk: None,
             attached: BTreeMap::new(),
         };
-        leftovers::close_shared_memory(&self.peers.place).map_err(system)?;
+        leftovers::close_shared_memory(&self.peers.namespace).map_err(system)?;
         Ok(peer)
     }
 

@@ -18,8 +18,8 @@ use super::bulk_values::Held;
 use crate::bulk::{Budget, Samples};
 use crate::client::lane_name;
 use crate::lane::{DEPTH, LaneReader, LaneSample, LaneWriter, Service};
+use crate::namespace::HeldNamespace;
 use crate::page::{ClientPage, Page};
-use crate::place::HeldPlace;
 use crate::{scarce, sessions};
 
 /// A connected client.
@@ -46,7 +46,7 @@ pub(super) struct Peers {
     pub departed: BTreeMap<ClientId, Samples>,
     /// The processes of clients of the broker that died before this one, by name, until they are back.
     pub awaited: BTreeMap<String, Option<ProcessId>>,
-    pub place: HeldPlace,
+    pub namespace: HeldNamespace,
     pub epoch: u64,
     pub node: Option<Node<Service>>,
     /// Room for copies of bulk values.
@@ -79,7 +79,7 @@ impl Ends for Peers {
             session,
         };
         let all: Vec<sessions::Held> = sessions.into_iter().map(held).collect();
-        if let Err(error) = sessions::write(&self.place, &all) {
+        if let Err(error) = sessions::write(&self.namespace, &all) {
             tell(format_args!(
                 "elk db: should this broker die, its clients are not known to the next: {error}{}",
                 scarce::hint()
@@ -88,7 +88,7 @@ impl Ends for Peers {
     }
 
     fn keep_retained(&mut self, retained: Vec<Retained>) {
-        if let Err(error) = sessions::write_retained(&self.place, &retained) {
+        if let Err(error) = sessions::write_retained(&self.namespace, &retained) {
             tell(format_args!(
                 "elk db: should this broker die, what was left by clients that are gone is lost: {error}"
             ));
