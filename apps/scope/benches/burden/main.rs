@@ -19,7 +19,7 @@ use std::process::ExitCode;
 use turn::{Load, Turn};
 
 /// What goes wrong here ends the measurement.
-pub type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
+pub type BenchResult<T = ()> = Result<T, Box<dyn std::error::Error>>;
 
 /// The scopes that are measured, `nobody` first: all others are held against it.
 const SCOPES: [&str; 5] = ["nobody", "echo-pipe", "echo-terminal", "hz", "top"];
@@ -44,7 +44,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn measure(quick: bool) -> Outcome {
+fn measure(quick: bool) -> BenchResult {
     let turns = if quick { 3 } else { 5 };
     let seconds = if quick { 0.5 } else { 1.0 };
     for load in [Load::paced(seconds), Load::flat_out(seconds)] {
