@@ -68,7 +68,7 @@ pub struct Turn {
 
 /// Takes a turn with this scope.
 pub fn take(scope: &str, load: &Load) -> BenchResult<Turn> {
-    let community = Community::new(format!("burden-{}", std::process::id()))?;
+    let community = Community::new(format!("overhead-{}", std::process::id()))?;
     let name = community.as_str();
     let [messages, per_second, burst] = [load.messages, load.per_second, load.burst].map(|n| n.to_string());
     let broker = Child::start(&["broker", name])?;

@@ -1,4 +1,4 @@
-//! What a scope costs those whom it looks at: `cargo bench -p elk-scope --bench burden -- [--quick]`.
+//! What a scope costs those whom it looks at: `cargo bench -p elk-scope --bench overhead -- [--quick]`.
 //!
 //! Method: separate processes; a publisher, a broker, two readers, and beside them a scope or nobody, taking turns in
 //! the same run. Each figure is the median of its turns, and stands beside that without a scope. Two loads: 100,000
@@ -31,14 +31,14 @@ fn main() -> ExitCode {
         // Cargo says so when it benches; when it tests all targets it does not, and then there is nothing to do.
         _ if args.iter().any(|arg| arg == "--bench") => measure(args.iter().any(|arg| arg == "--quick")),
         _ => {
-            println!("cargo bench -p elk-scope --bench burden -- [--quick]");
+            println!("cargo bench -p elk-scope --bench overhead -- [--quick]");
             Ok(())
         }
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("burden: {error}");
+            eprintln!("overhead: {error}");
             ExitCode::FAILURE
         }
     }
