@@ -21,8 +21,8 @@ use crate::process::orphans::end_orphans;
 use crate::reports::NAME;
 use crate::reports::listener::Listener;
 use crate::reports::observer::Observer;
+use crate::run::files::{self, RunFiles};
 use crate::run::launch_state::LaunchState;
-use crate::run::place::{self, RunPlace};
 use crate::run::summary::{Ran, Summary};
 use crate::run::{folder, picture};
 use crate::terminal::detach;
@@ -103,10 +103,10 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     let folder =
         folder::create(&options.log_dir, &mission.file.file_stem().unwrap_or_default().to_string_lossy(), now)?;
     let manual = mission.mode == Mode::Manual && !options.auto;
-    let place = RunPlace::new(&mission, &folder, manual);
-    place.keep(&mission, &options.revision)?;
-    mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
-    mission.apps.iter().try_for_each(place::check_files)?;
+    let files = RunFiles::new(&mission, &folder, manual);
+    files.keep(&mission, &options.revision)?;
+    mission.apps.iter_mut().try_for_each(|app| files.settle(app))?;
+    mission.apps.iter().try_for_each(files::check_files)?;
     put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));
     for warning in ended.into_iter().chain(warnings) {
         put(&text::printable_lines(&format!("  note: {warning}\n")));
@@ -120,7 +120,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
             let (program, community, registry) = (program.clone(), community.clone(), registry.clone());
             Box::new(Processes::new(
                 &mission,
-                Environment { program, community, place, registry, detached: *detached },
+                Environment { program, community, files, registry, detached: *detached },
             )?)
         }
     };
@@ -146,9 +146,9 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let folder = state.folder.clone();
     put(&text::printable_lines(&format!("{}: attached to run {}\n", mission.name, folder.display())));
 
-    let place = RunPlace::new(&mission, &folder, state.manual);
+    let files = RunFiles::new(&mission, &folder, state.manual);
     let (own_program, community, registry) = (program.clone(), community.clone(), registry.clone());
-    let environment = Environment { program: own_program, community, place, registry, detached: true };
+    let environment = Environment { program: own_program, community, files, registry, detached: true };
     let backend = Box::new(Processes::adopt(&mission, environment, &state)?);
     let mut observer = Observer::new(&mission);
     observer.first_command = state.first_command;
@@ -243,11 +243,11 @@ impl Stage<'_> {
         let ran = Ran { explorers: conduct.backend.explorers(), swapped: conduct.backend.swapped() };
         let summary = Summary::of(mission, &conduct.listener.observer(), ran, error.as_ref());
         let unwritten = summary.write(folder).err();
-        let picture = (summary.known_voxels > 0).then(|| match place::log_elsewhere(mission, folder) {
+        let picture = (summary.known_voxels > 0).then(|| match files::log_elsewhere(mission, folder) {
             None => picture::draw(self.program, folder),
             Some(log) => Err(format!("it is drawn of a log in the run's folder, and this one's is {}", log.display())),
         });
-        let elsewhere = place::elsewhere(mission, folder).collect();
+        let elsewhere = files::elsewhere(mission, folder).collect();
         Ok(Outcome { folder: (*folder).to_owned(), elsewhere, summary, error, unwritten, picture })
     }
 }

@@ -315,7 +315,7 @@ impl Processes {
         let Some(app) = &self.posts[place].app else { return Err(LaunchError::Stopped) };
         let apps: Vec<AppSpec> = self.posts.iter().filter_map(|post| post.app.clone()).collect();
         let mut exchanged = app.exchange_among(&apps, wanted, &self.environment.registry)?;
-        self.environment.place.settle(&mut exchanged.app)?;
+        self.environment.files.settle(&mut exchanged.app)?;
         Ok((exchanged.app, exchanged.dropped))
     }
 
