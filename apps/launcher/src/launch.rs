@@ -1,4 +1,4 @@
-//! A launch from the checked mission to its outcome: everything is set up here, and a [`Conduct`] carries it out.
+//! A launch from the checked mission to its outcome: everything is set up here, and a [`MissionRun`] carries it out.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,9 +14,9 @@ use crate::backend::Backend;
 use crate::backend::environment::Environment;
 use crate::backend::processes::Processes;
 use crate::backend::threads::Threads;
-use crate::conduct::Conduct;
 use crate::control::{Answer, Request, Server, ask};
 use crate::error::LaunchError;
+use crate::mission_run::MissionRun;
 use crate::process::orphans::end_orphans;
 use crate::reports::NAME;
 use crate::reports::listener::Listener;
@@ -126,7 +126,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
     };
     let (headless, background) = (*headless, options.background);
     let stage = Stage { mission: &mission, program, community, folder: &folder, headless, background, stop };
-    stage.perform(backend, server, state, Observer::new(&mission), |conduct| conduct.begin())
+    stage.perform(backend, server, state, Observer::new(&mission), |run| run.begin())
 }
 
 /// Picks a mission up that was launched detached; from there on as [`launch`]. Its launcher is gone, or in the
@@ -155,7 +155,7 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     let community = &options.community;
     let (headless, background) = (*headless, false);
     let stage = Stage { mission: &mission, program, community, folder: &folder, headless, background, stop };
-    stage.perform(backend, Some(server), state, observer, |conduct| conduct.join("before the mission was over"))
+    stage.perform(backend, Some(server), state, observer, |run| run.join("before the mission was over"))
 }
 
 /// Takes the launcher's place for orders. A mission inside one process has a community of its own, whatever its name: it
@@ -206,11 +206,11 @@ impl Stage<'_> {
         server: Option<Server>,
         state: LaunchState,
         observer: Observer,
-        begin: fn(&mut Conduct) -> Result<(), LaunchError>,
+        begin: fn(&mut MissionRun) -> Result<(), LaunchError>,
     ) -> Result<Outcome, LaunchError> {
         let Self { mission, folder, .. } = self;
         let mut listener = Listener::start(backend.join(NAME), observer)?;
-        let mut conduct = Conduct {
+        let mut run = MissionRun {
             backend: &mut *backend,
             listener: &mut listener,
             server,
@@ -226,22 +226,22 @@ impl Stage<'_> {
             leaves: None,
             running: Stopwatch::start(),
         };
-        let begun = begin(&mut conduct).and_then(|()| match self.background {
+        let begun = begin(&mut run).and_then(|()| match self.background {
             true => detach::leave_terminal(folder),
             false => Ok(()),
         });
-        conduct.background = self.background;
-        let failed = begun.and_then(|()| conduct.run()).err();
+        run.background = self.background;
+        let failed = begun.and_then(|()| run.explore()).err();
         if let Some(relieved @ LaunchError::Relieved) = failed {
-            conduct.hand_over();
+            run.hand_over();
             return Err(relieved);
         }
-        let error = conduct.end(failed);
-        for words in conduct.listener.observer().left_out() {
-            conduct.display.say(&words);
+        let error = run.end(failed);
+        for words in run.listener.observer().left_out() {
+            run.display.say(&words);
         }
-        let ran = Ran { explorers: conduct.backend.explorers(), swapped: conduct.backend.swapped() };
-        let summary = Summary::of(mission, &conduct.listener.observer(), ran, error.as_ref());
+        let ran = Ran { explorers: run.backend.explorers(), swapped: run.backend.swapped() };
+        let summary = Summary::of(mission, &run.listener.observer(), ran, error.as_ref());
         let unwritten = summary.write(folder).err();
         let picture = (summary.known_voxels > 0).then(|| match files::log_elsewhere(mission, folder) {
             None => picture::draw(self.program, folder),

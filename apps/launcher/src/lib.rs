@@ -5,7 +5,7 @@
 //! | room | one concern |
 //! |---|---|
 //! | `launch` | a launch from the checked mission to its outcome, and picking one up again |
-//! | `conduct` | a mission from its first app to its last word |
+//! | `mission_run` | one run of a mission, from the start of its broker to the end of its last app |
 //! | `terminal` | the person in front of it: Enter and Ctrl-C, what is shown meanwhile, giving the terminal back |
 //! | `backend` | what carries a mission out: processes, or threads of this process |
 //! | `run` | what a run leaves behind: its folder, what it was made of, what it came to, and how it is picked up |
@@ -16,10 +16,10 @@
 //! | `error` | why a launch failed |
 
 mod backend;
-mod conduct;
 mod control;
 mod error;
 mod launch;
+mod mission_run;
 mod process;
 mod reports;
 mod run;

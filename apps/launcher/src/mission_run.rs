@@ -1,4 +1,4 @@
-//! A mission from its first app to its last word.
+//! One run of a mission, from the start of its broker to the end of its last app.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -37,8 +37,8 @@ const ENDING: &str = "while the mission ended";
 /// How long nobody is looked at if nothing happens.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// One run of a mission, seen from the launcher's place.
-pub(crate) struct Conduct<'a> {
+/// One run of a mission, as its launcher sees it.
+pub(crate) struct MissionRun<'a> {
     pub backend: &'a mut dyn Backend,
     pub listener: &'a mut Listener,
     pub server: Option<Server>,
@@ -65,7 +65,7 @@ struct Movement {
     since: Stopwatch,
 }
 
-impl Conduct<'_> {
+impl MissionRun<'_> {
     /// Starts broker and apps.
     pub fn begin(&mut self) -> Result<(), LaunchError> {
         self.backend.start_broker()?;
@@ -112,7 +112,7 @@ impl Conduct<'_> {
     }
 
     /// Waits until exploration is over, has the final map judged, and sees that everyone is there for the end.
-    pub fn run(&mut self) -> Result<(), LaunchError> {
+    pub fn explore(&mut self) -> Result<(), LaunchError> {
         if self.state.manual && self.background {
             self.display.put("`elk step` takes a step; `elk resume` runs on");
         } else if self.state.manual {
