@@ -1,4 +1,5 @@
-//! A launch from the checked mission to its outcome: everything is set up here, and a [`MissionRun`] carries it out.
+//! A launch from the checked mission to the finished run: everything is set up here, and a [`MissionRun`] carries it
+//! out.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -71,9 +72,9 @@ pub struct AttachOptions {
     pub registry: Registry,
 }
 
-/// What a launch came to.
+/// A run that is over, whether or not it came to its end.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct FinishedRun {
     /// The run's folder.
     pub folder: PathBuf,
     /// What the mission had written elsewhere, logs and maps, and the parameters that say so (`Logger.File`). A log that was
@@ -93,8 +94,8 @@ pub struct Outcome {
 /// the mission file, the mission as it ran, the log, the map, the picture, the summary, and a text log of each app.
 ///
 /// # Errors
-/// The run could not even begin. What goes wrong later is in the [`Outcome`].
-pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, LaunchError> {
+/// The run could not even begin. What goes wrong later is in the [`FinishedRun`].
+pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<FinishedRun, LaunchError> {
     let warnings = mission.preflight()?;
     let server = listen(options)?;
     let stop = person::stop_signals(options.detached)?;
@@ -125,8 +126,8 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
         }
     };
     let (headless, background) = (*headless, options.background);
-    let stage = Stage { mission: &mission, program, community, folder: &folder, headless, background, stop };
-    stage.perform(backend, server, state, Observer::new(&mission), |run| run.begin())
+    let launch = Launch { mission: &mission, program, community, folder: &folder, headless, background, stop };
+    launch.carry_out(backend, server, state, Observer::new(&mission), |run| run.begin())
 }
 
 /// Picks a mission up that was launched detached; from there on as [`launch`]. Its launcher is gone, or in the
@@ -137,7 +138,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
 ///
 /// # Errors
 /// There is no such mission, or somebody launches it already.
-pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
+pub fn attach(options: &AttachOptions) -> Result<FinishedRun, LaunchError> {
     let AttachOptions { program, community, headless, registry } = options;
     let server = take_over(community)?;
     let stop = person::stop_signals(true)?;
@@ -154,12 +155,12 @@ pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
     observer.first_command = state.first_command;
     let community = &options.community;
     let (headless, background) = (*headless, false);
-    let stage = Stage { mission: &mission, program, community, folder: &folder, headless, background, stop };
-    stage.perform(backend, Some(server), state, observer, |run| run.join("before the mission was over"))
+    let launch = Launch { mission: &mission, program, community, folder: &folder, headless, background, stop };
+    launch.carry_out(backend, Some(server), state, observer, |run| run.join("before the mission was over"))
 }
 
-/// Takes the launcher's place for orders. A mission inside one process has a community of its own, whatever its name: it
-/// goes without if the place is taken.
+/// Takes the launcher's socket for orders. A mission inside one process has a community of its own, whatever its name:
+/// it goes without if the socket is taken.
 fn listen(options: &LaunchOptions) -> Result<Option<Server>, LaunchError> {
     match Server::listen(&options.community) {
         Err(LaunchError::Launched { .. }) if options.in_process => Ok(None),
@@ -167,7 +168,7 @@ fn listen(options: &LaunchOptions) -> Result<Option<Server>, LaunchError> {
     }
 }
 
-/// Takes the launcher's place for orders; a launcher in the background leaves it when it is asked to.
+/// Takes the launcher's socket for orders; a launcher in the background leaves it when it is asked to.
 fn take_over(community: &Community) -> Result<Server, LaunchError> {
     let (asked, mut waited) = (Server::listen(community), Stopwatch::start());
     if !matches!(asked, Err(LaunchError::Launched { .. })) {
@@ -188,7 +189,7 @@ fn take_over(community: &Community) -> Result<Server, LaunchError> {
 }
 
 /// What stays the same while a mission runs.
-struct Stage<'a> {
+struct Launch<'a> {
     mission: &'a Mission,
     program: &'a Path,
     community: &'a Community,
@@ -198,16 +199,16 @@ struct Stage<'a> {
     stop: Arc<AtomicBool>,
 }
 
-impl Stage<'_> {
+impl Launch<'_> {
     /// Has a backend carry out the mission, from `begin` to its end, and sums up.
-    fn perform(
+    fn carry_out(
         &self,
         mut backend: Box<dyn Backend>,
         server: Option<Server>,
         state: LaunchState,
         observer: Observer,
         begin: fn(&mut MissionRun) -> Result<(), LaunchError>,
-    ) -> Result<Outcome, LaunchError> {
+    ) -> Result<FinishedRun, LaunchError> {
         let Self { mission, folder, .. } = self;
         let mut listener = Listener::start(backend.join(NAME), observer)?;
         let mut run = MissionRun {
@@ -248,6 +249,6 @@ impl Stage<'_> {
             Some(log) => Err(format!("it is drawn of a log in the run's folder, and this one's is {}", log.display())),
         });
         let elsewhere = files::elsewhere(mission, folder).collect();
-        Ok(Outcome { folder: (*folder).to_owned(), elsewhere, summary, error, unwritten, picture })
+        Ok(FinishedRun { folder: (*folder).to_owned(), elsewhere, summary, error, unwritten, picture })
     }
 }

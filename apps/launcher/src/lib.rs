@@ -4,7 +4,7 @@
 //!
 //! | room | one concern |
 //! |---|---|
-//! | `launch` | a launch from the checked mission to its outcome, and picking one up again |
+//! | `launch` | a launch from the checked mission to the finished run, and picking one up again |
 //! | `mission_run` | one run of a mission, from the start of its broker to the end of its last app |
 //! | `terminal` | the person in front of it: Enter and Ctrl-C, what is shown meanwhile, giving the terminal back |
 //! | `backend` | what carries a mission out: processes, or threads of this process |
@@ -28,7 +28,7 @@ mod terminal;
 
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
-pub use launch::{AttachOptions, LaunchOptions, Outcome, attach, launch};
+pub use launch::{AttachOptions, FinishedRun, LaunchOptions, attach, launch};
 pub use process::guard::{Deputy, guard};
 pub use process::handle;
 pub use process::orphans::end_orphans;

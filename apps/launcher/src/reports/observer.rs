@@ -293,12 +293,12 @@ fn drops(text: &str) -> BTreeMap<String, u64> {
 }
 
 /// Keeps what `mail` says, if it is of `key`.
-fn keep<T>(mail: &Mail<'_>, key: &Key<T>, place: &mut Option<T>) -> Result<(), DecodeError>
+fn keep<T>(mail: &Mail<'_>, key: &Key<T>, kept: &mut Option<T>) -> Result<(), DecodeError>
 where
     T: for<'a> Payload<View<'a> = T>,
 {
     if mail.is(key) {
-        *place = Some(mail.decode(key)?);
+        *kept = Some(mail.decode(key)?);
     }
     Ok(())
 }

@@ -86,7 +86,7 @@ impl Summary {
     /// Sums up what was observed of a mission in which these `ran`; `ended` is why it ended before its time, if it did.
     pub(crate) fn of(mission: &Mission, observed: &Observer, ran: Ran, ended: Option<&LaunchError>) -> Self {
         let report = observed.exploration.as_ref();
-        let (complete, reason) = outcome(mission, observed, ended);
+        let (complete, reason) = completeness(mission, observed, ended);
         let progress = observed.progress.as_ref();
         let motion = observed.motion.as_ref();
         let (scans, path_length_m) = match (motion, progress) {
@@ -145,7 +145,7 @@ pub(crate) fn swapped(folder: &Path) -> Vec<String> {
 }
 
 /// Whether the mission is complete, and why it ended.
-fn outcome(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
+fn completeness(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
     let Some(report) = &observed.exploration else {
         let silent = || "the explorer did not say why it ended".to_owned();
         return (false, ended.map_or_else(silent, LaunchError::to_string));
