@@ -27,7 +27,7 @@ use crate::run::launch_state::LaunchState;
 use crate::run::summary::{Ran, Summary};
 use crate::run::{folder, picture};
 use crate::terminal::detach;
-use crate::terminal::person::{self, Person};
+use crate::terminal::keyboard::{self, Keyboard};
 use crate::terminal::progress::{Display, Shown, put};
 
 /// How long a launcher in the background may take to make room, and how often it is seen whether it has.
@@ -98,7 +98,7 @@ pub struct FinishedRun {
 pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<FinishedRun, LaunchError> {
     let warnings = mission.preflight()?;
     let server = listen(options)?;
-    let stop = person::stop_signals(options.detached)?;
+    let stop = keyboard::stop_signals(options.detached)?;
     let ended = end_orphans(&options.community);
     let now = Clock::new(1.0).now();
     let folder =
@@ -141,7 +141,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<FinishedR
 pub fn attach(options: &AttachOptions) -> Result<FinishedRun, LaunchError> {
     let AttachOptions { program, community, headless, registry } = options;
     let server = take_over(community)?;
-    let stop = person::stop_signals(true)?;
+    let stop = keyboard::stop_signals(true)?;
     let state = LaunchState::read(community)?;
     let mission = state.mission(community, registry)?;
     let folder = state.folder.clone();
@@ -216,7 +216,7 @@ impl Launch<'_> {
             listener: &mut listener,
             server,
             display: Display::new(self.headless, Shown::of(mission)),
-            person: Person::default(),
+            keyboard: Keyboard::default(),
             stop: &self.stop,
             community: self.community,
             folder,

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `launch` | a launch from the checked mission to the finished run, and picking one up again |
 //! | `mission_run` | one run of a mission, from the start of its broker to the end of its last app |
-//! | `terminal` | the person in front of it: Enter and Ctrl-C, what is shown meanwhile, giving the terminal back |
+//! | `terminal` | the launcher's terminal: Enter and Ctrl-C, what is shown meanwhile, giving the terminal back |
 //! | `backend` | what carries a mission out: processes, or threads of this process |
 //! | `run` | what a run leaves behind: its folder, what it was made of, what it came to, and how it is picked up |
 //! | `reports` | what the mission says of itself on the bus, and the thread that hears it |

@@ -20,7 +20,7 @@ use crate::reports::listener::Listener;
 use crate::reports::observer::News;
 use crate::run::launch_state::{self, LaunchState};
 use crate::supervisor::{State, Ticket, Word};
-use crate::terminal::person::{self, Person};
+use crate::terminal::keyboard::{self, Keyboard};
 use crate::terminal::progress::Display;
 
 /// How long the broker may take to answer.
@@ -43,7 +43,7 @@ pub(crate) struct MissionRun<'a> {
     pub listener: &'a mut Listener,
     pub server: Option<Server>,
     pub display: Display,
-    pub person: Person,
+    pub keyboard: Keyboard,
     pub stop: &'a AtomicBool,
     pub community: &'a Community,
     /// Where the apps' text logs are.
@@ -202,7 +202,7 @@ impl MissionRun<'_> {
     /// Hears what there is to hear, sees that everyone is alive, and that nobody wants to stop.
     fn look(&mut self, when: &'static str) -> Result<(), LaunchError> {
         let checked = self.round(when);
-        if person::stopped(self.stop) {
+        if keyboard::stopped(self.stop) {
             return Err(LaunchError::Stopped);
         }
         checked
@@ -261,7 +261,7 @@ impl MissionRun<'_> {
             server.watch(&mut watched);
         }
         if self.state.manual {
-            self.person.watch(&mut watched);
+            self.keyboard.watch(&mut watched);
         }
         let patience = self.backend.patience().map_or(LOOK, |patience| patience.min(LOOK));
         // A timeout, a signal or an event: all of them are reasons to look.
@@ -272,12 +272,12 @@ impl MissionRun<'_> {
         if !self.state.manual {
             return;
         }
-        for _ in 0..self.person.enters() {
+        for _ in 0..self.keyboard.enters() {
             if self.state.paused {
                 self.listener.say(STEP, 1.0);
             }
         }
-        if self.person.left() {
+        if self.keyboard.left() {
             self.display.say("nobody can press Enter here: `elk step` takes a step, `elk resume` runs on");
         }
     }
