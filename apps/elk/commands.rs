@@ -5,7 +5,7 @@ use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker, tell};
-use elk_launcher::{AttachOptions, Deputy, FinishedRun, LaunchOptions, end_orphans};
+use elk_launcher::{AttachOptions, Deputy, FinishedRun, LaunchOptions, end_leftovers};
 use elk_mission::{AppType, Mission, Registry, describe, element, instead};
 use elk_outside::colour::{self, Style};
 use elk_outside::text;
@@ -167,7 +167,7 @@ pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
     let community = arguments.community.community;
     let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((arguments.mailbox as usize) << 20);
     let deputy = Deputy::of_launcher();
-    end_orphans(&community).into_iter().for_each(|said| tell(format_args!("elk db: {said}")));
+    end_leftovers(&community).into_iter().for_each(|said| tell(format_args!("elk db: {said}")));
     let served = serve_broker(community, config, Clock::new(1.0));
     // What is left is ended all the same.
     if let Some(deputy) = deputy {

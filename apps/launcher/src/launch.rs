@@ -18,7 +18,7 @@ use crate::backend::threads::Threads;
 use crate::control::{Answer, Request, Server, ask};
 use crate::error::LaunchError;
 use crate::mission_run::MissionRun;
-use crate::process::orphans::end_orphans;
+use crate::process::leftovers::end_leftovers;
 use crate::reports::NAME;
 use crate::reports::listener::Listener;
 use crate::reports::observer::Observer;
@@ -99,7 +99,7 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<FinishedR
     let warnings = mission.preflight()?;
     let server = listen(options)?;
     let stop = keyboard::stop_signals(options.detached)?;
-    let ended = end_orphans(&options.community);
+    let ended = end_leftovers(&options.community);
     let now = Clock::new(1.0).now();
     let folder =
         folder::create(&options.log_dir, &mission.file.file_stem().unwrap_or_default().to_string_lossy(), now)?;

@@ -31,7 +31,7 @@ pub use error::LaunchError;
 pub use launch::{AttachOptions, FinishedRun, LaunchOptions, attach, launch};
 pub use process::guard::{Deputy, guard};
 pub use process::handle;
-pub use process::orphans::end_orphans;
+pub use process::leftovers::end_leftovers;
 pub use reports::steps::{Spread, StepTimes};
 pub use run::folder::create as create_run_folder;
 pub use run::provenance::{RerunError, is_run, mission_of_run};

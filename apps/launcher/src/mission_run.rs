@@ -176,7 +176,7 @@ impl MissionRun<'_> {
             let checked = self.round(ENDING);
             self.note_failure(checked, &mut reason);
         }
-        self.backend.end_strays();
+        self.backend.end_escaped();
         // Nobody is on the bus any more when the broker goes.
         self.listener.leave();
         while !self.listener.has_left() {

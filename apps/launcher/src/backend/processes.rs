@@ -19,7 +19,7 @@ use crate::control::{AppRow, Request};
 use crate::error::LaunchError;
 use crate::process::child::{Bond, Process};
 use crate::process::descendants::Descendants;
-use crate::process::strays::Run;
+use crate::process::escaped::RunId;
 use crate::process::usage::{Samples, Usage};
 use crate::reports::listener::Join;
 use crate::reports::observer::{Losses, News};
@@ -30,9 +30,9 @@ use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Superv
 /// How long a broker that is only to put things away may take to answer.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
 /// How long the end of a mission waits for processes that apps had started elsewhere: they have been killed long before.
-const STRAYS_PATIENCE: Duration = Duration::from_secs(10);
+const ESCAPED_PATIENCE: Duration = Duration::from_secs(10);
 /// How long nobody looks then whether there are more of them.
-const STRAYS_LOOK: Duration = Duration::from_millis(100);
+const ESCAPED_LOOK: Duration = Duration::from_millis(100);
 /// How often it is asked.
 const ASK_EVERY: Duration = Duration::from_millis(5);
 
@@ -71,10 +71,10 @@ struct Slot {
 impl Processes {
     /// The backend of a mission. Nothing but the guard is started yet.
     pub fn new(mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
-        Self::of_run(Run::fresh()?, mission, environment)
+        Self::of_run(RunId::fresh()?, mission, environment)
     }
 
-    fn of_run(run: Run, mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
+    fn of_run(run: RunId, mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
         let descendants = Descendants::begin(run, &environment.program, &environment.community, environment.detached)?;
         let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
         let units = mission.apps.iter().map(|app| UnitSpec::new(&app.name, &app.element, &app.policy));
@@ -103,7 +103,7 @@ impl Processes {
     /// Takes over the processes that a launcher which is gone has left behind. Who has ended meanwhile is found by the
     /// next [`Backend::check`].
     pub fn adopt(mission: &Mission, environment: Environment, state: &LaunchState) -> Result<Self, LaunchError> {
-        let run = state.run.clone().map_or_else(Run::fresh, Ok)?;
+        let run = state.run.clone().map_or_else(RunId::fresh, Ok)?;
         let mut all = Self::of_run(run, mission, environment)?;
         all.descendants.adopt();
         let log = all.environment.log_of(DB);
@@ -187,7 +187,7 @@ impl Processes {
     }
 
     /// Sees who descends from whom before anybody ends: afterwards it cannot be told any more.
-    fn look_for_strays(&mut self) {
+    fn look_for_escaped(&mut self) {
         let (now, apps) = (self.now(), self.started());
         self.descendants.look_now(now, &apps);
     }
@@ -536,7 +536,7 @@ impl Backend for Processes {
     }
 
     fn end_apps(&mut self) {
-        self.look_for_strays();
+        self.look_for_escaped();
         let now = self.now();
         self.supervisor.end(now);
         self.work();
@@ -546,18 +546,18 @@ impl Backend for Processes {
         self.supervisor.all_ended() && self.retiring.is_empty()
     }
 
-    fn end_strays(&mut self) {
+    fn end_escaped(&mut self) {
         let clock = Stopwatch::start();
         loop {
-            // Whoever was the child of one that has ended just now is an orphan.
-            self.look_for_strays();
-            if self.descendants.end_strays(self.now()) {
+            // The children of one that has ended just now are the launcher's.
+            self.look_for_escaped();
+            if self.descendants.end_escaped(self.now()) {
                 return;
             }
-            if clock.elapsed() > STRAYS_PATIENCE {
+            if clock.elapsed() > ESCAPED_PATIENCE {
                 return self.sayings.push("processes that apps had started elsewhere could not be ended".to_owned());
             }
-            self.descendants.wait(self.now(), STRAYS_LOOK);
+            self.descendants.wait(self.now(), ESCAPED_LOOK);
         }
     }
 
@@ -575,7 +575,7 @@ impl Drop for Processes {
         if self.let_go {
             return;
         }
-        self.look_for_strays();
+        self.look_for_escaped();
         let slots = self.slots.iter_mut().rev();
         for process in slots.flat_map(|slot| slot.successor.take().into_iter().chain(slot.holder.take())) {
             let mut process = process;
@@ -584,7 +584,7 @@ impl Drop for Processes {
         for (process, _) in &mut self.retiring {
             process.stop(STOP_PATIENCE);
         }
-        self.end_strays();
+        self.end_escaped();
     }
 }
 

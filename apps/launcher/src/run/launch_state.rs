@@ -12,7 +12,7 @@ use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, R
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
-use crate::process::strays::Run;
+use crate::process::escaped::RunId;
 
 /// The variable.
 pub(crate) const KEY: &str = "LAUNCH_STATE";
@@ -34,7 +34,7 @@ pub(crate) struct LaunchState {
     /// The run's folder.
     pub folder: PathBuf,
     /// By what the mission's processes are known, once there are any.
-    pub run: Option<Run>,
+    pub run: Option<RunId>,
     /// The mission's name, and the file that it was read from.
     name: String,
     file: PathBuf,
