@@ -568,11 +568,11 @@ impl Round {
 
 /// What decodes, and contradicts what somebody knows.
 fn contradictions(request: u64, command: u64) -> Vec<(String, Value)> {
-    let mut stray = OccupancyGrid::new(0.25);
-    stray.set(Voxel::new(12_000, 12_000, 12_000), State::Free);
+    let mut outlier = OccupancyGrid::new(0.25);
+    outlier.set(Voxel::new(12_000, 12_000, 12_000), State::Free);
     let mut coarse = OccupancyGrid::new(0.5);
     coarse.set(Voxel::new(0, 0, 0), State::Free);
-    let far = MapUpdate { revision: 1_000_000, ..MapUpdate::new(stray.whole(), 1) };
+    let far = MapUpdate { revision: 1_000_000, ..MapUpdate::new(outlier.whole(), 1) };
     let plan = |points: Vec<Point3<f64>>, clearance_m: f64, revision: u64| {
         let path = messages::Path { points, target: Voxel::new(0, 0, 3), unknown: vec![], looks: vec![] };
         let scan_spacing_m = 0.01;

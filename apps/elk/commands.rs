@@ -5,7 +5,7 @@ use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker, tell};
-use elk_launcher::{AttachOptions, Deputy, FinishedRun, LaunchOptions, end_leftovers};
+use elk_launcher::{AttachOptions, FinishedRun, LaunchOptions, StandbyGuard, end_leftovers};
 use elk_mission::{AppType, Mission, Registry, describe, element, instead};
 use elk_outside::colour::{self, Style};
 use elk_outside::text;
@@ -166,12 +166,12 @@ fn of_element(registry: &Registry, element: &str) -> Result<Registry> {
 pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
     let community = arguments.community.community;
     let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((arguments.mailbox as usize) << 20);
-    let deputy = Deputy::of_launcher();
+    let standby = StandbyGuard::of_launcher();
     end_leftovers(&community).into_iter().for_each(|said| tell(format_args!("elk db: {said}")));
     let served = serve_broker(community, config, Clock::new(1.0));
     // What is left is ended all the same.
-    if let Some(deputy) = deputy {
-        deputy.stand_in();
+    if let Some(standby) = standby {
+        standby.take_over();
     }
     served?;
     Ok(ExitCode::SUCCESS)

@@ -29,7 +29,7 @@ mod terminal;
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
 pub use launch::{AttachOptions, FinishedRun, LaunchOptions, attach, launch};
-pub use process::guard::{Deputy, guard};
+pub use process::guard::{StandbyGuard, guard};
 pub use process::handle;
 pub use process::leftovers::end_leftovers;
 pub use reports::steps::{Spread, StepTimes};

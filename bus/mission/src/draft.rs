@@ -17,7 +17,7 @@ use crate::registry::Registry;
 use crate::resolve::{Given, Table, resolve};
 use crate::setting::Override;
 use crate::spec::{AppSpec, AppType, Program};
-use crate::xml::{own_text, stray_text, value_at};
+use crate::xml::{loose_text, own_text, value_at};
 
 /// The type of an element that is supposed, for a mission without one: it is not recorded.
 const NONE: &str = "none";
@@ -73,7 +73,7 @@ impl Draft {
             draft.read_attribute(context, attribute, problems);
         }
         draft.check_policy(node, problems);
-        stray_text(node, problems);
+        loose_text(node, problems);
         for child in node.children().filter(Node::is_element) {
             draft.read_parameter(context, child, problems);
         }

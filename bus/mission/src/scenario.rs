@@ -13,7 +13,7 @@ use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::setting::Override;
 use crate::spec::{AppSpec, Mission, Mode};
-use crate::xml::stray_text;
+use crate::xml::loose_text;
 use crate::{variables, wiring};
 
 /// The most apps of a mission: each is a process.
@@ -136,7 +136,7 @@ fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, 
 }
 
 fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Draft> {
-    stray_text(scenario, problems);
+    loose_text(scenario, problems);
     let mut drafts = Vec::new();
     for node in scenario.children().filter(Node::is_element) {
         let element = node.tag_name().name();

@@ -5,7 +5,7 @@ use roxmltree::Node;
 use crate::problem::{At, Findings};
 
 /// Text between elements is a forgotten tag.
-pub(crate) fn stray_text(parent: Node, problems: &mut Findings) {
+pub(crate) fn loose_text(parent: Node, problems: &mut Findings) {
     for text in parent.children().filter(Node::is_text) {
         let said = text.text().unwrap_or_default();
         if !said.trim().is_empty() {

@@ -15,7 +15,7 @@ use crate::error::LaunchError;
 use crate::process::handle;
 use crate::supervisor::Exit;
 
-/// Lines of a dead app's log that its obituary quotes.
+/// Lines of an ended app's log that the message about its end quotes.
 const TAIL_LINES: usize = 5;
 /// How long the kernel may take to end a killed process.
 const KILL_PATIENCE: Duration = Duration::from_secs(5);

@@ -94,14 +94,14 @@ pub fn guard(launcher: impl BufRead) -> io::Result<()> {
     read
 }
 
-/// The guard's deputy: the broker of a mission that ends with its launcher. If launcher and guard are killed together, the
-/// kernel asks the broker to end, and nobody else is left who knows of the mission's processes.
-pub struct Deputy {
+/// The guard's standby is the broker of a mission that ends with its launcher. If launcher and guard are killed
+/// together, the kernel asks the broker to end, and nobody else is left who knows of the mission's processes.
+pub struct StandbyGuard {
     launcher: Option<Pid>,
     run: RunId,
 }
 
-impl Deputy {
+impl StandbyGuard {
     /// `None`: this process does not end with a launcher.
     pub fn of_launcher() -> Option<Self> {
         parent_process_death_signal().ok().flatten()?;
@@ -109,7 +109,7 @@ impl Deputy {
     }
 
     /// Ends what is left, if the launcher is gone, and its guard as well.
-    pub fn stand_in(self) {
+    pub fn take_over(self) {
         if getppid() != self.launcher && !self.run.processes().iter().any(is_guard) {
             Watched::default().end(Some(&self.run));
         }

@@ -33,7 +33,7 @@ const NO_APP: &str =
 #[derive(Debug)]
 pub(crate) struct Supervisor {
     pub units: Vec<Unit>,
-    /// What is done of the mission, for obituaries: `before the mission was over`.
+    /// How far the mission is, for messages about an app's end: `before the mission was over`.
     pub when: &'static str,
     actions: Vec<Action>,
     /// Who has yet to end, once the mission ends.
@@ -120,8 +120,8 @@ impl Supervisor {
 
     fn holder_ended(&mut self, index: usize, mut exit: Exit, now: Duration) {
         let unit = &mut self.units[index];
-        if let Some(doom) = unit.doom.take() {
-            exit = Exit { how: format!("killed, {doom}"), asked: false, ..exit };
+        if let Some(kill_reason) = unit.kill_reason.take() {
+            exit = Exit { how: format!("killed, {kill_reason}"), asked: false, ..exit };
         }
         unit.last_exit = Some(exit.in_short());
         match (&unit.swap, unit.state) {
@@ -243,14 +243,14 @@ impl Supervisor {
     /// An app that was to join while there was no broker is not to blame: whatever its policy, it tries again.
     fn found_no_broker(&mut self, index: usize, exit: &Exit, now: Duration) -> bool {
         let outage = self.units[BROKER].registered && self.units[BROKER].state != State::Running;
-        let innocent = index != BROKER && outage && self.units[index].state == State::Starting;
-        if innocent {
+        let excused = index != BROKER && outage && self.units[index].state == State::Starting;
+        if excused {
             let name = &self.units[index].spec.name;
             let said = format!("{name} came while there was no broker ({}); it is started again", exit.how);
             self.say(said);
             self.enter(index, State::Waiting { until: now + OUTAGE_PAUSE }, now);
         }
-        innocent
+        excused
     }
 
     /// A broker's outage is nobody's fault but the broker's.
@@ -465,16 +465,18 @@ impl Supervisor {
                 unit.restarts += 1;
                 self.start(index, now);
             }
-            State::Stopping { kill_at } if unit.doom.is_none() && kill_at <= now => {
-                unit.doom = Some(format!("not stopped within {} s", STOP_PATIENCE.as_secs()));
+            State::Stopping { kill_at } if unit.kill_reason.is_none() && kill_at <= now => {
+                unit.kill_reason = Some(format!("not stopped within {} s", STOP_PATIENCE.as_secs()));
                 self.actions.push(Action::Kill(index));
             }
             State::Starting if unit.order.is_some_and(|(_, limit)| limit <= now) => {
                 unit.failing = Some(format!("{name} did not register in time and was stopped"));
                 self.ask(index, now);
             }
-            State::Starting if unit.registered && unit.doom.is_none() && unit.since + REGISTER_PATIENCE <= now => {
-                unit.doom = Some(format!("not registered within {} s", REGISTER_PATIENCE.as_secs()));
+            State::Starting
+                if unit.registered && unit.kill_reason.is_none() && unit.since + REGISTER_PATIENCE <= now =>
+            {
+                unit.kill_reason = Some(format!("not registered within {} s", REGISTER_PATIENCE.as_secs()));
                 self.actions.push(Action::Kill(index));
             }
             _ => {}
@@ -514,8 +516,8 @@ impl Supervisor {
         let unit = &mut self.units[index];
         let silent = now.saturating_sub(unit.sign);
         let hung = unit.spec.health.is_some_and(|health| silent > health);
-        if hung && unit.state == State::Running && unit.swap.is_none() && unit.doom.is_none() {
-            unit.doom = Some(format!("no sign of life for {:.0} s", silent.as_secs_f64()));
+        if hung && unit.state == State::Running && unit.swap.is_none() && unit.kill_reason.is_none() {
+            unit.kill_reason = Some(format!("no sign of life for {:.0} s", silent.as_secs_f64()));
             self.actions.push(Action::Kill(index));
         }
     }
