@@ -28,7 +28,7 @@ const BROKER_PATIENCE: Duration = Duration::from_secs(20);
 /// How long apps may take to register: they load worlds first.
 const REGISTER_PATIENCE: Duration = Duration::from_secs(60);
 /// How long the sensor may take to hold the final map against the true world.
-const JUDGE_PATIENCE: Duration = Duration::from_secs(60);
+const EVALUATION_PATIENCE: Duration = Duration::from_secs(60);
 /// How long a step may take, of which everybody says that they are well, before the mission counts as stuck: far longer
 /// than any explorer thinks.
 const STEP_PATIENCE: Duration = Duration::from_secs(300);
@@ -111,7 +111,7 @@ impl MissionRun<'_> {
         }
     }
 
-    /// Waits until exploration is over, has the final map judged, and sees that everyone is there for the end.
+    /// Waits until exploration is over, has the final map evaluated, and sees that everyone is there for the end.
     pub fn explore(&mut self) -> Result<(), LaunchError> {
         if self.state.manual && self.background {
             self.display.put("`elk step` takes a step; `elk resume` runs on");
@@ -125,7 +125,7 @@ impl MissionRun<'_> {
             self.step_by_hand();
             self.see_movement(&mut movement)?;
         }
-        self.judge()?;
+        self.evaluate_map()?;
         // Whoever died in the last moment has yet to do what it does at the end.
         self.gather("before the mission was over")
     }
@@ -151,11 +151,11 @@ impl MissionRun<'_> {
 
     /// Asks for the whole map, and waits until the sensor has held it against the true world. A sensor that does not
     /// know the true world says nothing, and that is no failure.
-    fn judge(&mut self) -> Result<(), LaunchError> {
+    fn evaluate_map(&mut self) -> Result<(), LaunchError> {
         self.listener.say(MAP_REQUEST, 1.0);
         let clock = Stopwatch::start();
-        while !self.listener.observer().judged() && clock.elapsed() < JUDGE_PATIENCE {
-            self.look("before the map was judged")?;
+        while !self.listener.observer().is_evaluated() && clock.elapsed() < EVALUATION_PATIENCE {
+            self.look("before the map was evaluated")?;
         }
         Ok(())
     }

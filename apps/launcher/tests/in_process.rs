@@ -16,7 +16,7 @@ use elk_spatial::messages::{
 };
 use nalgebra::Point3;
 
-/// Answers pose commands, and judges maps; touches the world as often as it is told.
+/// Answers pose commands, and evaluates maps; touches the world as often as it is told.
 struct Sensor {
     contacts: u64,
 }
@@ -24,7 +24,7 @@ struct Sensor {
 impl App for Sensor {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         comms.register(&POSE_COMMAND)?;
-        Ok(comms.register("JUDGE")?)
+        Ok(comms.register("EVALUATE")?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
@@ -53,7 +53,7 @@ impl App for Map {
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         if mail.key() == MAP_REQUEST {
-            return Ok(comms.notify("JUDGE", 1.0)?);
+            return Ok(comms.notify("EVALUATE", 1.0)?);
         }
         let elk_bus::ValueRef::Double(scan) = mail.value() else { return Err("no scan".into()) };
         if scan as i64 == self.fails_at {

@@ -111,7 +111,7 @@ impl Summary {
             known_voxels: free + occupied,
             free_voxels: free,
             occupied_voxels: occupied,
-            accuracy: observed.accuracy.as_ref().filter(|judged| judged.voxels > 0).map(|judged| judged.accuracy),
+            accuracy: observed.accuracy.as_ref().filter(|report| report.voxels > 0).map(|report| report.accuracy),
             contacts: observed.contacts(),
             seconds: observed.seconds(),
             coverage: motion.map(|motion| motion.marks.clone()).unwrap_or_default(),
@@ -240,9 +240,9 @@ impl fmt::Display for Summary {
         }
         let accuracy = self.accuracy.map(|share| format!("accuracy {:.2} %", 100.0 * share));
         let contacts = self.contacts.map(|count| format!("contacts {count}"));
-        let judged: Vec<String> = accuracy.into_iter().chain(contacts).collect();
-        if !judged.is_empty() {
-            writeln!(f, "  {}", judged.join(", "))?;
+        let figures: Vec<String> = accuracy.into_iter().chain(contacts).collect();
+        if !figures.is_empty() {
+            writeln!(f, "  {}", figures.join(", "))?;
         }
         if let Some(step) = &self.step {
             writeln!(f, "  a step: median {:.1} ms, 99 % within {:.1} ms", step.median_ms, step.p99_ms)?;
