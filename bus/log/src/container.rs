@@ -20,7 +20,7 @@ use crate::chunk::{self, Chunk, ChunkHead, Unpacked};
 use crate::error::LogError;
 use crate::footer::{Footer, TAIL_BYTES};
 use crate::head::{Head, MAX_RECORD_BYTES};
-use crate::judge::end_of_content;
+use crate::resync::end_of_content;
 
 /// Bytes that are read from the file at once.
 const READ_BYTES: usize = 1 << 20;

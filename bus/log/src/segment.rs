@@ -17,8 +17,8 @@ use crate::error::LogError;
 use crate::extras::{ExtraKind, Extras};
 use crate::foreign::Schema;
 use crate::head::{Head, MESSAGE_HEAD};
-use crate::judge::Judge;
 use crate::record::{Metadata, RecordRef};
+use crate::resync::RecordFinder;
 use crate::salvage::Salvage;
 use crate::summary::Summary;
 
@@ -177,7 +177,7 @@ impl Segment {
         };
         let channels = segment.channels().map(|(id, _)| id).collect();
         if let Records::Salvaged(salvage) = &mut segment.records {
-            salvage.begin(Judge { channels, times });
+            salvage.begin(RecordFinder { channels, times });
         }
         Ok(segment)
     }
