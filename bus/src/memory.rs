@@ -104,7 +104,7 @@ impl MemoryBroker {
         // A broker that has stopped has no names to give; the link will say that it is gone.
         let id = host.as_mut().map_or(Ok(0), |host| host.join(now, who, ends))?;
         ends.clients.insert(id, ClientEnd::default());
-        let dial = host.as_ref().and_then(|host| host.broker.dial());
+        let clock_setting = host.as_ref().and_then(|host| host.broker.clock_setting());
         state.follow_up(now);
         let epoch = state.epoch;
         let end = Arc::new(End { shared: shared.clone(), id, epoch, goodbye: AtomicBool::new(false) });
@@ -114,7 +114,7 @@ impl MemoryBroker {
             down: Box::new(MemoryDown { end, wake: None }),
             back: Box::new(MemoryBack { broker: self.clone(), name, lease_secs, epoch }),
             warp: shared.clock.warp(),
-            dial,
+            clock_setting,
             epoch,
         })
     }

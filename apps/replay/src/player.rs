@@ -272,7 +272,7 @@ impl<'a> Player<'a> {
         }
         let comms = &mut self.client.comms;
         if let Some((time, rate)) = self.schedule.clock(now) {
-            let same_rate = comms.clock().dial().is_some_and(|dial| dial.rate == rate);
+            let same_rate = comms.clock().setting().is_some_and(|setting| setting.rate == rate);
             if !same_rate || (comms.time() - time).abs() > rate * OUT_OF_STEP_SECS {
                 comms.drive_clock(time, rate)?;
             }
@@ -284,7 +284,8 @@ impl<'a> Player<'a> {
     fn stop_clock(&mut self, now: Duration) -> Result<(), ReplayError> {
         let comms = &mut self.client.comms;
         let position = self.schedule.clock(now).filter(|_| self.options.clock);
-        if let Some((time, _)) = position.filter(|_| comms.clock().dial().is_some_and(|dial| dial.rate > 0.0)) {
+        if let Some((time, _)) = position.filter(|_| comms.clock().setting().is_some_and(|setting| setting.rate > 0.0))
+        {
             comms.drive_clock(time, 0.0)?;
             comms.flush()?;
         }

@@ -20,9 +20,9 @@
 extern crate self as elk_bus;
 
 pub mod broker;
+mod clock_setting;
 pub mod codec;
 pub mod community;
-mod dial;
 pub mod host;
 pub mod key;
 pub mod link;
@@ -36,7 +36,7 @@ pub mod types;
 pub mod value;
 pub mod wire;
 
-pub use dial::Dial;
+pub use clock_setting::ClockSetting;
 /// What `#[payload]` derives besides.
 pub use elk_describe as describe;
 use elk_describe::payload;

@@ -5,7 +5,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::dial::Dial;
+use crate::clock_setting::ClockSetting;
 use crate::wire::BulkRef;
 
 /// Why a transport could not do what it was asked to.
@@ -123,7 +123,7 @@ pub struct Link {
     /// How much faster than the wall's clock the community's runs by itself.
     pub warp: f64,
     /// What the community's clock is set to, if somebody drives it.
-    pub dial: Option<Dial>,
+    pub clock_setting: Option<ClockSetting>,
     /// Tells one life of the broker from the next.
     pub epoch: u64,
 }

@@ -9,7 +9,7 @@ use std::os::unix::net::{SocketAddr, UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use elk_proto::Dial;
+use elk_proto::ClockSetting;
 use elk_proto::codec;
 use elk_proto::community::Community;
 use rustix::net::{
@@ -45,7 +45,7 @@ pub enum Answer {
         epoch: u64,
         warp: f64,
         /// What the community's clock is set to, if somebody drives it.
-        dial: Option<Dial>,
+        clock_setting: Option<ClockSetting>,
         /// Where the community's files are, whatever the client's environment says of places.
         folder: PathBuf,
     },
@@ -75,7 +75,7 @@ pub fn nobody_listens(community: &Community) -> bool {
 }
 
 /// Connects to the community's broker, and waits for a while if too many others do.
-pub fn dial(community: &Community) -> std::io::Result<UnixStream> {
+pub fn connect(community: &Community) -> std::io::Result<UnixStream> {
     let stream = door::wait_at(&name(community), PATIENCE)?;
     stream.set_read_timeout(Some(PATIENCE))?;
     Ok(stream)

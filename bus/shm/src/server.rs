@@ -143,7 +143,7 @@ impl Server {
         limits::let_owner_in();
         let io = |source| ServeError::Io { community: community.clone(), source };
         let unusable = |source| ServeError::Folder { community: community.clone(), source };
-        // What is wrong with the namespace is said before anybody can dial in: whoever has would hear a mere hanging
+        // What is wrong with the namespace is said before anybody can connect: whoever has would hear a mere hanging
         // up.
         scarce::room()?;
         let mut namespace = hold(&community)?;

@@ -70,7 +70,7 @@ pub fn ask(
         }
         _ => broken(error.to_string()),
     };
-    let mut stream = dial(community, patience)?;
+    let mut stream = connect(community, patience)?;
     let mut line = serde_json::to_vec(question).map_err(|error| broken(error.to_string()))?;
     line.push(b'\n');
     stream.write_all(&line).map_err(io)?;
@@ -88,7 +88,7 @@ pub fn ask(
     }
 }
 
-fn dial(community: &Community, patience: Duration) -> Result<UnixStream, AskError> {
+fn connect(community: &Community, patience: Duration) -> Result<UnixStream, AskError> {
     let broken = |error: std::io::Error| AskError::Broken { community: community.clone(), why: error.to_string() };
     let stream = door::wait_at(&name(community), patience.min(PATIENCE)).map_err(|error| match error.kind() {
         ErrorKind::WouldBlock => broken(error),

@@ -310,11 +310,11 @@ mod tests {
     fn nonsense_is_refused_and_mutes_hold_nobody_up() {
         let community = community("nonsense");
         let server = Server::listen(&community).unwrap();
-        let dial = || UnixStream::connect_addr(&address(&community).unwrap()).unwrap();
-        let _mute = dial();
-        let mut odd = dial();
+        let connect = || UnixStream::connect_addr(&address(&community).unwrap()).unwrap();
+        let _mute = connect();
+        let mut odd = connect();
         odd.write_all(b"{\"command\":\"fly\"}\n").unwrap();
-        let mut endless = dial();
+        let mut endless = connect();
         endless.set_nonblocking(true).unwrap();
         let served = serve(server, 1);
         let mut said = String::new();

@@ -173,7 +173,7 @@ impl Broker {
                 self.on_ready(now, from);
                 Ok(())
             }
-            FrameKind::Clock => self.set_clock(now, from, wire::dial(frame)?),
+            FrameKind::Clock => self.set_clock(now, from, wire::clock_setting(frame)?),
             FrameKind::Refused | FrameKind::Dropped => Err("only the broker sends such a frame"),
         }
     }

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 
 use super::*;
-use crate::dial::Dial;
+use crate::clock_setting::ClockSetting;
 use crate::wire::{BulkRef, Header, LATEST, LOSSLESS, Named, ValueKind, frames, put, put_definition};
 
 /// A client of the test: speaks frames, remembers what it was told.
@@ -22,7 +22,7 @@ struct Speaker {
     sequence: u64,
     names: BTreeMap<(u16, u32), String>,
     /// What it was told that the clock is set to, each time.
-    clock: Vec<Option<Dial>>,
+    clock: Vec<Option<ClockSetting>>,
     handled: u64,
 }
 
@@ -82,14 +82,14 @@ impl Speaker {
         broker.receive(now, self.id, &batch).unwrap();
     }
 
-    fn drive(&self, broker: &mut Broker, now: f64, dial: Option<Dial>) {
+    fn drive(&self, broker: &mut Broker, now: f64, setting: Option<ClockSetting>) {
         let mut batch = Vec::new();
-        wire::put_clock(&mut batch, dial);
+        wire::put_clock(&mut batch, setting);
         broker.receive(now, self.id, &batch).unwrap();
     }
 
     /// What it was told of the clock since the last call.
-    fn told(&mut self, broker: &mut Broker, now: f64) -> Vec<Option<Dial>> {
+    fn told(&mut self, broker: &mut Broker, now: f64) -> Vec<Option<ClockSetting>> {
         self.hear(broker, now);
         std::mem::take(&mut self.clock)
     }
@@ -110,7 +110,7 @@ impl Speaker {
                     self.names.insert((h.flags, h.key), String::from_utf8(frame.aux.into()).unwrap());
                 }
                 FrameKind::Dropped => dropped = h.sequence,
-                FrameKind::Clock => self.clock.push(wire::dial(&frame).unwrap()),
+                FrameKind::Clock => self.clock.push(wire::clock_setting(&frame).unwrap()),
                 FrameKind::Refused => refused.push(String::from_utf8(frame.value.into()).unwrap()),
                 _ => heard.push(Heard {
                     key: name(Named::Key, h.key),

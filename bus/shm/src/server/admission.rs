@@ -69,9 +69,9 @@ impl Server {
         match peer {
             Ok((id, peer)) => {
                 let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
-                let (warp, dial) = (self.clock.warp(), self.host.broker.dial());
+                let (warp, clock_setting) = (self.clock.warp(), self.host.broker.clock_setting());
                 let folder = self.peers.namespace.folder().path().to_owned();
-                let welcome = Answer::Welcome { id, epoch: self.peers.epoch, warp, dial, folder };
+                let welcome = Answer::Welcome { id, epoch: self.peers.epoch, warp, clock_setting, folder };
                 // Who hung up meanwhile is noticed by the connection's own thread.
                 let _ = handshake::send(&stream, &welcome, &files);
                 self.peers.by_id.insert(id, peer);
@@ -166,7 +166,7 @@ impl Server {
     }
 }
 
-/// Lets the connections of all who dial in have their first word.
+/// Lets the connections of all who connect have their first word.
 pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
     let (mut door, lobby) = (Door::new(listener), Arc::new(Lobby::default()));
     for connection in 0_u64.. {

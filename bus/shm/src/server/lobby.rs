@@ -1,4 +1,4 @@
-//! Where those wait who have dialled in and not said who they are. There is room for so many; who stands there longest
+//! Where those wait who have connected and not said who they are. There is room for so many; who stands there longest
 //! without a word goes when others want in. And who comes when no descriptor is left is told so.
 
 use std::collections::VecDeque;
