@@ -4,8 +4,8 @@
 
 mod admission;
 mod bulk_values;
-mod lobby;
 mod peers;
+mod pending;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
@@ -87,7 +87,7 @@ pub enum ServeError {
         community: Community,
     },
     /// There is no thread to let anybody in.
-    #[error("community {community} cannot be served: no thread for its door: {source}{}", scarce::remedy(.source))]
+    #[error("community {community} cannot be served: no thread for its connections: {source}{}", scarce::remedy(.source))]
     NoThread {
         /// The community.
         community: Community,
@@ -435,7 +435,7 @@ fn hold(community: &Community) -> Result<HeldNamespace, ServeError> {
 
 fn taken(community: &Community, source: std::io::Error) -> ServeError {
     let community = community.clone();
-    let other = handshake::knock(&community).and_then(|stream| Owner::at_other_end(&stream));
+    let other = handshake::connect_now(&community).and_then(|stream| Owner::at_other_end(&stream));
     match other {
         Ok(Owner { process, user }) if user != elk_os::own_user() => ServeError::Foreign { community, process, user },
         Ok(Owner { process, user }) => ServeError::Taken { community, process, user },

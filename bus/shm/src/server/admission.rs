@@ -10,8 +10,8 @@ use elk_os::{Owner, ProcessId, tell};
 use elk_proto::broker::Introduction;
 use elk_proto::host::{Host, Progress};
 
-use super::lobby::{Door, Lobby};
 use super::peers::Peer;
+use super::pending::{Acceptor, PendingConnections};
 use super::{
     Answer, BTreeMap, BrokerConfig, BrokerPage, ClientId, Event, Hello, LinkError, Namespace, Page, SENT_AWAY, Server,
     handshake, leftovers, scarce, sessions,
@@ -168,13 +168,13 @@ impl Server {
 
 /// Lets the connections of all who connect have their first word.
 pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
-    let (mut door, lobby) = (Door::new(listener), Arc::new(Lobby::default()));
+    let (mut acceptor, pending) = (Acceptor::new(listener), Arc::new(PendingConnections::default()));
     for connection in 0_u64.. {
-        let stream = Arc::new(door.next());
-        lobby.enter(connection, &stream);
-        let (events, page, lobby) = (events.clone(), page.clone(), lobby.clone());
+        let stream = Arc::new(acceptor.next());
+        pending.enter(connection, &stream);
+        let (events, page, pending) = (events.clone(), page.clone(), pending.clone());
         let serve = {
-            let (stream, lobby) = (stream.clone(), lobby.clone());
+            let (stream, pending) = (stream.clone(), pending.clone());
             move || {
                 let tell = |event| {
                     // The broker may be gone already; then nobody needs the news.
@@ -182,7 +182,7 @@ pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &
                     page.bell.ring();
                 };
                 let hello = first_word(&stream);
-                lobby.leave(connection);
+                pending.leave(connection);
                 if let Some(hello) = hello {
                     tell(Event::Hello(connection, stream.clone(), hello));
                     handshake::wait_for_end(&stream);
@@ -196,7 +196,7 @@ pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &
             let reason = format!("the broker has no thread for another client: {error}{remedy}");
             tell(format_args!("elk db: a client was turned away: {reason}"));
             let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
-            lobby.leave(connection);
+            pending.leave(connection);
         }
     }
 }
