@@ -87,7 +87,7 @@ pub enum ServeError {
         community: Community,
     },
     /// There is no thread to let anybody in.
-    #[error("community {community} cannot be served: no thread for its connections: {source}{}", scarce::remedy(.source))]
+    #[error("community {community} cannot be served: no thread for connections: {source}{}", scarce::remedy(.source))]
     NoThread {
         /// The community.
         community: Community,

@@ -1,4 +1,4 @@
-//! The clients' ends in shared memory: their pages, lanes and bulk values.
+//! The clients' endpoints in shared memory: their pages, lanes and bulk values.
 
 use std::collections::BTreeMap;
 use std::os::unix::net::UnixStream;
@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 use elk_os::clock::monotonic_nanos;
 use elk_os::{ProcessId, tell};
 use elk_proto::broker::{Broker, ClientId, Retained, Session, Succession};
-use elk_proto::host::{Ends, Progress};
+use elk_proto::host::{Endpoints, Progress};
 use elk_proto::link::LinkError;
 use elk_proto::wire::BulkRef;
 use iceoryx2::node::Node;
@@ -39,7 +39,7 @@ pub(super) struct Peer {
     pub attached: BTreeMap<ClientId, u32>,
 }
 
-/// All clients' ends, and where what outlives the broker is kept.
+/// All clients' endpoints, and where what outlives the broker is kept.
 pub(super) struct Peers {
     pub by_id: BTreeMap<ClientId, Peer>,
     /// Bulk values of publishers that are gone, as far as they are some variable's latest.
@@ -53,7 +53,7 @@ pub(super) struct Peers {
     pub copies: Rc<Budget>,
 }
 
-impl Ends for Peers {
+impl Endpoints for Peers {
     fn progress(&self, id: ClientId) -> Option<Progress> {
         self.by_id.get(&id).map(|peer| peer.page.progress())
     }
