@@ -5,7 +5,7 @@
 //! in the right order: holders of names retire for their successors, whoever waits for a reader that was replaced waits
 //! for the next one, and what the next broker has to find, should this one die, is handed over to be kept.
 
-use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Refusal, Retained, Session, Succession, Wish};
+use crate::broker::{Action, Broker, BrokerConfig, ClientId, Introduction, Refusal, Retained, Session, Succession};
 use crate::wire::{BulkRef, WireError};
 
 /// How long the sessions of the clients of a broker that died are kept (s).
@@ -42,7 +42,7 @@ pub trait Endpoints {
     /// [`Host::follow_up`] is to be called once this client has handled mail.
     fn watch(&mut self, _id: ClientId) {}
 
-    /// The bytes of a bulk value, as far as they are kept: for transports that have a place for them.
+    /// The bytes of a bulk value, as far as they are kept: for transports that keep any.
     fn bulk(&self, _reference: BulkRef) -> Option<&[u8]> {
         None
     }
@@ -91,7 +91,7 @@ impl Host {
         Self::of(Broker::new(config, now))
     }
 
-    /// Takes the place of a broker that died: with the sessions of its clients, each with whether that one lives and will
+    /// Takes over from a broker that died: with the sessions of its clients, each with whether that one lives and will
     /// return, and what those had left who were gone.
     pub fn recover(
         config: BrokerConfig,
@@ -153,15 +153,15 @@ impl Host {
     /// What the broker wants done at once.
     #[inline]
     fn heed(&mut self, endpoints: &mut impl Endpoints) {
-        while let Some(wish) = self.broker.poll() {
-            match wish {
-                Wish::Resolve(id) => self.broker.resolve_mail(id, |reference| endpoints.bulk(reference)),
-                Wish::Follow(succession) => endpoints.follow(&succession),
-                Wish::Attach { receiver, publisher } => endpoints.attach(receiver, publisher),
-                Wish::Retire(holder) => self.retire(holder, endpoints),
+        while let Some(action) = self.broker.poll() {
+            match action {
+                Action::Resolve(id) => self.broker.resolve_mail(id, |reference| endpoints.bulk(reference)),
+                Action::Follow(succession) => endpoints.follow(&succession),
+                Action::Attach { receiver, publisher } => endpoints.attach(receiver, publisher),
+                Action::Retire(holder) => self.retire(holder, endpoints),
                 // Written once a round, however many have come and registered in it.
-                Wish::KeepSessions => self.sessions_changed = true,
-                Wish::KeepRetained => self.retained_changed = true,
+                Action::KeepSessions => self.sessions_changed = true,
+                Action::KeepRetained => self.retained_changed = true,
             }
         }
     }

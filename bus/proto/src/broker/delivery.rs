@@ -99,7 +99,7 @@ impl Broker {
             self.reached.push(to);
         }
         if message.header.flags & BULK != 0 && matches!(client.standing, Standing::Disconnected { .. }) {
-            self.wishes.resolve.insert(to);
+            self.actions.resolve.insert(to);
         }
         client.mailbox.push(now, message, self.config.lossless_patience_secs);
     }

@@ -132,7 +132,7 @@ impl Broker {
             Some(predecessor) => self.set_standing(id, Standing::Joining { predecessor, ready: false }),
             None => {
                 self.sessions.names.insert(name.into(), id);
-                self.wishes.keep_sessions = true;
+                self.actions.keep_sessions = true;
                 self.announce(now, &format!("connected={name}"));
             }
         }
@@ -220,7 +220,7 @@ impl Broker {
             Some(Standing::Present) => {
                 let name = self.client_name(id).unwrap_or_default().to_owned();
                 self.publish_event(now, &format!("ready={name}"));
-                self.wishes.retire.push_back(predecessor);
+                self.actions.retire.push_back(predecessor);
             }
             // What it asks for first is what those know who are on their way back.
             _ if self.awaits_returns(now) && !self.sessions.returning.contains(&id) => {}
@@ -275,7 +275,7 @@ impl Broker {
             client.standing = Standing::Disconnected { until, returns: false };
             self.sessions.given_bytes -= client.mailbox.given_bytes();
             client.mailbox.take_back(handled);
-            self.wishes.resolve.insert(id);
+            self.actions.resolve.insert(id);
         } else {
             self.forget(id);
         }
@@ -319,7 +319,7 @@ impl Broker {
         for other in self.sessions.clients.values_mut() {
             other.feeds.remove(&id);
         }
-        self.wishes.keep_sessions = true;
+        self.actions.keep_sessions = true;
         self.share_out_mail();
     }
 
@@ -342,7 +342,7 @@ impl Broker {
         }
         self.sessions.names.insert(name.clone(), id);
         self.set_standing(id, Standing::Present);
-        self.wishes.keep_sessions = true;
+        self.actions.keep_sessions = true;
         let asked =
             self.sessions.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
         let change = |frame: Frame<'_>| Change::read(&frame, self.expected(id, &frame).ok()?).ok();
@@ -395,7 +395,7 @@ impl Broker {
         Ok(())
     }
 
-    /// The sessions, with their holders' numbers: what has to outlive the broker (see [`super::Wish::KeepSessions`]).
+    /// The sessions, with their holders' numbers: what has to outlive the broker (see [`super::Action::KeepSessions`]).
     pub fn sessions(&self) -> Vec<(ClientId, Session)> {
         let session = |client: &Client| Session {
             name: client.name.clone(),

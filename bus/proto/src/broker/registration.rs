@@ -132,7 +132,7 @@ impl Broker {
         let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
         client.registered_bytes = client.registrations.iter().map(Registration::bytes).sum();
-        self.wishes.keep_sessions = true;
+        self.actions.keep_sessions = true;
         self.mark_lossless(id);
         match &change {
             Change::Add(registration) => {

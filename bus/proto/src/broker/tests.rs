@@ -140,20 +140,20 @@ fn leased<'a>(name: &'a str, secs: f64) -> Introduction<'a> {
 }
 
 /// What the broker wants done.
-fn wishes(broker: &mut Broker) -> Vec<Wish> {
+fn actions(broker: &mut Broker) -> Vec<Action> {
     std::iter::from_fn(|| broker.poll()).collect()
 }
 
 /// Who is to retire, of what the broker wants done.
 fn retiring(broker: &mut Broker) -> Vec<ClientId> {
-    let retires = |wish| if let Wish::Retire(holder) = wish { Some(holder) } else { None };
-    wishes(broker).into_iter().filter_map(retires).collect()
+    let retires = |action| if let Action::Retire(holder) = action { Some(holder) } else { None };
+    actions(broker).into_iter().filter_map(retires).collect()
 }
 
 /// Puts values in the place of references wherever the broker wants it.
 fn resolve<'a>(broker: &mut Broker, value: impl Fn(BulkRef) -> Option<&'a [u8]>) {
-    for wish in wishes(broker) {
-        if let Wish::Resolve(id) = wish {
+    for action in actions(broker) {
+        if let Action::Resolve(id) = action {
             broker.resolve_mail(id, &value);
         }
     }
