@@ -1,5 +1,5 @@
 //! A community inside one process: the broker behind a lock, clients on threads. For tests, and for whole missions in
-//! one process. It has no bulk place of its own: a value is a copy away anyway.
+//! one process. It has no memory for bulk values: a value is a copy away anyway.
 //!
 //! Its broker can be made to die and to come back, and its clients to be killed, as those of processes are.
 

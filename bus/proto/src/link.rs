@@ -44,7 +44,7 @@ pub trait Uplink {
     fn handled(&self) -> u64;
 
     /// Writes a bulk value of `len` bytes where its readers will find it; `fill` writes the bytes. `None`: this
-    /// transport has no such place, the value has to travel in a batch. Waits if lossless readers are behind.
+    /// transport has no such memory, the value has to travel in a batch. Waits if lossless readers are behind.
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError>;
 
     /// A bulk value that was sent, as long as it is kept.
@@ -89,7 +89,7 @@ pub trait Downlink {
     /// overwritten before this client came to read it.
     fn bulk(&mut self, reference: BulkRef) -> Option<&[u8]>;
 
-    /// Opens the place where client `publisher` writes its bulk values; whether that worked.
+    /// Opens the memory where client `publisher` writes its bulk values; whether that worked.
     fn attach(&mut self, publisher: u32) -> bool;
 }
 

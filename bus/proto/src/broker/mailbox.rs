@@ -462,11 +462,11 @@ impl Known {
     fn insert(&mut self, what: Named, number: u32) -> bool {
         let is_new = !self.has((what, number));
         let all = &mut self.0[what as usize];
-        let place = number as usize / 64;
-        if all.len() <= place {
-            all.resize(place + 1, 0);
+        let word = number as usize / 64;
+        if all.len() <= word {
+            all.resize(word + 1, 0);
         }
-        all[place] |= 1 << (number % 64);
+        all[word] |= 1 << (number % 64);
         is_new
     }
 

@@ -88,7 +88,7 @@ const LONGEST_LEASE_SECS: f64 = 86_400.0;
 const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
 
 impl Broker {
-    /// A broker that takes the place of one that died: it keeps the `sessions` of the clients that were there, each with
+    /// A broker that takes over from one that died: it keeps the `sessions` of the clients that were there, each with
     /// whether its process still lives and will return, for `patience` (s).
     pub fn recover(
         config: BrokerConfig,
@@ -325,7 +325,7 @@ impl Broker {
 
     /// Gives `id` the session of `predecessor`, which is disconnected: first the latest values of what it registered for,
     /// then the predecessor's mail as far as it wants it, then what comes. A latest value that is still among that mail
-    /// comes in its place there, not twice.
+    /// comes there instead of it, not twice.
     fn take_over(&mut self, now: f64, id: ClientId, predecessor: ClientId) {
         let name = self.client_name(id).unwrap_or_default().to_owned();
         let dead = self.sessions.remove(predecessor);

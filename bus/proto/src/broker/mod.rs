@@ -124,7 +124,7 @@ impl Broker {
             names,
             variables: Variables::default(),
             time: Time::new(now),
-            // A broker that takes another's place is not to be taken for it.
+            // A broker that takes over from another is not to be taken for it.
             own: Own { source, sequence: wire::first_sequence(millis) },
             reached: Vec::new(),
             actions: Actions::default(),

@@ -111,7 +111,7 @@ enum Turn {
     Give,
     /// The holder handles so many messages of what it was given.
     Handle(u8),
-    /// The holder dies; another takes its place.
+    /// The holder dies; another one succeeds it.
     Die,
     /// A successor comes while the holder lives.
     Swap,
