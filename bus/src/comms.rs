@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 
-use crate::Dial;
+use crate::ClockSetting;
 use crate::clock::{Clock, monotonic_nanos};
 use crate::codec::{self, EncodeError};
 use crate::community::Community;
@@ -128,7 +128,7 @@ impl Comms {
         let comms = Self {
             name: name.into(),
             community: community.clone(),
-            clock: Clock::new(link.warp).driven(link.dial),
+            clock: Clock::new(link.warp).driven(link.clock_setting),
             driving: false,
             up: link.up,
             back: link.back,
@@ -178,7 +178,7 @@ impl Comms {
     /// still. It is left to itself again when this client goes, or says so. While another client drives it the broker
     /// refuses that (see [`crate::Inbox::take_refusals`]), under the name [`crate::broker::CLOCK`].
     pub fn drive_clock(&mut self, time: f64, rate: f64) -> Result<(), CommsError> {
-        self.clock_is_driven(Some(Dial { at: self.clock.own(), time, rate }))
+        self.clock_is_driven(Some(ClockSetting { at: self.clock.own(), time, rate }))
     }
 
     /// Leaves the community's clock, which this client drives, to itself.
@@ -186,18 +186,18 @@ impl Comms {
         if self.driving { self.clock_is_driven(None) } else { Ok(()) }
     }
 
-    fn clock_is_driven(&mut self, dial: Option<Dial>) -> Result<(), CommsError> {
-        self.driving = dial.is_some();
-        self.clock = self.clock.driven(dial);
-        wire::put_clock(&mut self.batch, dial);
+    fn clock_is_driven(&mut self, setting: Option<ClockSetting>) -> Result<(), CommsError> {
+        self.driving = setting.is_some();
+        self.clock = self.clock.driven(setting);
+        wire::put_clock(&mut self.batch, setting);
         self.flush_if_full()
     }
 
     /// Another client has set the community's clock, or left it to itself.
-    pub(crate) fn clock_was_set(&mut self, dial: Option<Dial>) {
+    pub(crate) fn clock_was_set(&mut self, setting: Option<ClockSetting>) {
         // What was said before the broker knew that this one drives is not news.
         if !self.driving {
-            self.clock = self.clock.driven(dial);
+            self.clock = self.clock.driven(setting);
         }
     }
 
@@ -306,7 +306,7 @@ impl Comms {
             self.outbox.recall(&*dead);
             self.back = link.back;
             // A broker that knows of nobody who drives the clock may yet be told; till then it runs on as it was set.
-            self.clock = Clock::new(link.warp).driven(link.dial.or(self.clock.dial()));
+            self.clock = Clock::new(link.warp).driven(link.clock_setting.or(self.clock.setting()));
             self.epoch = link.epoch;
             self.new_down = Some(link.down);
             self.ready = true;
@@ -340,7 +340,7 @@ impl Comms {
             wire::put(&mut batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
         }
         if self.driving {
-            wire::put_clock(&mut batch, self.clock.dial());
+            wire::put_clock(&mut batch, self.clock.setting());
         }
         wire::put(&mut batch, &Header::new(FrameKind::Ready), &[], &[]);
         batch

@@ -152,7 +152,9 @@ impl Inbox {
                     messages += 1;
                 }
                 // What the broker sends is sound.
-                FrameKind::Clock => wire::dial(&frame).into_iter().for_each(|dial| comms.clock_was_set(dial)),
+                FrameKind::Clock => {
+                    wire::clock_setting(&frame).into_iter().for_each(|setting| comms.clock_was_set(setting))
+                }
                 FrameKind::Register | FrameKind::Unregister | FrameKind::Attached | FrameKind::Ready => {}
             }
         }

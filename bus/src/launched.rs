@@ -5,7 +5,7 @@
 //! | `ELK_NAME` ([`NAME`]) | the app's name in the mission, which is to be its name on the bus | the program's file name |
 //! | `ELK_COMMUNITY` ([`COMMUNITY`]) | the community to join | `elk`, as for every command of elk |
 //! | `ELK_LEASE_SECS` ([`LEASE`]) | for how long its mail is kept if it dies: the mission starts it again | it is not kept |
-//! | `ELK_SUCCEED` ([`SUCCEED`]) | `1`: it comes to take the place of the app that has its name (`elk swap`) | it does not |
+//! | `ELK_SUCCEED` ([`SUCCEED`]) | `1`: it succeeds the app that has its name (`elk swap`) | it does not |
 //! | arguments `Name=Value` | its parameters, as the mission says them, and what other apps have in common with it | none |
 //! | other arguments | what the mission says in `args="…"`; they stand before the parameters | none |
 //!
@@ -45,7 +45,7 @@ pub struct RunOptions {
     pub community: Community,
     /// How long its registrations and its mail are kept after its death, for the next of its name; zero: not at all.
     pub lease: Duration,
-    /// It comes to take the place of the client that has its name.
+    /// It succeeds the client that has its name.
     pub succeeds: bool,
     /// Its parameters, as they were said: name and text. See [`RunOptions::param`].
     pub params: Vec<(String, String)>,
@@ -115,7 +115,7 @@ impl RunOptions {
         Self { lease, ..self }
     }
 
-    /// It comes to take the place of the client that has its name.
+    /// It succeeds the client that has its name.
     pub fn as_successor(self) -> Self {
         Self { succeeds: true, ..self }
     }

@@ -79,7 +79,7 @@ use elk_proto::outbox;
 pub use elk_proto::rejection::Rejection;
 pub use elk_proto::types::{self, Type, TypeRef};
 pub use elk_proto::value::{self, Value, ValueRef};
-pub use elk_proto::{Dial, link, pattern, wire};
+pub use elk_proto::{ClockSetting, link, pattern, wire};
 pub use elk_shm::{self as shm, ConnectError, Fault, FolderError, Running, ServeError, remedy, running};
 pub use failure::Failure;
 pub use handlers::{Handled, Handlers};

@@ -8,22 +8,22 @@
 //! use std::time::Duration;
 //! use elk_bus::{App, AppError, Asker, Comms, Handlers, Mail, Request, payload};
 //!
-//! /// What will the weather be?
+//! /// The city whose weather is asked for.
 //! #[payload]
-//! pub struct Place {
-//!     /// There.
+//! pub struct City {
+//!     /// Its name.
 //!     pub name: String,
 //! }
 //!
-//! /// That.
+//! /// The weather there.
 //! #[payload]
 //! pub struct Weather {
-//!     /// In the shade.
+//!     /// The temperature in the shade.
 //!     #[describe(unit = "°C")]
 //!     pub temperature: f64,
 //! }
 //!
-//! const WEATHER: Request<Place, Weather> = Request::new("WEATHER_REQUEST", "WEATHER");
+//! const WEATHER: Request<City, Weather> = Request::new("WEATHER_REQUEST", "WEATHER");
 //!
 //! /// Who answers needs one row.
 //! struct Station;
@@ -33,13 +33,13 @@
 //! }
 //!
 //! /// Who asks has an asker, which knows what is still unanswered.
-//! struct Walker(Asker<Place, Weather>);
+//! struct Walker(Asker<City, Weather>);
 //!
 //! impl Walker {
 //!     fn on_the_bus() -> impl App {
 //!         Handlers::new()
 //!             .on_with(&WEATHER.answer, Self::on_weather)
-//!             .caught_up(|walker: &mut Self, comms| walker.0.ask(comms, &Place { name: "Athens".into() }).map(drop))
+//!             .caught_up(|walker: &mut Self, comms| walker.0.ask(comms, &City { name: "Athens".into() }).map(drop))
 //!             .iterate(Duration::from_secs(1), Self::look)
 //!             .with(Self(Asker::new(WEATHER, Duration::from_secs(5))))
 //!     }

@@ -23,7 +23,7 @@ use crate::sight::Sight;
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
 use memory::Memory;
 use scene::Scene;
-use verdict::{End, Verdict};
+use verdict::{StopReason, Verdict};
 
 /// What an explorer is told besides its strategy.
 #[derive(Debug, Clone)]
@@ -203,13 +203,13 @@ impl Explorer {
         let mut scene = self.journal.time("space", || Scene::around(known, from, memory, settings));
         self.scope = scene.scope();
         if request.revision >= self.settings.max_scans {
-            return self.end(End::TooManyScans, &scene, known);
+            return self.stop(StopReason::TooManyScans, &scene, known);
         }
         if self.memory.scans_without_progress(request.revision) >= self.settings.patience {
-            return self.end(End::NoProgress, &scene, known);
+            return self.stop(StopReason::NoProgress, &scene, known);
         }
         if self.memory.refused() >= self.settings.patience {
-            return self.end(End::Refused, &scene, known);
+            return self.stop(StopReason::Refused, &scene, known);
         }
         let mut goals = self.near_goals(&scene);
         if goals.is_empty() {
@@ -221,7 +221,7 @@ impl Explorer {
             goals = self.far_goals(&mut scene, known.frontier);
         }
         if goals.is_empty() {
-            return self.end(End::Explored, &scene, known);
+            return self.stop(StopReason::Explored, &scene, known);
         }
         match self.choose(&scene, &goals, from) {
             Some((goal, way)) => {
@@ -229,7 +229,7 @@ impl Explorer {
                 self.report = None;
                 Decision::Go(self.path(&scene, known, goal, way))
             }
-            None => self.end(End::NoWay, &scene, known),
+            None => self.stop(StopReason::NoWay, &scene, known),
         }
     }
 
@@ -323,11 +323,11 @@ impl Explorer {
         path
     }
 
-    fn end(&mut self, end: End, scene: &Scene, known: Known) -> Decision {
+    fn stop(&mut self, why: StopReason, scene: &Scene, known: Known) -> Decision {
         let Edges { map, volume, no_room } = Edges::of(known.grid, known.frontier);
         let mut left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
         left.open += scene.targets.len() as u64 + scene.beyond;
-        let Verdict { complete, mut reason } = Verdict::of(end, &left, scene, known.grid, &self.settings);
+        let Verdict { complete, mut reason } = Verdict::of(why, &left, scene, known.grid, &self.settings);
         let (plans, fallbacks) = (self.plans, self.journal.fallbacks);
         if fallbacks > 0 {
             reason +=

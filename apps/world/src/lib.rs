@@ -10,7 +10,7 @@
 //! | [`world`], [`bvh`], [`ray`], [`triangle`] | where surfaces are, and what is free between them |
 //! | [`mod@openness`], [`inspection`], [`units`] | what a person wants to know of a world before it is used |
 //! | [`suitability`] | whether a mission can be run in it |
-//! | [`truth`] | the judge of maps that are made of it |
+//! | [`truth`] | how right a map of it is |
 //! | [`scenery`] | the workshop in which the worlds that come with elk are built |
 
 pub mod bvh;

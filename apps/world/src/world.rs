@@ -99,7 +99,7 @@ pub enum WorldError {
         source: std::io::Error,
     },
     /// Something in the file is wrong, or it is of another format.
-    #[error("{name}{}: {}", .fault.place, .fault.what)]
+    #[error("{name}{}: {}", .fault.location, .fault.what)]
     Wrong {
         /// The world.
         name: String,

@@ -5,7 +5,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::dial::Dial;
+use crate::clock_setting::ClockSetting;
 use crate::wire::BulkRef;
 
 /// Why a transport could not do what it was asked to.
@@ -44,7 +44,7 @@ pub trait Uplink {
     fn handled(&self) -> u64;
 
     /// Writes a bulk value of `len` bytes where its readers will find it; `fill` writes the bytes. `None`: this
-    /// transport has no such place, the value has to travel in a batch. Waits if lossless readers are behind.
+    /// transport has no such memory, the value has to travel in a batch. Waits if lossless readers are behind.
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError>;
 
     /// A bulk value that was sent, as long as it is kept.
@@ -89,7 +89,7 @@ pub trait Downlink {
     /// overwritten before this client came to read it.
     fn bulk(&mut self, reference: BulkRef) -> Option<&[u8]>;
 
-    /// Opens the place where client `publisher` writes its bulk values; whether that worked.
+    /// Opens the memory where client `publisher` writes its bulk values; whether that worked.
     fn attach(&mut self, publisher: u32) -> bool;
 }
 
@@ -123,7 +123,7 @@ pub struct Link {
     /// How much faster than the wall's clock the community's runs by itself.
     pub warp: f64,
     /// What the community's clock is set to, if somebody drives it.
-    pub dial: Option<Dial>,
+    pub clock_setting: Option<ClockSetting>,
     /// Tells one life of the broker from the next.
     pub epoch: u64,
 }

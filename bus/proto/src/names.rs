@@ -27,8 +27,8 @@ impl Names {
         let name = String::from_utf8_lossy(frame.aux);
         match wire::named(frame.header.flags) {
             None => {}
-            Some(Named::Type) => *place(&mut self.types, number) = Some(type_of(frame, &name)),
-            Some(what) => *place(&mut self.names[what as usize], number) = Some(name.into_owned()),
+            Some(Named::Type) => *slot(&mut self.types, number) = Some(type_of(frame, &name)),
+            Some(what) => *slot(&mut self.names[what as usize], number) = Some(name.into_owned()),
         }
     }
 
@@ -99,8 +99,8 @@ fn unsaid(what: Named) -> &'static str {
     }
 }
 
-/// The place of a number in a table that is as long as it has to be.
-fn place<T>(table: &mut Vec<Option<T>>, number: usize) -> &mut Option<T> {
+/// The slot of a number in a table that is as long as it has to be.
+fn slot<T>(table: &mut Vec<Option<T>>, number: usize) -> &mut Option<T> {
     if table.len() <= number {
         table.resize_with(number + 1, || None);
     }

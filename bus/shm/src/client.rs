@@ -13,7 +13,7 @@ use std::time::Duration;
 use elk_os::clock::{Stopwatch, monotonic_nanos};
 use elk_os::limits;
 use elk_os::{Owner, tell};
-use elk_proto::Dial;
+use elk_proto::ClockSetting;
 use elk_proto::broker::Introduction;
 use elk_proto::community::Community;
 use elk_proto::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
@@ -25,8 +25,8 @@ use super::folder::FolderError;
 use super::forward::Forward;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
+use super::namespace::Namespace;
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
-use super::place::Place;
 use super::scarce;
 
 /// The longest that a client sleeps: its bell rings when there is news, also when the broker dies.
@@ -104,7 +104,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     limits::raise_descriptors();
     limits::let_owner_in();
     let broken = |source| ConnectError::Handshake { community: community.clone(), source };
-    let stream = handshake::dial(community).map_err(|error| match error.kind() {
+    let stream = handshake::connect(community).map_err(|error| match error.kind() {
         ErrorKind::WouldBlock => broken(error),
         _ => ConnectError::NoBroker(community.clone()),
     })?;
@@ -117,7 +117,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     handshake::send(&stream, &hello, &[]).map_err(broken)?;
     let (answer, files) = handshake::receive(&stream).map_err(broken)?;
     let (id, epoch, clock, folder) = match answer {
-        Answer::Welcome { id, epoch, warp, dial, folder } => (id, epoch, (warp, dial), folder),
+        Answer::Welcome { id, epoch, warp, clock_setting, folder } => (id, epoch, (warp, clock_setting), folder),
         Answer::Refused { reason } => {
             return Err(ConnectError::Refused { community: community.clone(), reason });
         }
@@ -128,16 +128,20 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let page = Arc::new(page);
     watch(&stream, &page).map_err(|source| ConnectError::NoThread { community: community.clone(), source })?;
     let unusable = |source| ConnectError::Folder { community: community.clone(), source };
-    let place = Place::open(community, &folder).map_err(unusable)?;
-    let node = lane::node(&place)?;
-    place.close_folder().map_err(unusable)?;
+    let namespace = Namespace::open(community, &folder).map_err(unusable)?;
+    let node = lane::node(&namespace)?;
+    namespace.close_folder().map_err(unusable)?;
     let community = community.clone();
     let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
     open_lanes(line, back, clock).map_err(ConnectError::from)
 }
 
-fn open_lanes(line: Rc<Line>, back: ShmBack, (warp, dial): (f64, Option<Dial>)) -> Result<Link, LinkError> {
+fn open_lanes(
+    line: Rc<Line>,
+    back: ShmBack,
+    (warp, clock_setting): (f64, Option<ClockSetting>),
+) -> Result<Link, LinkError> {
     let up = LaneWriter::open(&line.node, &lane_name(line.epoch, "up", line.id))?;
     let down = LaneReader::open(&line.node, &lane_name(line.epoch, "down", line.id))?;
     line.page.ready.store(1, Release);
@@ -146,7 +150,7 @@ fn open_lanes(line: Rc<Line>, back: ShmBack, (warp, dial): (f64, Option<Dial>)) 
     let up = Box::new(ShmUp { lane: up, bulk: None, bulk_failed: false, own_batch: None, line: line.clone() });
     let (taken, bulk, refused) = (Rc::new(Cell::new(0)), BTreeMap::new(), BTreeMap::new());
     let down = Box::new(ShmDown { lane: down, received: 0, taken, bulk, refused, forward: None, line });
-    Ok(Link { up, down, back: Box::new(back), warp, dial, epoch })
+    Ok(Link { up, down, back: Box::new(back), warp, clock_setting, epoch })
 }
 
 /// Nothing in shared memory tells of a process' death, the socket does: a thread waits for its end, and rings the

@@ -1,4 +1,4 @@
-//! Folders that only this user can enter. A place in a shared folder can be guessed, and somebody else may have put
+//! Folders that only this user can enter. A path in a shared folder can be guessed, and somebody else may have put
 //! something there first: so each folder is opened by descriptor and looked at before every use, and whatever is read,
 //! written or removed in it goes through that descriptor.
 

@@ -4,8 +4,8 @@
 
 mod admission;
 mod bulk_values;
-mod lobby;
 mod peers;
+mod pending;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
@@ -29,8 +29,8 @@ use super::bulk::Budget;
 use super::folder::FolderError;
 use super::handshake::{self, Answer, Hello};
 use super::lane;
+use super::namespace::{HeldNamespace, Namespace};
 use super::page::{BrokerPage, Page, SENT_AWAY};
-use super::place::{HeldPlace, Place};
 use super::{leftovers, scarce, sessions};
 use bulk_values::{Held, bulk_values_of, place_bulk};
 use peers::{Peer, Peers};
@@ -41,7 +41,7 @@ const BATCH_BYTES: usize = 64 << 10;
 const LONGEST_SLEEP: Duration = Duration::from_secs(1);
 /// Buffers for batches of mail that are kept for the next ones.
 const SPARE_BUFFERS: usize = 16;
-/// How long somebody who clears away what is left over may have a community's place.
+/// How long somebody who clears away what is left over may hold a community's namespace.
 const MOMENT: Duration = Duration::from_secs(1);
 /// How often it is tried again meanwhile.
 const AGAIN_EVERY: Duration = Duration::from_millis(3);
@@ -87,7 +87,7 @@ pub enum ServeError {
         community: Community,
     },
     /// There is no thread to let anybody in.
-    #[error("community {community} cannot be served: no thread for its door: {source}{}", scarce::remedy(.source))]
+    #[error("community {community} cannot be served: no thread for connections: {source}{}", scarce::remedy(.source))]
     NoThread {
         /// The community.
         community: Community,
@@ -136,27 +136,28 @@ pub struct Server {
 }
 
 impl Server {
-    /// Takes the community's name, and the place of a broker that died, if there are clients of it that live; otherwise
+    /// Takes the community's name, and over from a broker that died, if there are clients of it that live; otherwise
     /// clears away what crashed runs left.
     pub fn start(community: Community, config: BrokerConfig, clock: Clock) -> Result<Self, ServeError> {
         limits::raise_descriptors();
         limits::let_owner_in();
         let io = |source| ServeError::Io { community: community.clone(), source };
         let unusable = |source| ServeError::Folder { community: community.clone(), source };
-        // What is wrong with this place is said before anybody can dial in: whoever has would hear a mere hanging up.
+        // What is wrong with the namespace is said before anybody can connect: whoever has would hear a mere hanging
+        // up.
         scarce::room()?;
-        let mut place = hold(&community)?;
+        let mut namespace = hold(&community)?;
         let listener = handshake::listen(&community).map_err(|source| taken(&community, source))?;
         leftovers::sweep();
-        let found = sessions::read(&place);
+        let found = sessions::read(&namespace);
         if found.is_empty() {
-            leftovers::remove(&place);
-            place = hold(&community)?;
+            leftovers::remove(&namespace);
+            namespace = hold(&community)?;
         }
         let page = Arc::new(Page::<BrokerPage>::create("elk-broker").map_err(io)?);
-        let node = lane::node(&place)?;
-        place.close_folder().map_err(unusable)?;
-        leftovers::close_shared_memory(&place).map_err(io)?;
+        let node = lane::node(&namespace)?;
+        namespace.close_folder().map_err(unusable)?;
+        leftovers::close_shared_memory(&namespace).map_err(io)?;
         let (sender, events) = channel();
         let bell = page.clone();
         std::thread::Builder::new()
@@ -167,13 +168,13 @@ impl Server {
         let awaited = found.iter().map(|one| (one.session.name.clone(), one.process)).collect();
         let host = match found.is_empty() {
             true => Host::new(config, clock.now()),
-            false => admission::recover(&place, config, clock.now(), found),
+            false => admission::recover(&namespace, config, clock.now(), found),
         };
         let peers = Peers {
             by_id: BTreeMap::new(),
             departed: BTreeMap::new(),
             awaited,
-            place,
+            namespace,
             epoch: monotonic_nanos(),
             node: Some(node),
             copies,
@@ -408,16 +409,16 @@ impl Server {
         }
         self.peers.by_id.clear();
         self.peers.node = None;
-        leftovers::remove(&self.peers.place);
+        leftovers::remove(&self.peers.namespace);
     }
 }
 
-/// Takes the community's place, unless another broker has it.
-fn hold(community: &Community) -> Result<HeldPlace, ServeError> {
+/// Takes the community's namespace, unless another broker has it.
+fn hold(community: &Community) -> Result<HeldNamespace, ServeError> {
     let waited = Stopwatch::start();
     loop {
-        let source = match Place::make(community) {
-            Ok(place) => return Ok(place),
+        let source = match Namespace::make(community) {
+            Ok(namespace) => return Ok(namespace),
             Err(source) => source,
         };
         let held = matches!(source, FolderError::Held { .. });
@@ -434,7 +435,7 @@ fn hold(community: &Community) -> Result<HeldPlace, ServeError> {
 
 fn taken(community: &Community, source: std::io::Error) -> ServeError {
     let community = community.clone();
-    let other = handshake::knock(&community).and_then(|stream| Owner::at_other_end(&stream));
+    let other = handshake::connect_now(&community).and_then(|stream| Owner::at_other_end(&stream));
     match other {
         Ok(Owner { process, user }) if user != elk_os::own_user() => ServeError::Foreign { community, process, user },
         Ok(Owner { process, user }) => ServeError::Taken { community, process, user },
@@ -453,7 +454,7 @@ mod tests {
     #[test]
     fn a_community_whose_folder_somebody_holds_is_not_served_and_keeps_its_files() {
         let community = Community::new(format!("held-{}", std::process::id())).unwrap();
-        let first = Place::make(&community).unwrap();
+        let first = Namespace::make(&community).unwrap();
         first.folder().write("sessions", b"first").unwrap();
         let start = || Server::start(community.clone(), BrokerConfig::new(community.to_string()), Clock::new(1.0));
         let error = start().err().unwrap();
@@ -492,7 +493,7 @@ mod tests {
         let said = start(&bound).unwrap().to_string();
         assert!(said.contains("somebody has that name") && said.contains("choose another --community"), "{said}");
         drop(socket);
-        leftovers::remove(&Place::make(&bound).unwrap());
+        leftovers::remove(&Namespace::make(&bound).unwrap());
 
         let squatted = name("squatted");
         let listens = squatted.clone();
@@ -507,6 +508,6 @@ mod tests {
         let said = super::super::connect(&squatted, &who).err().unwrap().to_string();
         assert!(said.contains(&holder), "{said}");
         drop(listener);
-        leftovers::remove(&Place::make(&squatted).unwrap());
+        leftovers::remove(&Namespace::make(&squatted).unwrap());
     }
 }

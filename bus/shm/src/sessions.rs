@@ -2,7 +2,7 @@
 //!
 //! Two files in the community's folder, the one written anew whenever a client comes, goes or registers, the other when
 //! one goes. They need not reach the disk: they outlive processes, not machines. A broker that finds a living process in
-//! them takes the place of a broker that died; any other is a leftover.
+//! them takes over from a broker that died; any other is a leftover.
 
 use elk_os::ProcessId;
 use elk_proto::broker::{Retained, Session};
@@ -10,7 +10,7 @@ use elk_proto::codec;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::place;
+use super::namespace;
 
 /// A client's session, and the process that holds it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -31,34 +31,34 @@ const SESSIONS: &str = "sessions";
 const RETAINED: &str = "retained";
 
 /// Writes who is there.
-pub fn write(at: &place::Place, all: &[Held]) -> std::io::Result<()> {
+pub fn write(at: &namespace::Namespace, all: &[Held]) -> std::io::Result<()> {
     write_file(at, SESSIONS, &all)
 }
 
 /// Writes what those have left who are gone.
-pub fn write_retained(at: &place::Place, all: &[Retained]) -> std::io::Result<()> {
+pub fn write_retained(at: &namespace::Namespace, all: &[Retained]) -> std::io::Result<()> {
     write_file(at, RETAINED, &all)
 }
 
 /// Who was there when the last broker of the community died; nobody, if none of them lives.
-pub fn read(at: &place::Place) -> Vec<Held> {
+pub fn read(at: &namespace::Namespace) -> Vec<Held> {
     let all: Vec<Held> = read_file(at, SESSIONS);
     if all.iter().any(Held::is_alive) { all } else { Vec::new() }
 }
 
 /// What those had left who were gone by then.
-pub fn read_retained(at: &place::Place) -> Vec<Retained> {
+pub fn read_retained(at: &namespace::Namespace) -> Vec<Retained> {
     read_file(at, RETAINED)
 }
 
-fn write_file<T: Serialize>(at: &place::Place, name: &str, all: &T) -> std::io::Result<()> {
+fn write_file<T: Serialize>(at: &namespace::Namespace, name: &str, all: &T) -> std::io::Result<()> {
     let mut bytes = Vec::new();
     codec::encode_onto(all, &mut bytes).map_err(std::io::Error::other)?;
     at.folder().write(name, &bytes)
 }
 
 /// A file that cannot be read is of another version of elk, whose clients could not be served anyway.
-fn read_file<T: DeserializeOwned + Default>(at: &place::Place, name: &'static str) -> T {
+fn read_file<T: DeserializeOwned + Default>(at: &namespace::Namespace, name: &'static str) -> T {
     let bytes = at.folder().read(name);
     bytes.ok().and_then(|bytes| codec::decode_owned(&bytes, name).ok()).unwrap_or_default()
 }
@@ -76,7 +76,7 @@ mod tests {
         let home = Folder::make(&shared.path().join("home")).unwrap();
         let community = Community::new("lab").unwrap();
         home.make_child("lab").unwrap().write("made-by-elk", b"lab").unwrap();
-        let at = place::Place::open_in(&home, &community).unwrap();
+        let at = namespace::Namespace::open_in(&home, &community).unwrap();
         let own = ProcessId::of(std::process::id() as i32).unwrap();
         let mut before = own;
         before.started -= 1;

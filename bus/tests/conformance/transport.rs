@@ -15,7 +15,7 @@ use crate::common::events::once_served;
 pub trait Transport {
     fn start(name: &str) -> Self;
     fn join(&self, who: &Introduction<'_>) -> Result<Client, String>;
-    /// The broker dies, and another takes its place.
+    /// The broker dies, and another one takes over.
     fn replace_broker(&self);
     fn stop(self);
 

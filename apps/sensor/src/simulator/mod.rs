@@ -22,7 +22,7 @@ use crate::source::{Accuracy, Capture, DepthSource, Refusal, Seen, Travel, Truth
 pub const START_CLEARANCE_M: f64 = 0.3;
 
 /// Voxels of a map that are held against the true world: more would take minutes.
-const MOST_JUDGED: usize = 1 << 25;
+const MOST_EVALUATED: usize = 1 << 25;
 
 /// Random streams of a seed: scan `k` draws from stream `k`, and the start from this one.
 const START_STREAM: u64 = 0;
@@ -146,10 +146,10 @@ impl Truth for Simulator {
         Travel { contact: refused.is_some() || self.touches(way), refused }
     }
 
-    fn judge(&self, map: &OccupancyGrid) -> Result<Option<Accuracy>, AppError> {
+    fn evaluate(&self, map: &OccupancyGrid) -> Result<Option<Accuracy>, AppError> {
         let known = map.free() + map.occupied();
-        if known > MOST_JUDGED {
-            return Err(format!("{known} voxels are known; at most {MOST_JUDGED} are judged").into());
+        if known > MOST_EVALUATED {
+            return Err(format!("{known} voxels are known; at most {MOST_EVALUATED} are evaluated").into());
         }
         let accuracy = accuracy(&self.world, map);
         Ok(Some(Accuracy { share: accuracy.share(), voxels: accuracy.known }))

@@ -1,6 +1,6 @@
 //! Files of worlds: one reader a format, behind one interface.
 //!
-//! A reader goes through the bytes and hands each polygon to the [`Soup`], with the place where it stands. What is the
+//! A reader goes through the bytes and hands each polygon to the [`Soup`], with its location. What is the
 //! same in all formats is done there: corners that are no numbers, polygons with more than three corners, faces without
 //! area, more of them than there may be.
 
@@ -22,7 +22,7 @@ pub use soup::{Notice, Soup};
 
 /// Where in a file something stands.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// A line, counted from 1.
     Line(usize),
     /// A byte, counted from 0.
@@ -33,7 +33,7 @@ pub enum Place {
     Whole,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     /// As it follows a file's name: `:12`, ` at byte 84`, ` in mesh 3`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -49,22 +49,22 @@ impl fmt::Display for Place {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
     /// Where.
-    pub place: Place,
+    pub location: Location,
     /// What was found; what would be right.
     pub what: String,
 }
 
 impl Fault {
-    pub(crate) fn at(place: Place, what: impl fmt::Display) -> Self {
-        Self { place, what: what.to_string() }
+    pub(crate) fn at(location: Location, what: impl fmt::Display) -> Self {
+        Self { location, what: what.to_string() }
     }
 
     pub(crate) fn line(line: usize, what: impl fmt::Display) -> Self {
-        Self::at(Place::Line(line), what)
+        Self::at(Location::Line(line), what)
     }
 
     pub(crate) fn whole(what: impl fmt::Display) -> Self {
-        Self::at(Place::Whole, what)
+        Self::at(Location::Whole, what)
     }
 }
 

@@ -68,7 +68,7 @@ impl Broker {
         self.variables[key].routes[route].deliveries = deliveries;
     }
 
-    /// The place of (key, source) in the variable's routes; a pair that is new is matched against all registrations.
+    /// The index of (key, source) in the variable's routes; a pair that is new is matched against all registrations.
     fn route(&mut self, key: u32, source: u32) -> usize {
         if let Some(known) = self.variables[key].routes.iter().position(|r| r.source == source) {
             return known;
@@ -99,7 +99,7 @@ impl Broker {
             self.reached.push(to);
         }
         if message.header.flags & BULK != 0 && matches!(client.standing, Standing::Disconnected { .. }) {
-            self.wishes.resolve.insert(to);
+            self.actions.resolve.insert(to);
         }
         client.mailbox.push(now, message, self.config.lossless_patience_secs);
     }

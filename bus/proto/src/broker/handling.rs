@@ -93,6 +93,6 @@ impl Broker {
             let reached = client.unhandled.iter_mut().flat_map(|(_, reached)| reached);
             reached.for_each(|reached| reached.follow(&succession));
         }
-        self.wishes.follow.push_back(succession);
+        self.actions.follow.push_back(succession);
     }
 }

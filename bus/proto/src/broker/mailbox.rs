@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use super::message::Message;
-use crate::dial::Dial;
+use crate::clock_setting::ClockSetting;
 use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, FrameKind, Header, Named};
 
 /// Room in the buffer of a batch that is under way for nothing (bytes), beside half of what the batch takes.
@@ -19,7 +19,7 @@ pub struct Mailbox {
     /// them; with the flags that the message will carry. They are read from the table when they leave.
     owed: BTreeMap<u32, u16>,
     /// What the community's clock was set to, if the client has not been told: only the last setting counts.
-    clock: Option<Option<Dial>>,
+    clock: Option<Option<ClockSetting>>,
     mail: Vec<u8>,
     /// Where the oldest frame starts in `mail`, and up to where no value in it lies in shared memory: see
     /// [`Mailbox::resolve`].
@@ -93,8 +93,8 @@ impl Mailbox {
     }
 
     /// Has the client told what the community's clock is set to.
-    pub(super) fn tell_clock(&mut self, dial: Option<Dial>) {
-        self.clock = Some(dial);
+    pub(super) fn tell_clock(&mut self, setting: Option<ClockSetting>) {
+        self.clock = Some(setting);
     }
 
     /// Bytes of notices that wait.
@@ -262,8 +262,8 @@ impl Mailbox {
     ) {
         self.before_take = (self.given_messages, self.left);
         batch.append(&mut self.notices);
-        if let Some(dial) = self.clock.take() {
-            wire::put_clock(batch, dial);
+        if let Some(setting) = self.clock.take() {
+            wire::put_clock(batch, setting);
         }
         if self.dropped != self.told_dropped {
             self.told_dropped = self.dropped;
@@ -462,11 +462,11 @@ impl Known {
     fn insert(&mut self, what: Named, number: u32) -> bool {
         let is_new = !self.has((what, number));
         let all = &mut self.0[what as usize];
-        let place = number as usize / 64;
-        if all.len() <= place {
-            all.resize(place + 1, 0);
+        let word = number as usize / 64;
+        if all.len() <= word {
+            all.resize(word + 1, 0);
         }
-        all[place] |= 1 << (number % 64);
+        all[word] |= 1 << (number % 64);
         is_new
     }
 

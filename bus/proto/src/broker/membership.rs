@@ -88,7 +88,7 @@ const LONGEST_LEASE_SECS: f64 = 86_400.0;
 const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
 
 impl Broker {
-    /// A broker that takes the place of one that died: it keeps the `sessions` of the clients that were there, each with
+    /// A broker that takes over from one that died: it keeps the `sessions` of the clients that were there, each with
     /// whether its process still lives and will return, for `patience` (s).
     pub fn recover(
         config: BrokerConfig,
@@ -132,7 +132,7 @@ impl Broker {
             Some(predecessor) => self.set_standing(id, Standing::Joining { predecessor, ready: false }),
             None => {
                 self.sessions.names.insert(name.into(), id);
-                self.wishes.keep_sessions = true;
+                self.actions.keep_sessions = true;
                 self.announce(now, &format!("connected={name}"));
             }
         }
@@ -220,7 +220,7 @@ impl Broker {
             Some(Standing::Present) => {
                 let name = self.client_name(id).unwrap_or_default().to_owned();
                 self.publish_event(now, &format!("ready={name}"));
-                self.wishes.retire.push_back(predecessor);
+                self.actions.retire.push_back(predecessor);
             }
             // What it asks for first is what those know who are on their way back.
             _ if self.awaits_returns(now) && !self.sessions.returning.contains(&id) => {}
@@ -275,7 +275,7 @@ impl Broker {
             client.standing = Standing::Disconnected { until, returns: false };
             self.sessions.given_bytes -= client.mailbox.given_bytes();
             client.mailbox.take_back(handled);
-            self.wishes.resolve.insert(id);
+            self.actions.resolve.insert(id);
         } else {
             self.forget(id);
         }
@@ -319,13 +319,13 @@ impl Broker {
         for other in self.sessions.clients.values_mut() {
             other.feeds.remove(&id);
         }
-        self.wishes.keep_sessions = true;
+        self.actions.keep_sessions = true;
         self.share_out_mail();
     }
 
     /// Gives `id` the session of `predecessor`, which is disconnected: first the latest values of what it registered for,
     /// then the predecessor's mail as far as it wants it, then what comes. A latest value that is still among that mail
-    /// comes in its place there, not twice.
+    /// comes there instead of it, not twice.
     fn take_over(&mut self, now: f64, id: ClientId, predecessor: ClientId) {
         let name = self.client_name(id).unwrap_or_default().to_owned();
         let dead = self.sessions.remove(predecessor);
@@ -342,7 +342,7 @@ impl Broker {
         }
         self.sessions.names.insert(name.clone(), id);
         self.set_standing(id, Standing::Present);
-        self.wishes.keep_sessions = true;
+        self.actions.keep_sessions = true;
         let asked =
             self.sessions.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
         let change = |frame: Frame<'_>| Change::read(&frame, self.expected(id, &frame).ok()?).ok();
@@ -395,7 +395,7 @@ impl Broker {
         Ok(())
     }
 
-    /// The sessions, with their holders' numbers: what has to outlive the broker (see [`super::Wish::KeepSessions`]).
+    /// The sessions, with their holders' numbers: what has to outlive the broker (see [`super::Action::KeepSessions`]).
     pub fn sessions(&self) -> Vec<(ClientId, Session)> {
         let session = |client: &Client| Session {
             name: client.name.clone(),

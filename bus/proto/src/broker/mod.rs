@@ -6,6 +6,7 @@
 //! burst too; wildcards match every (variable, source) pair whenever it first appears; a write of the wrong type is
 //! answered to the writer; a mailbox that nobody reads drops its oldest mail and counts.
 
+mod actions;
 mod client;
 mod delivery;
 mod expectation;
@@ -28,8 +29,9 @@ mod time;
 mod types;
 mod variable;
 mod variables;
-mod wishes;
 
+pub use actions::Action;
+use actions::Actions;
 use client::Client;
 pub use expectation::Expected;
 pub use handling::{Reached, Succession};
@@ -44,8 +46,6 @@ use sessions::Sessions;
 pub use time::CLOCK;
 use time::Time;
 use variables::Variables;
-pub use wishes::Wish;
-use wishes::Wishes;
 
 use crate::wire::{self, Frame, FrameKind, WireError};
 
@@ -93,7 +93,7 @@ pub struct Broker {
     own: Own,
     /// Who got mail from the batch that is being taken in.
     reached: Vec<ClientId>,
-    wishes: Wishes,
+    actions: Actions,
 }
 
 /// The broker as a source of messages.
@@ -124,10 +124,10 @@ impl Broker {
             names,
             variables: Variables::default(),
             time: Time::new(now),
-            // A broker that takes another's place is not to be taken for it.
+            // A broker that takes over from another is not to be taken for it.
             own: Own { source, sequence: wire::first_sequence(millis) },
             reached: Vec::new(),
-            wishes: Wishes::default(),
+            actions: Actions::default(),
         }
     }
 
@@ -166,14 +166,14 @@ impl Broker {
             FrameKind::Define => self.define(from, frame),
             FrameKind::Register | FrameKind::Unregister => self.change_registration(now, from, frame),
             FrameKind::Attached => {
-                self.wishes.attach.push_back((from, frame.header.source));
+                self.actions.attach.push_back((from, frame.header.source));
                 Ok(())
             }
             FrameKind::Ready => {
                 self.on_ready(now, from);
                 Ok(())
             }
-            FrameKind::Clock => self.set_clock(now, from, wire::dial(frame)?),
+            FrameKind::Clock => self.set_clock(now, from, wire::clock_setting(frame)?),
             FrameKind::Refused | FrameKind::Dropped => Err("only the broker sends such a frame"),
         }
     }

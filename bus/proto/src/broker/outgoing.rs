@@ -51,7 +51,7 @@ impl Broker {
     }
 
     /// Puts values in the place of references in the mail of a client that is dead and may have a successor: until that one
-    /// comes, the values could be gone. `bulk` finds what there is. See [`super::Wish::Resolve`].
+    /// comes, the values could be gone. `bulk` finds what there is. See [`super::Action::Resolve`].
     pub fn resolve_mail<'a>(&mut self, id: ClientId, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) {
         if let Some(client) = self.sessions.clients.get_mut(&id) {
             client.mailbox.resolve(bulk);

@@ -132,7 +132,7 @@ impl Broker {
         let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
         client.registered_bytes = client.registrations.iter().map(Registration::bytes).sum();
-        self.wishes.keep_sessions = true;
+        self.actions.keep_sessions = true;
         self.mark_lossless(id);
         match &change {
             Change::Add(registration) => {
@@ -210,8 +210,8 @@ impl Broker {
         for route in &mut variable.routes {
             had += route.deliveries.extract_if(.., |d| d.client == client).count();
             if let Some(delivery) = combine(client, registrations, key_name, self.names.sources.name(route.source)) {
-                let place = route.deliveries.partition_point(|d| d.client < client);
-                route.deliveries.insert(place, delivery);
+                let index = route.deliveries.partition_point(|d| d.client < client);
+                route.deliveries.insert(index, delivery);
                 (has, waits) = (has + 1, waits | (delivery.min_interval > 0.0));
             }
         }

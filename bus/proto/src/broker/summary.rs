@@ -93,12 +93,12 @@ impl Broker {
 
     /// `client=read:read&written:written,…`
     fn reads_and_writes(&self) -> String {
-        let places: BTreeMap<_, _> = self.present().map(|(id, _)| id).zip(0..).collect();
-        let mut read = vec![Vec::new(); places.len()];
+        let indices: BTreeMap<_, _> = self.present().map(|(id, _)| id).zip(0..).collect();
+        let mut read = vec![Vec::new(); indices.len()];
         for (key, variable) in (0..).zip(self.variables.iter()) {
             let readers: BTreeSet<_> = variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
-            for place in readers.iter().filter_map(|reader| places.get(reader)) {
-                read[*place as usize].push(self.names.keys.name(key));
+            for index in readers.iter().filter_map(|reader| indices.get(reader)) {
+                read[*index as usize].push(self.names.keys.name(key));
             }
         }
         let most = LONGEST / (2 * read.len()).max(1);

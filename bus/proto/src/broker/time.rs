@@ -7,13 +7,13 @@
 
 use super::table::ClockEntry;
 use super::{Broker, ClientId};
-use crate::dial::Dial;
+use crate::clock_setting::ClockSetting;
 
 /// Who drives the community's clock.
 #[derive(Debug)]
 pub(super) struct Driver {
     client: ClientId,
-    dial: Dial,
+    setting: ClockSetting,
 }
 
 /// The times that the broker goes by, all of its own clock (s), and who drives the community's.
@@ -38,34 +38,39 @@ pub const CLOCK: &str = "the clock";
 
 impl Broker {
     /// What the community's clock is set to, if somebody drives it.
-    pub fn dial(&self) -> Option<Dial> {
-        self.time.driver.as_ref().map(|driver| driver.dial)
+    pub fn clock_setting(&self) -> Option<ClockSetting> {
+        self.time.driver.as_ref().map(|driver| driver.setting)
     }
 
     /// The community's time (s) when the broker's own is `now`.
     pub(super) fn time(&self, now: f64) -> f64 {
-        self.dial().map_or(now, |dial| dial.time(now))
+        self.clock_setting().map_or(now, |setting| setting.time(now))
     }
 
     /// The client that drives the clock, and what that shows.
     pub(super) fn clock_entry(&self, now: f64) -> Option<ClockEntry> {
-        let Driver { client, dial } = self.time.driver.as_ref()?;
+        let Driver { client, setting } = self.time.driver.as_ref()?;
         let driver = self.client_name(*client)?.to_owned();
-        Some(ClockEntry { driver, time: dial.time(now), rate: dial.rate })
+        Some(ClockEntry { driver, time: setting.time(now), rate: setting.rate })
     }
 
     /// A client sets the clock, or leaves it to itself.
-    pub(super) fn set_clock(&mut self, now: f64, from: ClientId, dial: Option<Dial>) -> Result<(), &'static str> {
+    pub(super) fn set_clock(
+        &mut self,
+        now: f64,
+        from: ClientId,
+        setting: Option<ClockSetting>,
+    ) -> Result<(), &'static str> {
         let holder = self.time.driver.as_ref().map(|driver| driver.client);
-        match dial {
+        match setting {
             Some(_) if holder.is_some_and(|holder| holder != from) => {
                 let driver = holder.and_then(|holder| self.client_name(holder)).unwrap_or_default();
                 let reason = format!("{driver} drives the community's time already: end that first");
                 self.tell_clock(|id| id == from);
                 self.refuse(from, CLOCK, 0, &reason)
             }
-            Some(dial) => {
-                self.time.driver = Some(Driver { client: from, dial });
+            Some(setting) => {
+                self.time.driver = Some(Driver { client: from, setting });
                 self.tell_clock(|id| id != from);
                 if holder.is_none() {
                     let name = self.client_name(from).unwrap_or_default().to_owned();
@@ -100,11 +105,11 @@ impl Broker {
     }
 
     fn tell_clock(&mut self, whom: impl Fn(ClientId) -> bool) {
-        let dial = self.dial();
+        let setting = self.clock_setting();
         self.sessions
             .clients
             .iter_mut()
             .filter(|(id, _)| whom(**id))
-            .for_each(|(_, client)| client.mailbox.tell_clock(dial));
+            .for_each(|(_, client)| client.mailbox.tell_clock(setting));
     }
 }

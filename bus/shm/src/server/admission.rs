@@ -10,10 +10,10 @@ use elk_os::{Owner, ProcessId, tell};
 use elk_proto::broker::Introduction;
 use elk_proto::host::{Host, Progress};
 
-use super::lobby::{Door, Lobby};
 use super::peers::Peer;
+use super::pending::{Acceptor, PendingConnections};
 use super::{
-    Answer, BTreeMap, BrokerConfig, BrokerPage, ClientId, Event, Hello, LinkError, Page, Place, SENT_AWAY, Server,
+    Answer, BTreeMap, BrokerConfig, BrokerPage, ClientId, Event, Hello, LinkError, Namespace, Page, SENT_AWAY, Server,
     handshake, leftovers, scarce, sessions,
 };
 use crate::client::lane_name;
@@ -21,15 +21,15 @@ use crate::lane::{LaneReader, LaneWriter};
 use crate::page::ClientPage;
 use sessions::Held;
 
-/// A broker in the place of one that died.
-pub(super) fn recover(place: &Place, config: BrokerConfig, now: f64, found: Vec<Held>) -> Host {
+/// A broker that takes over from one that died.
+pub(super) fn recover(namespace: &Namespace, config: BrokerConfig, now: f64, found: Vec<Held>) -> Host {
     let clients = found.len();
     tell(format_args!("elk db: the broker before this one died; the sessions of its {clients} clients are kept"));
     let sessions = found.into_iter().map(|one| {
         let alive = one.is_alive();
         (one.session, alive)
     });
-    Host::recover(config, now, sessions, &sessions::read_retained(place))
+    Host::recover(config, now, sessions, &sessions::read_retained(namespace))
 }
 
 impl Server {
@@ -69,9 +69,9 @@ impl Server {
         match peer {
             Ok((id, peer)) => {
                 let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
-                let (warp, dial) = (self.clock.warp(), self.host.broker.dial());
-                let folder = self.peers.place.folder().path().to_owned();
-                let welcome = Answer::Welcome { id, epoch: self.peers.epoch, warp, dial, folder };
+                let (warp, clock_setting) = (self.clock.warp(), self.host.broker.clock_setting());
+                let folder = self.peers.namespace.folder().path().to_owned();
+                let welcome = Answer::Welcome { id, epoch: self.peers.epoch, warp, clock_setting, folder };
                 // Who hung up meanwhile is noticed by the connection's own thread.
                 let _ = handshake::send(&stream, &welcome, &files);
                 self.peers.by_id.insert(id, peer);
@@ -138,7 +138,7 @@ impl Server {
             bulk: None,
             attached: BTreeMap::new(),
         };
-        leftovers::close_shared_memory(&self.peers.place).map_err(system)?;
+        leftovers::close_shared_memory(&self.peers.namespace).map_err(system)?;
         Ok(peer)
     }
 
@@ -166,15 +166,15 @@ impl Server {
     }
 }
 
-/// Lets the connections of all who dial in have their first word.
+/// Lets the connections of all who connect have their first word.
 pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
-    let (mut door, lobby) = (Door::new(listener), Arc::new(Lobby::default()));
+    let (mut acceptor, pending) = (Acceptor::new(listener), Arc::new(PendingConnections::default()));
     for connection in 0_u64.. {
-        let stream = Arc::new(door.next());
-        lobby.enter(connection, &stream);
-        let (events, page, lobby) = (events.clone(), page.clone(), lobby.clone());
+        let stream = Arc::new(acceptor.next());
+        pending.enter(connection, &stream);
+        let (events, page, pending) = (events.clone(), page.clone(), pending.clone());
         let serve = {
-            let (stream, lobby) = (stream.clone(), lobby.clone());
+            let (stream, pending) = (stream.clone(), pending.clone());
             move || {
                 let tell = |event| {
                     // The broker may be gone already; then nobody needs the news.
@@ -182,7 +182,7 @@ pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &
                     page.bell.ring();
                 };
                 let hello = first_word(&stream);
-                lobby.leave(connection);
+                pending.leave(connection);
                 if let Some(hello) = hello {
                     tell(Event::Hello(connection, stream.clone(), hello));
                     handshake::wait_for_end(&stream);
@@ -196,7 +196,7 @@ pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &
             let reason = format!("the broker has no thread for another client: {error}{remedy}");
             tell(format_args!("elk db: a client was turned away: {reason}"));
             let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
-            lobby.leave(connection);
+            pending.leave(connection);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 
 use elk_proto::broker::{Broker, ClientId, Reached, Succession};
-use elk_proto::host::Ends;
+use elk_proto::host::Endpoints;
 use elk_proto::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
 
 use super::peers::{Peer, Peers};

@@ -1,4 +1,4 @@
-//! The clients' ends in shared memory: their pages, lanes and bulk values.
+//! The clients' endpoints in shared memory: their pages, lanes and bulk values.
 
 use std::collections::BTreeMap;
 use std::os::unix::net::UnixStream;
@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 use elk_os::clock::monotonic_nanos;
 use elk_os::{ProcessId, tell};
 use elk_proto::broker::{Broker, ClientId, Retained, Session, Succession};
-use elk_proto::host::{Ends, Progress};
+use elk_proto::host::{Endpoints, Progress};
 use elk_proto::link::LinkError;
 use elk_proto::wire::BulkRef;
 use iceoryx2::node::Node;
@@ -18,8 +18,8 @@ use super::bulk_values::Held;
 use crate::bulk::{Budget, Samples};
 use crate::client::lane_name;
 use crate::lane::{DEPTH, LaneReader, LaneSample, LaneWriter, Service};
+use crate::namespace::HeldNamespace;
 use crate::page::{ClientPage, Page};
-use crate::place::HeldPlace;
 use crate::{scarce, sessions};
 
 /// A connected client.
@@ -39,21 +39,21 @@ pub(super) struct Peer {
     pub attached: BTreeMap<ClientId, u32>,
 }
 
-/// All clients' ends, and where what outlives the broker is kept.
+/// All clients' endpoints, and where what outlives the broker is kept.
 pub(super) struct Peers {
     pub by_id: BTreeMap<ClientId, Peer>,
     /// Bulk values of publishers that are gone, as far as they are some variable's latest.
     pub departed: BTreeMap<ClientId, Samples>,
     /// The processes of clients of the broker that died before this one, by name, until they are back.
     pub awaited: BTreeMap<String, Option<ProcessId>>,
-    pub place: HeldPlace,
+    pub namespace: HeldNamespace,
     pub epoch: u64,
     pub node: Option<Node<Service>>,
     /// Room for copies of bulk values.
     pub copies: Rc<Budget>,
 }
 
-impl Ends for Peers {
+impl Endpoints for Peers {
     fn progress(&self, id: ClientId) -> Option<Progress> {
         self.by_id.get(&id).map(|peer| peer.page.progress())
     }
@@ -79,7 +79,7 @@ impl Ends for Peers {
             session,
         };
         let all: Vec<sessions::Held> = sessions.into_iter().map(held).collect();
-        if let Err(error) = sessions::write(&self.place, &all) {
+        if let Err(error) = sessions::write(&self.namespace, &all) {
             tell(format_args!(
                 "elk db: should this broker die, its clients are not known to the next: {error}{}",
                 scarce::hint()
@@ -88,7 +88,7 @@ impl Ends for Peers {
     }
 
     fn keep_retained(&mut self, retained: Vec<Retained>) {
-        if let Err(error) = sessions::write_retained(&self.place, &retained) {
+        if let Err(error) = sessions::write_retained(&self.namespace, &retained) {
             tell(format_args!(
                 "elk db: should this broker die, what was left by clients that are gone is lost: {error}"
             ));

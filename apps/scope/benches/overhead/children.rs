@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::Outcome;
+use crate::BenchResult;
 
 /// A process that plays a role.
 pub struct Child {
@@ -18,20 +18,20 @@ pub struct Child {
 
 impl Child {
     /// Starts this executable again, in a role.
-    pub fn start(role: &[&str]) -> Outcome<Self> {
+    pub fn start(role: &[&str]) -> BenchResult<Self> {
         let mut command = Command::new(std::env::current_exe()?);
         command.arg("--role").args(role).stdin(Stdio::piped()).stdout(Stdio::piped());
         Ok(Self { process: command.spawn()?, output: Arc::default() })
     }
 
     /// Writes it a line.
-    pub fn tell(&mut self, word: &str) -> Outcome {
+    pub fn tell(&mut self, word: &str) -> BenchResult {
         let words = self.process.stdin.as_mut().ok_or("the child has no input")?;
         Ok(writeln!(words, "{word}")?)
     }
 
     /// Waits for its next line.
-    pub fn hear(&mut self) -> Outcome<String> {
+    pub fn hear(&mut self) -> BenchResult<String> {
         let output = self.process.stdout.as_mut().ok_or("the child has no output")?;
         let mut line = String::new();
         match BufReader::with_capacity(1, output).read_line(&mut line)? {
@@ -41,7 +41,7 @@ impl Child {
     }
 
     /// Reads all that it writes from now on, as whoever is at the other end of its pipe would.
-    pub fn drain(&mut self) -> Outcome {
+    pub fn drain(&mut self) -> BenchResult {
         let mut from = self.process.stdout.take().ok_or("the child has no output")?;
         let read = self.output.clone();
         std::thread::spawn(move || {
@@ -61,7 +61,7 @@ impl Child {
     }
 
     /// Seconds of CPU that its main thread, which does all the work, has used.
-    pub fn cpu_secs(&self) -> Outcome<f64> {
+    pub fn cpu_secs(&self) -> BenchResult<f64> {
         let text = std::fs::read_to_string(format!("/proc/{}/schedstat", self.process.id()))?;
         let nanos: f64 = text.split(' ').next().ok_or("an empty schedstat")?.parse()?;
         Ok(nanos * 1e-9)

@@ -1,4 +1,4 @@
-//! Where a run is kept, and what its apps are told of that.
+//! The files in which a run is kept, and what its apps are told of them.
 
 use std::path::{Path, PathBuf};
 
@@ -13,9 +13,9 @@ use crate::run::summary;
 /// The parameter of loggers and maps that names what they write.
 const FILE: &str = "File";
 
-/// Where a run is kept.
+/// The files of a run.
 #[derive(Debug, Clone)]
-pub(crate) struct RunPlace {
+pub(crate) struct RunFiles {
     /// The run's folder.
     pub folder: PathBuf,
     /// The mission file as it was.
@@ -28,7 +28,7 @@ pub(crate) struct RunPlace {
     manual: bool,
 }
 
-impl RunPlace {
+impl RunFiles {
     /// That of a mission in `folder`.
     pub fn new(mission: &Mission, folder: &Path, manual: bool) -> Self {
         let seed = summary::seed(mission).unwrap_or_default().to_string();

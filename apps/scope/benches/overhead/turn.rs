@@ -6,7 +6,7 @@ use elk_bus::Community;
 use elk_bus::clock::Stopwatch;
 use elk_scope::Scope;
 
-use crate::Outcome;
+use crate::BenchResult;
 use crate::children::Child;
 
 const READERS: [&str; 2] = ["reader-0", "reader-1"];
@@ -34,7 +34,7 @@ impl Load {
     }
 
     /// The load from a role's arguments.
-    pub fn from_words(words: &[String]) -> Outcome<Self> {
+    pub fn from_words(words: &[String]) -> BenchResult<Self> {
         let [messages, per_second, burst, ..] = words else { return Err("a load has three numbers".into()) };
         Ok(Self { messages: messages.parse()?, per_second: per_second.parse()?, burst: burst.parse()? })
     }
@@ -67,8 +67,8 @@ pub struct Turn {
 }
 
 /// Takes a turn with this scope.
-pub fn take(scope: &str, load: &Load) -> Outcome<Turn> {
-    let community = Community::new(format!("burden-{}", std::process::id()))?;
+pub fn take(scope: &str, load: &Load) -> BenchResult<Turn> {
+    let community = Community::new(format!("overhead-{}", std::process::id()))?;
     let name = community.as_str();
     let [messages, per_second, burst] = [load.messages, load.per_second, load.burst].map(|n| n.to_string());
     let broker = Child::start(&["broker", name])?;
@@ -92,7 +92,7 @@ pub fn take(scope: &str, load: &Load) -> Outcome<Turn> {
     let before = (broker.cpu_secs()?, cpu(looking.as_ref())?, looking.as_ref().map_or(0, Child::output));
     let clock = Stopwatch::start();
     publisher.tell("go")?;
-    let heard = readers.iter_mut().map(Child::hear).collect::<Outcome<Vec<String>>>()?;
+    let heard = readers.iter_mut().map(Child::hear).collect::<BenchResult<Vec<String>>>()?;
     let seconds = clock.elapsed().as_secs_f64();
     let mut mean = [0.0; 3];
     for line in &heard {
@@ -111,7 +111,7 @@ pub fn take(scope: &str, load: &Load) -> Outcome<Turn> {
 }
 
 /// Waits until everybody is registered that the turn needs.
-fn wait_until_there(community: &Community, scope: &str) -> Outcome {
+fn wait_until_there(community: &Community, scope: &str) -> BenchResult {
     let mut asker = Scope::join(community, "asker")?;
     loop {
         let table = asker.table()?;

@@ -1,4 +1,4 @@
-//! A mission from its first app to its last word.
+//! One run of a mission, from the start of its broker to the end of its last app.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -20,7 +20,7 @@ use crate::reports::listener::Listener;
 use crate::reports::observer::News;
 use crate::run::launch_state::{self, LaunchState};
 use crate::supervisor::{State, Ticket, Word};
-use crate::terminal::person::{self, Person};
+use crate::terminal::keyboard::{self, Keyboard};
 use crate::terminal::progress::Display;
 
 /// How long the broker may take to answer.
@@ -28,7 +28,7 @@ const BROKER_PATIENCE: Duration = Duration::from_secs(20);
 /// How long apps may take to register: they load worlds first.
 const REGISTER_PATIENCE: Duration = Duration::from_secs(60);
 /// How long the sensor may take to hold the final map against the true world.
-const JUDGE_PATIENCE: Duration = Duration::from_secs(60);
+const EVALUATION_PATIENCE: Duration = Duration::from_secs(60);
 /// How long a step may take, of which everybody says that they are well, before the mission counts as stuck: far longer
 /// than any explorer thinks.
 const STEP_PATIENCE: Duration = Duration::from_secs(300);
@@ -37,13 +37,13 @@ const ENDING: &str = "while the mission ended";
 /// How long nobody is looked at if nothing happens.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// One run of a mission, seen from the launcher's place.
-pub(crate) struct Conduct<'a> {
+/// One run of a mission, as its launcher sees it.
+pub(crate) struct MissionRun<'a> {
     pub backend: &'a mut dyn Backend,
     pub listener: &'a mut Listener,
     pub server: Option<Server>,
     pub display: Display,
-    pub person: Person,
+    pub keyboard: Keyboard,
     pub stop: &'a AtomicBool,
     pub community: &'a Community,
     /// Where the apps' text logs are.
@@ -65,7 +65,7 @@ struct Movement {
     since: Stopwatch,
 }
 
-impl Conduct<'_> {
+impl MissionRun<'_> {
     /// Starts broker and apps.
     pub fn begin(&mut self) -> Result<(), LaunchError> {
         self.backend.start_broker()?;
@@ -111,8 +111,8 @@ impl Conduct<'_> {
         }
     }
 
-    /// Waits until exploration is over, has the final map judged, and sees that everyone is there for the end.
-    pub fn run(&mut self) -> Result<(), LaunchError> {
+    /// Waits until exploration is over, has the final map evaluated, and sees that everyone is there for the end.
+    pub fn explore(&mut self) -> Result<(), LaunchError> {
         if self.state.manual && self.background {
             self.display.put("`elk step` takes a step; `elk resume` runs on");
         } else if self.state.manual {
@@ -125,7 +125,7 @@ impl Conduct<'_> {
             self.step_by_hand();
             self.see_movement(&mut movement)?;
         }
-        self.judge()?;
+        self.evaluate_map()?;
         // Whoever died in the last moment has yet to do what it does at the end.
         self.gather("before the mission was over")
     }
@@ -151,11 +151,11 @@ impl Conduct<'_> {
 
     /// Asks for the whole map, and waits until the sensor has held it against the true world. A sensor that does not
     /// know the true world says nothing, and that is no failure.
-    fn judge(&mut self) -> Result<(), LaunchError> {
+    fn evaluate_map(&mut self) -> Result<(), LaunchError> {
         self.listener.say(MAP_REQUEST, 1.0);
         let clock = Stopwatch::start();
-        while !self.listener.observer().judged() && clock.elapsed() < JUDGE_PATIENCE {
-            self.look("before the map was judged")?;
+        while !self.listener.observer().is_evaluated() && clock.elapsed() < EVALUATION_PATIENCE {
+            self.look("before the map was evaluated")?;
         }
         Ok(())
     }
@@ -176,7 +176,7 @@ impl Conduct<'_> {
             let checked = self.round(ENDING);
             self.note_failure(checked, &mut reason);
         }
-        self.backend.end_strays();
+        self.backend.end_escaped();
         // Nobody is on the bus any more when the broker goes.
         self.listener.leave();
         while !self.listener.has_left() {
@@ -202,7 +202,7 @@ impl Conduct<'_> {
     /// Hears what there is to hear, sees that everyone is alive, and that nobody wants to stop.
     fn look(&mut self, when: &'static str) -> Result<(), LaunchError> {
         let checked = self.round(when);
-        if person::stopped(self.stop) {
+        if keyboard::stopped(self.stop) {
             return Err(LaunchError::Stopped);
         }
         checked
@@ -261,7 +261,7 @@ impl Conduct<'_> {
             server.watch(&mut watched);
         }
         if self.state.manual {
-            self.person.watch(&mut watched);
+            self.keyboard.watch(&mut watched);
         }
         let patience = self.backend.patience().map_or(LOOK, |patience| patience.min(LOOK));
         // A timeout, a signal or an event: all of them are reasons to look.
@@ -272,12 +272,12 @@ impl Conduct<'_> {
         if !self.state.manual {
             return;
         }
-        for _ in 0..self.person.enters() {
+        for _ in 0..self.keyboard.enters() {
             if self.state.paused {
                 self.listener.say(STEP, 1.0);
             }
         }
-        if self.person.left() {
+        if self.keyboard.left() {
             self.display.say("nobody can press Enter here: `elk step` takes a step, `elk resume` runs on");
         }
     }

@@ -1,5 +1,5 @@
-//! Those who were to end with their launcher and were not told: launcher, guard and broker were killed together, and
-//! nobody was left who knew of them. The next one who comes to their community ends them.
+//! Processes that were to end with their launcher and were not told: launcher, guard and broker were killed together,
+//! and nobody was left who knew of them. The next launcher or broker of their community ends them.
 
 use std::process::Command;
 
@@ -7,8 +7,8 @@ use elk_bus::{Community, ProcessId, ProcessStat};
 use rustix::process::getpid;
 use serde::{Deserialize, Serialize};
 
+use crate::process::escaped::processes_with;
 use crate::process::guard::Watched;
-use crate::process::strays::processes_with;
 
 /// The environment variable that says of whoever descends from a mission's processes with whom they are to end.
 const LAUNCHER: &str = "ELK_LAUNCHER";
@@ -44,13 +44,13 @@ impl Mark {
 }
 
 /// Ends what a mission of this community has left whose launcher is gone; says so, if there was anything.
-pub fn end_orphans(community: &Community) -> Option<String> {
-    let orphans = orphans_of(community);
-    if orphans.is_empty() {
+pub fn end_leftovers(community: &Community) -> Option<String> {
+    let leftovers = leftovers_of(community);
+    if leftovers.is_empty() {
         return None;
     }
-    let numbers: Vec<String> = orphans.iter().map(|id| id.pid.to_string()).collect();
-    Watched::of(orphans).end(None);
+    let numbers: Vec<String> = leftovers.iter().map(|id| id.pid.to_string()).collect();
+    Watched::of(leftovers).end(None);
     Some(format!(
         "of a mission of community {community} whose launcher and guard were killed there was left, and is ended now: \
          process {}",
@@ -60,12 +60,12 @@ pub fn end_orphans(community: &Community) -> Option<String> {
 
 /// Processes of this user that were to end with a launcher of this community that has ended for certain. Whoever this
 /// process descends from is none: that is where it was called from.
-fn orphans_of(community: &Community) -> Vec<ProcessId> {
+fn leftovers_of(community: &Community) -> Vec<ProcessId> {
     let callers = callers();
-    let is_orphan = |text: &[u8]| {
+    let is_leftover = |text: &[u8]| {
         Mark::read(text).is_some_and(|mark| mark.community == community.as_str() && mark.launcher.has_ended())
     };
-    processes_with(LAUNCHER, is_orphan).into_iter().filter(|id| !callers.contains(&id.pid)).collect()
+    processes_with(LAUNCHER, is_leftover).into_iter().filter(|id| !callers.contains(&id.pid)).collect()
 }
 
 /// The processes that this one descends from.
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn only_those_are_ended_whose_launcher_in_this_community_has_ended_for_certain() {
-        let community = Community::new(format!("orphans-{}", std::process::id())).unwrap();
+        let community = Community::new(format!("leftovers-{}", std::process::id())).unwrap();
         let own = Mark::own(&community).unwrap();
         // Somebody else has the launcher's number by now.
         let mut ended = own.clone();
@@ -106,15 +106,15 @@ mod tests {
             Mark::read(text.to_string().as_bytes()).unwrap()
         };
         let mut spared: Vec<Child> = [own, other, changed("namespace"), changed("boot")].iter().map(marked).collect();
-        let mut orphan = marked(&ended);
-        let id = ProcessId::of(orphan.id() as i32).unwrap();
-        assert_eq!(orphans_of(&community), [id]);
+        let mut leftover = marked(&ended);
+        let id = ProcessId::of(leftover.id() as i32).unwrap();
+        assert_eq!(leftovers_of(&community), [id]);
         // It would end by itself if nobody could write to it any more.
-        let _input = orphan.stdin.take();
-        let reaper = std::thread::spawn(move || orphan.wait().unwrap());
-        assert!(end_orphans(&community).unwrap().contains(&id.pid.to_string()));
+        let _input = leftover.stdin.take();
+        let reaper = std::thread::spawn(move || leftover.wait().unwrap());
+        assert!(end_leftovers(&community).unwrap().contains(&id.pid.to_string()));
         assert_eq!(crate::process::child::how(reaper.join().unwrap()), "signal 15 (SIGTERM)");
-        assert_eq!(end_orphans(&community), None);
+        assert_eq!(end_leftovers(&community), None);
         for child in &mut spared {
             assert!(child.try_wait().unwrap().is_none());
             child.kill().unwrap();

@@ -6,17 +6,17 @@ use super::{Broker, ClientId, Succession};
 
 /// One thing that has to be done.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Wish {
-    /// The mail of this client, which is dead, refers to values that their publishers may let go of: they are to be put in
-    /// its place, before anything else (see [`Broker::resolve_mail`]).
+pub enum Action {
+    /// The mail of this client, which is dead, refers to values that their publishers may let go of: the values are to
+    /// be copied into it before anything else (see [`Broker::resolve_mail`]).
     Resolve(ClientId),
     /// Whoever waits for the predecessor to handle its mail waits for the successor now.
     Follow(Succession),
-    /// A client has opened the place in which another, or it itself, writes its bulk values.
+    /// A client has opened the memory to which another, or it itself, writes its bulk values.
     Attach {
         /// Who has opened it.
         receiver: ClientId,
-        /// Whose place it is.
+        /// Whose memory it is.
         publisher: ClientId,
     },
     /// This holder of a name is to leave at its next message boundary: its successor is ready.
@@ -27,9 +27,9 @@ pub enum Wish {
     KeepRetained,
 }
 
-/// What nobody has asked for yet.
+/// What has to be done and was not asked for yet.
 #[derive(Debug, Default)]
-pub(super) struct Wishes {
+pub(super) struct Actions {
     /// Disconnected sessions whose mail refers to values in shared memory.
     pub resolve: BTreeSet<ClientId>,
     pub follow: VecDeque<Succession>,
@@ -44,20 +44,20 @@ impl Broker {
     /// The next thing that the broker wants done, if there is any. Whoever has it take something in, or lets somebody come
     /// or go, asks until there is none.
     #[inline]
-    pub fn poll(&mut self) -> Option<Wish> {
-        let wishes = &mut self.wishes;
-        if let Some(id) = wishes.resolve.pop_first() {
-            Some(Wish::Resolve(id))
-        } else if let Some(succession) = wishes.follow.pop_front() {
-            Some(Wish::Follow(succession))
-        } else if let Some((receiver, publisher)) = wishes.attach.pop_front() {
-            Some(Wish::Attach { receiver, publisher })
-        } else if let Some(holder) = wishes.retire.pop_front() {
-            Some(Wish::Retire(holder))
-        } else if std::mem::take(&mut wishes.keep_sessions) {
-            Some(Wish::KeepSessions)
+    pub fn poll(&mut self) -> Option<Action> {
+        let actions = &mut self.actions;
+        if let Some(id) = actions.resolve.pop_first() {
+            Some(Action::Resolve(id))
+        } else if let Some(succession) = actions.follow.pop_front() {
+            Some(Action::Follow(succession))
+        } else if let Some((receiver, publisher)) = actions.attach.pop_front() {
+            Some(Action::Attach { receiver, publisher })
+        } else if let Some(holder) = actions.retire.pop_front() {
+            Some(Action::Retire(holder))
+        } else if std::mem::take(&mut actions.keep_sessions) {
+            Some(Action::KeepSessions)
         } else {
-            std::mem::take(&mut wishes.keep_retained).then_some(Wish::KeepRetained)
+            std::mem::take(&mut actions.keep_retained).then_some(Action::KeepRetained)
         }
     }
 }

@@ -10,7 +10,7 @@ use rustix::process::{Signal, set_parent_process_death_signal};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
 
-use crate::Outcome;
+use crate::BenchResult;
 use crate::turn::Load;
 
 /// The variable that is published.
@@ -20,7 +20,7 @@ const SILENCE: Duration = Duration::from_millis(500);
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Plays the role that the arguments name.
-pub fn play(args: &[String]) -> Outcome {
+pub fn play(args: &[String]) -> BenchResult {
     set_parent_process_death_signal(Some(Signal::TERM))?;
     let [role, community, load @ ..] = args else {
         return Err("--role needs a role and a community".into());
@@ -34,7 +34,7 @@ pub fn play(args: &[String]) -> Outcome {
     }
 }
 
-fn join(community: &Community, name: &str) -> Outcome<Client> {
+fn join(community: &Community, name: &str) -> BenchResult<Client> {
     let waited = Stopwatch::start();
     loop {
         match Client::connect(community, name) {
@@ -47,7 +47,7 @@ fn join(community: &Community, name: &str) -> Outcome<Client> {
 }
 
 /// Publishes at a word; each message carries its time, and a burst leaves together.
-fn publish(community: &Community, load: &Load) -> Outcome {
+fn publish(community: &Community, load: &Load) -> BenchResult {
     let mut client = join(community, "publisher")?;
     println!("READY");
     std::io::stdin().read_line(&mut String::new())?;
@@ -68,7 +68,7 @@ fn publish(community: &Community, load: &Load) -> Outcome {
     Ok(())
 }
 
-fn read(community: &Community, load: &Load, name: &str) -> Outcome {
+fn read(community: &Community, load: &Load, name: &str) -> BenchResult {
     let mut client = join(community, name)?;
     match load.per_second {
         0 => client.comms.register(any(KEY).lossless())?,
@@ -98,7 +98,7 @@ fn read(community: &Community, load: &Load, name: &str) -> Outcome {
 }
 
 /// Looks as `elk` does.
-fn look(community: &Community, scope: &str) -> Outcome {
+fn look(community: &Community, scope: &str) -> BenchResult {
     yield_to_others();
     let stop = stop_on_signals()?;
     let mut out = BufWriter::new(std::io::stdout().lock());

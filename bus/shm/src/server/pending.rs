@@ -1,5 +1,5 @@
-//! Where those wait who have dialled in and not said who they are. There is room for so many; who stands there longest
-//! without a word goes when others want in. And who comes when no descriptor is left is told so.
+//! Connections whose clients have not said yet who they are. There is room for so many; whichever is silent longest
+//! is closed when others come. Whoever connects when no descriptor is left is told so.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -27,7 +27,7 @@ const COMPLAIN_EVERY: Duration = Duration::from_secs(60);
 
 /// Connections that have not said anything yet.
 #[derive(Default)]
-pub(super) struct Lobby {
+pub(super) struct PendingConnections {
     silent: Mutex<VecDeque<Silent>>,
     left: Condvar,
 }
@@ -38,7 +38,7 @@ struct Silent {
     stream: Arc<UnixStream>,
 }
 
-impl Lobby {
+impl PendingConnections {
     /// Lets a connection in, once there is room.
     pub fn enter(&self, connection: u64, stream: &Arc<UnixStream>) {
         let mut silent = self.silent.lock().unwrap_or_else(PoisonError::into_inner);
@@ -63,7 +63,7 @@ impl Lobby {
 }
 
 /// Takes connections as they come, whatever happens.
-pub(super) struct Door {
+pub(super) struct Acceptor {
     listener: UnixListener,
     /// A descriptor that is given up to tell somebody that there is none left.
     spare: Option<File>,
@@ -71,8 +71,8 @@ pub(super) struct Door {
     complained: Option<Stopwatch>,
 }
 
-impl Door {
-    /// The door behind a listener.
+impl Acceptor {
+    /// That of a listener.
     pub fn new(listener: UnixListener) -> Self {
         Self { listener, spare: spare(), complained: None }
     }
@@ -117,12 +117,12 @@ mod tests {
 
     #[test]
     fn whoever_is_silent_longest_goes_when_others_want_in() {
-        let lobby = Lobby::default();
+        let pending = PendingConnections::default();
         let mut ends = Vec::new();
         for connection in 0..ROOM as u64 + 1 {
             let (ours, theirs) = UnixStream::pair().unwrap();
             // The last one has to wait until the first one has had its time.
-            lobby.enter(connection, &Arc::new(ours));
+            pending.enter(connection, &Arc::new(ours));
             ends.push(theirs);
         }
         assert!(handshake::hung_up(&ends[0]));
@@ -131,14 +131,14 @@ mod tests {
 
     #[test]
     fn whoever_has_spoken_makes_room_at_once() {
-        let lobby = Lobby::default();
+        let pending = PendingConnections::default();
         let mut ends = Vec::new();
         for connection in 0..4 * ROOM as u64 {
             let (ours, theirs) = UnixStream::pair().unwrap();
-            lobby.enter(connection, &Arc::new(ours));
-            lobby.leave(connection);
+            pending.enter(connection, &Arc::new(ours));
+            pending.leave(connection);
             ends.push(theirs);
         }
-        assert!(lobby.silent.lock().unwrap().is_empty());
+        assert!(pending.silent.lock().unwrap().is_empty());
     }
 }

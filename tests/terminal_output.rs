@@ -1,4 +1,4 @@
-//! What a person at a terminal sees: a line that changes and leaves no trace, tables that fit, colours, keys.
+//! What is seen at a terminal: a line that changes and leaves no trace, tables that fit, colours, keys.
 
 mod common;
 
@@ -65,7 +65,7 @@ fn plain(text: &str) -> String {
 /// Regression: `alive: Small: NOT complete`; and of a run that was stopped its policy was "unknown".
 #[test]
 fn the_line_that_changes_is_cleared_before_anything_else_and_a_stopped_run_says_what_it_knows() {
-    let elk = Elk::new("person-line");
+    let elk = Elk::new("output-line");
     let mut terminal = launch(&elk, "manual", &[], 100);
     terminal.wait_until("how to step", |shown| shown.contains("Enter takes a step"));
     assert!(terminal.shown().contains(&format!("{REWIND}Enter takes a step")), "{:?}", terminal.shown());
@@ -84,7 +84,7 @@ fn the_line_that_changes_is_cleared_before_anything_else_and_a_stopped_run_says_
 
 #[test]
 fn the_line_that_changes_stays_within_the_window_and_ends_with_a_word() {
-    let elk = Elk::new("person-narrow");
+    let elk = Elk::new("output-narrow");
     let terminal = launch(&elk, "manual", &[], 44);
     let clipped = |line: &&str| line.ends_with(" …") && line.chars().count() < 44;
     terminal.wait_until("a clipped line", |shown| status_lines(shown).iter().any(clipped));
@@ -101,7 +101,7 @@ fn the_line_that_changes_stays_within_the_window_and_ends_with_a_word() {
 
 #[test]
 fn tables_fit_into_a_narrow_window_and_have_colours_only_where_they_are_wanted() {
-    let elk = Elk::new("person-tables");
+    let elk = Elk::new("output-tables");
     let terminal = launch(&elk, "manual", &[], 100);
     terminal.wait_until("how to step", |shown| shown.contains("Enter takes a step"));
     let table = |arguments: &[&str], no_colour: bool| {
@@ -136,7 +136,7 @@ fn tables_fit_into_a_narrow_window_and_have_colours_only_where_they_are_wanted()
 
 #[test]
 fn an_error_is_red_where_a_person_looks() {
-    let elk = Elk::new("person-error");
+    let elk = Elk::new("output-error");
     let (status, shown) = Terminal::start(elk_command(&elk, &["apps"]), 80).end();
     assert_eq!(status.code(), Some(1));
     assert!(shown.starts_with("\x1b[31melk:\x1b[0m nobody launches community"), "{shown:?}");
@@ -145,7 +145,7 @@ fn an_error_is_red_where_a_person_looks() {
 
 #[test]
 fn top_and_hz_end_with_q_and_follow_the_window() {
-    let elk = Elk::new("person-top");
+    let elk = Elk::new("output-top");
     let lab = Lab::deaf(&elk);
     for command in ["top", "hz"] {
         let mut terminal = Terminal::start(elk_command(&elk, &[command]), 100);
@@ -173,7 +173,7 @@ fn top_and_hz_end_with_q_and_follow_the_window() {
 /// Regression: `--detach` kept the terminal.
 #[test]
 fn a_detached_mission_gives_the_prompt_back_and_is_brought_back() {
-    let elk = Elk::new("person-detach");
+    let elk = Elk::new("output-detach");
     let (status, shown) = launch(&elk, "manual", &["--detach"], 100).end();
     assert!(status.success() && shown.contains("it runs in the background: `elk attach"), "{shown}");
     let (launcher, map) = (elk.process("launcher"), elk.process("Map"));
@@ -192,7 +192,7 @@ fn a_detached_mission_gives_the_prompt_back_and_is_brought_back() {
 
 #[test]
 fn a_detached_mission_that_cannot_start_says_why_and_one_that_is_over_has_its_summary() {
-    let elk = Elk::new("person-detach-2");
+    let elk = Elk::new("output-detach-2");
     let (status, shown) = Terminal::start(elk_command(&elk, &["launch", "no.xml", "--detach"]), 100).end();
     assert!(status.code() == Some(1) && shown.contains("cannot read the mission file no.xml"), "{shown}");
     let (status, shown) = launch(&elk, "auto", &["--detach"], 100).end();

@@ -1,4 +1,4 @@
-//! Which bytes of a damaged file are a record: how reading finds its place again.
+//! Which bytes of a damaged file are a record: how reading is synchronised with the records again.
 //!
 //! A record is known by its head, by texts that fill it to the byte, by a message's channel and time, and by the head
 //! behind it. All of that together does not happen by chance, even in values full of zeros and small numbers.
@@ -57,19 +57,19 @@ impl Bytes for &[u8] {
 }
 
 /// What is left of a damaged chunk.
-pub(crate) struct Debris {
+pub(crate) struct DamagedChunk {
     pub bytes: Vec<u8>,
     /// So many texts may still be looked at.
     texts: u64,
 }
 
-impl Debris {
+impl DamagedChunk {
     pub fn of(bytes: Vec<u8>) -> Self {
         Self { texts: affordable(bytes.len() as u64), bytes }
     }
 }
 
-impl Bytes for Debris {
+impl Bytes for DamagedChunk {
     fn length(&self) -> u64 {
         self.bytes.as_slice().length()
     }
@@ -98,42 +98,42 @@ pub(crate) fn spend(left: &mut u64) -> bool {
     left.checked_sub(1).map(|less| *left = less).is_some()
 }
 
-/// A place where a record begins.
+/// A record's head, and where it lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Spot {
+pub(crate) struct RecordAt {
     pub at: u64,
     pub head: Head,
 }
 
-impl Spot {
+impl RecordAt {
     /// Where the record ends.
     pub fn end(&self) -> u64 {
         self.head.end(self.at)
     }
 }
 
-/// What is known of a file, against which its records are held.
+/// Finds records by what is known of their file.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Judge {
+pub(crate) struct RecordFinder {
     /// The channels; none: they are not known.
     pub channels: BTreeSet<u16>,
     /// When messages were recorded (ns); nothing: that is not known.
     pub times: Option<RangeInclusive<u64>>,
 }
 
-impl Judge {
+impl RecordFinder {
     /// The record at `at`, or the next one behind it that can be relied on; nothing: there is none.
-    pub fn next(&self, bytes: &mut impl Bytes, at: u64) -> Result<Option<Spot>> {
+    pub fn next(&self, bytes: &mut impl Bytes, at: u64) -> Result<Option<RecordAt>> {
         let Some(head) = self.record(bytes, at)? else {
             return self.find(bytes, at + 1, u64::MAX);
         };
-        let spot = Spot { at, head };
-        if head.opcode == op::CHUNK || follows(bytes, spot.end())? {
-            return Ok(Some(spot));
+        let located = RecordAt { at, head };
+        if head.opcode == op::CHUNK || follows(bytes, located.end())? {
+            return Ok(Some(located));
         }
         // Its length is damaged, or the head behind it: if another record begins within it, it is its length.
-        let within = self.find(bytes, at + 1, spot.end())?;
-        Ok(within.or(Some(spot)))
+        let within = self.find(bytes, at + 1, located.end())?;
+        Ok(within.or(Some(located)))
     }
 
     /// Whether these bytes can be the first ones of a chunk: of a schema, a channel, or a message.
@@ -150,7 +150,7 @@ impl Judge {
     }
 
     /// The first record in `from..to` that can be relied on.
-    fn find(&self, bytes: &mut impl Bytes, from: u64, to: u64) -> Result<Option<Spot>> {
+    fn find(&self, bytes: &mut impl Bytes, from: u64, to: u64) -> Result<Option<RecordAt>> {
         let mut at = from;
         while at < to && at.saturating_add(Head::BYTES as u64) <= bytes.length() {
             let ahead = bytes.get(at, AHEAD_BYTES)?;
@@ -163,7 +163,7 @@ impl Judge {
                 && let Some(head) = self.record(bytes, at)?
                 && (head.opcode == op::CHUNK || follows(bytes, head.end(at))?)
             {
-                return Ok(Some(Spot { at, head }));
+                return Ok(Some(RecordAt { at, head }));
             }
             at += 1;
         }
@@ -225,10 +225,10 @@ fn head_at(bytes: &mut impl Bytes, at: u64) -> Result<Option<Head>> {
     Ok(bytes.peek(at)?.as_ref().map(Head::of))
 }
 
-/// Where all that a record says to hold ends, which begins and ends at `place`; nothing: beyond its own end. Of its texts only
-/// the lengths are read.
-pub(crate) fn end_of_content(opcode: u8, bytes: &mut impl Bytes, place: Range<u64>) -> Result<Option<u64>> {
-    let mut texts = Texts { bytes, at: place.start, end: place.end };
+/// Where all that a record says to hold ends; the record itself lies at `range`; nothing: beyond its own end. Of its texts
+/// only the lengths are read.
+pub(crate) fn end_of_content(opcode: u8, bytes: &mut impl Bytes, range: Range<u64>) -> Result<Option<u64>> {
+    let mut texts = Texts { bytes, at: range.start, end: range.end };
     let there = match opcode {
         op::HEADER => texts.skip(2)?,
         op::SCHEMA => texts.behind(2).skip(3)?, // the last one may be any bytes
@@ -319,11 +319,11 @@ mod tests {
         [&head, &time.to_le_bytes()[..], &time.to_le_bytes(), value].concat()
     }
 
-    fn found(judge: &Judge, bytes: &[u8]) -> Vec<u64> {
+    fn found(finder: &RecordFinder, bytes: &[u8]) -> Vec<u64> {
         let (mut bytes, mut at, mut found) = (bytes, 0, Vec::new());
-        while let Some(spot) = judge.next(&mut bytes, at).unwrap() {
-            found.push(spot.at);
-            at = spot.end();
+        while let Some(located) = finder.next(&mut bytes, at).unwrap() {
+            found.push(located.at);
+            at = located.end();
         }
         found
     }
@@ -334,13 +334,13 @@ mod tests {
         let starts: Vec<u64> =
             messages.iter().scan(0, |at, m| Some(std::mem::replace(at, *at + m.len() as u64))).collect();
         let bytes = messages.concat();
-        let judge = Judge { channels: BTreeSet::from([1]), times: Some(1 << 60..=1 << 60 | 9) };
-        assert_eq!(found(&judge, &bytes), starts);
+        let finder = RecordFinder { channels: BTreeSet::from([1]), times: Some(1 << 60..=1 << 60 | 9) };
+        assert_eq!(found(&finder, &bytes), starts);
         for (number, start) in starts.iter().enumerate() {
             for bit in 0..8 * Head::BYTES {
                 let mut damaged = bytes.clone();
                 damaged[*start as usize + bit / 8] ^= 1 << (bit % 8);
-                let found = found(&judge, &damaged);
+                let found = found(&finder, &damaged);
                 let kept = starts.iter().filter(|start| found.contains(start)).count();
                 assert!(kept >= 8 && found.len() <= 9, "bit {bit} of head {number}: {found:?}");
             }
@@ -354,9 +354,9 @@ mod tests {
         let mut bytes = messages.concat();
         for fill in [0, 5, 0xff] {
             bytes[1234..2345].fill(fill);
-            let judge = Judge { channels: BTreeSet::from([0, 1, 2]), times: Some(1 << 60..=1 << 60) };
+            let finder = RecordFinder { channels: BTreeSet::from([0, 1, 2]), times: Some(1 << 60..=1 << 60) };
             let touched = 2344 / size - 1234 / size + 1;
-            let found = found(&judge, &bytes);
+            let found = found(&finder, &bytes);
             assert!(found.len() >= 100 - touched, "{} of 100", found.len());
             assert!(found.iter().all(|at| at % size as u64 == 0), "{found:?}");
         }

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::LaunchError;
 use crate::process::handle;
 
-/// How long a stray may take to end when its app has.
+/// How long an escaped process may take to end when its app has.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(2);
 /// How often it is looked for new ones.
 const PERIOD: Duration = Duration::from_secs(1);
@@ -26,9 +26,9 @@ const RUN: &str = "ELK_RUN";
 
 /// A number that no other mission has, whoever launches it by now.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Run(String);
+pub(crate) struct RunId(String);
 
-impl Run {
+impl RunId {
     /// A new one.
     pub fn fresh() -> Result<Self, LaunchError> {
         let number = std::fs::read_to_string("/proc/sys/kernel/random/uuid");
@@ -70,144 +70,151 @@ pub(crate) fn processes_with(variable: &str, is_right: impl Fn(&[u8]) -> bool) -
     seen.filter(|(pid, id)| has_it(pid) && id.lives()).map(|(_, id)| id).collect()
 }
 
-/// The strays of a mission's apps, by number.
+/// The escaped processes of a mission's apps, by number.
 #[derive(Default)]
-pub(crate) struct Strays {
-    known: BTreeMap<i32, Stray>,
+pub(crate) struct EscapedProcesses {
+    known: BTreeMap<i32, EscapedProcess>,
     looked: Option<Duration>,
 }
 
-struct Stray {
+struct EscapedProcess {
     id: ProcessId,
-    /// The app that it descends from; `None`: it came to the launcher, as orphans do, before it was seen whose it was.
+    /// The app that it descends from; `None`: its parent had died, and it was the launcher's, before it was seen whose
+    /// it was.
     app: Option<Pid>,
-    fate: Fate,
+    termination: Termination,
 }
 
-/// What is done with a stray.
+/// How far the termination of an escaped process is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Fate {
+enum Termination {
     /// Nothing, while its app lives.
-    Spared,
+    NotAsked,
     /// It was asked to end, as its app has; it is killed then.
     Asked { until: Duration },
     /// It was killed. The kernel ends it as soon as it can.
     Killed,
 }
 
-impl Stray {
+impl EscapedProcess {
     fn ask(&mut self, now: Duration) {
         signal(&self.id, Signal::TERM);
-        self.fate = Fate::Asked { until: now + PATIENCE };
+        self.termination = Termination::Asked { until: now + PATIENCE };
     }
 
     fn kill(&mut self) {
         signal(&self.id, Signal::KILL);
-        self.fate = Fate::Killed;
+        self.termination = Termination::Killed;
     }
 
     /// When it is to be killed.
     fn deadline(&self) -> Option<Duration> {
-        match self.fate {
-            Fate::Asked { until } => Some(until),
-            Fate::Spared | Fate::Killed => None,
+        match self.termination {
+            Termination::Asked { until } => Some(until),
+            Termination::NotAsked | Termination::Killed => None,
         }
     }
 }
 
-/// What has become known of strays.
+/// What has become known of an escaped process.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Sight {
+pub(crate) enum Sighting {
     /// There is one.
     Found(ProcessId),
     /// It has ended.
-    Lost(ProcessId),
+    Ended(ProcessId),
 }
 
-impl Strays {
-    /// Has orphans come to this process, instead of to the machine's first one, and so remain within reach.
-    pub fn gather_orphans() {
+impl EscapedProcesses {
+    /// Has the kernel give orphaned processes to this one, instead of to the machine's first one: so they remain within
+    /// reach.
+    pub fn become_subreaper() {
         // Where the system has no such thing, those are found that were seen while their parents lived.
         let _ = rustix::process::set_child_subreaper(Some(getpid()));
     }
 
-    /// Looks who is there, if it is time: descendants of `apps`, and orphans; `ours` are children that this process has
-    /// started itself.
-    pub fn look(&mut self, now: Duration, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sight> {
+    /// Looks who is there, if it is time: descendants of `apps`, and orphaned ones; `ours` are children that this
+    /// process has started itself.
+    pub fn look(&mut self, now: Duration, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sighting> {
         if self.looked.is_some_and(|then| now < then + PERIOD) {
             return Vec::new();
         }
         self.look_now(now, apps, ours)
     }
 
-    /// Looks for descendants that are nobody's children any more: those of a launcher that is gone, to which orphans came,
-    /// are the machine's first process'. Whoever is of a group of `apps` is none.
-    pub fn look_for_lost(&mut self, run: &Run, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sight> {
+    /// Looks for descendants that are nobody's children any more: those that an ended launcher had been given are
+    /// the machine's first process' now. Processes in the groups of `apps` are not among them.
+    pub fn look_for_reparented(&mut self, run: &RunId, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sighting> {
         let groups: BTreeSet<i32> = apps.iter().map(|app| app.as_raw_nonzero().get()).collect();
-        let is_lost = |id: &ProcessId| {
+        let is_reparented = |id: &ProcessId| {
             let is_of_app = group(id.pid).is_some_and(|group| groups.contains(&group));
             !is_of_app && !ours.contains(&id.pid) && self.known.get(&id.pid).is_none_or(|known| known.id != *id)
         };
-        let lost: Vec<ProcessId> = run.processes().into_iter().filter(is_lost).collect();
-        self.known.extend(lost.iter().map(|id| (id.pid, Stray { id: *id, app: None, fate: Fate::Spared })));
-        lost.into_iter().map(Sight::Found).collect()
+        let reparented: Vec<ProcessId> = run.processes().into_iter().filter(is_reparented).collect();
+        self.known.extend(
+            reparented
+                .iter()
+                .map(|id| (id.pid, EscapedProcess { id: *id, app: None, termination: Termination::NotAsked })),
+        );
+        reparented.into_iter().map(Sighting::Found).collect()
     }
 
-    /// As [`Strays::look`], whatever the time.
-    pub fn look_now(&mut self, now: Duration, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sight> {
+    /// As [`EscapedProcesses::look`], whatever the time.
+    pub fn look_now(&mut self, now: Duration, apps: &[Pid], ours: &BTreeSet<i32>) -> Vec<Sighting> {
         self.looked = Some(now);
         let of_apps = apps.iter().flat_map(|app| outside(*app).into_iter().map(|pid| (pid, Some(*app))));
         let mut seen: Vec<(i32, Option<Pid>)> = of_apps.collect();
         // What the program around the launcher has started itself is of its own group.
         let own = getpid().as_raw_nonzero().get();
         let own_group = group(own);
-        let orphans = children(own).into_iter().filter(|pid| !ours.contains(pid));
-        seen.extend(orphans.filter(|pid| group(*pid) != own_group).map(|pid| (pid, None)));
-        let mut sights = Vec::new();
+        let reparented = children(own).into_iter().filter(|pid| !ours.contains(pid));
+        seen.extend(reparented.filter(|pid| group(*pid) != own_group).map(|pid| (pid, None)));
+        let mut sightings = Vec::new();
         for (pid, app) in seen {
             match ProcessId::of(pid) {
                 Some(id) if self.known.get(&pid).is_none_or(|known| known.id != id) => {
-                    self.known.insert(pid, Stray { id, app, fate: Fate::Spared });
-                    sights.push(Sight::Found(id));
+                    self.known.insert(pid, EscapedProcess { id, app, termination: Termination::NotAsked });
+                    sightings.push(Sighting::Found(id));
                 }
                 Some(_) => {}
-                None => bury(pid),
+                None => reap_child(pid),
             }
         }
-        sights
+        sightings
     }
 
     /// An app has ended: what it has started is asked to end as well. `None`: all have.
     pub fn dismiss(&mut self, app: Option<Pid>, now: Duration) {
-        let meant = |stray: &&mut Stray| stray.fate == Fate::Spared && (app.is_none() || stray.app == app);
-        self.known.values_mut().filter(meant).for_each(|stray| stray.ask(now));
+        let meant =
+            |one: &&mut EscapedProcess| one.termination == Termination::NotAsked && (app.is_none() || one.app == app);
+        self.known.values_mut().filter(meant).for_each(|one| one.ask(now));
     }
 
     /// Kills those whose time is over, and forgets those that have ended.
-    pub fn reap(&mut self, now: Duration) -> Vec<Sight> {
-        let mut sights = Vec::new();
-        self.known.retain(|pid, stray| {
-            if stray.deadline().is_some_and(|until| until <= now) {
-                stray.kill();
+    pub fn reap(&mut self, now: Duration) -> Vec<Sighting> {
+        let mut sightings = Vec::new();
+        self.known.retain(|pid, one| {
+            if one.deadline().is_some_and(|until| until <= now) {
+                one.kill();
             }
-            let lives = stray.id.lives();
+            let lives = one.id.lives();
             if !lives {
-                bury(*pid);
-                sights.push(Sight::Lost(stray.id));
+                reap_child(*pid);
+                sightings.push(Sighting::Ended(one.id));
             }
             lives
         });
-        sights
+        sightings
     }
 
     /// When the next one is to be killed.
     pub fn deadline(&self) -> Option<Duration> {
-        self.known.values().filter_map(Stray::deadline).min()
+        self.known.values().filter_map(EscapedProcess::deadline).min()
     }
 
     /// Waits until one of them has ended or is to be killed, at most `patience`.
     pub fn wait(&self, now: Duration, patience: Duration) {
-        let handles: Vec<OwnedFd> = self.known.values().filter_map(|stray| handle::of(&stray.id)).collect();
+        let handles: Vec<OwnedFd> = self.known.values().filter_map(|one| handle::of(&one.id)).collect();
         // One has ended already, unless there is no descriptor for its handle: that is no reason not to rest.
         let patience = if handles.len() < self.known.len() { patience.min(UNSEEN) } else { patience };
         let left = self.deadline().map_or(patience, |until| patience.min(until.saturating_sub(now)));
@@ -229,7 +236,7 @@ pub(crate) fn signal(id: &ProcessId, signal: Signal) {
 }
 
 /// Waits for a child that has ended; whoever is no child of ours is waited for by somebody else.
-fn bury(pid: i32) {
+fn reap_child(pid: i32) {
     let _ = waitpid(Pid::from_raw(pid), WaitOptions::NOHANG);
 }
 
@@ -268,7 +275,7 @@ mod tests {
     use super::*;
 
     /// A shell, leader of its group, with a child in a session of its own: both, and the child's number.
-    fn shell_with_stray(script: &str) -> (Child, i32) {
+    fn shell_with_escaped(script: &str) -> (Child, i32) {
         let mut command = Command::new("sh");
         let mut shell = command.args(["-c", script]).process_group(0).stdout(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();
@@ -278,35 +285,35 @@ mod tests {
 
     #[test]
     fn a_child_in_a_session_of_its_own_is_found_asked_and_killed() {
-        let (mut shell, stray) =
-            shell_with_stray("setsid sh -c 'trap \"\" TERM; echo $$; exec sleep 1000' & sleep 1000");
+        let (mut shell, number) =
+            shell_with_escaped("setsid sh -c 'trap \"\" TERM; echo $$; exec sleep 1000' & sleep 1000");
         let app = Pid::from_child(&shell);
-        let id = ProcessId::of(stray).unwrap();
-        let mut strays = Strays::default();
+        let id = ProcessId::of(number).unwrap();
+        let mut escaped = EscapedProcesses::default();
         let ours = BTreeSet::from([shell.id() as i32]);
-        let found = strays.look(Duration::ZERO, &[app], &ours);
-        assert!(found.contains(&Sight::Found(id)), "{found:?}");
-        assert!(strays.look(PERIOD / 2, &[app], &ours).is_empty());
-        assert!(strays.look(PERIOD, &[app], &ours).is_empty());
+        let found = escaped.look(Duration::ZERO, &[app], &ours);
+        assert!(found.contains(&Sighting::Found(id)), "{found:?}");
+        assert!(escaped.look(PERIOD / 2, &[app], &ours).is_empty());
+        assert!(escaped.look(PERIOD, &[app], &ours).is_empty());
         let killed = rustix::process::kill_process_group(app, Signal::KILL);
         killed.unwrap();
         shell.wait().unwrap();
         assert!(id.lives());
-        strays.dismiss(Some(app), PERIOD);
-        assert!(strays.reap(PERIOD).is_empty() && id.lives());
-        assert_eq!(strays.deadline(), Some(PERIOD + PATIENCE));
-        strays.reap(PERIOD + PATIENCE);
+        escaped.dismiss(Some(app), PERIOD);
+        assert!(escaped.reap(PERIOD).is_empty() && id.lives());
+        assert_eq!(escaped.deadline(), Some(PERIOD + PATIENCE));
+        escaped.reap(PERIOD + PATIENCE);
         // Regression: until the kernel had ended it, its deadline was one that lay in the past, and nobody slept.
-        assert_eq!(strays.deadline(), None);
-        strays.wait(PERIOD + PATIENCE, Duration::from_secs(60));
+        assert_eq!(escaped.deadline(), None);
+        escaped.wait(PERIOD + PATIENCE, Duration::from_secs(60));
         assert!(!id.lives());
-        strays.reap(PERIOD + PATIENCE);
-        assert!(strays.is_empty());
+        escaped.reap(PERIOD + PATIENCE);
+        assert!(escaped.is_empty());
     }
 
     #[test]
     fn whoever_was_given_a_run_is_found_by_it() {
-        let (one, other) = (Run::fresh().unwrap(), Run::fresh().unwrap());
+        let (one, other) = (RunId::fresh().unwrap(), RunId::fresh().unwrap());
         let mut command = Command::new("cat");
         one.give(&mut command);
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
@@ -320,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn a_process_that_has_a_stray_s_number_by_now_is_left_alone() {
+    fn a_process_that_has_an_escaped_process_s_number_by_now_is_left_alone() {
         let mut child = Command::new("sleep").arg("1000").spawn().unwrap();
         let mut other = ProcessId::of(child.id() as i32).unwrap();
         other.started -= 1;

@@ -1,4 +1,4 @@
-//! What a scope costs those whom it looks at: `cargo bench -p elk-scope --bench burden -- [--quick]`.
+//! What a scope costs those whom it looks at: `cargo bench -p elk-scope --bench overhead -- [--quick]`.
 //!
 //! Method: separate processes; a publisher, a broker, two readers, and beside them a scope or nobody, taking turns in
 //! the same run. Each figure is the median of its turns, and stands beside that without a scope. Two loads: 100,000
@@ -19,7 +19,7 @@ use std::process::ExitCode;
 use turn::{Load, Turn};
 
 /// What goes wrong here ends the measurement.
-pub type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
+pub type BenchResult<T = ()> = Result<T, Box<dyn std::error::Error>>;
 
 /// The scopes that are measured, `nobody` first: all others are held against it.
 const SCOPES: [&str; 5] = ["nobody", "echo-pipe", "echo-terminal", "hz", "top"];
@@ -31,20 +31,20 @@ fn main() -> ExitCode {
         // Cargo says so when it benches; when it tests all targets it does not, and then there is nothing to do.
         _ if args.iter().any(|arg| arg == "--bench") => measure(args.iter().any(|arg| arg == "--quick")),
         _ => {
-            println!("cargo bench -p elk-scope --bench burden -- [--quick]");
+            println!("cargo bench -p elk-scope --bench overhead -- [--quick]");
             Ok(())
         }
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("burden: {error}");
+            eprintln!("overhead: {error}");
             ExitCode::FAILURE
         }
     }
 }
 
-fn measure(quick: bool) -> Outcome {
+fn measure(quick: bool) -> BenchResult {
     let turns = if quick { 3 } else { 5 };
     let seconds = if quick { 0.5 } else { 1.0 };
     for load in [Load::paced(seconds), Load::flat_out(seconds)] {

@@ -1,4 +1,4 @@
-//! The person at the keyboard: Enter, and Ctrl-C.
+//! The launcher's keyboard: Enter, and Ctrl-C.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,16 +26,16 @@ pub(crate) fn stopped(stop: &AtomicBool) -> bool {
     stop.load(Ordering::Relaxed)
 }
 
-/// Whoever may press Enter.
+/// Standard input, at which somebody may press Enter.
 #[derive(Debug, Default)]
-pub(crate) struct Person {
+pub(crate) struct Keyboard {
     /// The input has ended.
     gone: bool,
     /// And that has been said.
     missed: bool,
 }
 
-impl Person {
+impl Keyboard {
     /// What has to be watched for Enter to be seen.
     pub fn watch<'a>(&'a self, watched: &mut Vec<PollFd<'a>>) {
         if !self.gone {

@@ -1,4 +1,4 @@
-//! Where a community's shared memory lies, and what to say when there is trouble with it.
+//! Where a community's shared memory and folder lie, and what to say when there is trouble with them.
 
 use std::fs::File;
 use std::io::Write;
@@ -35,22 +35,23 @@ pub fn prefix(community: &Community) -> String {
     format!("elk_{community}=")
 }
 
-/// A community's place on this machine: its folder, which nobody else can enter, and a prefix in shared memory.
+/// A community's namespace on this machine: its folder, which nobody else can enter, and the prefix of its names in
+/// shared memory.
 #[derive(Debug)]
-pub struct Place {
+pub struct Namespace {
     community: Community,
     folder: Folder,
 }
 
-/// A place that this process alone may clear away: it has locked the mark. Whoever shares the folder but not the network
-/// namespace, and so not the sockets' names, is kept out by that. The kernel frees the lock with its process.
+/// A namespace that this process alone may clear away: it has locked the mark. The lock keeps out whoever shares the
+/// folder but not the network namespace, and so not the sockets' names. The kernel frees it with its process.
 #[derive(Debug)]
-pub struct HeldPlace {
-    place: Place,
+pub struct HeldNamespace {
+    namespace: Namespace,
     lock: File,
 }
 
-impl HeldPlace {
+impl HeldNamespace {
     /// Sees that the folder is marked. Whoever holds the mark writes it, in place: another file in its place would be
     /// anybody's to lock.
     fn mark(&self) -> std::io::Result<()> {
@@ -62,16 +63,16 @@ impl HeldPlace {
     }
 }
 
-impl Deref for HeldPlace {
-    type Target = Place;
-    fn deref(&self) -> &Place {
-        &self.place
+impl Deref for HeldNamespace {
+    type Target = Namespace;
+    fn deref(&self) -> &Namespace {
+        &self.namespace
     }
 }
 
-impl Place {
+impl Namespace {
     /// Makes the folder of a community, or takes the one that the last broker left, and holds it.
-    pub fn make(community: &Community) -> Result<HeldPlace, FolderError> {
+    pub fn make(community: &Community) -> Result<HeldNamespace, FolderError> {
         let mut tries = 0;
         loop {
             tries += 1;
@@ -83,7 +84,7 @@ impl Place {
         }
     }
 
-    fn try_to_make(home: &FilePath, community: &Community) -> Result<HeldPlace, FolderError> {
+    fn try_to_make(home: &FilePath, community: &Community) -> Result<HeldNamespace, FolderError> {
         let path = home.join(community.as_str());
         if !can_be_named(&path, community) {
             return Err(FolderError::Unspeakable { folder: path });
@@ -93,16 +94,16 @@ impl Place {
         if !is_marked(&folder, community) && !holds_nothing(&folder, community).map_err(failed)? {
             return Err(FolderError::Unmarked { folder: path });
         }
-        let place = Self { community: community.clone(), folder }.hold()?;
-        place.mark().map_err(failed)?;
-        Ok(place)
+        let namespace = Self { community: community.clone(), folder }.hold()?;
+        namespace.mark().map_err(failed)?;
+        Ok(namespace)
     }
 
     /// Holds it, if nobody does.
-    pub fn hold(self) -> Result<HeldPlace, FolderError> {
+    pub fn hold(self) -> Result<HeldNamespace, FolderError> {
         let folder = || self.folder.path().to_owned();
         match self.folder.lock(MARK).map_err(|source| FolderError::Io { folder: folder(), source })? {
-            Some(lock) => Ok(HeldPlace { place: self, lock }),
+            Some(lock) => Ok(HeldNamespace { namespace: self, lock }),
             None => Err(FolderError::Held { folder: folder() }),
         }
     }
@@ -231,38 +232,38 @@ mod tests {
     }
 
     #[test]
-    fn only_an_empty_or_a_marked_folder_becomes_a_place() {
+    fn only_an_empty_or_a_marked_folder_becomes_a_namespace() {
         let shared = tempfile::tempdir().unwrap();
         let home = Folder::make(&shared.path().join("home")).unwrap();
         let community = Community::new("lab").unwrap();
         let folder = home.make_child("lab").unwrap();
         folder.write("thesis.tex", b"mine").unwrap();
-        assert!(matches!(Place::open_in(&home, &community), Err(FolderError::Unmarked { .. })));
+        assert!(matches!(Namespace::open_in(&home, &community), Err(FolderError::Unmarked { .. })));
         folder.write(MARK, b"another").unwrap();
-        assert!(matches!(Place::open_in(&home, &community), Err(FolderError::Unmarked { .. })));
+        assert!(matches!(Namespace::open_in(&home, &community), Err(FolderError::Unmarked { .. })));
         folder.write(MARK, b"lab").unwrap();
-        assert_eq!(Place::open(&community, folder.path()).unwrap().folder().path(), folder.path());
+        assert_eq!(Namespace::open(&community, folder.path()).unwrap().folder().path(), folder.path());
         let other = Community::new("other").unwrap();
-        assert!(matches!(Place::open(&other, folder.path()), Err(FolderError::Unspeakable { .. })));
+        assert!(matches!(Namespace::open(&other, folder.path()), Err(FolderError::Unspeakable { .. })));
     }
 
     #[test]
-    fn a_place_that_somebody_holds_is_neither_taken_nor_cleared_away() {
+    fn a_namespace_that_somebody_holds_is_neither_taken_nor_cleared_away() {
         let shared = tempfile::tempdir().unwrap();
         let (home, community) = (shared.path().join("home"), Community::new("lab").unwrap());
-        let first = Place::try_to_make(&home, &community).unwrap();
+        let first = Namespace::try_to_make(&home, &community).unwrap();
         first.folder().write("places", b"mine").unwrap();
-        let error = Place::try_to_make(&home, &community).unwrap_err();
+        let error = Namespace::try_to_make(&home, &community).unwrap_err();
         assert!(
             matches!(error, FolderError::Held { .. }) && error.to_string().contains("another container"),
             "{error}"
         );
-        let looked_at = Place::open_in(&Folder::open(&home).unwrap(), &community).unwrap();
+        let looked_at = Namespace::open_in(&Folder::open(&home).unwrap(), &community).unwrap();
         assert!(matches!(looked_at.hold(), Err(FolderError::Held { .. })));
         assert_eq!(first.folder().read("places").unwrap(), b"mine");
         // The next one finds what was left, and takes it.
         drop(first);
-        assert_eq!(Place::try_to_make(&home, &community).unwrap().folder().read("places").unwrap(), b"mine");
+        assert_eq!(Namespace::try_to_make(&home, &community).unwrap().folder().read("places").unwrap(), b"mine");
     }
 
     #[test]
@@ -272,20 +273,20 @@ mod tests {
         let folder = Folder::make(&home).unwrap().make_child("lab").unwrap();
         for written in ["", "la"] {
             std::fs::write(folder.path().join(MARK), written).unwrap();
-            Place::try_to_make(&home, &community).unwrap();
+            Namespace::try_to_make(&home, &community).unwrap();
             assert_eq!(folder.read(MARK).unwrap(), b"lab", "{written}");
             std::fs::remove_file(folder.path().join(MARK)).unwrap();
         }
         // Somebody else's file is no mark.
         std::fs::write(folder.path().join(MARK), "thesis").unwrap();
-        assert!(matches!(Place::try_to_make(&home, &community), Err(FolderError::Unmarked { .. })));
+        assert!(matches!(Namespace::try_to_make(&home, &community), Err(FolderError::Unmarked { .. })));
     }
 
     #[test]
     fn paths_that_shared_memory_cannot_name_are_refused_by_name() {
         let community = Community::new("lab").unwrap();
         let long = FilePath::new("/tmp").join("x".repeat(200)).join("lab");
-        let error = Place::open(&community, &long).unwrap_err().to_string();
+        let error = Namespace::open(&community, &long).unwrap_err().to_string();
         assert!(
             error.contains(&long.display().to_string()) && error.contains("set XDG_RUNTIME_DIR or TMPDIR"),
             "{error}"
