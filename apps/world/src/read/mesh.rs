@@ -3,7 +3,8 @@
 use nalgebra::Point3;
 
 use crate::read::budget::{Budget, MOST_VERTICES};
-use crate::read::{Fault, Place, Soup};
+use crate::read::fault::{Fault, Place};
+use crate::read::soup::Soup;
 
 /// A vertex that a face names, and where in the file.
 #[derive(Debug, Clone, Copy)]

@@ -7,7 +7,7 @@ use nalgebra::Point3;
 
 use crate::polygon::{self, Cut};
 use crate::read::budget::Budget;
-use crate::read::{Fault, Place};
+use crate::read::fault::{Fault, Place};
 use crate::triangle::Triangle;
 
 /// Larger coordinates than this are a mistake, and products of them no numbers.
