@@ -498,7 +498,11 @@ impl Deref for Taken {
     fn deref(&self) -> &[u8] {
         match &self.sample {
             Some(sample) => sample.payload(),
-            None => self.line.page.down.get(self.number).unwrap_or_default(),
+            None => {
+                let batch = self.line.page.down.get(self.number);
+                debug_assert!(batch.is_some(), "the page had batch {} when it was taken", self.number);
+                batch.unwrap_or_default()
+            }
         }
     }
 }
