@@ -1,6 +1,7 @@
 //! A client in somebody's event loop: a file descriptor that is readable when mail waits.
 //!
-//! Nobody pays for it who does not ask: with the first [`Client::wake_fd`] a thread begins to listen to the client's bell.
+//! Nobody pays for it who does not ask: with the first [`Client::wake_fd`](crate::Client::wake_fd) a thread
+//! begins to listen to the client's bell.
 //!
 //! ```
 //! use std::time::Duration;
@@ -31,7 +32,6 @@ use std::sync::Arc;
 
 use rustix::event::{EventfdFlags, eventfd};
 
-use crate::client::Client;
 use crate::link::Wake;
 
 /// A descriptor that is readable from when it is set until it is cleared.
@@ -60,21 +60,5 @@ impl Wake for EventFd {
 impl AsFd for EventFd {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.0.as_fd()
-    }
-}
-
-impl Client {
-    /// A descriptor that is readable when there is something for [`Client::receive`]: mail, the broker's end, or a successor
-    /// that is ready. It may be readable for nothing, too. Receiving, with a timeout of zero, is what makes it unreadable
-    /// again; while more is there than one call hands out it stays readable. It is the same one for this client's whole life,
-    /// through a broker's death and the next one.
-    ///
-    /// What is published leaves with the next [`Comms::flush`](crate::Comms::flush) or receive, as ever; that waits if the
-    /// broker is behind, and a receive that finds the broker dead waits for the next one.
-    ///
-    /// # Errors
-    /// There is no descriptor, or no thread to listen to the bell.
-    pub fn wake_fd(&mut self) -> io::Result<BorrowedFd<'_>> {
-        self.inbox.wake_fd()
     }
 }

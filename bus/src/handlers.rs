@@ -53,8 +53,9 @@ use std::time::Duration;
 
 use elk_proto::rejection::Rejection;
 
-use crate::app::{App, AppError};
+use crate::app::App;
 use crate::comms::Comms;
+use crate::failure::AppError;
 use crate::mail::Mail;
 use crate::recall::{self, Recall};
 use crate::subscription::{Reads, Subscribe, Terms};

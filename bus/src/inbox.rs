@@ -190,7 +190,7 @@ impl Inbox {
                 on_mail(comms, &mail)
             }
             Err(Unreadable::Damaged(why)) => {
-                let (key, source) = self.names.of(frame.header.key, frame.header.source);
+                let (key, source) = self.names.of(frame.header.key, frame.header.source).unwrap_or(("?", "?"));
                 Ok(comms.reject(key, source, wire::count(frame.header.sequence), &why)?)
             }
             Err(Unreadable::Gone) => {
@@ -203,8 +203,8 @@ impl Inbox {
     }
 
     fn was_heard(&self, frame: &Frame<'_>) -> bool {
-        let (key, source) = self.names.of(frame.header.key, frame.header.source);
-        self.seen.knows(&frame.header, key, source)
+        let names = self.names.of(frame.header.key, frame.header.source);
+        names.is_some_and(|(key, source)| self.seen.knows(&frame.header, key, source))
     }
 
     fn attach_if_told(&mut self, comms: &mut Comms, frame: &Frame<'_>) {

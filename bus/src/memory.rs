@@ -10,10 +10,10 @@ use std::time::Duration;
 
 use elk_proto::host::{Ends, Host, Progress};
 
-use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Limits, Refusal, Retained, Session};
+use crate::broker::{Broker, BrokerConfig, Introduction, Limits, Refusal, Retained, Session};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
-use crate::wire::BulkRef;
+use crate::wire::{BulkRef, ClientId};
 
 /// The longest that who listens for a client sleeps.
 const LONGEST_SLEEP: Duration = Duration::from_secs(5);

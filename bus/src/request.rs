@@ -66,8 +66,8 @@ use std::time::Duration;
 
 use elk_proto::rejection::Rejection;
 
-use crate::app::AppError;
 use crate::comms::{Comms, CommsError, Origin};
+use crate::failure::AppError;
 use crate::handlers::Handlers;
 use crate::key::{Key, Payload};
 use crate::mail::Mail;
