@@ -105,7 +105,7 @@ pub(super) fn simulator(params: &Params) -> Result<Simulator, AppError> {
     check_point(&start.position()).map_err(|invalid| {
         format!("Start: {invalid}, as no map reaches farther; move the world nearer to the origin")
     })?;
-    let simulator = Simulator { remarks, ..Simulator::new(world, settings(params), start) };
+    let simulator = Simulator::new(world, settings(params), start).with_remarks(remarks);
     simulator.free(&start).map_err(|refusal| format!("Start: {refusal}; choose a free place, or RandomStart true"))?;
     Ok(simulator)
 }

@@ -65,6 +65,11 @@ impl Simulator {
         Self { world, settings, start, remarks: Vec::new() }
     }
 
+    /// The same, with what whoever looks at its scans should know of the world.
+    pub fn with_remarks(self, remarks: Vec<String>) -> Self {
+        Self { remarks, ..self }
+    }
+
     /// True depth at a pixel (m along the optical axis).
     fn depth(&self, pose: &Pose, u: f64, v: f64) -> Option<f64> {
         let in_camera = self.settings.camera.direction(u, v);
