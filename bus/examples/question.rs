@@ -1,6 +1,5 @@
 //! A question and its answer: one serves, the other asks, and knows which answer is to its question.
 
-use std::error::Error;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -41,7 +40,7 @@ impl Reckoner {
 }
 
 /// Runs it.
-pub fn main() -> Result<(), Box<dyn Error>> {
+pub fn main() -> Result<(), AppError> {
     let community = Community::new("question")?;
     let broker = MemoryBroker::new(BrokerConfig::new("question"), Clock::new(1.0));
     let stop = AtomicBool::new(false);
