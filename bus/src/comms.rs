@@ -445,6 +445,13 @@ impl Comms {
         self.outbox.unhandled(&*self.up)
     }
 
+    /// Whether what was said can leave without waiting. If not, the client's descriptor (see [`crate::Client::wake_fd`]) is
+    /// readable once it can.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn has_room(&self) -> bool {
+        self.up.has_room()
+    }
+
     fn batch_is_sent(&mut self, bulk: bool) {
         let sent = std::mem::take(&mut self.batch);
         self.batch = self.outbox.retain(sent, bulk);
