@@ -55,8 +55,9 @@ pub trait App: Send {
         Ok(())
     }
 
-    /// How often [`App::iterate`] is called (Hz); `None`: never, the app is driven by mail alone.
-    fn tick_hz(&self) -> Option<f64> {
+    /// Time between two calls of [`App::iterate`], of the community's clock; `None`: it is never called, the app is driven by
+    /// mail alone.
+    fn tick_period(&self) -> Option<Duration> {
         None
     }
 
@@ -223,7 +224,7 @@ struct Beat {
 
 impl Beat {
     fn new(app: &dyn App, comms: &Comms) -> Self {
-        let period_secs = app.tick_hz().filter(|hz| *hz > 0.0).map(|hz| 1.0 / hz);
+        let period_secs = app.tick_period().filter(|period| !period.is_zero()).map(|period| period.as_secs_f64());
         Self { period_secs, next_tick: comms.time(), next_status: Duration::ZERO, running: Stopwatch::start() }
     }
 

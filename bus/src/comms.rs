@@ -57,6 +57,22 @@ fn short<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<(), CommsError>
     }
 }
 
+/// What the community's clock is set to by whoever drives it (see [`Comms::drive_clock`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drive {
+    /// What it shows now (s).
+    pub time_secs: f64,
+    /// How many times as fast as by itself it runs from now on; 0: it stands still.
+    pub rate: f64,
+}
+
+impl Drive {
+    /// A clock that stands still at this time (s).
+    pub fn standing_at(time_secs: f64) -> Self {
+        Self { time_secs, rate: 0.0 }
+    }
+}
+
 /// Where a message comes from, if it is not simply this client's own: for gateways and replay.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Origin<'a> {
@@ -174,11 +190,10 @@ impl Comms {
         self.clock.now()
     }
 
-    /// Drives the community's clock: it shows `time` (s) now, and runs on `rate` times as fast as by itself; 0: it stands
-    /// still. It is left to itself again when this client goes, or says so. While another client drives it the broker
-    /// refuses that (see [`crate::Inbox::take_refusals`]), under the name [`crate::broker::CLOCK`].
-    pub fn drive_clock(&mut self, time: f64, rate: f64) -> Result<(), CommsError> {
-        self.clock_is_driven(Some(Dial { at: self.clock.own(), time, rate }))
+    /// Drives the community's clock. It is left to itself again when this client goes, or says so. While another client
+    /// drives it the broker refuses that (see [`crate::Inbox::take_refusals`]), under the name [`crate::broker::CLOCK`].
+    pub fn drive_clock(&mut self, Drive { time_secs, rate }: Drive) -> Result<(), CommsError> {
+        self.clock_is_driven(Some(Dial { at: self.clock.own(), time: time_secs, rate }))
     }
 
     /// Leaves the community's clock, which this client drives, to itself.
@@ -428,6 +443,13 @@ impl Comms {
     /// says so whenever it is sent something.
     pub fn unhandled_batches(&self) -> u64 {
         self.outbox.unhandled(&*self.up)
+    }
+
+    /// Whether what was said can leave without waiting. If not, the client's descriptor (see [`crate::Client::wake_fd`]) is
+    /// readable once it can.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn has_room(&self) -> bool {
+        self.up.has_room()
     }
 
     fn batch_is_sent(&mut self, bulk: bool) {

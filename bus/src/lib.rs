@@ -42,7 +42,7 @@ use std::sync::atomic::AtomicBool;
 
 pub use app::{App, RunError, run_app_on};
 pub use client::Client;
-pub use comms::{Comms, CommsError, Origin};
+pub use comms::{Comms, CommsError, Drive, Origin};
 /// What [`payload`] derives besides: a type says what its bytes are, and what every value of it has to keep to.
 pub use elk_describe as describe;
 /// Makes a struct or an enum travel: as the value of a [`Key`], or as a field of one.

@@ -17,6 +17,8 @@ use crate::wire::{BulkRef, ClientId};
 
 /// The longest that who listens for a client sleeps.
 const LONGEST_SLEEP: Duration = Duration::from_secs(5);
+/// How often it is looked whether there is room: patience with who does not read comes to an end without a word.
+const ROOM_LOOKED_FOR_EVERY: Duration = Duration::from_millis(50);
 
 /// A broker that clients of the same process connect to.
 #[derive(Clone)]
@@ -50,6 +52,8 @@ struct ClientEnd {
     progress: Progress,
     /// It is to leave, for its successor.
     retires: bool,
+    /// It is to be woken once there is room for a batch of it.
+    wants_room: bool,
 }
 
 impl Ends for MemoryEnds {
@@ -228,8 +232,21 @@ impl Uplink for MemoryUp {
                 shared.changed.notify_all();
                 return taken.map_err(|e| LinkError::SharedMemory(e.to_string()));
             }
-            state = wait(shared, state, Duration::from_millis(50));
+            state = wait(shared, state, ROOM_LOOKED_FOR_EVERY);
         }
+    }
+
+    fn has_room(&self) -> bool {
+        let End { shared, id, epoch, .. } = &*self.0;
+        let mut state = shared.lock();
+        let now = shared.clock.now();
+        // One that is gone keeps nobody waiting.
+        let has_room = shared.broker(&mut state, *epoch).map_or(true, |broker| !broker.holds_back(now, *id));
+        state.ends.clients.entry(*id).and_modify(|end| end.wants_room = !has_room);
+        if !has_room {
+            shared.changed.notify_all();
+        }
+        has_room
     }
 
     fn handled(&self) -> u64 {
@@ -264,17 +281,20 @@ fn listen(shared: &Shared, end: &Weak<End>, (id, epoch): (ClientId, u64), wake: 
     loop {
         let now = shared.clock.now();
         let retiring = state.is_retiring(id);
+        let wants_room = state.ends.clients.get(&id).is_some_and(|end| end.wants_room);
+        let longest = if wants_room { ROOM_LOOKED_FOR_EVERY } else { LONGEST_SLEEP };
         let next = match shared.broker(&mut state, epoch) {
             Ok(broker) if end.strong_count() > 0 => {
                 broker.tick(now);
-                if retiring || (broker.may_give(id) && broker.with_mail().any(|with| with == id)) {
+                let has_mail = broker.may_give(id) && broker.with_mail().any(|with| with == id);
+                if retiring || has_mail || (wants_room && !broker.holds_back(now, id)) {
                     wake.set();
                 }
                 broker.next_deadline() - now
             }
             _ => return wake.set(),
         };
-        state = wait(shared, state, shared.clock.real(next).clamp(Duration::from_millis(1), LONGEST_SLEEP));
+        state = wait(shared, state, shared.clock.real(next).clamp(Duration::from_millis(1), longest));
     }
 }
 

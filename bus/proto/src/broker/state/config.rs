@@ -27,7 +27,7 @@ impl BrokerConfig {
     }
 
     /// The same with mailboxes of so many bytes, and with room for eight that are full.
-    pub fn with_mailboxes_of(self, mailbox_bytes: usize) -> Self {
+    pub fn with_mailbox_bytes(self, mailbox_bytes: usize) -> Self {
         let limits = Limits { mail_bytes: mailbox_bytes.saturating_mul(8), ..self.limits };
         Self { mailbox_bytes, limits, ..self }
     }
