@@ -17,6 +17,7 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use common::events::Patience;
 use common::lab::{hear, wait_for_clients};
@@ -76,8 +77,8 @@ impl App for Publisher {
         Ok(())
     }
 
-    fn tick_hz(&self) -> Option<f64> {
-        Some(250.0)
+    fn tick_period(&self) -> Option<Duration> {
+        Some(Duration::from_millis(4))
     }
 
     fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {

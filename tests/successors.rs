@@ -75,6 +75,10 @@ impl Uplink for KillableUplink {
         Err(LinkError::SharedMemory("killed".into()))
     }
 
+    fn has_room(&self) -> bool {
+        self.up.has_room()
+    }
+
     fn handled(&self) -> u64 {
         self.up.handled()
     }

@@ -165,7 +165,7 @@ fn of_element(registry: &Registry, element: &str) -> Result<Registry> {
 /// `elk db`
 pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
     let community = arguments.community.community;
-    let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((arguments.mailbox as usize) << 20);
+    let config = BrokerConfig::new(community.as_str()).with_mailbox_bytes((arguments.mailbox as usize) << 20);
     let standby = StandbyGuard::of_launcher();
     end_leftovers(&community).into_iter().for_each(|said| tell(format_args!("elk db: {said}")));
     let served = serve_broker(community, config, Clock::new(1.0));

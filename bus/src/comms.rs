@@ -7,10 +7,10 @@ use crate::ClockSetting;
 use crate::clock::{Clock, monotonic_nanos};
 use crate::codec::{self, EncodeError};
 use crate::community::Community;
+use crate::complaints::Complaints;
 use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::outbox::{BATCH_BYTES, Outbox};
-use crate::rejection::Complaints;
 use crate::subscription::{Carries, Subscribe, Terms};
 use crate::types::TypeRef;
 use crate::value::{Value, ValueRef};
@@ -54,6 +54,22 @@ fn short<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<(), CommsError>
     match names.into_iter().find(|name| name.len() > wire::MAX_NAME) {
         None => Ok(()),
         Some(name) => Err(CommsError::Name(name.chars().take(40).collect(), name.len())),
+    }
+}
+
+/// What the community's clock is set to by whoever drives it (see [`Comms::drive_clock`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drive {
+    /// What it shows now (s).
+    pub time_secs: f64,
+    /// How many times as fast as by itself it runs from now on; 0: it stands still.
+    pub rate: f64,
+}
+
+impl Drive {
+    /// A clock that stands still at this time (s).
+    pub fn standing_at(time_secs: f64) -> Self {
+        Self { time_secs, rate: 0.0 }
     }
 }
 
@@ -174,11 +190,10 @@ impl Comms {
         self.clock.now()
     }
 
-    /// Drives the community's clock: it shows `time` (s) now, and runs on `rate` times as fast as by itself; 0: it stands
-    /// still. It is left to itself again when this client goes, or says so. While another client drives it the broker
-    /// refuses that (see [`crate::Inbox::take_refusals`]), under the name [`crate::broker::CLOCK`].
-    pub fn drive_clock(&mut self, time: f64, rate: f64) -> Result<(), CommsError> {
-        self.clock_is_driven(Some(ClockSetting { at: self.clock.own(), time, rate }))
+    /// Drives the community's clock. It is left to itself again when this client goes, or says so. While another client
+    /// drives it the broker refuses that (see [`crate::Inbox::take_refusals`]), under the name [`crate::broker::CLOCK`].
+    pub fn drive_clock(&mut self, Drive { time_secs, rate }: Drive) -> Result<(), CommsError> {
+        self.clock_is_driven(Some(ClockSetting { at: self.clock.own(), time: time_secs, rate }))
     }
 
     /// Leaves the community's clock, which this client drives, to itself.
@@ -428,6 +443,13 @@ impl Comms {
     /// says so whenever it is sent something.
     pub fn unhandled_batches(&self) -> u64 {
         self.outbox.unhandled(&*self.up)
+    }
+
+    /// Whether what was said can leave without waiting. If not, the client's descriptor (see [`crate::Client::wake_fd`]) is
+    /// readable once it can.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn has_room(&self) -> bool {
+        self.up.has_room()
     }
 
     fn batch_is_sent(&mut self, bulk: bool) {

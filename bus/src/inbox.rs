@@ -73,9 +73,19 @@ impl Inbox {
         &mut self,
         comms: &mut Comms,
         timeout: Duration,
-        mut on_mail: impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
+        on_mail: impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
     ) -> Result<usize, E> {
         comms.flush()?;
+        self.receive_alone(comms, timeout, on_mail)
+    }
+
+    /// As [`Inbox::receive`], without seeing to it that what was said has left.
+    pub(crate) fn receive_alone<E: From<CommsError>>(
+        &mut self,
+        comms: &mut Comms,
+        timeout: Duration,
+        mut on_mail: impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
+    ) -> Result<usize, E> {
         let waited = Stopwatch::start();
         loop {
             match self.down.receive(timeout.saturating_sub(waited.elapsed())) {
@@ -106,6 +116,12 @@ impl Inbox {
         self.dropped_before = self.dropped();
         (self.dropped, self.missed_bulk) = (0, 0);
         Ok(())
+    }
+
+    /// Has a task woken when the descriptor of [`Inbox::wake_fd`] is set next.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn wake_task(&self, task: &std::task::Waker) {
+        self.wake.iter().for_each(|wake| wake.wake_task(task));
     }
 
     /// See [`crate::Client::wake_fd`].
@@ -192,7 +208,7 @@ impl Inbox {
                 on_mail(comms, &mail)
             }
             Err(Unreadable::Damaged(why)) => {
-                let (key, source) = self.names.of(frame.header.key, frame.header.source);
+                let (key, source) = self.names.of(frame.header.key, frame.header.source).unwrap_or(("?", "?"));
                 Ok(comms.reject(key, source, wire::count(frame.header.sequence), &why)?)
             }
             Err(Unreadable::Gone) => {
@@ -205,8 +221,8 @@ impl Inbox {
     }
 
     fn was_heard(&self, frame: &Frame<'_>) -> bool {
-        let (key, source) = self.names.of(frame.header.key, frame.header.source);
-        self.seen.knows(&frame.header, key, source)
+        let names = self.names.of(frame.header.key, frame.header.source);
+        names.is_some_and(|(key, source)| self.seen.knows(&frame.header, key, source))
     }
 
     fn attach_if_told(&mut self, comms: &mut Comms, frame: &Frame<'_>) {

@@ -15,7 +15,7 @@
 //! By hand it is started as `ELK_COMMUNITY=lab ./my-app Param=Value`.
 
 use std::ffi::OsString;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
@@ -23,6 +23,7 @@ use std::time::Duration;
 use elk_outside::time::parse_seconds;
 
 use crate::community::{Community, CommunityNameError};
+use crate::failure::write_words;
 
 /// Environment variable of an app's process: [`RunOptions::name`].
 pub const NAME: &str = "ELK_NAME";
@@ -95,6 +96,12 @@ pub enum OptionError {
         /// What can be said.
         known: String,
     },
+}
+
+impl fmt::Debug for OptionError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_words(f, self)
+    }
 }
 
 impl RunOptions {

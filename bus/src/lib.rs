@@ -24,6 +24,7 @@ extern crate self as elk_bus;
 pub mod app;
 pub mod client;
 pub mod comms;
+mod complaints;
 pub mod event_loop;
 mod failure;
 pub mod handlers;
@@ -39,9 +40,9 @@ pub mod subscription;
 
 use std::sync::atomic::AtomicBool;
 
-pub use app::{App, AppError, RunError, run_app_on};
+pub use app::{App, RunError, run_app_on};
 pub use client::Client;
-pub use comms::{Comms, CommsError, Origin};
+pub use comms::{Comms, CommsError, Drive, Origin};
 /// What [`payload`] derives besides: a type says what its bytes are, and what every value of it has to keep to.
 pub use elk_describe as describe;
 /// Makes a struct or an enum travel: as the value of a [`Key`], or as a field of one.
@@ -81,7 +82,7 @@ pub use elk_proto::types::{self, Type, TypeRef};
 pub use elk_proto::value::{self, Value, ValueRef};
 pub use elk_proto::{ClockSetting, link, pattern, wire};
 pub use elk_shm::{self as shm, ConnectError, Fault, FolderError, Running, ServeError, remedy, running};
-pub use failure::Failure;
+pub use failure::{AppError, Failure};
 pub use handlers::{Handled, Handlers};
 pub use inbox::{Inbox, Refused};
 pub use launched::{LEASE, OptionError, RunOptions, SUCCEED};

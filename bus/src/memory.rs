@@ -10,13 +10,15 @@ use std::time::Duration;
 
 use elk_proto::host::{Endpoints, Host, Progress};
 
-use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Limits, Refusal, Retained, Session};
+use crate::broker::{Broker, BrokerConfig, Introduction, Limits, Refusal, Retained, Session};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
-use crate::wire::BulkRef;
+use crate::wire::{BulkRef, ClientId};
 
 /// The longest that who listens for a client sleeps.
 const LONGEST_SLEEP: Duration = Duration::from_secs(5);
+/// How often it is looked whether there is room: patience with who does not read comes to an end without a word.
+const ROOM_LOOKED_FOR_EVERY: Duration = Duration::from_millis(50);
 
 /// A broker that clients of the same process connect to.
 #[derive(Clone)]
@@ -50,6 +52,8 @@ struct Endpoint {
     progress: Progress,
     /// It is to leave, for its successor.
     retires: bool,
+    /// It is to be woken once there is room for a batch of it.
+    wants_room: bool,
 }
 
 impl Endpoints for MemoryEndpoints {
@@ -232,8 +236,21 @@ impl Uplink for MemoryUp {
                 shared.changed.notify_all();
                 return taken.map_err(|e| LinkError::SharedMemory(e.to_string()));
             }
-            state = wait(shared, state, Duration::from_millis(50));
+            state = wait(shared, state, ROOM_LOOKED_FOR_EVERY);
         }
+    }
+
+    fn has_room(&self) -> bool {
+        let Connection { shared, id, epoch, .. } = &*self.0;
+        let mut state = shared.lock();
+        let now = shared.clock.now();
+        // One that is gone keeps nobody waiting.
+        let has_room = shared.broker(&mut state, *epoch).map_or(true, |broker| !broker.holds_back(now, *id));
+        state.endpoints.clients.entry(*id).and_modify(|endpoint| endpoint.wants_room = !has_room);
+        if !has_room {
+            shared.changed.notify_all();
+        }
+        has_room
     }
 
     fn handled(&self) -> u64 {
@@ -268,17 +285,20 @@ fn listen(shared: &Shared, connection: &Weak<Connection>, (id, epoch): (ClientId
     loop {
         let now = shared.clock.now();
         let retiring = state.is_retiring(id);
+        let wants_room = state.endpoints.clients.get(&id).is_some_and(|endpoint| endpoint.wants_room);
+        let longest = if wants_room { ROOM_LOOKED_FOR_EVERY } else { LONGEST_SLEEP };
         let next = match shared.broker(&mut state, epoch) {
             Ok(broker) if connection.strong_count() > 0 => {
                 broker.tick(now);
-                if retiring || (broker.may_give(id) && broker.with_mail().any(|with| with == id)) {
+                let has_mail = broker.may_give(id) && broker.with_mail().any(|with| with == id);
+                if retiring || has_mail || (wants_room && !broker.holds_back(now, id)) {
                     wake.set();
                 }
                 broker.next_deadline() - now
             }
             _ => return wake.set(),
         };
-        state = wait(shared, state, shared.clock.real(next).clamp(Duration::from_millis(1), LONGEST_SLEEP));
+        state = wait(shared, state, shared.clock.real(next).clamp(Duration::from_millis(1), longest));
     }
 }
 

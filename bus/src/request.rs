@@ -66,8 +66,8 @@ use std::time::Duration;
 
 use elk_proto::rejection::Rejection;
 
-use crate::app::AppError;
 use crate::comms::{Comms, CommsError, Origin};
+use crate::failure::AppError;
 use crate::handlers::Handlers;
 use crate::key::{Key, Payload};
 use crate::mail::Mail;
@@ -326,12 +326,12 @@ mod tests {
     fn patience_is_of_the_community_s_clock_and_what_is_late_is_no_answer() {
         let mut bench = Bench::new();
         let mut ada = bench.asker("ada");
-        ada.0.comms.drive_clock(100.0, 0.0).unwrap();
+        ada.0.comms.drive_clock(crate::Drive::standing_at(100.0)).unwrap();
         ask(&mut ada, 2.0);
         assert!(ada.1.take_overdue(&ada.0.comms).is_empty(), "its time stands still");
-        ada.0.comms.drive_clock(3.0, 0.0).unwrap();
+        ada.0.comms.drive_clock(crate::Drive::standing_at(3.0)).unwrap();
         assert!(ada.1.take_overdue(&ada.0.comms).is_empty(), "set back, it waits anew");
-        ada.0.comms.drive_clock(8.0, 0.0).unwrap();
+        ada.0.comms.drive_clock(crate::Drive::standing_at(8.0)).unwrap();
         assert_eq!(ada.1.take_overdue(&ada.0.comms), [1]);
         bench.serve();
         assert_eq!(answers(&mut ada), [(None, 1.0)]);

@@ -9,7 +9,7 @@ use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
 use elk_bus::comms::BULK_MIN_BYTES;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, Origin};
+use elk_bus::{Client, Drive, Origin};
 use elk_log::selection::Position;
 use elk_log::{RecordRef, Selection};
 use elk_outside::time;
@@ -274,7 +274,7 @@ impl<'a> Player<'a> {
         if let Some((time, rate)) = self.schedule.clock(now) {
             let same_rate = comms.clock().setting().is_some_and(|setting| setting.rate == rate);
             if !same_rate || (comms.time() - time).abs() > rate * OUT_OF_STEP_SECS {
-                comms.drive_clock(time, rate)?;
+                comms.drive_clock(Drive { time_secs: time, rate })?;
             }
         }
         Ok(())
@@ -286,7 +286,7 @@ impl<'a> Player<'a> {
         let position = self.schedule.clock(now).filter(|_| self.options.clock);
         if let Some((time, _)) = position.filter(|_| comms.clock().setting().is_some_and(|setting| setting.rate > 0.0))
         {
-            comms.drive_clock(time, 0.0)?;
+            comms.drive_clock(Drive::standing_at(time))?;
             comms.flush()?;
         }
         Ok(())

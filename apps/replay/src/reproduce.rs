@@ -16,7 +16,7 @@ use std::time::Duration;
 use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, Community, Mail, any, tell};
+use elk_bus::{Client, Community, Drive, Mail, any, tell};
 use elk_log::diff::VOLATILE_KEYS;
 use elk_log::selection::{Position, Window};
 use elk_log::{LogReader, Selection};
@@ -295,7 +295,7 @@ impl Reproduction {
         let record = record?;
         // The live apps' time is that of their input, however long they take over it.
         if let Some(time) = time::seconds(record.received) {
-            self.client.comms.drive_clock(time, 0.0)?;
+            self.client.comms.drive_clock(Drive::standing_at(time))?;
         }
         self.client.comms.publish_value(record.key, record.value, origin(&record))?;
         self.client.comms.flush()?;

@@ -65,3 +65,7 @@ pub use record::{Metadata, Record, RecordRef};
 pub use segments::{is_written, segments};
 pub use selection::Selection;
 pub use writer::{Compression, LogOptions, LogWriter, MAX_STAGED_BYTES};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

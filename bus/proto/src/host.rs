@@ -5,8 +5,8 @@
 //! in the right order: holders of names retire for their successors, whoever waits for a reader that was replaced waits
 //! for the next one, and what the next broker has to find, should this one die, is handed over to be kept.
 
-use crate::broker::{Action, Broker, BrokerConfig, ClientId, Introduction, Refusal, Retained, Session, Succession};
-use crate::wire::{BulkRef, WireError};
+use crate::broker::{Action, Broker, BrokerConfig, Introduction, Refusal, Retained, Session, Succession};
+use crate::wire::{BulkRef, ClientId, WireError};
 
 /// How long the sessions of the clients of a broker that died are kept (s).
 const SESSIONS_KEPT_SECS: f64 = 10.0;
@@ -167,11 +167,11 @@ impl Host {
     }
 
     fn retire(&mut self, holder: ClientId, endpoints: &mut impl Endpoints) {
-        if endpoints.progress(holder).is_some() {
-            let name = self.broker.client_name(holder).unwrap_or_default().to_owned();
-            self.handovers.push(Handover { holder, name, stopped_at: endpoints.monotonic_nanos(), vacant: false });
-            endpoints.retire(holder);
-        }
+        // Who has gone meanwhile need not be asked.
+        let (Some(_), Some(name)) = (endpoints.progress(holder), self.broker.client_name(holder)) else { return };
+        let (name, stopped_at) = (name.to_owned(), endpoints.monotonic_nanos());
+        self.handovers.push(Handover { holder, name, stopped_at, vacant: false });
+        endpoints.retire(holder);
     }
 
     /// What can wait until a round is over: says of hand-overs that they are done, and has kept what is to be kept.

@@ -27,7 +27,7 @@ pub enum LinkError {
 
 /// What wakes a client that lives in somebody's event loop.
 pub trait Wake: Send + Sync {
-    /// There may be something to receive.
+    /// There may be something to receive, or room for a batch.
     fn set(&self);
     /// Whatever there was is about to be looked for.
     fn clear(&self);
@@ -38,6 +38,10 @@ pub trait Uplink {
     /// Hands a batch to the broker, in order, losing nothing; waits for room if the broker is behind. An error means
     /// that the broker has not got it.
     fn send(&mut self, batch: &[u8]) -> Result<(), LinkError>;
+
+    /// Whether the next batch is taken without waiting, be it that the broker is gone and sending it says so. If not, the
+    /// [`Wake`] of the way down is set once it is.
+    fn has_room(&self) -> bool;
 
     /// The number of the last batch sent such that all mail from it and from those before has been handled, or dropped:
     /// none of it has to be sent again. Batches are counted from 1.

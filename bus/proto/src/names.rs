@@ -32,15 +32,15 @@ impl Names {
         }
     }
 
-    fn name(&self, what: Named, number: u32) -> &str {
-        self.names[what as usize].get(number as usize).and_then(Option::as_deref).unwrap_or_default()
+    #[inline]
+    fn name(&self, what: Named, number: u32) -> Option<&str> {
+        self.names[what as usize].get(number as usize).and_then(Option::as_deref)
     }
 
     /// The name that a message refers to by its number.
     #[inline]
     fn said(&self, what: Named, number: u32) -> Result<&str, Unreadable> {
-        let name = self.names[what as usize].get(number as usize).and_then(Option::as_deref);
-        name.ok_or(Unreadable::Damaged(unsaid(what)))
+        self.name(what, number).ok_or(Unreadable::Damaged(unsaid(what)))
     }
 
     #[inline]
@@ -84,9 +84,9 @@ impl Names {
         })
     }
 
-    /// The names of a variable and a source.
-    pub fn of(&self, key: u32, source: u32) -> (&str, &str) {
-        (self.name(Named::Key, key), self.name(Named::Source, source))
+    /// The names of a variable and a source, as far as the broker has said them.
+    pub fn of(&self, key: u32, source: u32) -> Option<(&str, &str)> {
+        Some((self.name(Named::Key, key)?, self.name(Named::Source, source)?))
     }
 }
 

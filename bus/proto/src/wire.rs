@@ -115,11 +115,14 @@ pub fn same_life(one: u64, other: u64) -> bool {
     one >> COUNT_BITS == other >> COUNT_BITS
 }
 
+/// The number of a connected client; never given twice.
+pub type ClientId = u32;
+
 /// Where a bulk value lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BulkRef {
     /// The publishing client's number.
-    pub client: u32,
+    pub client: ClientId,
     /// How many attachments the publisher knew of when it sent.
     pub generation: u32,
     /// The number of the sample in the publisher's bulk service.

@@ -322,6 +322,19 @@ impl Uplink for ShmUp {
         Ok(())
     }
 
+    fn has_room(&self) -> bool {
+        let page = &self.line.page;
+        let sent = page.up_sent.load(Relaxed);
+        let has_room = || sent.saturating_sub(page.up_taken.load(SeqCst)) < DEPTH || page.closed.load(Acquire) != OPEN;
+        if has_room() {
+            page.client_waits.store(0, SeqCst);
+            return true;
+        }
+        // The broker rings when it has taken a batch; one that it took just before this flag is seen at once.
+        page.client_waits.store(1, SeqCst);
+        has_room()
+    }
+
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError> {
         if self.bulk.is_none() && !self.bulk_failed {
             self.bulk = self.try_open_bulk(len)?;
@@ -502,7 +515,11 @@ impl Deref for Taken {
     fn deref(&self) -> &[u8] {
         match &self.sample {
             Some(sample) => sample.payload(),
-            None => self.line.page.down.get(self.number).unwrap_or_default(),
+            None => {
+                let batch = self.line.page.down.get(self.number);
+                debug_assert!(batch.is_some(), "the page had batch {} when it was taken", self.number);
+                batch.unwrap_or_default()
+            }
         }
     }
 }

@@ -5,7 +5,8 @@
 use elk_proto::community::Community;
 
 use super::folder::{Folder, FolderError};
-use super::namespace::{Namespace, home};
+use super::home::home;
+use super::namespace::Namespace;
 
 /// What begins the names of such files: the broker's own have another beginning.
 const PREFIX: &str = "kept-";

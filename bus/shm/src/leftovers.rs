@@ -11,7 +11,8 @@ use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::CallbackProgression;
 
 use super::folder::Folder;
-use super::namespace::{HeldNamespace, Namespace, SHARED_MEMORY, home, prefix};
+use super::home::{SHARED_MEMORY, home};
+use super::namespace::{HeldNamespace, Namespace, prefix};
 use super::{handshake, lane};
 
 /// Clears away what dead communities of this user left. A community is dead when nobody listens in its name and none

@@ -20,6 +20,7 @@ mod full;
 #[doc(hidden)]
 pub mod fuzzing;
 mod handshake;
+mod home;
 mod kept;
 mod lane;
 mod leftovers;
@@ -31,6 +32,9 @@ mod server;
 mod service;
 mod sessions;
 mod shared;
+#[cfg(test)]
+#[path = "../../../tests/common/skip.rs"]
+mod skip;
 mod sync;
 
 pub use client::{ConnectError, connect};

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::Write;
 use std::ops::Deref;
-use std::path::{Path as FilePath, PathBuf};
+use std::path::Path as FilePath;
 
 use elk_proto::community::Community;
 use elk_proto::link::LinkError;
@@ -11,10 +11,9 @@ use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, Path, SemanticString};
 
 use super::folder::{Folder, FolderError};
+use super::home::home;
 use super::scarce;
 
-/// Where the operating system keeps shared memory.
-pub const SHARED_MEMORY: &str = "/dev/shm";
 /// The longest path that iceoryx2 can name (bytes).
 const LONGEST_PATH: usize = 255;
 /// What iceoryx2 puts behind a community's folder and its prefix at most: a folder, a node's or port's number, an ending.
@@ -183,28 +182,6 @@ fn can_be_named(path: &FilePath, community: &Community) -> bool {
     let names_community = path.file_name().is_some_and(|name| name == community.as_str());
     let length = path.as_os_str().len() + prefix(community).len() + LONGEST_ENDING;
     names_community && path.to_str().is_some() && length <= LONGEST_PATH
-}
-
-/// The folder of all communities of this user: `elk` in the folder that the system has made for this user alone until
-/// the next start, else `elk-UID` in the one for temporary files.
-pub fn home() -> PathBuf {
-    let user = elk_os::own_user();
-    match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|folder| is_private(folder)) {
-        Some(folder) => folder.join("elk"),
-        None => {
-            let folder = std::env::temp_dir().join(format!("elk-{user}"));
-            std::path::absolute(&folder).unwrap_or(folder)
-        }
-    }
-}
-
-/// Whether a folder is there that this user can use as its own.
-fn is_private(folder: &FilePath) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let found = folder.symlink_metadata();
-    let ours =
-        |found: &std::fs::Metadata| found.is_dir() && found.uid() == elk_os::own_user() && found.mode() & 0o022 == 0;
-    folder.is_absolute() && found.is_ok_and(|found| ours(&found))
 }
 
 /// Turns whatever iceoryx2 fails with into a link error that says what was being done, and what to do if it was for want

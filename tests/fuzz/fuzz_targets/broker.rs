@@ -4,8 +4,8 @@
 mod common;
 
 use elk_bus::Introduction;
-use elk_bus::broker::{Action, Broker, BrokerConfig, ClientId};
-use elk_bus::wire::{self, BulkRef, Named};
+use elk_bus::broker::{Broker, BrokerConfig, Wish};
+use elk_bus::wire::{self, BulkRef, Named, ClientId};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
 

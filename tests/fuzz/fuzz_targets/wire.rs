@@ -41,6 +41,9 @@ impl Uplink for Nowhere {
     fn send(&mut self, _: &[u8]) -> std::result::Result<(), LinkError> {
         Ok(())
     }
+    fn has_room(&self) -> bool {
+        true
+    }
     fn handled(&self) -> u64 {
         u64::MAX
     }

@@ -4,16 +4,16 @@
 //! not read is counted, or refused where nothing right is left without it.
 
 mod buffers;
+mod document;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
-use serde::Deserialize;
-use serde::de::IgnoredAny;
+use nalgebra::{Matrix4, Point3};
 
-use crate::read::{Fault, Location, Soup};
+use crate::read::fault::{Fault, Location};
+use crate::read::soup::Soup;
 use buffers::{Buffers, Elements};
+use document::{Document, Node, Primitive};
 
 /// Nodes below nodes; a scene's tree is seldom deeper than ten.
 const DEEPEST: usize = 256;
@@ -23,107 +23,6 @@ const MOST_PARTS: usize = 1 << 21;
 /// Words in the names of extensions that change no depth, or are read here, or refused where they are used.
 const KNOWN_EXTENSIONS: [&str; 10] =
     ["material", "texture", "light", "xmp", "anim", "audio", "quantization", "draco", "meshopt", "instancing"];
-
-/// Those of a part of the file, by name; of most it is enough to know that they are there.
-type Extensions = BTreeMap<String, IgnoredAny>;
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Document {
-    asset: Asset,
-    extensions_required: Vec<String>,
-    scene: Option<usize>,
-    scenes: Vec<Scene>,
-    nodes: Vec<Node>,
-    meshes: Vec<Mesh>,
-    accessors: Vec<Accessor>,
-    buffer_views: Vec<View>,
-    buffers: Vec<Buffer>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Asset {
-    version: String,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Scene {
-    nodes: Vec<usize>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Node {
-    mesh: Option<usize>,
-    children: Vec<usize>,
-    /// Column by column.
-    matrix: Option<[f64; 16]>,
-    translation: Option<[f64; 3]>,
-    /// x, y, z, w.
-    rotation: Option<[f64; 4]>,
-    scale: Option<[f64; 3]>,
-    skin: Option<usize>,
-    /// In place of the mesh's.
-    weights: Option<Vec<f64>>,
-    extensions: Extensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Mesh {
-    name: Option<String>,
-    primitives: Vec<Primitive>,
-    /// How far its shape goes towards each target.
-    weights: Vec<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Primitive {
-    attributes: Attributes,
-    indices: Option<usize>,
-    /// 4: triangles (the default), 5: strip, 6: fan; the others are points and lines.
-    mode: Option<u32>,
-    extensions: Extensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Attributes {
-    #[serde(rename = "POSITION")]
-    position: Option<usize>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Accessor {
-    buffer_view: Option<usize>,
-    byte_offset: usize,
-    component_type: u32,
-    normalized: bool,
-    count: usize,
-    #[serde(rename = "type")]
-    kind: String,
-    sparse: Option<IgnoredAny>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct View {
-    buffer: usize,
-    byte_offset: usize,
-    byte_length: usize,
-    byte_stride: Option<usize>,
-    extensions: Extensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Buffer {
-    uri: Option<String>,
-}
 
 /// Reads the triangles of the scene; `folder` is where the file's buffers lie.
 pub(crate) fn read(bytes: &[u8], folder: &Path, soup: &mut Soup) -> Result<(), Fault> {
@@ -296,16 +195,4 @@ fn triangles(mode: u32, vertices: usize) -> impl Iterator<Item = [usize; 3]> {
         5 => [i + 1, i, i + 2],
         _ => [0, i + 1, i + 2],
     })
-}
-
-impl Node {
-    fn transform(&self) -> Matrix4<f64> {
-        if let Some(matrix) = &self.matrix {
-            return Matrix4::from_column_slice(matrix);
-        }
-        let [x, y, z, w] = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_homogeneous();
-        let translation = Matrix4::new_translation(&Vector3::from(self.translation.unwrap_or_default()));
-        translation * rotation * Matrix4::new_nonuniform_scaling(&Vector3::from(self.scale.unwrap_or([1.0; 3])))
-    }
 }

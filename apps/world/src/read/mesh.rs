@@ -3,7 +3,8 @@
 use nalgebra::Point3;
 
 use crate::read::budget::{Budget, MOST_VERTICES};
-use crate::read::{Fault, Location, Soup};
+use crate::read::fault::{Fault, Location};
+use crate::read::soup::Soup;
 
 /// A vertex that a face names, and where in the file.
 #[derive(Debug, Clone, Copy)]

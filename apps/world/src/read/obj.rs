@@ -4,8 +4,10 @@
 use nalgebra::Point3;
 
 use crate::read::budget::MOST_CORNERS;
+use crate::read::fault::{Fault, Location};
 use crate::read::mesh::Mesh;
-use crate::read::{Fault, Location, Soup, text};
+use crate::read::soup::Soup;
+use crate::read::text;
 
 /// Statements whose end may be anything, a `\` included: names of objects, groups, materials and files.
 const NAMES: [&[u8]; 6] = [b"o", b"g", b"usemtl", b"mtllib", b"usemap", b"maplib"];

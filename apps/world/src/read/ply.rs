@@ -2,8 +2,10 @@
 
 use nalgebra::Point3;
 
+use crate::read::fault::{Fault, Location};
 use crate::read::mesh::Mesh;
-use crate::read::{Fault, Location, Soup, text};
+use crate::read::soup::Soup;
+use crate::read::text;
 
 /// The names of a face's list of vertices; both are in use.
 const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];

@@ -7,7 +7,7 @@ use nalgebra::Point3;
 
 use crate::polygon::{self, Cut};
 use crate::read::budget::Budget;
-use crate::read::{Fault, Location};
+use crate::read::fault::{Fault, Location};
 use crate::triangle::Triangle;
 
 /// Larger coordinates than this are a mistake, and products of them no numbers.

@@ -2,7 +2,9 @@
 
 use nalgebra::Point3;
 
-use crate::read::{Fault, Location, Soup, text};
+use crate::read::fault::{Fault, Location};
+use crate::read::soup::Soup;
+use crate::read::text;
 
 /// Bytes before the number of triangles, before the first triangle, and of each of them: normal, three corners, two
 /// bytes.

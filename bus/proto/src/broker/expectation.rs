@@ -6,36 +6,12 @@
 //! as another is written that somebody reads: so neither a writer nor a reader alone can take a variable. Where both types
 //! are read, the first write stands, and both ends are told: that is for people to sort out.
 
-use std::fmt;
-
-use serde::{Deserialize, Serialize};
-
-use super::client::{UNDEFINED, Unnumbered};
-use super::registration::Registration;
-use super::variable::TypeLock;
-use super::{Broker, ClientId};
-use crate::wire::{Frame, Named, TYPED, ValueKind};
-
-/// What a reader expects.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Expected {
-    /// Numbers.
-    Numbers,
-    /// Texts.
-    Texts,
-    /// Values of a type, by name and layout.
-    Values(String, u64),
-}
-
-impl fmt::Display for Expected {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Expected::Numbers => f.write_str("numbers"),
-            Expected::Texts => f.write_str("texts"),
-            Expected::Values(name, layout) => write!(f, "{name} (layout {layout:016x})"),
-        }
-    }
-}
+use super::state::Broker;
+use super::state::client::{Client, UNDEFINED, Unnumbered};
+use super::state::expected::Expected;
+use super::state::registration::Registration;
+use super::state::variable::TypeLock;
+use crate::wire::{ClientId, Frame, Named, TYPED, ValueKind};
 
 impl Broker {
     /// What a registration says that its client expects.
@@ -64,14 +40,15 @@ impl Broker {
         let name = self.names.keys.name(key);
         let (reader, expected) = self.expectations(name).next()?;
         let reader = self.client_name(reader)?;
-        let nobody = lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.is(lock, other));
-        nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.describe(lock)))
+        let nobody =
+            lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.names.is(lock, other));
+        nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.names.describe(lock)))
     }
 
     /// Whether a write of another type takes the variable over: somebody reads it as that, and nobody as what it carries.
     pub(super) fn changes_over(&self, key: u32, lock: TypeLock) -> bool {
         let name = self.names.keys.name(key);
-        let is_read_as = |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.is(lock, expected));
+        let is_read_as = |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.names.is(lock, expected));
         is_read_as(lock) && !self.variables[key].lock.is_some_and(is_read_as)
     }
 
@@ -80,12 +57,12 @@ impl Broker {
         let Some(lock) = self.variables[key].lock else { return };
         let name = self.names.keys.name(key).to_owned();
         let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
-        let is = self.describe(lock);
+        let is = self.names.describe(lock);
         let words = |(reader, expected)| {
-            let how = self.difference(lock, expected, [writer, "this reader"]).unwrap_or_default();
+            let how = self.names.difference(lock, expected, [writer, "this reader"]).unwrap_or_default();
             (reader, format!("{name} carries {is}, by {writer}: this reader cannot read it{how}"))
         };
-        let reads_else = self.expectations(&name).filter(|(_, expected)| !self.is(lock, expected));
+        let reads_else = self.expectations(&name).filter(|(_, expected)| !self.names.is(lock, expected));
         for (reader, said) in reads_else.map(words).collect::<Vec<_>>() {
             // Whoever has gone meanwhile need not be told.
             let _ = self.refuse(reader, &name, 0, &said);
@@ -100,49 +77,25 @@ impl Broker {
         })
     }
 
-    fn is(&self, lock: TypeLock, expected: &Expected) -> bool {
-        match (lock.kind, expected) {
-            (ValueKind::Double, Expected::Numbers) | (ValueKind::Text, Expected::Texts) => true,
-            (ValueKind::Binary, Expected::Values(name, layout)) => {
-                let (known, hash, _) = self.names.types.said(lock.type_);
-                (known, hash) == (name.as_str(), *layout)
-            }
-            _ => false,
-        }
-    }
-
-    /// Where the definitions of writer and reader differ, if it is one type of two builds.
-    fn difference(&self, lock: TypeLock, expected: &Expected, [writer, reader]: [&str; 2]) -> Option<String> {
-        let Expected::Values(name, layout) = expected else { return None };
-        if lock.kind != ValueKind::Binary {
-            return None;
-        }
-        let (carried, expected) =
-            (self.names.types.get(lock.type_), self.names.types.get(self.names.types.known(name, *layout)?));
-        let whose = [format!("in {writer}'s build"), format!("in {reader}'s")];
-        let how = carried.as_ref().difference_to(expected.as_ref(), [&whose[0], &whose[1]])?;
-        Some(format!(" ({how})"))
-    }
-
     /// A client has registered: what it expects is held against what the variable carries.
     pub(super) fn note_expectation(&mut self, id: ClientId, registration: &Registration) {
         let Some(expected) = &registration.expects else { return };
         let name = &registration.key_pattern;
         let Some(key) = self.names.keys.known(name) else { return };
-        let Some(lock) = self.variables[key].lock.filter(|lock| !self.is(*lock, expected)) else { return };
-        let is_expected = self.expectations(name).any(|(_, other)| self.is(lock, other));
+        let Some(lock) = self.variables[key].lock.filter(|lock| !self.names.is(*lock, expected)) else { return };
+        let Some(reader) = self.client_name(id) else { return };
+        let is_expected = self.expectations(name).any(|(_, other)| self.names.is(lock, other));
         let yields = lock.kind != ValueKind::Binary && !is_expected;
         let what_follows = if yields {
             "what was written is forgotten, and no more of it is taken"
         } else {
             "this reader cannot read it: build both from one version, or give one of them another variable"
         };
-        let reader = self.client_name(id).unwrap_or_default();
         let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
-        let is = self.describe(lock);
-        let how = self.difference(lock, expected, [writer, reader]).unwrap_or_default();
+        let is = self.names.describe(lock);
+        let how = self.names.difference(lock, expected, [writer, reader]).unwrap_or_default();
         let said = format!("{name} carries {is}, by {writer}; {reader} reads it as {expected}{how}: {what_follows}");
-        let writes = |(other, client): &(&ClientId, &super::Client)| **other != id && client.published.contains(&key);
+        let writes = |(other, client): &(&ClientId, &Client)| **other != id && client.published.contains(&key);
         let writers = self.sessions.clients.iter().filter(writes).map(|(id, _)| *id);
         for told in writers.chain([id]).collect::<Vec<_>>() {
             // Whoever has gone meanwhile need not be told.

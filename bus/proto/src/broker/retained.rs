@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::message::Message;
-use super::naming::Definition;
-use super::variable::Variable;
-use super::{Broker, ClientId};
-use crate::wire::{self, BULK, BulkRef, Header, Named, ValueKind};
+use super::state::Broker;
+use super::state::message::Message;
+use super::state::names::Definition;
+use super::state::variable::Variable;
+use crate::wire::{self, BULK, BulkRef, ClientId, Header, Named, ValueKind};
 
 /// The latest value of a variable whose publisher is gone, with its names written out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -30,7 +30,7 @@ impl Broker {
     /// `bulk` finds values that lie in shared memory.
     pub fn retained<'a>(&self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) -> Vec<Retained> {
         let left = |v: &&Variable| {
-            v.latest_from.is_none_or(|id| !self.sessions.clients.contains_key(&id) || self.is_disconnected(id))
+            v.latest_from.is_none_or(|id| !self.sessions.clients.contains_key(&id) || self.sessions.is_disconnected(id))
         };
         self.variables.iter().filter(left).filter_map(|variable| self.retained_of(variable, &bulk)).collect()
     }

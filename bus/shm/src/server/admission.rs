@@ -1,41 +1,32 @@
-//! Who comes and goes: first words, ends, sessions kept, handovers.
+//! Who comes and goes: clients are let in, and let go of when they are gone.
 
+use std::collections::BTreeMap;
 use std::os::fd::AsFd;
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, SeqCst};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::Receiver;
 
-use elk_os::{Owner, ProcessId, tell};
+use elk_os::{Owner, ProcessId};
 use elk_proto::broker::Introduction;
-use elk_proto::host::{Host, Progress};
+use elk_proto::host::Progress;
+use elk_proto::link::LinkError;
+use elk_proto::wire::ClientId;
 
+use super::carrier::Carrier;
+use super::listener::Event;
 use super::peers::Peer;
-use super::pending::{Acceptor, PendingConnections};
-use super::{
-    Answer, BTreeMap, BrokerConfig, BrokerPage, ClientId, Event, Hello, LinkError, Namespace, Page, SENT_AWAY, Server,
-    handshake, leftovers, scarce, sessions,
-};
 use crate::client::lane_name;
+use crate::handshake::{self, Answer, Hello};
 use crate::lane::{LaneReader, LaneWriter};
-use crate::page::ClientPage;
-use sessions::Held;
+use crate::page::{ClientPage, Page, SENT_AWAY};
+use crate::{leftovers, scarce};
 
-/// A broker that takes over from one that died.
-pub(super) fn recover(namespace: &Namespace, config: BrokerConfig, now: f64, found: Vec<Held>) -> Host {
-    let clients = found.len();
-    tell(format_args!("elk db: the broker before this one died; the sessions of its {clients} clients are kept"));
-    let sessions = found.into_iter().map(|one| {
-        let alive = one.is_alive();
-        (one.session, alive)
-    });
-    Host::recover(config, now, sessions, &sessions::read_retained(namespace))
-}
-
-impl Server {
-    pub(super) fn take_events(&mut self, now: f64) -> bool {
+impl Carrier {
+    /// Lets in who dialled, and notes who has hung up.
+    pub(super) fn take_events(&mut self, now: f64, events: &Receiver<Event>) -> bool {
         let mut any = false;
-        while let Ok(event) = self.events.try_recv() {
+        while let Ok(event) = events.try_recv() {
             any = true;
             match event {
                 Event::Hello(connection, stream, hello) => self.let_in(now, connection, stream, &hello),
@@ -158,58 +149,4 @@ impl Server {
             node.try_cleanup_dead_nodes();
         }
     }
-
-    /// What can wait until a round is over.
-    pub(super) fn follow_up(&mut self, now: f64) {
-        self.note_lost();
-        self.host.follow_up(now, &mut self.peers);
-    }
-}
-
-/// Lets the connections of all who connect have their first word.
-pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
-    let (mut acceptor, pending) = (Acceptor::new(listener), Arc::new(PendingConnections::default()));
-    for connection in 0_u64.. {
-        let stream = Arc::new(acceptor.next());
-        pending.enter(connection, &stream);
-        let (events, page, pending) = (events.clone(), page.clone(), pending.clone());
-        let serve = {
-            let (stream, pending) = (stream.clone(), pending.clone());
-            move || {
-                let tell = |event| {
-                    // The broker may be gone already; then nobody needs the news.
-                    let _ = events.send(event);
-                    page.bell.ring();
-                };
-                let hello = first_word(&stream);
-                pending.leave(connection);
-                if let Some(hello) = hello {
-                    tell(Event::Hello(connection, stream.clone(), hello));
-                    handshake::wait_for_end(&stream);
-                    tell(Event::HungUp(connection));
-                }
-            }
-        };
-        let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(serve);
-        if let Err(error) = spawned {
-            let remedy = scarce::remedy(&error);
-            let reason = format!("the broker has no thread for another client: {error}{remedy}");
-            tell(format_args!("elk db: a client was turned away: {reason}"));
-            let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
-            pending.leave(connection);
-        }
-    }
-}
-
-fn first_word(stream: &UnixStream) -> Option<Hello> {
-    let user = Owner::at_other_end(stream).ok()?.user;
-    if user != elk_os::own_user() {
-        let reason = format!("this community belongs to user {}", elk_os::own_user());
-        let _ = handshake::send(stream, &Answer::Refused { reason }, &[]);
-        return None;
-    }
-    stream.set_read_timeout(Some(handshake::PATIENCE)).ok()?;
-    let (hello, _) = handshake::receive::<Hello>(stream).ok()?;
-    stream.set_read_timeout(None).ok()?;
-    Some(hello)
 }

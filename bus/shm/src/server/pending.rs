@@ -13,7 +13,7 @@ use elk_os::clock::Stopwatch;
 use elk_os::tell;
 use rustix::io::Errno;
 
-use super::{Answer, handshake};
+use crate::handshake::{self, Answer};
 
 /// How many may be silent at a time.
 const ROOM: usize = 64;

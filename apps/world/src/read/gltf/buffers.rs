@@ -7,9 +7,9 @@ use std::path::{Component as Step, Path};
 use elk_outside::file;
 use nalgebra::Point3;
 
-use super::{Accessor, Document, View};
-use crate::read::{Fault, Location};
-use crate::world::MAX_FILE_BYTES;
+use super::document::{Accessor, Document, View};
+use crate::read::budget::MAX_FILE_BYTES;
+use crate::read::fault::{Fault, Location};
 
 /// Types of a `.glb` file's chunks.
 const JSON: &[u8] = b"JSON";

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::super::message::Message;
+use super::super::state::message::Message;
 use super::*;
 use crate::wire::{BULK, BulkRef, TYPED};
 
@@ -540,7 +540,7 @@ fn what_is_said_before_its_time_is_bounded() {
     let _holder = Speaker::new(b, 0.0, "a");
     let mut next = Speaker::with(b.connect(0.0, &Introduction { succeeds: true, ..Introduction::new("a") }).unwrap());
     (0..20).for_each(|_| next.text(b, 0.0, "X", &"x".repeat(20_000)));
-    assert!(b.held_bytes() <= 100_000);
+    assert!(b.sessions.held_bytes() <= 100_000);
     assert!(next.hear(b, 0.0).2[0].contains("wait for the session of another"));
 }
 

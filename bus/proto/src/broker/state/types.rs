@@ -7,7 +7,7 @@ use crate::types::Type;
 
 /// Gives each type the next number; a name with another layout is another type.
 #[derive(Debug, Default)]
-pub(super) struct Types {
+pub struct Types {
     /// Of each name, the layouts and their numbers.
     numbers: HashMap<Arc<str>, Vec<(u64, u32)>>,
     types: Vec<Entry>,

@@ -3,15 +3,14 @@
 use std::collections::BTreeSet;
 use std::ops::{Index, IndexMut};
 
-use super::ClientId;
-use super::delivery::Due;
 use super::message::Message;
-use super::variable::Variable;
+use super::variable::{Due, Variable};
+use crate::wire::ClientId;
 
 /// The variables, by the numbers of their keys.
 #[derive(Debug, Default)]
-pub(super) struct Variables {
-    pub(super) all: Vec<Variable>,
+pub struct Variables {
+    pub all: Vec<Variable>,
     /// Bytes of all latest values.
     pub latest_bytes: usize,
     /// The latest values that lie in shared memory: (publisher, sample, variable).

@@ -5,33 +5,10 @@
 //! a tick. One client drives at a time; when it is gone, time is the broker's own again. What the broker itself has to
 //! wait for (leases, patience, intervals of registrations) never goes by a driven clock, which may jump and stand still.
 
+use super::state::Broker;
 use super::table::ClockEntry;
-use super::{Broker, ClientId};
 use crate::clock_setting::ClockSetting;
-
-/// Who drives the community's clock.
-#[derive(Debug)]
-pub(super) struct Driver {
-    client: ClientId,
-    setting: ClockSetting,
-}
-
-/// The times that the broker goes by, all of its own clock (s), and who drives the community's.
-#[derive(Debug)]
-pub(super) struct Time {
-    pub started: f64,
-    pub next_summary: f64,
-    pub driver: Option<Driver>,
-    /// Until then, whoever drove the clock under the broker before this one may come back and go on.
-    pub driver_awaited_until: f64,
-}
-
-impl Time {
-    /// A broker starts, and nobody drives.
-    pub fn new(now: f64) -> Self {
-        Self { started: now, next_summary: now, driver: None, driver_awaited_until: f64::INFINITY }
-    }
-}
+use crate::wire::ClientId;
 
 /// What a refusal names when the clock could not be driven.
 pub const CLOCK: &str = "the clock";
@@ -39,18 +16,13 @@ pub const CLOCK: &str = "the clock";
 impl Broker {
     /// What the community's clock is set to, if somebody drives it.
     pub fn clock_setting(&self) -> Option<ClockSetting> {
-        self.time.driver.as_ref().map(|driver| driver.setting)
-    }
-
-    /// The community's time (s) when the broker's own is `now`.
-    pub(super) fn time(&self, now: f64) -> f64 {
-        self.clock_setting().map_or(now, |setting| setting.time(now))
+        self.time.clock_setting()
     }
 
     /// The client that drives the clock, and what that shows.
     pub(super) fn clock_entry(&self, now: f64) -> Option<ClockEntry> {
-        let Driver { client, setting } = self.time.driver.as_ref()?;
-        let driver = self.client_name(*client)?.to_owned();
+        let (client, setting) = (self.time.driver()?, self.time.clock_setting()?);
+        let driver = self.client_name(client)?.to_owned();
         Some(ClockEntry { driver, time: setting.time(now), rate: setting.rate })
     }
 
@@ -61,33 +33,33 @@ impl Broker {
         from: ClientId,
         setting: Option<ClockSetting>,
     ) -> Result<(), &'static str> {
-        let holder = self.time.driver.as_ref().map(|driver| driver.client);
-        match setting {
-            Some(_) if holder.is_some_and(|holder| holder != from) => {
-                let driver = holder.and_then(|holder| self.client_name(holder)).unwrap_or_default();
-                let reason = format!("{driver} drives the community's time already: end that first");
-                self.tell_clock(|id| id == from);
-                self.refuse(from, CLOCK, 0, &reason)
-            }
-            Some(setting) => {
-                self.time.driver = Some(Driver { client: from, setting });
+        match (setting, self.time.driver()) {
+            (None, _) => self.let_go_of_clock(now, from),
+            (Some(_), Some(holder)) if holder != from => return self.refuse_clock(from, holder),
+            (Some(setting), holder) => {
+                let name = self.client_name(from).ok_or("the client is not connected")?.to_owned();
+                self.time.drive(from, setting);
                 self.tell_clock(|id| id != from);
                 if holder.is_none() {
-                    let name = self.client_name(from).unwrap_or_default().to_owned();
                     self.publish_event(now, &format!("clock={name}"));
                 }
-                Ok(())
-            }
-            None => {
-                self.let_go_of_clock(now, from);
-                Ok(())
             }
         }
+        Ok(())
+    }
+
+    /// A client is told that another drives the clock, and what that is set to.
+    fn refuse_clock(&mut self, from: ClientId, holder: ClientId) -> Result<(), &'static str> {
+        let driver = self.client_name(holder);
+        debug_assert!(driver.is_some(), "client {holder} is gone and drives the clock");
+        let reason = format!("{} drives the community's time already: end that first", driver.unwrap_or("somebody"));
+        self.tell_clock(|id| id == from);
+        self.refuse(from, CLOCK, 0, &reason)
     }
 
     /// A client drives no longer, if it did.
     pub(super) fn let_go_of_clock(&mut self, now: f64, id: ClientId) {
-        if self.time.driver.take_if(|driver| driver.client == id).is_some() {
+        if self.time.let_go(id) {
             self.tell_clock(|_| true);
             self.publish_event(now, "clock=");
         }
@@ -98,7 +70,7 @@ impl Broker {
     pub(super) fn await_driver(&mut self, now: f64) {
         if now >= self.time.driver_awaited_until {
             self.time.driver_awaited_until = f64::INFINITY;
-            if self.time.driver.is_none() {
+            if !self.time.is_driven() {
                 self.tell_clock(|_| true);
             }
         }

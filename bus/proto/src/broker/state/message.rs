@@ -3,7 +3,7 @@
 use crate::wire::{self, BulkRef, Frame, Header};
 
 /// A message in the broker's numbers: its own header, and the rest as it came.
-pub(super) struct Message<'a> {
+pub struct Message<'a> {
     pub header: Header,
     fixed: [u8; wire::HEADER],
     rest: &'a [u8],
@@ -14,6 +14,7 @@ impl<'a> Message<'a> {
     /// its client's memory, and be another by now.
     #[inline]
     pub fn new(header: Header, frame: &Frame<'a>) -> Self {
+        debug_assert!(frame.bytes.len() >= wire::HEADER, "a frame begins with its header");
         let fixed = wire::fixed(&header, frame.aux.len(), frame.value.len());
         Self { fixed, header, rest: frame.bytes.get(wire::HEADER..).unwrap_or_default() }
     }
@@ -45,7 +46,7 @@ impl<'a> Message<'a> {
 }
 
 /// Where the value of a kept frame lies, if it lies in shared memory.
-pub(super) fn bulk_of(frame: &[u8]) -> Option<BulkRef> {
+pub fn bulk_of(frame: &[u8]) -> Option<BulkRef> {
     let frame = wire::is_bulk(frame).then(|| wire::first_frame(frame).ok())??;
     BulkRef::from_bytes(frame.value)
 }

@@ -2,16 +2,31 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use super::handling::Reached;
-use super::limits::{REFUSED, UNNAMED};
+use super::latency::Latency;
 use super::mailbox::Mailbox;
-use super::membership::Standing;
+use super::reached::Reached;
 use super::registration::Registration;
-use super::{ClientId, summary};
-use crate::wire::{BULK, Header, Named, RESENT, ValueKind};
+use crate::wire::{BULK, ClientId, Header, Named, RESENT, ValueKind};
+
+/// What a client's number of a name stands for that the broker did not take.
+pub const REFUSED: u32 = u32::MAX;
+
+/// What a client's own number as a source stands for until it has written something.
+pub const UNNAMED: u32 = u32::MAX - 1;
+
+/// How a client stands to the community.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Standing {
+    /// It is there.
+    Present,
+    /// Its process is gone; its session is kept until then (s). `returns`: a client that lives and will be back.
+    Disconnected { until: f64, returns: bool },
+    /// It will take over the session of `predecessor`. `ready`: as soon as that one makes room.
+    Joining { predecessor: ClientId, ready: bool },
+}
 
 /// A client.
-pub(super) struct Client {
+pub struct Client {
     pub name: String,
     pub standing: Standing,
     /// How long its session is kept after its death (s).
@@ -39,15 +54,15 @@ pub(super) struct Client {
     pub feeds: BTreeSet<ClientId>,
     pub published: BTreeSet<u32>,
     pub last_published: Option<u32>,
-    pub latency: summary::Latency,
+    pub latency: Latency,
 }
 
 /// What a client is told that uses a number before it says what that stands for.
-pub(super) const UNDEFINED: &str = "a number was used before its definition";
+pub const UNDEFINED: &str = "a number was used before its definition";
 
 /// Why a client's number stands for none of the broker's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Unnumbered {
+pub enum Unnumbered {
     /// It was never defined.
     Undefined,
     /// It was given to a name that the broker did not take.
@@ -75,7 +90,7 @@ impl Client {
             feeds: BTreeSet::new(),
             published: BTreeSet::new(),
             last_published: None,
-            latency: summary::Latency::default(),
+            latency: Latency::default(),
         }
     }
 
@@ -110,5 +125,15 @@ impl Client {
 
     pub fn is_joining(&self) -> bool {
         matches!(self.standing, Standing::Joining { .. })
+    }
+
+    /// Whether it is gone and its session is kept.
+    pub fn is_disconnected(&self) -> bool {
+        matches!(self.standing, Standing::Disconnected { .. })
+    }
+
+    /// Whether its next batch has to wait until it has the session that it came for.
+    pub fn waits_for_its_session(&self) -> bool {
+        matches!(self.standing, Standing::Joining { ready: true, .. })
     }
 }

@@ -88,58 +88,58 @@ impl Mailbox {
     }
 
     /// Where notices are written.
-    pub(super) fn notices(&mut self) -> &mut Vec<u8> {
+    pub fn notices(&mut self) -> &mut Vec<u8> {
         &mut self.notices
     }
 
     /// Has the client told what the community's clock is set to.
-    pub(super) fn tell_clock(&mut self, setting: Option<ClockSetting>) {
+    pub fn tell_clock(&mut self, setting: Option<ClockSetting>) {
         self.clock = Some(setting);
     }
 
     /// Bytes of notices that wait.
-    pub(super) fn notice_bytes(&self) -> usize {
+    pub fn notice_bytes(&self) -> usize {
         self.notices.len()
     }
 
     /// What the mailbox holds at most from now on (bytes).
-    pub(super) fn set_limit(&mut self, limit: usize) {
+    pub fn set_limit(&mut self, limit: usize) {
         self.limit = limit;
     }
 
     /// What the mailbox holds at most (bytes).
-    pub(super) fn limit(&self) -> usize {
+    pub fn limit(&self) -> usize {
         self.limit
     }
 
     /// Bytes beyond that, waiting or given: of messages that are larger than the mailbox.
-    pub(super) fn oversize_bytes(&self) -> usize {
+    pub fn oversize_bytes(&self) -> usize {
         // A batch that is given may come on top of what a mailbox holds.
         self.waiting().saturating_sub(self.limit) + self.given_bytes.saturating_sub(2 * self.limit)
     }
 
     /// Bytes of the batches that the client was given and has not handled.
-    pub(super) fn given_bytes(&self) -> usize {
+    pub fn given_bytes(&self) -> usize {
         self.given_bytes
     }
 
     /// A message did not come so far as to be put in.
-    pub(super) fn note_dropped(&mut self) {
+    pub fn note_dropped(&mut self) {
         self.dropped += 1;
     }
 
     /// Whether there is room for so many more bytes of mail.
-    pub(super) fn has_room(&self, bytes: usize) -> bool {
+    pub fn has_room(&self, bytes: usize) -> bool {
         self.owed.is_empty() && self.waiting() + bytes <= self.limit
     }
 
     /// The client is to be given the latest value of a variable once there is room for it.
-    pub(super) fn owe(&mut self, key: u32, flags: u16) {
+    pub fn owe(&mut self, key: u32, flags: u16) {
         self.owed.insert(key, flags);
     }
 
     /// The client is no longer to be given the latest value of a variable; with which flags it was, if it was.
-    pub(super) fn no_longer_owes(&mut self, key: u32) -> Option<u16> {
+    pub fn no_longer_owes(&mut self, key: u32) -> Option<u16> {
         if self.owed.is_empty() { None } else { self.owed.remove(&key) }
     }
 
@@ -149,7 +149,7 @@ impl Mailbox {
     }
 
     /// Marks the client as one whose mail publishers wait for.
-    pub(super) fn set_lossless(&mut self, lossless: bool) {
+    pub fn set_lossless(&mut self, lossless: bool) {
         self.lossless = lossless;
     }
 
@@ -169,12 +169,12 @@ impl Mailbox {
     }
 
     /// The client came too late to read so many bulk values.
-    pub(super) fn note_missed(&mut self, values: u64) {
+    pub fn note_missed(&mut self, values: u64) {
         self.missed = values;
     }
 
     /// Counts what was dropped of the mail of `other`, whose client has not been told, as dropped here.
-    pub(super) fn inherit_dropped(&mut self, other: &Mailbox) {
+    pub fn inherit_dropped(&mut self, other: &Mailbox) {
         self.dropped += other.dropped - other.told_dropped;
     }
 
@@ -204,7 +204,7 @@ impl Mailbox {
     }
 
     /// Adds a message; makes room for it if it must.
-    pub(super) fn push(&mut self, now: f64, message: &Message<'_>, patience: f64) {
+    pub fn push(&mut self, now: f64, message: &Message<'_>, patience: f64) {
         if self.waiting() == 0 && self.given.is_empty() {
             // Patience is with a client that does not read although there is mail, not with one that has none.
             self.last_read = now;
@@ -252,8 +252,8 @@ impl Mailbox {
         }
     }
 
-    /// See [`super::Broker::take_mail`].
-    pub(super) fn take(
+    /// See [`crate::broker::Broker::take_mail`].
+    pub fn take(
         &mut self,
         max: usize,
         batch: &mut Vec<u8>,
@@ -332,7 +332,7 @@ impl Mailbox {
     }
 
     /// Keeps the batch that [`Mailbox::take`] has filled, until the client has handled it.
-    pub(super) fn keep_given(&mut self, mut batch: Vec<u8>) {
+    pub fn keep_given(&mut self, mut batch: Vec<u8>) {
         // A buffer that was another batch's may be far larger than this one.
         if batch.capacity() > SPARE_CAPACITY + batch.len() / 2 * 3 {
             batch.shrink_to_fit();
@@ -344,7 +344,7 @@ impl Mailbox {
 
     /// At `now` the client has handled so many of the messages that it was ever given; answers the buffers of batches
     /// that are done with.
-    pub(super) fn handled(&mut self, now: f64, count: u64) -> impl Iterator<Item = Vec<u8>> + '_ {
+    pub fn handled(&mut self, now: f64, count: u64) -> impl Iterator<Item = Vec<u8>> + '_ {
         if count > self.handled_messages {
             (self.handled_messages, self.last_read) = (count, now);
         }
@@ -360,18 +360,18 @@ impl Mailbox {
     }
 
     /// Whether [`Mailbox::handled`] would answer anything.
-    pub(super) fn would_settle(&self, count: u64) -> bool {
+    pub fn would_settle(&self, count: u64) -> bool {
         self.given.front().is_some_and(|given| given.until <= count)
     }
 
     /// Whether nothing waits, and nothing is under way.
-    pub(super) fn is_idle(&self) -> bool {
+    pub fn is_idle(&self) -> bool {
         self.is_empty() && self.given.is_empty()
     }
 
     /// Puts the mail that the client was given and has not handled back in front of what waits: it is for another
     /// client now. `count`: the messages that it has handled of those that it was ever given.
-    pub(super) fn take_back(&mut self, count: u64) {
+    pub fn take_back(&mut self, count: u64) {
         self.settle(count).for_each(drop);
         self.left = self.done();
         let mut mail = Vec::new();
@@ -397,7 +397,7 @@ impl Mailbox {
     /// Puts the values that `bulk` finds in the place of the references in the mail that waits, as far as there is room.
     /// The reader of a reference that stays will find nothing behind it, and count: of a value that is gone, or that has no
     /// room here even alone.
-    pub(super) fn resolve<'a>(&mut self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) {
+    pub fn resolve<'a>(&mut self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) {
         let new = self.mail.split_off(self.resolved.max(self.head));
         for frame in wire::frames(&new).map_while(Result::ok) {
             let reference = BulkRef::from_bytes(frame.value).filter(|_| frame.header.flags & BULK != 0);
@@ -418,7 +418,7 @@ impl Mailbox {
     }
 
     /// Has the client told a name once more, before the next message that refers to it.
-    pub(super) fn forget(&mut self, what: Named, number: u32) {
+    pub fn forget(&mut self, what: Named, number: u32) {
         self.known.remove(what, number);
     }
 
@@ -429,19 +429,19 @@ impl Mailbox {
     }
 
     #[cfg(test)]
-    pub(super) fn clone_mail(&self) -> Vec<u8> {
+    pub fn clone_mail(&self) -> Vec<u8> {
         self.mail[self.head..].to_vec()
     }
 
     /// What waits.
-    pub(super) fn into_mail(mut self) -> Vec<u8> {
+    pub fn into_mail(mut self) -> Vec<u8> {
         self.mail.drain(..self.head);
         self.mail
     }
 }
 
 /// What the broker knows and a mailbox has to tell.
-pub(super) trait Table {
+pub trait Table {
     /// Appends the definition of a number.
     fn define(&self, what: Named, number: u32, batch: &mut Vec<u8>);
     /// The latest value of a variable, with these flags; `None`: it has none.

@@ -1,83 +1,8 @@
-//! What a broker keeps at most, whatever its clients do. docs/security.md adds the bounds up.
+//! What is not taken, because the broker would have to keep more than its [`Limits`] say.
 
-use super::naming::Definition;
-use super::{Broker, ClientId};
-use crate::wire::{self, Frame, FrameKind, Named};
-
-/// Bounds on what clients can make a broker hold. Names and the table are refused beyond them, with a word to the client;
-/// mail is dropped, oldest first, and counted.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Limits {
-    /// Clients at a time, and sessions of clients that died. Each takes nearly a megabyte for its lanes alone.
-    pub clients: usize,
-    /// Bytes of one name: of a variable, source, type or community, and of one pattern.
-    pub name_bytes: usize,
-    /// Variables; a reader's pattern may match all of them.
-    pub variables: usize,
-    /// Names that one client brings: some are left for the others.
-    pub names_of_a_client: usize,
-    /// Sources, types and communities, each.
-    pub other_names: usize,
-    /// Bytes of all names together, and of the descriptions of types.
-    pub all_name_bytes: usize,
-    /// Numbers that one client gives to names, its own and others'; and those of all clients.
-    pub numbers_of_a_client: usize,
-    /// See [`Limits::numbers_of_a_client`].
-    pub numbers: usize,
-    /// Pairs of a variable and a source that writes it.
-    pub routes: usize,
-    /// Readers of all these pairs together.
-    pub deliveries: usize,
-    /// Bytes of all registrations together.
-    pub registration_bytes: usize,
-    /// Bytes of one message that travels in a batch; larger values lie in their publisher's shared memory.
-    pub message_bytes: usize,
-    /// Bytes of all latest values that the broker holds itself.
-    pub latest_bytes: usize,
-    /// Bytes of the mail of all clients together: each has an equal share, and at most [`super::BrokerConfig::mailbox_bytes`].
-    pub mail_bytes: usize,
-    /// Bytes by which single messages may be larger than their readers' mailboxes, all together.
-    pub oversize_bytes: usize,
-    /// Bytes of messages that wait until their reader's interval is over; further ones do not wait.
-    pub pending_bytes: usize,
-    /// Bytes of what is remembered of batches that not everybody has handled; each client has an equal share.
-    pub unhandled_bytes: usize,
-    /// Bytes of values that are copied out of their publisher's shared memory: those of publishers that are gone, and of
-    /// publishers with many latest values. A single value beyond it is not copied for who comes late, either. A transport
-    /// heeds it.
-    pub copied_bytes: usize,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            clients: 96,
-            name_bytes: wire::MAX_NAME,
-            variables: 1 << 17,
-            names_of_a_client: 7 << 14,
-            other_names: 1 << 16,
-            all_name_bytes: 8 << 20,
-            numbers_of_a_client: 1 << 18,
-            numbers: 1 << 22,
-            routes: 1 << 18,
-            deliveries: 1 << 20,
-            registration_bytes: 8 << 20,
-            message_bytes: wire::MAX_MESSAGE,
-            latest_bytes: 32 << 20,
-            mail_bytes: 32 << 20,
-            oversize_bytes: 32 << 20,
-            pending_bytes: 16 << 20,
-            unhandled_bytes: 32 << 20,
-            copied_bytes: 48 << 20,
-        }
-    }
-}
-
-/// What a client's number of a name stands for that the broker did not take.
-pub(super) const REFUSED: u32 = u32::MAX;
-
-/// What a client's own number as a source stands for until it has written something.
-pub(super) const UNNAMED: u32 = u32::MAX - 1;
+use super::state::names::Definition;
+use super::state::{Broker, Limits};
+use crate::wire::{ClientId, Frame, FrameKind, Named};
 
 /// Refusals that wait for a client (bytes); further ones are not put down.
 const REFUSAL_BYTES: usize = 64 << 10;
@@ -123,7 +48,7 @@ impl Broker {
             None
         } else if longest > limits.name_bytes {
             Some(format!("a pattern of {longest} bytes; at most {} are allowed", limits.name_bytes))
-        } else if self.registration_bytes() + frame.bytes.len() > limits.registration_bytes {
+        } else if self.sessions.registration_bytes() + frame.bytes.len() > limits.registration_bytes {
             Some(format!("the registrations of the community fill {} bytes already", limits.registration_bytes))
         } else {
             None
@@ -178,11 +103,6 @@ impl Broker {
     pub(super) fn is_full_of_routes(&self) -> bool {
         let Limits { routes, deliveries, .. } = &self.config.limits;
         self.variables.routes >= *routes || self.variables.deliveries >= deliveries / 4 * 3
-    }
-
-    /// Bytes of what clients say before they have their sessions.
-    pub(super) fn held_bytes(&self) -> usize {
-        self.sessions.clients.values().map(|client| client.held.len()).sum()
     }
 
     /// Whether a client has so many refusals waiting that further ones are not put down.

@@ -1,99 +1,11 @@
-//! Who wants what: patterns over variables and sources, and what they add up to for one client.
+//! A client's registrations change: what it is given from then on, and at once.
 
-use std::collections::BTreeSet;
-
-use serde::{Deserialize, Serialize};
-
-use super::expectation::Expected;
-use super::message::Message;
-use super::variable::{Delivery, Route};
-use super::{Broker, ClientId};
+use super::state::Broker;
+use super::state::message::Message;
+use super::state::registration::{Change, Messages, Registration, bytes_of, combine};
+use super::state::variable::Route;
 use crate::pattern;
-use crate::wire::{self, Frame, FrameKind, LATEST, LOSSLESS, RESENT};
-
-/// Messages by variable, source and sequence.
-pub(super) type Messages = BTreeSet<(u32, u32, u64)>;
-
-/// One registration of a client.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Registration {
-    /// The variables.
-    pub key_pattern: String,
-    /// Whose messages.
-    pub source_pattern: String,
-    /// At most one message in this time (s); 0: all.
-    pub min_interval: f64,
-    /// Publishers wait rather than that mail is dropped.
-    pub lossless: bool,
-    /// The client had it before, under the broker before this one.
-    pub again: bool,
-    /// What the client reads there; `None`: whatever comes.
-    pub expects: Option<Expected>,
-}
-
-impl Registration {
-    fn matches(&self, key: &str, source: &str) -> bool {
-        pattern::matches(&self.key_pattern, key) && pattern::matches(&self.source_pattern, source)
-    }
-
-    fn bytes(&self) -> usize {
-        size_of::<Self>() + self.key_pattern.len() + self.source_pattern.len()
-    }
-
-    fn same_patterns(&self, other: &Registration) -> bool {
-        self.key_pattern == other.key_pattern && self.source_pattern == other.source_pattern
-    }
-
-    fn read(frame: &Frame<'_>, expects: Option<Expected>) -> Result<Self, &'static str> {
-        // Looked at where nobody else can write.
-        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).map_err(|_| "a pattern is not UTF-8");
-        let interval = frame.header.time;
-        Ok(Self {
-            key_pattern: text(frame.aux)?,
-            source_pattern: text(frame.value)?,
-            min_interval: if interval.is_finite() { interval.max(0.0) } else { 0.0 },
-            lossless: frame.header.flags & LOSSLESS != 0,
-            again: frame.header.flags & RESENT != 0,
-            expects,
-        })
-    }
-}
-
-/// A change of a client's registrations.
-#[derive(Debug, Clone)]
-pub(super) enum Change {
-    /// Added, or put in the place of one with the same patterns.
-    Add(Registration),
-    /// Taken back: the one with the same patterns.
-    Remove(Registration),
-}
-
-impl Change {
-    /// What a frame asks for; `expects` is what its client reads, if it says so.
-    pub fn read(frame: &Frame<'_>, expects: Option<Expected>) -> Result<Self, &'static str> {
-        let registration = Registration::read(frame, expects)?;
-        Ok(match frame.header.kind {
-            FrameKind::Unregister => Change::Remove(registration),
-            _ => Change::Add(registration),
-        })
-    }
-
-    /// What `registrations` are after it.
-    pub fn apply(&self, registrations: &mut Vec<Registration>) {
-        let (Change::Add(changed) | Change::Remove(changed)) = self;
-        registrations.retain(|r| !r.same_patterns(changed));
-        if let Change::Add(added) = self {
-            registrations.push(added.clone());
-        }
-    }
-}
-
-/// What a client's registrations add up to for (key, source): one delivery at the shortest of the intervals.
-pub(super) fn combine(client: ClientId, registrations: &[Registration], key: &str, source: &str) -> Option<Delivery> {
-    let matching = || registrations.iter().filter(|r| r.matches(key, source));
-    let min_interval = matching().map(|r| r.min_interval).min_by(f64::total_cmp)?;
-    Some(Delivery { client, min_interval, lossless: matching().any(|r| r.lossless) })
-}
+use crate::wire::{self, ClientId, Frame, LATEST, RESENT};
 
 /// Latest values for which there is not room this many times over are given as the client reads on, and not put into its
 /// mailbox: mail that comes meanwhile would drive them out.
@@ -131,7 +43,7 @@ impl Broker {
         }
         let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         change.apply(&mut client.registrations);
-        client.registered_bytes = client.registrations.iter().map(Registration::bytes).sum();
+        client.registered_bytes = client.registrations.iter().map(bytes_of).sum();
         self.actions.keep_sessions = true;
         self.mark_lossless(id);
         match &change {
@@ -159,11 +71,6 @@ impl Broker {
         (!has_room).then(|| {
             format!("the readers of the community get {} variables already, all together", self.variables.deliveries)
         })
-    }
-
-    /// Bytes of the patterns of all registrations.
-    pub(super) fn registration_bytes(&self) -> usize {
-        self.sessions.clients.values().map(|client| client.asked.len() + client.registered_bytes).sum()
     }
 
     /// Routes what a registration asks for to its client, and gives it the latest values that it did not get before and
@@ -237,8 +144,8 @@ impl Broker {
             self.variables[key].owed = true;
             self.sessions.clients.entry(to).and_modify(|client| client.mailbox.owe(key, flags));
         } else {
-            let frame = variable.latest_message(flags).map(|message| message.to_bytes()).unwrap_or_default();
-            let Some(message) = Message::stored(&frame) else { return };
+            let frame = variable.latest_message(flags).map(|message| message.to_bytes());
+            let Some(message) = frame.as_deref().and_then(Message::stored) else { return };
             self.deliver(now, to, &message);
         }
         if registration.min_interval > 0.0 {

@@ -2,17 +2,31 @@
 
 use std::collections::BTreeSet;
 
-use super::ClientId;
-use super::delivery::Due;
 use super::message::Message;
-use crate::wire::{self, Header, RESENT, ValueKind};
+use crate::wire::{self, ClientId, Header, RESENT, ValueKind};
 
 /// Room for a latest value that is kept for the next one (bytes), beside twice the present one's.
 const SPARE_CAPACITY: usize = 128;
 
+/// A time that can be ordered (s; never NaN here).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Due(pub f64);
+
+impl Eq for Due {}
+impl PartialOrd for Due {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Due {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
 /// The type that a variable's first write fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct TypeLock {
+pub struct TypeLock {
     pub kind: ValueKind,
     /// The payload type's number, for binary values; it stands for name and layout.
     pub type_: u32,
@@ -27,7 +41,7 @@ impl TypeLock {
 
 /// What one client gets of one (variable, source).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Delivery {
+pub struct Delivery {
     pub client: ClientId,
     pub min_interval: f64,
     pub lossless: bool,
@@ -35,14 +49,14 @@ pub(super) struct Delivery {
 
 /// Who gets what one source writes to the variable.
 #[derive(Debug)]
-pub(super) struct Route {
+pub struct Route {
     pub source: u32,
     pub deliveries: Vec<Delivery>,
 }
 
 /// When a throttled client last got the variable, and what waits for it.
 #[derive(Debug)]
-pub(super) struct Throttle {
+pub struct Throttle {
     pub client: ClientId,
     pub last_sent: f64,
     /// A message, and when its time comes.
@@ -51,10 +65,10 @@ pub(super) struct Throttle {
 
 /// A variable.
 #[derive(Debug, Default)]
-pub(super) struct Variable {
+pub struct Variable {
     /// The broker alone writes it.
     pub is_own: bool,
-    /// Some client may be owed the latest value (see [`super::Mailbox`]).
+    /// Some client may be owed the latest value (see [`super::mailbox::Mailbox`]).
     pub owed: bool,
     pub lock: Option<TypeLock>,
     /// The latest frame, in the broker's numbers; empty before the first write.

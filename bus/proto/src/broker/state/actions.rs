@@ -2,13 +2,14 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use super::{Broker, ClientId, Succession};
+use super::reached::Succession;
+use crate::wire::ClientId;
 
 /// One thing that has to be done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
-    /// The mail of this client, which is dead, refers to values that their publishers may let go of: the values are to
-    /// be copied into it before anything else (see [`Broker::resolve_mail`]).
+    /// The mail of this client, which is dead, refers to values that their publishers may let go of: they are to be put in
+    /// its place, before anything else (see [`crate::broker::Broker::resolve_mail`]).
     Resolve(ClientId),
     /// Whoever waits for the predecessor to handle its mail waits for the successor now.
     Follow(Succession),
@@ -21,15 +22,15 @@ pub enum Action {
     },
     /// This holder of a name is to leave at its next message boundary: its successor is ready.
     Retire(ClientId),
-    /// The sessions are others than before: they have to outlive the broker (see [`Broker::sessions`]).
+    /// The sessions are others than before: they have to outlive the broker (see [`crate::broker::Broker::sessions`]).
     KeepSessions,
-    /// Somebody who left latest values has gone: they have to outlive the broker (see [`Broker::retained`]).
+    /// Somebody who left latest values has gone: they have to outlive the broker (see [`crate::broker::Broker::retained`]).
     KeepRetained,
 }
 
 /// What has to be done and was not asked for yet.
 #[derive(Debug, Default)]
-pub(super) struct Actions {
+pub struct Actions {
     /// Disconnected sessions whose mail refers to values in shared memory.
     pub resolve: BTreeSet<ClientId>,
     pub follow: VecDeque<Succession>,
@@ -40,24 +41,22 @@ pub(super) struct Actions {
     pub keep_retained: bool,
 }
 
-impl Broker {
-    /// The next thing that the broker wants done, if there is any. Whoever has it take something in, or lets somebody come
-    /// or go, asks until there is none.
+impl Actions {
+    /// The next of them.
     #[inline]
-    pub fn poll(&mut self) -> Option<Action> {
-        let actions = &mut self.actions;
-        if let Some(id) = actions.resolve.pop_first() {
+    pub fn next(&mut self) -> Option<Action> {
+        if let Some(id) = self.resolve.pop_first() {
             Some(Action::Resolve(id))
-        } else if let Some(succession) = actions.follow.pop_front() {
+        } else if let Some(succession) = self.follow.pop_front() {
             Some(Action::Follow(succession))
-        } else if let Some((receiver, publisher)) = actions.attach.pop_front() {
+        } else if let Some((receiver, publisher)) = self.attach.pop_front() {
             Some(Action::Attach { receiver, publisher })
-        } else if let Some(holder) = actions.retire.pop_front() {
+        } else if let Some(holder) = self.retire.pop_front() {
             Some(Action::Retire(holder))
-        } else if std::mem::take(&mut actions.keep_sessions) {
+        } else if std::mem::take(&mut self.keep_sessions) {
             Some(Action::KeepSessions)
         } else {
-            std::mem::take(&mut actions.keep_retained).then_some(Action::KeepRetained)
+            std::mem::take(&mut self.keep_retained).then_some(Action::KeepRetained)
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 /// Gives each name the next number.
 #[derive(Debug, Default)]
-pub(super) struct Interner {
+pub struct Interner {
     numbers: HashMap<Arc<str>, u32>,
     names: Vec<Arc<str>>,
     bytes: usize,
