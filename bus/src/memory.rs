@@ -108,11 +108,12 @@ impl MemoryBroker {
         state.follow_up(now);
         let epoch = state.epoch;
         let end = Arc::new(End { shared: shared.clone(), id, epoch, goodbye: AtomicBool::new(false) });
-        let (name, lease_secs) = (who.name.to_owned(), who.lease_secs);
+        let (name, build, lease_secs) = (who.name.to_owned(), who.build.to_owned(), who.lease_secs);
         Ok(Link {
             up: Box::new(MemoryUp(end.clone())),
             down: Box::new(MemoryDown { end, wake: None }),
-            back: Box::new(MemoryBack { broker: self.clone(), name, lease_secs, epoch }),
+            back: Box::new(MemoryBack { broker: self.clone(), name, build: build.clone(), lease_secs, epoch }),
+            build,
             warp: shared.clock.warp(),
             dial,
             epoch,
@@ -351,6 +352,7 @@ impl Downlink for MemoryDown {
 struct MemoryBack {
     broker: MemoryBroker,
     name: String,
+    build: String,
     lease_secs: f64,
     /// The epoch of the broker that died.
     epoch: u64,
@@ -369,7 +371,9 @@ impl Rejoin for MemoryBack {
             state = wait(shared, state, Duration::from_millis(50));
         }
         drop(state);
-        self.broker.join(&Introduction::returning(&self.name, self.lease_secs)).map_err(|_| gone())
+        let Self { broker, name, build, lease_secs, .. } = &*self;
+        let who = Introduction { build, lease_secs: *lease_secs, ..Introduction::new(name).returning() };
+        broker.join(&who).map_err(|_| gone())
     }
 }
 

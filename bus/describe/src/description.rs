@@ -1,8 +1,10 @@
 //! A shape that travels: what somebody who has never seen a type knows of it.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
 use crate::shape::Fnv;
+use crate::write::{bytes_of, example};
 use crate::{FieldShape, Shape, VariantContent};
 
 /// What a type's bytes are, as it travels and is kept in logs: as JSON, in which it reads like the type's definition.
@@ -67,8 +69,16 @@ pub struct Field {
     /// Its unit; empty if it has none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
+    /// What it is for whoever's version of the type does not have it; `None`: it has to be there.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "said")]
+    pub default: Option<Value>,
     /// What it is.
     pub kind: Kind,
+}
+
+/// A default that is said, `null` too.
+fn said<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Value>, D::Error> {
+    Value::deserialize(deserializer).map(Some)
 }
 
 /// A variant of an enum.
@@ -168,7 +178,7 @@ impl Description {
 
     /// The hash of everything that decides what the bytes mean: [`Shape::layout`] of the shape that it is of.
     pub fn layout(&self) -> u64 {
-        self.0.hash(Fnv::new()).0
+        self.0.layout()
     }
 
     /// Bytes that are kept of it, about.
@@ -250,6 +260,11 @@ impl Kind {
         }
     }
 
+    /// The hash of everything that decides what the bytes mean.
+    pub(crate) fn layout(&self) -> u64 {
+        self.hash(Fnv::new()).0
+    }
+
     /// As [`Shape::layout`] has it.
     fn hash(&self, fnv: Fnv) -> Fnv {
         match self {
@@ -298,7 +313,8 @@ impl Kind {
     }
 
     fn kept_bytes(&self) -> usize {
-        let field = |one: &Field| size_of::<Field>() + one.name.len() + one.docs.len() + one.unit.len();
+        let default = |one: &Field| one.default.as_ref().map_or(0, |default| default.to_string().len());
+        let field = |one: &Field| size_of::<Field>() + one.name.len() + one.docs.len() + one.unit.len() + default(one);
         let variant = |one: &Variant| {
             let fields = if let Content::Fields(fields) = &one.content { fields.as_slice() } else { &[] };
             size_of::<Variant>() + one.name.len() + one.docs.len() + fields.iter().map(field).sum::<usize>()
@@ -378,16 +394,39 @@ impl Kind {
             Self::Enum(one) if one.variants.is_empty() => return Err(format!("enum {} has no variant", one.name)),
             _ => {}
         }
+        match self {
+            Self::Struct(one) => check_defaults(&one.fields)?,
+            Self::Enum(one) => one.variants.iter().try_for_each(|variant| match &variant.content {
+                Content::Fields(fields) => check_defaults(fields),
+                _ => Ok(()),
+            })?,
+            _ => {}
+        }
         self.inner().try_for_each(|kind| kind.check(depth + 1))
     }
 }
 
+/// Whether all defaults are values of their fields; symbols and packed values have none, which may come to much.
+fn check_defaults(fields: &[Field]) -> Result<(), String> {
+    let is_bulky = |kind: &Kind| kind.any(&|kind| matches!(kind, Kind::Symbols { .. } | Kind::Packed(_)));
+    fields.iter().try_for_each(|field| match &field.default {
+        Some(default) if is_bulky(&field.kind) || bytes_of(&field.kind, default).is_none() => {
+            Err(format!("the default of {} is no value of its kind", field.name))
+        }
+        _ => Ok(()),
+    })
+}
+
 fn fields_of(fields: &[FieldShape]) -> Vec<Field> {
-    let owned = |field: &FieldShape| Field {
-        name: field.name.to_owned(),
-        docs: field.docs.to_owned(),
-        unit: field.unit.to_owned(),
-        kind: Kind::of(&field.shape),
+    let owned = |field: &FieldShape| {
+        let kind = Kind::of(&field.shape);
+        Field {
+            name: field.name.to_owned(),
+            docs: field.docs.to_owned(),
+            unit: field.unit.to_owned(),
+            default: field.default.map(|default| default.to_json().unwrap_or_else(|| example(&kind))),
+            kind,
+        }
     };
     fields.iter().map(owned).collect()
 }

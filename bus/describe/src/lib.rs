@@ -30,7 +30,9 @@
 //! number (u32). A type that has serde attributes which change that cannot be described.
 
 mod check;
+mod conversion;
 mod cursor;
+mod default;
 mod describe;
 mod description;
 mod difference;
@@ -43,8 +45,11 @@ mod visit;
 mod write;
 
 pub use check::{Invalid, MAX_COUNT};
+pub use conversion::Conversion;
+pub use default::DefaultValue;
 pub use describe::Describe;
 pub use description::{Content, Description, Enum, Field, Kind, Refused, Struct, Variant};
+pub use difference::Difference;
 pub use elk_describe_derive::Describe;
 #[doc(hidden)]
 pub use elk_describe_derive::payload;
@@ -56,6 +61,7 @@ pub use write::WriteError;
 pub mod derived {
     //! What the derive's code calls.
     pub use crate::check::{count, each, field, longest, range};
+    pub use crate::default::default_of;
 }
 
 extern crate self as elk_describe;

@@ -1,5 +1,7 @@
 //! What a type's bytes are, as a constant that the compiler can hash.
 
+use crate::DefaultValue;
+
 /// What a value is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
@@ -59,6 +61,8 @@ pub struct FieldShape {
     pub docs: &'static str,
     /// Its unit; empty if it has none.
     pub unit: &'static str,
+    /// What it is for whoever's version of the type does not have it, if it need not be there.
+    pub default: Option<DefaultValue>,
     /// What it is.
     pub shape: Shape,
 }
@@ -88,8 +92,8 @@ pub enum VariantContent {
 }
 
 impl Shape {
-    /// A hash of everything that decides what the bytes mean: names, units and shapes, however deep; not the docs. Two
-    /// definitions that differ do not read each other's bytes.
+    /// A hash of everything that decides what the bytes mean: names, units and shapes, however deep; not the docs, nor
+    /// defaults. Two definitions that differ do not read each other's bytes as they are.
     pub const fn layout(&self) -> u64 {
         self.hash(Fnv::new()).0
     }

@@ -12,12 +12,39 @@ const MOST_NAMES: usize = 1 << 20;
 /// The broker's numbers and what they stand for, as far as it has said so.
 #[derive(Default)]
 pub struct Names {
-    /// Of variables, sources and communities.
+    /// Of variables and communities.
     names: [Vec<Option<String>>; 4],
+    sources: Vec<Option<Source>>,
     types: Vec<Option<Type>>,
+    /// The client whose names they are, as people read it.
+    reader: String,
+}
+
+/// Under whose name a message is published.
+#[derive(Debug)]
+pub(crate) struct Source {
+    pub name: String,
+    /// Which build of which program that is; empty: nobody has said.
+    pub build: String,
+}
+
+/// A client with its build, for people: `sensor (elk 0.2.0)`.
+pub(crate) fn of_build(name: &str, build: &str) -> String {
+    if build.is_empty() { name.to_owned() } else { format!("{name} ({build})") }
 }
 
 impl Names {
+    /// What the numbers stand for to a client of this name and build.
+    pub fn of_reader(name: &str, build: &str) -> Self {
+        Self { reader: of_build(name, build), ..Self::default() }
+    }
+
+    /// Begins anew, with another broker; answers what its numbers stood for before.
+    pub fn begin_anew(&mut self) -> Self {
+        let reader = self.reader.clone();
+        std::mem::replace(self, Self { reader, ..Self::default() })
+    }
+
     /// Takes in a definition.
     pub fn define(&mut self, frame: &Frame<'_>) {
         let number = frame.header.key as usize;
@@ -28,12 +55,12 @@ impl Names {
         match wire::named(frame.header.flags) {
             None => {}
             Some(Named::Type) => *place(&mut self.types, number) = Some(type_of(frame, &name)),
+            Some(Named::Source) => {
+                let build = String::from_utf8_lossy(frame.value).into_owned();
+                *place(&mut self.sources, number) = Some(Source { name: name.into_owned(), build });
+            }
             Some(what) => *place(&mut self.names[what as usize], number) = Some(name.into_owned()),
         }
-    }
-
-    fn name(&self, what: Named, number: u32) -> &str {
-        self.names[what as usize].get(number as usize).and_then(Option::as_deref).unwrap_or_default()
     }
 
     /// The name that a message refers to by its number.
@@ -41,6 +68,12 @@ impl Names {
     fn said(&self, what: Named, number: u32) -> Result<&str, Unreadable> {
         let name = self.names[what as usize].get(number as usize).and_then(Option::as_deref);
         name.ok_or(Unreadable::Damaged(unsaid(what)))
+    }
+
+    #[inline]
+    fn said_source(&self, number: u32) -> Result<&Source, Unreadable> {
+        let source = self.sources.get(number as usize).and_then(Option::as_ref);
+        source.ok_or(Unreadable::Damaged(unsaid(Named::Source)))
     }
 
     #[inline]
@@ -57,7 +90,7 @@ impl Names {
     pub fn mail<'a>(&'a self, down: &'a mut dyn Downlink, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
         let header = frame.header;
         let key = self.said(Named::Key, header.key)?;
-        let source = self.said(Named::Source, header.source)?;
+        let source = self.said_source(header.source)?;
         let community = self.said(Named::Community, header.community)?;
         let bytes = match header.flags & BULK {
             0 => frame.value,
@@ -79,6 +112,7 @@ impl Names {
             key,
             source,
             community,
+            reader: &self.reader,
             source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
             value,
         })
@@ -86,7 +120,8 @@ impl Names {
 
     /// The names of a variable and a source.
     pub fn of(&self, key: u32, source: u32) -> (&str, &str) {
-        (self.name(Named::Key, key), self.name(Named::Source, source))
+        let key = self.said(Named::Key, key).unwrap_or_default();
+        (key, self.said_source(source).map_or("", |source| &source.name))
     }
 }
 

@@ -14,6 +14,7 @@ use super::client::{UNDEFINED, Unnumbered};
 use super::registration::Registration;
 use super::variable::TypeLock;
 use super::{Broker, ClientId};
+use crate::names::of_build;
 use crate::wire::{Frame, Named, TYPED, ValueKind};
 
 /// What a reader expects.
@@ -68,27 +69,31 @@ impl Broker {
         nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.describe(lock)))
     }
 
-    /// Whether a write of another type takes the variable over: somebody reads it as that, and nobody as what it carries.
+    /// Whether a write of another type takes the variable over: somebody reads it as that, and nobody can read what it carries.
     pub(super) fn changes_over(&self, key: u32, lock: TypeLock) -> bool {
         let name = self.names.keys.name(key);
-        let is_read_as = |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.is(lock, expected));
+        let is_read_as = |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.can_read(lock, expected));
         is_read_as(lock) && !self.variables[key].lock.is_some_and(is_read_as)
     }
 
-    /// A variable was written with a type that it did not have before: those who read something else there are told.
+    /// A variable was written with a type that it did not have before: those who read something else there are told, and so
+    /// is the writer.
     pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
         let Some(lock) = self.variables[key].lock else { return };
         let name = self.names.keys.name(key).to_owned();
-        let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
+        let (writer, from) = (self.writer(key), self.variables[key].latest_from);
         let is = self.describe(lock);
         let words = |(reader, expected)| {
-            let how = self.difference(lock, expected, [writer, "this reader"]).unwrap_or_default();
-            (reader, format!("{name} carries {is}, by {writer}: this reader cannot read it{how}"))
+            let how = self.difference(lock, expected, key, reader).unwrap_or_default();
+            let to_reader = format!("{name} carries {is}, by {writer}: this reader cannot read it{how}");
+            let who = self.client_name(reader).unwrap_or_default();
+            let to_writer = format!("{name} carries {is}: {who} reads it as {expected} and cannot read it{how}");
+            [(Some(reader), to_reader), (from, to_writer)]
         };
-        let reads_else = self.expectations(&name).filter(|(_, expected)| !self.is(lock, expected));
-        for (reader, said) in reads_else.map(words).collect::<Vec<_>>() {
+        let reads_else = self.expectations(&name).filter(|(_, expected)| !self.can_read(lock, expected));
+        for (told, said) in reads_else.flat_map(words).collect::<Vec<_>>() {
             // Whoever has gone meanwhile need not be told.
-            let _ = self.refuse(reader, &name, 0, &said);
+            let _ = told.map(|told| self.refuse(told, &name, 0, &said));
         }
     }
 
@@ -111,17 +116,62 @@ impl Broker {
         }
     }
 
-    /// Where the definitions of writer and reader differ, if it is one type of two builds.
-    fn difference(&self, lock: TypeLock, expected: &Expected, [writer, reader]: [&str; 2]) -> Option<String> {
+    /// Whether a reader that expects this can read values of a type: it is that, or another version of it.
+    fn can_read(&self, lock: TypeLock, expected: &Expected) -> bool {
+        let types = &self.names.types;
+        let is_version = |name: &str, layout| {
+            let number = types.known(name, layout).filter(|_| lock.kind == ValueKind::Binary);
+            number.is_some_and(|number| types.can_be_read_as(lock.type_, number))
+        };
+        self.is(lock, expected) || matches!(expected, Expected::Values(name, layout) if is_version(name, *layout))
+    }
+
+    /// Whether two types are versions of one, of which everybody who reads the one reads the other: a variable carries both.
+    pub(super) fn are_versions(&self, one: TypeLock, other: TypeLock) -> bool {
+        let can_be_read_as = |one: TypeLock, other: TypeLock| self.names.types.can_be_read_as(one.type_, other.type_);
+        one.kind == ValueKind::Binary
+            && other.kind == ValueKind::Binary
+            && can_be_read_as(one, other)
+            && can_be_read_as(other, one)
+    }
+
+    /// Who wrote last to a variable.
+    fn writer(&self, key: u32) -> &str {
+        self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source))
+    }
+
+    /// Where the definitions of who wrote last to a variable and of a reader differ, and in which builds, if it is one type.
+    fn difference(&self, lock: TypeLock, expected: &Expected, key: u32, reader: ClientId) -> Option<String> {
         let Expected::Values(name, layout) = expected else { return None };
         if lock.kind != ValueKind::Binary {
             return None;
         }
-        let (carried, expected) =
-            (self.names.types.get(lock.type_), self.names.types.get(self.names.types.known(name, *layout)?));
-        let whose = [format!("in {writer}'s build"), format!("in {reader}'s")];
-        let how = carried.as_ref().difference_to(expected.as_ref(), [&whose[0], &whose[1]])?;
-        Some(format!(" ({how})"))
+        let (writer, _, build) = self.names.said(Named::Source, self.variables[key].latest_source()?);
+        let reader = self.sessions.clients.get(&reader)?;
+        let whose = [of_build(writer, build), of_build(&reader.name, &reader.build)].map(|end| format!("in {end}"));
+        self.how_they_differ(lock.type_, self.names.types.known(name, *layout)?, &whose)
+    }
+
+    /// Where what a client writes differs from what a variable carries, and in which builds, if it is one type.
+    pub(super) fn difference_of_writers(
+        &self,
+        from: ClientId,
+        key: u32,
+        was: TypeLock,
+        is: TypeLock,
+    ) -> Option<String> {
+        let (writer, _, build) = self.names.said(Named::Source, self.variables[key].latest_source()?);
+        let client = self.sessions.clients.get(&from)?;
+        let whose = [of_build(writer, build), of_build(&client.name, &client.build)].map(|end| format!("in {end}"));
+        let are_types = was.kind == ValueKind::Binary && is.kind == ValueKind::Binary;
+        are_types.then(|| self.how_they_differ(was.type_, is.type_, &whose)).flatten()
+    }
+
+    /// Where two types of one name differ, in brackets; `whose` are the words for where each is.
+    pub(super) fn how_they_differ(&self, one: u32, other: u32, whose: &[String; 2]) -> Option<String> {
+        let is_one_type = self.names.types.name(one) == self.names.types.name(other);
+        let difference = is_one_type.then(|| self.names.types.difference(one, other)).flatten()?;
+        Some(format!(" ({})", difference.in_words([&whose[0], &whose[1]])))
     }
 
     /// A client has registered: what it expects is held against what the variable carries.
@@ -129,7 +179,7 @@ impl Broker {
         let Some(expected) = &registration.expects else { return };
         let name = &registration.key_pattern;
         let Some(key) = self.names.keys.known(name) else { return };
-        let Some(lock) = self.variables[key].lock.filter(|lock| !self.is(*lock, expected)) else { return };
+        let Some(lock) = self.variables[key].lock.filter(|lock| !self.can_read(*lock, expected)) else { return };
         let is_expected = self.expectations(name).any(|(_, other)| self.is(lock, other));
         let yields = lock.kind != ValueKind::Binary && !is_expected;
         let what_follows = if yields {
@@ -138,9 +188,9 @@ impl Broker {
             "this reader cannot read it: build both from one version, or give one of them another variable"
         };
         let reader = self.client_name(id).unwrap_or_default();
-        let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
+        let writer = self.writer(key);
         let is = self.describe(lock);
-        let how = self.difference(lock, expected, [writer, reader]).unwrap_or_default();
+        let how = self.difference(lock, expected, key, id).unwrap_or_default();
         let said = format!("{name} carries {is}, by {writer}; {reader} reads it as {expected}{how}: {what_follows}");
         let writes = |(other, client): &(&ClientId, &super::Client)| **other != id && client.published.contains(&key);
         let writers = self.sessions.clients.iter().filter(writes).map(|(id, _)| *id);

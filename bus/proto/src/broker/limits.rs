@@ -18,7 +18,7 @@ pub struct Limits {
     pub names_of_a_client: usize,
     /// Sources, types and communities, each.
     pub other_names: usize,
-    /// Bytes of all names together, and of the descriptions of types.
+    /// Bytes of all names together, of the descriptions of types and of the builds of sources.
     pub all_name_bytes: usize,
     /// Numbers that one client gives to names, its own and others'; and those of all clients.
     pub numbers_of_a_client: usize,
@@ -109,7 +109,7 @@ impl Broker {
         self.no_room_for(definition.description.len()).or_else(|| definition.mistake())
     }
 
-    fn no_room_for(&self, bytes: usize) -> Option<String> {
+    pub(super) fn no_room_for(&self, bytes: usize) -> Option<String> {
         let most = self.config.limits.all_name_bytes;
         let is_full = self.names.bytes() + bytes > most;
         is_full.then(|| format!("the names of the community fill {most} bytes already"))

@@ -1,5 +1,7 @@
 //! Names and their numbers: the broker's own, and those that each client has given to the same names on its way up.
 
+use std::collections::BTreeMap;
+
 use super::interner::Interner;
 use super::limits::REFUSED;
 use super::message::Message;
@@ -42,6 +44,9 @@ pub(super) struct Names {
     pub sources: Interner,
     pub types: Types,
     pub communities: Interner,
+    /// Which build of which program the client was that began last to write under a source's name, as far as it said.
+    builds: BTreeMap<u32, String>,
+    build_bytes: usize,
 }
 
 impl Names {
@@ -66,11 +71,11 @@ impl Names {
         }
     }
 
-    /// Name, layout and description of a number.
+    /// Name of a number, a type's layout, and what else is said of it: of a type its description, of a source its build.
     pub fn said(&self, what: Named, number: u32) -> (&str, u64, &str) {
         match what {
             Named::Key => (self.keys.name(number), 0, ""),
-            Named::Source => (self.sources.name(number), 0, ""),
+            Named::Source => (self.sources.name(number), 0, self.builds.get(&number).map_or("", String::as_str)),
             Named::Type => self.types.said(number),
             Named::Community => (self.communities.name(number), 0, ""),
         }
@@ -86,9 +91,20 @@ impl Names {
         }
     }
 
-    /// Bytes of all of them, and of the types' descriptions.
+    /// Bytes of all of them, of the types' descriptions and of the sources' builds.
     pub fn bytes(&self) -> usize {
-        self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes()
+        self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes() + self.build_bytes
+    }
+
+    /// A client of this build begins to write under a source's name; whether that is another build than before.
+    fn note_build(&mut self, source: u32, build: &str) -> bool {
+        let before = match build {
+            "" => self.builds.remove(&source),
+            build => self.builds.insert(source, build.to_owned()),
+        };
+        let before = before.unwrap_or_default();
+        self.build_bytes = self.build_bytes + build.len() - before.len();
+        before != build
     }
 }
 
@@ -100,8 +116,8 @@ pub(super) struct Told<'a> {
 
 impl mailbox::Table for Told<'_> {
     fn define(&self, what: Named, number: u32, batch: &mut Vec<u8>) {
-        let (name, layout, description) = self.names.said(what, number);
-        wire::put_definition(batch, what, number, name, layout, description);
+        let (name, layout, more) = self.names.said(what, number);
+        wire::put_definition(batch, what, number, name, layout, more);
     }
 
     fn latest(&self, key: u32, flags: u16) -> Option<Message<'_>> {
@@ -140,10 +156,14 @@ impl Broker {
         if known.is_none() {
             self.sessions.clients.entry(from).and_modify(|client| client.brought += 1);
         } else {
-            // Those who know the type by its name hear what it is before its next value.
-            self.sessions.clients.values_mut().for_each(|client| client.mailbox.forget(what, number));
+            self.define_anew(what, number);
         }
         Ok(number)
+    }
+
+    /// Those who know something by its name hear what else is said of it before its next message.
+    fn define_anew(&mut self, what: Named, number: u32) {
+        self.sessions.clients.values_mut().for_each(|client| client.mailbox.forget(what, number));
     }
 
     /// A client names a number.
@@ -177,6 +197,11 @@ impl Broker {
         let number = self.admit_name(id, Named::Source, Definition::of(&name))?;
         let client = self.sessions.clients.get_mut(&id).ok_or("the client is not connected")?;
         client.numbers[Named::Source as usize][0] = number;
+        let build = client.build.clone();
+        let build = if self.no_room_for(build.len()).is_none() { build.as_str() } else { "" };
+        if number != REFUSED && self.names.note_build(number, build) {
+            self.define_anew(Named::Source, number);
+        }
         Ok(())
     }
 }
