@@ -2,25 +2,7 @@
 
 use serde_json::Value;
 
-use crate::shape::VariantContent;
-use crate::{Shape, VariantShape};
-
-/// A field's default, as a constant: what `#[describe(default = …)]` says.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum DefaultValue {
-    /// Zeros, empty lists and texts, no option, the first variant.
-    Zero,
-    /// A flag.
-    Bool(bool),
-    /// A number.
-    Integer(i128),
-    /// A number.
-    Float(f64),
-    /// A text, or a variant that holds nothing, by its name.
-    Text(&'static str),
-    /// The entries of a list, an array or a tuple.
-    List(&'static [DefaultValue]),
-}
+use crate::shape::{DefaultValue, Shape, VariantContent, VariantShape};
 
 /// The default of a field of such a shape; one that is none does not compile.
 pub const fn default_of(shape: &Shape, value: DefaultValue) -> Option<DefaultValue> {

@@ -39,6 +39,7 @@ mod difference;
 #[cfg(feature = "nalgebra")]
 mod geometry;
 mod json;
+mod origin;
 mod read;
 mod shape;
 mod visit;
@@ -46,15 +47,15 @@ mod write;
 
 pub use check::{Invalid, MAX_COUNT};
 pub use conversion::Conversion;
-pub use default::DefaultValue;
 pub use describe::Describe;
-pub use description::{Content, Description, Enum, Field, Kind, Refused, Struct, Variant};
+pub use description::{Content, Description, Enum, Field, Kind, Struct, Variant};
 pub use difference::Difference;
 pub use elk_describe_derive::Describe;
 #[doc(hidden)]
 pub use elk_describe_derive::payload;
+pub use origin::Refused;
 pub use read::ReadError;
-pub use shape::{FieldShape, Shape, StructShape, VariantContent, VariantShape};
+pub use shape::{DefaultValue, FieldShape, Shape, StructShape, VariantContent, VariantShape};
 pub use write::WriteError;
 
 #[doc(hidden)]

@@ -1,7 +1,5 @@
 //! What a type's bytes are, as a constant that the compiler can hash.
 
-use crate::DefaultValue;
-
 /// What a value is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
@@ -65,6 +63,23 @@ pub struct FieldShape {
     pub default: Option<DefaultValue>,
     /// What it is.
     pub shape: Shape,
+}
+
+/// A field's default, as a constant: what `#[describe(default = …)]` says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DefaultValue {
+    /// Zeros, empty lists and texts, no option, the first variant.
+    Zero,
+    /// A flag.
+    Bool(bool),
+    /// A number.
+    Integer(i128),
+    /// A number.
+    Float(f64),
+    /// A text, or a variant that holds nothing, by its name.
+    Text(&'static str),
+    /// The entries of a list, an array or a tuple.
+    List(&'static [DefaultValue]),
 }
 
 /// A variant of an enum.

@@ -2,7 +2,6 @@
 
 use crate::codec::DecodeError;
 use crate::key::{Key, Payload};
-use crate::names::{Source, of_build};
 use crate::rejection::Rejection;
 use crate::value::ValueRef;
 use crate::wire::{self, Header, LATEST};
@@ -18,6 +17,19 @@ pub struct Mail<'a> {
     pub(super) community: &'a str,
     pub(super) source_aux: &'a str,
     pub(super) value: ValueRef<'a>,
+}
+
+/// Under whose name a message is published.
+#[derive(Debug)]
+pub(crate) struct Source {
+    pub name: String,
+    /// Which build of which program that is; empty: nobody has said.
+    pub build: String,
+}
+
+/// A client with its build, for people: `sensor (elk 0.2.0)`.
+pub(crate) fn of_build(name: &str, build: &str) -> String {
+    if build.is_empty() { name.to_owned() } else { format!("{name} ({build})") }
 }
 
 impl<'a> Mail<'a> {

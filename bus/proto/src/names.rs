@@ -1,7 +1,7 @@
 //! What the broker's numbers stand for, and a message read with them.
 
 use crate::link::Downlink;
-use crate::mail::Mail;
+use crate::mail::{Mail, Source, of_build};
 use crate::types::Type;
 use crate::value::ValueRef;
 use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, Named, ValueKind};
@@ -18,19 +18,6 @@ pub struct Names {
     types: Vec<Option<Type>>,
     /// The client whose names they are, as people read it.
     reader: String,
-}
-
-/// Under whose name a message is published.
-#[derive(Debug)]
-pub(crate) struct Source {
-    pub name: String,
-    /// Which build of which program that is; empty: nobody has said.
-    pub build: String,
-}
-
-/// A client with its build, for people: `sensor (elk 0.2.0)`.
-pub(crate) fn of_build(name: &str, build: &str) -> String {
-    if build.is_empty() { name.to_owned() } else { format!("{name} ({build})") }
 }
 
 impl Names {

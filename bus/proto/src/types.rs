@@ -185,7 +185,15 @@ impl<'a> TypeRef<'a> {
             let layouts = || format!("layout {:016x} {there} and {:016x} {here}", self.layout, T::LAYOUT);
             ConvertError::Differs(difference.map_or_else(layouts, |difference| difference.in_words([there, here])))
         };
-        let Described::By(known) = self.described else { return Err(of_no_use(None)) };
+        let compiled_in;
+        let known = match self.described {
+            Described::Not => return Err(of_no_use(None)),
+            Described::ByShape(shape) => {
+                compiled_in = Known::of(Description::of(shape));
+                &compiled_in
+            }
+            Described::By(known) => known,
+        };
         known.as_version::<T, _>(|version| match version {
             Ok(conversion) => Ok(conversion.convert(bytes)?),
             Err(difference) => Err(of_no_use(Some(difference))),

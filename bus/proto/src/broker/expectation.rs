@@ -14,7 +14,7 @@ use super::client::{UNDEFINED, Unnumbered};
 use super::registration::Registration;
 use super::variable::TypeLock;
 use super::{Broker, ClientId};
-use crate::names::of_build;
+use crate::mail::of_build;
 use crate::wire::{Frame, Named, TYPED, ValueKind};
 
 /// What a reader expects.
@@ -143,35 +143,24 @@ impl Broker {
     /// Where the definitions of who wrote last to a variable and of a reader differ, and in which builds, if it is one type.
     fn difference(&self, lock: TypeLock, expected: &Expected, key: u32, reader: ClientId) -> Option<String> {
         let Expected::Values(name, layout) = expected else { return None };
-        if lock.kind != ValueKind::Binary {
+        let type_ = self.names.types.known(name, *layout)?;
+        self.how_they_differ(key, lock, reader, TypeLock { kind: ValueKind::Binary, type_ })
+    }
+
+    /// Where what was written last to a variable and what a client takes for it differ, and in which builds, if it is one type:
+    /// in brackets.
+    pub(super) fn how_they_differ(&self, key: u32, was: TypeLock, client: ClientId, is: TypeLock) -> Option<String> {
+        let types = &self.names.types;
+        let is_typed = was.kind == ValueKind::Binary && is.kind == ValueKind::Binary;
+        if !is_typed || types.name(was.type_) != types.name(is.type_) {
             return None;
         }
         let (writer, _, build) = self.names.said(Named::Source, self.variables[key].latest_source()?);
-        let reader = self.sessions.clients.get(&reader)?;
-        let whose = [of_build(writer, build), of_build(&reader.name, &reader.build)].map(|end| format!("in {end}"));
-        self.how_they_differ(lock.type_, self.names.types.known(name, *layout)?, &whose)
-    }
-
-    /// Where what a client writes differs from what a variable carries, and in which builds, if it is one type.
-    pub(super) fn difference_of_writers(
-        &self,
-        from: ClientId,
-        key: u32,
-        was: TypeLock,
-        is: TypeLock,
-    ) -> Option<String> {
-        let (writer, _, build) = self.names.said(Named::Source, self.variables[key].latest_source()?);
-        let client = self.sessions.clients.get(&from)?;
-        let whose = [of_build(writer, build), of_build(&client.name, &client.build)].map(|end| format!("in {end}"));
-        let are_types = was.kind == ValueKind::Binary && is.kind == ValueKind::Binary;
-        are_types.then(|| self.how_they_differ(was.type_, is.type_, &whose)).flatten()
-    }
-
-    /// Where two types of one name differ, in brackets; `whose` are the words for where each is.
-    pub(super) fn how_they_differ(&self, one: u32, other: u32, whose: &[String; 2]) -> Option<String> {
-        let is_one_type = self.names.types.name(one) == self.names.types.name(other);
-        let difference = is_one_type.then(|| self.names.types.difference(one, other)).flatten()?;
-        Some(format!(" ({})", difference.in_words([&whose[0], &whose[1]])))
+        let client = self.sessions.clients.get(&client)?;
+        let difference = types.difference(was.type_, is.type_)?;
+        let [there, here] =
+            [of_build(writer, build), of_build(&client.name, &client.build)].map(|end| format!("in {end}"));
+        Some(format!(" ({})", difference.in_words([&there, &here])))
     }
 
     /// A client has registered: what it expects is held against what the variable carries.

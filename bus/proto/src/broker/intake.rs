@@ -96,7 +96,7 @@ impl Broker {
     fn type_conflict(&self, from: ClientId, key: u32, lock: TypeLock) -> Option<String> {
         let locked = self.variables[key].lock.filter(|locked| *locked != lock && !self.are_versions(*locked, lock))?;
         let (was, is) = (self.describe(locked), self.describe(lock));
-        let how = self.difference_of_writers(from, key, locked, lock).unwrap_or_default();
+        let how = self.how_they_differ(key, locked, from, lock).unwrap_or_default();
         Some(format!("{} carries {was} since its first write; {is} was refused{how}", self.names.keys.name(key)))
     }
 
