@@ -15,7 +15,7 @@ use crate::arguments::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs}
 use crate::missions;
 use crate::registry::registry;
 use crate::terminal::{print_table, say, show};
-use crate::version::REVISION;
+use crate::version::{BUILD, REVISION};
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
@@ -183,7 +183,8 @@ pub fn app(element: &str, arguments: AppArgs) -> Result<ExitCode> {
     let params = app_type.check(&arguments.settings, Path::new(""))?;
     let name = arguments.name.unwrap_or_else(|| element.to_owned());
     let app = (app_type.build)(&params).map_err(|error| anyhow!("{name}: {error}"))?;
-    run_app(app, &RunOptions::new(name, arguments.community.community).as_launched()?)?;
+    let options = RunOptions::new(name, arguments.community.community).of_build(BUILD);
+    run_app(app, &options.as_launched()?)?;
     Ok(ExitCode::SUCCESS)
 }
 

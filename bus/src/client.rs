@@ -9,6 +9,7 @@ use crate::community::Community;
 use crate::inbox::Inbox;
 use crate::link::Link;
 use crate::mail::Mail;
+use elk_proto::names::Names;
 
 /// A client: both ends together, for programs that are no apps.
 pub struct Client {
@@ -21,8 +22,9 @@ pub struct Client {
 impl Client {
     /// Puts a client on a transport's link.
     pub fn over(link: Link, name: &str, community: &Community) -> Self {
+        let names = Names::of_reader(name, &link.build);
         let (comms, down) = Comms::new(name, community, link);
-        Self { comms, inbox: Inbox::new(down) }
+        Self { comms, inbox: Inbox::new(down, names) }
     }
 
     /// See [`Inbox::receive`].

@@ -49,11 +49,11 @@ pub struct Refused {
 const MOST_REFUSALS: usize = 1000;
 
 impl Inbox {
-    /// The hearing end of a client, over a transport's way down.
-    pub(crate) fn new(down: Box<dyn Downlink>) -> Self {
+    /// The hearing end of a client, over a transport's way down; `names` is what numbers stand for to it.
+    pub(crate) fn new(down: Box<dyn Downlink>, names: Names) -> Self {
         Self {
             down,
-            names: Names::default(),
+            names,
             seen: Seen::default(),
             handled: 0,
             dropped: 0,
@@ -110,7 +110,7 @@ impl Inbox {
         if let Some(wake) = &self.wake {
             self.down.wake_by(wake.clone()).map_err(|error| LinkError::NoThread(error.to_string()))?;
         }
-        let names = std::mem::take(&mut self.names);
+        let names = self.names.begin_anew();
         self.seen.renumber(|key, source| names.of(key, source));
         self.handled = 0;
         self.dropped_before = self.dropped();

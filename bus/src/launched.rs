@@ -44,6 +44,9 @@ pub struct RunOptions {
     pub name: String,
     /// The community to join.
     pub community: Community,
+    /// Which build of which program it is ([`own_build`], unless it says [`crate::build`]): where two builds have different
+    /// versions of a type, both are told so.
+    pub build: String,
     /// How long its registrations and its mail are kept after its death, for the next of its name; zero: not at all.
     pub lease: Duration,
     /// It succeeds the client that has its name.
@@ -110,6 +113,7 @@ impl RunOptions {
         Self {
             name: name.into(),
             community,
+            build: own_build(),
             lease: Duration::ZERO,
             succeeds: false,
             params: Vec::new(),
@@ -120,6 +124,11 @@ impl RunOptions {
     /// Its registrations and its mail are kept for so long after its death, for the next of its name.
     pub fn with_lease(self, lease: Duration) -> Self {
         Self { lease, ..self }
+    }
+
+    /// It is of this build of this program; [`crate::build`] is that of the crate where it stands.
+    pub fn of_build(self, build: impl Into<String>) -> Self {
+        Self { build: build.into(), ..self }
     }
 
     /// It succeeds the client that has its name.
@@ -230,6 +239,29 @@ impl RunOptions {
             }
         }
     }
+}
+
+/// This process' program, by its file's name, and the version of elk-bus that is in it: what is to be known of a build of
+/// which nobody says more.
+pub fn own_build() -> String {
+    let program = std::env::current_exe().unwrap_or_default();
+    let program = program.file_stem().unwrap_or_default().to_string_lossy();
+    format!("{program}, elk-bus {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// The name and the version of the crate where it stands, for [`RunOptions::of_build`]: `my-app 0.3.1`.
+///
+/// ```
+/// # use elk_bus::{Community, RunOptions};
+/// let options = RunOptions::new("greeter", Community::new("demo")?).of_build(elk_bus::build!());
+/// assert!(options.build.starts_with("elk-bus "));
+/// # Ok::<(), elk_bus::Failure>(())
+/// ```
+#[macro_export]
+macro_rules! build {
+    () => {
+        concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"))
+    };
 }
 
 /// What a variable of the environment says.

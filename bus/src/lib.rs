@@ -99,8 +99,9 @@ impl Client {
 
     /// Joins a community of this machine over shared memory, with all that an app can ask for.
     pub fn join(options: &RunOptions) -> Result<Self, ConnectError> {
-        let RunOptions { name, community, lease, succeeds, .. } = options;
-        let who = Introduction { name, lease_secs: lease.as_secs_f64(), succeeds: *succeeds, returns: false };
+        let RunOptions { name, community, build, lease, succeeds, .. } = options;
+        let lease_secs = lease.as_secs_f64();
+        let who = Introduction { build, lease_secs, succeeds: *succeeds, ..Introduction::new(name) };
         Ok(Self::over(shm::connect(community, &who)?, name, community))
     }
 }

@@ -116,11 +116,12 @@ impl MemoryBroker {
         state.follow_up(now);
         let epoch = state.epoch;
         let connection = Arc::new(Connection { shared: shared.clone(), id, epoch, goodbye: AtomicBool::new(false) });
-        let (name, lease_secs) = (who.name.to_owned(), who.lease_secs);
+        let (name, build, lease_secs) = (who.name.to_owned(), who.build.to_owned(), who.lease_secs);
         Ok(Link {
             up: Box::new(MemoryUp(connection.clone())),
             down: Box::new(MemoryDown { connection, wake: None }),
-            back: Box::new(MemoryBack { broker: self.clone(), name, lease_secs, epoch }),
+            back: Box::new(MemoryBack { broker: self.clone(), name, build: build.clone(), lease_secs, epoch }),
+            build,
             warp: shared.clock.warp(),
             clock_setting,
             epoch,
@@ -382,6 +383,7 @@ impl Downlink for MemoryDown {
 struct MemoryBack {
     broker: MemoryBroker,
     name: String,
+    build: String,
     lease_secs: f64,
     /// The epoch of the broker that died.
     epoch: u64,
@@ -400,7 +402,9 @@ impl Rejoin for MemoryBack {
             state = wait(shared, state, Duration::from_millis(50));
         }
         drop(state);
-        self.broker.join(&Introduction::returning(&self.name, self.lease_secs)).map_err(|_| gone())
+        let Self { broker, name, build, lease_secs, .. } = &*self;
+        let who = Introduction { build, lease_secs: *lease_secs, ..Introduction::new(name).returning() };
+        broker.join(&who).map_err(|_| gone())
     }
 }
 

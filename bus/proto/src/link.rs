@@ -116,7 +116,7 @@ pub trait Rejoin {
     fn rejoin(&mut self) -> Result<Link, LinkError>;
 }
 
-/// Both ways, and what the broker said when it let the client in.
+/// Both ways, what the client said of itself, and what the broker said when it let the client in.
 pub struct Link {
     /// The way up.
     pub up: Box<dyn Uplink>,
@@ -124,6 +124,8 @@ pub struct Link {
     pub down: Box<dyn Downlink>,
     /// The way back.
     pub back: Box<dyn Rejoin>,
+    /// Which build of which program the client is; empty: it has not said.
+    pub build: String,
     /// How much faster than the wall's clock the community's runs by itself.
     pub warp: f64,
     /// What the community's clock is set to, if somebody drives it.

@@ -37,7 +37,8 @@ pub enum FrameKind {
     /// Up: take back registrations with these two patterns.
     Unregister = 3,
     /// Names a number: `flags` says of what (see [`Named`]), `key` is the number, `aux` the name; the value of a type's is its
-    /// description, as [`elk_describe::Description::to_text`] has it, or empty.
+    /// description, as [`elk_describe::Description::to_text`] has it, or empty; down, that of a source's is the build of the
+    /// program that writes under that name, or empty.
     Define = 4,
     /// Down: a message was refused, `sequence` says which; or, with sequence 0, a registration or a name. `aux` is the
     /// variable, the value says why.
@@ -253,10 +254,10 @@ pub fn fixed(header: &Header, aux: usize, value: usize) -> [u8; HEADER] {
     fixed
 }
 
-/// Appends a frame that names number `number`; `layout` and `description` are a type's.
-pub fn put_definition(batch: &mut Vec<u8>, what: Named, number: u32, name: &str, layout: u64, description: &str) {
+/// Appends a frame that names number `number`; `layout` is a type's, `more` what else is said of it (see [`FrameKind::Define`]).
+pub fn put_definition(batch: &mut Vec<u8>, what: Named, number: u32, name: &str, layout: u64, more: &str) {
     let header = Header { flags: what as u16, key: number, sequence: layout, ..Header::new(FrameKind::Define) };
-    put(batch, &header, name.as_bytes(), description.as_bytes());
+    put(batch, &header, name.as_bytes(), more.as_bytes());
 }
 
 /// Appends a frame that sets the community's clock; without a setting, that leaves it to itself.

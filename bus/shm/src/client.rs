@@ -112,8 +112,9 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     if user != elk_os::own_user() {
         return Err(ConnectError::ForeignUser { community: community.clone(), process, user });
     }
-    let Introduction { name, lease_secs, succeeds, returns } = *who;
-    let hello = Hello { protocol: handshake::PROTOCOL, name: name.into(), lease_secs, succeeds, returns };
+    let Introduction { name, build, lease_secs, succeeds, returns } = *who;
+    let (name, build) = (name.to_owned(), build.to_owned());
+    let hello = Hello { protocol: handshake::PROTOCOL, name, build, lease_secs, succeeds, returns };
     handshake::send(&stream, &hello, &[]).map_err(broken)?;
     let (answer, files) = handshake::receive(&stream).map_err(broken)?;
     let (id, epoch, clock, folder) = match answer {
@@ -132,7 +133,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let node = lane::node(&namespace)?;
     namespace.close_folder().map_err(unusable)?;
     let community = community.clone();
-    let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
+    let back = ShmBack { community: community.clone(), name: hello.name, build: hello.build, lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
     open_lanes(line, back, clock).map_err(ConnectError::from)
 }
@@ -146,11 +147,11 @@ fn open_lanes(
     let down = LaneReader::open(&line.node, &lane_name(line.epoch, "down", line.id))?;
     line.page.ready.store(1, Release);
     line.broker.bell.ring();
-    let epoch = line.epoch;
+    let (epoch, build) = (line.epoch, back.build.clone());
     let up = Box::new(ShmUp { lane: up, bulk: None, bulk_failed: false, own_batch: None, line: line.clone() });
     let (taken, bulk, refused) = (Rc::new(Cell::new(0)), BTreeMap::new(), BTreeMap::new());
     let down = Box::new(ShmDown { lane: down, received: 0, taken, bulk, refused, forward: None, line });
-    Ok(Link { up, down, back: Box::new(back), warp, clock_setting, epoch })
+    Ok(Link { up, down, back: Box::new(back), build, warp, clock_setting, epoch })
 }
 
 /// Nothing in shared memory tells of a process' death, the socket does: a thread waits for its end, and rings the
@@ -171,13 +172,14 @@ fn watch(stream: &UnixStream, page: &Arc<Page<ClientPage>>) -> std::io::Result<(
 struct ShmBack {
     community: Community,
     name: String,
+    build: String,
     lease_secs: f64,
 }
 
 impl Rejoin for ShmBack {
     fn rejoin(&mut self) -> Result<Link, LinkError> {
-        let Self { community, name, lease_secs } = self;
-        let who = Introduction::returning(name, *lease_secs);
+        let Self { community, name, build, lease_secs } = self;
+        let who = Introduction { build, lease_secs: *lease_secs, ..Introduction::new(name).returning() };
         let waited = Stopwatch::start();
         loop {
             match connect(community, &who) {

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use super::abstract_socket;
 
 /// Counts up whenever lanes, pages or frames change.
-pub const PROTOCOL: u32 = 6;
+pub const PROTOCOL: u32 = 7;
 /// How long either side waits for the other's word.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 /// The longest message of the handshake (bytes).
@@ -31,6 +31,7 @@ const MAX_BYTES: usize = 64 << 10;
 pub struct Hello {
     pub protocol: u32,
     pub name: String,
+    pub build: String,
     /// See [`elk_proto::broker::Introduction`].
     pub lease_secs: f64,
     pub succeeds: bool,

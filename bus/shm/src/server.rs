@@ -306,7 +306,7 @@ mod tests {
         let holder = format!("process {} of user 54321 has that name; choose another --community", std::process::id());
         let said = start(&squatted).unwrap().to_string();
         assert!(said.contains(&holder), "{said}");
-        let who = elk_proto::broker::Introduction { name: "reader", lease_secs: 0.0, succeeds: false, returns: false };
+        let who = elk_proto::broker::Introduction::new("reader");
         let said = super::super::connect(&squatted, &who).err().unwrap().to_string();
         assert!(said.contains(&holder), "{said}");
         drop(listener);

@@ -67,6 +67,7 @@ impl Transport for Shm {
         let options = RunOptions {
             lease: Duration::from_secs_f64(who.lease_secs),
             succeeds: who.succeeds,
+            build: who.build.to_owned(),
             ..RunOptions::new(who.name, self.community.clone())
         };
         once_served(&self.community, || Client::join(&options)).map_err(|error| error.to_string())

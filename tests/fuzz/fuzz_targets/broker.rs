@@ -31,6 +31,7 @@ impl Lab {
             0 => {
                 let who = Introduction {
                     name: from.choose(&NAMES)?,
+                    build: from.choose(&["", "elk 0.1.0", "elk\u{1b}[2J"])?,
                     lease_secs: *from.choose(&[0.0, 1.0, f64::NAN, -1.0, 1e300])?,
                     succeeds: bool::arbitrary(from)?,
                     returns: bool::arbitrary(from)?,

@@ -34,7 +34,7 @@ impl Broker {
         self.no_room_for(definition.description.len()).or_else(|| definition.mistake())
     }
 
-    fn no_room_for(&self, bytes: usize) -> Option<String> {
+    pub(super) fn no_room_for(&self, bytes: usize) -> Option<String> {
         let most = self.config.limits.all_name_bytes;
         let is_full = self.names.bytes() + bytes > most;
         is_full.then(|| format!("the names of the community fill {most} bytes already"))

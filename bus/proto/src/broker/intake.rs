@@ -38,7 +38,7 @@ impl Broker {
         }
         // A driven clock, which may have been set meanwhile, tells nothing of how long a message took.
         client.latency.note((!self.time.is_driven()).then_some(now - header.time));
-        let is_as_before = variable.lock == Some(TypeLock::of(&header));
+        let (was, is) = (variable.lock, TypeLock::of(&header));
         let is_as_last_time = client.last_published == Some(key);
         if let Some(reason) = self.refusal(from, &header, frame) {
             let name = self.names.keys.name(key).to_owned();
@@ -48,7 +48,7 @@ impl Broker {
             self.note_writer(from, key, source);
         }
         self.store_and_deliver(now, Some(from), &Message::new(header, frame));
-        if !is_as_before {
+        if was != Some(is) && !was.is_some_and(|was| self.names.are_versions(was, is)) {
             self.tell_those_who_expect_else(key);
         }
         Ok(())
@@ -88,17 +88,17 @@ impl Broker {
         let lock = TypeLock::of(header);
         match variable.lock {
             None => self.contradicts_readers(header.key, lock),
-            Some(_) => self.type_conflict(header.key, lock).filter(|_| !self.changes_over(header.key, lock)),
+            Some(_) => self.type_conflict(from, header.key, lock).filter(|_| !self.changes_over(header.key, lock)),
         }
         .or_else(|| self.latest_refusal(variable.latest.len(), bytes))
     }
 
-    fn type_conflict(&self, key: u32, lock: TypeLock) -> Option<String> {
-        let locked = self.variables[key].lock?;
-        (locked != lock).then(|| {
-            let (was, is) = (self.names.describe(locked), self.names.describe(lock));
-            format!("{} carries {was} since its first write; {is} was refused", self.names.keys.name(key))
-        })
+    fn type_conflict(&self, from: ClientId, key: u32, lock: TypeLock) -> Option<String> {
+        let is_another = |locked: &TypeLock| *locked != lock && !self.names.are_versions(*locked, lock);
+        let locked = self.variables[key].lock.filter(is_another)?;
+        let (was, is) = (self.names.describe(locked), self.names.describe(lock));
+        let how = self.how_they_differ(key, locked, from, lock).unwrap_or_default();
+        Some(format!("{} carries {was} since its first write; {is} was refused{how}", self.names.keys.name(key)))
     }
 
     /// Tells a client what of its own was not taken, and why.

@@ -19,6 +19,8 @@ use crate::wire::{self, ATTACH, ClientId, Frame, FrameKind, Header};
 pub struct Introduction<'a> {
     /// Its name.
     pub name: &'a str,
+    /// Which build of which program it is: for people, where two builds have different versions of a type; empty: not said.
+    pub build: &'a str,
     /// How long its session is kept after its death (s); 0: not at all.
     pub lease_secs: f64,
     /// It comes to take over the session of the client that has the name.
@@ -30,12 +32,12 @@ pub struct Introduction<'a> {
 impl<'a> Introduction<'a> {
     /// A newcomer without any claims.
     pub fn new(name: &'a str) -> Self {
-        Self { name, lease_secs: 0.0, succeeds: false, returns: false }
+        Self { name, build: "", lease_secs: 0.0, succeeds: false, returns: false }
     }
 
-    /// Somebody who comes back after the broker's death.
-    pub fn returning(name: &'a str, lease_secs: f64) -> Self {
-        Self { lease_secs, returns: true, ..Self::new(name) }
+    /// The same, come back after the broker's death.
+    pub fn returning(self) -> Self {
+        Self { succeeds: false, returns: true, ..self }
     }
 }
 
@@ -65,6 +67,9 @@ const LONGEST_LEASE_SECS: f64 = 86_400.0;
 
 const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
 
+/// The longest build that is kept (characters): of a longer one its beginning is.
+const LONGEST_BUILD: usize = 64;
+
 impl Broker {
     /// A broker that takes over from one that died: it keeps the `sessions` of the clients that were there, each with
     /// whether its process still lives and will return, for `patience` (s).
@@ -78,7 +83,8 @@ impl Broker {
         broker.time.driver_awaited_until = now + patience;
         broker.sessions.returns_awaited_until = Some(now + RETURN_PATIENCE_SECS);
         for (session, returns) in sessions {
-            let id = broker.add_client(now, &session.name, session.lease_secs);
+            let id = broker
+                .add_client(now, &Introduction { lease_secs: session.lease_secs, ..Introduction::new(&session.name) });
             let Some(client) = broker.sessions.clients.get_mut(&id) else { continue };
             client.standing = Standing::Disconnected { until: now + patience, returns };
             client.registrations = session.registrations;
@@ -102,7 +108,7 @@ impl Broker {
         if let Some(holder) = holder {
             self.may_succeed(holder, who)?;
         }
-        let id = self.add_client(now, name, who.lease_secs);
+        let id = self.add_client(now, who);
         if who.returns {
             self.sessions.returning.insert(id);
         }
@@ -128,9 +134,12 @@ impl Broker {
         if may { Ok(()) } else { Err(Refusal::NameTaken(who.name.into())) }
     }
 
-    fn add_client(&mut self, now: f64, name: &str, lease_secs: f64) -> ClientId {
+    fn add_client(&mut self, now: f64, who: &Introduction<'_>) -> ClientId {
+        let Introduction { name, build, lease_secs, .. } = *who;
         let lease_secs = if lease_secs.is_finite() { lease_secs.clamp(0.0, LONGEST_LEASE_SECS) } else { 0.0 };
-        let id = self.sessions.add(Client::new(name, lease_secs, self.config.mailbox_bytes, now));
+        let build = build.chars().filter(|c| !c.is_control()).take(LONGEST_BUILD).collect();
+        let client = Client { build, ..Client::new(name, lease_secs, self.config.mailbox_bytes, now) };
+        let id = self.sessions.add(client);
         self.share_out_mail();
         id
     }

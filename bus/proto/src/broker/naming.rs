@@ -37,10 +37,14 @@ impl Broker {
         if known.is_none() {
             self.sessions.clients.entry(from).and_modify(|client| client.brought += 1);
         } else {
-            // Those who know the type by its name hear what it is before its next value.
-            self.sessions.clients.values_mut().for_each(|client| client.mailbox.forget(what, number));
+            self.define_anew(what, number);
         }
         Ok(number)
+    }
+
+    /// Those who know something by its name hear what else is said of it before its next message.
+    fn define_anew(&mut self, what: Named, number: u32) {
+        self.sessions.clients.values_mut().for_each(|client| client.mailbox.forget(what, number));
     }
 
     /// A client names a number.
@@ -74,6 +78,11 @@ impl Broker {
         let number = self.admit_name(id, Named::Source, Definition::of(&name))?;
         let client = self.sessions.clients.get_mut(&id).ok_or("the client is not connected")?;
         client.numbers[Named::Source as usize][0] = number;
+        let build = client.build.clone();
+        let build = if self.no_room_for(build.len()).is_none() { build.as_str() } else { "" };
+        if number != REFUSED && self.names.note_build(number, build) {
+            self.define_anew(Named::Source, number);
+        }
         Ok(())
     }
 }

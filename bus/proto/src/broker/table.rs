@@ -72,6 +72,8 @@ pub struct ClockEntry {
 pub struct ClientEntry {
     /// Its name.
     pub name: String,
+    /// Which build of which program it is, as it says; empty: it has not said.
+    pub build: String,
     /// What it has registered for.
     pub registrations: Vec<RegistrationEntry>,
     /// The variables that it has written; of very many, the first ones.
@@ -296,6 +298,7 @@ impl Broker {
     fn client_entry(&self, client: &Client) -> ClientEntry {
         ClientEntry {
             name: client.name.clone(),
+            build: client.build.clone(),
             registrations: client.registrations.iter().map(RegistrationEntry::of).collect(),
             writes: client
                 .published

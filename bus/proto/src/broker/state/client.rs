@@ -28,6 +28,8 @@ pub enum Standing {
 /// A client.
 pub struct Client {
     pub name: String,
+    /// Which build of which program it is, as it says; empty: it has not said.
+    pub build: String,
     pub standing: Standing,
     /// How long its session is kept after its death (s).
     pub lease_secs: f64,
@@ -73,6 +75,7 @@ impl Client {
     pub fn new(name: &str, lease_secs: f64, mailbox_bytes: usize, now: f64) -> Self {
         Self {
             name: name.into(),
+            build: String::new(),
             standing: Standing::Present,
             lease_secs,
             numbers: [vec![], vec![UNNAMED], vec![], vec![0]],

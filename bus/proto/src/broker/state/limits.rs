@@ -16,7 +16,7 @@ pub struct Limits {
     pub names_of_a_client: usize,
     /// Sources, types and communities, each.
     pub other_names: usize,
-    /// Bytes of all names together, and of the descriptions of types.
+    /// Bytes of all names together, of the descriptions of types and of the builds of sources.
     pub all_name_bytes: usize,
     /// Numbers that one client gives to names, its own and others'; and those of all clients.
     pub numbers_of_a_client: usize,

@@ -1,5 +1,7 @@
 //! Names and types, and the broker's numbers for them.
 
+use std::collections::BTreeMap;
+
 use super::expected::Expected;
 use super::interner::Interner;
 use super::types::Types;
@@ -39,6 +41,9 @@ pub struct Names {
     pub sources: Interner,
     pub types: Types,
     pub communities: Interner,
+    /// Which build of which program the client was that began last to write under a source's name, as far as it said.
+    builds: BTreeMap<u32, String>,
+    build_bytes: usize,
 }
 
 impl Names {
@@ -63,11 +68,11 @@ impl Names {
         }
     }
 
-    /// Name, layout and description of a number.
+    /// Name of a number, a type's layout, and what else is said of it: of a type its description, of a source its build.
     pub fn said(&self, what: Named, number: u32) -> (&str, u64, &str) {
         match what {
             Named::Key => (self.keys.name(number), 0, ""),
-            Named::Source => (self.sources.name(number), 0, ""),
+            Named::Source => (self.sources.name(number), 0, self.builds.get(&number).map_or("", String::as_str)),
             Named::Type => self.types.said(number),
             Named::Community => (self.communities.name(number), 0, ""),
         }
@@ -83,9 +88,20 @@ impl Names {
         }
     }
 
-    /// Bytes of all of them, and of the types' descriptions.
+    /// Bytes of all of them, of the types' descriptions and of the sources' builds.
     pub fn bytes(&self) -> usize {
-        self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes()
+        self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes() + self.build_bytes
+    }
+
+    /// A client of this build begins to write under a source's name; whether that is another build than before.
+    pub fn note_build(&mut self, source: u32, build: &str) -> bool {
+        let before = match build {
+            "" => self.builds.remove(&source),
+            build => self.builds.insert(source, build.to_owned()),
+        };
+        let before = before.unwrap_or_default();
+        self.build_bytes = self.build_bytes + build.len() - before.len();
+        before != build
     }
 
     /// What is carried, for people.
@@ -111,15 +127,22 @@ impl Names {
         }
     }
 
-    /// Where the definitions of writer and reader differ, if it is one type of two builds.
-    pub fn difference(&self, lock: TypeLock, expected: &Expected, [writer, reader]: [&str; 2]) -> Option<String> {
-        let Expected::Values(name, layout) = expected else { return None };
-        if lock.kind != ValueKind::Binary {
-            return None;
-        }
-        let (carried, expected) = (self.types.get(lock.type_), self.types.get(self.types.known(name, *layout)?));
-        let whose = [format!("in {writer}'s build"), format!("in {reader}'s")];
-        let how = carried.as_ref().difference_to(expected.as_ref(), [&whose[0], &whose[1]])?;
-        Some(format!(" ({how})"))
+    /// Whether a reader that expects this can read values of a type: it is that, or another version of it.
+    pub fn can_read(&self, lock: TypeLock, expected: &Expected) -> bool {
+        let types = &self.types;
+        let is_version = |name: &str, layout| {
+            let number = types.known(name, layout).filter(|_| lock.kind == ValueKind::Binary);
+            number.is_some_and(|number| types.can_be_read_as(lock.type_, number))
+        };
+        self.is(lock, expected) || matches!(expected, Expected::Values(name, layout) if is_version(name, *layout))
+    }
+
+    /// Whether two types are versions of one, of which everybody who reads the one reads the other: a variable carries both.
+    pub fn are_versions(&self, one: TypeLock, other: TypeLock) -> bool {
+        let can_be_read_as = |one: TypeLock, other: TypeLock| self.types.can_be_read_as(one.type_, other.type_);
+        one.kind == ValueKind::Binary
+            && other.kind == ValueKind::Binary
+            && can_be_read_as(one, other)
+            && can_be_read_as(other, one)
     }
 }

@@ -1,7 +1,10 @@
 //! The types that values of a community are of: their numbers, and what their bytes are.
 
-use std::collections::HashMap;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
+
+use elk_describe::Difference;
 
 use crate::types::Type;
 
@@ -12,7 +15,15 @@ pub struct Types {
     numbers: HashMap<Arc<str>, Vec<(u64, u32)>>,
     types: Vec<Entry>,
     bytes: usize,
+    /// Pairs of types that were held against each other, to be read as each other.
+    looked_at: RefCell<BTreeMap<(u32, u32), Comparison>>,
 }
+
+/// Whether one type can be read as another; if not: where they differ, if both are described.
+type Comparison = Result<(), Option<Difference>>;
+
+/// So many such pairs are remembered.
+const PAIRS: usize = 64;
 
 #[derive(Debug)]
 struct Entry {
@@ -31,6 +42,7 @@ impl Types {
             if entry.description.is_empty() && !description.is_empty() {
                 self.bytes += description.len();
                 entry.description = description.into();
+                self.looked_at.get_mut().clear();
             }
             return number;
         }
@@ -50,6 +62,32 @@ impl Types {
     /// Whether somebody has described a type.
     pub fn is_described(&self, number: u32) -> bool {
         !self.said(number).2.is_empty()
+    }
+
+    /// Whether values of the one type can be read as values of the other: it is the same, or another version of it.
+    pub fn can_be_read_as(&self, one: u32, other: u32) -> bool {
+        one == other || self.name(one) == self.name(other) && self.look_at(one, other).is_ok()
+    }
+
+    /// Where the versions of a type differ so that the one cannot be read as the other, if both are described.
+    pub fn difference(&self, one: u32, other: u32) -> Option<Difference> {
+        self.look_at(one, other).err()?
+    }
+
+    fn look_at(&self, one: u32, other: u32) -> Comparison {
+        let mut looked_at = self.looked_at.borrow_mut();
+        if looked_at.len() >= PAIRS && !looked_at.contains_key(&(one, other)) {
+            looked_at.clear();
+        }
+        looked_at.entry((one, other)).or_insert_with(|| self.compare(one, other)).clone()
+    }
+
+    fn compare(&self, one: u32, other: u32) -> Comparison {
+        let (one, other) = (self.get(one), self.get(other));
+        let (Some(one), Some(other)) = (one.as_ref().description(), other.as_ref().description()) else {
+            return Err(None);
+        };
+        one.conversion_to(&other).map(drop).map_err(Some)
     }
 
     /// Bytes of all names and descriptions.
