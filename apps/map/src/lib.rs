@@ -2,18 +2,18 @@
 //! whoever has scans.
 //!
 //! [`OccupancyMap`] is the map and what can be asked of it, [`insertion`] how a scan gets into it, [`snapshot`] how all that
-//! it knows is kept and had again, [`octree`] and [`bt`] how it gets into OctoMap's files and out of them. Metres; world
+//! it knows is kept and had again, [`octree`] and [`octomap`] how it gets into OctoMap's files and out of them. Metres; world
 //! frame, z up; voxel indices as in [`elk_geometry::Voxel`].
 //!
 //! ```
 #![doc = include_str!("../examples/scan.rs")]
 //! ```
 
-pub mod bt;
 mod frontier;
 pub mod growth;
 pub mod insertion;
 pub mod occupancy;
+pub mod octomap;
 pub mod octree;
 pub mod snapshot;
 mod table;

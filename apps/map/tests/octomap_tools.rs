@@ -6,7 +6,7 @@ mod skip;
 use std::path::Path;
 use std::process::Command;
 
-use elk_map::bt::{read_bt, write_bt, write_ot};
+use elk_map::octomap::bt::{read_bt, write_bt, write_ot};
 use elk_map::{MapConfig, OccupancyMap};
 use nalgebra::Point3;
 

@@ -5,7 +5,7 @@ mod skip;
 
 use std::path::PathBuf;
 
-use elk_map::bt::{read_bt, write_bt};
+use elk_map::octomap::bt::{read_bt, write_bt};
 
 #[test]
 fn maps_that_octomap_wrote_are_read_and_written_alike() {

@@ -7,7 +7,7 @@ use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Handlers, Key, Rejection, tell};
 use elk_geometry::Bounds;
 use elk_geometry::limits::RESOLUTIONS_M;
-use elk_map::bt::write_bt;
+use elk_map::octomap::bt::write_bt;
 use elk_map::{Dropped, Grazing, Insertion, MapConfig, OccupancyMap};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 use elk_outside::file;

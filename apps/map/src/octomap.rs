@@ -1,0 +1,3 @@
+//! OctoMap's files.
+
+pub mod bt;
