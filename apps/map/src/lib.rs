@@ -11,12 +11,14 @@
 //! ```
 
 mod bytes;
+pub mod elkmap;
 mod frontier;
 pub mod growth;
 pub mod insertion;
 pub mod occupancy;
 pub mod octomap;
 pub mod octree;
+pub mod saved;
 pub mod snapshot;
 mod table;
 mod volume;
@@ -24,6 +26,7 @@ pub mod walk;
 
 pub use insertion::{Dropped, Insertion};
 pub use occupancy::{Grazing, MapConfig, OccupancyMap};
+pub use saved::{Format, Saved, SavedError};
 pub use snapshot::{RestoreError, Snapshot};
 
 #[cfg(doctest)]
