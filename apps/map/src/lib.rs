@@ -11,6 +11,7 @@
 //! ```
 
 mod bytes;
+pub mod edit;
 pub mod elkmap;
 mod frontier;
 pub mod growth;
