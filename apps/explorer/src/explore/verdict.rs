@@ -55,7 +55,7 @@ impl Verdict {
     /// Judges a run by how it ended, by the frontier that is left, and by the map.
     pub fn of(why: StopReason, left: &FrontiersLeft, scene: &Scene, grid: &OccupancyGrid, settings: &Settings) -> Self {
         let missed = || left_over(left, scene.beyond, grid.resolution(), settings);
-        let short = why.failure(left, settings);
+        let short = why.failure(left, settings).or_else(|| walled_in(scene.robot(), grid, left));
         let short = short.or_else(|| nothing_to_explore(scene.robot(), grid, settings.bounds)).or_else(missed);
         short.map_or_else(|| Self::explored(left, settings), |reason| Self { complete: false, reason })
     }
@@ -102,6 +102,18 @@ fn left_over(left: &FrontiersLeft, beyond: u64, resolution: f64, settings: &Sett
              the origin, or set a coarser Res",
             left.map_edge,
             reach(resolution)
+        )
+    })
+}
+
+/// Why a robot gets nowhere that stands where the map has an obstacle: in one that was saved, and is wrong there.
+fn walled_in(robot: Voxel, grid: &OccupancyGrid, left: &FrontiersLeft) -> Option<String> {
+    let place = shown(robot.center(grid.resolution()));
+    (grid.state(robot) == State::Occupied && left.unreachable > 0).then(|| {
+        format!(
+            "the robot at {place} m stands in what the map calls occupied, and {} frontier voxels are out of its reach: is its \
+             start right for the map that it began with (Map.From)?",
+            left.unreachable
         )
     })
 }
