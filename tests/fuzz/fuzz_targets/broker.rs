@@ -5,7 +5,7 @@ mod common;
 
 use elk_bus::Introduction;
 use elk_bus::broker::{Broker, BrokerConfig, Wish};
-use elk_bus::wire::{self, BulkRef, Named, ClientId};
+use elk_bus::wire::{self, BulkRef, ClientId, Named};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
 
