@@ -2,7 +2,10 @@
 
 use std::borrow::Cow;
 
-use wgpu::{ComputePipeline, ComputePipelineDescriptor, Device, ShaderModuleDescriptor, ShaderSource};
+use wgpu::{
+    ComputePipeline, ComputePipelineDescriptor, Device, PipelineCompilationOptions, ShaderModuleDescriptor,
+    ShaderSource,
+};
 
 const STATE: &str = include_str!("shaders/state.wgsl");
 const LEVEL: &str = include_str!("shaders/level.wgsl");
@@ -114,7 +117,11 @@ fn pipeline(device: &Device, parts: &[&str], entry: &str) -> ComputePipeline {
         layout: None,
         module: &module,
         entry_point: Some(entry),
-        compilation_options: Default::default(),
+        // What is shared by a workgroup is written before it is read.
+        compilation_options: PipelineCompilationOptions {
+            zero_initialize_workgroup_memory: false,
+            ..Default::default()
+        },
         cache: None,
     })
 }
