@@ -105,7 +105,7 @@ pub struct Domain<'a> {
     voxels: usize,
     /// The right-hand side becomes the residual, and it may be small enough at once.
     start: Vec<Step>,
-    /// An iteration leaves its residual and its direction where the one before it had them not.
+    /// An even and an odd one: each reads the residual and the direction that the other writes.
     iterations: [Vec<Step>; 2],
     answer: Vec<Step>,
 }
@@ -134,8 +134,8 @@ impl<'a> Domain<'a> {
         Ok(domain)
     }
 
-    /// Solves it until the residual is below `tolerance` of the right-hand side's, or somebody is `stopping`; answers the
-    /// iterations.
+    /// Solves it until the residual is below `tolerance` of the right-hand side's, or somebody is `stopping`; answers
+    /// the iterations.
     ///
     /// # Errors
     /// The card fails.
@@ -330,11 +330,10 @@ impl<'a> Builder<'a> {
 
     /// All levels, which stay.
     fn levels_once(&self) -> Vec<Step> {
-        let coarser = self.levels.windows(2).map(|pair| {
-            let [fine, coarse] = pair else { unreachable!("windows of two") };
-            let n = usize::from(fine.b.is_some());
+        let coarser = (1..self.levels.len()).map(|n| {
+            let (fine, coarse) = (&self.levels[n - 1], &self.levels[n]);
             let own = [(0, &fine.level), (2, &fine.operator), (4, &coarse.operator)];
-            step(self.gpu, self.gpu.kernels.coarsen.of(n), &own, groups(coarse.grid.0, COARSE_CELLS))
+            step(self.gpu, self.gpu.kernels.coarsen.of(n - 1), &own, groups(coarse.grid.0, COARSE_CELLS))
         });
         std::iter::once(self.first_level()).chain(coarser).collect()
     }

@@ -1,13 +1,14 @@
 //! The same solver on a graphics card, by Vulkan (feature `gpu`).
 //!
 //! As [`multigrid`](crate::laplace::multigrid) preconditions the conjugate gradients, so does the card: the coarser
-//! operators are the same, each half of a cycle has two damped Jacobi sweeps. What differs comes from what bounds a card,
-//! which is how many bytes it moves. An iteration goes over the cells five times ([`shaders`](self#kernels)), never more
-//! often than one value depends on another's neighbours: what could be a pass of its own is done where its operands are at
-//! hand. The damping is Chebyshev's, which costs nothing and saves an iteration in eight. Scalars stay on the card, too: it
+//! operators are the same, each half of a cycle has two damped Jacobi sweeps. What differs comes from what bounds a
+//! card, which is how many bytes it moves. An iteration goes over the cells five times, never more often than one value
+//! depends on another's neighbours: what could be a pass of its own is done where its operands are at hand. The damping
+//! is Chebyshev's, which costs nothing and saves one or two iterations in eleven. Scalars stay on the card, too: it
 //! finds out itself when it has done enough, and is asked once for a dozen iterations.
 //!
-//! Sums are made in a fixed order, so that the same card gives the same field each time; another card may round otherwise.
+//! Sums are made in a fixed order, so that the same card gives the same field each time; another card may round
+//! otherwise.
 //!
 //! # Kernels
 //! | file | does |
@@ -162,7 +163,8 @@ impl Gpu {
         self.solve_unless(problem, tolerance, || false)
     }
 
-    /// As [`Gpu::solve`]; it is given up, and the field is none, once somebody is `stopping`: asked every dozen iterations.
+    /// As [`Gpu::solve`]; it is given up, and the field is none, once somebody is `stopping`: asked every dozen
+    /// iterations.
     ///
     /// # Errors
     /// The card is too small, or fails.

@@ -1,5 +1,5 @@
-// Conjugate gradients: r - alpha Ap and its <r, r>; and the first half of the multigrid cycle on the finest level, which is
-// two sweeps from zero on what has just become of r.
+// Conjugate gradients: r - alpha Ap and its <r, r>; and the first half of the multigrid cycle on the finest level,
+// which is two sweeps from zero on what has just become of r.
 
 @group(0) @binding(4) var<storage, read> r: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read> ap: array<vec2<f32>>;

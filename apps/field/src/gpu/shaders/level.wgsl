@@ -1,11 +1,11 @@
 // What every kernel over a level of the multigrid knows.
 //
-// Two cells that follow each other along x are a pair, a vec2: they have the same parent on the next coarser level. A row of
-// pairs ends, and a plane of rows ends, in cells that are outside and stay zero: they are the margin of what comes after
-// them too.
+// Two cells that follow each other along x are a pair, a vec2: they have the same parent on the next coarser level. A
+// row of pairs ends, and a plane of rows ends, in cells that are outside and stay zero: they are the margin of what
+// comes after them too.
 
-/// A level: how many pairs, rows and planes have cells, how far apart rows and planes are in pairs, and how far apart they
-/// are on the next coarser level in cells.
+/// A level: how many pairs, rows and planes have cells, how far apart rows and planes are in pairs, and how far apart
+/// they are on the next coarser level in cells.
 struct Level {
     pairs: u32,
     rows: u32,
@@ -21,8 +21,8 @@ struct Level {
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> state: State;
 
-/// Damping of the two sweeps: the roots of Chebyshev's polynomial for the upper 5/6 of the spectrum of D^-1 A, [1/3, 2],
-/// which the next coarser level does not see. Afterwards they come in reverse, so that the cycle is symmetric.
+/// Damping of the two sweeps: the roots of Chebyshev's polynomial for the upper 5/6 of the spectrum of D^-1 A, [1/3,
+/// 2], which the next coarser level does not see. Afterwards they come in reverse, so that the cycle is symmetric.
 const OMEGA = vec2<f32>(0.5695, 1.7320);
 /// Planes that one invocation walks through.
 const PLANES = 8u;

@@ -1,5 +1,5 @@
-// Walks a column of pairs through its planes: for each, `visit` with the kernel's `value` there and the sum around it. What
-// `visit` answers is summed.
+// Walks a column of pairs through its planes: for each, `visit` with the kernel's `value` there and the sum around it.
+// What `visit` answers is summed.
 
 @compute @workgroup_size(32, 8, 1)
 fn main(

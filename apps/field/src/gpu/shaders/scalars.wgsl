@@ -1,4 +1,5 @@
-// The scalars of the conjugate gradients, each from the products of all workgroups, summed by one always in the same order.
+// The scalars of the conjugate gradients, each from the products of all workgroups, summed by one always in the same
+// order.
 
 @group(0) @binding(0) var<storage, read_write> state: State;
 @group(0) @binding(1) var<storage, read> products: array<vec4<f32>>;

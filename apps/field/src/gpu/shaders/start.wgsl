@@ -1,5 +1,5 @@
-// What the voxels are becomes the finest level: the degrees of its cells, and the right-hand side as the first residual. An
-// invocation makes a word of degrees, which is eight cells.
+// What the voxels are becomes the finest level: the degrees of its cells, and the right-hand side as the first
+// residual. An invocation makes a word of degrees, which is eight cells.
 
 @group(0) @binding(2) var<storage, read_write> degrees: array<u32>;
 @group(0) @binding(4) var<storage, read_write> r: array<f32>;

@@ -1,5 +1,5 @@
-// The operator of the finest level: weight 1 between neighbours. Values outside are zero, so that only the diagonal has to be
-// known: how many neighbours a cell has, in four bits, 0 outside.
+// The operator of the finest level: weight 1 between neighbours. Values outside are zero, so that only the diagonal has
+// to be known: how many neighbours a cell has, in four bits, 0 outside.
 
 @group(0) @binding(2) var<storage, read> degrees: array<u32>;
 
