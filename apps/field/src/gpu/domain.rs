@@ -8,8 +8,8 @@ use wgpu::{
     ComputePipeline, MapMode, PollType,
 };
 
+use super::device::{Gpu, GpuError};
 use super::grid::Grid;
-use super::{Gpu, GpuError};
 use crate::laplace::Solution;
 use crate::problem::Problem;
 
@@ -223,7 +223,7 @@ fn groups(count: [u32; 3], of_each: [u32; 3]) -> [u32; 3] {
 fn check(gpu: &Gpu, problem: &Problem, grid: Grid) -> Result<(), GpuError> {
     let limits = &gpu.limits;
     let refused = |what, needed, allowed| {
-        Err(GpuError::TooLarge { name: gpu.name.clone(), cells: grid.0, what, needed, allowed })
+        Err(GpuError::TooLarge { name: gpu.name().to_owned(), cells: grid.0, what, needed, allowed })
     };
     // Cells are numbered by 32 bits.
     let (largest, cells) = (4 * grid.len().max(problem.cells().len() as u64), u64::from(u32::MAX));
