@@ -8,6 +8,8 @@
 #![doc = include_str!("../examples/corner.rs")]
 //! ```
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod laplace;
 pub mod problem;
 pub mod streamline;
