@@ -1,6 +1,6 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
-use elk_field::{Cell, End, Field, Problem, ProblemError, Solver, solve_unless};
+use elk_field::{Cell, Convergence, Domain, Field, Problem, ProblemError, Solution, Solver, Termination, solve_unless};
 use elk_geometry::{Polyline, astar};
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
@@ -62,7 +62,7 @@ fn potential(params: &Params) -> Potential {
         0.0 => solver.usual_tolerance(),
         tolerance => tolerance,
     };
-    Potential { start, solver, tolerance }
+    Potential::new(start, solver, tolerance)
 }
 
 /// Which streamline to follow.
@@ -83,6 +83,8 @@ pub struct Potential {
     pub solver: Solver,
     /// When the solver has done enough (see [`elk_field::solve`]).
     pub tolerance: f64,
+    /// Multigrid's equations, as they were at the plan before.
+    domain: Domain,
 }
 
 impl Strategy for Potential {
@@ -107,8 +109,7 @@ impl Strategy for Potential {
         // The volume has a margin of what is unknown, so this is one.
         let problem = problem(view).ok()?;
         let stopping = journal.is_to_stop;
-        let solve = || solve_unless(&problem, self.solver, self.tolerance, stopping);
-        let solution = journal.time("field", solve);
+        let solution = journal.time("field", || self.solve(&problem, stopping));
         if journal.is_to_stop() {
             return None;
         }
@@ -122,6 +123,23 @@ impl Strategy for Potential {
 }
 
 impl Potential {
+    /// One that has not planned yet.
+    pub fn new(start: Start, solver: Solver, tolerance: f64) -> Self {
+        Self { start, solver, tolerance, domain: Domain::new() }
+    }
+
+    /// The field. Multigrid keeps its equations from plan to plan, but not the field: the robot has moved, so that a start
+    /// from the field before takes more iterations than one from nothing, and a successor would come to other roundings.
+    fn solve(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
+        if self.solver != Solver::Multigrid {
+            return solve_unless(problem, self.solver, self.tolerance, stopping);
+        }
+        self.domain.update(problem);
+        self.domain.forget();
+        let Convergence { iterations, residual } = self.domain.solve(self.tolerance, stopping);
+        Solution { psi: self.domain.psi_of(problem.region()), iterations, residual }
+    }
+
     fn follow(&self, view: &View<'_>, field: &Field<'_>, stalls: &mut u64) -> Option<Route> {
         let seeds = match self.start {
             Start::Flux => largest_flux(view, field).into_iter().collect(),
@@ -192,9 +210,9 @@ fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, sta
     let mut points = vec![view.from];
     points.extend(line);
     let goal = match end {
-        End::Goal(goal) => goal,
-        End::TooLong => return None,
-        End::Stalled(at) => {
+        Termination::Goal(goal) => goal,
+        Termination::TooLong => return None,
+        Termination::Stalled(at) => {
             *stalls += 1;
             let way = rescue(view, field, at)?;
             points.extend(way.iter().map(|i| view.volume.center(*i)));
