@@ -3,7 +3,7 @@
 //! `cargo bench -p elk-field --bench laplace`. Then cubes of growing size, multigrid only. Time is CPU time of the thread, the smallest of three solves (one for
 //! Gauss-Seidel); the error is the largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1.
 
-use elk_field::{Cell, Problem, Solution, Solver, solve};
+use elk_field::{Cell, Domain, Problem, Solution, Solver, solve};
 use elk_geometry::{Region, Voxel};
 use rustix::time::{ClockId, clock_gettime};
 
@@ -22,6 +22,42 @@ fn main() {
     for edge in if edges.is_empty() { vec![51, 100, 200, 300] } else { edges } {
         scale(edge);
     }
+    println!("edge  change  of cold  iterations  of");
+    change(100);
+}
+
+/// A cube in which a box of 1 % of the voxels is filled, and the field that comes of it, from the equations that were kept:
+/// from the field before, and from nothing.
+fn change(edge: usize) {
+    let problem = scattered(edge);
+    let mut cells = problem.cells().to_vec();
+    for (i, cell) in cells.iter_mut().enumerate().filter(|(_, cell)| **cell == Cell::Inside) {
+        let voxel = problem.region().voxel(i).to_array();
+        if voxel.iter().all(|c| (40..62).contains(c)) {
+            *cell = Cell::Outside;
+        }
+    }
+    let changed = Problem::new(problem.region().clone(), cells).expect("all faces are outside");
+    let (cold, cold_secs) = timed(|| solve(&changed, Solver::Multigrid, 1e-6).iterations);
+    for (name, forgets) in [("warm", false), ("kept", true)] {
+        let mut domain = Domain::of(&problem);
+        domain.solve(1e-6, || false);
+        let (iterations, secs) = timed(|| {
+            domain.update(&changed);
+            if forgets {
+                domain.forget();
+            }
+            domain.solve(1e-6, || false).iterations
+        });
+        println!("{edge:4}  {name:6}  {:7.2}  {iterations:10}  {cold}", secs / cold_secs);
+    }
+}
+
+/// What some work answers, and the seconds of CPU that it took.
+fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = thread_cpu_secs();
+    let answer = work();
+    (answer, thread_cpu_secs() - start)
 }
 
 fn rooms() {
@@ -41,6 +77,8 @@ fn scale(edge: usize) {
     // The peak is counted anew from here.
     std::fs::write("/proc/self/clear_refs", "5").expect("Linux allows it");
     let before = status("VmRSS");
+    drop(solve(&problem, Solver::Multigrid, 1e-6));
+    let bytes = status("VmHWM") - before;
     let (solution, secs) = fastest(runs, || solve(&problem, Solver::Multigrid, 1e-6));
     println!(
         "{edge:4}  {unknowns:8}  {:10}  {:8.1e}  {:7.1}  {:13.1}  {:16.1}",
@@ -48,7 +86,7 @@ fn scale(edge: usize) {
         solution.residual,
         secs * 1e3,
         secs * 1e9 / unknowns,
-        (status("VmHWM") - before) / unknowns,
+        bytes / unknowns,
     );
 }
 
@@ -86,14 +124,9 @@ fn compare(problem: &Problem) {
 }
 
 fn fastest(runs: usize, solve: impl Fn() -> Solution) -> (Solution, f64) {
-    let timed = || {
-        let start = thread_cpu_secs();
-        let solution = solve();
-        (solution, thread_cpu_secs() - start)
-    };
-    let (mut solution, mut best) = timed();
+    let (mut solution, mut best) = timed(&solve);
     for _ in 1..runs {
-        let (again, secs) = timed();
+        let (again, secs) = timed(&solve);
         (solution, best) = (again, best.min(secs));
     }
     (solution, best)

@@ -177,6 +177,12 @@ impl Domain {
         psi
     }
 
+    /// As [`Domain::psi_of`], from a domain that is not needed any more: its memory is given back before that for ψ is taken.
+    pub fn into_psi_of(mut self, region: &Region) -> Vec<f32> {
+        (self.direction, self.image) = (Vec::new(), Vec::new());
+        self.psi_of(region)
+    }
+
     /// Forgets ψ: the next solution starts from nothing.
     pub fn forget(&mut self) {
         self.settle();

@@ -65,7 +65,7 @@ pub fn solve_unless(problem: &Problem, solver: Solver, tolerance: f64, stopping:
         Solver::Multigrid => {
             let mut domain = Domain::of(problem);
             let Convergence { iterations, residual } = domain.solve(tolerance, stopping);
-            Solution { psi: domain.psi_of(problem.region()), iterations, residual }
+            Solution { psi: domain.into_psi_of(problem.region()), iterations, residual }
         }
         Solver::Jacobi => on_the_box(problem, |operator, b| {
             let divide = |r: &[f32], z: &mut [f32]| operator.divide_by_diagonal(r, z);
