@@ -125,7 +125,7 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
 }
 
 fn potential(start: Start) -> Box<dyn Strategy> {
-    Box::new(Potential { start, solver: Solver::Multigrid, tolerance: 1e-6, card: None })
+    Box::new(Potential::new(start, Solver::Multigrid, 1e-6))
 }
 
 fn free_voxels_in_the_rooms() -> usize {

@@ -1,7 +1,7 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
 use elk_bus::tell;
-use elk_field::{Cell, End, Field, Problem, ProblemError, Solution, Solver, solve_unless};
+use elk_field::{Cell, Convergence, Domain, Field, Problem, ProblemError, Solution, Solver, Termination, solve_unless};
 use elk_geometry::{Polyline, astar};
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
@@ -65,7 +65,7 @@ fn potential(params: &Params) -> Potential {
         tolerance => tolerance,
     };
     let card = (params.text("Solver") == "gpu").then(Card::open).and_then(|card| card.map_err(warn).ok());
-    Potential { start, solver, tolerance, card }
+    Potential { card, ..Potential::new(start, solver, tolerance) }
 }
 
 /// Says why the CPU solves.
@@ -92,7 +92,9 @@ pub struct Potential {
     /// When the solver has done enough (see [`elk_field::solve`]).
     pub tolerance: f64,
     /// A card that does what [`Solver::Multigrid`] would.
-    pub card: Option<Card>,
+    card: Option<Card>,
+    /// Multigrid's equations, as they were at the plan before.
+    domain: Domain,
 }
 
 impl Strategy for Potential {
@@ -134,6 +136,11 @@ impl Strategy for Potential {
 }
 
 impl Potential {
+    /// One that has not planned yet, without a card.
+    pub fn new(start: Start, solver: Solver, tolerance: f64) -> Self {
+        Self { start, solver, tolerance, card: None, domain: Domain::new() }
+    }
+
     /// By the card, if there is one that is large enough and does not fail; it is not asked again if not.
     fn solve(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
         if let Some(card) = &self.card {
@@ -143,7 +150,19 @@ impl Potential {
             }
             self.card = None;
         }
-        solve_unless(problem, self.solver, self.tolerance, stopping)
+        self.solve_by_cpu(problem, stopping)
+    }
+
+    /// Multigrid keeps its equations from plan to plan, but not the field: the robot has moved, so that a start from the field
+    /// before takes more iterations than one from nothing, and a successor would come to other roundings.
+    fn solve_by_cpu(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
+        if self.solver != Solver::Multigrid {
+            return solve_unless(problem, self.solver, self.tolerance, stopping);
+        }
+        self.domain.update(problem);
+        self.domain.forget();
+        let Convergence { iterations, residual } = self.domain.solve(self.tolerance, stopping);
+        Solution { psi: self.domain.psi_of(problem.region()), iterations, residual }
     }
 
     fn follow(&self, view: &View<'_>, field: &Field<'_>, stalls: &mut u64) -> Option<Route> {
@@ -216,9 +235,9 @@ fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, sta
     let mut points = vec![view.from];
     points.extend(line);
     let goal = match end {
-        End::Goal(goal) => goal,
-        End::TooLong => return None,
-        End::Stalled(at) => {
+        Termination::Goal(goal) => goal,
+        Termination::TooLong => return None,
+        Termination::Stalled(at) => {
             *stalls += 1;
             let way = rescue(view, field, at)?;
             points.extend(way.iter().map(|i| view.volume.center(*i)));
