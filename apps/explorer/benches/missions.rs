@@ -14,7 +14,7 @@ use elk_explorer::strategy::Start;
 use elk_explorer::{ClosestFrontier, Explorer, Policy, Potential, Settings, Strategy};
 use elk_field::Solver;
 use elk_filter::filters::distance;
-use elk_geometry::{Bounds, Clearance, FrontierSet, OccupancyGrid, Pose};
+use elk_geometry::{Bounds, Clearance, OccupancyGrid, Pose};
 use elk_map::{MapConfig, OccupancyMap};
 use elk_sensor::Robot;
 use elk_sensor::simulator::{self, Simulator};
@@ -103,7 +103,6 @@ struct Run {
     map: OccupancyMap,
     no_return: u64,
     grid: OccupancyGrid,
-    frontier: FrontierSet,
     explorer: Explorer,
     follower: Follower,
     steps: usize,
@@ -122,7 +121,6 @@ impl Run {
             map: OccupancyMap::new(MapConfig { max_range: 30.0, max_bricks: 32_768, ..MapConfig::default() }),
             no_return: 0,
             grid: OccupancyGrid::new(RESOLUTION),
-            frontier: explorer.frontier(),
             explorer,
             follower: Follower::default(),
             steps: 0,
@@ -149,7 +147,7 @@ impl Run {
     fn step(&mut self, command: &PoseCommand) -> Vec<Output> {
         self.steps += 1;
         let step = self.steps;
-        let Self { robot, map, grid, frontier, explorer, follower, record, .. } = self;
+        let Self { robot, map, grid, explorer, follower, record, .. } = self;
         let scan = record.time("sensor", step, || {
             robot.go(command);
             robot.scan(0.0).expect("a simulator always sees")
@@ -163,7 +161,7 @@ impl Run {
         });
         record.time("plan: update", step, || {
             let changes = grid.apply(&update.delta()).expect("no update is missing");
-            frontier.update(grid, changes.voxels());
+            explorer.hear_of_map(grid, changes.voxels());
         });
         explorer.hear_of_rays(self.no_return);
         explorer.hear_of_camera(&scan.camera);
@@ -177,10 +175,10 @@ impl Run {
 
     fn plan(&mut self, request: &PlanRequest) -> Vec<Output> {
         let step = self.steps;
-        let Self { grid, frontier, explorer, follower, record, .. } = self;
+        let Self { grid, explorer, follower, record, .. } = self;
         let phases = |explorer: &Explorer| explorer.journal().phases().to_vec();
         let before = phases(explorer);
-        let plan = record.time("plan", step, || explorer.plan(grid, frontier, request));
+        let plan = record.time("plan", step, || explorer.plan(grid, request));
         for (n, (phase, secs)) in phases(explorer).into_iter().enumerate() {
             record.add(&format!("plan: {phase}"), secs - before.get(n).map_or(0.0, |(_, before)| *before), step);
         }

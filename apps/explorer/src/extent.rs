@@ -2,9 +2,13 @@
 //!
 //! A dense volume costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes.
 
-use elk_geometry::bricks::Bricks;
+use elk_geometry::bricks::{BRICK, Bricks};
 use elk_geometry::volume::corners;
 use elk_geometry::{OccupancyGrid, State, Voxel};
+
+/// Corners of a box that has room for it are multiples of so many voxels: as a map grows, the box seldom changes, and what was
+/// worked out in it can be kept. It is not the box before that says what it is, but the map: a successor has the same.
+const STEP: i32 = 2 * BRICK;
 
 /// What of the map is in an [`Extent`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -37,8 +41,8 @@ impl Extent {
     pub fn of(grid: &OccupancyGrid, robot: Voxel, margin: i32, budget: usize) -> Self {
         let fits = |(min, max): (Voxel, Voxel)| voxels(min, max, margin) <= budget as u64;
         let known = corners(robot, grid.bricks().iter().map(|(brick, _)| brick));
-        if fits(known) {
-            return Self { min: known.0, max: known.1, scope: Scope::Whole, component: None };
+        if let Some((min, max)) = [rounded_out(known), known].into_iter().find(|corners| fits(*corners)) {
+            return Self { min, max, scope: Scope::Whole, component: None };
         }
         let component = component(grid, robot);
         let around = Voxel::new(margin, margin, margin);
@@ -51,6 +55,11 @@ impl Extent {
         Self { min, max, scope: Scope::Near, component: Some(component) }
     }
 
+    /// Whether it is the same box as another one, with the same of the map in it.
+    pub fn is_box_of(&self, other: &Self) -> bool {
+        (self.min, self.max, self.scope) == (other.min, other.max, other.scope)
+    }
+
     /// Whether a voxel is of the robot's component, and not in the box.
     pub fn leaves_out(&self, voxel: Voxel) -> bool {
         self.component.as_ref().is_some_and(|component| component.get(voxel)) && !self.contains(voxel)
@@ -60,6 +69,13 @@ impl Extent {
         let (min, max, voxel) = (self.min.to_array(), self.max.to_array(), voxel.to_array());
         (0..3).all(|axis| (min[axis]..max[axis]).contains(&voxel[axis]))
     }
+}
+
+/// The box with these corners, up to the next multiples of [`STEP`].
+fn rounded_out((min, max): (Voxel, Voxel)) -> (Voxel, Voxel) {
+    let down = |c: i32| c.div_euclid(STEP) * STEP;
+    let up = |c: i32| down(c + STEP - 1);
+    (min.to_array().map(down).into(), max.to_array().map(up).into())
 }
 
 /// Number of voxels of a box with `margin` voxels around.

@@ -8,6 +8,7 @@ use elk_geometry::{FrontierSet, OccupancyGrid, Voxel};
 use nalgebra::Point3;
 
 use crate::sight::Sight;
+use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 use elk_geometry::visibility::{Lookout, sees};
 
@@ -123,6 +124,7 @@ impl Goals {
         reach: &[bool],
         range_m: f64,
         targets: impl IntoIterator<Item = &'a Target, IntoIter: Clone>,
+        verdicts: &mut Verdicts,
     ) -> Self {
         let targets = targets.into_iter();
         let mut goals = Self::none(volume);
@@ -134,9 +136,12 @@ impl Goals {
             let position = volume.center(i);
             goals.add(i, || Goal { index: i, position, target: target.clone() });
         }
-        let ball = ball(STANDOFF_M.min(range_m) / volume.resolution());
+        let radius = STANDOFF_M.min(range_m) / volume.resolution();
+        let ball = ball(radius);
         for target in targets.filter(|t| enterable(t).is_none()) {
-            if let Some(i) = standoff(volume, reach, target, &ball) {
+            let look = || standoff(volume, reach, target, &ball);
+            // What is unknown there lies one voxel farther.
+            if let Some(i) = verdicts.standoff(volume, target, radius.ceil() as i32 + 1, look) {
                 let position = volume.center(i);
                 goals.add(i, || Goal { index: i, position, target: target.clone() });
             }
@@ -151,13 +156,13 @@ impl Goals {
         reach: &[bool],
         range_m: f64,
         targets: impl IntoIterator<Item = &'a Target>,
+        verdicts: &mut Verdicts,
     ) -> (Self, Far) {
         let lookout = Lookout::new(LAST_RESORT_M.min(range_m), volume.resolution()).from_within(volume, reach);
         let (mut goals, mut far) = (Self::none(volume), Far::default());
         let mut seen = 0;
         for target in targets {
-            let places = target.unknown.iter().flat_map(|u| lookout.viewpoints(volume, reach, *u));
-            let places: Vec<(usize, Point3<f64>)> = places.collect();
+            let places = verdicts.views(volume, reach, target, &lookout);
             let mut untried = places.iter().filter(|(i, _)| target.untried(volume.voxel(*i))).peekable();
             if places.is_empty() {
                 far.invisible.push(target.voxel);
@@ -270,10 +275,10 @@ mod tests {
         let target = target(&grid, None, vec![]);
         assert_eq!(target.unknown, vec![hole]);
 
-        let entered = Goals::near(&volume, &reach(&volume, 0), FAR, [&target]);
+        let entered = Goals::near(&volume, &reach(&volume, 0), FAR, [&target], &mut Verdicts::new(&volume));
         assert!(entered.contains(volume.index(frontier).unwrap()));
 
-        let kept_off = Goals::near(&volume, &reach(&volume, 2), FAR, [&target]);
+        let kept_off = Goals::near(&volume, &reach(&volume, 2), FAR, [&target], &mut Verdicts::new(&volume));
         let above = volume.index(Voxel::new(5, 5, 2)).unwrap();
         assert_eq!(kept_off.len(), 1);
         assert_eq!(kept_off.at(above).map(|g| g.target.voxel), Some(frontier));
@@ -285,7 +290,7 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let tried = vec![Voxel::new(5, 5, 0), Voxel::new(5, 5, 2)];
         let target = target(&grid, None, tried.clone());
-        let goals = Goals::near(&volume, &reach(&volume, 1), FAR, [&target]);
+        let goals = Goals::near(&volume, &reach(&volume, 1), FAR, [&target], &mut Verdicts::new(&volume));
         assert_eq!(goals.len(), 1);
         for t in tried {
             assert!(!goals.contains(volume.index(t).unwrap()));
@@ -323,11 +328,11 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let target = target(&grid, None, vec![]);
         let nowhere = vec![false; volume.len()];
-        let (goals, far) = Goals::far(&volume, &nowhere, FAR, [&target]);
+        let (goals, far) = Goals::far(&volume, &nowhere, FAR, [&target], &mut Verdicts::new(&volume));
         assert!(goals.is_empty() && far.invisible == vec![target.voxel]);
-        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), FAR, [&target]);
+        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), FAR, [&target], &mut Verdicts::new(&volume));
         assert!(!goals.is_empty() && far == Far::default());
-        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), 0.25, [&target]);
+        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), 0.25, [&target], &mut Verdicts::new(&volume));
         assert!(goals.is_empty() && far.invisible == vec![target.voxel], "the camera does not see so far");
     }
 }

@@ -7,6 +7,7 @@ use nalgebra::Point3;
 use crate::goals::{Goals, Target};
 use crate::space::Space;
 use crate::strategy::{Journal, Strategy, View};
+use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 
 /// Edge of the room's voxels, and radius of its robot (m).
@@ -38,11 +39,11 @@ impl Room {
         let clearance = Clearance::new(EDGE_M, EDGE_M).unwrap_or_default();
         let volume = Volume::of(&grid, voxel(&robot), clearance.reach().max(2));
         let start = volume.index(voxel(&robot)).unwrap_or_default();
-        let space = Space::around(&volume, start, &clearance, &[], false);
+        let space = Space::around(&volume, start, &clearance, &[]);
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
         let target = |voxel: &Voxel| Target { voxel: *voxel, unknown: Vec::new(), tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
-        let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets);
+        let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets, &mut Verdicts::new(&volume));
         Self { volume, space, goals, robot: robot.into(), places }
     }
 
