@@ -354,7 +354,7 @@ impl Explorer {
                 looks: looks(volume, known, end, target),
                 points,
                 target: target.voxel,
-                unknown: target.unknown.clone(),
+                unknown: target.unknown().collect(),
             }
         });
         self.memory.remember(&path);

@@ -2,13 +2,9 @@
 //!
 //! A dense volume costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes.
 
-use elk_geometry::bricks::{BRICK, Bricks};
+use elk_geometry::bricks::Bricks;
 use elk_geometry::volume::corners;
 use elk_geometry::{OccupancyGrid, State, Voxel};
-
-/// Corners of a box that has room for it are multiples of so many voxels: as a map grows, the box seldom changes, and what was
-/// worked out in it can be kept. It is not the box before that says what it is, but the map: a successor has the same.
-const STEP: i32 = 2 * BRICK;
 
 /// What of the map is in an [`Extent`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -41,8 +37,8 @@ impl Extent {
     pub fn of(grid: &OccupancyGrid, robot: Voxel, margin: i32, budget: usize) -> Self {
         let fits = |(min, max): (Voxel, Voxel)| voxels(min, max, margin) <= budget as u64;
         let known = corners(robot, grid.bricks().iter().map(|(brick, _)| brick));
-        if let Some((min, max)) = [rounded_out(known), known].into_iter().find(|corners| fits(*corners)) {
-            return Self { min, max, scope: Scope::Whole, component: None };
+        if fits(known) {
+            return Self { min: known.0, max: known.1, scope: Scope::Whole, component: None };
         }
         let component = component(grid, robot);
         let around = Voxel::new(margin, margin, margin);
@@ -71,13 +67,6 @@ impl Extent {
     }
 }
 
-/// The box with these corners, up to the next multiples of [`STEP`].
-fn rounded_out((min, max): (Voxel, Voxel)) -> (Voxel, Voxel) {
-    let down = |c: i32| c.div_euclid(STEP) * STEP;
-    let up = |c: i32| down(c + STEP - 1);
-    (min.to_array().map(down).into(), max.to_array().map(up).into())
-}
-
 /// Number of voxels of a box with `margin` voxels around.
 fn voxels(min: Voxel, max: Voxel, margin: i32) -> u64 {
     let edges = (max - min).to_array().map(|n| u64::from((n + 2 * margin).unsigned_abs()));
@@ -99,20 +88,28 @@ fn component(grid: &OccupancyGrid, start: Voxel) -> Bricks<bool> {
     found
 }
 
-/// The largest part of a box that reaches equally far from the robot along each axis, as far as the box goes, and fits.
-fn near(robot: Voxel, (min, max): (Voxel, Voxel), fits: impl Fn((Voxel, Voxel)) -> bool) -> (Voxel, Voxel) {
-    let part = |reach: i32| {
-        let low = |min: i32, robot: i32| min.max(robot - reach);
-        let high = |max: i32, robot: i32| max.min(robot + reach + 1);
-        let least = Voxel::new(low(min.x, robot.x), low(min.y, robot.y), low(min.z, robot.z));
-        (least, Voxel::new(high(max.x, robot.x), high(max.y, robot.y), high(max.z, robot.z)))
-    };
+/// The largest part of a box that reaches equally far along each axis from a place near the robot, as far as the box goes, and
+/// fits. The place is the robot's own but for an eighth of that: it changes in steps, and the part with it.
+fn near(robot: Voxel, within: (Voxel, Voxel), fits: impl Fn((Voxel, Voxel)) -> bool) -> (Voxel, Voxel) {
+    let step = 1 << (reach(robot, within, &fits) / 4).max(1).ilog2();
+    let middle = robot.to_array().map(|c| c.div_euclid(step) * step + step / 2).into();
+    part(middle, within, reach(middle, within, &fits))
+}
+
+/// How far the largest part of a box reaches from `middle` that fits.
+fn reach(middle: Voxel, within: (Voxel, Voxel), fits: &impl Fn((Voxel, Voxel)) -> bool) -> i32 {
     let (mut reach, mut too_far) = (0, 1 << 18);
     while too_far - reach > 1 {
-        let middle = (reach + too_far) / 2;
-        if fits(part(middle)) { reach = middle } else { too_far = middle }
+        let between = (reach + too_far) / 2;
+        if fits(part(middle, within, between)) { reach = between } else { too_far = between }
     }
-    part(reach)
+    reach
+}
+
+/// The part of a box that reaches so far from `middle` along each axis.
+fn part(middle: Voxel, (min, max): (Voxel, Voxel), reach: i32) -> (Voxel, Voxel) {
+    let around = Voxel::new(reach, reach, reach);
+    (min.sup(middle - around), max.inf(middle + around + Voxel::new(1, 1, 1)))
 }
 
 #[cfg(test)]
@@ -154,5 +151,7 @@ mod tests {
         assert!(voxels(extent.min, extent.max, 2) <= 20_000 && extent.contains(robot));
         assert!(extent.contains(Voxel::new(1020, 0, 0)) && !extent.leaves_out(Voxel::new(1020, 0, 0)));
         assert!(extent.leaves_out(Voxel::new(20_000, 0, 0)) && !extent.leaves_out(Voxel::new(20_000, 1, 0)));
+        let ahead = Extent::of(&corridor(30_000, State::Free), robot + Voxel::new(1, 0, 0), 2, 20_000);
+        assert!(extent.is_box_of(&ahead), "it goes in steps: {extent:?} {ahead:?}");
     }
 }

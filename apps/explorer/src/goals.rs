@@ -4,6 +4,7 @@
 //! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
 //! every place that sees the unknown at all counts.
 
+use elk_geometry::frontier::Faces;
 use elk_geometry::{FrontierSet, OccupancyGrid, Voxel};
 use nalgebra::Point3;
 
@@ -32,8 +33,8 @@ pub struct Known<'a> {
 
 impl<'a> Known<'a> {
     /// What makes `voxel` frontier ([`FrontierSet::unknown_beside`]).
-    pub fn unknown_beside(self, voxel: Voxel) -> impl Iterator<Item = Voxel> + 'a {
-        self.frontier.unknown_beside(self.grid, voxel)
+    pub fn unknown_beside(self, voxel: Voxel) -> impl Iterator<Item = Voxel> {
+        self.frontier.unknown_beside(voxel).beside(voxel)
     }
 
     /// The frontier voxels at most `range_m` from `place` (m, world), in the frontier's order.
@@ -48,8 +49,8 @@ impl<'a> Known<'a> {
 pub struct Target {
     /// The frontier voxel.
     pub voxel: Voxel,
-    /// Its unknown face neighbours that make it frontier.
-    pub unknown: Vec<Voxel>,
+    /// On which of its faces lies what is unknown, and makes it frontier.
+    pub faces: Faces,
     /// Voxels from which it was looked at in vain.
     pub tried: Vec<Voxel>,
 }
@@ -57,13 +58,18 @@ pub struct Target {
 impl Target {
     /// The target of frontier voxel `voxel`, which was looked at in vain from the voxels `tried`.
     pub fn new(known: Known, voxel: Voxel, tried: Vec<Voxel>) -> Self {
-        Self { voxel, unknown: known.unknown_beside(voxel).collect(), tried }
+        Self { voxel, faces: known.frontier.unknown_beside(voxel), tried }
+    }
+
+    /// Its unknown face neighbours that make it frontier.
+    pub fn unknown(&self) -> impl Iterator<Item = Voxel> + Clone + use<> {
+        self.faces.beside(self.voxel)
     }
 
     /// Whether a camera at `from` (m, world) sees any of the unknown, from a place not tried yet.
     pub fn seen_from(&self, volume: &Volume, from: Point3<f64>) -> bool {
         self.untried(Voxel::containing(from, volume.resolution()))
-            && self.unknown.iter().any(|u| sees(volume, from, *u))
+            && self.unknown().any(|unknown| sees(volume, from, unknown))
     }
 
     /// Whether looking from `voxel` would be something new.
@@ -137,7 +143,7 @@ impl Goals {
             goals.add(i, || Goal { index: i, position, target: target.clone() });
         }
         let radius = STANDOFF_M.min(range_m) / volume.resolution();
-        let ball = ball(radius);
+        let ball: Vec<(Voxel, isize)> = ball(radius).into_iter().map(|d| (d, volume.offset(d))).collect();
         for target in targets.filter(|t| enterable(t).is_none()) {
             let look = || standoff(volume, reach, target, &ball);
             // What is unknown there lies one voxel farther.
@@ -207,12 +213,19 @@ impl Goals {
     }
 }
 
-/// The reachable voxel nearest to a target that sees its unknown neighbours.
-fn standoff(volume: &Volume, reach: &[bool], target: &Target, ball: &[Voxel]) -> Option<usize> {
-    ball.iter()
-        .map(|d| target.voxel + *d)
-        .filter_map(|v| volume.index(v).filter(|i| reach[*i]))
-        .find(|i| target.seen_from(volume, volume.center(*i)))
+/// The reachable voxel nearest to a target that sees its unknown neighbours; the ball is that of the offsets, with those of the
+/// indices.
+fn standoff(volume: &Volume, reach: &[bool], target: &Target, ball: &[(Voxel, isize)]) -> Option<usize> {
+    let own = volume.index(target.voxel)?;
+    let outermost = ball.last().map_or(0, |(d, _)| d.distance(Voxel::new(0, 0, 0)).ceil() as i32);
+    let around = Voxel::new(outermost, outermost, outermost);
+    let all_inside = [target.voxel - around, target.voxel + around].iter().all(|v| volume.index(*v).is_some());
+    let index = |(voxel, offset): &(Voxel, isize)| match all_inside {
+        true => Some(own.wrapping_add_signed(*offset)),
+        false => volume.index(target.voxel + *voxel),
+    };
+    let reached = ball.iter().filter_map(index).filter(|i| reach[*i]);
+    reached.into_iter().find(|i| target.seen_from(volume, volume.center(*i)))
 }
 
 /// The offsets within `radius` (voxels), nearest first.
@@ -255,11 +268,9 @@ mod tests {
     }
 
     fn target(grid: &OccupancyGrid, bounds: Option<Bounds>, tried: Vec<Voxel>) -> Target {
-        Target::new(
-            Known { grid, frontier: &FrontierSet::new(bounds), sight: Sight::default() },
-            Voxel::new(5, 5, 0),
-            tried,
-        )
+        let mut frontier = FrontierSet::new(bounds);
+        frontier.update(grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
+        Target::new(Known { grid, frontier: &frontier, sight: Sight::default() }, Voxel::new(5, 5, 0), tried)
     }
 
     fn reach(volume: &Volume, margin: i32) -> Vec<bool> {
@@ -273,7 +284,7 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let frontier = Voxel::new(5, 5, 0);
         let target = target(&grid, None, vec![]);
-        assert_eq!(target.unknown, vec![hole]);
+        assert!(target.unknown().eq([hole]));
 
         let entered = Goals::near(&volume, &reach(&volume, 0), FAR, [&target], &mut Verdicts::new(&volume));
         assert!(entered.contains(volume.index(frontier).unwrap()));
@@ -302,7 +313,7 @@ mod tests {
         let (grid, _) = room(&[Voxel::new(5, 5, -1)]);
         let bounds = Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() };
         let target = target(&grid, Some(bounds), vec![]);
-        assert!(target.unknown.is_empty());
+        assert!(target.faces.is_empty());
     }
 
     /// Regression: what a full map cannot come to know was looked into all the same, when something else made its neighbour
@@ -314,8 +325,9 @@ mod tests {
         let brick = (0..8).flat_map(|x| (0..8).flat_map(move |y| (0..8).map(move |z| Voxel::new(x, y, z))));
         brick.filter(|voxel| *voxel != hole).for_each(|voxel| assert!(grid.set(voxel, State::Free)));
         let mut frontier = FrontierSet::new(None);
-        let of = |frontier: &FrontierSet| {
-            Target::new(Known { grid: &grid, frontier, sight: Sight::default() }, rim, vec![]).unknown
+        frontier.update(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
+        let of = |frontier: &FrontierSet| -> Vec<Voxel> {
+            Target::new(Known { grid: &grid, frontier, sight: Sight::default() }, rim, vec![]).unknown().collect()
         };
         assert_eq!(of(&frontier), [hole, rim + Voxel::new(1, 0, 0)]);
         frontier.set_full(true, &grid);

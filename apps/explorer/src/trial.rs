@@ -1,6 +1,7 @@
 //! A made-up room to try a strategy in, without a bus, a world or a robot.
 
 use elk_geometry::clearance::Clearance;
+use elk_geometry::frontier::Faces;
 use elk_geometry::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
@@ -41,7 +42,7 @@ impl Room {
         let start = volume.index(voxel(&robot)).unwrap_or_default();
         let space = Space::around(&volume, start, &clearance, &[]);
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
-        let target = |voxel: &Voxel| Target { voxel: *voxel, unknown: Vec::new(), tried: Vec::new() };
+        let target = |voxel: &Voxel| Target { voxel: *voxel, faces: Faces::default(), tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
         let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets, &mut Verdicts::new(&volume));
         Self { volume, space, goals, robot: robot.into(), places }

@@ -1,7 +1,9 @@
 //! What was found of targets in earlier plans: it holds as long as nothing has changed where it was looked.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
+use std::hash::BuildHasherDefault;
 
+use elk_geometry::bricks::BrickHasher;
 use elk_geometry::visibility::Lookout;
 use elk_geometry::{Region, Volume, Voxel};
 use nalgebra::Point3;
@@ -23,13 +25,18 @@ pub struct Verdicts {
     blocks: [usize; 3],
     /// When anything in a block last changed: the state of a voxel, or whether the robot can get to it.
     changed: Vec<u64>,
+    /// The same of a block and the 26 beside it.
+    changed_near: Vec<u64>,
     /// Counts the occasions on which something changed.
     now: u64,
-    standoffs: BTreeMap<Voxel, Verdict<Option<usize>>>,
-    views: BTreeMap<Voxel, Verdict<Vec<Place>>>,
+    standoffs: ByTarget<Option<usize>>,
+    views: ByTarget<Vec<Place>>,
     /// Where the robot could be, at most, when the views were looked for.
     places: Option<[Point3<f64>; 2]>,
 }
+
+/// What was found of each target; what there is of them is never gone through in their order.
+type ByTarget<T> = HashMap<Voxel, Verdict<T>, BuildHasherDefault<BrickHasher>>;
 
 /// What was found of a target.
 #[derive(Debug, Clone)]
@@ -46,8 +53,9 @@ impl Verdicts {
     /// None yet.
     pub fn new(region: &Region) -> Self {
         let blocks = region.dim().map(|n| n.div_ceil(BLOCK));
-        let (standoffs, views) = (BTreeMap::new(), BTreeMap::new());
-        Self { blocks, changed: vec![0; blocks.iter().product()], now: 0, standoffs, views, places: None }
+        let (standoffs, views) = (ByTarget::default(), ByTarget::default());
+        let never = vec![0; blocks.iter().product()];
+        Self { blocks, changed: never.clone(), changed_near: never, now: 0, standoffs, views, places: None }
     }
 
     /// Takes note that the state of these voxels has changed, or whether the robot can get to them.
@@ -55,13 +63,30 @@ impl Verdicts {
         self.now += 1;
         let [nx, ny, _] = region.dim();
         for i in changed {
-            let block = self.block([i % nx, i / nx % ny, i / (nx * ny)]);
-            self.changed[block] = self.now;
+            let block = [i % nx, i / nx % ny, i / (nx * ny)].map(|c| c / BLOCK);
+            let at = self.number(block);
+            if std::mem::replace(&mut self.changed[at], self.now) != self.now {
+                self.mark_near(block);
+            }
         }
     }
 
-    fn block(&self, [x, y, z]: [usize; 3]) -> usize {
-        (z / BLOCK * self.blocks[1] + y / BLOCK) * self.blocks[0] + x / BLOCK
+    fn number(&self, [x, y, z]: [usize; 3]) -> usize {
+        (z * self.blocks[1] + y) * self.blocks[0] + x
+    }
+
+    fn mark_near(&mut self, block: [usize; 3]) {
+        let [xs, ys, zs] = std::array::from_fn(|a| block[a].saturating_sub(1)..=(block[a] + 1).min(self.blocks[a] - 1));
+        for (z, y) in zs.flat_map(|z| ys.clone().map(move |y| (z, y))) {
+            let row = self.number([*xs.start(), y, z])..=self.number([*xs.end(), y, z]);
+            self.changed_near[row].fill(self.now);
+        }
+    }
+
+    /// Whether nothing has changed less than a block away from a voxel since then.
+    fn is_calm(&self, region: &Region, voxel: Voxel, since: u64) -> bool {
+        let block = (voxel - region.origin()).to_array().map(|c| c.max(0) as usize / BLOCK);
+        self.changed_near.get(self.number(block)).is_some_and(|at| *at <= since)
     }
 
     /// The place of a target that `look` finds within `radius` voxels, or what it found when it last looked there.
@@ -72,7 +97,11 @@ impl Verdicts {
         radius: i32,
         look: impl FnOnce() -> Option<usize>,
     ) -> Option<usize> {
-        if let Some(verdict) = self.standoffs.get(&target.voxel).filter(|verdict| self.holds(region, verdict, target)) {
+        let holds = |verdict: &&Verdict<Option<usize>>| {
+            let calm = radius <= BLOCK as i32 && self.is_calm(region, target.voxel, verdict.at);
+            (calm && verdict.target == *target) || self.holds(region, verdict, target)
+        };
+        if let Some(verdict) = self.standoffs.get(&target.voxel).filter(holds) {
             return verdict.found;
         }
         let around = Voxel::new(radius, radius, radius);
@@ -91,8 +120,8 @@ impl Verdicts {
         let known = self.views.get(&target.voxel).is_some_and(|verdict| self.holds(volume, verdict, target));
         if !known {
             let mut within = [target.voxel; 2];
-            let looks = target.unknown.iter().flat_map(|unknown| {
-                let (places, [least, most]) = lookout.viewpoints(volume, reach, *unknown);
+            let looks = target.unknown().flat_map(|unknown| {
+                let (places, [least, most]) = lookout.viewpoints(volume, reach, unknown);
                 within = [within[0].inf(least), within[1].sup(most)];
                 places
             });
@@ -110,8 +139,7 @@ impl Verdicts {
             block(least[axis])..=block(most[axis])
         };
         let row = |y: usize, z: usize| {
-            let first = (z * self.blocks[1] + y) * self.blocks[0];
-            &self.changed[first + range(0).start()..=first + range(0).end()]
+            &self.changed[self.number([*range(0).start(), y, z])..=self.number([*range(0).end(), y, z])]
         };
         let unchanged = |at: &u64| *at <= verdict.at;
         verdict.target == *target && range(2).all(|z| range(1).all(|y| row(y, z).iter().all(unchanged)))
