@@ -77,7 +77,7 @@ const MAX_VOXELS: ParamSpec = param(
     "MaxVoxels",
     Kind::Integer { min: 10_000, max: 1_000_000_000 },
     "8000000",
-    "Voxels of the box that a plan is made over, at about 20 bytes each, or 65 for Potential. Of a larger map it is what \
+    "Voxels of the box that a plan is made over, at about 26 bytes each, or 68 for Potential. Of a larger map it is what \
      the robot can get to, or, if that is too much, what of it is near.",
 );
 
