@@ -9,7 +9,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::AddAssign;
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_controller::{Follower, Output};
+use elk_controller::{Action, Follower};
 use elk_explorer::strategy::Start;
 use elk_explorer::{ClosestFrontier, Explorer, Policy, Potential, Settings, Strategy};
 use elk_field::Solver;
@@ -136,15 +136,15 @@ impl Run {
             let said = std::mem::take(&mut waiting);
             for output in said {
                 waiting.extend(match output {
-                    Output::Command(command) => self.step(&command),
-                    Output::Request(request) => self.plan(&request),
-                    Output::Progress(_) | Output::Finished(_) => vec![],
+                    Action::Command(command) => self.step(&command),
+                    Action::Request(request) => self.plan(&request),
+                    Action::Progress(_) | Action::Finished(_) => vec![],
                 });
             }
         }
     }
 
-    fn step(&mut self, command: &PoseCommand) -> Vec<Output> {
+    fn step(&mut self, command: &PoseCommand) -> Vec<Action> {
         self.steps += 1;
         let step = self.steps;
         let Self { robot, map, grid, explorer, follower, record, .. } = self;
@@ -173,7 +173,7 @@ impl Run {
         })
     }
 
-    fn plan(&mut self, request: &PlanRequest) -> Vec<Output> {
+    fn plan(&mut self, request: &PlanRequest) -> Vec<Action> {
         let step = self.steps;
         let Self { grid, explorer, follower, record, .. } = self;
         let phases = |explorer: &Explorer| explorer.journal().phases().to_vec();
@@ -224,7 +224,7 @@ fn settings(mission: &Mission) -> Settings {
 }
 
 fn strategies() -> [Box<dyn Strategy>; 2] {
-    let potential = Potential { start: Start::Shortest, solver: Solver::Multigrid, tolerance: 1e-6 };
+    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6);
     [Box::new(ClosestFrontier), Box::new(potential)]
 }
 
