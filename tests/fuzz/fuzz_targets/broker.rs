@@ -4,7 +4,7 @@
 mod common;
 
 use elk_bus::Introduction;
-use elk_bus::broker::{Broker, BrokerConfig, Wish};
+use elk_bus::broker::{Action, Broker, BrokerConfig};
 use elk_bus::wire::{self, BulkRef, ClientId, Named};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
