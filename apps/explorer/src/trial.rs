@@ -7,7 +7,8 @@ use nalgebra::Point3;
 
 use crate::goals::{Goals, Target};
 use crate::space::Space;
-use crate::strategy::{Journal, Strategy, View};
+use crate::journal::Journal;
+use crate::strategy::{Strategy, View};
 use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 

@@ -8,7 +8,7 @@ use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, pat
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
 use nalgebra::Point3;
 
-use super::scene::nearest;
+use super::nearest::nearest;
 use crate::goals::{Known, is_untried};
 use crate::policy::LOOK_RANGE_M;
 use elk_geometry::visibility::in_sight;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::strategy::{Potential, Start};
+use crate::strategies::{Potential, Start};
 use elk_bus::{DecodeError, Describe};
 use elk_field::Solver;
 use elk_geometry::ray::Traversal;
