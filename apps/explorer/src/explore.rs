@@ -13,9 +13,8 @@ use std::collections::BTreeSet;
 
 use elk_bus::tell;
 use elk_geometry::bricks::brick_of;
-use elk_geometry::clearance::Clearance;
 use elk_geometry::frontier::Edges;
-use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel};
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,

@@ -36,6 +36,11 @@ impl Journal {
         (self.is_to_stop)()
     }
 
+    /// What answers [`Journal::is_to_stop`], to be asked within [`Journal::time`].
+    pub fn stop_signal(&self) -> fn() -> bool {
+        self.is_to_stop
+    }
+
     /// Goes on with what a predecessor has booked.
     pub fn recall(&mut self, left: &ExplorerMemory) {
         self.fallbacks = left.fallbacks;

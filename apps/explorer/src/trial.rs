@@ -6,8 +6,8 @@ use elk_geometry::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
 use crate::goals::{Goals, Target};
-use crate::space::Space;
 use crate::journal::Journal;
+use crate::space::Space;
 use crate::strategy::{Strategy, View};
 use crate::verdicts::Verdicts;
 use elk_geometry::Volume;

@@ -122,7 +122,7 @@ impl Strategy for Potential {
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
         // The volume has a margin of what is unknown, so this is one.
         let problem = problem(view).ok()?;
-        let stopping = journal.is_to_stop;
+        let stopping = journal.stop_signal();
         let solution = journal.time("field", || self.solve(&problem, stopping));
         if journal.is_to_stop() {
             return None;
