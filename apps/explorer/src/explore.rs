@@ -24,11 +24,12 @@ use nalgebra::Point3;
 
 use crate::candidates::{Candidates, Weighed};
 use crate::extent::Scope;
-use crate::goals::{Goal, Goals, Known, Target};
+use crate::goals::{Goal, Goals};
 use crate::journal::Journal;
 use crate::policy::looks;
 use crate::sight::Sight;
 use crate::strategy::{Route, Strategy, View};
+use crate::target::{Known, Target};
 use memory::Memory;
 use scene::Scene;
 use verdict::{StopReason, Verdict};

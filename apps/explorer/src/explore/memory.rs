@@ -9,8 +9,8 @@ use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest
 use nalgebra::Point3;
 
 use super::nearest::nearest;
-use crate::goals::{Known, is_untried};
 use crate::policy::LOOK_RANGE_M;
+use crate::target::{Known, is_untried};
 use elk_geometry::visibility::in_sight;
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.

@@ -10,8 +10,8 @@ use super::memory::Memory;
 use super::nearest::nearest;
 use super::settings::Settings;
 use crate::extent::{Extent, Scope};
-use crate::goals::{Known, Target};
 use crate::space::Space;
+use crate::target::{Known, Target};
 use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 
