@@ -1,7 +1,8 @@
-//! Every command and every snippet of README.md, of the guide and of the help, as it is printed there.
+//! Every command and every snippet of README.md, of the guide and of the help, as it is printed there; and where all pages lead.
 
 #[path = "../common/mod.rs"]
 mod common;
+mod links;
 mod page;
 mod scene;
 
@@ -16,6 +17,15 @@ fn go_through(scene: &str, page: &str) {
     let parts = parts(page);
     assert!(parts.iter().map(|part| part.commands.len()).sum::<usize>() > 20, "{parts:?}");
     parts.iter().for_each(|part| scene.go_through(part));
+}
+
+#[test]
+fn what_a_page_links_to_or_names_is_there() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let pages = links::pages(root);
+    assert!(pages.len() > 20, "{pages:?}");
+    let missing: Vec<_> = pages.iter().flat_map(|page| links::missing(root, page)).collect();
+    assert!(missing.is_empty(), "{missing:#?}");
 }
 
 #[test]
