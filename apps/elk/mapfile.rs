@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
+use elk_geometry::Voxel;
 use elk_map::octomap::graph::read_graph;
 use elk_map::{Format, MapConfig, OccupancyMap, Saved};
 use elk_outside::file;
@@ -81,13 +82,11 @@ fn info(path: &Path) -> Result<()> {
 fn contents(map: &OccupancyMap, bytes: usize) -> String {
     let (grid, resolution) = (map.grid(), map.config().resolution);
     let (free, occupied) = (grid.free(), grid.occupied());
-    let mut ends = [[i32::MAX; 3], [i32::MIN; 3]];
-    for index in map.known().map(|(voxel, _)| voxel.to_array()) {
-        let [low, high] = ends;
-        ends = [std::array::from_fn(|i| low[i].min(index[i])), std::array::from_fn(|i| high[i].max(index[i] + 1))];
-    }
-    let metres = |indices: [i32; 3]| {
-        let [x, y, z] = indices.map(|index| (f64::from(index) * resolution * 1000.0).round() / 1000.0);
+    let nothing = [Voxel::from([i32::MAX; 3]), Voxel::from([i32::MIN; 3])];
+    let ends =
+        map.known().fold(nothing, |[low, high], (voxel, _)| [low.inf(voxel), high.sup(voxel + Voxel::new(1, 1, 1))]);
+    let metres = |end: Voxel| {
+        let [x, y, z] = end.to_array().map(|index| (f64::from(index) * resolution * 1000.0).round() / 1000.0);
         format!("({x}; {y}; {z})")
     };
     let known = free + occupied;

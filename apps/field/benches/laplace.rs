@@ -1,7 +1,8 @@
 //! Laplace's equation on boxes full of furniture: multigrid-CG beside Jacobi-CG and the thesis' Gauss-Seidel, in one run.
 //!
-//! `cargo bench -p elk-field --bench laplace`. Then cubes of growing size, multigrid only. Time is CPU time of the thread, the smallest of three solves (one for
-//! Gauss-Seidel); the error is the largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1.
+//! `cargo bench -p elk-field --bench laplace`. Time is CPU time of the thread, the smallest of three solves (one for
+//! Gauss-Seidel); the error is the largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1. Then
+//! cubes of growing size, by multigrid only, and what a change of 1 % of their cells costs; with sizes as arguments these alone.
 
 use elk_field::{Cell, Domain, Problem, Solution, Solver, solve};
 use elk_geometry::{Region, Voxel};

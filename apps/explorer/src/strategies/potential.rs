@@ -154,8 +154,8 @@ impl Potential {
         self.solve_by_cpu(problem, stopping)
     }
 
-    /// Multigrid keeps its equations from plan to plan, but not the field: the robot has moved, so that a start from the field
-    /// before takes more iterations than one from nothing, and a successor would come to other roundings.
+    /// Multigrid keeps its equations from plan to plan, but not the field: a successor, which does not have it, would come to
+    /// other roundings.
     fn solve_by_cpu(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
         if self.solver != Solver::Multigrid {
             return solve_unless(problem, self.solver, self.tolerance, stopping);

@@ -14,7 +14,7 @@ pub fn row(y: usize, z: usize) -> usize {
     z * 8 + y
 }
 
-/// Adds up the cells of a row, in pairs.
+/// Adds up the cells of a row, one after the other, in double precision.
 #[inline(always)]
 pub fn sum<L: Lanes>(lanes: L) -> f64 {
     let mut row = [0.0; 8];

@@ -41,7 +41,7 @@ pub fn solve(system: System<'_>, tolerance: f64, stopping: impl Fn() -> bool) ->
     let mut square = residual(fine, psi);
     let (mut iterations, mut alpha, mut rz) = (0, 0.0, 0.0);
     while square.sqrt() > tolerance * scale && iterations < MAX_ITERATIONS && !stopping() {
-        precondition(fine, coarse, direct);
+        cycle(fine, coarse, 2.0, direct);
         let (next, conjugate) = products(fine, image);
         let beta = if iterations == 0 { 0.0 } else { -alpha * conjugate / rz };
         rz = next;
@@ -58,26 +58,17 @@ pub fn solve(system: System<'_>, tolerance: f64, stopping: impl Fn() -> bool) ->
     Convergence { iterations, residual: residual(fine, psi).sqrt() / scale }
 }
 
-/// `x ≈ A⁻¹ b` on the finest level by one V-cycle.
-fn precondition(fine: &mut Level<Counted>, coarse: &mut [Level<Weighted>], direct: &Direct) {
-    let Some(next) = coarse.first_mut() else { return };
+/// `x ≈ A⁻¹ b` on a level by one V-cycle over the coarser ones; `open` is the weight of a face of the next that is open all
+/// over.
+fn cycle<S: Stencil>(fine: &mut Level<S>, coarse: &mut [Level<Weighted>], open: f32, direct: &Direct) {
+    let Some((next, coarser)) = coarse.split_first_mut() else { return };
     smooth_from_zero(fine);
     restrict(fine, next);
-    descend(coarse, 2.0, direct);
-    prolong(&coarse[0], 2.0, fine);
-    smooth_backwards(fine);
-}
-
-/// The part of the cycle on a level and the coarser ones; `open` is the weight of a face there that is open all over.
-fn descend(levels: &mut [Level<Weighted>], open: f32, direct: &Direct) {
-    let Some((fine, coarse)) = levels.split_first_mut() else { return };
-    let Some(next) = coarse.first_mut() else {
-        return direct.solve(fine);
-    };
-    smooth_from_zero(fine);
-    restrict(fine, next);
-    descend(coarse, 2.0 * open, direct);
-    prolong(&coarse[0], 2.0 * open, fine);
+    match coarser.is_empty() {
+        true => direct.solve(next),
+        false => cycle(next, coarser, 2.0 * open, direct),
+    }
+    prolong(next, open, fine);
     smooth_backwards(fine);
 }
 

@@ -1,8 +1,8 @@
 //! A domain that is kept: what its cells are, and the equations of all levels that follow from them, block by block.
 //!
 //! [`Domain::set`] and [`Domain::update`] say what has changed; equations are made anew for the blocks that this concerns
-//! and for those they are merged into, and a solution starts from the one before, if that is not forgotten: then it is the
-//! same to the bit as that of a domain made anew. Blocks are aligned with the world's lattice,
+//! and for those they are merged into. A solution starts from the one before; after [`Domain::forget`] it is the same to the
+//! bit as that of a domain made anew. Blocks are aligned with the world's lattice,
 //! so that a domain may grow to any side; where nothing is inside there is no block.
 
 mod block;
@@ -171,8 +171,9 @@ impl Domain {
         psi
     }
 
-    /// As [`Domain::psi_of`], from a domain that is not needed any more: its memory is given back before that for ψ is taken.
-    pub fn into_psi_of(mut self, region: &Region) -> Vec<f32> {
+    /// As [`Domain::psi_of`], from a domain that is not needed any more: two of its vectors are given back before ψ's memory is
+    /// taken.
+    pub(crate) fn into_psi_of(mut self, region: &Region) -> Vec<f32> {
         (self.direction, self.image) = (Vec::new(), Vec::new());
         self.psi_of(region)
     }
@@ -189,13 +190,14 @@ impl Domain {
     }
 
     /// Number of unknowns.
+    #[cfg(test)]
     pub fn unknowns(&mut self) -> usize {
         self.settle();
         self.fine.count()
     }
 
-    /// Solves for ψ (thesis 6.2.5), from the ψ before, until the residual is at most `tolerance` of the right-hand side, or somebody is
-    /// `stopping`.
+    /// Solves for ψ (thesis 6.2.5), from the ψ before, until the residual is at most `tolerance` of the right-hand side, or
+    /// somebody is `stopping`.
     pub fn solve(&mut self, tolerance: f64, stopping: impl Fn() -> bool) -> Convergence {
         self.settle();
         let Self { squares, fine, coarse, direct, psi, direction, image, .. } = self;
@@ -204,10 +206,6 @@ impl Domain {
 
     /// The slot of the block at a position; a new one if there is none.
     fn slot(&mut self, position: Voxel) -> u32 {
-        let known = self.fine.lattice.slot(position);
-        if known != NONE {
-            return known;
-        }
         let slot = self.fine.lattice.insert(position);
         self.cells.resize(self.fine.lattice.slots(), [[Cell::Outside; 8]; 64]);
         slot

@@ -1,11 +1,10 @@
-//! The same solver on a graphics card, by Vulkan (feature `gpu`).
+//! Laplace's equation on a graphics card, by Vulkan (feature `gpu`).
 //!
-//! As [`multigrid`](crate::laplace::multigrid) preconditions the conjugate gradients, so does the card: the coarser
-//! operators are the same, each half of a cycle has two damped Jacobi sweeps. What differs comes from what bounds a
-//! card, which is how many bytes it moves. An iteration goes over the cells five times, never more often than one value
-//! depends on another's neighbours: what could be a pass of its own is done where its operands are at hand. The damping
-//! is Chebyshev's, which costs nothing and saves one or two iterations in eleven. Scalars stay on the card, too: it
-//! finds out itself when it has done enough, and is asked once for a dozen iterations.
+//! Conjugate gradients with a V-cycle before them, as [`crate::domain`], of simpler parts: coarse operators are half of
+//! PᵀAP, a coarse value goes to all its children, and either half of a cycle has two Jacobi sweeps with Chebyshev's damping.
+//! What bounds a card is how many bytes it moves. An iteration goes over the cells five times, never more often than one
+//! value depends on another's neighbours: what could be a pass of its own is done where its operands are at hand. Scalars
+//! stay on the card, too: it finds out itself when it has done enough, and is asked once for a dozen iterations.
 //!
 //! Sums are made in a fixed order, so that the same card gives the same field each time; another card may round
 //! otherwise.
@@ -33,7 +32,8 @@ use crate::laplace::Solution;
 use crate::problem::Problem;
 
 impl Gpu {
-    /// Solves a problem, as [`solve`](crate::solve) does with [`Solver::Multigrid`](crate::Solver::Multigrid).
+    /// Solves a problem to the residual that [`solve`](crate::solve) comes to with
+    /// [`Solver::Multigrid`](crate::Solver::Multigrid).
     ///
     /// # Errors
     /// The card is too small, or fails.

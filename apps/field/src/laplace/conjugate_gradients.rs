@@ -1,20 +1,14 @@
-//! Preconditioned conjugate gradients (Hestenes and Stiefel, 1952) for a symmetric positive definite operator.
+//! Conjugate gradients (Hestenes and Stiefel, 1952), preconditioned by the diagonal, for a symmetric positive definite
+//! operator.
 
 use super::operator::Operator;
 
 /// Past this something is wrong with the problem, not with the number.
 const MAX_ITERATIONS: usize = 5000;
 
-/// Solves `Ax = b` from zero until `‖r‖ ≤ tolerance ‖b‖`, or somebody is `stopping`; `precondition(r, z)` puts an
-/// approximation of `A⁻¹r` into `z`.
+/// Solves `Ax = b` from zero until `‖r‖ ≤ tolerance ‖b‖`, or somebody is `stopping`.
 /// Answers `x` and the iterations it took.
-pub fn solve(
-    operator: &Operator,
-    b: &[f32],
-    tolerance: f64,
-    stopping: impl Fn() -> bool,
-    mut precondition: impl FnMut(&[f32], &mut [f32]),
-) -> (Vec<f32>, usize) {
+pub fn solve(operator: &Operator, b: &[f32], tolerance: f64, stopping: impl Fn() -> bool) -> (Vec<f32>, usize) {
     let zero = vec![0.0; operator.len()];
     let (mut x, mut r) = (zero.clone(), b.to_vec());
     let (mut z, mut p, mut ap) = (zero.clone(), zero.clone(), zero);
@@ -24,7 +18,7 @@ pub fn solve(
         if operator.dot(&r, &r).sqrt() <= enough || stopping() {
             return (x, iteration);
         }
-        precondition(&r, &mut z);
+        operator.divide_by_diagonal(&r, &mut z);
         let next = operator.dot(&r, &z);
         let beta = if iteration == 0 { 0.0 } else { next / rz } as f32;
         rz = next;

@@ -6,8 +6,9 @@
 //! neighbours that exist, which is the finite volume form of zero flux, symmetric and positive definite.
 //!
 //! [`solve`] does it by conjugate gradients with a geometric multigrid preconditioner ([`crate::domain`]), with the
-//! diagonal, or as the thesis does, by Gauss-Seidel sweeps until the largest relative change falls below ε ([`relaxation`]). That rule bounds no
-//! error: on a late map it stops a quarter of the full range away from the solution, after a hundred times the work.
+//! diagonal, or as the thesis does, by Gauss-Seidel sweeps until the largest relative change falls below ε
+//! ([`relaxation`]). That rule bounds no error: on a late map it stops a quarter of the full range away from the solution,
+//! after many times the work (docs/figures.md).
 
 mod conjugate_gradients;
 pub mod operator;
@@ -67,10 +68,9 @@ pub fn solve_unless(problem: &Problem, solver: Solver, tolerance: f64, stopping:
             let Convergence { iterations, residual } = domain.solve(tolerance, stopping);
             Solution { psi: domain.into_psi_of(problem.region()), iterations, residual }
         }
-        Solver::Jacobi => on_the_box(problem, |operator, b| {
-            let divide = |r: &[f32], z: &mut [f32]| operator.divide_by_diagonal(r, z);
-            conjugate_gradients::solve(operator, b, tolerance, stopping, divide)
-        }),
+        Solver::Jacobi => {
+            on_the_box(problem, |operator, b| conjugate_gradients::solve(operator, b, tolerance, stopping))
+        }
         Solver::Thesis => on_the_box(problem, |_, _| relaxation::gauss_seidel(problem, tolerance, stopping)),
     }
 }
