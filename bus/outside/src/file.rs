@@ -77,7 +77,12 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     // It is the file itself that is replaced, not what leads to it.
     let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    try_write(path)?;
+    match (path.exists(), path.parent()) {
+        // What is no ordinary file, or may not be written, stays.
+        (true, _) => drop(opened(OpenOptions::new().write(true), path)?),
+        (false, Some(folder)) => std::fs::create_dir_all(folder)?,
+        (false, None) => {}
+    }
     let mut draft = path.as_os_str().to_owned();
     draft.push(format!(".{}.new", std::process::id()));
     let written = File::create_new(&draft).and_then(|mut file| {

@@ -6,8 +6,9 @@ use elk_bus::AppError;
 use elk_map::{Format, MapConfig, OccupancyMap, RestoreError, Saved};
 use elk_outside::file;
 
-/// More than a brick takes in any file (bytes): in an `.ot` it is 585 nodes of 5 bytes, and what is above them.
-const MOST_BYTES_A_BRICK: u64 = 4096;
+/// More than a brick takes in any file (bytes): in an `.ot` it is 585 nodes of at most 8 bytes (a ColorOcTree's), and what is
+/// above them.
+const MOST_BYTES_A_BRICK: u64 = 8192;
 
 /// The map that goes on from a saved one.
 pub fn read(path: &Path, config: MapConfig) -> Result<OccupancyMap, AppError> {
