@@ -55,14 +55,19 @@ impl EventFd {
     pub(crate) fn wake_task(&self, task: &Waker) {
         *self.task.lock().unwrap_or_else(PoisonError::into_inner) = Some(task.clone());
     }
+
+    /// Wakes the task that waits for room.
+    pub(crate) fn wake_waiting(&self) {
+        let task = self.task.lock().unwrap_or_else(PoisonError::into_inner).take();
+        task.into_iter().for_each(Waker::wake);
+    }
 }
 
 impl Wake for EventFd {
     fn set(&self) {
         // One that is full is set.
         let _ = rustix::io::write(&self.fd, &1_u64.to_ne_bytes());
-        let task = self.task.lock().unwrap_or_else(PoisonError::into_inner).take();
-        task.into_iter().for_each(Waker::wake);
+        self.wake_waiting();
     }
 
     fn clear(&self) {

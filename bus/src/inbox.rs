@@ -124,6 +124,12 @@ impl Inbox {
         self.wake.iter().for_each(|wake| wake.wake_task(task));
     }
 
+    /// Wakes that task, since there is room: who looks for room takes back the word that somebody waits for it.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn wake_waiting_task(&self) {
+        self.wake.iter().for_each(|wake| wake.wake_waiting());
+    }
+
     /// See [`crate::Client::wake_fd`].
     pub(crate) fn wake_fd(&mut self) -> std::io::Result<BorrowedFd<'_>> {
         let wake = match self.wake.take() {

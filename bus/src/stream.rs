@@ -147,20 +147,23 @@ impl StreamClient {
         &mut self.client.comms
     }
 
-    /// Takes in what has come; answers whether that was anything.
-    fn receive(&mut self) -> Result<bool, CommsError> {
+    /// Takes in what has come.
+    fn receive(&mut self) -> Result<(), CommsError> {
         let waiting = &mut self.waiting;
         let Client { comms, inbox } = &mut self.client;
         let note = |_: &mut Comms, mail: &Mail<'_>| -> Result<(), CommsError> {
             waiting.push_back(OwnedMail::of(mail));
             Ok(())
         };
-        Ok(inbox.receive_alone(comms, Duration::ZERO, note)? > 0)
+        inbox.receive_alone(comms, Duration::ZERO, note).map(drop)
     }
 
     /// Ready once a batch can leave; the task is woken by then.
     fn poll_room(&self, context: &Context<'_>) -> Poll<()> {
-        // First, so that room that comes while it is looked for wakes it as well.
+        if self.client.comms.has_room() {
+            return Poll::Ready(());
+        }
+        // Looked at once more, so that room that came before the task was there to be woken is seen.
         self.client.inbox.wake_task(context.waker());
         if self.client.comms.has_room() { Poll::Ready(()) } else { Poll::Pending }
     }
@@ -171,16 +174,16 @@ impl Stream for StreamClient {
 
     fn poll_next(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         let this = self.get_mut();
-        // What was registered for or published since the last poll must not wait for what this one waits for.
-        // Where there is no room for it, this task is woken as well once there is.
-        if !this.ended
-            && this.client.comms.has_room()
-            && let Err(error) = this.client.comms.flush()
-        {
-            this.ended = true;
-            return Poll::Ready(Some(Err(error)));
-        }
         loop {
+            // What was registered for or published since the last poll must not wait for what this one waits for. Where
+            // there is no room for it, the descriptor is ready as soon as there is, and it is tried again.
+            if !this.ended && this.client.comms.has_room() {
+                this.client.inbox.wake_waiting_task();
+                if let Err(error) = this.client.comms.flush() {
+                    this.ended = true;
+                    return Poll::Ready(Some(Err(error)));
+                }
+            }
             if let Some(mail) = this.waiting.pop_front() {
                 return Poll::Ready(Some(Ok(mail)));
             }

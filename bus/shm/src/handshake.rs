@@ -47,7 +47,7 @@ pub enum Answer {
         warp: f64,
         /// What the community's clock is set to, if somebody drives it.
         clock_setting: Option<ClockSetting>,
-        /// Where the community's files are, whatever the client's environment says of places.
+        /// Where the community's files are, whatever the client's environment says of folders.
         folder: PathBuf,
     },
     Refused {

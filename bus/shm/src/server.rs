@@ -38,7 +38,7 @@ use peers::Peers;
 
 /// The longest that the broker sleeps.
 const LONGEST_SLEEP: Duration = Duration::from_secs(1);
-/// How long somebody who clears away what is left over may have a community's place.
+/// How long somebody who clears away what is left over may hold a community's namespace.
 const MOMENT: Duration = Duration::from_secs(1);
 /// How often it is tried again meanwhile.
 const AGAIN_EVERY: Duration = Duration::from_millis(3);
@@ -214,7 +214,7 @@ fn recover(namespace: &Namespace, config: BrokerConfig, now: f64, found: Vec<ses
     Host::recover(config, now, sessions, &sessions::read_retained(namespace))
 }
 
-/// Takes the community's place, unless another broker has it.
+/// Holds the community's namespace, unless another broker does.
 fn hold(community: &Community) -> Result<HeldNamespace, ServeError> {
     let waited = Stopwatch::start();
     loop {

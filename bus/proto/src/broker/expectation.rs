@@ -41,8 +41,8 @@ impl Broker {
         let name = self.names.keys.name(key);
         let (reader, expected) = self.expectations(name).next()?;
         let reader = self.client_name(reader)?;
-        let nobody =
-            lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.names.is(lock, other));
+        let nobody = lock.kind != ValueKind::Binary
+            && !self.expectations(name).any(|(_, other)| self.names.can_read(lock, other));
         nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.names.describe(lock)))
     }
 
@@ -117,7 +117,7 @@ impl Broker {
         let name = &registration.key_pattern;
         let Some(key) = self.names.keys.known(name) else { return };
         let Some(lock) = self.variables[key].lock.filter(|lock| !self.names.can_read(*lock, expected)) else { return };
-        let is_expected = self.expectations(name).any(|(_, other)| self.names.is(lock, other));
+        let is_expected = self.expectations(name).any(|(_, other)| self.names.can_read(lock, other));
         let yields = lock.kind != ValueKind::Binary && !is_expected;
         let what_follows = if yields {
             "what was written is forgotten, and no more of it is taken"

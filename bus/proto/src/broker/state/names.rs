@@ -115,29 +115,20 @@ impl Names {
         }
     }
 
-    /// Whether it is what a reader expects.
-    pub fn is(&self, lock: TypeLock, expected: &Expected) -> bool {
+    /// Whether a reader that expects this can read what is carried: it is that, or another version of it.
+    pub fn can_read(&self, lock: TypeLock, expected: &Expected) -> bool {
         match (lock.kind, expected) {
             (ValueKind::Double, Expected::Numbers) | (ValueKind::Text, Expected::Texts) => true,
             (ValueKind::Binary, Expected::Values(name, layout)) => {
-                let (known, hash, _) = self.types.said(lock.type_);
-                (known, hash) == (name.as_str(), *layout)
+                let number = self.types.known(name, *layout);
+                number.is_some_and(|number| self.types.can_be_read_as(lock.type_, number))
             }
             _ => false,
         }
     }
 
-    /// Whether a reader that expects this can read values of a type: it is that, or another version of it.
-    pub fn can_read(&self, lock: TypeLock, expected: &Expected) -> bool {
-        let types = &self.types;
-        let is_version = |name: &str, layout| {
-            let number = types.known(name, layout).filter(|_| lock.kind == ValueKind::Binary);
-            number.is_some_and(|number| types.can_be_read_as(lock.type_, number))
-        };
-        self.is(lock, expected) || matches!(expected, Expected::Values(name, layout) if is_version(name, *layout))
-    }
-
-    /// Whether two types are versions of one, of which everybody who reads the one reads the other: a variable carries both.
+    /// Whether two types are versions of one, each of which can be read as the other: a variable carries both. A reader of
+    /// a third may read the one and not the other, which it then rejects.
     pub fn are_versions(&self, one: TypeLock, other: TypeLock) -> bool {
         let can_be_read_as = |one: TypeLock, other: TypeLock| self.types.can_be_read_as(one.type_, other.type_);
         one.kind == ValueKind::Binary

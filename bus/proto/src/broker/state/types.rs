@@ -66,20 +66,20 @@ impl Types {
 
     /// Whether values of the one type can be read as values of the other: it is the same, or another version of it.
     pub fn can_be_read_as(&self, one: u32, other: u32) -> bool {
-        one == other || self.name(one) == self.name(other) && self.look_at(one, other).is_ok()
+        one == other || self.name(one) == self.name(other) && self.look_at(one, other, Result::is_ok)
     }
 
     /// Where the versions of a type differ so that the one cannot be read as the other, if both are described.
     pub fn difference(&self, one: u32, other: u32) -> Option<Difference> {
-        self.look_at(one, other).err()?
+        self.look_at(one, other, |comparison| comparison.clone().err()?)
     }
 
-    fn look_at(&self, one: u32, other: u32) -> Comparison {
+    fn look_at<T>(&self, one: u32, other: u32, look: impl FnOnce(&Comparison) -> T) -> T {
         let mut looked_at = self.looked_at.borrow_mut();
         if looked_at.len() >= PAIRS && !looked_at.contains_key(&(one, other)) {
             looked_at.clear();
         }
-        looked_at.entry((one, other)).or_insert_with(|| self.compare(one, other)).clone()
+        look(looked_at.entry((one, other)).or_insert_with(|| self.compare(one, other)))
     }
 
     fn compare(&self, one: u32, other: u32) -> Comparison {
