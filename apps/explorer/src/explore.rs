@@ -42,7 +42,6 @@ pub struct Explorer {
     journal: Journal,
     plans: u64,
     report: Option<ExplorationReport>,
-    scope: Scope,
     /// Rays of all scans that went without a return.
     no_return: u64,
     /// What the camera sees.
@@ -67,7 +66,6 @@ impl Explorer {
             settings,
             plans: 0,
             report: None,
-            scope: Scope::default(),
             no_return: 0,
             sight: Sight::default(),
             weighed: Weighed::default(),
@@ -106,7 +104,7 @@ impl Explorer {
 
     /// What of the map the last plan was made over.
     pub fn scope(&self) -> Scope {
-        self.scope
+        self.scene.as_ref().map(Scene::scope).unwrap_or_default()
     }
 
     /// The strategy, its settings and the policy, in one line.
@@ -208,7 +206,6 @@ impl Explorer {
         let (memory, settings) = (&self.memory, &self.settings);
         let (before, changed) = (self.scene.take(), std::mem::take(&mut self.changed));
         let mut scene = self.journal.time("space", || Scene::around(known, from, (before, &changed), memory, settings));
-        self.scope = scene.scope();
         let decision = self.decide_on(&mut scene, known, request);
         self.scene = Some(scene);
         decision

@@ -43,7 +43,7 @@ impl Volume {
     }
 
     /// The same of a grid of voxels of `resolution` (m) of which nothing is known yet.
-    pub fn unknown(within: (Voxel, Voxel), margin: i32, resolution: f64) -> Self {
+    fn unknown(within: (Voxel, Voxel), margin: i32, resolution: f64) -> Self {
         let (min, max) = within;
         let margin = margin.max(1);
         let origin = min - Voxel::new(margin, margin, margin);

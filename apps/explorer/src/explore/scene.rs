@@ -19,8 +19,6 @@ use elk_geometry::Volume;
 pub struct Scene {
     extent: Extent,
     pub volume: Volume,
-    /// The robot's own voxel, by index of the volume.
-    robot: usize,
     pub space: Space,
     pub verdicts: Verdicts,
     pub targets: Vec<Target>,
@@ -59,15 +57,15 @@ impl Scene {
         let space = Space::around(&volume, robot, &settings.clearance, memory.trail());
         let verdicts = Verdicts::new(&volume);
         let (targets, left) = (Vec::new(), FrontiersLeft::default());
-        Self { extent, volume, robot, space, verdicts, targets, left, beyond: 0 }
+        Self { extent, volume, space, verdicts, targets, left, beyond: 0 }
     }
 
     fn follow(mut self, known: Known, robot: Voxel, changed: &BTreeSet<Voxel>, memory: &Memory) -> Self {
         let mut turned = Vec::new();
         changed.iter().for_each(|brick| self.volume.follow(known.grid, *brick, |i| turned.push(i)));
-        self.robot = self.volume.index(robot).unwrap_or_default();
+        let robot = self.volume.index(robot).unwrap_or_default();
         let mut changed = turned.clone();
-        self.space.follow(&self.volume, self.robot, &turned, memory.trail(), &mut |i| changed.push(i));
+        self.space.follow(&self.volume, robot, &turned, memory.trail(), &mut |i| changed.push(i));
         self.verdicts.hear_of(&self.volume, changed);
         self
     }
@@ -85,7 +83,7 @@ impl Scene {
 
     /// The robot's own voxel.
     pub fn robot(&self) -> Voxel {
-        self.volume.voxel(self.robot)
+        self.volume.voxel(self.space.component.start())
     }
 
     /// What of the map it is made over.

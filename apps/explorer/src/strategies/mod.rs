@@ -7,7 +7,6 @@ mod card;
 mod closest_frontier;
 mod potential;
 
-pub use card::Card;
 pub use closest_frontier::ClosestFrontier;
 pub use potential::{Potential, Start};
 
