@@ -10,18 +10,20 @@
 //! ```
 
 pub mod bt;
+mod fan;
 mod frontier;
-pub mod growth;
+mod growth;
 pub mod insertion;
+mod marks;
 pub mod occupancy;
 pub mod octree;
 pub mod snapshot;
 mod table;
 mod volume;
-pub mod walk;
+mod walk;
 
 pub use insertion::{Dropped, Insertion};
-pub use occupancy::{Grazing, MapConfig, OccupancyMap};
+pub use occupancy::{ConfigError, Grazing, Integration, MapConfig, OccupancyMap};
 pub use snapshot::{RestoreError, Snapshot};
 
 #[cfg(doctest)]

@@ -10,7 +10,7 @@ use elk_geometry::mask::{self, Mask};
 use elk_geometry::state::{BrickStates, State};
 use elk_geometry::voxel::{INDEX_RANGE, Voxel};
 
-use crate::occupancy::{Brick, MapConfig, OccupancyMap};
+use crate::occupancy::{Brick, ConfigError, MapConfig, OccupancyMap};
 
 /// All that a map knows.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +42,9 @@ pub enum RestoreError {
     /// It had voxels of another size, or this is not all of it.
     #[error(transparent)]
     Grid(#[from] DeltaError),
+    /// No map can be made with these settings.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     /// It is larger than this one may be.
     #[error(
         "it has {bricks} bricks, and {most} are the most that this map may have: allow for more, or use larger voxels"
@@ -81,7 +84,7 @@ impl OccupancyMap {
     pub fn restore(config: MapConfig, snapshot: &Snapshot) -> Result<Self, RestoreError> {
         let mut map = Self::with_room_for(config, snapshot.bricks.len())?;
         for brick in &snapshot.bricks {
-            map.put(brick.position, Brick::recall(brick)?)?;
+            map.put(brick.position, Brick::recall(brick, &config)?)?;
         }
         let states = map.bricks.iter().enumerate().map(|(i, brick)| brick.states(map.table.position(i))).collect();
         let Snapshot { revision, resolution, bricks: _ } = *snapshot;
@@ -113,7 +116,7 @@ impl OccupancyMap {
     fn with_room_for(config: MapConfig, bricks: usize) -> Result<Self, RestoreError> {
         match config.max_bricks {
             most if bricks > most => Err(RestoreError::TooMany { bricks, most }),
-            _ => Ok(Self::new(config)),
+            _ => Ok(Self::new(config)?),
         }
     }
 
@@ -132,8 +135,7 @@ impl OccupancyMap {
     /// Shows these states, which are those of all bricks.
     fn show(&mut self, states: &Delta<'_>) -> Result<(), DeltaError> {
         self.grid.apply(states)?;
-        let all: Vec<usize> = (0..self.bricks.len()).collect();
-        self.update_frontier(&all);
+        self.update_all_of_the_frontier();
         Ok(())
     }
 }
@@ -148,13 +150,13 @@ impl Brick {
         }
     }
 
-    fn recall(left: &BrickSnapshot) -> Result<Self, RestoreError> {
+    fn recall(left: &BrickSnapshot, config: &MapConfig) -> Result<Self, RestoreError> {
         if left.log_odds.len() != mask::count(&left.known) || !left.log_odds.iter().all(|one| one.is_finite()) {
             return Err(RestoreError::Brick { position: left.position });
         }
         let mut brick = Self { ever_hit: left.ever_hit, ..Self::new() };
         for (cell, log_odds) in mask::cells(&left.known).zip(&left.log_odds) {
-            brick.know(cell, *log_odds);
+            brick.know(cell, *log_odds, config);
         }
         Ok(brick)
     }
@@ -164,9 +166,9 @@ impl Brick {
         for cell in 0..BRICK_CELLS {
             match states.state(cell) {
                 State::Unknown => {}
-                State::Free => brick.know(cell, config.miss.max(config.clamp_min)),
+                State::Free => brick.know(cell, config.miss.max(config.clamp_min), config),
                 State::Occupied => {
-                    brick.know(cell, config.hit.min(config.clamp_max));
+                    brick.know(cell, config.hit.min(config.clamp_max), config);
                     mask::set(&mut brick.ever_hit, cell);
                 }
             }
@@ -174,12 +176,15 @@ impl Brick {
         brick
     }
 
-    fn know(&mut self, cell: usize, log_odds: f32) {
+    fn know(&mut self, cell: usize, log_odds: f32, config: &MapConfig) {
         self.log_odds[cell] = log_odds;
-        mask::set(&mut self.known, cell);
-        if OccupancyMap::state_of(log_odds) == State::Occupied {
-            mask::set(&mut self.occupied, cell);
-        }
+        let sets = [
+            (&mut self.known, true),
+            (&mut self.occupied, OccupancyMap::state_of(log_odds) == State::Occupied),
+            (&mut self.at_min, log_odds == config.clamp_min),
+            (&mut self.at_max, log_odds == config.clamp_max),
+        ];
+        sets.into_iter().filter(|(_, is_in)| *is_in).for_each(|(set, _)| mask::set(set, cell));
     }
 
     fn states(&self, position: Voxel) -> BrickStates {
@@ -218,7 +223,7 @@ mod tests {
         /// Whatever comes after it, a map from a snapshot says what the map itself would have said.
         #[test]
         fn a_map_from_a_snapshot_is_the_same_map(before in scans(5), after in scans(5)) {
-            let mut map = OccupancyMap::new(MapConfig::default());
+            let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
             insert(&mut map, &before);
             let mut successor = OccupancyMap::restore(MapConfig::default(), &map.snapshot()).unwrap();
             prop_assert_eq!(successor.frontier_len(), map.frontier_len());
@@ -233,7 +238,7 @@ mod tests {
         /// A map from a copy shows what the map showed, and goes on from its revision.
         #[test]
         fn a_map_from_a_copy_shows_the_same(before in scans(5), after in scans(3)) {
-            let mut map = OccupancyMap::new(MapConfig::default());
+            let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
             insert(&mut map, &before);
             let mut successor = OccupancyMap::from_states(MapConfig::default(), &map.grid().whole()).unwrap();
             prop_assert_eq!(successor.frontier_len(), map.frontier_len());
@@ -251,10 +256,10 @@ mod tests {
 
     #[test]
     fn a_map_that_lost_everything_goes_on_behind_what_its_readers_have() {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         insert(&mut map, &vec![([0.05; 3].into(), vec![[0.95, 0.05, 0.05].into()])]);
         let mut reader = map.grid().clone();
-        let mut successor = OccupancyMap::new(MapConfig::default());
+        let mut successor = OccupancyMap::new(MapConfig::default()).unwrap();
         successor.skip_to(reader.revision());
         insert(&mut successor, &vec![([0.05; 3].into(), vec![[0.55, 0.05, 0.05].into()])]);
         reader.apply(&successor.grid().whole()).unwrap();
@@ -263,7 +268,7 @@ mod tests {
 
     #[test]
     fn voxels_of_another_size_are_refused() {
-        let map = OccupancyMap::new(MapConfig::default());
+        let map = OccupancyMap::new(MapConfig::default()).unwrap();
         let finer = MapConfig { resolution: 0.05, ..MapConfig::default() };
         assert!(matches!(
             OccupancyMap::restore(finer, &map.snapshot()),
@@ -277,7 +282,7 @@ mod tests {
 
     #[test]
     fn what_is_no_snapshot_is_refused() {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         insert(&mut map, &vec![([0.05; 3].into(), vec![[0.95, 0.05, 0.05].into()])]);
         let spoilt = |spoil: fn(&mut BrickSnapshot)| {
             let mut snapshot = map.snapshot();
