@@ -12,7 +12,6 @@
 use elk_geometry::Voxel;
 
 use crate::marks::Scratch;
-use crate::table::BrickTable;
 use crate::walk::{Lattice, Point, Walk, direction_and_length};
 
 /// Slabs of the longest ray that is not walked voxel by voxel: what 32 bits hold with [`ONE`] for one.
@@ -53,7 +52,6 @@ pub struct Fan<'a> {
     /// How far it is to the border of the sensor's voxel, by axis, upwards and downwards (voxels).
     ahead: [[f64; 2]; 3],
     scratch: &'a mut Scratch,
-    table: &'a BrickTable,
     /// Where the sensor's voxel is in the window, and what coordinates there add to an address.
     home: [i32; 3],
     parts: [Vec<u32>; 3],
@@ -85,7 +83,7 @@ type Ways = [u32; LANES];
 
 impl<'a> Fan<'a> {
     /// No rays yet, from `origin` (m, world) in the map.
-    pub fn new(lattice: Lattice, origin: Point, scratch: &'a mut Scratch, table: &'a BrickTable) -> Self {
+    pub fn new(lattice: Lattice, origin: Point, scratch: &'a mut Scratch) -> Self {
         let start = lattice.voxel(origin);
         let at = start.to_array();
         let ahead = std::array::from_fn(|axis| {
@@ -94,12 +92,11 @@ impl<'a> Fan<'a> {
         });
         let (home, parts) = (scratch.in_window(start), scratch.parts());
         let marked = vec![[NO_WAY; MOST_SLABS as usize + LANES]; 24];
-        Self { lattice, origin, start, ahead, scratch, table, home, parts, marked }
+        Self { lattice, origin, start, ahead, scratch, home, parts, marked }
     }
 
-    /// Marks what the rays pass and hit; answers how many hit where the map has no room. `once`: of rays that hit the same
-    /// voxel all but the first are left out.
-    pub fn mark(&mut self, rays: &[Ray], once: bool) -> usize {
+    /// Marks what the rays pass and hit. `once`: of rays that hit the same voxel all but the first are left out.
+    pub fn mark(&mut self, rays: &[Ray], once: bool) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") {
             // SAFETY: the processor has what the function is compiled for.
@@ -110,13 +107,12 @@ impl<'a> Fan<'a> {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    fn mark_eight_at_a_time(&mut self, rays: &[Ray], once: bool) -> usize {
+    fn mark_eight_at_a_time(&mut self, rays: &[Ray], once: bool) {
         self.mark_each(rays, once)
     }
 
     #[inline(always)]
-    fn mark_each(&mut self, rays: &[Ray], once: bool) -> usize {
-        let mut no_room = 0;
+    fn mark_each(&mut self, rays: &[Ray], once: bool) {
         for ray in rays {
             let end = self.lattice.voxel(ray.end);
             if once && ray.tip == Tip::Hit && self.scratch.is_hit(end) {
@@ -126,22 +122,18 @@ impl<'a> Fan<'a> {
             if !is_marked {
                 self.walk(ray);
             }
-            // Last, so that where there is not room for all bricks the nearest have it.
             match ray.tip {
-                Tip::Hit => no_room += usize::from(!self.scratch.hit(end, self.table)),
-                Tip::Edge => self.scratch.pass_voxel(end, self.table),
+                Tip::Hit => self.scratch.hit(end),
+                Tip::Edge => self.scratch.pass_all(std::iter::once(end)),
                 Tip::Open => {}
             }
         }
-        no_room
     }
 
     /// Marks a ray voxel by voxel.
     #[cold]
     fn walk(&mut self, ray: &Ray) {
-        for voxel in Walk::new(&self.lattice, self.origin, ray.end) {
-            self.scratch.pass_voxel(voxel, self.table);
-        }
+        self.scratch.pass_all(Walk::new(&self.lattice, self.origin, ray.end));
     }
 
     /// Marks a ray slab by slab; whether there was no doubt.
@@ -238,13 +230,13 @@ impl<'a> Fan<'a> {
         let (dy, dz) = ((way >> 18 & 1) as i32, (way >> 19 & 1) as i32);
         let layer = self.parts[a][along(0, a, slab)];
         let (y0, z0) = (self.parts[b][along(1, b, y)], self.parts[c][along(2, c, z)]);
-        self.scratch.pass(layer + y0 + z0, self.table);
+        self.scratch.pass(layer + y0 + z0);
         if dy | dz != 0 {
             let (y1, z1) = (self.parts[b][along(1, b, y + dy)], self.parts[c][along(2, c, z + dz)]);
-            self.scratch.pass(layer + y1 + z1, self.table);
+            self.scratch.pass(layer + y1 + z1);
             if dy & dz != 0 {
                 let between = if way >> 20 & 1 == 0 { y1 + z0 } else { y0 + z1 };
-                self.scratch.pass(layer + between, self.table);
+                self.scratch.pass(layer + between);
             }
         }
     }
@@ -265,13 +257,13 @@ impl<'a> Fan<'a> {
         let along = |i: usize, axis: usize, n: i32| (self.home[axis] + slabs.steps[i] * n) as usize;
         let layer = self.parts[a][along(0, a, slabs.crossed[0])];
         let (y0, z0) = (self.parts[b][along(1, b, y)], self.parts[c][along(2, c, z)]);
-        self.scratch.pass(layer + y0 + z0, self.table);
+        self.scratch.pass(layer + y0 + z0);
         if dy & dz == 1 {
             let between = match slabs.is_second_first {
                 false => self.parts[b][along(1, b, y + 1)] + z0,
                 true => y0 + self.parts[c][along(2, c, z + 1)],
             };
-            self.scratch.pass(layer + between, self.table);
+            self.scratch.pass(layer + between);
         }
         true
     }

@@ -5,6 +5,7 @@
 //! that a thousand rays pass is not a thousand times as free (`exploration-prototype`: without this no exploration ends).
 
 use elk_geometry::Voxel;
+use elk_geometry::bricks::brick_of;
 use elk_geometry::delta::Changes;
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::voxel::INDEX_RANGE;
@@ -19,6 +20,8 @@ use crate::walk::{Lattice, Point};
 /// What a miss counts against a voxel that was ever hit, under a grazing rule: a surface that fills a part of it is passed
 /// by more rays than hit it. At a half floors still dissolve; below a quarter nothing is gained, and noise goes slower.
 const GRAZED_SHARE: f32 = 0.25;
+/// Rays for which memory is kept from scan to scan.
+const MOST_KEPT: usize = 1 << 18;
 
 /// Points of a scan that could not be inserted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -78,33 +81,58 @@ impl OccupancyMap {
         let reach = self.config.reach_without_return(range);
         let empty = no_return.into_iter().filter(|_| reach > 0.0);
         rays.extend(empty.filter_map(|direction| sensor.empty_ray(direction, reach)));
-        dropped.no_room = self.mark(&sensor, &rays);
-        self.rays = rays;
-        Insertion { changed: self.update_marked(), dropped, cut }
+        let mut touched = self.mark(&sensor, &rays);
+        dropped.no_room = self.make_room(&sensor, &rays, &mut touched);
+        if rays.len() < MOST_KEPT {
+            self.rays = rays;
+        }
+        Insertion { changed: self.update(&touched), dropped, cut }
     }
 
-    /// Marks what rays pass and hit; answers how many hit where there is no room.
-    fn mark(&mut self, sensor: &Sensor, rays: &[Ray]) -> usize {
+    /// What rays pass and hit, by brick.
+    fn mark(&mut self, sensor: &Sensor, rays: &[Ray]) -> Vec<(Voxel, Marks)> {
         let start = sensor.lattice.voxel(sensor.at);
         let (mut low, mut high) = (start.to_array(), start.to_array());
         for ray in rays {
             let end = sensor.lattice.voxel(ray.end).to_array();
             (low, high) = (std::array::from_fn(|i| low[i].min(end[i])), std::array::from_fn(|i| high[i].max(end[i])));
         }
-        self.scratch.clear(&self.table, start, low.into(), high.into());
-        let mut fan = Fan::new(sensor.lattice, sensor.at, &mut self.scratch, &self.table);
-        fan.mark(rays, self.config.integration == Integration::EndVoxels)
+        self.scratch.clear(start, low.into(), high.into());
+        Fan::new(sensor.lattice, sensor.at, &mut self.scratch)
+            .mark(rays, self.config.integration == Integration::EndVoxels);
+        self.scratch.take()
+    }
+
+    /// Makes the bricks that there are not yet; where there is not room for all, the nearest to the sensor, and leaves the
+    /// others out of what was touched. Answers how many rays hit in those.
+    fn make_room(&mut self, sensor: &Sensor, rays: &[Ray], touched: &mut Vec<(Voxel, Marks)>) -> usize {
+        let mut new: Vec<Voxel> =
+            touched.iter().map(|(brick, _)| *brick).filter(|brick| self.table.find(*brick).is_none()).collect();
+        let room = self.table.room();
+        let is_short = new.len() > room;
+        if is_short {
+            let home = brick_of(sensor.lattice.voxel(sensor.at));
+            new.sort_by(|a, b| a.distance(home).total_cmp(&b.distance(home)));
+            new.truncate(room);
+        }
+        for brick in new {
+            self.table.find_or_add(brick);
+        }
+        self.grow();
+        if !is_short {
+            return 0;
+        }
+        touched.retain(|(brick, _)| self.table.find(*brick).is_some());
+        let is_lost = |ray: &&Ray| self.table.find(brick_of(sensor.lattice.voxel(ray.end))).is_none();
+        rays.iter().filter(|ray| ray.tip == Tip::Hit).filter(is_lost).count()
     }
 
     /// Gives every marked voxel its update, and answers the voxels whose state changed.
-    fn update_marked(&mut self) -> Changes {
-        let touched = self.scratch.touched();
+    fn update(&mut self, touched: &[(Voxel, Marks)]) -> Changes {
         let mut changes = Changes::default();
         let mut changed = Vec::new();
-        for (position, marks) in &touched {
-            // There is: it was looked for when the block was entered.
-            let Some(i) = self.table.find_or_add(*position) else { continue };
-            self.grow();
+        for (position, marks) in touched {
+            let Some(i) = self.table.find(*position) else { continue };
             let spared = self.spared(i, *position, marks);
             let brick = &mut self.bricks[i];
             let before = brick.known;
@@ -132,7 +160,7 @@ impl OccupancyMap {
             Grazing::Sticky => ever_hit,
             Grazing::Guard if (0..8).all(|z| ever_hit[z] & marks.passed[z] == 0) => mask::NONE,
             Grazing::Guard => {
-                let near_hit = grown(|offset| self.scratch.hits(position + offset));
+                let near_hit = grown(|offset| *self.scratch.hits(position + offset));
                 std::array::from_fn(|z| ever_hit[z] & near_hit[z])
             }
         }

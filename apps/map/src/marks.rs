@@ -1,27 +1,25 @@
-//! What the rays of a scan pass and hit, a bit a voxel, until the map takes it.
+//! What the rays of a scan pass and hit, until the map takes it.
 //!
-//! A window of blocks of 8³ voxels around the sensor is found by address alone: a voxel's address is the sum of what each of
-//! its coordinates gives, looked up once. What lies beyond is found by hashing.
+//! In a window of blocks of 8³ voxels around the sensor a voxel is found by address alone: the sum of what each of its
+//! coordinates gives, looked up once. There what is passed is a byte a voxel, because a byte is written without being read, and
+//! most voxels are passed many times. What lies beyond is found by hashing.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
 use elk_geometry::bricks::{BrickHasher, brick_of, cell_of};
 use elk_geometry::mask::{self, Mask};
 
-use crate::table::BrickTable;
-
-/// Blocks of the largest window: four bytes each.
-const MOST_BLOCKS: u64 = 1 << 20;
+/// Blocks of the largest window: half a kilobyte each.
+const MOST_BLOCKS: u64 = 1 << 16;
 /// Blocks from the sensor to the end of the largest window along an axis, before it has to be cut down.
 const FARTHEST: i32 = 4096;
 /// Bits of an address that tell the voxel in its block.
 const CELL_BITS: u32 = 9;
-/// A block that no ray has come to.
-const NONE: u32 = u32::MAX;
-/// The block of all for which the map has no room.
-const VOID: u32 = 0;
+/// Blocks beyond the window that are looked at at most.
+const MOST_FAR: usize = 1 << 18;
 
 /// What a scan says of a block.
 #[derive(Debug, Clone, Copy, Default)]
@@ -79,28 +77,26 @@ impl Window {
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
     window: Window,
-    /// The number of each block of the window.
-    near: Vec<u32>,
-    /// The numbers of blocks elsewhere.
-    far: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
-    positions: Vec<Voxel>,
-    marks: Vec<Marks>,
-    /// Blocks that the map has no brick for yet, and how many more of those it has room for.
-    room: usize,
+    /// Of the window, by address: 1 where a voxel is passed.
+    passed: Vec<u8>,
+    /// Of its blocks: 1 where anything is marked; and what is hit.
+    entered: Vec<u8>,
+    hit: Vec<Mask>,
+    /// Blocks elsewhere.
+    far: HashMap<Voxel, Marks, BuildHasherDefault<BrickHasher>>,
 }
 
 impl Scratch {
     /// No marks, and a window for rays from `center` to between `low` and `high` (voxels).
-    pub fn clear(&mut self, table: &BrickTable, center: Voxel, low: Voxel, high: Voxel) {
+    pub fn clear(&mut self, center: Voxel, low: Voxel, high: Voxel) {
         self.window = Window::around(brick_of(center), brick_of(low), brick_of(high));
-        self.near.clear();
-        self.near.resize(self.window.blocks.iter().map(|n| *n as usize).product(), NONE);
+        let blocks = self.window.blocks.iter().map(|n| *n as usize).product();
+        // All of it is 0: see `take`.
+        self.passed.resize(blocks << CELL_BITS, 0);
+        self.entered.resize(blocks, 0);
+        self.hit.clear();
+        self.hit.resize(blocks, mask::NONE);
         self.far.clear();
-        self.positions.clear();
-        self.positions.push(Voxel::new(0, 0, 0));
-        self.marks.clear();
-        self.marks.push(Marks::default());
-        self.room = table.room();
     }
 
     /// Whether all rays from the window's centre to this voxel lie in the window.
@@ -122,95 +118,87 @@ impl Scratch {
     }
 
     /// Marks the voxel of an address in the window as passed.
-    #[inline]
-    pub fn pass(&mut self, address: u32, table: &BrickTable) {
-        let i = self.at(address, table);
-        self.marks[i].passed[(address >> 6 & 7) as usize] |= 1 << (address & 63);
+    #[inline(always)]
+    pub fn pass(&mut self, address: u32) {
+        self.passed[address as usize] = 1;
+        self.entered[(address >> CELL_BITS) as usize] = 1;
     }
 
-    #[inline]
-    fn at(&mut self, address: u32, table: &BrickTable) -> usize {
-        let number = (address >> CELL_BITS) as usize;
-        match self.near[number] {
-            NONE => self.enter(number, table),
-            i => i as usize,
-        }
-    }
-
-    #[cold]
-    fn enter(&mut self, number: usize, table: &BrickTable) -> usize {
-        let i = self.admit(self.window.block(number), table);
-        self.near[number] = i;
-        i as usize
-    }
-
-    /// The number of a block that no ray had come to.
-    fn admit(&mut self, block: Voxel, table: &BrickTable) -> u32 {
-        if table.find(block).is_none() {
-            if self.room == 0 {
-                return VOID;
+    /// Marks voxels, wherever they are, as passed.
+    pub fn pass_all(&mut self, voxels: impl Iterator<Item = Voxel>) {
+        for voxel in voxels {
+            match self.window.number(brick_of(voxel)) {
+                Some(number) => self.pass((number << CELL_BITS | cell_of(voxel)) as u32),
+                None => match self.beyond(brick_of(voxel)) {
+                    Some(marks) => mask::set(&mut marks.passed, cell_of(voxel)),
+                    None => return,
+                },
             }
-            self.room -= 1;
         }
-        self.positions.push(block);
-        self.marks.push(Marks::default());
-        (self.marks.len() - 1) as u32
     }
 
-    /// Marks a voxel, wherever it is, as passed.
-    pub fn pass_voxel(&mut self, voxel: Voxel, table: &BrickTable) {
-        let i = self.block_of(voxel, table);
-        mask::set(&mut self.marks[i].passed, cell_of(voxel));
-    }
-
-    /// Marks a voxel, wherever it is, as hit; whether the map has room for it.
+    /// Marks a voxel, wherever it is, as hit.
     #[inline]
-    pub fn hit(&mut self, voxel: Voxel, table: &BrickTable) -> bool {
-        let i = self.block_of(voxel, table);
-        mask::set(&mut self.marks[i].hit, cell_of(voxel));
-        i != VOID as usize
+    pub fn hit(&mut self, voxel: Voxel) {
+        match self.window.number(brick_of(voxel)) {
+            Some(number) => {
+                self.entered[number] = 1;
+                mask::set(&mut self.hit[number], cell_of(voxel));
+            }
+            None => {
+                if let Some(marks) = self.beyond(brick_of(voxel)) {
+                    mask::set(&mut marks.hit, cell_of(voxel));
+                }
+            }
+        }
+    }
+
+    /// A block beyond the window; `None` if there are too many.
+    fn beyond(&mut self, block: Voxel) -> Option<&mut Marks> {
+        let is_full = self.far.len() >= MOST_FAR;
+        match self.far.entry(block) {
+            Entry::Vacant(_) if is_full => None,
+            entry => Some(entry.or_default()),
+        }
     }
 
     /// Whether a voxel was hit.
-    pub fn is_hit(&self, voxel: Voxel) -> bool {
-        mask::has(&self.hits(brick_of(voxel)), cell_of(voxel))
-    }
-
     #[inline]
-    fn block_of(&mut self, voxel: Voxel, table: &BrickTable) -> usize {
-        let block = brick_of(voxel);
-        match self.window.number(block) {
-            Some(number) => match self.near[number] {
-                NONE => self.enter(number, table),
-                i => i as usize,
-            },
-            None => self.block_beyond(block, table),
-        }
-    }
-
-    fn block_beyond(&mut self, block: Voxel, table: &BrickTable) -> usize {
-        if let Some(i) = self.far.get(&block) {
-            return *i as usize;
-        }
-        let i = self.admit(block, table);
-        self.far.insert(block, i);
-        i as usize
-    }
-
-    /// The blocks that rays came to, in lexicographic order, and what they left there.
-    pub fn touched(&self) -> Vec<(Voxel, Marks)> {
-        let mut touched: Vec<(Voxel, Marks)> =
-            self.positions[1..].iter().copied().zip(self.marks[1..].iter().copied()).collect();
-        touched.sort_unstable_by_key(|(block, _)| *block);
-        touched
+    pub fn is_hit(&self, voxel: Voxel) -> bool {
+        mask::has(self.hits(brick_of(voxel)), cell_of(voxel))
     }
 
     /// The cells of a block that were hit.
-    pub fn hits(&self, block: Voxel) -> Mask {
-        let i = match self.window.number(block) {
-            Some(number) => self.near[number],
-            None => self.far.get(&block).copied().unwrap_or(NONE),
-        };
-        if i == NONE || i == VOID { mask::NONE } else { self.marks[i as usize].hit }
+    pub fn hits(&self, block: Voxel) -> &Mask {
+        match self.window.number(block) {
+            Some(number) => &self.hit[number],
+            None => self.far.get(&block).map_or(&mask::NONE, |marks| &marks.hit),
+        }
     }
+
+    /// Takes the blocks in which anything is marked, in lexicographic order, and what is; only what is hit is still known
+    /// afterwards.
+    pub fn take(&mut self) -> Vec<(Voxel, Marks)> {
+        let mut taken: Vec<(Voxel, Marks)> = self.far.iter().map(|(block, marks)| (*block, *marks)).collect();
+        for number in 0..self.entered.len() {
+            if std::mem::take(&mut self.entered[number]) != 0 {
+                let cells = &mut self.passed[number << CELL_BITS..(number + 1) << CELL_BITS];
+                taken.push((self.window.block(number), Marks { passed: packed(cells), hit: self.hit[number] }));
+                cells.fill(0);
+            }
+        }
+        taken.sort_unstable_by_key(|(block, _)| *block);
+        taken
+    }
+}
+
+/// The bytes of a block, 0 or 1, as bits.
+fn packed(cells: &[u8]) -> Mask {
+    let mut mask = mask::NONE;
+    for (row, bytes) in cells.as_chunks::<8>().0.iter().enumerate() {
+        // Byte `i` comes to stand at bit `56 + i`, and nothing else there.
+        let bits = u64::from_le_bytes(*bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        mask[row >> 3] |= bits << (8 * (row & 7));
+    }
+    mask
 }

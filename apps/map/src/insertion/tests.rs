@@ -3,7 +3,6 @@ use std::collections::BTreeSet;
 use super::*;
 use crate::walk::Walk;
 use elk_geometry::State;
-use elk_geometry::bricks::brick_of;
 use proptest::prelude::*;
 
 fn point() -> impl Strategy<Value = Point3<f64>> {
@@ -167,6 +166,36 @@ fn beyond_the_largest_range_nothing_is_hit() {
     assert_eq!((map.grid().free(), map.grid().occupied()), (2, 1));
     assert_eq!(map.grid().state(Voxel::new(3, 0, 0)), State::Unknown);
     assert_eq!(seen.cut, 1, "it is counted, and so can be said");
+}
+
+#[test]
+fn of_any_scan_something_is_made() {
+    let absurd = [f64::NAN, f64::INFINITY, f64::MAX, 1e30, 1e19, 1e9, 4e3, 1e-30, -1e-30, 0.0];
+    let points: Vec<Point3<f64>> = absurd.iter().flat_map(|x| absurd.map(|y| Point3::new(*x, -y, 0.3 * x))).collect();
+    for integration in [Integration::Rays, Integration::EndVoxels] {
+        for (advance, max_range) in [(0.0, 0.0), (1e-4, 5.0)] {
+            let config = MapConfig { integration, advance, max_range, max_bricks: 3000, ..MapConfig::default() };
+            let mut map = OccupancyMap::new(config).unwrap();
+            let seen = map.insert(Point3::origin(), points.iter().copied());
+            assert!(seen.dropped.invalid > 50 && map.snapshot().bricks.len() <= 3000, "{seen:?}");
+            for origin in absurd.map(|x| Point3::new(x, 0.0, 0.0)) {
+                map.insert(origin, points.iter().copied());
+                map.insert(origin, []);
+            }
+            assert!(map.known().all(|(_, log_odds)| (-2.0..=3.5).contains(&log_odds)));
+        }
+    }
+}
+
+#[test]
+fn ten_million_points_are_a_scan() {
+    let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
+    let points =
+        (0..10_000_000).map(|i| Point3::new(2.0, f64::from(i % 3163) * 1e-3 - 1.5, f64::from(i / 3163) * 1e-3 - 1.5));
+    let seen = map.insert(Point3::new(0.03, 0.02, 0.01), points);
+    assert_eq!((seen.dropped, seen.cut), (Dropped::default(), 0));
+    // 3.163 m either way, and those at its lower end lie behind the border of two voxels.
+    assert_eq!(map.grid().occupied(), 33 * 33);
 }
 
 /// Regression: 10,000 points at 500 m took 4 GB.
