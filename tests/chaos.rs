@@ -17,6 +17,7 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use common::events::Patience;
 use common::lab::{hear, wait_for_clients};
@@ -76,8 +77,8 @@ impl App for Publisher {
         Ok(())
     }
 
-    fn tick_hz(&self) -> Option<f64> {
-        Some(250.0)
+    fn tick_period(&self) -> Option<Duration> {
+        Some(Duration::from_millis(4))
     }
 
     fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
@@ -143,24 +144,24 @@ fn role() {
 }
 
 /// The processes of a stream, each started again when it was killed.
-struct Troupe<'a> {
+struct ProcessSet<'a> {
     elk: &'a Elk,
     members: BTreeMap<&'static str, Child>,
 }
 
-impl<'a> Troupe<'a> {
+impl<'a> ProcessSet<'a> {
     fn start(elk: &'a Elk) -> Self {
-        let mut troupe = Self { elk, members: BTreeMap::new() };
-        troupe.start_one("db");
+        let mut processes = Self { elk, members: BTreeMap::new() };
+        processes.start_one("db");
         // Whoever comes before the broker serves finds nobody, and ends.
-        drop(elk.join("witness"));
+        drop(elk.join("observer"));
         for names in [SUBSCRIBERS, PUBLISHERS] {
-            names.iter().for_each(|name| troupe.start_one(name));
+            names.iter().for_each(|name| processes.start_one(name));
             wait_for_clients(elk, &format!("all of {names:?}"), |clients| {
                 names.iter().all(|name| clients.contains(name))
             });
         }
-        troupe
+        processes
     }
 
     fn start_one(&mut self, name: &'static str) {
@@ -185,7 +186,7 @@ impl<'a> Troupe<'a> {
     }
 }
 
-impl Drop for Troupe<'_> {
+impl Drop for ProcessSet<'_> {
     fn drop(&mut self) {
         for child in self.members.values_mut() {
             let _ = child.kill();
@@ -198,14 +199,14 @@ impl Drop for Troupe<'_> {
 fn a_stream_of_numbers_survives_the_death_of_anyone() {
     let elk = Elk::new("chaos-stream");
     let mut random = Random(setting("ELK_CHAOS_SEED", 1));
-    let mut troupe = Troupe::start(&elk);
+    let mut processes = ProcessSet::start(&elk);
     let names: Vec<&'static str> = ["db"].into_iter().chain(PUBLISHERS).chain(SUBSCRIBERS).collect();
     let mut killed: BTreeMap<&str, u64> = BTreeMap::new();
     let mut watcher = Watcher::of(&elk);
     for _ in 0..kills() {
         watcher.hear_numbers(30 + random.below(200));
         let name = names[random.below(names.len() as u64) as usize];
-        troupe.kill(name);
+        processes.kill(name);
         *killed.entry(name).or_default() += 1;
         // The list of the time before the death does not count: it is told anew once the dead one is back.
         let gone_and_back = if name == "db" { &names[..] } else { std::slice::from_ref(&name) };
@@ -295,9 +296,9 @@ fn missions_survive_the_death_of_anyone() {
         missions += 1;
         let elk = Elk::new(&format!("chaos-{missions}"));
         let mut launcher = elk.launch(MISSION);
-        let mut witness = Witness::of(&elk);
+        let mut observer = Observer::of(&elk);
         while done < kills() {
-            let Some(processes) = witness.processes_after(5 + random.below(40), &mut launcher) else { break };
+            let Some(processes) = observer.processes_after(5 + random.below(40), &mut launcher) else { break };
             let (name, id) = &processes[random.below(processes.len() as u64) as usize];
             if alive(*id) {
                 let _ = rustix::process::kill_process(rustix::process::Pid::from_raw(*id).unwrap(), Signal::KILL);
@@ -305,7 +306,7 @@ fn missions_survive_the_death_of_anyone() {
                 done += 1;
             }
         }
-        drop(witness);
+        drop(observer);
         let (code, said) = launcher.end();
         assert_eq!(code, Some(0), "killed so far: {killed:?}\n{said}");
         assert!(said.contains("contacts 0"), "{said}");
@@ -321,7 +322,7 @@ fn missions_survive_several_deaths_at_once() {
     while done < kills() {
         let elk = Elk::new(&format!("chaos-at-once-{done}"));
         let mut launcher = elk.launch(MISSION);
-        let mut processes = Witness::of(&elk).processes_after(20 + random.below(100), &mut launcher).unwrap();
+        let mut processes = Observer::of(&elk).processes_after(20 + random.below(100), &mut launcher).unwrap();
         let mut victims = Vec::new();
         for _ in 0..2 + random.below(3) {
             victims.push(processes.swap_remove(random.below(processes.len() as u64) as usize));
@@ -335,14 +336,14 @@ fn missions_survive_several_deaths_at_once() {
 }
 
 /// Hears what a mission says of itself.
-struct Witness<'a> {
+struct Observer<'a> {
     elk: &'a Elk,
     client: Client,
 }
 
-impl<'a> Witness<'a> {
+impl<'a> Observer<'a> {
     fn of(elk: &'a Elk) -> Self {
-        let mut client = elk.join("witness");
+        let mut client = elk.join("observer");
         for key in ["POSE_COMMAND", "PLAN_REQUEST", "PLAN", "MAP_KNOWN", "PROGRESS", "*_STATUS", "DB_CLIENTS"] {
             client.comms.register(key).unwrap();
         }
@@ -355,9 +356,9 @@ impl<'a> Witness<'a> {
         loop {
             if heard >= messages {
                 match look(self.elk) {
-                    Sight::Running(processes) => return Some(processes),
-                    Sight::Over => return None,
-                    Sight::Incomplete => {}
+                    MissionState::Running(processes) => return Some(processes),
+                    MissionState::Over => return None,
+                    MissionState::Incomplete => {}
                 }
             }
             if launcher.is_over() {
@@ -370,24 +371,24 @@ impl<'a> Witness<'a> {
     }
 }
 
-enum Sight {
+enum MissionState {
     /// All run: their names and processes.
     Running(Vec<(String, i32)>),
     Incomplete,
     Over,
 }
 
-fn look(elk: &Elk) -> Sight {
+fn look(elk: &Elk) -> MissionState {
     let output = elk.command(&["apps", "--json", "--community", elk.community()]).output().unwrap();
     let rows: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
     let rows = rows.as_array().cloned().unwrap_or_default();
     if rows.iter().any(|row| row["state"] == "ended") {
-        return Sight::Over;
+        return MissionState::Over;
     }
     if rows.len() != 8 || rows.iter().any(|row| row["state"] != "running") {
-        return Sight::Incomplete;
+        return MissionState::Incomplete;
     }
     let apps = rows.iter().filter(|row| row["name"] != "launcher");
     let process = |row: &serde_json::Value| Some((row["name"].as_str()?.to_owned(), row["pid"].as_i64()? as i32));
-    Sight::Running(apps.filter_map(process).collect())
+    MissionState::Running(apps.filter_map(process).collect())
 }

@@ -55,7 +55,7 @@ const HEARD: &[(&str, Option<&str>)] = &[
 ];
 
 /// A mission whose processes may have so much memory, and somebody in its community who wishes it ill.
-struct Siege {
+struct Attack {
     elk: Elk,
     launcher: Launcher,
     hostile: Client,
@@ -63,18 +63,18 @@ struct Siege {
     said: Vec<String>,
 }
 
-impl Siege {
-    fn lay(test: &str, mission: &str) -> Self {
+impl Attack {
+    fn begin(test: &str, mission: &str) -> Self {
         let elk = Elk::new(test);
         let launcher = elk.launch_limited(mission, &format!("ulimit -d {MEMORY_KB}"));
         let hostile = elk.join("hostile");
-        let mut siege = Self { elk, launcher, hostile, said: Vec::new() };
-        siege.hostile.comms.register("MAIL_REJECTED").unwrap();
-        siege.hostile.comms.register("*_STATUS").unwrap();
-        siege.hostile.comms.register(&PLAN_REQUEST).unwrap();
-        siege.hostile.comms.register(&POSE_COMMAND).unwrap();
-        siege.nobody_is_lost("before it begins");
-        siege
+        let mut attack = Self { elk, launcher, hostile, said: Vec::new() };
+        attack.hostile.comms.register("MAIL_REJECTED").unwrap();
+        attack.hostile.comms.register("*_STATUS").unwrap();
+        attack.hostile.comms.register(&PLAN_REQUEST).unwrap();
+        attack.hostile.comms.register(&POSE_COMMAND).unwrap();
+        attack.nobody_is_lost("before it begins");
+        attack
     }
 
     fn write(&mut self, key: &str, value: ValueRef<'_>) {
@@ -167,39 +167,39 @@ fn rounds() -> usize {
 
 #[test]
 fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
-    let mut siege = Siege::lay("siege", &car("manual"));
-    siege.elk.obeyed(&["step"]);
+    let mut attack = Attack::begin("attack", &car("manual"));
+    attack.elk.obeyed(&["step"]);
     let mut sent = 0;
     for (place, (key, type_name)) in HEARD.iter().enumerate() {
-        siege.write(key, ValueRef::Text("what a text"));
-        siege.write(key, ValueRef::Text(&"x".repeat(1_000_000)));
+        attack.write(key, ValueRef::Text("what a text"));
+        attack.write(key, ValueRef::Text(&"x".repeat(1_000_000)));
         for number in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300, -1e300, 2f64.powi(64)] {
-            siege.write(key, ValueRef::Double(number));
+            attack.write(key, ValueRef::Double(number));
         }
-        siege.write(key, ValueRef::Binary { type_: TypeRef::undescribed("Stranger", 7), bytes: &[1, 2, 3] });
+        attack.write(key, ValueRef::Binary { type_: TypeRef::undescribed("Stranger", 7), bytes: &[1, 2, 3] });
         if let Some(sample) = type_name.map(|name| named(name).unwrap()) {
             for bytes in bad_values(sample) {
-                siege.write_typed(key, sample, &bytes);
+                attack.write_typed(key, sample, &bytes);
                 sent += 1;
                 if sent % 1000 == 0 {
-                    siege.listen(Duration::ZERO, |_| {});
+                    attack.listen(Duration::ZERO, |_| {});
                 }
             }
         }
-        siege.hostile.comms.flush().unwrap();
+        attack.hostile.comms.flush().unwrap();
         // Everybody is asked now and then: two words of each take seconds.
         if place % 5 == 4 {
-            siege.nobody_is_lost(key);
+            attack.nobody_is_lost(key);
         }
     }
-    siege.nobody_is_lost("in the end");
+    attack.nobody_is_lost("in the end");
     println!("{sent} messages");
     for (key, _) in HEARD.iter().filter(|(_, type_name)| type_name.is_some()) {
         let of_key: Vec<&String> =
-            siege.said.iter().filter(|said| said.contains(&format!(" rejects {key} #"))).collect();
-        assert!(!of_key.is_empty() || unread_by_apps(key), "nobody rejected anything of {key}: {:#?}", siege.said);
+            attack.said.iter().filter(|said| said.contains(&format!(" rejects {key} #"))).collect();
+        assert!(!of_key.is_empty() || unread_by_apps(key), "nobody rejected anything of {key}: {:#?}", attack.said);
         if key.ends_with("_REPORT") {
-            let said = siege.launcher.said();
+            let said = attack.launcher.said();
             assert!(said.contains(&format!("{key} by hostile: ")), "{said}");
         }
         for said in of_key {
@@ -211,7 +211,7 @@ fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
             assert!(writer && names_field, "{said}");
         }
     }
-    siege.end();
+    attack.end();
 }
 
 /// Memories are read when an app starts, and not by an app that is there; reports by the launcher, which says what is wrong
@@ -223,15 +223,15 @@ fn unread_by_apps(key: &str) -> bool {
 /// Each round, another choice of bad values lies there as the latest when the apps start.
 #[test]
 fn whatever_lies_there_when_they_start_all_apps_come_up() {
-    let mut siege = Siege::lay("ambush", &car("manual"));
+    let mut attack = Attack::begin("ambush", &car("manual"));
     for round in 0..rounds() {
         for app in APPS {
-            siege.elk.obeyed(&["stop", app]);
+            attack.elk.obeyed(&["stop", app]);
         }
         for (place, (key, type_name)) in HEARD.iter().enumerate() {
             let Some(sample) = type_name.map(|name| named(name).unwrap()) else {
                 let values = ["what a text".into(), Value::Double(f64::NAN), Value::Double(1e300)];
-                values.iter().for_each(|value| siege.write(key, value.as_ref()));
+                values.iter().for_each(|value| attack.write(key, value.as_ref()));
                 continue;
             };
             // A place that differs from key to key and from round to round. A controller that remembers steps which a
@@ -239,16 +239,16 @@ fn whatever_lies_there_when_they_start_all_apps_come_up() {
             let is_let = |bytes: &Vec<u8>| *key != "MOTION_MEMORY" || sample.check(bytes).is_err();
             let all: Vec<Vec<u8>> = bad_values(sample).into_iter().filter(is_let).collect();
             let chosen = &all[(round * 7919 + place * 104_729) % all.len()];
-            siege.write_typed(key, sample, chosen);
+            attack.write_typed(key, sample, chosen);
         }
-        siege.hostile.comms.flush().unwrap();
+        attack.hostile.comms.flush().unwrap();
         for app in APPS {
-            let (code, said) = siege.elk.order(&["start", app]);
-            assert_eq!(code, Some(0), "round {round}: {app}: {said}\n{}", siege.launcher.said());
+            let (code, said) = attack.elk.order(&["start", app]);
+            assert_eq!(code, Some(0), "round {round}: {app}: {said}\n{}", attack.launcher.said());
         }
-        siege.nobody_is_lost(&format!("round {round}"));
+        attack.nobody_is_lost(&format!("round {round}"));
     }
-    siege.end();
+    attack.end();
 }
 
 /// A plan that nobody can follow, in answer to a request.
@@ -286,12 +286,12 @@ fn lies(request: u64, revision: u64) -> impl Iterator<Item = Plan> {
 /// Whoever answers first is believed, unless what it says cannot be.
 #[test]
 fn a_liar_that_answers_first_stops_nobody() {
-    let mut siege = Siege::lay("liar", &car("auto"));
+    let mut attack = Attack::begin("liar", &car("auto"));
     let waited = Stopwatch::start();
     let mut answered = BTreeSet::new();
-    while answered.len() < 12 && !siege.launcher.is_over() && waited.elapsed() < WATCHDOG {
+    while answered.len() < 12 && !attack.launcher.is_over() && waited.elapsed() < WATCHDOG {
         let mut asked = None;
-        siege.listen(Duration::from_millis(20), |mail| {
+        attack.listen(Duration::from_millis(20), |mail| {
             if mail.is(&PLAN_REQUEST) {
                 asked = mail.decode(&PLAN_REQUEST).ok().map(|request| (request.id, request.revision));
             }
@@ -299,14 +299,14 @@ fn a_liar_that_answers_first_stops_nobody() {
         let Some((request, revision)) = asked.filter(|(request, _)| answered.insert(*request)) else { continue };
         for lie in lies(request, revision) {
             // What cannot even be decoded is written as it is.
-            siege.hostile.comms.publish(&PLAN, &lie).unwrap();
+            attack.hostile.comms.publish(&PLAN, &lie).unwrap();
         }
-        siege.hostile.comms.flush().unwrap();
+        attack.hostile.comms.flush().unwrap();
     }
     assert!(!answered.is_empty());
-    let (code, said) = siege.launcher.end();
+    let (code, said) = attack.launcher.end();
     assert_eq!(code, Some(0), "{said}");
-    assert_eq!(siege.elk.summary()["complete"], true, "{said}");
-    let named = siege.said.iter().filter(|said| said.starts_with("Controller rejects PLAN #")).count();
-    assert!(named > 0, "{:?}", siege.said);
+    assert_eq!(attack.elk.summary()["complete"], true, "{said}");
+    let named = attack.said.iter().filter(|said| said.starts_with("Controller rejects PLAN #")).count();
+    assert!(named > 0, "{:?}", attack.said);
 }

@@ -279,51 +279,51 @@ fn a_mission_that_is_wrong_starts_nothing() {
 }
 
 /// A mission with an app that starts, by `start`, two processes in sessions of their own; they do not listen to SIGTERM.
-fn mission_with_strays(elk: &Elk, kind: &str, start: &str) -> String {
+fn mission_with_escaped(elk: &Elk, kind: &str, start: &str) -> String {
     let (program, arguments) = elk.idle_client("Daemon");
-    let stray = "setsid sh -c 'trap \"\" TERM; echo $$ >>strays; exec sleep 1000' &";
-    let start = start.replace("STRAY", stray);
+    let escaped = "setsid sh -c 'trap \"\" TERM; echo $$ >>escaped; exec sleep 1000' &";
+    let start = start.replace("ESCAPED", escaped);
     elk.script("daemon.sh", &format!("cd {}\n{start}\n{start}\nexec {program} {arguments}\n", elk.folder().display()));
     small(kind, "<App name=\"Daemon\" exec=\"./daemon.sh\"/>")
 }
 
 /// Those that have said that they run.
-fn strays(elk: &Elk) -> Vec<i32> {
-    let said = std::fs::read_to_string(elk.folder().join("strays")).unwrap_or_default();
+fn escaped(elk: &Elk) -> Vec<i32> {
+    let said = std::fs::read_to_string(elk.folder().join("escaped")).unwrap_or_default();
     said.lines().filter_map(|line| line.parse().ok()).collect()
 }
 
-/// Regression: nobody knew of the orphans of a launcher that was gone.
+/// Regression: nobody knew of the orphaned processes of a launcher that was gone.
 #[test]
 fn what_an_app_has_started_ends_with_a_detached_mission_too_whoever_launches_it_by_then() {
-    let elk = Elk::new("stray-detached");
+    let elk = Elk::new("escaped-detached");
     // Their parent has ended by then.
-    let mission = mission_with_strays(&elk, "manual", "(STRAY)");
+    let mission = mission_with_escaped(&elk, "manual", "(ESCAPED)");
     let (code, said) = elk.launch_with(&mission, &["--detach"]).end();
     assert_eq!(code, Some(0), "{said}");
-    elk.events().wait_until("two strays", || strays(&elk).len() == 2);
+    elk.events().wait_until("two escaped processes", || escaped(&elk).len() == 2);
     let launcher = elk.process("launcher");
     kill(launcher, Signal::KILL);
     wait_until_gone("the launcher", || Some(launcher).filter(|id| alive(*id)));
     let mut attached = elk.attach();
     attached.wait_for("attached to run");
     elk.obeyed(&["step"]);
-    assert!(strays(&elk).into_iter().all(alive), "they go on with the mission");
+    assert!(escaped(&elk).into_iter().all(alive), "they go on with the mission");
     elk.obeyed(&["resume"]);
     let (code, said) = attached.end();
     assert_eq!(code, Some(0), "{said}");
-    assert!(!strays(&elk).into_iter().any(alive), "they outlive the mission");
+    assert!(!escaped(&elk).into_iter().any(alive), "they outlive the mission");
 }
 
 #[test]
 fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
     for test in ["ends", "killed", "killed-with-guard"] {
-        let elk = Elk::new(&format!("stray-{test}"));
+        let elk = Elk::new(&format!("escaped-{test}"));
         let killed = test != "ends";
         let kind = if killed { "manual" } else { "auto" };
-        let mut launcher = elk.launch(&mission_with_strays(&elk, kind, "STRAY"));
-        let strays = || strays(&elk);
-        elk.events().wait_until("two strays", || strays().len() == 2);
+        let mut launcher = elk.launch(&mission_with_escaped(&elk, kind, "ESCAPED"));
+        let escaped = || escaped(&elk);
+        elk.events().wait_until("two escaped processes", || escaped().len() == 2);
         if killed {
             launcher.wait_for("Enter takes a step");
             elk.obeyed(&["step"]);
@@ -338,9 +338,9 @@ fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
         } else {
             let (code, said) = launcher.end();
             assert_eq!(code, Some(0), "{said}");
-            assert!(!strays().into_iter().any(alive), "they outlive the mission");
+            assert!(!escaped().into_iter().any(alive), "they outlive the mission");
         }
-        wait_until_gone("the strays' end", || strays().into_iter().find(|id| alive(*id)));
+        wait_until_gone("the escaped processes' end", || escaped().into_iter().find(|id| alive(*id)));
     }
 }
 
@@ -348,10 +348,10 @@ fn what_an_app_has_started_in_a_session_of_its_own_ends_with_the_mission() {
 #[test]
 fn what_is_left_of_a_mission_whose_launcher_guard_and_broker_are_killed_at_once_ends_with_the_next_of_its_community() {
     for next in ["db", "launch"] {
-        let elk = Elk::new(&format!("orphans-{next}"));
-        let mission = mission_with_strays(&elk, "manual", "STRAY");
+        let elk = Elk::new(&format!("leftovers-{next}"));
+        let mission = mission_with_escaped(&elk, "manual", "ESCAPED");
         let mut launcher = elk.launch(&mission);
-        elk.events().wait_until("two strays", || strays(&elk).len() == 2);
+        elk.events().wait_until("two escaped processes", || escaped(&elk).len() == 2);
         launcher.wait_for("Enter takes a step");
         let words = |id: &i32| std::fs::read_to_string(format!("/proc/{id}/cmdline")).unwrap_or_default();
         let knows_of_them = |id: &i32| words(id).ends_with("\0guard\0") || words(id).contains("\0db\0");
@@ -362,13 +362,13 @@ fn what_is_left_of_a_mission_whose_launcher_guard_and_broker_are_killed_at_once_
         all.iter().for_each(|id| kill(*id, Signal::STOP));
         all.iter().for_each(|id| kill(*id, Signal::KILL));
         wait_until_gone("the three", || all.iter().copied().find(|id| alive(*id)));
-        assert!(strays(&elk).into_iter().all(alive), "nobody knows of them");
+        assert!(escaped(&elk).into_iter().all(alive), "nobody knows of them");
         launcher.end();
         let mut next = match next {
             "db" => elk.spawn("db.txt", elk.command(&["db", "--community", elk.community()])),
             _ => elk.launch(&mission),
         };
-        wait_until_gone("the strays' end", || strays(&elk).into_iter().take(2).find(|id| alive(*id)));
+        wait_until_gone("the escaped processes' end", || escaped(&elk).into_iter().take(2).find(|id| alive(*id)));
         next.wait_for("whose launcher and guard were killed there was left, and is ended now: process ");
         kill(next.id(), Signal::INT);
         next.end();

@@ -79,14 +79,14 @@ fn say(client: &mut Client, key: &str, value: &Value) {
     client.comms.publish_value(key, value.as_ref(), Origin::default()).unwrap();
 }
 
-/// An app at its place, and what it passed over.
-struct Seat {
+/// An app under test, and what it passed over.
+struct TestedApp {
     app: Box<dyn App>,
     client: Client,
     rejected: BTreeMap<String, usize>,
 }
 
-impl Seat {
+impl TestedApp {
     /// Takes what has come; whether there was anything.
     fn turn(&mut self) -> bool {
         let Self { app, client, rejected } = self;
@@ -118,14 +118,14 @@ fn broker() -> MemoryBroker {
 }
 
 /// The mission's app of this element.
-fn seat(broker: &MemoryBroker, element: &str) -> Seat {
+fn start(broker: &MemoryBroker, element: &str) -> TestedApp {
     let spec = mission().apps.into_iter().find(|app| app.element == element).unwrap();
     let Program::Builtin(app_type, params) = &spec.program else { panic!("{spec:?}") };
-    let mut seat =
-        Seat { app: (app_type.build)(params).unwrap(), client: join(broker, element), rejected: BTreeMap::new() };
-    seat.app.on_start_up(&mut seat.client.comms).unwrap();
-    seat.client.comms.flush().unwrap();
-    seat
+    let mut tested =
+        TestedApp { app: (app_type.build)(params).unwrap(), client: join(broker, element), rejected: BTreeMap::new() };
+    tested.app.on_start_up(&mut tested.client.comms).unwrap();
+    tested.client.comms.flush().unwrap();
+    tested
 }
 
 /// What others hear of an app.
@@ -199,11 +199,11 @@ impl Others {
     }
 
     /// The map takes a scan that teaches nothing, and answers whoever asks for all of it.
-    fn map_goes_on(&mut self, seat: &mut Seat, app: &str) {
+    fn map_goes_on(&mut self, tested: &mut TestedApp, app: &str) {
         let update = MapUpdate::new(self.map.advance(&[]), 0);
         self.publish(&MAP_UPDATE, &update);
         for _ in 0..4 {
-            self.settle(seat, app);
+            self.settle(tested, app);
             if std::mem::take(&mut self.heard.asked_for_map) {
                 let whole = MapUpdate::new(self.map.whole(), 0);
                 self.publish(&MAP, &whole);
@@ -211,36 +211,36 @@ impl Others {
         }
     }
 
-    fn settle(&mut self, seat: &mut Seat, app: &str) {
+    fn settle(&mut self, tested: &mut TestedApp, app: &str) {
         self.client.comms.flush().unwrap();
-        while seat.turn() {}
+        while tested.turn() {}
         self.listen(app);
     }
 }
 
 /// Puts something true before an app and sees that it does what it is there for.
-fn assert_well(element: &str, seat: &mut Seat, others: &mut Others) {
-    others.settle(seat, element);
+fn assert_well(element: &str, tested: &mut TestedApp, others: &mut Others) {
+    others.settle(tested, element);
     match element {
         "Sensor" => {
             let (id, scans) = (others.heard.camera.as_ref().unwrap().command + 1, others.heard.scans);
             others.publish(&POSE_COMMAND, &PoseCommand { id, via: vec![], pose: at(0.1) });
-            others.settle(seat, element);
+            others.settle(tested, element);
             assert_eq!((others.heard.camera.as_ref().unwrap().command, others.heard.scans), (id, scans + 1));
         }
         "Filter" => {
             let scan = Scan::new(1, 1, at(0.0), [Point3::new(0.0, 0.0, 1.0)].into_iter().collect());
-            let before = seat.client.comms.rejected();
+            let before = tested.client.comms.rejected();
             others.client.comms.register(&Key::<Scan<'static>>::new("SCAN_1")).unwrap();
             others.publish(&SCAN, &scan);
-            others.settle(seat, element);
+            others.settle(tested, element);
             let mut through = 0;
             others.publish(&SCAN, &scan);
             others.client.comms.flush().unwrap();
-            seat.turn();
+            tested.turn();
             let note = |mail: &Mail<'_>| through += u64::from(mail.key() == "SCAN_1" && mail.source() == "Filter");
             others.client.receive(Duration::ZERO, note).unwrap();
-            assert_eq!((through, seat.client.comms.rejected()), (1, before));
+            assert_eq!((through, tested.client.comms.rejected()), (1, before));
         }
         "Map" => {
             let revision = others.heard.revision;
@@ -249,18 +249,18 @@ fn assert_well(element: &str, seat: &mut Seat, others: &mut Others) {
                 others.publish(&Key::<Scan<'static>>::new("SCAN_1"), &Scan::new(id, 1, at(0.0), points));
             }
             wait(|| {
-                others.settle(seat, element);
+                others.settle(tested, element);
                 others.heard.revision >= revision + 2
             });
             assert!(others.heard.known > 2);
         }
         "Explorer" => {
-            others.map_goes_on(seat, element);
+            others.map_goes_on(tested, element);
             let (id, revision) = (7_000_000 + others.map.revision(), others.map.revision());
             others.publish(&PLAN_REQUEST, &PlanRequest { id, pose: at(0.0), revision, outcome: Outcome::First });
             // If its map is ahead of the request it asks for the true one.
             for _ in 0..3 {
-                others.settle(seat, element);
+                others.settle(tested, element);
                 if std::mem::take(&mut others.heard.asked_for_map) {
                     let whole = MapUpdate::new(others.map.whole(), 0);
                     others.publish(&MAP, &whole);
@@ -270,10 +270,10 @@ fn assert_well(element: &str, seat: &mut Seat, others: &mut Others) {
         }
         _ => {
             others.publish(&camera_pose("SIM_SENSOR"), &CameraPose { command: 0, pose: at(0.0) });
-            others.map_goes_on(seat, element);
-            others.map_goes_on(seat, element);
+            others.map_goes_on(tested, element);
+            others.map_goes_on(tested, element);
             others.client.comms.notify(MAP_RECALL, 0.0).unwrap();
-            others.settle(seat, element);
+            others.settle(tested, element);
             let copy = others.heard.map.take().unwrap();
             assert_eq!((copy.revision, copy.resolution), (others.map.revision(), 0.25));
         }
@@ -301,9 +301,9 @@ fn plain_lies() -> Vec<(&'static str, Value)> {
 /// Every lie, believable or not, to an app that runs.
 fn live(element: &str) {
     let broker = broker();
-    let (mut others, mut seat) = (Others::new(&broker), seat(&broker, element));
+    let (mut others, mut tested) = (Others::new(&broker), start(&broker, element));
     let mut liar = join(&broker, "liar");
-    assert_well(element, &mut seat, &mut others);
+    assert_well(element, &mut tested, &mut others);
     let mut told = 0;
     for (variable, _) in CARRIED {
         // Every third: their places differ from type to type, their kinds do not.
@@ -312,19 +312,19 @@ fn live(element: &str) {
             told += 1;
             if told % 64 == 0 {
                 liar.comms.flush().unwrap();
-                seat.turn();
+                tested.turn();
             }
         }
         liar.comms.flush().unwrap();
-        while seat.turn() {}
+        while tested.turn() {}
     }
     for (key, lie) in plain_lies() {
         say(&mut liar, key, &lie);
         liar.comms.flush().unwrap();
-        while seat.turn() {}
+        while tested.turn() {}
     }
-    assert!(told > 1000 && !seat.rejected.is_empty(), "{told} told, {:?}", seat.rejected);
-    assert_well(element, &mut seat, &mut others);
+    assert!(told > 1000 && !tested.rejected.is_empty(), "{told} told, {:?}", tested.rejected);
+    assert_well(element, &mut tested, &mut others);
 }
 
 /// Lies that are there before an app is: some of each variable at once, again and again.
@@ -343,12 +343,12 @@ fn before_start(element: &str) {
         let plain: Vec<_> = plain_lies().into_iter().filter(right).collect();
         plain.iter().skip(round % 5).step_by(5).for_each(|(key, lie)| say(&mut liar, key, lie));
         liar.comms.flush().unwrap();
-        let (mut others, mut seat) = (Others::new(&broker), seat(&broker, element));
+        let (mut others, mut tested) = (Others::new(&broker), start(&broker, element));
         wait(|| {
-            others.settle(&mut seat, element);
+            others.settle(&mut tested, element);
             element != "Sensor" || others.heard.camera.is_some()
         });
-        assert_well(element, &mut seat, &mut others);
+        assert_well(element, &mut tested, &mut others);
     }
 }
 
@@ -431,17 +431,17 @@ fn what_is_long_or_empty_or_far_is_survived_live_and_before_the_start() {
         for live in [true, false] {
             let broker = broker();
             let mut liar = join(&broker, "liar");
-            let sitting = live.then(|| (Others::new(&broker), seat(&broker, element)));
+            let running = live.then(|| (Others::new(&broker), start(&broker, element)));
             for (key, lie) in long_lies() {
                 say(&mut liar, &key, &lie);
                 liar.comms.flush().unwrap();
             }
-            let (mut others, mut seat) = sitting.unwrap_or_else(|| (Others::new(&broker), seat(&broker, element)));
+            let (mut others, mut tested) = running.unwrap_or_else(|| (Others::new(&broker), start(&broker, element)));
             wait(|| {
-                others.settle(&mut seat, element);
+                others.settle(&mut tested, element);
                 element != "Sensor" || others.heard.camera.is_some()
             });
-            assert_well(element, &mut seat, &mut others);
+            assert_well(element, &mut tested, &mut others);
         }
     }
 }
@@ -456,13 +456,13 @@ fn values_of_another_type_that_were_first_reach_no_reader_and_do_not_keep_the_ri
         PLAIN.iter().filter(|key| **key != MOTION).for_each(|key| say(&mut liar, key, &Value::from("what")));
         say(&mut liar, MOTION, &Value::Double(1.0));
         liar.comms.flush().unwrap();
-        let (mut others, mut seat) = (Others::new(&broker), seat(&broker, element));
+        let (mut others, mut tested) = (Others::new(&broker), start(&broker, element));
         wait(|| {
-            others.settle(&mut seat, element);
+            others.settle(&mut tested, element);
             element != "Sensor" || others.heard.camera.is_some()
         });
-        assert!(seat.rejected.is_empty(), "{element}: {:?}", seat.rejected);
-        assert_well(element, &mut seat, &mut others);
+        assert!(tested.rejected.is_empty(), "{element}: {:?}", tested.rejected);
+        assert_well(element, &mut tested, &mut others);
     }
 }
 
@@ -490,7 +490,7 @@ apps! {
 
 /// A whole mission, with somebody in it who lies.
 struct Round {
-    seats: Vec<Seat>,
+    apps: Vec<TestedApp>,
     probe: Client,
     liar: Client,
     /// The last request of the controller, and the last command.
@@ -513,8 +513,8 @@ impl Round {
             probe.comms.register(key).unwrap();
         }
         probe.comms.flush().unwrap();
-        let seats = ["Sensor", "Filter", "Map", "Explorer", "Controller"].map(|element| seat(&broker, element)).into();
-        Self { seats, probe, liar, request: 0, command: 0, motion: None, exploration: None, sensor: None }
+        let apps = ["Sensor", "Filter", "Map", "Explorer", "Controller"].map(|element| start(&broker, element)).into();
+        Self { apps, probe, liar, request: 0, command: 0, motion: None, exploration: None, sensor: None }
     }
 
     /// Runs to the end; `lies` has what is said in each round. What it came to: ways, voxels, scans and contacts.
@@ -526,8 +526,8 @@ impl Round {
             }
             self.liar.comms.flush().unwrap();
             let before = self.command;
-            for seat in &mut self.seats {
-                seat.turn();
+            for tested in &mut self.apps {
+                tested.turn();
             }
             self.listen();
             idle = if self.command > before { 0 } else { idle + 1 };
@@ -546,7 +546,7 @@ impl Round {
 
     fn rejected(&self) -> BTreeMap<&str, usize> {
         let mut all = BTreeMap::new();
-        for (key, count) in self.seats.iter().flat_map(|seat| &seat.rejected) {
+        for (key, count) in self.apps.iter().flat_map(|tested| &tested.rejected) {
             *all.entry(key.as_str()).or_default() += count;
         }
         all
@@ -568,11 +568,11 @@ impl Round {
 
 /// What decodes, and contradicts what somebody knows.
 fn contradictions(request: u64, command: u64) -> Vec<(String, Value)> {
-    let mut stray = OccupancyGrid::new(0.25);
-    stray.set(Voxel::new(12_000, 12_000, 12_000), State::Free);
+    let mut outlier = OccupancyGrid::new(0.25);
+    outlier.set(Voxel::new(12_000, 12_000, 12_000), State::Free);
     let mut coarse = OccupancyGrid::new(0.5);
     coarse.set(Voxel::new(0, 0, 0), State::Free);
-    let far = MapUpdate { revision: 1_000_000, ..MapUpdate::new(stray.whole(), 1) };
+    let far = MapUpdate { revision: 1_000_000, ..MapUpdate::new(outlier.whole(), 1) };
     let plan = |points: Vec<Point3<f64>>, clearance_m: f64, revision: u64| {
         let path = messages::Path { points, target: Voxel::new(0, 0, 3), unknown: vec![], looks: vec![] };
         let scan_spacing_m = 0.01;

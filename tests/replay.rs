@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use common::lab::{Lab, hear, wait_for_time};
 use common::{Elk, kill};
@@ -130,8 +131,8 @@ impl App for Ticker {
         Ok(())
     }
 
-    fn tick_hz(&self) -> Option<f64> {
-        Some(20.0)
+    fn tick_period(&self) -> Option<Duration> {
+        Some(Duration::from_millis(50))
     }
 }
 

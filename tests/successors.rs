@@ -42,7 +42,7 @@ const LEASE_SECS: f64 = 1e9;
 const PATIENCE_ROUNDS: usize = 1000;
 
 /// An app's way up, which ends with the app's life.
-struct Mortal {
+struct KillableUplink {
     up: Box<dyn Uplink>,
     life: Rc<Life>,
     broker: MemoryBroker,
@@ -61,7 +61,7 @@ impl Life {
     }
 }
 
-impl Uplink for Mortal {
+impl Uplink for KillableUplink {
     /// A dead app's batch is lost, and what it does after that comes to nothing.
     fn send(&mut self, batch: &[u8]) -> Result<(), LinkError> {
         let was_over = self.life.is_over();
@@ -73,6 +73,10 @@ impl Uplink for Mortal {
             self.broker.kill(&self.name);
         }
         Err(LinkError::SharedMemory("killed".into()))
+    }
+
+    fn has_room(&self) -> bool {
+        self.up.has_room()
     }
 
     fn handled(&self) -> u64 {
@@ -96,17 +100,17 @@ impl Uplink for Mortal {
     }
 }
 
-/// An app in its place.
-struct Seat {
+/// An app of the mission, and its present instance.
+struct Slot {
     spec: AppSpec,
     /// Nobody, for as long as it takes.
-    sitter: Option<Sitter>,
-    /// Messages handled, and batches sent, by all who sat here.
+    instance: Option<Instance>,
+    /// Messages handled, and batches sent, by all instances.
     handled: u64,
     sent: u64,
 }
 
-struct Sitter {
+struct Instance {
     app: Box<dyn App>,
     client: Client,
     life: Rc<Life>,
@@ -114,18 +118,18 @@ struct Sitter {
 
 /// What becomes of an app.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Fate {
-    /// It is asked to stop after it has handled so many messages, counted over all who sat there.
+enum Termination {
+    /// It is asked to stop after it has handled so many messages, counted over all instances.
     Stopped { after: u64 },
-    /// It is killed with this batch on its lips.
+    /// It is killed while it sends this batch.
     Killed { at: u64 },
 }
 
-/// A change of sitters.
+/// A change of instances.
 #[derive(Debug, Clone)]
 struct Change {
-    seat: usize,
-    fate: Fate,
+    slot: usize,
+    termination: Termination,
     /// Whether the successor comes only when the others have nothing left to do.
     late: bool,
     /// Another type for the successor.
@@ -134,7 +138,7 @@ struct Change {
 
 /// What a mission came to.
 #[derive(Debug, Clone, PartialEq)]
-struct Outcome {
+struct MissionResult {
     motion: MotionReport,
     exploration: ExplorationReport,
     contacts: u64,
@@ -146,9 +150,9 @@ struct Outcome {
 /// A community with a mission in it.
 struct Table {
     broker: MemoryBroker,
-    /// How long the place of who died is kept (s).
+    /// How long the session of an app that died is kept (s).
     lease_secs: f64,
-    seats: Vec<Seat>,
+    slots: Vec<Slot>,
     probe: Client,
     motion: Option<MotionReport>,
     exploration: Option<ExplorationReport>,
@@ -164,7 +168,7 @@ fn join(broker: &MemoryBroker, who: &Introduction<'_>) -> (Client, Rc<Life>) {
     let mut link = broker.join(who).unwrap();
     let life = Rc::new(Life { sent: Cell::new(0), last: Cell::new(u64::MAX) });
     let (broker, name) = (broker.clone(), who.name.to_owned());
-    link.up = Box::new(Mortal { up: link.up, life: life.clone(), broker, name });
+    link.up = Box::new(KillableUplink { up: link.up, life: life.clone(), broker, name });
     (Client::over(link, who.name, &Community::new("successors").unwrap()), life)
 }
 
@@ -177,30 +181,30 @@ impl Table {
         probe.comms.register(&SENSOR_REPORT).unwrap();
         probe.comms.register(&MAP).unwrap();
         probe.comms.flush().unwrap();
-        let seat = |spec| Seat { spec, sitter: None, handled: 0, sent: 0 };
-        let seats = mission(MISSION).apps.into_iter().filter(|app| app.element != "Logger").map(seat).collect();
-        Self { broker, lease_secs, seats, probe, motion: None, exploration: None, sensor: None, map: None }
+        let slot = |spec| Slot { spec, instance: None, handled: 0, sent: 0 };
+        let slots = mission(MISSION).apps.into_iter().filter(|app| app.element != "Logger").map(slot).collect();
+        Self { broker, lease_secs, slots, probe, motion: None, exploration: None, sensor: None, map: None }
     }
 
-    /// Everybody who has no sitter gets one.
+    /// Everybody who has no instance gets one.
     fn begin(&mut self, to_come: &[Change]) {
-        let empty: Vec<usize> = (0..self.seats.len()).filter(|seat| self.seats[*seat].sitter.is_none()).collect();
-        empty.into_iter().for_each(|seat| self.sit(seat, to_come));
+        let empty: Vec<usize> = (0..self.slots.len()).filter(|slot| self.slots[*slot].instance.is_none()).collect();
+        empty.into_iter().for_each(|slot| self.start(slot, to_come));
     }
 
     /// Runs the mission to its end, through these changes; those that come are taken out.
-    fn run(&mut self, to_come: &mut Vec<Change>) -> Outcome {
+    fn run(&mut self, to_come: &mut Vec<Change>) -> MissionResult {
         self.go_on(to_come, |table| table.motion.is_some() && table.exploration.is_some());
         self.probe.comms.notify(MAP_REQUEST, 1.0).unwrap();
         self.probe.comms.flush().unwrap();
         self.map = None;
-        self.go_on(to_come, |table| table.map.is_some() && table.seats.iter().all(|seat| seat.sitter.is_some()));
+        self.go_on(to_come, |table| table.map.is_some() && table.slots.iter().all(|slot| slot.instance.is_some()));
         let mut map = self.map.take().unwrap();
         map.bricks.sort_by_key(|brick| brick.brick);
         let sensor = self.sensor.take().unwrap();
         let mut exploration = self.exploration.take().unwrap();
         exploration.cpu_secs.clear();
-        Outcome {
+        MissionResult {
             motion: self.motion.take().unwrap(),
             exploration,
             contacts: sensor.contacts.unwrap(),
@@ -221,38 +225,38 @@ impl Table {
         }
     }
 
-    /// Puts an app into its place.
-    fn sit(&mut self, at: usize, to_come: &[Change]) {
-        self.seats[at].sitter = Some(self.sitter(at, to_come));
+    /// Starts an instance of an app.
+    fn start(&mut self, at: usize, to_come: &[Change]) {
+        self.slots[at].instance = Some(self.instance(at, to_come));
     }
 
-    /// An app that is ready for its place. It dies when its time comes.
-    fn sitter(&self, at: usize, to_come: &[Change]) -> Sitter {
-        let seat = &self.seats[at];
-        let Program::Builtin(app_type, params) = &seat.spec.program else { panic!("{:?}", seat.spec) };
+    /// A new instance of an app. It dies when its time comes.
+    fn instance(&self, at: usize, to_come: &[Change]) -> Instance {
+        let slot = &self.slots[at];
+        let Program::Builtin(app_type, params) = &slot.spec.program else { panic!("{:?}", slot.spec) };
         let mut app = (app_type.build)(params).unwrap();
         let lease_secs = self.lease_secs;
-        let who = Introduction { lease_secs, succeeds: lease_secs > 0.0, ..Introduction::new(&seat.spec.name) };
+        let who = Introduction { lease_secs, succeeds: lease_secs > 0.0, ..Introduction::new(&slot.spec.name) };
         let (mut client, life) = join(&self.broker, &who);
-        let end = to_come.iter().find_map(|change| match change.fate {
-            Fate::Killed { at: batch } if change.seat == at => Some((batch - 1).saturating_sub(seat.sent)),
+        let end = to_come.iter().find_map(|change| match change.termination {
+            Termination::Killed { at: batch } if change.slot == at => Some((batch - 1).saturating_sub(slot.sent)),
             _ => None,
         });
         life.last.set(end.unwrap_or(u64::MAX));
         let up = app.on_start_up(&mut client.comms).and_then(|()| Ok(client.comms.flush()?));
         up.unwrap_or_else(|error| assert!(life.is_over(), "{error}"));
-        Sitter { app, client, life }
+        Instance { app, client, life }
     }
 
     /// Everybody takes one turn; whether anybody had anything to do.
     fn round(&mut self, to_come: &mut Vec<Change>) -> bool {
         let mut moved = false;
-        for at in 0..self.seats.len() {
+        for at in 0..self.slots.len() {
             moved |= self.turn(at, to_come);
         }
         moved |= self.listen();
-        for at in 0..self.seats.len() {
-            if self.seats[at].sitter.is_none() && (!moved || !to_come.iter().any(|c| c.seat == at && c.late)) {
+        for at in 0..self.slots.len() {
+            if self.slots[at].instance.is_none() && (!moved || !to_come.iter().any(|c| c.slot == at && c.late)) {
                 self.succeed(at, to_come);
                 moved = true;
             }
@@ -262,13 +266,13 @@ impl Table {
 
     /// Kills an app between two messages.
     fn kill(&mut self, at: usize) {
-        let sitter = self.seats[at].sitter.take().unwrap();
-        sitter.life.last.set(0);
+        let instance = self.slots[at].instance.take().unwrap();
+        instance.life.last.set(0);
     }
 
     fn turn(&mut self, at: usize, to_come: &mut Vec<Change>) -> bool {
-        let seat = &mut self.seats[at];
-        let Some(Sitter { app, client, life }) = &mut seat.sitter else { return false };
+        let slot = &mut self.slots[at];
+        let Some(Instance { app, client, life }) = &mut slot.instance else { return false };
         let mut handled = 0;
         let on_mail = |comms: &mut elk_bus::Comms, mail: &Mail<'_>| {
             handled += 1;
@@ -276,15 +280,15 @@ impl Table {
         };
         let turn: Result<usize, AppError> = client.inbox.receive(&mut client.comms, Duration::ZERO, on_mail);
         let turn = turn.and_then(|_| app.iterate(&mut client.comms)).and_then(|()| Ok(client.comms.flush()?));
-        seat.handled += handled;
+        slot.handled += handled;
         if life.is_over() {
-            seat.sent += life.last.get() + 1;
-            seat.sitter = None;
+            slot.sent += life.last.get() + 1;
+            slot.instance = None;
             return true;
         }
         turn.unwrap();
         let is_stopped = |change: &Change| {
-            change.seat == at && matches!(change.fate, Fate::Stopped { after } if after <= seat.handled)
+            change.slot == at && matches!(change.termination, Termination::Stopped { after } if after <= slot.handled)
         };
         if let Some(change) = to_come.iter().find(|change| is_stopped(change)) {
             if self.lease_secs > 0.0 && !change.late {
@@ -293,39 +297,39 @@ impl Table {
             }
             let end = app.on_stop(&mut client.comms).and_then(|()| Ok(client.comms.flush()?));
             end.unwrap_or_else(|error| assert!(life.is_over(), "{error}"));
-            seat.sent += life.sent.get();
-            seat.sitter = None;
+            slot.sent += life.sent.get();
+            slot.instance = None;
         }
         handled > 0
     }
 
-    /// Puts a successor where nobody sits.
+    /// Starts a successor where no instance is left.
     fn succeed(&mut self, at: usize, to_come: &mut Vec<Change>) {
         self.change(at, to_come);
-        self.sit(at, to_come);
+        self.start(at, to_come);
     }
 
-    /// Puts a successor in the place of who sits there, who leaves when it is ready.
+    /// Starts a successor of an instance, which leaves when it is ready.
     fn hand_over(&mut self, at: usize, to_come: &mut Vec<Change>) {
         self.change(at, to_come);
-        let successor = self.sitter(at, to_come);
-        let seat = &mut self.seats[at];
-        let Some(Sitter { app, client, life }) = &mut seat.sitter else { panic!("nobody to succeed") };
+        let successor = self.instance(at, to_come);
+        let slot = &mut self.slots[at];
+        let Some(Instance { app, client, life }) = &mut slot.instance else { panic!("nobody to succeed") };
         // A successor that died on its way asks nobody to leave.
         if client.inbox.retiring() {
             let end = app.on_stop(&mut client.comms).and_then(|()| Ok(client.comms.flush()?));
             end.unwrap_or_else(|error| assert!(life.is_over(), "{error}"));
-            seat.sent += life.sent.get();
-            seat.sitter = None;
-            seat.sitter = Some(successor);
+            slot.sent += life.sent.get();
+            slot.instance = None;
+            slot.instance = Some(successor);
         }
     }
 
     /// Takes a change out of those to come.
     fn change(&mut self, at: usize, to_come: &mut Vec<Change>) {
-        let change = to_come.iter().position(|change| change.seat == at).unwrap();
+        let change = to_come.iter().position(|change| change.slot == at).unwrap();
         if let Some(type_) = to_come.remove(change).type_ {
-            self.seats[at].spec = swapped(&self.seats[at].spec, type_);
+            self.slots[at].spec = swapped(&self.slots[at].spec, type_);
         }
     }
 
@@ -348,45 +352,45 @@ fn swapped(spec: &AppSpec, type_: &str) -> AppSpec {
 }
 
 /// What the mission comes to if nothing happens, and how many messages each app handles and batches it sends.
-fn undisturbed() -> (Outcome, BTreeMap<usize, (u64, u64)>) {
+fn undisturbed() -> (MissionResult, BTreeMap<usize, (u64, u64)>) {
     let mut table = Table::new(0.0);
     table.begin(&[]);
-    let outcome = table.run(&mut Vec::new());
-    let counts = |(at, seat): (usize, &Seat)| {
-        let sent = seat.sent + seat.sitter.as_ref().map_or(0, |sitter| sitter.life.sent.get());
-        (at, (seat.handled, sent))
+    let result = table.run(&mut Vec::new());
+    let counts = |(at, slot): (usize, &Slot)| {
+        let sent = slot.sent + slot.instance.as_ref().map_or(0, |instance| instance.life.sent.get());
+        (at, (slot.handled, sent))
     };
-    (outcome, table.seats.iter().enumerate().map(counts).collect())
+    (result, table.slots.iter().enumerate().map(counts).collect())
 }
 
 /// Runs the mission with changes, at least one of which comes.
-fn disturbed(changes: &[Change], lease_secs: f64) -> Outcome {
+fn disturbed(changes: &[Change], lease_secs: f64) -> MissionResult {
     let (mut table, mut to_come) = (Table::new(lease_secs), changes.to_vec());
     table.begin(&to_come);
-    let outcome = table.run(&mut to_come);
+    let result = table.run(&mut to_come);
     assert!(to_come.len() < changes.len(), "nothing came of {changes:?}");
-    outcome
+    result
 }
 
-/// Runs the mission with changes, without leases and with; each outcome has to be `right`.
-fn assert_each(changes: &[Change], right: impl Fn(&Outcome) -> bool) {
+/// Runs the mission with changes, without leases and with; each result has to be `right`.
+fn assert_each(changes: &[Change], right: impl Fn(&MissionResult) -> bool) {
     for lease_secs in [0.0, LEASE_SECS] {
-        let outcome = disturbed(changes, lease_secs);
-        let Outcome { motion, exploration, contacts, scans, .. } = &outcome;
+        let result = disturbed(changes, lease_secs);
+        let MissionResult { motion, exploration, contacts, scans, .. } = &result;
         assert!(
-            right(&outcome),
+            right(&result),
             "{changes:?}, lease {lease_secs} s: {motion:?}, {exploration:?}, {contacts} contacts, {scans} scans"
         );
     }
 }
 
-fn is_complete(outcome: &Outcome) -> bool {
-    outcome.exploration.complete && outcome.contacts == 0 && outcome.motion.scans == outcome.scans
+fn is_complete(result: &MissionResult) -> bool {
+    result.exploration.complete && result.contacts == 0 && result.motion.scans == result.scans
 }
 
 /// One change, at once and late.
-fn each(seat: usize, fate: Fate, type_: Option<&'static str>) -> [[Change; 1]; 2] {
-    [false, true].map(|late| [Change { seat, fate, late, type_ }])
+fn each(slot: usize, termination: Termination, type_: Option<&'static str>) -> [[Change; 1]; 2] {
+    [false, true].map(|late| [Change { slot, termination, late, type_ }])
 }
 
 #[test]
@@ -399,10 +403,10 @@ fn an_undisturbed_mission_is_the_same_every_time() {
 #[test]
 fn every_app_is_exchanged_at_every_message() {
     let (expected, counts) = undisturbed();
-    for (seat, (handled, _)) in counts {
+    for (slot, (handled, _)) in counts {
         for after in 0..=handled {
-            for change in each(seat, Fate::Stopped { after }, None) {
-                assert_each(&change, |outcome| *outcome == expected);
+            for change in each(slot, Termination::Stopped { after }, None) {
+                assert_each(&change, |result| *result == expected);
             }
         }
     }
@@ -411,12 +415,12 @@ fn every_app_is_exchanged_at_every_message() {
 #[test]
 fn every_app_is_killed_with_every_batch_on_its_lips() {
     let (expected, counts) = undisturbed();
-    for (seat, (_, sent)) in counts {
+    for (slot, (_, sent)) in counts {
         for at in 1..=sent {
-            for change in each(seat, Fate::Killed { at }, None) {
-                assert_each(&change, |outcome| match seat {
-                    MAP_APP => is_complete(outcome),
-                    _ => *outcome == expected,
+            for change in each(slot, Termination::Killed { at }, None) {
+                assert_each(&change, |result| match slot {
+                    MAP_APP => is_complete(result),
+                    _ => *result == expected,
                 });
             }
         }
@@ -427,9 +431,9 @@ fn every_app_is_killed_with_every_batch_on_its_lips() {
 fn another_strategy_goes_on_at_every_message() {
     let (_, counts) = undisturbed();
     for after in 0..=counts[&EXPLORER].0 {
-        for change in each(EXPLORER, Fate::Stopped { after }, Some("Potential")) {
-            assert_each(&change, |outcome| {
-                is_complete(outcome) && (after > 0 || outcome.exploration.explorer == "Potential")
+        for change in each(EXPLORER, Termination::Stopped { after }, Some("Potential")) {
+            assert_each(&change, |result| {
+                is_complete(result) && (after > 0 || result.exploration.explorer == "Potential")
             });
         }
     }
@@ -439,7 +443,7 @@ fn another_strategy_goes_on_at_every_message() {
 fn another_filter_goes_on_at_every_message() {
     let (_, counts) = undisturbed();
     for after in 0..=counts[&FILTER].0 {
-        for change in each(FILTER, Fate::Stopped { after }, Some("VoxelGrid")) {
+        for change in each(FILTER, Termination::Stopped { after }, Some("VoxelGrid")) {
             assert_each(&change, is_complete);
         }
     }
@@ -453,14 +457,14 @@ fn a_map_that_nobody_has_a_copy_of_is_explored_again() {
         let mut table = Table::new(lease_secs);
         table.begin(&[]);
         assert!((0..20).all(|_| table.round(&mut Vec::new())));
-        for seat in [MAP_APP, EXPLORER, CONTROLLER] {
-            table.kill(seat);
+        for slot in [MAP_APP, EXPLORER, CONTROLLER] {
+            table.kill(slot);
         }
         table.begin(&[]);
-        let outcome = table.run(&mut Vec::new());
-        assert!(is_complete(&outcome), "{outcome:?}");
-        assert!(outcome.map.revision > outcome.scans, "its revisions go on behind the lost ones: {outcome:?}");
-        assert!(outcome.scans > expected.scans, "{} scans", outcome.scans);
+        let result = table.run(&mut Vec::new());
+        assert!(is_complete(&result), "{result:?}");
+        assert!(result.map.revision > result.scans, "its revisions go on behind the lost ones: {result:?}");
+        assert!(result.scans > expected.scans, "{} scans", result.scans);
     }
 }
 
@@ -475,13 +479,13 @@ impl Dice {
     }
 
     fn change(&mut self, counts: &BTreeMap<usize, (u64, u64)>) -> Change {
-        let seat = self.below(counts.len() as u64) as usize;
-        let (handled, sent) = counts[&seat];
-        let fate = match self.below(2) {
-            0 => Fate::Stopped { after: self.below(handled) },
-            _ => Fate::Killed { at: 1 + self.below(sent) },
+        let slot = self.below(counts.len() as u64) as usize;
+        let (handled, sent) = counts[&slot];
+        let termination = match self.below(2) {
+            0 => Termination::Stopped { after: self.below(handled) },
+            _ => Termination::Killed { at: 1 + self.below(sent) },
         };
-        Change { seat, fate, late: self.below(2) == 0, type_: None }
+        Change { slot, termination, late: self.below(2) == 0, type_: None }
     }
 }
 
@@ -492,10 +496,11 @@ fn whatever_happens_to_three_apps_the_mission_completes() {
     let mut dice = Dice(1);
     for _ in 0..150 {
         let changes: Vec<Change> = (0..3).map(|_| dice.change(&counts)).collect();
-        let map_is_killed = changes.iter().any(|c| c.seat == MAP_APP && matches!(c.fate, Fate::Killed { .. }));
-        assert_each(&changes, |outcome| match map_is_killed {
-            true => is_complete(outcome),
-            false => *outcome == expected,
+        let map_is_killed =
+            changes.iter().any(|c| c.slot == MAP_APP && matches!(c.termination, Termination::Killed { .. }));
+        assert_each(&changes, |result| match map_is_killed {
+            true => is_complete(result),
+            false => *result == expected,
         });
     }
 }

@@ -42,7 +42,7 @@ fn write_log(path: &Path, messages: &[(&str, f64)]) {
 }
 
 /// A replay in a terminal, and somebody who hears it.
-struct Stage {
+struct Playback {
     /// Holds the log, which a jump opens again.
     _elk: Elk,
     lab: Lab,
@@ -51,13 +51,13 @@ struct Stage {
     heard: usize,
 }
 
-impl Stage {
+impl Playback {
     /// Plays a log in a terminal of so many columns.
     fn new(test: &str, messages: &[(&str, f64)], columns: u16) -> Self {
-        let stage = Self::with(test, messages, |elk| Terminal::start(replay(elk), columns));
-        stage.terminal.wait_until("a bar", |shown| !bars(shown).is_empty());
-        assert!(!stage.terminal.is_as_before(), "keys come one by one");
-        stage
+        let playback = Self::with(test, messages, |elk| Terminal::start(replay(elk), columns));
+        playback.terminal.wait_until("a bar", |shown| !bars(shown).is_empty());
+        assert!(!playback.terminal.is_as_before(), "keys come one by one");
+        playback
     }
 
     fn with(test: &str, messages: &[(&str, f64)], start: impl FnOnce(&Elk) -> Terminal) -> Self {
@@ -134,37 +134,37 @@ fn last_bar(shown: &str) -> &str {
 
 #[test]
 fn every_key_does_what_the_help_says() {
-    let mut stage = Stage::new("keys", &counts(), 100);
-    assert!(stage.terminal.shown().contains("space pauses, . steps"));
-    assert_eq!(stage.hear(1)[0], 0.0);
-    stage.press(" ", " s at 1x, paused, ");
-    stage.press("+++", " s at 8x, paused, ");
-    stage.press("-", " s at 4x, paused, ");
-    stage.let_pass(2);
-    stage.hear_rest();
-    assert_eq!(stage.listen(), [0.0; 0], "it stands still");
+    let mut playback = Playback::new("keys", &counts(), 100);
+    assert!(playback.terminal.shown().contains("space pauses, . steps"));
+    assert_eq!(playback.hear(1)[0], 0.0);
+    playback.press(" ", " s at 1x, paused, ");
+    playback.press("+++", " s at 8x, paused, ");
+    playback.press("-", " s at 4x, paused, ");
+    playback.let_pass(2);
+    playback.hear_rest();
+    assert_eq!(playback.listen(), [0.0; 0], "it stands still");
 
-    let here = stage.step();
-    assert_eq!(stage.step(), here + 1.0);
-    stage.press("\x1b[C", &format!("{:.1} / 39.5 s at 4x, paused", (here + 1.0) * 0.5 + 5.0));
-    assert_eq!(stage.step(), here + 11.0, "ten messages are skipped");
-    stage.press("\x1b[D", &format!("{:.1} / 39.5 s at 4x, paused", (here + 11.0) * 0.5 - 5.0));
-    assert_eq!(stage.step(), here + 1.0, "and what was heard is heard again");
-    stage.press("\x1b[H", "] 0.0 / 39.5 s at 4x, paused");
-    stage.press("\x1b[D", "] 0.0 / 39.5 s at 4x, paused");
-    assert_eq!(stage.step(), 0.0);
+    let here = playback.step();
+    assert_eq!(playback.step(), here + 1.0);
+    playback.press("\x1b[C", &format!("{:.1} / 39.5 s at 4x, paused", (here + 1.0) * 0.5 + 5.0));
+    assert_eq!(playback.step(), here + 11.0, "ten messages are skipped");
+    playback.press("\x1b[D", &format!("{:.1} / 39.5 s at 4x, paused", (here + 11.0) * 0.5 - 5.0));
+    assert_eq!(playback.step(), here + 1.0, "and what was heard is heard again");
+    playback.press("\x1b[H", "] 0.0 / 39.5 s at 4x, paused");
+    playback.press("\x1b[D", "] 0.0 / 39.5 s at 4x, paused");
+    assert_eq!(playback.step(), 0.0);
 
-    stage.terminal.press(" ");
-    let on = stage.hear(3);
+    playback.terminal.press(" ");
+    let on = playback.hear(3);
     assert_eq!(on[..3], [1.0, 2.0, 3.0]);
-    stage.terminal.wait_until("that it goes on", |shown| !last_bar(shown).contains("paused"));
-    stage.terminal.press("q");
-    let (status, shown) = stage.terminal.end();
+    playback.terminal.wait_until("that it goes on", |shown| !last_bar(shown).contains("paused"));
+    playback.terminal.press("q");
+    let (status, shown) = playback.terminal.end();
     assert_eq!(status.code(), Some(0), "{shown}");
-    let said = stage.heard + stage.lab.hear_rest().len();
+    let said = playback.heard + playback.lab.hear_rest().len();
     assert!(last_bar(&shown).starts_with("[#") && last_bar(&shown).ends_with(&format!(", {said} messages")), "{shown}");
     assert!(shown.contains(&format!("\x1b[K\r\n{said} messages, ")), "the last line is one of its own: {shown:?}");
-    stage.lab.end();
+    playback.lab.end();
 }
 
 #[test]
@@ -174,41 +174,41 @@ fn the_communitys_clock_stands_still_with_the_replay_and_jumps_with_it() {
         command.arg("--clock");
         Terminal::start(command, 100)
     };
-    let mut stage = Stage::with("clock", &counts(), with_clock);
-    stage.hear(2);
-    stage.press(" ", "paused");
-    stage.listen();
-    let here = stage.time();
+    let mut playback = Playback::with("clock", &counts(), with_clock);
+    playback.hear(2);
+    playback.press(" ", "paused");
+    playback.listen();
+    let here = playback.time();
     assert!((0.5..39.5).contains(&here), "{here}");
-    stage.listen();
-    assert_eq!(stage.time(), here, "it stands still");
+    playback.listen();
+    assert_eq!(playback.time(), here, "it stands still");
     for (key, time) in [("\x1b[C", here + 5.0), ("\x1b[D", here), ("\x1b[H", 0.0)] {
-        stage.press(key, &format!("] {time:.1} / 39.5 s"));
-        stage.listen();
-        assert!((stage.time() - time).abs() < 1e-6, "{} is not {time}", stage.time());
+        playback.press(key, &format!("] {time:.1} / 39.5 s"));
+        playback.listen();
+        assert!((playback.time() - time).abs() < 1e-6, "{} is not {time}", playback.time());
     }
-    stage.terminal.press(" ");
-    stage.hear(2);
-    assert!((0.5..39.5).contains(&stage.time()), "it goes on: {}", stage.time());
-    stage.terminal.press("q");
-    stage.terminal.end();
-    wait_for_time(&mut stage.lab.listener, |time| time > 1e9);
-    stage.lab.end();
+    playback.terminal.press(" ");
+    playback.hear(2);
+    assert!((0.5..39.5).contains(&playback.time()), "it goes on: {}", playback.time());
+    playback.terminal.press("q");
+    playback.terminal.end();
+    wait_for_time(&mut playback.lab.listener, |time| time > 1e9);
+    playback.lab.end();
 }
 
 /// The program's end in a terminal that is its session's, by a key or a signal, from standing still or not.
 #[test]
 fn whatever_ends_it_the_terminal_is_as_it_was() {
     for (number, end) in ["q", " q", "\x03", " \x03", "SIGTERM", "SIGINT"].into_iter().enumerate() {
-        let mut stage = Stage::new(&format!("end-{number}"), &counts(), 100);
+        let mut playback = Playback::new(&format!("end-{number}"), &counts(), 100);
         match end {
-            "SIGTERM" => kill(stage.terminal.program.id() as i32, Signal::TERM),
-            "SIGINT" => kill(stage.terminal.program.id() as i32, Signal::INT),
-            keys => stage.terminal.press(keys),
+            "SIGTERM" => kill(playback.terminal.program.id() as i32, Signal::TERM),
+            "SIGINT" => kill(playback.terminal.program.id() as i32, Signal::INT),
+            keys => playback.terminal.press(keys),
         }
-        let (status, shown) = stage.terminal.end();
+        let (status, shown) = playback.terminal.end();
         assert!(status.success() && shown.contains(" dropped by clients that did not keep up\r\n"), "{end:?}: {shown}");
-        stage.lab.end();
+        playback.lab.end();
     }
 }
 
@@ -216,35 +216,35 @@ fn whatever_ends_it_the_terminal_is_as_it_was() {
 #[test]
 fn a_shell_has_its_terminal_back_while_the_replay_is_stopped() {
     let script = "set -m; \"$@\"; echo stopped; read line; fg; echo over $?";
-    let mut stage = Stage::with("stopped", &counts(), |elk| Terminal::start(in_a_shell(script, elk), 100));
-    stage.press(" ", "paused");
-    stage.terminal.press("\x1a");
-    stage.terminal.wait_until("the shell", |shown| shown.contains("stopped\r\n"));
-    assert!(stage.terminal.is_as_before(), "the shell has its own settings");
-    stage.hear_rest();
-    stage.terminal.press("now\n");
-    stage.terminal.wait_until("the shell's answer", |shown| shown.contains("now\r\n"));
-    stage.press("+", " s at 2x, paused");
-    assert!(!stage.terminal.is_as_before());
-    stage.step();
-    stage.terminal.press(" ");
-    stage.hear(1);
-    stage.terminal.press("q");
-    stage.terminal.wait_until("the end", |shown| shown.contains("over 0\r\n"));
-    stage.terminal.end();
-    stage.lab.end();
+    let mut playback = Playback::with("stopped", &counts(), |elk| Terminal::start(in_a_shell(script, elk), 100));
+    playback.press(" ", "paused");
+    playback.terminal.press("\x1a");
+    playback.terminal.wait_until("the shell", |shown| shown.contains("stopped\r\n"));
+    assert!(playback.terminal.is_as_before(), "the shell has its own settings");
+    playback.hear_rest();
+    playback.terminal.press("now\n");
+    playback.terminal.wait_until("the shell's answer", |shown| shown.contains("now\r\n"));
+    playback.press("+", " s at 2x, paused");
+    assert!(!playback.terminal.is_as_before());
+    playback.step();
+    playback.terminal.press(" ");
+    playback.hear(1);
+    playback.terminal.press("q");
+    playback.terminal.wait_until("the end", |shown| shown.contains("over 0\r\n"));
+    playback.terminal.end();
+    playback.lab.end();
 }
 
 /// Who only wants to hear a log puts it into the background, and goes on working.
 #[test]
 fn in_the_background_it_plays_to_the_end_and_leaves_the_terminal_alone() {
     let script = "set -m; \"$@\" --rate 20 & wait $!; echo over $?";
-    let stage = Stage::with("background", &counts(), |elk| Terminal::start(in_a_shell(script, elk), 100));
-    assert!(stage.terminal.is_as_before());
-    stage.terminal.wait_until("the end", |shown| shown.contains("over 0\r\n"));
-    let (_, shown) = stage.terminal.end();
+    let playback = Playback::with("background", &counts(), |elk| Terminal::start(in_a_shell(script, elk), 100));
+    assert!(playback.terminal.is_as_before());
+    playback.terminal.wait_until("the end", |shown| shown.contains("over 0\r\n"));
+    let (_, shown) = playback.terminal.end();
     assert!(shown.contains("80 messages, ") && bars(&shown).is_empty(), "{shown}");
-    stage.lab.end();
+    playback.lab.end();
 }
 
 fn in_a_shell(script: &str, elk: &Elk) -> Command {
@@ -256,43 +256,43 @@ fn in_a_shell(script: &str, elk: &Elk) -> Command {
 
 #[test]
 fn it_ends_when_its_window_is_closed() {
-    let mut stage = Stage::new("closed", &counts(), 100);
-    stage.terminal.press(" ");
-    assert_eq!(stage.terminal.close().code(), Some(1), "in good order, as at SIGTERM; nobody sees its last words");
-    stage.lab.end();
+    let mut playback = Playback::new("closed", &counts(), 100);
+    playback.terminal.press(" ");
+    assert_eq!(playback.terminal.close().code(), Some(1), "in good order, as at SIGTERM; nobody sees its last words");
+    playback.lab.end();
     // Whom no signal tells sees it at the next look.
     let start = |elk: &Elk| Terminal::start_without_session(replay(elk), 100);
-    let mut stage = Stage::with("closed-unheard", &counts(), start);
-    stage.terminal.press(" ");
-    stage.terminal.wait_until("a bar", |shown| last_bar(shown).contains("paused"));
-    assert_eq!(stage.terminal.close().code(), Some(1), "nobody sees its last words");
-    stage.lab.end();
+    let mut playback = Playback::with("closed-unheard", &counts(), start);
+    playback.terminal.press(" ");
+    playback.terminal.wait_until("a bar", |shown| last_bar(shown).contains("paused"));
+    assert_eq!(playback.terminal.close().code(), Some(1), "nobody sees its last words");
+    playback.lab.end();
 }
 
 #[test]
 fn the_bar_stays_within_a_narrow_window() {
-    let mut stage = Stage::new("narrow", &counts(), 40);
+    let mut playback = Playback::new("narrow", &counts(), 40);
     let longest = |shown: &str| bars(shown).iter().map(|bar| bar.len()).max();
-    stage.press(" ", "paused");
-    assert!(longest(&stage.terminal.shown()) < Some(40), "{}", stage.terminal.shown());
-    stage.terminal.resize(20);
-    stage.let_pass(2);
-    assert!(last_bar(&stage.terminal.shown()).len() == 19, "{}", stage.terminal.shown());
-    stage.terminal.press("q");
-    assert!(stage.terminal.end().0.success());
-    stage.lab.end();
+    playback.press(" ", "paused");
+    assert!(longest(&playback.terminal.shown()) < Some(40), "{}", playback.terminal.shown());
+    playback.terminal.resize(20);
+    playback.let_pass(2);
+    assert!(last_bar(&playback.terminal.shown()).len() == 19, "{}", playback.terminal.shown());
+    playback.terminal.press("q");
+    assert!(playback.terminal.end().0.success());
+    playback.lab.end();
 }
 
 #[test]
 fn one_message_is_a_log_as_well_and_one_that_ends_before_the_first_is_no_failure() {
-    let stage = Stage::with("one", &[("COUNT", 5.0)], |elk| Terminal::start(replay(elk), 100));
-    let (status, shown) = stage.terminal.end();
+    let playback = Playback::with("one", &[("COUNT", 5.0)], |elk| Terminal::start(replay(elk), 100));
+    let (status, shown) = playback.terminal.end();
     let bar = format!("[{}] 0.0 / 0.0 s at 1x, 1 messages", "#".repeat(30));
     assert!(status.success() && last_bar(&shown) == bar, "{shown}");
-    stage.lab.end();
-    let mut stage = Stage::new("none", &[("DB_TIME", 0.0), ("COUNT", 1000.0)], 100);
-    stage.terminal.press("q");
-    let (status, shown) = stage.terminal.end();
+    playback.lab.end();
+    let mut playback = Playback::new("none", &[("DB_TIME", 0.0), ("COUNT", 1000.0)], 100);
+    playback.terminal.press("q");
+    let (status, shown) = playback.terminal.end();
     assert!(status.success() && shown.contains("\n0 messages, "), "{shown}");
-    stage.lab.end();
+    playback.lab.end();
 }

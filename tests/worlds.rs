@@ -163,7 +163,7 @@ fn a_sensor_says_at_its_start_that_its_world_is_open() {
 
 /// Case 6. Regression: 82.27 % where the walls lie on the faces of voxels, and 100 % three centimetres beside them.
 #[test]
-fn the_same_room_is_judged_the_same_wherever_it_lies() {
+fn the_same_room_is_evaluated_the_same_wherever_it_lies() {
     let elk = Elk::new("same-room");
     let text = std::fs::read_to_string(case("rooms-quads")).unwrap();
     for (name, offset) in [("0", 0.0), ("3", 0.03), ("5", 0.05)] {

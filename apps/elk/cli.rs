@@ -10,6 +10,7 @@ use elk_launcher::Request;
 use crate::arguments::{AppArgs, AttachArgs, BrokerArgs, CommunityArgs, LaunchArgs, MissionArgs};
 use crate::compare::{self, CompareArgs};
 use crate::log::{self, LogCommand};
+use crate::mapfile::{self, MapFileCommand};
 use crate::new::{self, NewArgs};
 use crate::replay::{self, ReplayArgs};
 use crate::scope::{self, ScopeCommand};
@@ -135,6 +136,11 @@ commands! {
                             elk world check room.obj --scale 0.5 --start '0.5; 0.5; 0.4'")]
     #[command(subcommand)]
     World(arguments: WorldCommand) => world::run(arguments);
+    /// Look into the files of maps, and make one of another
+    #[command(after_help = "Example: elk mapfile info logs/apartment-20261123-224512/map.bt\n         \
+                            elk mapfile convert logs/apartment-20261123-224512/map.bt -o apartment.ot")]
+    #[command(subcommand)]
+    Mapfile(arguments: MapFileCommand) => mapfile::run(arguments);
     /// Draw plan and section of a run into its folder
     #[command(after_help = "Example: elk picture logs/apartment-20261123-224512")]
     Picture(arguments: PictureArgs) => commands::picture(&arguments.run);
@@ -194,8 +200,9 @@ mod tests {
         command.clone().debug_assert();
         let log = command.find_subcommand("log").unwrap();
         let world = command.find_subcommand("world").unwrap();
+        let mapfile = command.find_subcommand("mapfile").unwrap();
         for (group, one) in
-            [log, world].into_iter().flat_map(|group| group.get_subcommands().map(move |one| (group, one)))
+            [log, mapfile, world].into_iter().flat_map(|group| group.get_subcommands().map(move |one| (group, one)))
         {
             let help = one.get_after_help().map(|help| help.to_string()).unwrap_or_default();
             let name = format!("elk {} {}", group.get_name(), one.get_name());

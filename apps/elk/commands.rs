@@ -5,7 +5,7 @@ use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, anyhow, bail};
 use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker, tell};
-use elk_launcher::{AttachOptions, Deputy, LaunchOptions, Outcome, end_orphans};
+use elk_launcher::{AttachOptions, FinishedRun, LaunchOptions, StandbyGuard, end_leftovers};
 use elk_mission::{AppType, Mission, Registry, describe, element, instead};
 use elk_outside::colour::{self, Style};
 use elk_outside::text;
@@ -15,7 +15,7 @@ use crate::arguments::{AppArgs, AttachArgs, BrokerArgs, LaunchArgs, MissionArgs}
 use crate::missions;
 use crate::registry::registry;
 use crate::terminal::{print_table, say, show};
-use crate::version::REVISION;
+use crate::version::{BUILD, REVISION};
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
@@ -87,29 +87,29 @@ fn itself() -> Result<PathBuf> {
     std::env::current_exe().context("elk does not know where it is itself")
 }
 
-fn conclude(outcome: Outcome) -> Result<ExitCode> {
-    report(&outcome)?;
-    if let Some(error) = outcome.unwritten {
+fn conclude(run: FinishedRun) -> Result<ExitCode> {
+    report(&run)?;
+    if let Some(error) = run.unwritten {
         return Err(error.into());
     }
-    Ok(if outcome.summary.complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(if run.summary.complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-fn report(outcome: &Outcome) -> Result<()> {
-    let (colours, summary) = (colour::on(&std::io::stdout()), outcome.summary.to_string());
+fn report(run: &FinishedRun) -> Result<()> {
+    let (colours, summary) = (colour::on(&std::io::stdout()), run.summary.to_string());
     let (head, rest) = summary.split_once('\n').unwrap_or((&summary, ""));
-    let style = if outcome.summary.complete { Style::Good } else { Style::Bad };
+    let style = if run.summary.complete { Style::Good } else { Style::Bad };
     show(&format!("{}\n{}", style.paint(&text::printable(head), colours), text::printable_lines(rest)))?;
-    match &outcome.picture {
+    match &run.picture {
         Some(Ok(picture)) => say(&format!("  picture {}\n", picture.display()))?,
         Some(Err(error)) => say(&format!("  no picture: {error}\n"))?,
         None => {}
     }
-    let elsewhere = outcome.elsewhere.iter().map(|(said, file)| format!("{} ({said})", file.display()));
+    let elsewhere = run.elsewhere.iter().map(|(said, file)| format!("{} ({said})", file.display()));
     let elsewhere = elsewhere.collect::<Vec<_>>().join(" and ");
     let but = if elsewhere.is_empty() { String::new() } else { format!(", but {elsewhere}") };
-    say(&format!("  all of it is in {}{but}\n", outcome.folder.display()))?;
-    match &outcome.summary {
+    say(&format!("  all of it is in {}{but}\n", run.folder.display()))?;
+    match &run.summary {
         summary if summary.complete => Ok(()),
         // What matters most comes last, where it is seen.
         summary => say(&format!("NOT complete: {}\n", summary.reason)),
@@ -165,13 +165,13 @@ fn of_element(registry: &Registry, element: &str) -> Result<Registry> {
 /// `elk db`
 pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
     let community = arguments.community.community;
-    let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((arguments.mailbox as usize) << 20);
-    let deputy = Deputy::of_launcher();
-    end_orphans(&community).into_iter().for_each(|said| tell(format_args!("elk db: {said}")));
+    let config = BrokerConfig::new(community.as_str()).with_mailbox_bytes((arguments.mailbox as usize) << 20);
+    let standby = StandbyGuard::of_launcher();
+    end_leftovers(&community).into_iter().for_each(|said| tell(format_args!("elk db: {said}")));
     let served = serve_broker(community, config, Clock::new(1.0));
     // What is left is ended all the same.
-    if let Some(deputy) = deputy {
-        deputy.stand_in();
+    if let Some(standby) = standby {
+        standby.take_over();
     }
     served?;
     Ok(ExitCode::SUCCESS)
@@ -183,7 +183,8 @@ pub fn app(element: &str, arguments: AppArgs) -> Result<ExitCode> {
     let params = app_type.check(&arguments.settings, Path::new(""))?;
     let name = arguments.name.unwrap_or_else(|| element.to_owned());
     let app = (app_type.build)(&params).map_err(|error| anyhow!("{name}: {error}"))?;
-    run_app(app, &RunOptions::new(name, arguments.community.community).as_launched()?)?;
+    let options = RunOptions::new(name, arguments.community.community).of_build(BUILD);
+    run_app(app, &options.as_launched()?)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -172,12 +172,12 @@ fn compare(first: &Path, second: &Path, options: &DiffOptions) -> Result<ExitCod
         return Ok(ExitCode::SUCCESS);
     };
     let mut said = format!("different, after {same} messages that are the same\n");
-    let Difference { key, source, number, first: one, second: other, place } = earliest;
+    let Difference { key, source, number, first: one, second: other, divergence } = earliest;
     let (key, source) = (text::name(key), text::name(source));
     let _ = writeln!(said, "first: {key} by {source}, its message {number}, at {:.6} s", earliest.time());
-    if let Some(place) = place {
-        let at = if place.path.is_empty() { "value" } else { &place.path };
-        let _ = writeln!(said, "  {at}: {} became {}", brief(&place.first), brief(&place.second));
+    if let Some(divergence) = divergence {
+        let at = if divergence.path.is_empty() { "value" } else { &divergence.path };
+        let _ = writeln!(said, "  {at}: {} became {}", brief(&divergence.first), brief(&divergence.second));
     }
     let _ = writeln!(said, "  {}: {}", first.display(), side(one.as_ref()));
     let _ = writeln!(said, "  {}: {}", second.display(), side(other.as_ref()));

@@ -9,6 +9,7 @@ mod compare;
 mod control;
 mod log;
 mod manual;
+mod mapfile;
 mod missions;
 mod new;
 mod prune;

@@ -151,21 +151,21 @@ fn run_into(arguments: ReplayArgs, mission: &Path) -> Result<ExitCode> {
 }
 
 fn report_reproduced(log: &Path, done: &Reproduced) -> Result<ExitCode> {
-    let Reproduced { folder, played, outputs } = done;
+    let Reproduced { folder, played, streams } = done;
     if *played == 0 {
         bail!("{}", elk_replay::ReplayError::Nothing(log.into()));
     }
     let mut said = format!("{played} recorded messages played; said by the live apps:\n");
-    for output in outputs {
-        let elk_replay::reproduce::Output { key, source, recorded, live } = output;
+    for stream in streams {
+        let elk_replay::reproduce::StreamCount { key, source, recorded, live } = stream;
         let (key, source) = (text::name(key), text::name(source));
         said += &format!("  {key:<20} {source:<12} {live:>7} of {recorded}\n");
     }
     said += &format!("the new run is in {}\n", folder.display());
-    let keys: Vec<String> = outputs.iter().map(|output| format!(" --keys {}", output.key)).collect();
+    let keys: Vec<String> = streams.iter().map(|stream| format!(" --keys {}", stream.key)).collect();
     said += &format!("compare: elk log diff {} {}{}\n", log.display(), folder.display(), keys.concat());
     say(&said)?;
-    let complete = outputs.iter().all(|output| output.live == output.recorded);
+    let complete = streams.iter().all(|stream| stream.live == stream.recorded);
     Ok(if complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

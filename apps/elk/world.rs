@@ -109,7 +109,8 @@ fn point(text: &str) -> Result<Point3<f64>, String> {
     }
 }
 
-fn resolution(text: &str) -> Result<f64, String> {
+/// The edge of a voxel, in metres.
+pub fn resolution(text: &str) -> Result<f64, String> {
     number(text, "m", &RESOLUTIONS_M)
 }
 

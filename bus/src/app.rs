@@ -1,5 +1,6 @@
 //! The app framework: MOOS' three callbacks, driven by mail or by a tick.
 
+use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -7,13 +8,11 @@ use crate::broker::table;
 use crate::client::Client;
 use crate::clock::{Stopwatch, process_cpu_secs};
 use crate::comms::{Comms, CommsError};
+use crate::failure::{AppError, write_words};
 use crate::inbox::Inbox;
 use crate::mail::Mail;
 use crate::stop::Insistence;
 use crate::wire;
-
-/// What an app may fail with.
-pub type AppError = Box<dyn std::error::Error + Send + Sync>;
 
 /// An app: what it does when it starts, with each message, and at its tick.
 ///
@@ -56,8 +55,9 @@ pub trait App: Send {
         Ok(())
     }
 
-    /// How often [`App::iterate`] is called (Hz); `None`: never, the app is driven by mail alone.
-    fn tick_hz(&self) -> Option<f64> {
+    /// Time between two calls of [`App::iterate`], of the community's clock; `None`: it is never called, the app is driven by
+    /// mail alone.
+    fn tick_period(&self) -> Option<Duration> {
         None
     }
 
@@ -89,6 +89,12 @@ pub enum RunError {
     /// Signals cannot be caught.
     #[error("signals cannot be caught: {0}")]
     Signals(std::io::Error),
+}
+
+impl fmt::Debug for RunError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_words(f, self)
+    }
 }
 
 /// How often `<APP>_STATUS` is published, as in MOOS.
@@ -218,7 +224,7 @@ struct Beat {
 
 impl Beat {
     fn new(app: &dyn App, comms: &Comms) -> Self {
-        let period_secs = app.tick_hz().filter(|hz| *hz > 0.0).map(|hz| 1.0 / hz);
+        let period_secs = app.tick_period().filter(|period| !period.is_zero()).map(|period| period.as_secs_f64());
         Self { period_secs, next_tick: comms.time(), next_status: Duration::ZERO, running: Stopwatch::start() }
     }
 
@@ -289,7 +295,7 @@ mod tests {
         }
 
         fn on_new_mail(&mut self, _: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-            Ok(self.0.send(mail.as_double().unwrap_or_default())?)
+            Ok(self.0.send(mail.number()?)?)
         }
 
         fn gathering(&self) -> Option<Duration> {
@@ -371,8 +377,8 @@ mod tests {
         let mut words = Vec::new();
         speaker
             .receive(Duration::ZERO, |mail| match mail.key() {
-                rejection::REJECTED => words.push(mail.as_text().unwrap_or_default().to_owned()),
-                "DRIVER_STATUS" => words.push(mail.as_text().unwrap_or_default().to_owned()),
+                rejection::REJECTED => words.push(mail.as_text().unwrap().to_owned()),
+                "DRIVER_STATUS" => words.push(mail.as_text().unwrap().to_owned()),
                 _ => {}
             })
             .unwrap();

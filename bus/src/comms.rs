@@ -3,14 +3,14 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 
-use crate::Dial;
+use crate::ClockSetting;
 use crate::clock::{Clock, monotonic_nanos};
 use crate::codec::{self, EncodeError};
 use crate::community::Community;
+use crate::complaints::Complaints;
 use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::outbox::{BATCH_BYTES, Outbox};
-use crate::rejection::Complaints;
 use crate::subscription::{Carries, Subscribe, Terms};
 use crate::types::TypeRef;
 use crate::value::{Value, ValueRef};
@@ -54,6 +54,22 @@ fn short<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<(), CommsError>
     match names.into_iter().find(|name| name.len() > wire::MAX_NAME) {
         None => Ok(()),
         Some(name) => Err(CommsError::Name(name.chars().take(40).collect(), name.len())),
+    }
+}
+
+/// What the community's clock is set to by whoever drives it (see [`Comms::drive_clock`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drive {
+    /// What it shows now (s).
+    pub time_secs: f64,
+    /// How many times as fast as by itself it runs from now on; 0: it stands still.
+    pub rate: f64,
+}
+
+impl Drive {
+    /// A clock that stands still at this time (s).
+    pub fn standing_at(time_secs: f64) -> Self {
+        Self { time_secs, rate: 0.0 }
     }
 }
 
@@ -128,7 +144,7 @@ impl Comms {
         let comms = Self {
             name: name.into(),
             community: community.clone(),
-            clock: Clock::new(link.warp).driven(link.dial),
+            clock: Clock::new(link.warp).driven(link.clock_setting),
             driving: false,
             up: link.up,
             back: link.back,
@@ -174,11 +190,10 @@ impl Comms {
         self.clock.now()
     }
 
-    /// Drives the community's clock: it shows `time` (s) now, and runs on `rate` times as fast as by itself; 0: it stands
-    /// still. It is left to itself again when this client goes, or says so. While another client drives it the broker
-    /// refuses that (see [`crate::Inbox::take_refusals`]), under the name [`crate::broker::CLOCK`].
-    pub fn drive_clock(&mut self, time: f64, rate: f64) -> Result<(), CommsError> {
-        self.clock_is_driven(Some(Dial { at: self.clock.own(), time, rate }))
+    /// Drives the community's clock. It is left to itself again when this client goes, or says so. While another client
+    /// drives it the broker refuses that (see [`crate::Inbox::take_refusals`]), under the name [`crate::broker::CLOCK`].
+    pub fn drive_clock(&mut self, Drive { time_secs, rate }: Drive) -> Result<(), CommsError> {
+        self.clock_is_driven(Some(ClockSetting { at: self.clock.own(), time: time_secs, rate }))
     }
 
     /// Leaves the community's clock, which this client drives, to itself.
@@ -186,18 +201,18 @@ impl Comms {
         if self.driving { self.clock_is_driven(None) } else { Ok(()) }
     }
 
-    fn clock_is_driven(&mut self, dial: Option<Dial>) -> Result<(), CommsError> {
-        self.driving = dial.is_some();
-        self.clock = self.clock.driven(dial);
-        wire::put_clock(&mut self.batch, dial);
+    fn clock_is_driven(&mut self, setting: Option<ClockSetting>) -> Result<(), CommsError> {
+        self.driving = setting.is_some();
+        self.clock = self.clock.driven(setting);
+        wire::put_clock(&mut self.batch, setting);
         self.flush_if_full()
     }
 
     /// Another client has set the community's clock, or left it to itself.
-    pub(crate) fn clock_was_set(&mut self, dial: Option<Dial>) {
+    pub(crate) fn clock_was_set(&mut self, setting: Option<ClockSetting>) {
         // What was said before the broker knew that this one drives is not news.
         if !self.driving {
-            self.clock = self.clock.driven(dial);
+            self.clock = self.clock.driven(setting);
         }
     }
 
@@ -306,7 +321,7 @@ impl Comms {
             self.outbox.recall(&*dead);
             self.back = link.back;
             // A broker that knows of nobody who drives the clock may yet be told; till then it runs on as it was set.
-            self.clock = Clock::new(link.warp).driven(link.dial.or(self.clock.dial()));
+            self.clock = Clock::new(link.warp).driven(link.clock_setting.or(self.clock.setting()));
             self.epoch = link.epoch;
             self.new_down = Some(link.down);
             self.ready = true;
@@ -340,7 +355,7 @@ impl Comms {
             wire::put(&mut batch, &header, key_pattern.as_bytes(), source_pattern.as_bytes());
         }
         if self.driving {
-            wire::put_clock(&mut batch, self.clock.dial());
+            wire::put_clock(&mut batch, self.clock.setting());
         }
         wire::put(&mut batch, &Header::new(FrameKind::Ready), &[], &[]);
         batch
@@ -428,6 +443,13 @@ impl Comms {
     /// says so whenever it is sent something.
     pub fn unhandled_batches(&self) -> u64 {
         self.outbox.unhandled(&*self.up)
+    }
+
+    /// Whether what was said can leave without waiting. If not, the client's descriptor (see [`crate::Client::wake_fd`]) is
+    /// readable once it can.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn has_room(&self) -> bool {
+        self.up.has_room()
     }
 
     fn batch_is_sent(&mut self, bulk: bool) {

@@ -1,6 +1,7 @@
 //! A client in somebody's event loop: a file descriptor that is readable when mail waits.
 //!
-//! Nobody pays for it who does not ask: with the first [`Client::wake_fd`] a thread begins to listen to the client's bell.
+//! Nobody pays for it who does not ask: with the first [`Client::wake_fd`](crate::Client::wake_fd) a thread
+//! begins to listen to the client's bell.
 //!
 //! ```
 //! use std::time::Duration;
@@ -27,54 +28,51 @@
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::Waker;
 
 use rustix::event::{EventfdFlags, eventfd};
 
-use crate::client::Client;
 use crate::link::Wake;
 
 /// A descriptor that is readable from when it is set until it is cleared.
 #[derive(Debug)]
-pub(crate) struct EventFd(OwnedFd);
+pub(crate) struct EventFd {
+    fd: OwnedFd,
+    /// A task that waits for room, and not for what there is to read.
+    task: Mutex<Option<Waker>>,
+}
 
 impl EventFd {
     /// One that is set: whoever is about to sleep has to look first.
     pub(crate) fn new() -> io::Result<Arc<Self>> {
-        Ok(Arc::new(Self(eventfd(1, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?)))
+        let fd = eventfd(1, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
+        Ok(Arc::new(Self { fd, task: Mutex::default() }))
+    }
+
+    /// Has a task woken as well when it is set next, in place of the one before.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn wake_task(&self, task: &Waker) {
+        *self.task.lock().unwrap_or_else(PoisonError::into_inner) = Some(task.clone());
     }
 }
 
 impl Wake for EventFd {
     fn set(&self) {
         // One that is full is set.
-        let _ = rustix::io::write(&self.0, &1_u64.to_ne_bytes());
+        let _ = rustix::io::write(&self.fd, &1_u64.to_ne_bytes());
+        let task = self.task.lock().unwrap_or_else(PoisonError::into_inner).take();
+        task.into_iter().for_each(Waker::wake);
     }
 
     fn clear(&self) {
         // One that is empty is clear.
-        let _ = rustix::io::read(&self.0, &mut [0; 8]);
+        let _ = rustix::io::read(&self.fd, &mut [0; 8]);
     }
 }
 
 impl AsFd for EventFd {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        self.0.as_fd()
-    }
-}
-
-impl Client {
-    /// A descriptor that is readable when there is something for [`Client::receive`]: mail, the broker's end, or a successor
-    /// that is ready. It may be readable for nothing, too. Receiving, with a timeout of zero, is what makes it unreadable
-    /// again; while more is there than one call hands out it stays readable. It is the same one for this client's whole life,
-    /// through a broker's death and the next one.
-    ///
-    /// What is published leaves with the next [`Comms::flush`](crate::Comms::flush) or receive, as ever; that waits if the
-    /// broker is behind, and a receive that finds the broker dead waits for the next one.
-    ///
-    /// # Errors
-    /// There is no descriptor, or no thread to listen to the bell.
-    pub fn wake_fd(&mut self) -> io::Result<BorrowedFd<'_>> {
-        self.inbox.wake_fd()
+        self.fd.as_fd()
     }
 }

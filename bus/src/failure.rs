@@ -1,7 +1,10 @@
-//! What an app's `main` returns, so that people read words.
+//! What an app may fail with, and what its `main` returns, so that people read words.
 
 use std::error::Error;
 use std::fmt;
+
+/// What an app may fail with.
+pub type AppError = Box<dyn Error + Send + Sync>;
 
 /// Any error, to be returned by `main`: that shows errors by their `Debug`, which is for programmers; this one shows itself
 /// as its [`Display`](fmt::Display) does, with the causes that it does not name itself.
@@ -17,9 +20,9 @@ use std::fmt;
 /// let failure = main_of_an_app("a/b").unwrap_err();
 /// assert!(format!("{failure:?}").starts_with("\"a/b\" is no name for a community"));
 /// ```
-pub struct Failure(Box<dyn Error + Send + Sync>);
+pub struct Failure(AppError);
 
-impl<E: Into<Box<dyn Error + Send + Sync>>> From<E> for Failure {
+impl<E: Into<AppError>> From<E> for Failure {
     fn from(error: E) -> Self {
         Self(error.into())
     }
@@ -37,8 +40,9 @@ impl fmt::Debug for Failure {
     }
 }
 
-/// Writes an error and its causes, each once, for a terminal, whatever of somebody else's is in them.
-fn write_words(f: &mut fmt::Formatter<'_>, error: &(dyn Error + 'static)) -> fmt::Result {
+/// Writes an error and its causes, each once, for a terminal, whatever of somebody else's is in them. Errors that a `main` is
+/// likely to return as they are have it as their `Debug`.
+pub(crate) fn write_words(f: &mut fmt::Formatter<'_>, error: &(dyn Error + 'static)) -> fmt::Result {
     let mut said = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
@@ -50,19 +54,6 @@ fn write_words(f: &mut fmt::Formatter<'_>, error: &(dyn Error + 'static)) -> fmt
     }
     f.write_str(&elk_outside::text::printable_lines(&said))
 }
-
-/// Has errors that a `main` is likely to return as they are show themselves as words there, too.
-macro_rules! words_for_main {
-    ($($error:ty),+) => {$(
-        impl fmt::Debug for $error {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write_words(f, self)
-            }
-        }
-    )+};
-}
-
-words_for_main!(crate::RunError, crate::OptionError);
 
 #[cfg(test)]
 mod tests {

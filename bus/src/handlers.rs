@@ -53,8 +53,9 @@ use std::time::Duration;
 
 use elk_proto::rejection::Rejection;
 
-use crate::app::{App, AppError};
+use crate::app::App;
 use crate::comms::Comms;
+use crate::failure::AppError;
 use crate::mail::Mail;
 use crate::recall::{self, Recall};
 use crate::subscription::{Reads, Subscribe, Terms};
@@ -330,8 +331,8 @@ impl<S: Send> App for Handled<S> {
         (self.table.stop)(&mut self.state, comms)
     }
 
-    fn tick_hz(&self) -> Option<f64> {
-        self.table.period.map(|period| 1.0 / period.as_secs_f64())
+    fn tick_period(&self) -> Option<Duration> {
+        self.table.period
     }
 
     fn gathering(&self) -> Option<Duration> {

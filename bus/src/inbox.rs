@@ -49,11 +49,11 @@ pub struct Refused {
 const MOST_REFUSALS: usize = 1000;
 
 impl Inbox {
-    /// The hearing end of a client, over a transport's way down.
-    pub(crate) fn new(down: Box<dyn Downlink>) -> Self {
+    /// The hearing end of a client, over a transport's way down; `names` is what numbers stand for to it.
+    pub(crate) fn new(down: Box<dyn Downlink>, names: Names) -> Self {
         Self {
             down,
-            names: Names::default(),
+            names,
             seen: Seen::default(),
             handled: 0,
             dropped: 0,
@@ -73,9 +73,19 @@ impl Inbox {
         &mut self,
         comms: &mut Comms,
         timeout: Duration,
-        mut on_mail: impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
+        on_mail: impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
     ) -> Result<usize, E> {
         comms.flush()?;
+        self.receive_alone(comms, timeout, on_mail)
+    }
+
+    /// As [`Inbox::receive`], without seeing to it that what was said has left.
+    pub(crate) fn receive_alone<E: From<CommsError>>(
+        &mut self,
+        comms: &mut Comms,
+        timeout: Duration,
+        mut on_mail: impl FnMut(&mut Comms, &Mail<'_>) -> Result<(), E>,
+    ) -> Result<usize, E> {
         let waited = Stopwatch::start();
         loop {
             match self.down.receive(timeout.saturating_sub(waited.elapsed())) {
@@ -100,12 +110,18 @@ impl Inbox {
         if let Some(wake) = &self.wake {
             self.down.wake_by(wake.clone()).map_err(|error| LinkError::NoThread(error.to_string()))?;
         }
-        let names = std::mem::take(&mut self.names);
+        let names = self.names.begin_anew();
         self.seen.renumber(|key, source| names.of(key, source));
         self.handled = 0;
         self.dropped_before = self.dropped();
         (self.dropped, self.missed_bulk) = (0, 0);
         Ok(())
+    }
+
+    /// Has a task woken when the descriptor of [`Inbox::wake_fd`] is set next.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn wake_task(&self, task: &std::task::Waker) {
+        self.wake.iter().for_each(|wake| wake.wake_task(task));
     }
 
     /// See [`crate::Client::wake_fd`].
@@ -152,7 +168,9 @@ impl Inbox {
                     messages += 1;
                 }
                 // What the broker sends is sound.
-                FrameKind::Clock => wire::dial(&frame).into_iter().for_each(|dial| comms.clock_was_set(dial)),
+                FrameKind::Clock => {
+                    wire::clock_setting(&frame).into_iter().for_each(|setting| comms.clock_was_set(setting))
+                }
                 FrameKind::Register | FrameKind::Unregister | FrameKind::Attached | FrameKind::Ready => {}
             }
         }
@@ -190,7 +208,7 @@ impl Inbox {
                 on_mail(comms, &mail)
             }
             Err(Unreadable::Damaged(why)) => {
-                let (key, source) = self.names.of(frame.header.key, frame.header.source);
+                let (key, source) = self.names.of(frame.header.key, frame.header.source).unwrap_or(("?", "?"));
                 Ok(comms.reject(key, source, wire::count(frame.header.sequence), &why)?)
             }
             Err(Unreadable::Gone) => {
@@ -203,8 +221,8 @@ impl Inbox {
     }
 
     fn was_heard(&self, frame: &Frame<'_>) -> bool {
-        let (key, source) = self.names.of(frame.header.key, frame.header.source);
-        self.seen.knows(&frame.header, key, source)
+        let names = self.names.of(frame.header.key, frame.header.source);
+        names.is_some_and(|(key, source)| self.seen.knows(&frame.header, key, source))
     }
 
     fn attach_if_told(&mut self, comms: &mut Comms, frame: &Frame<'_>) {

@@ -5,7 +5,7 @@
 //! | `ELK_NAME` ([`NAME`]) | the app's name in the mission, which is to be its name on the bus | the program's file name |
 //! | `ELK_COMMUNITY` ([`COMMUNITY`]) | the community to join | `elk`, as for every command of elk |
 //! | `ELK_LEASE_SECS` ([`LEASE`]) | for how long its mail is kept if it dies: the mission starts it again | it is not kept |
-//! | `ELK_SUCCEED` ([`SUCCEED`]) | `1`: it comes to take the place of the app that has its name (`elk swap`) | it does not |
+//! | `ELK_SUCCEED` ([`SUCCEED`]) | `1`: it succeeds the app that has its name (`elk swap`) | it does not |
 //! | arguments `Name=Value` | its parameters, as the mission says them, and what other apps have in common with it | none |
 //! | other arguments | what the mission says in `args="…"`; they stand before the parameters | none |
 //!
@@ -15,7 +15,7 @@
 //! By hand it is started as `ELK_COMMUNITY=lab ./my-app Param=Value`.
 
 use std::ffi::OsString;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
@@ -23,6 +23,7 @@ use std::time::Duration;
 use elk_outside::time::parse_seconds;
 
 use crate::community::{Community, CommunityNameError};
+use crate::failure::write_words;
 
 /// Environment variable of an app's process: [`RunOptions::name`].
 pub const NAME: &str = "ELK_NAME";
@@ -43,9 +44,12 @@ pub struct RunOptions {
     pub name: String,
     /// The community to join.
     pub community: Community,
+    /// Which build of which program it is ([`own_build`], unless it says [`crate::build`]): where two builds have different
+    /// versions of a type, both are told so.
+    pub build: String,
     /// How long its registrations and its mail are kept after its death, for the next of its name; zero: not at all.
     pub lease: Duration,
-    /// It comes to take the place of the client that has its name.
+    /// It succeeds the client that has its name.
     pub succeeds: bool,
     /// Its parameters, as they were said: name and text. See [`RunOptions::param`].
     pub params: Vec<(String, String)>,
@@ -97,12 +101,19 @@ pub enum OptionError {
     },
 }
 
+impl fmt::Debug for OptionError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_words(f, self)
+    }
+}
+
 impl RunOptions {
     /// An app of this name in this community, without parameters.
     pub fn new(name: impl Into<String>, community: Community) -> Self {
         Self {
             name: name.into(),
             community,
+            build: own_build(),
             lease: Duration::ZERO,
             succeeds: false,
             params: Vec::new(),
@@ -115,7 +126,12 @@ impl RunOptions {
         Self { lease, ..self }
     }
 
-    /// It comes to take the place of the client that has its name.
+    /// It is of this build of this program; [`crate::build`] is that of the crate where it stands.
+    pub fn of_build(self, build: impl Into<String>) -> Self {
+        Self { build: build.into(), ..self }
+    }
+
+    /// It succeeds the client that has its name.
     pub fn as_successor(self) -> Self {
         Self { succeeds: true, ..self }
     }
@@ -223,6 +239,29 @@ impl RunOptions {
             }
         }
     }
+}
+
+/// This process' program, by its file's name, and the version of elk-bus that is in it: what is to be known of a build of
+/// which nobody says more.
+pub fn own_build() -> String {
+    let program = std::env::current_exe().unwrap_or_default();
+    let program = program.file_stem().unwrap_or_default().to_string_lossy();
+    format!("{program}, elk-bus {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// The name and the version of the crate where it stands, for [`RunOptions::of_build`]: `my-app 0.3.1`.
+///
+/// ```
+/// # use elk_bus::{Community, RunOptions};
+/// let options = RunOptions::new("greeter", Community::new("demo")?).of_build(elk_bus::build!());
+/// assert!(options.build.starts_with("elk-bus "));
+/// # Ok::<(), elk_bus::Failure>(())
+/// ```
+#[macro_export]
+macro_rules! build {
+    () => {
+        concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"))
+    };
 }
 
 /// What a variable of the environment says.

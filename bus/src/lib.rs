@@ -24,6 +24,7 @@ extern crate self as elk_bus;
 pub mod app;
 pub mod client;
 pub mod comms;
+mod complaints;
 pub mod event_loop;
 mod failure;
 pub mod handlers;
@@ -39,9 +40,9 @@ pub mod subscription;
 
 use std::sync::atomic::AtomicBool;
 
-pub use app::{App, AppError, RunError, run_app_on};
+pub use app::{App, RunError, run_app_on};
 pub use client::Client;
-pub use comms::{Comms, CommsError, Origin};
+pub use comms::{Comms, CommsError, Drive, Origin};
 /// What [`payload`] derives besides: a type says what its bytes are, and what every value of it has to keep to.
 pub use elk_describe as describe;
 /// Makes a struct or an enum travel: as the value of a [`Key`], or as a field of one.
@@ -79,9 +80,9 @@ use elk_proto::outbox;
 pub use elk_proto::rejection::Rejection;
 pub use elk_proto::types::{self, Type, TypeRef};
 pub use elk_proto::value::{self, Value, ValueRef};
-pub use elk_proto::{Dial, link, pattern, wire};
+pub use elk_proto::{ClockSetting, link, pattern, wire};
 pub use elk_shm::{self as shm, ConnectError, Fault, FolderError, Running, ServeError, remedy, running};
-pub use failure::Failure;
+pub use failure::{AppError, Failure};
 pub use handlers::{Handled, Handlers};
 pub use inbox::{Inbox, Refused};
 pub use launched::{LEASE, OptionError, RunOptions, SUCCEED};
@@ -98,8 +99,9 @@ impl Client {
 
     /// Joins a community of this machine over shared memory, with all that an app can ask for.
     pub fn join(options: &RunOptions) -> Result<Self, ConnectError> {
-        let RunOptions { name, community, lease, succeeds, .. } = options;
-        let who = Introduction { name, lease_secs: lease.as_secs_f64(), succeeds: *succeeds, returns: false };
+        let RunOptions { name, community, build, lease, succeeds, .. } = options;
+        let lease_secs = lease.as_secs_f64();
+        let who = Introduction { build, lease_secs, succeeds: *succeeds, ..Introduction::new(name) };
         Ok(Self::over(shm::connect(community, &who)?, name, community))
     }
 }

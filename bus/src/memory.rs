@@ -1,5 +1,5 @@
 //! A community inside one process: the broker behind a lock, clients on threads. For tests, and for whole missions in
-//! one process. It has no bulk place of its own: a value is a copy away anyway.
+//! one process. It has no memory for bulk values: a value is a copy away anyway.
 //!
 //! Its broker can be made to die and to come back, and its clients to be killed, as those of processes are.
 
@@ -8,15 +8,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
-use elk_proto::host::{Ends, Host, Progress};
+use elk_proto::host::{Endpoints, Host, Progress};
 
-use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Limits, Refusal, Retained, Session};
+use crate::broker::{Broker, BrokerConfig, Introduction, Limits, Refusal, Retained, Session};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
-use crate::wire::BulkRef;
+use crate::wire::{BulkRef, ClientId};
 
 /// The longest that who listens for a client sleeps.
 const LONGEST_SLEEP: Duration = Duration::from_secs(5);
+/// How often it is looked whether there is room: patience with who does not read comes to an end without a word.
+const ROOM_LOOKED_FOR_EVERY: Duration = Duration::from_millis(50);
 
 /// A broker that clients of the same process connect to.
 #[derive(Clone)]
@@ -32,33 +34,35 @@ struct Shared {
 
 struct State {
     host: Option<Host>,
-    ends: MemoryEnds,
+    endpoints: MemoryEndpoints,
     /// 0: the broker has stopped in good order.
     epoch: u64,
 }
 
-/// The clients' ends, and what the next broker finds, should this one die.
+/// The clients' endpoints, and what the next broker finds, should this one die.
 #[derive(Default)]
-struct MemoryEnds {
-    clients: BTreeMap<ClientId, ClientEnd>,
+struct MemoryEndpoints {
+    clients: BTreeMap<ClientId, Endpoint>,
     sessions: Vec<Session>,
     retained: Vec<Retained>,
 }
 
 #[derive(Default)]
-struct ClientEnd {
+struct Endpoint {
     progress: Progress,
     /// It is to leave, for its successor.
     retires: bool,
+    /// It is to be woken once there is room for a batch of it.
+    wants_room: bool,
 }
 
-impl Ends for MemoryEnds {
+impl Endpoints for MemoryEndpoints {
     fn progress(&self, id: ClientId) -> Option<Progress> {
-        self.clients.get(&id).map(|end| end.progress)
+        self.clients.get(&id).map(|endpoint| endpoint.progress)
     }
 
     fn retire(&mut self, id: ClientId) {
-        self.clients.entry(id).and_modify(|end| end.retires = true);
+        self.clients.entry(id).and_modify(|endpoint| endpoint.retires = true);
     }
 
     fn monotonic_nanos(&self) -> u64 {
@@ -86,7 +90,11 @@ impl MemoryBroker {
             ..config.limits
         };
         let config = BrokerConfig { limits, ..config };
-        let state = State { host: Some(Host::new(config.clone(), clock.now())), ends: MemoryEnds::default(), epoch: 1 };
+        let state = State {
+            host: Some(Host::new(config.clone(), clock.now())),
+            endpoints: MemoryEndpoints::default(),
+            epoch: 1,
+        };
         Self(Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new(), clock, config }))
     }
 
@@ -100,21 +108,22 @@ impl MemoryBroker {
         let shared = &self.0;
         let mut state = shared.lock();
         let now = shared.clock.now();
-        let State { host, ends, .. } = &mut *state;
+        let State { host, endpoints, .. } = &mut *state;
         // A broker that has stopped has no names to give; the link will say that it is gone.
-        let id = host.as_mut().map_or(Ok(0), |host| host.join(now, who, ends))?;
-        ends.clients.insert(id, ClientEnd::default());
-        let dial = host.as_ref().and_then(|host| host.broker.dial());
+        let id = host.as_mut().map_or(Ok(0), |host| host.join(now, who, endpoints))?;
+        endpoints.clients.insert(id, Endpoint::default());
+        let clock_setting = host.as_ref().and_then(|host| host.broker.clock_setting());
         state.follow_up(now);
         let epoch = state.epoch;
-        let end = Arc::new(End { shared: shared.clone(), id, epoch, goodbye: AtomicBool::new(false) });
-        let (name, lease_secs) = (who.name.to_owned(), who.lease_secs);
+        let connection = Arc::new(Connection { shared: shared.clone(), id, epoch, goodbye: AtomicBool::new(false) });
+        let (name, build, lease_secs) = (who.name.to_owned(), who.build.to_owned(), who.lease_secs);
         Ok(Link {
-            up: Box::new(MemoryUp(end.clone())),
-            down: Box::new(MemoryDown { end, wake: None }),
-            back: Box::new(MemoryBack { broker: self.clone(), name, lease_secs, epoch }),
+            up: Box::new(MemoryUp(connection.clone())),
+            down: Box::new(MemoryDown { connection, wake: None }),
+            back: Box::new(MemoryBack { broker: self.clone(), name, build: build.clone(), lease_secs, epoch }),
+            build,
             warp: shared.clock.warp(),
-            dial,
+            clock_setting,
             epoch,
         })
     }
@@ -131,7 +140,7 @@ impl MemoryBroker {
         let mut state = self.0.lock();
         state.follow_up(self.0.clock.now());
         state.host = None;
-        state.ends.clients.clear();
+        state.endpoints.clients.clear();
         self.0.changed.notify_all();
     }
 
@@ -139,9 +148,9 @@ impl MemoryBroker {
     pub fn recover(&self) {
         let mut state = self.0.lock();
         // They stay: this broker may die as well before anybody has come back.
-        let sessions = state.ends.sessions.clone().into_iter().map(|session| (session, true));
+        let sessions = state.endpoints.sessions.clone().into_iter().map(|session| (session, true));
         let (config, now) = (self.0.config.clone(), self.0.clock.now());
-        state.host = Some(Host::recover(config, now, sessions, &state.ends.retained));
+        state.host = Some(Host::recover(config, now, sessions, &state.endpoints.retained));
         state.epoch += 1;
         self.0.changed.notify_all();
     }
@@ -160,19 +169,19 @@ impl MemoryBroker {
 impl State {
     fn follow_up(&mut self, now: f64) {
         if let Some(host) = &mut self.host {
-            host.follow_up(now, &mut self.ends);
+            host.follow_up(now, &mut self.endpoints);
         }
     }
 
     fn is_retiring(&self, id: ClientId) -> bool {
-        self.ends.clients.get(&id).is_some_and(|end| end.retires)
+        self.endpoints.clients.get(&id).is_some_and(|endpoint| endpoint.retires)
     }
 
     fn let_go(&mut self, now: f64, id: ClientId, goodbye: bool) {
         if let Some(host) = &mut self.host
-            && let Some(end) = self.ends.clients.remove(&id)
+            && let Some(endpoint) = self.endpoints.clients.remove(&id)
         {
-            host.leave(now, id, end.progress, goodbye, &mut self.ends);
+            host.leave(now, id, endpoint.progress, goodbye, &mut self.endpoints);
             self.follow_up(now);
         }
     }
@@ -195,14 +204,14 @@ impl Shared {
 }
 
 /// Both ways of one client; the client is gone when both are dropped.
-struct End {
+struct Connection {
     shared: Arc<Shared>,
     id: ClientId,
     epoch: u64,
     goodbye: AtomicBool,
 }
 
-impl Drop for End {
+impl Drop for Connection {
     fn drop(&mut self) {
         let mut state = self.shared.lock();
         if state.epoch == self.epoch {
@@ -212,28 +221,41 @@ impl Drop for End {
     }
 }
 
-struct MemoryUp(Arc<End>);
+struct MemoryUp(Arc<Connection>);
 
 impl Uplink for MemoryUp {
     fn send(&mut self, batch: &[u8]) -> Result<(), LinkError> {
-        let End { shared, id, epoch, .. } = &*self.0;
+        let Connection { shared, id, epoch, .. } = &*self.0;
         let mut state = shared.lock();
         loop {
             let broker = shared.broker(&mut state, *epoch)?;
             let now = shared.clock.now();
             if !broker.holds_back(now, *id) {
-                let State { host: Some(host), ends, .. } = &mut *state else { continue };
-                let taken = host.receive(now, *id, batch, ends);
-                host.follow_up(now, ends);
+                let State { host: Some(host), endpoints, .. } = &mut *state else { continue };
+                let taken = host.receive(now, *id, batch, endpoints);
+                host.follow_up(now, endpoints);
                 shared.changed.notify_all();
                 return taken.map_err(|e| LinkError::SharedMemory(e.to_string()));
             }
-            state = wait(shared, state, Duration::from_millis(50));
+            state = wait(shared, state, ROOM_LOOKED_FOR_EVERY);
         }
     }
 
+    fn has_room(&self) -> bool {
+        let Connection { shared, id, epoch, .. } = &*self.0;
+        let mut state = shared.lock();
+        let now = shared.clock.now();
+        // One that is gone keeps nobody waiting.
+        let has_room = shared.broker(&mut state, *epoch).map_or(true, |broker| !broker.holds_back(now, *id));
+        state.endpoints.clients.entry(*id).and_modify(|endpoint| endpoint.wants_room = !has_room);
+        if !has_room {
+            shared.changed.notify_all();
+        }
+        has_room
+    }
+
     fn handled(&self) -> u64 {
-        let End { shared, id, epoch, .. } = &*self.0;
+        let Connection { shared, id, epoch, .. } = &*self.0;
         shared.broker(&mut shared.lock(), *epoch).map_or(0, |broker| broker.handled_batches(*id))
     }
 
@@ -253,34 +275,37 @@ impl Uplink for MemoryUp {
 }
 
 struct MemoryDown {
-    end: Arc<End>,
+    connection: Arc<Connection>,
     /// For a client that lives in somebody's event loop.
     wake: Option<Arc<dyn Wake>>,
 }
 
 /// Sets `wake` whenever there may be something for a client, until its end or that of its broker.
-fn listen(shared: &Shared, end: &Weak<End>, (id, epoch): (ClientId, u64), wake: &dyn Wake) {
+fn listen(shared: &Shared, connection: &Weak<Connection>, (id, epoch): (ClientId, u64), wake: &dyn Wake) {
     let mut state = shared.lock();
     loop {
         let now = shared.clock.now();
         let retiring = state.is_retiring(id);
+        let wants_room = state.endpoints.clients.get(&id).is_some_and(|endpoint| endpoint.wants_room);
+        let longest = if wants_room { ROOM_LOOKED_FOR_EVERY } else { LONGEST_SLEEP };
         let next = match shared.broker(&mut state, epoch) {
-            Ok(broker) if end.strong_count() > 0 => {
+            Ok(broker) if connection.strong_count() > 0 => {
                 broker.tick(now);
-                if retiring || (broker.may_give(id) && broker.with_mail().any(|with| with == id)) {
+                let has_mail = broker.may_give(id) && broker.with_mail().any(|with| with == id);
+                if retiring || has_mail || (wants_room && !broker.holds_back(now, id)) {
                     wake.set();
                 }
                 broker.next_deadline() - now
             }
             _ => return wake.set(),
         };
-        state = wait(shared, state, shared.clock.real(next).clamp(Duration::from_millis(1), LONGEST_SLEEP));
+        state = wait(shared, state, shared.clock.real(next).clamp(Duration::from_millis(1), longest));
     }
 }
 
 impl Downlink for MemoryDown {
     fn receive(&mut self, timeout: Duration) -> Result<Option<Batch>, LinkError> {
-        let End { shared, id, epoch, .. } = &*self.end;
+        let Connection { shared, id, epoch, .. } = &*self.connection;
         let waited = Stopwatch::start();
         self.wake.iter().for_each(|wake| wake.clear());
         let mut state = shared.lock();
@@ -307,36 +332,43 @@ impl Downlink for MemoryDown {
     }
 
     fn wake_by(&mut self, wake: Arc<dyn Wake>) -> std::io::Result<()> {
-        let (shared, end, of) = (self.end.shared.clone(), Arc::downgrade(&self.end), (self.end.id, self.end.epoch));
+        let (shared, connection, of) = (
+            self.connection.shared.clone(),
+            Arc::downgrade(&self.connection),
+            (self.connection.id, self.connection.epoch),
+        );
         self.wake = Some(wake.clone());
-        std::thread::Builder::new().name("wake".into()).spawn(move || listen(&shared, &end, of, &*wake)).map(drop)
+        std::thread::Builder::new()
+            .name("wake".into())
+            .spawn(move || listen(&shared, &connection, of, &*wake))
+            .map(drop)
     }
 
     fn open(&self) -> bool {
-        let End { shared, epoch, .. } = &*self.end;
+        let Connection { shared, epoch, .. } = &*self.connection;
         shared.broker(&mut shared.lock(), *epoch).is_ok()
     }
 
     fn note_handled(&mut self, messages: u64) {
-        let End { shared, id, epoch, .. } = &*self.end;
+        let Connection { shared, id, epoch, .. } = &*self.connection;
         let mut state = shared.lock();
         let Ok(broker) = shared.broker(&mut state, *epoch) else { return };
         broker.note_handled(shared.clock.now(), *id, messages, &mut Vec::new());
-        let State { host: Some(host), ends, .. } = &mut *state else { return };
-        if let Some(ClientEnd { progress, .. }) = ends.clients.get_mut(id) {
+        let State { host: Some(host), endpoints, .. } = &mut *state else { return };
+        if let Some(Endpoint { progress, .. }) = endpoints.clients.get_mut(id) {
             let at = monotonic_nanos();
             let first_handled_at = if progress.first_handled_at == 0 { at } else { progress.first_handled_at };
             *progress = Progress { handled: messages, first_handled_at, last_handled_at: at };
         }
         if host.is_handing_over() {
-            host.follow_up(shared.clock.now(), ends);
+            host.follow_up(shared.clock.now(), endpoints);
         }
     }
 
     fn note_missed(&mut self, _: u64) {}
 
     fn retiring(&self) -> bool {
-        self.end.shared.lock().is_retiring(self.end.id)
+        self.connection.shared.lock().is_retiring(self.connection.id)
     }
 
     fn bulk(&mut self, _: BulkRef) -> Option<&[u8]> {
@@ -351,6 +383,7 @@ impl Downlink for MemoryDown {
 struct MemoryBack {
     broker: MemoryBroker,
     name: String,
+    build: String,
     lease_secs: f64,
     /// The epoch of the broker that died.
     epoch: u64,
@@ -369,7 +402,9 @@ impl Rejoin for MemoryBack {
             state = wait(shared, state, Duration::from_millis(50));
         }
         drop(state);
-        self.broker.join(&Introduction::returning(&self.name, self.lease_secs)).map_err(|_| gone())
+        let Self { broker, name, build, lease_secs, .. } = &*self;
+        let who = Introduction { build, lease_secs: *lease_secs, ..Introduction::new(name).returning() };
+        broker.join(&who).map_err(|_| gone())
     }
 }
 

@@ -8,22 +8,22 @@
 //! use std::time::Duration;
 //! use elk_bus::{App, AppError, Asker, Comms, Handlers, Mail, Request, payload};
 //!
-//! /// What will the weather be?
+//! /// The city whose weather is asked for.
 //! #[payload]
-//! pub struct Place {
-//!     /// There.
+//! pub struct City {
+//!     /// Its name.
 //!     pub name: String,
 //! }
 //!
-//! /// That.
+//! /// The weather there.
 //! #[payload]
 //! pub struct Weather {
-//!     /// In the shade.
+//!     /// The temperature in the shade.
 //!     #[describe(unit = "°C")]
 //!     pub temperature: f64,
 //! }
 //!
-//! const WEATHER: Request<Place, Weather> = Request::new("WEATHER_REQUEST", "WEATHER");
+//! const WEATHER: Request<City, Weather> = Request::new("WEATHER_REQUEST", "WEATHER");
 //!
 //! /// Who answers needs one row.
 //! struct Station;
@@ -33,13 +33,13 @@
 //! }
 //!
 //! /// Who asks has an asker, which knows what is still unanswered.
-//! struct Walker(Asker<Place, Weather>);
+//! struct Walker(Asker<City, Weather>);
 //!
 //! impl Walker {
 //!     fn on_the_bus() -> impl App {
 //!         Handlers::new()
 //!             .on_with(&WEATHER.answer, Self::on_weather)
-//!             .caught_up(|walker: &mut Self, comms| walker.0.ask(comms, &Place { name: "Athens".into() }).map(drop))
+//!             .caught_up(|walker: &mut Self, comms| walker.0.ask(comms, &City { name: "Athens".into() }).map(drop))
 //!             .iterate(Duration::from_secs(1), Self::look)
 //!             .with(Self(Asker::new(WEATHER, Duration::from_secs(5))))
 //!     }
@@ -66,8 +66,8 @@ use std::time::Duration;
 
 use elk_proto::rejection::Rejection;
 
-use crate::app::AppError;
 use crate::comms::{Comms, CommsError, Origin};
+use crate::failure::AppError;
 use crate::handlers::Handlers;
 use crate::key::{Key, Payload};
 use crate::mail::Mail;
@@ -326,12 +326,12 @@ mod tests {
     fn patience_is_of_the_community_s_clock_and_what_is_late_is_no_answer() {
         let mut bench = Bench::new();
         let mut ada = bench.asker("ada");
-        ada.0.comms.drive_clock(100.0, 0.0).unwrap();
+        ada.0.comms.drive_clock(crate::Drive::standing_at(100.0)).unwrap();
         ask(&mut ada, 2.0);
         assert!(ada.1.take_overdue(&ada.0.comms).is_empty(), "its time stands still");
-        ada.0.comms.drive_clock(3.0, 0.0).unwrap();
+        ada.0.comms.drive_clock(crate::Drive::standing_at(3.0)).unwrap();
         assert!(ada.1.take_overdue(&ada.0.comms).is_empty(), "set back, it waits anew");
-        ada.0.comms.drive_clock(8.0, 0.0).unwrap();
+        ada.0.comms.drive_clock(crate::Drive::standing_at(8.0)).unwrap();
         assert_eq!(ada.1.take_overdue(&ada.0.comms), [1]);
         bench.serve();
         assert_eq!(answers(&mut ada), [(None, 1.0)]);

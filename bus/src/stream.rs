@@ -113,8 +113,9 @@ impl Publication {
 ///
 /// Mail is taken from the broker as the stream is polled: one that is not polled has the same bounded mailbox as any client.
 /// The stream ends when a successor is ready, and behind an error: that the broker is gone for good, as the ordinary client
-/// says. As with that one, to flush waits, and its thread with it, while the broker is behind, and so does a poll that finds
-/// the broker dead until the next one is there.
+/// says. While the broker is behind, the sink is pending, and its task is woken when there is room; a value that lies in
+/// shared memory waits for its readers, and its thread with it, as with the ordinary client, and so does a poll that finds the
+/// broker dead until the next one is there.
 ///
 /// A client stays on its thread, so this is no task for `tokio::spawn`, but one for
 /// [`tokio::task::spawn_local`](https://docs.rs/tokio/latest/tokio/task/fn.spawn_local.html).
@@ -149,8 +150,19 @@ impl StreamClient {
     /// Takes in what has come; answers whether that was anything.
     fn receive(&mut self) -> Result<bool, CommsError> {
         let waiting = &mut self.waiting;
-        let count = self.client.receive(Duration::ZERO, |mail| waiting.push_back(OwnedMail::of(mail)))?;
-        Ok(count > 0)
+        let Client { comms, inbox } = &mut self.client;
+        let note = |_: &mut Comms, mail: &Mail<'_>| -> Result<(), CommsError> {
+            waiting.push_back(OwnedMail::of(mail));
+            Ok(())
+        };
+        Ok(inbox.receive_alone(comms, Duration::ZERO, note)? > 0)
+    }
+
+    /// Ready once a batch can leave; the task is woken by then.
+    fn poll_room(&self, context: &Context<'_>) -> Poll<()> {
+        // First, so that room that comes while it is looked for wakes it as well.
+        self.client.inbox.wake_task(context.waker());
+        if self.client.comms.has_room() { Poll::Ready(()) } else { Poll::Pending }
     }
 }
 
@@ -160,7 +172,9 @@ impl Stream for StreamClient {
     fn poll_next(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         let this = self.get_mut();
         // What was registered for or published since the last poll must not wait for what this one waits for.
+        // Where there is no room for it, this task is woken as well once there is.
         if !this.ended
+            && this.client.comms.has_room()
             && let Err(error) = this.client.comms.flush()
         {
             this.ended = true;
@@ -192,20 +206,73 @@ impl Stream for StreamClient {
 impl Sink<Publication> for StreamClient {
     type Error = CommsError;
 
-    fn poll_ready(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
+    fn poll_ready(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
         // A batch that is full leaves by itself.
-        Poll::Ready(Ok(()))
+        self.poll_room(context).map(Ok)
     }
 
     fn start_send(self: Pin<&mut Self>, said: Publication) -> Result<(), CommsError> {
         self.get_mut().client.comms.publish_value(&said.key, said.value.as_ref(), Origin::default())
     }
 
-    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
-        Poll::Ready(self.get_mut().client.comms.flush())
+    fn poll_flush(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
+        let this = self.get_mut();
+        ready!(this.poll_room(context));
+        Poll::Ready(this.client.comms.flush())
     }
 
-    fn poll_close(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
-        Poll::Ready(self.get_mut().client.comms.say_goodbye())
+    fn poll_close(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<(), CommsError>> {
+        let this = self.get_mut();
+        ready!(this.poll_room(context));
+        Poll::Ready(this.client.comms.say_goodbye())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use futures_util::{SinkExt, StreamExt};
+
+    use super::*;
+    use crate::memory::MemoryBroker;
+    use crate::{BrokerConfig, Clock, Community, any};
+
+    /// A reader of whom publishers wait until it reads, in a community where they wait for ever.
+    fn reader_and_writer() -> (MemoryBroker, [StreamClient; 2]) {
+        let config = BrokerConfig { lossless_patience_secs: f64::INFINITY, ..BrokerConfig::new("full") };
+        let broker = MemoryBroker::new(config.with_mailbox_bytes(4096), Clock::new(1.0));
+        let community = Community::new("full").unwrap();
+        let clients = ["reader", "writer"].map(|name| Client::over(broker.connect(name).unwrap(), name, &community));
+        let [mut reader, writer] = clients.map(|client| StreamClient::new(client).unwrap());
+        reader.comms().register(any("N").lossless()).unwrap();
+        reader.comms().flush().unwrap();
+        (broker, [reader, writer])
+    }
+
+    /// Says numbers from 0 until there is no room for more; how many.
+    async fn fill(writer: &mut StreamClient) -> u32 {
+        for number in 0.. {
+            let ready = std::future::poll_fn(|context| Poll::Ready(writer.poll_ready_unpin(context))).await;
+            if ready.is_pending() {
+                return number;
+            }
+            writer.start_send_unpin(Publication::new("N", f64::from(number))).unwrap();
+            let _ = std::future::poll_fn(|context| Poll::Ready(writer.poll_flush_unpin(context))).await;
+        }
+        unreachable!("there is an end to what fits")
+    }
+
+    #[tokio::test]
+    async fn a_sink_is_pending_while_there_is_no_room_and_is_woken_when_there_is() {
+        let (_broker, [mut reader, mut writer]) = reader_and_writer();
+        let said = fill(&mut writer).await;
+        assert!(said > 0);
+        let say = async { writer.send(Publication::new("N", f64::from(said))).await.unwrap() };
+        let hear = async {
+            for number in 0..=said {
+                let mail = reader.next().await.unwrap().unwrap();
+                assert_eq!(mail.value, Value::Double(number.into()));
+            }
+        };
+        futures_util::join!(say, hear);
     }
 }

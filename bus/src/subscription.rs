@@ -24,7 +24,7 @@
 use std::marker::PhantomData;
 use std::time::Duration;
 
-use crate::app::AppError;
+use crate::failure::AppError;
 use crate::key::{Key, Payload};
 use crate::mail::Mail;
 use crate::pattern::{is_literal, matches};

@@ -41,9 +41,9 @@ impl Target {
         let community = Community::new(format!("bounds-{name}-{}", std::process::id())).unwrap();
         let target = Self { broker: common::broker_of(&community), community };
         // What is there before an attack is there during it.
-        let mut judge = target.join("judge");
-        judge.comms.notify("VERDICT", 0.0).unwrap();
-        judge.comms.flush().unwrap();
+        let mut control = target.join("control");
+        control.comms.notify("CONTROL", 0.0).unwrap();
+        control.comms.flush().unwrap();
         target
     }
 
@@ -72,12 +72,12 @@ impl Target {
 
     /// The most memory of its own that the broker has had (MB), once it still answers.
     fn survives(&self, what: &str) {
-        let mut judge = self.join("judge");
-        judge.comms.register("VERDICT").unwrap();
-        judge.comms.notify("VERDICT", 1.0).unwrap();
+        let mut control = self.join("control");
+        control.comms.register("CONTROL").unwrap();
+        control.comms.notify("CONTROL", 1.0).unwrap();
         let (mut heard, patience) = (false, Patience::new());
         while !heard {
-            judge.receive(patience.left(what), |mail| heard |= mail.key() == "VERDICT").unwrap();
+            control.receive(patience.left(what), |mail| heard |= mail.key() == "CONTROL").unwrap();
         }
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.broker.id())).unwrap();
         let megabytes = |field: &str| {

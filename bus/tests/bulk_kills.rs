@@ -66,7 +66,7 @@ fn role() {
     let [role, community, record]: [&str; 3] = said.split(' ').collect::<Vec<_>>().try_into().unwrap();
     let community = Community::new(community).unwrap();
     if role == "broker" {
-        let config = BrokerConfig::new(community.as_str()).with_mailboxes_of(MAILBOX_BYTES);
+        let config = BrokerConfig::new(community.as_str()).with_mailbox_bytes(MAILBOX_BYTES);
         serve_broker(community, config, Clock::new(1.0)).unwrap();
     } else {
         let options = RunOptions::new("reader", community).as_launched().unwrap();

@@ -16,11 +16,11 @@ use rustix::termios::{LocalModes, SpecialCodeIndex, Winsize, tcgetattr, tcsetwin
 
 use super::events::{Patience, end_of};
 
-/// A terminal with a person at it, and the program that they have started there. Killed, should the test fail before its
+/// A terminal, and the program that was started in it. Killed, should the test fail before its
 /// end.
 pub struct Terminal {
-    /// The person's end.
-    person: File,
+    /// The side of the pseudo terminal at which a person would sit.
+    pty: File,
     /// The program's end.
     tty: OwnedFd,
     pub program: Child,
@@ -48,10 +48,10 @@ impl Terminal {
     }
 
     fn start_with(mut command: Command, columns: u16, before: fn() -> std::io::Result<()>) -> Self {
-        let person = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
-        grantpt(&person).unwrap();
-        unlockpt(&person).unwrap();
-        let name = ptsname(&person, Vec::new()).unwrap();
+        let pty = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&pty).unwrap();
+        unlockpt(&pty).unwrap();
+        let name = ptsname(&pty, Vec::new()).unwrap();
         let tty = open(name, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty()).unwrap();
         let end = || tty.try_clone().unwrap();
         command.stdin(end()).stdout(end()).stderr(end());
@@ -59,9 +59,9 @@ impl Terminal {
         unsafe { command.pre_exec(before) };
         resize(&tty, columns);
         let before = settings(&tty);
-        let shown = Shown::of(person.try_clone().unwrap());
+        let shown = Shown::of(pty.try_clone().unwrap());
         let program = command.spawn().unwrap();
-        Self { person: person.into(), tty, program, shown, before }
+        Self { pty: pty.into(), tty, program, shown, before }
     }
 
     /// Makes the terminal's window so many columns wide.
@@ -71,7 +71,7 @@ impl Terminal {
 
     /// Presses keys.
     pub fn press(&mut self, keys: &str) {
-        self.person.write_all(keys.as_bytes()).unwrap();
+        self.pty.write_all(keys.as_bytes()).unwrap();
     }
 
     /// All that the program has shown so far.
@@ -107,8 +107,8 @@ impl Terminal {
     /// Closes the window; how the program ended.
     pub fn close(mut self) -> ExitStatus {
         self.shown.stop();
-        // Nothing else holds the person's end.
-        self.person = File::open("/dev/null").unwrap();
+        // Nothing else holds that side.
+        self.pty = File::open("/dev/null").unwrap();
         self.wait()
     }
 
@@ -148,15 +148,15 @@ struct Shown {
 }
 
 impl Shown {
-    fn of(person: OwnedFd) -> Self {
+    fn of(pty: OwnedFd) -> Self {
         let bytes: Arc<(Mutex<Vec<u8>>, Condvar)> = Arc::default();
         let (until, enough) = pipe().unwrap();
         let all = bytes.clone();
         let reader = std::thread::spawn(move || {
-            let mut person = File::from(person);
+            let mut pty = File::from(pty);
             let mut some = [0; 4096];
-            while is_readable(&person, &until) {
-                let count = person.read(&mut some).unwrap_or(0);
+            while is_readable(&pty, &until) {
+                let count = pty.read(&mut some).unwrap_or(0);
                 all.0.lock().unwrap().extend_from_slice(&some[..count]);
                 all.1.notify_all();
             }
@@ -180,8 +180,8 @@ impl Drop for Shown {
 }
 
 /// Waits until there is something to be read; `false`: there is nothing, and it is enough.
-fn is_readable(person: &File, until: &PipeReader) -> bool {
-    let mut both = [PollFd::new(person, PollFlags::IN), PollFd::new(until, PollFlags::IN)];
+fn is_readable(pty: &File, until: &PipeReader) -> bool {
+    let mut both = [PollFd::new(pty, PollFlags::IN), PollFd::new(until, PollFlags::IN)];
     poll(&mut both, None).unwrap();
     both[0].revents().contains(PollFlags::IN)
 }

@@ -45,13 +45,13 @@ fn main() {
 }
 
 /// A folder and a community of their own, and what was started in them.
-struct Stage {
+struct Fixture {
     folder: PathBuf,
     community: Community,
     started: Vec<Child>,
 }
 
-impl Stage {
+impl Fixture {
     fn new(case: &str) -> Self {
         let name = format!("elk-{case}-{}", std::process::id());
         let folder = std::env::temp_dir().join(&name);
@@ -83,7 +83,7 @@ impl Stage {
     }
 }
 
-impl Drop for Stage {
+impl Drop for Fixture {
     fn drop(&mut self) {
         for child in &mut self.started {
             let _ = kill_process(Pid::from_child(child), Signal::TERM);
@@ -161,22 +161,22 @@ fn long_mission(folder: &Path) -> PathBuf {
 
 /// Exchanges the explorer of a mission again and again; what is left of each swap shows in what the others hold.
 fn swaps_of_an_explorer(count: usize) {
-    let mut stage = Stage::new("swaps");
-    let mission = long_mission(&stage.folder).display().to_string();
-    let words = stage.folder.join("said.txt");
-    let mut launch = stage.command(&["launch", &mission, "--headless"]);
+    let mut fixture = Fixture::new("swaps");
+    let mission = long_mission(&fixture.folder).display().to_string();
+    let words = fixture.folder.join("said.txt");
+    let mut launch = fixture.command(&["launch", &mission, "--headless"]);
     let out = std::fs::File::create(&words).expect("a file for its words");
     launch.stdout(out.try_clone().expect("another handle")).stderr(out);
-    let launcher = stage.keep(launch);
+    let launcher = fixture.keep(launch);
     let everybody = "alive: Controller Explorer Filter Map Sensor";
     let begins = || std::fs::read_to_string(&words).is_ok_and(|said| said.contains(everybody));
-    Events::in_folders([&stage.folder]).wait_until("the mission's start", begins);
-    assert_eq!(running(&stage).len(), 7);
+    Events::in_folders([&fixture.folder]).wait_until("the mission's start", begins);
+    assert_eq!(running(&fixture).len(), 7);
     println!("swaps of the explorer in one mission (ClosestFrontier and Potential in turn)");
     println!("{:>6}  {:<44} {:<44} files in /dev/shm, beside", "swaps", "broker", "launcher");
     let (mut commands, mut gaps) = (Vec::new(), Vec::new());
     let show = |done: usize| {
-        let broker = running(&stage).get("db").copied().unwrap_or(0);
+        let broker = running(&fixture).get("db").copied().unwrap_or(0);
         let line = |h: Holdings| {
             format!(
                 "{} fds {} threads {} maps {:.1} MB",
@@ -186,7 +186,7 @@ fn swaps_of_an_explorer(count: usize) {
                 h.resident_kb as f64 / 1e3
             )
         };
-        let (shared, beside) = files(&stage.community);
+        let (shared, beside) = files(&fixture.community);
         println!("{done:>6}  {:<44} {:<44} {shared}, {beside}", line(holdings(broker)), line(holdings(launcher)));
     };
     let mut failed = 0;
@@ -196,7 +196,8 @@ fn swaps_of_an_explorer(count: usize) {
         }
         let other = ["type=Potential", "type=ClosestFrontier"][done % 2];
         let clock = Stopwatch::start();
-        let output = stage.command(&["swap", "Explorer", other]).stdout(Stdio::piped()).stderr(Stdio::piped()).output();
+        let output =
+            fixture.command(&["swap", "Explorer", other]).stdout(Stdio::piped()).stderr(Stdio::piped()).output();
         let output = output.expect("elk swap runs");
         commands.push(clock.elapsed().as_secs_f64() * 1e3);
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -215,8 +216,8 @@ fn swaps_of_an_explorer(count: usize) {
 }
 
 /// Names and processes of a mission, once they run.
-fn running(stage: &Stage) -> BTreeMap<String, u32> {
-    let output = stage.command(&["apps", "--json"]).stdout(Stdio::piped()).output();
+fn running(fixture: &Fixture) -> BTreeMap<String, u32> {
+    let output = fixture.command(&["apps", "--json"]).stdout(Stdio::piped()).output();
     let rows: serde_json::Value = output.ok().and_then(|o| serde_json::from_slice(&o.stdout).ok()).unwrap_or_default();
     let row = |row: &serde_json::Value| {
         let running = row["state"] == "running";
@@ -233,22 +234,22 @@ fn note(client: &mut Client, patience: Duration, mut heard: impl FnMut(f64)) {
 /// Kills the broker under a stream of one message each millisecond: when does the first message come through again that
 /// was said after the death?
 fn recovery_of_a_broker(count: usize) {
-    let mut stage = Stage::new("recovery");
-    let mut broker = stage.command(&["db"]).spawn().expect("elk starts");
+    let mut fixture = Fixture::new("recovery");
+    let mut broker = fixture.command(&["db"]).spawn().expect("elk starts");
     let (over, (tell, heard)) = (AtomicBool::new(false), channel());
     let epoch = monotonic_nanos();
     let now = || (monotonic_nanos() - epoch) as f64;
     let mut times = Vec::new();
     let idle: Vec<u32> = (0..6)
         .map(|n| {
-            let log = stage.folder.join(format!("{n}.mcap")).display().to_string();
-            stage.start(&["logger", "--type", "Mcap", "--name", &format!("idle-{n}"), &format!("File={log}")])
+            let log = fixture.folder.join(format!("{n}.mcap")).display().to_string();
+            fixture.start(&["logger", "--type", "Mcap", "--name", &format!("idle-{n}"), &format!("File={log}")])
         })
         .collect();
     std::thread::scope(|scope| {
-        let (stage, over) = (&stage, &over);
+        let (fixture, over) = (&fixture, &over);
         scope.spawn(move || {
-            let mut publisher = stage.connect("publisher");
+            let mut publisher = fixture.connect("publisher");
             while !over.load(Ordering::Relaxed) {
                 publisher.comms.notify("T", now()).and_then(|()| publisher.comms.flush()).expect("it is heard");
                 // The load: a message each millisecond.
@@ -256,7 +257,7 @@ fn recovery_of_a_broker(count: usize) {
             }
         });
         scope.spawn(move || {
-            let mut subscriber = stage.connect("subscriber");
+            let mut subscriber = fixture.connect("subscriber");
             subscriber.comms.register("T").expect("it registers");
             while !over.load(Ordering::Relaxed) {
                 // When it was said, and when it was heard.
@@ -279,7 +280,7 @@ fn recovery_of_a_broker(count: usize) {
             let death = now();
             broker.kill().expect("the broker can be killed");
             broker.wait().expect("it ends");
-            broker = stage.command(&["db"]).spawn().expect("elk starts");
+            broker = fixture.command(&["db"]).spawn().expect("elk starts");
             times.push((first_after(death) - death) * 1e-6);
         }
         over.store(true, Ordering::Relaxed);
@@ -305,22 +306,22 @@ fn end_of(file: &Path) -> std::io::Result<String> {
 
 /// What two subscribers hear of 100,000 messages a second, while a third one is stopped.
 fn a_stopped_subscriber(secs: u64) {
-    let mut stage = Stage::new("stopped");
-    let broker = stage.start(&["db"]);
-    let _ = stage.connect("first");
+    let mut fixture = Fixture::new("stopped");
+    let broker = fixture.start(&["db"]);
+    let _ = fixture.connect("first");
     let over = AtomicBool::new(false);
     let epoch = monotonic_nanos();
     let now = || (monotonic_nanos() - epoch) as f64;
     // The one that is stopped is a process of its own: a look at all messages.
-    let log = stage.folder.join("echo.txt");
-    let mut echo = stage.command(&["echo", "T", "--json"]);
+    let log = fixture.folder.join("echo.txt");
+    let mut echo = fixture.command(&["echo", "T", "--json"]);
     echo.stdout(std::fs::File::create(&log).expect("a file for the echo"));
     let mut echo = echo.spawn().expect("elk starts");
     let mut phases: Vec<(&str, Vec<f64>)> = Vec::new();
     std::thread::scope(|scope| {
-        let (stage, over) = (&stage, &over);
+        let (fixture, over) = (&fixture, &over);
         scope.spawn(move || {
-            let mut publisher = stage.connect("publisher");
+            let mut publisher = fixture.connect("publisher");
             let clock = Stopwatch::start();
             let mut ticks = 0_u64;
             while !over.load(Ordering::Relaxed) {
@@ -335,7 +336,7 @@ fn a_stopped_subscriber(secs: u64) {
             }
             publisher.comms.notify("T", LAST).and_then(|()| publisher.comms.flush()).expect("it is heard");
         });
-        let mut listener = stage.connect("listener");
+        let mut listener = fixture.connect("listener");
         listener.comms.register("T").expect("it registers");
         let mut listen = |phase: &'static str, secs: u64| {
             let (clock, mut latencies) = (Stopwatch::start(), Vec::new());
@@ -372,7 +373,7 @@ fn a_stopped_subscriber(secs: u64) {
     // It has heard, or missed, all by then.
     let last = format!("\"value\":{LAST:?}");
     let is_through = || end_of(&log).is_ok_and(|end| end.lines().any(|line| line.contains(&last)));
-    Events::in_folders([&stage.folder]).wait_until("the last message", is_through);
+    Events::in_folders([&fixture.folder]).wait_until("the last message", is_through);
     let _ = kill_process(Pid::from_child(&echo), Signal::INT);
     let _ = echo.wait();
     let text = std::fs::read_to_string(&log).unwrap_or_default();

@@ -13,7 +13,7 @@ use elk_spatial::keys::{
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{Awaited, CameraPose, MotionMemory, Plan};
 
-use crate::follower::{Follower, Output};
+use crate::follower::{Action, Follower};
 use crate::pace::Pace;
 
 /// The controllers that a mission file can name.
@@ -69,7 +69,7 @@ pub struct ControllerApp {
     allowed: u64,
     pace: Pace,
     /// What the follower wants said, held back from the first command on that waits for a step.
-    held: VecDeque<Output>,
+    held: VecDeque<Action>,
     /// The memory as it was last published.
     remembered: Option<MotionMemory>,
 }
@@ -172,24 +172,24 @@ impl ControllerApp {
 
     /// Says what is not held back; before that it is remembered that it was going to be said.
     fn say(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        let (mut outputs, now) = (Vec::new(), comms.time());
-        while let Some(output) = self.held.pop_front_if(|output| {
-            is_there(output, &mut self.pace, now) && allows(output, self.paused, &mut self.steps, &mut self.allowed)
+        let (mut actions, now) = (Vec::new(), comms.time());
+        while let Some(action) = self.held.pop_front_if(|action| {
+            is_there(action, &mut self.pace, now) && allows(action, self.paused, &mut self.steps, &mut self.allowed)
         }) {
-            outputs.push(output);
+            actions.push(action);
         }
         let memory = self.follower.memory(self.allowed, self.steps);
         if memory.awaited != Awaited::Start && self.remembered.as_ref() != Some(&memory) {
             comms.publish(&MOTION_MEMORY, &memory)?;
             self.remembered = Some(memory);
         }
-        outputs.iter().try_for_each(|output| publish(comms, output))
+        actions.iter().try_for_each(|action| publish(comms, action))
     }
 }
 
-/// Whether `output` may be said now; a pose command that has to wait for a step takes one.
-fn allows(output: &Output, paused: bool, steps: &mut u64, allowed: &mut u64) -> bool {
-    let Output::Command(command) = output else {
+/// Whether `action` may be said now; a pose command that has to wait for a step takes one.
+fn allows(action: &Action, paused: bool, steps: &mut u64, allowed: &mut u64) -> bool {
+    let Action::Command(command) = action else {
         return true;
     };
     let waits = paused && command.id > *allowed;
@@ -201,20 +201,20 @@ fn allows(output: &Output, paused: bool, steps: &mut u64, allowed: &mut u64) -> 
     true
 }
 
-/// Whether a robot that goes at this pace would be where `output` sends it.
-fn is_there(output: &Output, pace: &mut Pace, now: f64) -> bool {
-    match output {
-        Output::Command(command) => pace.is_there(command, now),
+/// Whether a robot that goes at this pace would be where `action` sends it.
+fn is_there(action: &Action, pace: &mut Pace, now: f64) -> bool {
+    match action {
+        Action::Command(command) => pace.is_there(command, now),
         _ => true,
     }
 }
 
-fn publish(comms: &mut Comms, output: &Output) -> Result<(), AppError> {
-    match output {
-        Output::Command(command) => comms.publish(&POSE_COMMAND, command)?,
-        Output::Request(request) => comms.publish(&PLAN_REQUEST, request)?,
-        Output::Progress(progress) => comms.publish(&PROGRESS, progress)?,
-        Output::Finished(report) => comms.publish(&MOTION_REPORT, report)?,
+fn publish(comms: &mut Comms, action: &Action) -> Result<(), AppError> {
+    match action {
+        Action::Command(command) => comms.publish(&POSE_COMMAND, command)?,
+        Action::Request(request) => comms.publish(&PLAN_REQUEST, request)?,
+        Action::Progress(progress) => comms.publish(&PROGRESS, progress)?,
+        Action::Finished(report) => comms.publish(&MOTION_REPORT, report)?,
     }
     Ok(())
 }

@@ -23,9 +23,9 @@ use nalgebra::Point3;
 
 use crate::record::Record;
 
-/// What the follower wants said.
+/// What the follower wants done: a message that is to be published.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Output {
+pub enum Action {
     /// Go there and scan.
     Command(PoseCommand),
     /// Where to next?
@@ -146,14 +146,14 @@ impl Follower {
     /// A successor that has been told all there is to tell says again what was perhaps not said before the other one
     /// died: its last words, unless the sensor has carried them out or they were answered. Saying them twice does no harm:
     /// the sensor carries out a command once, the explorer gives a request the same answer again.
-    pub fn resume(&mut self) -> Vec<Output> {
+    pub fn resume(&mut self) -> Vec<Action> {
         if !std::mem::take(&mut self.inherited) {
             return vec![];
         }
         match &self.awaited {
-            Awaited::Map(command) if command.id > self.carried_out => vec![Output::Command(command.clone())],
+            Awaited::Map(command) if command.id > self.carried_out => vec![Action::Command(command.clone())],
             Awaited::Start | Awaited::Map(_) => vec![],
-            Awaited::Plan(request) => vec![Output::Request(request.clone())],
+            Awaited::Plan(request) => vec![Action::Request(request.clone())],
             Awaited::Over(progress) => self.last_words(progress.clone()),
         }
     }
@@ -163,7 +163,7 @@ impl Follower {
     ///
     /// # Errors
     /// It cannot have done what it says.
-    pub fn on_camera_pose(&mut self, camera: &CameraPose) -> Result<Vec<Output>, Unfit> {
+    pub fn on_camera_pose(&mut self, camera: &CameraPose) -> Result<Vec<Action>, Unfit> {
         if self.inherited && self.commands > camera.command + MAX_COMMANDS_LOST {
             // The sensor has the last word: what was remembered is of another run, or made up.
             *self = Self { replica: self.replica.clone(), ..Self::default() };
@@ -203,7 +203,7 @@ impl Follower {
 
     /// Takes the sensor's word for where the camera is and after how many commands. The leg ends there, and what was asked
     /// is asked anew from there.
-    fn go_on_from(&mut self, camera: &CameraPose) -> Vec<Output> {
+    fn go_on_from(&mut self, camera: &CameraPose) -> Vec<Action> {
         (self.pose, self.commands) = match &self.awaited {
             // Its last word before the command that is under way.
             Awaited::Map(command) if command.id == camera.command + 1 => (command.pose, command.id),
@@ -224,12 +224,12 @@ impl Follower {
     }
 
     /// The request that was made from a wrong place, from the right one; a successor says it when it resumes.
-    fn ask_anew(&mut self, asked: PlanRequest) -> Vec<Output> {
+    fn ask_anew(&mut self, asked: PlanRequest) -> Vec<Action> {
         self.requests += 1;
         let revision = asked.revision.max(self.replica.grid().revision());
         let request = PlanRequest { id: self.requests, pose: self.pose, revision, ..asked };
         self.awaited = Awaited::Plan(request.clone());
-        if self.inherited { vec![] } else { vec![Output::Request(request)] }
+        if self.inherited { vec![] } else { vec![Action::Request(request)] }
     }
 
     /// Whether the run has hardly begun, and from another command than the sensor's last: of the two the sensor knows.
@@ -242,7 +242,7 @@ impl Follower {
     ///
     /// # Errors
     /// It does not fit what is known of the map.
-    pub fn on_map(&mut self, update: &MapUpdate) -> Result<Vec<Output>, Unfit> {
+    pub fn on_map(&mut self, update: &MapUpdate) -> Result<Vec<Action>, Unfit> {
         if update.revision > self.commands + MAX_REVISIONS_AHEAD {
             let why = UpdateError::Ahead { have: self.commands, update: update.revision };
             return Err(why.into());
@@ -260,16 +260,16 @@ impl Follower {
     }
 
     /// The scan that was waited for is in the map.
-    fn scanned(&mut self) -> Vec<Output> {
+    fn scanned(&mut self) -> Vec<Action> {
         self.record.add(self.replica.grid().free() as u64, self.path_length_m);
-        vec![Output::Progress(self.progress(self.replica.scan(), false)), self.go_on()]
+        vec![Action::Progress(self.progress(self.replica.scan(), false)), self.go_on()]
     }
 
     /// The explorer's answer.
     ///
     /// # Errors
     /// It is no plan of this map.
-    pub fn on_plan(&mut self, plan: &Plan) -> Result<Vec<Output>, Unfit> {
+    pub fn on_plan(&mut self, plan: &Plan) -> Result<Vec<Action>, Unfit> {
         if !matches!(self.awaited, Awaited::Plan(_)) || plan.request != self.requests {
             return Ok(vec![]);
         }
@@ -296,8 +296,8 @@ impl Follower {
         }
     }
 
-    fn last_words(&self, progress: Progress) -> Vec<Output> {
-        vec![Output::Progress(progress), Output::Finished(self.record.report())]
+    fn last_words(&self, progress: Progress) -> Vec<Action> {
+        vec![Action::Progress(progress), Action::Finished(self.record.report())]
     }
 
     /// The last command made.
@@ -321,7 +321,7 @@ impl Follower {
     }
 
     /// The next command on the way, or the request for a new plan.
-    fn go_on(&mut self) -> Output {
+    fn go_on(&mut self) -> Action {
         let Some(mut underway) = self.underway.take() else {
             return self.request(Outcome::First);
         };
@@ -342,23 +342,23 @@ impl Follower {
         self.command(pose, via)
     }
 
-    fn command(&mut self, pose: Pose, via: Vec<Point3<f64>>) -> Output {
+    fn command(&mut self, pose: Pose, via: Vec<Point3<f64>>) -> Action {
         self.commands += 1;
         self.made = self.commands;
         self.pose = pose;
         let command = PoseCommand { id: self.commands, via, pose };
         self.awaited = Awaited::Map(command.clone());
         self.inherited = false;
-        Output::Command(command)
+        Action::Command(command)
     }
 
-    fn request(&mut self, outcome: Outcome) -> Output {
+    fn request(&mut self, outcome: Outcome) -> Action {
         self.requests += 1;
         let revision = self.replica.grid().revision();
         let request = PlanRequest { id: self.requests, pose: self.pose, revision, outcome };
         self.awaited = Awaited::Plan(request.clone());
         self.inherited = false;
-        Output::Request(request)
+        Action::Request(request)
     }
 
     fn progress(&self, scan: u64, finished: bool) -> Progress {

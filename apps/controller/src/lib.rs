@@ -9,4 +9,4 @@ pub mod pace;
 mod record;
 
 pub use app::TYPES;
-pub use follower::{Follower, Output};
+pub use follower::{Action, Follower};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use elk_log::selection::{Place, Window};
+use elk_log::selection::{Position, Window};
 use elk_log::{Index, LogReader, RecordRef, Selection};
 
 use crate::terminal::{complain, progress};
@@ -48,7 +48,7 @@ pub fn for_each_record(
                 continue;
             }
         };
-        if window.place(record.received) == Place::Within && selection.takes(record.key, record.source) {
+        if window.position(record.received) == Position::Within && selection.takes(record.key, record.source) {
             found += 1;
             each(record.time - window.origin, &record)?;
         }

@@ -49,19 +49,18 @@ fn status(line: &str) -> f64 {
 fn main() {
     let edge = std::env::args().nth(1).and_then(|edge| edge.parse().ok()).unwrap_or(160);
     let grid = hall(edge);
-    let potential = Potential { start: Start::Shortest, solver: Solver::Multigrid, tolerance: 1e-6 };
+    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6);
     let strategies: [Box<dyn Strategy>; 2] = [Box::new(ClosestFrontier), Box::new(potential)];
     for strategy in strategies {
         let name = strategy.name();
         let mut explorer = Explorer::new(strategy, settings());
-        let mut frontier = explorer.frontier();
-        frontier.update(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
+        explorer.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
         let middle = Voxel::new(edge / 2, edge / 2, edge / 2).center(RESOLUTION);
         let pose = Pose::from_yaw_pitch(middle, 0.0, 0.0);
         // The peak is counted anew from here.
         std::fs::write("/proc/self/clear_refs", "5").expect("Linux allows it");
         let before = status("VmRSS");
-        explorer.plan(&grid, &frontier, &PlanRequest { id: 1, pose, revision: 1, outcome: Outcome::First });
+        explorer.plan(&grid, &PlanRequest { id: 1, pose, revision: 1, outcome: Outcome::First });
         let each = (status("VmHWM") - before) / f64::from(edge + 4).powi(3);
         println!("{name}: {each:.0} bytes a voxel");
     }

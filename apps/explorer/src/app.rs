@@ -6,7 +6,7 @@ use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Handlers, Mail, Rejection, asked_to_stop, number, tell};
 use elk_geometry::clearance::Clearance;
 use elk_geometry::limits::RESOLUTIONS_M;
-use elk_geometry::{Bounds, FrontierSet, Voxel};
+use elk_geometry::{Bounds, Voxel};
 use elk_mission::{Kind, ParamSpec, Params};
 use elk_spatial::Replica;
 use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
@@ -77,7 +77,7 @@ const MAX_VOXELS: ParamSpec = param(
     "MaxVoxels",
     Kind::Integer { min: 10_000, max: 1_000_000_000 },
     "8000000",
-    "Voxels of the box that a plan is made over, at about 20 bytes each, or 65 for Potential. Of a larger map it is what \
+    "Voxels of the box that a plan is made over, at about 26 bytes each, or 68 for Potential. Of a larger map it is what \
      the robot can get to, or, if that is too much, what of it is near.",
 );
 
@@ -103,7 +103,6 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
     // The table keeps the number of bricks positive.
     let max_bricks = params.integer("MaxBricks") as usize;
     let app = ExplorerApp {
-        frontier: explorer.frontier(),
         explorer,
         replica: Replica::new(Some(params.number("Res")), max_bricks),
         max_bricks,
@@ -147,7 +146,6 @@ fn bounds(params: &Params) -> Option<Bounds> {
 pub struct ExplorerApp {
     explorer: Explorer,
     replica: Replica,
-    frontier: FrontierSet,
     /// Bricks that the map may have.
     max_bricks: usize,
     /// Whether the map has said last that it is full.
@@ -204,7 +202,7 @@ impl ExplorerApp {
     fn look_whether_full(&mut self) {
         let grid = self.replica.grid();
         let full = self.said_full && 2 * grid.bricks().len() >= self.max_bricks;
-        self.frontier.set_full(full, grid);
+        self.explorer.hear_whether_full(full, grid);
     }
 
     fn on_request(&mut self, comms: &mut Comms, request: PlanRequest, mail: &Mail<'_>) -> Result<(), AppError> {
@@ -245,7 +243,7 @@ impl ExplorerApp {
         let taken = self.replica.take(&update);
         self.ask_for_map(comms)?;
         if let Some(changes) = taken.map_err(Rejection::new)? {
-            self.frontier.update(self.replica.grid(), changes.voxels());
+            self.explorer.hear_of_map(self.replica.grid(), changes.voxels());
             self.look_whether_full();
         }
         self.answer(comms)
@@ -275,7 +273,7 @@ impl ExplorerApp {
         if self.plan.as_ref().is_some_and(|plan| self.answers(plan, &request)) {
             return self.say(comms);
         }
-        let plan = self.explorer.plan(self.replica.grid(), &self.frontier, &request);
+        let plan = self.explorer.plan(self.replica.grid(), &request);
         if asked_to_stop() {
             // It was perhaps given up half-way.
             return Ok(());

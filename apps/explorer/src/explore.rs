@@ -4,7 +4,11 @@ mod memory;
 mod scene;
 mod verdict;
 
+use std::borrow::Borrow;
+use std::collections::BTreeSet;
+
 use elk_bus::tell;
+use elk_geometry::bricks::brick_of;
 use elk_geometry::clearance::Clearance;
 use elk_geometry::frontier::Edges;
 use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
@@ -23,7 +27,7 @@ use crate::sight::Sight;
 use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
 use memory::Memory;
 use scene::Scene;
-use verdict::{End, Verdict};
+use verdict::{StopReason, Verdict};
 
 /// What an explorer is told besides its strategy.
 #[derive(Debug, Clone)]
@@ -70,6 +74,11 @@ pub struct Explorer {
     sight: Sight,
     /// The goals that were weighed for the last plan.
     weighed: Weighed,
+    frontier: FrontierSet,
+    /// What the last plan was made over.
+    scene: Option<Scene>,
+    /// Bricks in which the map has changed since.
+    changed: BTreeSet<Voxel>,
 }
 
 impl Explorer {
@@ -79,6 +88,7 @@ impl Explorer {
             strategy,
             memory: Memory::default(),
             journal: Journal::new(settings.clock).heeding(settings.is_to_stop),
+            frontier: FrontierSet::new(settings.bounds),
             settings,
             plans: 0,
             report: None,
@@ -86,7 +96,27 @@ impl Explorer {
             no_return: 0,
             sight: Sight::default(),
             weighed: Weighed::default(),
+            scene: None,
+            changed: BTreeSet::new(),
         }
+    }
+
+    /// The map has changed in these voxels, and is `grid` now. Every change is to be told, the first map as one from nothing:
+    /// what a plan is made over is what the last one was, but for them.
+    pub fn hear_of_map(&mut self, grid: &OccupancyGrid, changed: impl IntoIterator<Item = impl Borrow<Voxel>>) {
+        let voxels: Vec<Voxel> = changed.into_iter().map(|voxel| *voxel.borrow()).collect();
+        self.changed.extend(voxels.iter().map(|voxel| brick_of(*voxel)));
+        self.frontier.update(grid, voxels);
+    }
+
+    /// Whether the map is full, and comes to know nothing of bricks that it does not have.
+    pub fn hear_whether_full(&mut self, full: bool, grid: &OccupancyGrid) {
+        self.frontier.set_full(full, grid);
+    }
+
+    /// The frontier of the volume that it explores.
+    pub fn frontier(&self) -> &FrontierSet {
+        &self.frontier
     }
 
     /// The scans are taken with this camera.
@@ -110,11 +140,6 @@ impl Explorer {
         let named = strategy.iter().filter(|s| !s.is_empty());
         let named: Vec<&str> = named.map(String::as_str).collect();
         format!("{}; {}; clearance {} m", named.join(": "), self.settings.policy.describe(), self.settings.radius_m)
-    }
-
-    /// An empty frontier of the volume that this explorer explores, to be kept up to date by the caller.
-    pub fn frontier(&self) -> FrontierSet {
-        FrontierSet::new(self.settings.bounds)
     }
 
     /// Why it ended and what is left; there once a plan was [`Decision::Done`].
@@ -181,16 +206,22 @@ impl Explorer {
         memory
     }
 
-    /// Answers a request from a map at the asked revision and its frontier.
-    pub fn plan(&mut self, grid: &OccupancyGrid, frontier: &FrontierSet, request: &PlanRequest) -> Plan {
+    /// Answers a request from a map at the asked revision, all of whose changes it has heard of.
+    pub fn plan(&mut self, grid: &OccupancyGrid, request: &PlanRequest) -> Plan {
+        let frontier = std::mem::take(&mut self.frontier);
+        let plan = self.plan_over(Known { grid, frontier: &frontier, sight: self.sight }, request);
+        self.frontier = frontier;
+        plan
+    }
+
+    fn plan_over(&mut self, known: Known, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
         self.plans = (self.plans + 1).min(MAX_COUNT);
-        let known = Known { grid, frontier, sight: self.sight };
         self.memory.learn(request, known, self.no_return);
         self.weighed = Weighed::default();
         Plan {
             request: request.id,
-            revision: grid.revision(),
+            revision: known.grid.revision(),
             decision: self.decide(known, request),
             motion: self.settings.policy.motion(self.settings.radius_m),
             cpu_secs: self.journal.total_secs() - before,
@@ -200,50 +231,57 @@ impl Explorer {
     fn decide(&mut self, known: Known, request: &PlanRequest) -> Decision {
         let from = request.pose.position();
         let (memory, settings) = (&self.memory, &self.settings);
-        let mut scene = self.journal.time("space", || Scene::around(known, from, memory, settings));
+        let (before, changed) = (self.scene.take(), std::mem::take(&mut self.changed));
+        let mut scene = self.journal.time("space", || Scene::around(known, from, (before, &changed), memory, settings));
         self.scope = scene.scope();
+        let decision = self.decide_on(&mut scene, known, request);
+        self.scene = Some(scene);
+        decision
+    }
+
+    fn decide_on(&mut self, scene: &mut Scene, known: Known, request: &PlanRequest) -> Decision {
+        let from = request.pose.position();
         if request.revision >= self.settings.max_scans {
-            return self.end(End::TooManyScans, &scene, known);
+            return self.stop(StopReason::TooManyScans, scene, known);
         }
         if self.memory.scans_without_progress(request.revision) >= self.settings.patience {
-            return self.end(End::NoProgress, &scene, known);
+            return self.stop(StopReason::NoProgress, scene, known);
         }
         if self.memory.refused() >= self.settings.patience {
-            return self.end(End::Refused, &scene, known);
+            return self.stop(StopReason::Refused, scene, known);
         }
-        let mut goals = self.near_goals(&scene);
-        if goals.is_empty() {
-            // Perhaps the robot stands in a corner that became too tight.
-            self.journal.time("space", || scene.back_off(known, &self.memory, &self.settings));
-            goals = self.near_goals(&scene);
-        }
-        if goals.is_empty() {
-            goals = self.far_goals(&mut scene, known.frontier);
+        let mut goals = self.near_goals(scene);
+        // Perhaps the robot stands in a corner that became too tight.
+        if goals.is_empty() && self.journal.time("space", || scene.back_off(known, &self.memory, &self.settings)) {
+            goals = self.near_goals(scene);
         }
         if goals.is_empty() {
-            return self.end(End::Explored, &scene, known);
+            goals = self.far_goals(scene, known.frontier);
         }
-        match self.choose(&scene, &goals, from) {
+        if goals.is_empty() {
+            return self.stop(StopReason::Explored, scene, known);
+        }
+        match self.choose(scene, &goals, from) {
             Some((goal, way)) => {
                 // Whoever goes on has not ended, whatever a predecessor or a request out of turn came to.
                 self.report = None;
-                Decision::Go(self.path(&scene, known, goal, way))
+                Decision::Go(self.path(scene, known, goal, way))
             }
-            None => self.end(End::NoWay, &scene, known),
+            None => self.stop(StopReason::NoWay, scene, known),
         }
     }
 
-    fn near_goals(&mut self, scene: &Scene) -> Goals {
-        let Scene { volume, space, targets, .. } = scene;
+    fn near_goals(&mut self, scene: &mut Scene) -> Goals {
+        let Scene { volume, space, verdicts, targets, .. } = scene;
         let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
         let wanted = targets.iter().take_while(|_| !is_to_stop());
-        self.journal.time("goals", || Goals::near(volume, &space.reach, range_m, wanted))
+        self.journal.time("goals", || Goals::near(volume, &space.reach, range_m, wanted, verdicts))
     }
 
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
     /// on the map as it is then counts.
     fn far_goals(&mut self, scene: &mut Scene, frontier: &FrontierSet) -> Goals {
-        let Scene { volume, space, targets, left, .. } = scene;
+        let Scene { volume, space, verdicts, targets, left, .. } = scene;
         let robot = volume.voxel(space.start());
         targets.sort_by_key(|t| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>());
         let (fresh, hidden): (Vec<Target>, Vec<Target>) =
@@ -253,7 +291,7 @@ impl Explorer {
             let far;
             let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
             let wanted = candidates.iter().take_while(|_| !is_to_stop());
-            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, range_m, wanted));
+            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, range_m, wanted, verdicts));
             self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), frontier);
             if !goals.is_empty() {
                 targets.extend(candidates);
@@ -316,18 +354,18 @@ impl Explorer {
                 looks: looks(volume, known, end, target),
                 points,
                 target: target.voxel,
-                unknown: target.unknown.clone(),
+                unknown: target.unknown().collect(),
             }
         });
         self.memory.remember(&path);
         path
     }
 
-    fn end(&mut self, end: End, scene: &Scene, known: Known) -> Decision {
+    fn stop(&mut self, why: StopReason, scene: &Scene, known: Known) -> Decision {
         let Edges { map, volume, no_room } = Edges::of(known.grid, known.frontier);
         let mut left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
         left.open += scene.targets.len() as u64 + scene.beyond;
-        let Verdict { complete, mut reason } = Verdict::of(end, &left, scene, known.grid, &self.settings);
+        let Verdict { complete, mut reason } = Verdict::of(why, &left, scene, known.grid, &self.settings);
         let (plans, fallbacks) = (self.plans, self.journal.fallbacks);
         if fallbacks > 0 {
             reason +=

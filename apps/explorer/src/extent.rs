@@ -51,6 +51,11 @@ impl Extent {
         Self { min, max, scope: Scope::Near, component: Some(component) }
     }
 
+    /// Whether it is the same box as another one, with the same of the map in it.
+    pub fn is_box_of(&self, other: &Self) -> bool {
+        (self.min, self.max, self.scope) == (other.min, other.max, other.scope)
+    }
+
     /// Whether a voxel is of the robot's component, and not in the box.
     pub fn leaves_out(&self, voxel: Voxel) -> bool {
         self.component.as_ref().is_some_and(|component| component.get(voxel)) && !self.contains(voxel)
@@ -83,20 +88,28 @@ fn component(grid: &OccupancyGrid, start: Voxel) -> Bricks<bool> {
     found
 }
 
-/// The largest part of a box that reaches equally far from the robot along each axis, as far as the box goes, and fits.
-fn near(robot: Voxel, (min, max): (Voxel, Voxel), fits: impl Fn((Voxel, Voxel)) -> bool) -> (Voxel, Voxel) {
-    let part = |reach: i32| {
-        let low = |min: i32, robot: i32| min.max(robot - reach);
-        let high = |max: i32, robot: i32| max.min(robot + reach + 1);
-        let least = Voxel::new(low(min.x, robot.x), low(min.y, robot.y), low(min.z, robot.z));
-        (least, Voxel::new(high(max.x, robot.x), high(max.y, robot.y), high(max.z, robot.z)))
-    };
+/// The largest part of a box that reaches equally far along each axis from a place near the robot, as far as the box goes, and
+/// fits. The place is the robot's own but for an eighth of that: it changes in steps, and the part with it.
+fn near(robot: Voxel, within: (Voxel, Voxel), fits: impl Fn((Voxel, Voxel)) -> bool) -> (Voxel, Voxel) {
+    let step = 1 << (reach(robot, within, &fits) / 4).max(1).ilog2();
+    let middle = robot.to_array().map(|c| c.div_euclid(step) * step + step / 2).into();
+    part(middle, within, reach(middle, within, &fits))
+}
+
+/// How far the largest part of a box reaches from `middle` that fits.
+fn reach(middle: Voxel, within: (Voxel, Voxel), fits: &impl Fn((Voxel, Voxel)) -> bool) -> i32 {
     let (mut reach, mut too_far) = (0, 1 << 18);
     while too_far - reach > 1 {
-        let middle = (reach + too_far) / 2;
-        if fits(part(middle)) { reach = middle } else { too_far = middle }
+        let between = (reach + too_far) / 2;
+        if fits(part(middle, within, between)) { reach = between } else { too_far = between }
     }
-    part(reach)
+    reach
+}
+
+/// The part of a box that reaches so far from `middle` along each axis.
+fn part(middle: Voxel, (min, max): (Voxel, Voxel), reach: i32) -> (Voxel, Voxel) {
+    let around = Voxel::new(reach, reach, reach);
+    (min.sup(middle - around), max.inf(middle + around + Voxel::new(1, 1, 1)))
 }
 
 #[cfg(test)]
@@ -138,5 +151,7 @@ mod tests {
         assert!(voxels(extent.min, extent.max, 2) <= 20_000 && extent.contains(robot));
         assert!(extent.contains(Voxel::new(1020, 0, 0)) && !extent.leaves_out(Voxel::new(1020, 0, 0)));
         assert!(extent.leaves_out(Voxel::new(20_000, 0, 0)) && !extent.leaves_out(Voxel::new(20_000, 1, 0)));
+        let ahead = Extent::of(&corridor(30_000, State::Free), robot + Voxel::new(1, 0, 0), 2, 20_000);
+        assert!(extent.is_box_of(&ahead), "it goes in steps: {extent:?} {ahead:?}");
     }
 }

@@ -4,10 +4,12 @@
 //! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
 //! every place that sees the unknown at all counts.
 
+use elk_geometry::frontier::Faces;
 use elk_geometry::{FrontierSet, OccupancyGrid, Voxel};
 use nalgebra::Point3;
 
 use crate::sight::Sight;
+use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 use elk_geometry::visibility::{Lookout, sees};
 
@@ -31,8 +33,8 @@ pub struct Known<'a> {
 
 impl<'a> Known<'a> {
     /// What makes `voxel` frontier ([`FrontierSet::unknown_beside`]).
-    pub fn unknown_beside(self, voxel: Voxel) -> impl Iterator<Item = Voxel> + 'a {
-        self.frontier.unknown_beside(self.grid, voxel)
+    pub fn unknown_beside(self, voxel: Voxel) -> impl Iterator<Item = Voxel> {
+        self.frontier.unknown_beside(voxel).beside(voxel)
     }
 
     /// The frontier voxels at most `range_m` from `place` (m, world), in the frontier's order.
@@ -47,8 +49,8 @@ impl<'a> Known<'a> {
 pub struct Target {
     /// The frontier voxel.
     pub voxel: Voxel,
-    /// Its unknown face neighbours that make it frontier.
-    pub unknown: Vec<Voxel>,
+    /// On which of its faces lies what is unknown, and makes it frontier.
+    pub faces: Faces,
     /// Voxels from which it was looked at in vain.
     pub tried: Vec<Voxel>,
 }
@@ -56,13 +58,18 @@ pub struct Target {
 impl Target {
     /// The target of frontier voxel `voxel`, which was looked at in vain from the voxels `tried`.
     pub fn new(known: Known, voxel: Voxel, tried: Vec<Voxel>) -> Self {
-        Self { voxel, unknown: known.unknown_beside(voxel).collect(), tried }
+        Self { voxel, faces: known.frontier.unknown_beside(voxel), tried }
+    }
+
+    /// Its unknown face neighbours that make it frontier.
+    pub fn unknown(&self) -> impl Iterator<Item = Voxel> + Clone + use<> {
+        self.faces.beside(self.voxel)
     }
 
     /// Whether a camera at `from` (m, world) sees any of the unknown, from a place not tried yet.
     pub fn seen_from(&self, volume: &Volume, from: Point3<f64>) -> bool {
         self.untried(Voxel::containing(from, volume.resolution()))
-            && self.unknown.iter().any(|u| sees(volume, from, *u))
+            && self.unknown().any(|unknown| sees(volume, from, unknown))
     }
 
     /// Whether looking from `voxel` would be something new.
@@ -123,6 +130,7 @@ impl Goals {
         reach: &[bool],
         range_m: f64,
         targets: impl IntoIterator<Item = &'a Target, IntoIter: Clone>,
+        verdicts: &mut Verdicts,
     ) -> Self {
         let targets = targets.into_iter();
         let mut goals = Self::none(volume);
@@ -134,9 +142,12 @@ impl Goals {
             let position = volume.center(i);
             goals.add(i, || Goal { index: i, position, target: target.clone() });
         }
-        let ball = ball(STANDOFF_M.min(range_m) / volume.resolution());
+        let radius = STANDOFF_M.min(range_m) / volume.resolution();
+        let ball: Vec<(Voxel, isize)> = ball(radius).into_iter().map(|d| (d, volume.offset(d))).collect();
         for target in targets.filter(|t| enterable(t).is_none()) {
-            if let Some(i) = standoff(volume, reach, target, &ball) {
+            let look = || standoff(volume, reach, target, &ball);
+            // What is unknown there lies one voxel farther.
+            if let Some(i) = verdicts.standoff(volume, target, radius.ceil() as i32 + 1, look) {
                 let position = volume.center(i);
                 goals.add(i, || Goal { index: i, position, target: target.clone() });
             }
@@ -151,13 +162,13 @@ impl Goals {
         reach: &[bool],
         range_m: f64,
         targets: impl IntoIterator<Item = &'a Target>,
+        verdicts: &mut Verdicts,
     ) -> (Self, Far) {
         let lookout = Lookout::new(LAST_RESORT_M.min(range_m), volume.resolution()).from_within(volume, reach);
         let (mut goals, mut far) = (Self::none(volume), Far::default());
         let mut seen = 0;
         for target in targets {
-            let places = target.unknown.iter().flat_map(|u| lookout.viewpoints(volume, reach, *u));
-            let places: Vec<(usize, Point3<f64>)> = places.collect();
+            let places = verdicts.views(volume, reach, target, &lookout);
             let mut untried = places.iter().filter(|(i, _)| target.untried(volume.voxel(*i))).peekable();
             if places.is_empty() {
                 far.invisible.push(target.voxel);
@@ -202,12 +213,19 @@ impl Goals {
     }
 }
 
-/// The reachable voxel nearest to a target that sees its unknown neighbours.
-fn standoff(volume: &Volume, reach: &[bool], target: &Target, ball: &[Voxel]) -> Option<usize> {
-    ball.iter()
-        .map(|d| target.voxel + *d)
-        .filter_map(|v| volume.index(v).filter(|i| reach[*i]))
-        .find(|i| target.seen_from(volume, volume.center(*i)))
+/// The reachable voxel nearest to a target that sees its unknown neighbours; the ball is that of the offsets, with those of the
+/// indices.
+fn standoff(volume: &Volume, reach: &[bool], target: &Target, ball: &[(Voxel, isize)]) -> Option<usize> {
+    let own = volume.index(target.voxel)?;
+    let outermost = ball.last().map_or(0, |(d, _)| d.distance(Voxel::new(0, 0, 0)).ceil() as i32);
+    let around = Voxel::new(outermost, outermost, outermost);
+    let all_inside = [target.voxel - around, target.voxel + around].iter().all(|v| volume.index(*v).is_some());
+    let index = |(voxel, offset): &(Voxel, isize)| match all_inside {
+        true => Some(own.wrapping_add_signed(*offset)),
+        false => volume.index(target.voxel + *voxel),
+    };
+    let reached = ball.iter().filter_map(index).filter(|i| reach[*i]);
+    reached.into_iter().find(|i| target.seen_from(volume, volume.center(*i)))
 }
 
 /// The offsets within `radius` (voxels), nearest first.
@@ -250,11 +268,9 @@ mod tests {
     }
 
     fn target(grid: &OccupancyGrid, bounds: Option<Bounds>, tried: Vec<Voxel>) -> Target {
-        Target::new(
-            Known { grid, frontier: &FrontierSet::new(bounds), sight: Sight::default() },
-            Voxel::new(5, 5, 0),
-            tried,
-        )
+        let mut frontier = FrontierSet::new(bounds);
+        frontier.update(grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
+        Target::new(Known { grid, frontier: &frontier, sight: Sight::default() }, Voxel::new(5, 5, 0), tried)
     }
 
     fn reach(volume: &Volume, margin: i32) -> Vec<bool> {
@@ -268,12 +284,12 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let frontier = Voxel::new(5, 5, 0);
         let target = target(&grid, None, vec![]);
-        assert_eq!(target.unknown, vec![hole]);
+        assert!(target.unknown().eq([hole]));
 
-        let entered = Goals::near(&volume, &reach(&volume, 0), FAR, [&target]);
+        let entered = Goals::near(&volume, &reach(&volume, 0), FAR, [&target], &mut Verdicts::new(&volume));
         assert!(entered.contains(volume.index(frontier).unwrap()));
 
-        let kept_off = Goals::near(&volume, &reach(&volume, 2), FAR, [&target]);
+        let kept_off = Goals::near(&volume, &reach(&volume, 2), FAR, [&target], &mut Verdicts::new(&volume));
         let above = volume.index(Voxel::new(5, 5, 2)).unwrap();
         assert_eq!(kept_off.len(), 1);
         assert_eq!(kept_off.at(above).map(|g| g.target.voxel), Some(frontier));
@@ -285,7 +301,7 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let tried = vec![Voxel::new(5, 5, 0), Voxel::new(5, 5, 2)];
         let target = target(&grid, None, tried.clone());
-        let goals = Goals::near(&volume, &reach(&volume, 1), FAR, [&target]);
+        let goals = Goals::near(&volume, &reach(&volume, 1), FAR, [&target], &mut Verdicts::new(&volume));
         assert_eq!(goals.len(), 1);
         for t in tried {
             assert!(!goals.contains(volume.index(t).unwrap()));
@@ -297,7 +313,7 @@ mod tests {
         let (grid, _) = room(&[Voxel::new(5, 5, -1)]);
         let bounds = Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() };
         let target = target(&grid, Some(bounds), vec![]);
-        assert!(target.unknown.is_empty());
+        assert!(target.faces.is_empty());
     }
 
     /// Regression: what a full map cannot come to know was looked into all the same, when something else made its neighbour
@@ -309,8 +325,9 @@ mod tests {
         let brick = (0..8).flat_map(|x| (0..8).flat_map(move |y| (0..8).map(move |z| Voxel::new(x, y, z))));
         brick.filter(|voxel| *voxel != hole).for_each(|voxel| assert!(grid.set(voxel, State::Free)));
         let mut frontier = FrontierSet::new(None);
-        let of = |frontier: &FrontierSet| {
-            Target::new(Known { grid: &grid, frontier, sight: Sight::default() }, rim, vec![]).unknown
+        frontier.update(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
+        let of = |frontier: &FrontierSet| -> Vec<Voxel> {
+            Target::new(Known { grid: &grid, frontier, sight: Sight::default() }, rim, vec![]).unknown().collect()
         };
         assert_eq!(of(&frontier), [hole, rim + Voxel::new(1, 0, 0)]);
         frontier.set_full(true, &grid);
@@ -323,11 +340,11 @@ mod tests {
         let (grid, volume) = room(&[hole]);
         let target = target(&grid, None, vec![]);
         let nowhere = vec![false; volume.len()];
-        let (goals, far) = Goals::far(&volume, &nowhere, FAR, [&target]);
+        let (goals, far) = Goals::far(&volume, &nowhere, FAR, [&target], &mut Verdicts::new(&volume));
         assert!(goals.is_empty() && far.invisible == vec![target.voxel]);
-        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), FAR, [&target]);
+        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), FAR, [&target], &mut Verdicts::new(&volume));
         assert!(!goals.is_empty() && far == Far::default());
-        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), 0.25, [&target]);
+        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), 0.25, [&target], &mut Verdicts::new(&volume));
         assert!(goals.is_empty() && far.invisible == vec![target.voxel], "the camera does not see so far");
     }
 }

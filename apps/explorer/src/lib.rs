@@ -2,7 +2,8 @@
 //!
 //! The way through the code, in the order in which a plan is made ([`explore::Explorer::plan`]):
 //! [`extent`] says which part of the map, a [`Volume`](elk_geometry::Volume) is a dense copy of it, [`space`] says where the
-//! robot can be, [`goals`] from where each frontier voxel can be resolved (with [`elk_geometry::visibility`]), a [`strategy`]
+//! robot can be, [`goals`] from where each frontier voxel can be resolved (with [`elk_geometry::visibility`]; what was found
+//! before is in [`verdicts`]), all of which is kept from plan to plan and brought up to date where the map has changed; a [`strategy`]
 //! chooses one and a way to it (with [`elk_geometry::astar`], or with [`elk_field`]), and [`policy`] makes of it a path with
 //! scans. [`app`] puts that on the bus, [`program`] makes it a program.
 //!
@@ -32,6 +33,7 @@ pub mod sight;
 pub mod space;
 pub mod strategy;
 mod trial;
+pub mod verdicts;
 
 pub use elk_geometry;
 pub use elk_mission::{Kind, ParamSpec, Params};

@@ -151,7 +151,7 @@ fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>
 /// then straight into each of its unknown neighbours, those in sight first.
 pub fn looks(volume: &Volume, known: Known, position: Point3<f64>, target: &Target) -> Vec<Pose> {
     let toward = |v: &Voxel| v.center(volume.resolution()) - position;
-    let mut exact: Vec<Voxel> = target.unknown.clone();
+    let mut exact: Vec<Voxel> = target.unknown().collect();
     exact.sort_by_key(|u| !sees(volume, position, *u));
     let first = widest(volume, known, position, target);
     std::iter::once(first)
@@ -163,12 +163,12 @@ pub fn looks(volume: &Volume, known: Known, position: Point3<f64>, target: &Targ
 /// Of directions that keep the target in view, the one that has most of what is unknown around in view.
 fn widest(volume: &Volume, known: Known, position: Point3<f64>, target: &Target) -> Vector3<f64> {
     let toward = |u: &Voxel| (u.center(volume.resolution()) - position).try_normalize(1e-9);
-    let in_sight = |u: &&Voxel| sees(volume, position, **u);
-    let Some(axis) = target.unknown.iter().find(in_sight).and_then(toward) else {
+    let in_sight = |u: &Voxel| sees(volume, position, *u);
+    let Some(axis) = target.unknown().find(in_sight).and_then(|u| toward(&u)) else {
         return outward(volume, known, position, target);
     };
     let around: Vec<Vector3<f64>> =
-        unknown_around(known, position).iter().filter(in_sight).filter_map(toward).collect();
+        unknown_around(known, position).iter().filter(|u| in_sight(u)).filter_map(toward).collect();
     let sight = known.sight;
     let in_view = |d: &Vector3<f64>| around.iter().filter(|u| sight.covers(d, u)).count();
     let mut best = (0, axis);
@@ -220,7 +220,7 @@ fn outward(volume: &Volume, known: Known, position: Point3<f64>, target: &Target
     let direct = target.voxel.center(resolution) - position;
     sum.try_normalize(1e-3)
         .or_else(|| direct.try_normalize(1e-9))
-        .or_else(|| Some(target.unknown.first()?.center(resolution) - position))
+        .or_else(|| Some(target.unknown().next()?.center(resolution) - position))
         .unwrap_or_else(Vector3::x)
 }
 

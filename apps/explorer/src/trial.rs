@@ -1,12 +1,14 @@
 //! A made-up room to try a strategy in, without a bus, a world or a robot.
 
 use elk_geometry::clearance::Clearance;
+use elk_geometry::frontier::Faces;
 use elk_geometry::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
 use crate::goals::{Goals, Target};
 use crate::space::Space;
 use crate::strategy::{Journal, Strategy, View};
+use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 
 /// Edge of the room's voxels, and radius of its robot (m).
@@ -38,11 +40,11 @@ impl Room {
         let clearance = Clearance::new(EDGE_M, EDGE_M).unwrap_or_default();
         let volume = Volume::of(&grid, voxel(&robot), clearance.reach().max(2));
         let start = volume.index(voxel(&robot)).unwrap_or_default();
-        let space = Space::around(&volume, start, &clearance, &[], false);
+        let space = Space::around(&volume, start, &clearance, &[]);
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
-        let target = |voxel: &Voxel| Target { voxel: *voxel, unknown: Vec::new(), tried: Vec::new() };
+        let target = |voxel: &Voxel| Target { voxel: *voxel, faces: Faces::default(), tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
-        let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets);
+        let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets, &mut Verdicts::new(&volume));
         Self { volume, space, goals, robot: robot.into(), places }
     }
 

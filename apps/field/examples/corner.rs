@@ -1,6 +1,6 @@
 //! Around a corner: the field in an L-shaped corridor, and the streamline from one end to the other.
 
-use elk_field::{Cell, End, Field, Problem, Solver, solve};
+use elk_field::{Cell, Field, Problem, Solver, Termination, solve};
 use elk_geometry::{Polyline, Region, Voxel};
 
 /// Edge of a voxel (m).
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // From beside the source down to the sink, in the middle of the corridor all the way.
     let field = Field { problem: &problem, psi: &solution.psi };
     let (points, end) = field.trace((source + Voxel::new(1, 0, 0)).center(RESOLUTION), 100.0);
-    assert!(matches!(end, End::Goal(_)), "{end:?}");
+    assert!(matches!(end, Termination::Goal(_)), "{end:?}");
     let way = Polyline::new(points).ok_or("a streamline has its first point")?;
     println!("a way of {:.2} m through {} points", way.length(), way.points().len());
     assert!((4.0..5.0).contains(&way.length()), "{}", way.length());

@@ -25,7 +25,7 @@ pub struct Field<'a> {
 
 /// How a streamline ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
+pub enum Termination {
     /// In the goal voxel with this index.
     Goal(usize),
     /// In this voxel: the field is flat, it went round in circles, or it left the domain.
@@ -120,7 +120,7 @@ impl<'a> Field<'a> {
     }
 
     /// The streamline through `seed` (m, world), `seed` first, no longer than `longest` (m).
-    pub fn trace(&self, seed: Point3<f64>, longest: f64) -> (Vec<Point3<f64>>, End) {
+    pub fn trace(&self, seed: Point3<f64>, longest: f64) -> (Vec<Point3<f64>>, Termination) {
         let mut points = vec![seed];
         let mut at = seed;
         while points.len() as f64 * STEP_M <= longest + STEP_M {
@@ -128,17 +128,17 @@ impl<'a> Field<'a> {
                 break;
             };
             if self.cell(index) == Cell::Sink {
-                return (points, End::Goal(index));
+                return (points, Termination::Goal(index));
             }
             let next = self.advance(at);
             let circling = points.len() > STALL_STEPS && (at - points[points.len() - 1 - STALL_STEPS]).norm() < STALL_M;
             match next {
                 Some(p) if !circling => at = p,
-                _ => return (points, End::Stalled(index)),
+                _ => return (points, Termination::Stalled(index)),
             }
             points.push(at);
         }
-        (points, End::TooLong)
+        (points, Termination::TooLong)
     }
 
     /// From voxel to voxel down ψ, steepest first and without cutting a corner, until a goal (`Ok`) or a voxel that has
@@ -214,8 +214,8 @@ mod tests {
         let (volume, problem, psi) = field(size, Voxel::new(3, 3, 2), goal, wall);
         let field = Field { problem: &problem, psi: &psi };
         let seed = Voxel::new(4, 3, 2).center(0.1);
-        let (points, end) = field.trace(seed, 100.0);
-        let End::Goal(goal_index) = end else { panic!("{end:?}") };
+        let (points, termination) = field.trace(seed, 100.0);
+        let Termination::Goal(goal_index) = termination else { panic!("{termination:?}") };
         assert!(goal(volume.voxel(goal_index)));
         for pair in points.windows(2) {
             assert!(field.connected(pair[0], pair[1]));
@@ -226,7 +226,7 @@ mod tests {
         assert!((5.0..7.5).contains(&length), "{length}");
         let way = field.descend(volume.index(Voxel::new(4, 3, 2)).unwrap()).unwrap();
         assert!(goal(volume.voxel(way[way.len() - 1])));
-        assert_eq!(field.trace(seed, 1.0).1, End::TooLong);
+        assert_eq!(field.trace(seed, 1.0).1, Termination::TooLong);
     }
 
     #[test]
@@ -236,7 +236,7 @@ mod tests {
         let field = Field { problem: &problem, psi: &flat };
         let start = Voxel::new(2, 4, 4);
         let index = volume.index(start).unwrap();
-        assert_eq!(field.trace(start.center(0.1), 100.0).1, End::Stalled(index));
+        assert_eq!(field.trace(start.center(0.1), 100.0).1, Termination::Stalled(index));
         assert_eq!(field.descend(index), Err(vec![index]));
     }
 }

@@ -70,7 +70,7 @@ pub enum LaunchError {
     Launched {
         /// The community.
         community: elk_bus::Community,
-        /// Whoever has the launcher's name; `None`: its door is full or shut, so it cannot be asked.
+        /// Whoever has the launcher's name; `None`: its queue is full or closed, so it cannot be asked.
         holder: Option<Owner>,
     },
     /// A broker that is not the launcher's serves this community.

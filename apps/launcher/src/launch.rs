@@ -1,4 +1,5 @@
-//! A launch from the checked mission to its outcome: everything is set up here, and a [`Conduct`] carries it out.
+//! A launch from the checked mission to the finished run: everything is set up here, and a [`MissionRun`] carries it
+//! out.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,19 +15,19 @@ use crate::backend::Backend;
 use crate::backend::environment::Environment;
 use crate::backend::processes::Processes;
 use crate::backend::threads::Threads;
-use crate::conduct::Conduct;
 use crate::control::{Answer, Request, Server, ask};
 use crate::error::LaunchError;
-use crate::process::orphans::end_orphans;
+use crate::mission_run::MissionRun;
+use crate::process::leftovers::end_leftovers;
 use crate::reports::NAME;
 use crate::reports::listener::Listener;
 use crate::reports::observer::Observer;
+use crate::run::files::{self, RunFiles};
 use crate::run::launch_state::LaunchState;
-use crate::run::place::{self, RunPlace};
 use crate::run::summary::{Ran, Summary};
 use crate::run::{folder, picture};
 use crate::terminal::detach;
-use crate::terminal::person::{self, Person};
+use crate::terminal::keyboard::{self, Keyboard};
 use crate::terminal::progress::{Display, Shown, put};
 
 /// How long a launcher in the background may take to make room, and how often it is seen whether it has.
@@ -71,9 +72,9 @@ pub struct AttachOptions {
     pub registry: Registry,
 }
 
-/// What a launch came to.
+/// A run that is over, whether or not it came to its end.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct FinishedRun {
     /// The run's folder.
     pub folder: PathBuf,
     /// What the mission had written elsewhere, logs and maps, and the parameters that say so (`Logger.File`). A log that was
@@ -93,20 +94,20 @@ pub struct Outcome {
 /// the mission file, the mission as it ran, the log, the map, the picture, the summary, and a text log of each app.
 ///
 /// # Errors
-/// The run could not even begin. What goes wrong later is in the [`Outcome`].
-pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, LaunchError> {
+/// The run could not even begin. What goes wrong later is in the [`FinishedRun`].
+pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<FinishedRun, LaunchError> {
     let warnings = mission.preflight()?;
     let server = listen(options)?;
-    let stop = person::stop_signals(options.detached)?;
-    let ended = end_orphans(&options.community);
+    let stop = keyboard::stop_signals(options.detached)?;
+    let ended = end_leftovers(&options.community);
     let now = Clock::new(1.0).now();
     let folder =
         folder::create(&options.log_dir, &mission.file.file_stem().unwrap_or_default().to_string_lossy(), now)?;
     let manual = mission.mode == Mode::Manual && !options.auto;
-    let place = RunPlace::new(&mission, &folder, manual);
-    place.keep(&mission, &options.revision)?;
-    mission.apps.iter_mut().try_for_each(|app| place.settle(app))?;
-    mission.apps.iter().try_for_each(place::check_files)?;
+    let files = RunFiles::new(&mission, &folder, manual);
+    files.keep(&mission, &options.revision)?;
+    mission.apps.iter_mut().try_for_each(|app| files.settle(app))?;
+    mission.apps.iter().try_for_each(files::check_files)?;
     put(&text::printable_lines(&format!("{}: run {}\n", mission.name, folder.display())));
     for warning in ended.into_iter().chain(warnings) {
         put(&text::printable_lines(&format!("  note: {warning}\n")));
@@ -120,13 +121,13 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
             let (program, community, registry) = (program.clone(), community.clone(), registry.clone());
             Box::new(Processes::new(
                 &mission,
-                Environment { program, community, place, registry, detached: *detached },
+                Environment { program, community, files, registry, detached: *detached },
             )?)
         }
     };
     let (headless, background) = (*headless, options.background);
-    let stage = Stage { mission: &mission, program, community, folder: &folder, headless, background, stop };
-    stage.perform(backend, server, state, Observer::new(&mission), |conduct| conduct.begin())
+    let launch = Launch { mission: &mission, program, community, folder: &folder, headless, background, stop };
+    launch.carry_out(backend, server, state, Observer::new(&mission), |run| run.begin())
 }
 
 /// Picks a mission up that was launched detached; from there on as [`launch`]. Its launcher is gone, or in the
@@ -137,29 +138,29 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<Outcome, 
 ///
 /// # Errors
 /// There is no such mission, or somebody launches it already.
-pub fn attach(options: &AttachOptions) -> Result<Outcome, LaunchError> {
+pub fn attach(options: &AttachOptions) -> Result<FinishedRun, LaunchError> {
     let AttachOptions { program, community, headless, registry } = options;
     let server = take_over(community)?;
-    let stop = person::stop_signals(true)?;
+    let stop = keyboard::stop_signals(true)?;
     let state = LaunchState::read(community)?;
     let mission = state.mission(community, registry)?;
     let folder = state.folder.clone();
     put(&text::printable_lines(&format!("{}: attached to run {}\n", mission.name, folder.display())));
 
-    let place = RunPlace::new(&mission, &folder, state.manual);
+    let files = RunFiles::new(&mission, &folder, state.manual);
     let (own_program, community, registry) = (program.clone(), community.clone(), registry.clone());
-    let environment = Environment { program: own_program, community, place, registry, detached: true };
+    let environment = Environment { program: own_program, community, files, registry, detached: true };
     let backend = Box::new(Processes::adopt(&mission, environment, &state)?);
     let mut observer = Observer::new(&mission);
     observer.first_command = state.first_command;
     let community = &options.community;
     let (headless, background) = (*headless, false);
-    let stage = Stage { mission: &mission, program, community, folder: &folder, headless, background, stop };
-    stage.perform(backend, Some(server), state, observer, |conduct| conduct.join("before the mission was over"))
+    let launch = Launch { mission: &mission, program, community, folder: &folder, headless, background, stop };
+    launch.carry_out(backend, Some(server), state, observer, |run| run.join("before the mission was over"))
 }
 
-/// Takes the launcher's place for orders. A mission inside one process has a community of its own, whatever its name: it
-/// goes without if the place is taken.
+/// Takes the launcher's socket for orders. A mission inside one process has a community of its own, whatever its name:
+/// it goes without if the socket is taken.
 fn listen(options: &LaunchOptions) -> Result<Option<Server>, LaunchError> {
     match Server::listen(&options.community) {
         Err(LaunchError::Launched { .. }) if options.in_process => Ok(None),
@@ -167,7 +168,7 @@ fn listen(options: &LaunchOptions) -> Result<Option<Server>, LaunchError> {
     }
 }
 
-/// Takes the launcher's place for orders; a launcher in the background leaves it when it is asked to.
+/// Takes the launcher's socket for orders; a launcher in the background leaves it when it is asked to.
 fn take_over(community: &Community) -> Result<Server, LaunchError> {
     let (asked, mut waited) = (Server::listen(community), Stopwatch::start());
     if !matches!(asked, Err(LaunchError::Launched { .. })) {
@@ -188,7 +189,7 @@ fn take_over(community: &Community) -> Result<Server, LaunchError> {
 }
 
 /// What stays the same while a mission runs.
-struct Stage<'a> {
+struct Launch<'a> {
     mission: &'a Mission,
     program: &'a Path,
     community: &'a Community,
@@ -198,24 +199,24 @@ struct Stage<'a> {
     stop: Arc<AtomicBool>,
 }
 
-impl Stage<'_> {
+impl Launch<'_> {
     /// Has a backend carry out the mission, from `begin` to its end, and sums up.
-    fn perform(
+    fn carry_out(
         &self,
         mut backend: Box<dyn Backend>,
         server: Option<Server>,
         state: LaunchState,
         observer: Observer,
-        begin: fn(&mut Conduct) -> Result<(), LaunchError>,
-    ) -> Result<Outcome, LaunchError> {
+        begin: fn(&mut MissionRun) -> Result<(), LaunchError>,
+    ) -> Result<FinishedRun, LaunchError> {
         let Self { mission, folder, .. } = self;
         let mut listener = Listener::start(backend.join(NAME), observer)?;
-        let mut conduct = Conduct {
+        let mut run = MissionRun {
             backend: &mut *backend,
             listener: &mut listener,
             server,
             display: Display::new(self.headless, Shown::of(mission)),
-            person: Person::default(),
+            keyboard: Keyboard::default(),
             stop: &self.stop,
             community: self.community,
             folder,
@@ -226,28 +227,28 @@ impl Stage<'_> {
             leaves: None,
             running: Stopwatch::start(),
         };
-        let begun = begin(&mut conduct).and_then(|()| match self.background {
+        let begun = begin(&mut run).and_then(|()| match self.background {
             true => detach::leave_terminal(folder),
             false => Ok(()),
         });
-        conduct.background = self.background;
-        let failed = begun.and_then(|()| conduct.run()).err();
+        run.background = self.background;
+        let failed = begun.and_then(|()| run.explore()).err();
         if let Some(relieved @ LaunchError::Relieved) = failed {
-            conduct.hand_over();
+            run.hand_over();
             return Err(relieved);
         }
-        let error = conduct.end(failed);
-        for words in conduct.listener.observer().left_out() {
-            conduct.display.say(&words);
+        let error = run.end(failed);
+        for words in run.listener.observer().left_out() {
+            run.display.say(&words);
         }
-        let ran = Ran { explorers: conduct.backend.explorers(), swapped: conduct.backend.swapped() };
-        let summary = Summary::of(mission, &conduct.listener.observer(), ran, error.as_ref());
+        let ran = Ran { explorers: run.backend.explorers(), swapped: run.backend.swapped() };
+        let summary = Summary::of(mission, &run.listener.observer(), ran, error.as_ref());
         let unwritten = summary.write(folder).err();
-        let picture = (summary.known_voxels > 0).then(|| match place::log_elsewhere(mission, folder) {
+        let picture = (summary.known_voxels > 0).then(|| match files::log_elsewhere(mission, folder) {
             None => picture::draw(self.program, folder),
             Some(log) => Err(format!("it is drawn of a log in the run's folder, and this one's is {}", log.display())),
         });
-        let elsewhere = place::elsewhere(mission, folder).collect();
-        Ok(Outcome { folder: (*folder).to_owned(), elsewhere, summary, error, unwritten, picture })
+        let elsewhere = files::elsewhere(mission, folder).collect();
+        Ok(FinishedRun { folder: (*folder).to_owned(), elsewhere, summary, error, unwritten, picture })
     }
 }

@@ -4,9 +4,9 @@
 //!
 //! | room | one concern |
 //! |---|---|
-//! | `launch` | a launch from the checked mission to its outcome, and picking one up again |
-//! | `conduct` | a mission from its first app to its last word |
-//! | `terminal` | the person in front of it: Enter and Ctrl-C, what is shown meanwhile, giving the terminal back |
+//! | `launch` | a launch from the checked mission to the finished run, and picking one up again |
+//! | `mission_run` | one run of a mission, from the start of its broker to the end of its last app |
+//! | `terminal` | the launcher's terminal: Enter and Ctrl-C, what is shown meanwhile, giving the terminal back |
 //! | `backend` | what carries a mission out: processes, or threads of this process |
 //! | `run` | what a run leaves behind: its folder, what it was made of, what it came to, and how it is picked up |
 //! | `reports` | what the mission says of itself on the bus, and the thread that hears it |
@@ -16,10 +16,10 @@
 //! | `error` | why a launch failed |
 
 mod backend;
-mod conduct;
 mod control;
 mod error;
 mod launch;
+mod mission_run;
 mod process;
 mod reports;
 mod run;
@@ -28,10 +28,10 @@ mod terminal;
 
 pub use control::{Answer, AppRow, AskError, Request, ask};
 pub use error::LaunchError;
-pub use launch::{AttachOptions, LaunchOptions, Outcome, attach, launch};
-pub use process::guard::{Deputy, guard};
+pub use launch::{AttachOptions, FinishedRun, LaunchOptions, attach, launch};
+pub use process::guard::{StandbyGuard, guard};
 pub use process::handle;
-pub use process::orphans::end_orphans;
+pub use process::leftovers::end_leftovers;
 pub use reports::steps::{Spread, StepTimes};
 pub use run::folder::create as create_run_folder;
 pub use run::provenance::{RerunError, is_run, mission_of_run};

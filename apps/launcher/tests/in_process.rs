@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use elk_bus::{App, AppError, Comms, Community, Mail};
 use elk_geometry::Pose;
-use elk_launcher::{LaunchError, LaunchOptions, Outcome, launch};
+use elk_launcher::{FinishedRun, LaunchError, LaunchOptions, launch};
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params, Registry};
 use elk_spatial::CameraInfo;
 use elk_spatial::keys::{
@@ -16,7 +16,7 @@ use elk_spatial::messages::{
 };
 use nalgebra::Point3;
 
-/// Answers pose commands, and judges maps; touches the world as often as it is told.
+/// Answers pose commands, and evaluates maps; touches the world as often as it is told.
 struct Sensor {
     contacts: u64,
 }
@@ -24,7 +24,7 @@ struct Sensor {
 impl App for Sensor {
     fn on_start_up(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         comms.register(&POSE_COMMAND)?;
-        Ok(comms.register("JUDGE")?)
+        Ok(comms.register("EVALUATE")?)
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
@@ -53,7 +53,7 @@ impl App for Map {
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         if mail.key() == MAP_REQUEST {
-            return Ok(comms.notify("JUDGE", 1.0)?);
+            return Ok(comms.notify("EVALUATE", 1.0)?);
         }
         let elk_bus::ValueRef::Double(scan) = mail.value() else { return Err("no scan".into()) };
         if scan as i64 == self.fails_at {
@@ -159,7 +159,7 @@ static TYPES: &[AppType] = &[
 
 const MISSION: &str = r#"<Scenario name="Tiny"><Sensor type="Test"/><Map type="Test"/><Controller type="Test"/><Explorer type="Test"/></Scenario>"#;
 
-fn run(folder: &Path, sets: &[&str]) -> Outcome {
+fn run(folder: &Path, sets: &[&str]) -> FinishedRun {
     let file = folder.join("tiny.xml");
     std::fs::write(&file, MISSION).unwrap();
     let sets: Vec<_> = sets.iter().map(|set| set.parse().unwrap()).collect();
@@ -182,9 +182,9 @@ fn run(folder: &Path, sets: &[&str]) -> Outcome {
 #[test]
 fn a_mission_that_completes_is_summed_up() {
     let folder = tempfile::tempdir().unwrap();
-    let outcome = run(folder.path(), &[]);
-    assert!(outcome.error.is_none(), "{:?}", outcome.error);
-    let written = std::fs::read_to_string(outcome.folder.join("summary.json")).unwrap();
+    let finished = run(folder.path(), &[]);
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let written = std::fs::read_to_string(finished.folder.join("summary.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&written).unwrap();
     for (field, value) in [
         ("mission", "\"Tiny\""),
@@ -209,7 +209,7 @@ fn a_mission_that_completes_is_summed_up() {
     assert_eq!(json["cpu_seconds"]["field"], 0.125);
     assert_eq!(json["step"]["count"], 1);
     assert_eq!(json["step_by_app"]["Sensor"]["count"], 2);
-    assert!(outcome.folder.join("tiny.xml").is_file());
+    assert!(finished.folder.join("tiny.xml").is_file());
 }
 
 #[test]
@@ -226,12 +226,12 @@ fn a_contact_or_an_explorer_that_gave_up_is_no_completion() {
 #[test]
 fn an_app_that_fails_in_the_midst_of_it_fails_the_mission_by_name() {
     let folder = tempfile::tempdir().unwrap();
-    let outcome = run(folder.path(), &["Map.FailsAt=2"]);
-    let Some(LaunchError::ThreadEnded { app, how, .. }) = &outcome.error else { panic!("{:?}", outcome.error) };
+    let finished = run(folder.path(), &["Map.FailsAt=2"]);
+    let Some(LaunchError::ThreadEnded { app, how, .. }) = &finished.error else { panic!("{:?}", finished.error) };
     assert_eq!((app.as_str(), how.as_str()), ("Map", "Map: no room"));
-    assert!(!outcome.summary.complete);
+    assert!(!finished.summary.complete);
     // The launcher may not have come to see everybody register.
-    let reason = &outcome.summary.reason;
+    let reason = &finished.summary.reason;
     assert!(reason.starts_with("Map ended before ") && reason.ends_with(": Map: no room"), "{reason}");
-    assert!(outcome.folder.join("summary.json").is_file());
+    assert!(finished.folder.join("summary.json").is_file());
 }

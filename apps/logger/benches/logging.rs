@@ -90,8 +90,8 @@ impl App for Counted {
         self.seen.store(self.logger.state.messages(), Ordering::Relaxed);
         Ok(())
     }
-    fn tick_hz(&self) -> Option<f64> {
-        self.logger.tick_hz()
+    fn tick_period(&self) -> Option<Duration> {
+        self.logger.tick_period()
     }
     fn iterate(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         self.logger.iterate(comms)

@@ -1,7 +1,7 @@
 //! A depth camera in the middle of a room turns around once: what it makes of the room, and the file that OctoMap's own tools
 //! open.
 
-use elk_map::bt::{read_bt, write_bt};
+use elk_map::octomap::bt::{read_bt, write_bt};
 use elk_map::{MapConfig, OccupancyMap, Snapshot};
 use nalgebra::{Point3, Vector3};
 

@@ -286,8 +286,9 @@ fn ways(slabs: &Slabs, from: i32) -> Option<Ways> {
         let (y1, z1) = (ey + lane as i32 * by, ez + lane as i32 * bz);
         let (y0, z0) = (y1 - by, z1 - bz);
         let (ny1, nz1) = (y1 >> FRACTION_BITS, z1 >> FRACTION_BITS);
-        // Before the first slab there may be less than nothing.
-        let (ny0, nz0) = ((y0 >> FRACTION_BITS).max(0), (z0 >> FRACTION_BITS).max(0));
+        // Before the first slab there may be less than nothing, or, by rounding, a border on which the sensor is.
+        let entered = |x: i32| (x >> FRACTION_BITS).clamp(0, from + lane as i32);
+        let (ny0, nz0) = (entered(y0), entered(z0));
         let is_near_whole = |x: i32| i32::from((x + margin) & (ONE - 1) <= 2 * margin);
         let both = (ny1 - ny0) & (nz1 - nz0);
         let to_y = ((ny1 << FRACTION_BITS) - y0) as f32 * fz;

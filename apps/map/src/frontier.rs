@@ -23,13 +23,13 @@ impl OccupancyMap {
         })
     }
 
-    /// Looks again at bricks that changed, and at those beside them where anything has become known: `changed` are their numbers,
-    /// and the cells that have.
+    /// Looks again at bricks that changed, and at those beside them where anything has become known or unknown: `changed` are
+    /// their numbers, and the cells that have.
     pub(crate) fn update_frontier(&mut self, changed: &[(usize, Mask)]) {
         let mut revise: Vec<usize> = Vec::with_capacity(2 * changed.len());
-        for (i, known) in changed {
+        for (i, extent) in changed {
             revise.push(*i);
-            let faces = at_faces(known).into_iter().enumerate().filter(|(_, is_there)| *is_there);
+            let faces = at_faces(extent).into_iter().enumerate().filter(|(_, is_there)| *is_there);
             revise.extend(faces.filter_map(|(face, _)| self.table.beyond(*i, face)));
         }
         revise.sort_unstable();

@@ -14,7 +14,7 @@ use nalgebra::{Point3, Vector3};
 use crate::fan::{Fan, Ray, Tip};
 use crate::growth::grown;
 use crate::marks::Marks;
-use crate::occupancy::{Brick, Grazing, Integration, MapConfig, OccupancyMap};
+use crate::occupancy::{Brick, Changed, Grazing, Integration, MapConfig, OccupancyMap};
 use crate::walk::{Lattice, Point};
 
 /// What a miss counts against a voxel that was ever hit, under a grazing rule: a surface that fills a part of it is passed
@@ -129,27 +129,13 @@ impl OccupancyMap {
 
     /// Gives every marked voxel its update, and answers the voxels whose state changed.
     fn update(&mut self, touched: &[(Voxel, Marks)]) -> Changes {
-        let mut changes = Changes::default();
-        let mut changed = Vec::new();
+        let (config, mut changed) = (self.config, Changed::default());
         for (position, marks) in touched {
             let Some(i) = self.table.find(*position) else { continue };
             let spared = self.spared(i, *position, marks);
-            let brick = &mut self.bricks[i];
-            let before = brick.known;
-            let cells = brick.update(marks, &spared, &self.config);
-            if cells != mask::NONE {
-                self.grid.know(*position, &cells, &brick.occupied);
-                changes.add((*position, cells));
-                changed.push((i, std::array::from_fn(|z| brick.known[z] & !before[z])));
-            }
+            self.change_brick(i, &mut changed, |brick| brick.update(marks, &spared, &config));
         }
-        // A map that has become full has another frontier everywhere.
-        let was_full = std::mem::replace(&mut self.full, self.table.room() == 0);
-        match self.full && !was_full {
-            true => self.update_all_of_the_frontier(),
-            false => self.update_frontier(&changed),
-        }
-        changes
+        self.conclude(changed)
     }
 
     /// The cells of brick `i` that passing rays do not count against (see [`Grazing`]).
@@ -168,11 +154,11 @@ impl OccupancyMap {
 }
 
 impl Brick {
-    /// One update for every cell that was hit, or passed and not spared; answers the cells whose state changed.
-    fn update(&mut self, marks: &Marks, spared: &Mask, config: &MapConfig) -> Mask {
-        std::array::from_fn(|z| {
+    /// One update for every cell that was hit, or passed and not spared.
+    fn update(&mut self, marks: &Marks, spared: &Mask, config: &MapConfig) {
+        for (z, spared) in spared.iter().enumerate() {
             let hit = marks.hit[z];
-            let missed = marks.passed[z] & !hit & !spared[z];
+            let missed = marks.passed[z] & !hit & !spared;
             let clamp = |log_odds: f32| log_odds.clamp(config.clamp_min, config.clamp_max);
             // What passed before the first hit grazed the surface that was hit now, unless misses always count.
             let guarded = config.grazing != Grazing::None;
@@ -182,7 +168,7 @@ impl Brick {
             let moving = hit & !self.at_max[z] | missed & !self.at_min[z];
             self.ever_hit[z] |= hit;
             if moving == 0 {
-                return 0;
+                continue;
             }
             let (mut occupied, mut at_min, mut at_max) = (self.occupied[z], self.at_min[z], self.at_max[z]);
             for bit in mask::bits(moving) {
@@ -200,11 +186,9 @@ impl Brick {
                 at_min = set(at_min, *log_odds == config.clamp_min);
                 at_max = set(at_max, *log_odds == config.clamp_max);
             }
-            let changed = (occupied ^ self.occupied[z]) | (moving & !self.known[z]);
             (self.occupied[z], self.at_min[z], self.at_max[z]) = (occupied, at_min, at_max);
             self.known[z] |= moving;
-            changed
-        })
+        }
     }
 }
 

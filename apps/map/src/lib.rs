@@ -1,22 +1,27 @@
 //! An occupancy map: log-odds voxels, exact scan insertion, its frontier, and OctoMap's files. Without a bus: a robot's map for
 //! whoever has scans.
 //!
-//! [`OccupancyMap`] is the map and what can be asked of it, [`insertion`] how a scan gets into it, [`snapshot`] how all that
-//! it knows is kept and had again, [`octree`] and [`bt`] how it gets into OctoMap's files and out of them. Metres; world
-//! frame, z up; voxel indices as in [`elk_geometry::Voxel`].
+//! [`OccupancyMap`] is the map and what can be asked of it, [`insertion`] how a scan gets into it, [`edit`] what is done to it
+//! on request, [`snapshot`] how all that it knows is kept and had again. [`saved`] is a map in a file of any kind: its own,
+//! [`elkmap`], or OctoMap's, [`octomap`], by way of an [`octree`]. Metres; world frame, z up; voxel indices as in
+//! [`elk_geometry::Voxel`].
 //!
 //! ```
 #![doc = include_str!("../examples/scan.rs")]
 //! ```
 
-pub mod bt;
+mod bytes;
+pub mod edit;
+pub mod elkmap;
 mod fan;
 mod frontier;
 mod growth;
 pub mod insertion;
 mod marks;
 pub mod occupancy;
+pub mod octomap;
 pub mod octree;
+pub mod saved;
 pub mod snapshot;
 mod table;
 mod volume;
@@ -24,6 +29,7 @@ mod walk;
 
 pub use insertion::{Dropped, Insertion};
 pub use occupancy::{ConfigError, Grazing, Integration, MapConfig, OccupancyMap};
+pub use saved::{Format, Saved, SavedError};
 pub use snapshot::{RestoreError, Snapshot};
 
 #[cfg(doctest)]

@@ -214,6 +214,15 @@ impl Brick {
     }
 }
 
+/// What is being changed in a map, brick by brick in the order in which it is to be told.
+#[derive(Debug, Default)]
+pub(crate) struct Changed {
+    /// The voxels whose state changed.
+    states: Changes,
+    /// The numbers of their bricks, and the cells that have become known or unknown.
+    extents: Vec<(usize, Mask)>,
+}
+
 /// A log-odds occupancy map with its frontier.
 #[derive(Debug, Clone)]
 pub struct OccupancyMap {
@@ -294,6 +303,32 @@ impl OccupancyMap {
     /// Makes room for the bricks that the table has numbered since.
     pub(crate) fn grow(&mut self) {
         self.bricks.resize_with(self.table.len(), Brick::new);
+    }
+
+    /// Changes brick `i`, and has the grid show it.
+    pub(crate) fn change_brick(&mut self, i: usize, changed: &mut Changed, change: impl FnOnce(&mut Brick)) {
+        let (position, brick) = (self.table.position(i), &mut self.bricks[i]);
+        let (known, occupied) = (brick.known, brick.occupied);
+        change(brick);
+        let extent: Mask = std::array::from_fn(|z| known[z] ^ brick.known[z]);
+        let states: Mask = std::array::from_fn(|z| extent[z] | (occupied[z] ^ brick.occupied[z]));
+        if states != mask::NONE {
+            self.grid.set_cells(position, &states, &brick.known, &brick.occupied);
+            changed.states.add((position, states));
+            changed.extents.push((i, extent));
+        }
+    }
+
+    /// Brings the frontier up to date with changed bricks; answers the voxels whose state changed.
+    pub(crate) fn conclude(&mut self, changed: Changed) -> Changes {
+        // A map that has become full has another frontier everywhere.
+        let is_full = self.is_full();
+        let was_full = std::mem::replace(&mut self.full, is_full);
+        match is_full && !was_full {
+            true => self.update_all_of_the_frontier(),
+            false => self.update_frontier(&changed.extents),
+        }
+        changed.states
     }
 }
 

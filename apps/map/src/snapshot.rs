@@ -39,7 +39,15 @@ pub struct BrickSnapshot {
 /// Why a map cannot be had again.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RestoreError {
-    /// It had voxels of another size, or this is not all of it.
+    /// It had voxels of another size.
+    #[error("its voxels are of {saved} m, this map's of {own} m: a map goes on with voxels of the size that it had")]
+    Resolution {
+        /// The edge of its voxels (m).
+        saved: f64,
+        /// That of this map's (m).
+        own: f64,
+    },
+    /// This is not all of it.
     #[error(transparent)]
     Grid(#[from] DeltaError),
     /// No map can be made with these settings.
@@ -63,6 +71,12 @@ pub enum RestoreError {
         /// Its position, in bricks.
         position: Voxel,
     },
+    /// A brick is there twice.
+    #[error("the brick at {position:?} is there twice: a map has each once")]
+    Twice {
+        /// Its position, in bricks.
+        position: Voxel,
+    },
 }
 
 impl OccupancyMap {
@@ -77,19 +91,16 @@ impl OccupancyMap {
         }
     }
 
-    /// The map of which this is a snapshot.
+    /// The map of which this is a snapshot. Log-odds beyond what this map's may be become the nearest that they may be.
     ///
     /// # Errors
     /// Its voxels were not of this size, it is larger than this one may be, or it is none of a map.
     pub fn restore(config: MapConfig, snapshot: &Snapshot) -> Result<Self, RestoreError> {
-        let mut map = Self::with_room_for(config, snapshot.bricks.len())?;
+        let mut map = Self::with_room_for(config, snapshot.bricks.len(), snapshot.resolution)?;
         for brick in &snapshot.bricks {
             map.put(brick.position, Brick::recall(brick, &config)?)?;
         }
-        let states = map.bricks.iter().enumerate().map(|(i, brick)| brick.states(map.table.position(i))).collect();
-        let Snapshot { revision, resolution, bricks: _ } = *snapshot;
-        map.show(&Delta { revision, since: 0, resolution, bricks: Cow::Owned(states) })?;
-        Ok(map)
+        map.shown_at(snapshot.revision)
     }
 
     /// A map that has the states of a copy of its grid.
@@ -100,7 +111,7 @@ impl OccupancyMap {
     /// # Errors
     /// The copy's voxels are not of this size, it is not the whole grid, or it is larger than this map may be.
     pub fn from_states(config: MapConfig, whole: &Delta<'_>) -> Result<Self, RestoreError> {
-        let mut map = Self::with_room_for(config, whole.bricks.len())?;
+        let mut map = Self::with_room_for(config, whole.bricks.len(), whole.resolution)?;
         for states in whole.bricks.iter() {
             map.put(states.position(), Brick::seen_once(states, &config))?;
         }
@@ -113,11 +124,15 @@ impl OccupancyMap {
         self.grid.skip_to(revision);
     }
 
-    fn with_room_for(config: MapConfig, bricks: usize) -> Result<Self, RestoreError> {
-        match config.max_bricks {
-            most if bricks > most => Err(RestoreError::TooMany { bricks, most }),
-            _ => Ok(Self::new(config)?),
+    pub(crate) fn with_room_for(config: MapConfig, bricks: usize, resolution: f64) -> Result<Self, RestoreError> {
+        let MapConfig { resolution: own, max_bricks: most, .. } = config;
+        if resolution != own {
+            return Err(RestoreError::Resolution { saved: resolution, own });
         }
+        if bricks > most {
+            return Err(RestoreError::TooMany { bricks, most });
+        }
+        Ok(Self::new(config)?)
     }
 
     fn put(&mut self, position: Voxel, brick: Brick) -> Result<(), RestoreError> {
@@ -125,11 +140,22 @@ impl OccupancyMap {
         if !position.to_array().iter().all(|c| POSITIONS.contains(c)) {
             return Err(RestoreError::Brick { position });
         }
+        if self.table.find(position).is_some() {
+            return Err(RestoreError::Twice { position });
+        }
         if let Some(i) = self.table.find_or_add(position) {
             self.grow();
             self.bricks[i] = brick;
         }
         Ok(())
+    }
+
+    /// Shows what its bricks hold, as `revision`.
+    pub(crate) fn shown_at(mut self, revision: u64) -> Result<Self, RestoreError> {
+        let states = self.bricks.iter().enumerate().map(|(i, brick)| brick.states(self.table.position(i))).collect();
+        let resolution = self.config.resolution;
+        self.show(&Delta { revision, since: 0, resolution, bricks: Cow::Owned(states) })?;
+        Ok(self)
     }
 
     /// Shows these states, which are those of all bricks.
@@ -156,7 +182,7 @@ impl Brick {
         }
         let mut brick = Self { ever_hit: left.ever_hit, ..Self::new() };
         for (cell, log_odds) in mask::cells(&left.known).zip(&left.log_odds) {
-            brick.know(cell, *log_odds, config);
+            brick.know(cell, log_odds.clamp(config.clamp_min, config.clamp_max), config);
         }
         Ok(brick)
     }
@@ -176,15 +202,18 @@ impl Brick {
         brick
     }
 
-    fn know(&mut self, cell: usize, log_odds: f32, config: &MapConfig) {
+    pub(crate) fn know(&mut self, cell: usize, log_odds: f32, config: &MapConfig) {
+        let (layer, bit) = (cell >> 6, 1 << (cell & 63));
         self.log_odds[cell] = log_odds;
+        self.known[layer] |= bit;
         let sets = [
-            (&mut self.known, true),
             (&mut self.occupied, OccupancyMap::state_of(log_odds) == State::Occupied),
             (&mut self.at_min, log_odds == config.clamp_min),
             (&mut self.at_max, log_odds == config.clamp_max),
         ];
-        sets.into_iter().filter(|(_, is_in)| *is_in).for_each(|(set, _)| mask::set(set, cell));
+        for (set, is_in) in sets {
+            set[layer] = set[layer] & !bit | if is_in { bit } else { 0 };
+        }
     }
 
     fn states(&self, position: Voxel) -> BrickStates {
@@ -272,11 +301,11 @@ mod tests {
         let finer = MapConfig { resolution: 0.05, ..MapConfig::default() };
         assert!(matches!(
             OccupancyMap::restore(finer, &map.snapshot()),
-            Err(RestoreError::Grid(DeltaError::Resolution { .. }))
+            Err(RestoreError::Resolution { saved: 0.1, own: 0.05 })
         ));
         assert!(matches!(
             OccupancyMap::from_states(finer, &map.grid().whole()),
-            Err(RestoreError::Grid(DeltaError::Resolution { .. }))
+            Err(RestoreError::Resolution { saved: 0.1, own: 0.05 })
         ));
     }
 
@@ -297,5 +326,18 @@ mod tests {
             |brick| brick.log_odds[0] = f32::NAN,
         ];
         assert!(spoils.into_iter().all(|spoil| matches!(spoilt(spoil), Err(RestoreError::Brick { .. }))));
+        let mut twice = map.snapshot();
+        twice.bricks.push(twice.bricks[0].clone());
+        assert!(matches!(OccupancyMap::restore(MapConfig::default(), &twice), Err(RestoreError::Twice { .. })));
+    }
+
+    #[test]
+    fn log_odds_are_brought_within_what_a_map_allows() {
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
+        insert(&mut map, &vec![([0.05; 3].into(), vec![[0.95, 0.05, 0.05].into()])]);
+        let narrow = MapConfig { clamp_min: -0.3, clamp_max: 0.5, ..MapConfig::default() };
+        let successor = OccupancyMap::restore(narrow, &map.snapshot()).unwrap();
+        let values = [0, 9].map(|x| successor.log_odds(Voxel::new(x, 0, 0)));
+        assert_eq!(values, [Some(-0.3), Some(0.5)]);
     }
 }

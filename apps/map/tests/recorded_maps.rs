@@ -5,19 +5,49 @@ mod skip;
 
 use std::path::PathBuf;
 
-use elk_map::bt::{read_bt, write_bt};
+use elk_map::octomap::bt::{read_bt, write_bt};
+use elk_map::octomap::graph::read_graph;
+use elk_map::octomap::ot::{read_ot, write_ot};
+use elk_map::{MapConfig, OccupancyMap};
+
+/// A recorded file; `None`, and said, where it is not there.
+fn recorded(test: &str, name: &str) -> Option<Vec<u8>> {
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
+    let data = std::env::var_os("ELK_DATA").map_or_else(|| PathBuf::from(beside), PathBuf::from);
+    let bytes = std::fs::read(data.join(name)).ok();
+    if bytes.is_none() {
+        skip::skip(test, "data", &format!("there is no {name} in {} (set ELK_DATA)", data.display()));
+    }
+    bytes
+}
+
+#[test]
+fn log_odds_that_octomap_wrote_are_read_and_written_to_the_byte() {
+    let test = "log_odds_that_octomap_wrote_are_read_and_written_to_the_byte";
+    let Some(bytes) = recorded(test, "scans/s100_r010.ot") else { return };
+    let file = read_ot(&bytes).unwrap();
+    let mut ours = Vec::new();
+    write_ot(&mut ours, &file.tree, file.resolution).unwrap();
+    assert!(ours == bytes, "the same tree has the same bytes");
+}
+
+#[test]
+fn a_graph_that_octomap_comes_with_is_read_and_makes_a_map() {
+    let test = "a_graph_that_octomap_comes_with_is_read_and_makes_a_map";
+    let Some(bytes) = recorded(test, "octomap/spherical_scan.graph") else { return };
+    let graph = read_graph(&bytes).unwrap();
+    let scan = &graph.scans[0];
+    assert_eq!((graph.scans.len(), scan.points.len(), scan.origin()), (1, 10_201, [1.0, 0.0, -0.5].into()));
+    let map = OccupancyMap::from_graph(MapConfig::default(), &graph).unwrap();
+    assert!(map.grid().occupied() > 1000 && map.grid().free() > 10_000, "{}", map.grid().occupied());
+}
 
 #[test]
 fn maps_that_octomap_wrote_are_read_and_written_alike() {
-    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let data = std::env::var_os("ELK_DATA").map_or_else(|| PathBuf::from(beside), PathBuf::from);
+    let test = "maps_that_octomap_wrote_are_read_and_written_alike";
     // (file, nodes): the counts are those of the files' own headers.
     for (name, nodes) in [("octomap/geb079.bt", 532_566), ("scans/s100_r010.bt", 0)] {
-        let Ok(bytes) = std::fs::read(data.join(name)) else {
-            let why = format!("there is no {name} in {} (set ELK_DATA)", data.display());
-            skip::skip("maps_that_octomap_wrote_are_read_and_written_alike", "data", &why);
-            continue;
-        };
+        let Some(bytes) = recorded(test, name) else { continue };
         let file = read_bt(&bytes).unwrap();
         if nodes != 0 {
             assert_eq!(file.tree.count(), nodes, "{name}");

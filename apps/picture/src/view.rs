@@ -72,7 +72,8 @@ const MOST_DRAWN: i32 = 2000;
 /// First and last index along each axis of the world.
 pub(crate) type Ranges = [[i32; 2]; 3];
 
-/// What is shown of a map: all that is known, or, if strays make that too large to be drawn, where nearly all of it is.
+/// What is shown of a map: all that is known, or, if outliers make that too large to be drawn, where nearly all of it
+/// is.
 pub(crate) fn shown(grid: &OccupancyGrid) -> Ranges {
     let known = || grid.bricks().voxels().filter(|(_, state)| *state != State::Unknown).map(|(voxel, _)| voxel);
     let mut all: [Option<[i32; 2]>; 3] = [None; 3];
@@ -96,7 +97,7 @@ pub(crate) fn shown(grid: &OccupancyGrid) -> Ranges {
     counts.each_ref().map(without_strays)
 }
 
-/// First and last index of what is left without the strays at both ends, around the middle.
+/// First and last index of what is left without the outliers at both ends, around the middle.
 fn without_strays(counts: &BTreeMap<i32, u64>) -> [i32; 2] {
     let total: u64 = counts.values().sum();
     let after = |share: f64| {
@@ -183,7 +184,7 @@ mod tests {
         }
     }
 
-    /// Regression: a stray point at 3 km made a picture of 30,000 by 30,000 cells.
+    /// Regression: an outlier at 3 km made a picture of 30,000 by 30,000 cells.
     #[test]
     fn a_stray_voxel_does_not_make_the_view() {
         let mut grid = OccupancyGrid::new(0.1);

@@ -9,8 +9,8 @@ use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
 use elk_bus::comms::BULK_MIN_BYTES;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, Origin};
-use elk_log::selection::Place;
+use elk_bus::{Client, Drive, Origin};
+use elk_log::selection::Position;
 use elk_log::{RecordRef, Selection};
 use elk_outside::time;
 
@@ -272,9 +272,9 @@ impl<'a> Player<'a> {
         }
         let comms = &mut self.client.comms;
         if let Some((time, rate)) = self.schedule.clock(now) {
-            let same_rate = comms.clock().dial().is_some_and(|dial| dial.rate == rate);
+            let same_rate = comms.clock().setting().is_some_and(|setting| setting.rate == rate);
             if !same_rate || (comms.time() - time).abs() > rate * OUT_OF_STEP_SECS {
-                comms.drive_clock(time, rate)?;
+                comms.drive_clock(Drive { time_secs: time, rate })?;
             }
         }
         Ok(())
@@ -284,8 +284,9 @@ impl<'a> Player<'a> {
     fn stop_clock(&mut self, now: Duration) -> Result<(), ReplayError> {
         let comms = &mut self.client.comms;
         let position = self.schedule.clock(now).filter(|_| self.options.clock);
-        if let Some((time, _)) = position.filter(|_| comms.clock().dial().is_some_and(|dial| dial.rate > 0.0)) {
-            comms.drive_clock(time, 0.0)?;
+        if let Some((time, _)) = position.filter(|_| comms.clock().setting().is_some_and(|setting| setting.rate > 0.0))
+        {
+            comms.drive_clock(Drive::standing_at(time))?;
             comms.flush()?;
         }
         Ok(())
@@ -309,7 +310,7 @@ impl<'a> Player<'a> {
                 return Ok(false);
             };
             // What is behind the part may be followed by what is in it.
-            let within = self.options.selection.place(time - self.origin) == Place::Within;
+            let within = self.options.selection.position(time - self.origin) == Position::Within;
             if !within || !self.options.selection.takes(key, source) || matches(OF_THE_BROKER, key) {
                 continue;
             }

@@ -16,9 +16,9 @@ use std::time::Duration;
 use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, Community, Mail, any, tell};
+use elk_bus::{Client, Community, Drive, Mail, any, tell};
 use elk_log::diff::VOLATILE_KEYS;
-use elk_log::selection::{Place, Window};
+use elk_log::selection::{Position, Window};
 use elk_log::{LogReader, Selection};
 use elk_mission::{AppSpec, Mission, Program};
 use elk_outside::time;
@@ -62,12 +62,12 @@ pub struct Reproduced {
     /// Inputs played.
     pub played: u64,
     /// What the live apps said: by variable and source.
-    pub outputs: Vec<Output>,
+    pub streams: Vec<StreamCount>,
 }
 
-/// One live app's messages on one variable.
+/// How many messages one live app has published on one variable.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Output {
+pub struct StreamCount {
     /// The variable.
     pub key: String,
     /// The app.
@@ -94,27 +94,27 @@ pub fn reproduce(
     let window = options.selection.window(log)?;
     reader.within(&window);
     let folder = make_folder(&options.log_dir, &mission.file)?;
-    let (apps, logger) = cast(mission, &options.only, &folder, reader.metadata())?;
+    let (apps, logger) = select_apps(mission, &options.only, &folder, reader.metadata())?;
     // The community is this process' own; its name only stands in the log.
     let name = Community::new("replay").map_err(|error| no_app("replay", error.to_string()))?;
     let mut live = Live::new(name);
-    let mut stage = Stage::new(live.join(NAME)?, &apps)?;
+    let mut reproduction = Reproduction::new(live.join(NAME)?, &apps)?;
     if let Some(logger) = &logger {
         live.start(logger)?;
-        stage.wait_for_registrations(std::slice::from_ref(&logger.name))?;
+        reproduction.wait_for_registrations(std::slice::from_ref(&logger.name))?;
     }
     apps.iter().try_for_each(|app| live.start(app))?;
     let names: Vec<String> = apps.iter().map(|app| app.name.clone()).collect();
-    stage.wanted = stage.wait_for_registrations(&names)?;
-    stage.feed(&mut reader, &window, options.rate, &mut live, on_progress, stop)?;
-    stage.settle(stop)?;
+    reproduction.wanted = reproduction.wait_for_registrations(&names)?;
+    reproduction.feed(&mut reader, &window, options.rate, &mut live, on_progress, stop)?;
+    reproduction.settle(stop)?;
     // As a launcher does it: who commands ends before who obeys, the logger last.
     names.iter().rev().try_for_each(|name| live.stop(name))?;
-    stage.settle_logger(logger.as_ref())?;
+    reproduction.settle_logger(logger.as_ref())?;
     if let Some(logger) = &logger {
         live.stop(&logger.name)?;
     }
-    Ok(Reproduced { folder, played: stage.played, outputs: stage.outputs() })
+    Ok(Reproduced { folder, played: reproduction.played, streams: reproduction.counts() })
 }
 
 fn no_app(app: &str, reason: String) -> ReplayError {
@@ -139,7 +139,7 @@ fn make_folder(logs: &Path, mission: &Path) -> Result<PathBuf, ReplayError> {
 }
 
 /// The live apps, and the logger, told where the new run is kept.
-fn cast(
+fn select_apps(
     mission: Mission,
     only: &[String],
     folder: &Path,
@@ -186,8 +186,8 @@ fn suppose(app: &mut AppSpec, param: &str, text: &str) -> Result<(), ReplayError
 /// A variable and its source.
 type Stream = (String, String);
 
-/// The player's place on the bus: what it has heard of the live apps, and what the recording heard of them.
-struct Stage {
+/// A reproduction under way: its client, what that has heard of the live apps, and what the recording heard of them.
+struct Reproduction {
     client: Client,
     live: Vec<String>,
     heard: BTreeMap<Stream, u64>,
@@ -201,7 +201,7 @@ struct Stage {
     played: u64,
 }
 
-impl Stage {
+impl Reproduction {
     /// Listens to the live apps before they say anything.
     fn new(mut client: Client, apps: &[AppSpec]) -> Result<Self, ReplayError> {
         for app in apps {
@@ -264,7 +264,7 @@ impl Stage {
                 break;
             };
             // What elk does not understand no app has registered for.
-            if window.place(time) != Place::Within || is_volatile(key) || log.unknown_type().is_some() {
+            if window.position(time) != Position::Within || is_volatile(key) || log.unknown_type().is_some() {
                 continue;
             }
             if self.live.iter().any(|name| name == source) {
@@ -295,7 +295,7 @@ impl Stage {
         let record = record?;
         // The live apps' time is that of their input, however long they take over it.
         if let Some(time) = time::seconds(record.received) {
-            self.client.comms.drive_clock(time, 0.0)?;
+            self.client.comms.drive_clock(Drive::standing_at(time))?;
         }
         self.client.comms.publish_value(record.key, record.value, origin(&record))?;
         self.client.comms.flush()?;
@@ -359,18 +359,18 @@ impl Stage {
         }
     }
 
-    fn outputs(&self) -> Vec<Output> {
+    fn counts(&self) -> Vec<StreamCount> {
         let mut streams: Vec<&Stream> = self.heard.keys().chain(self.recorded.keys()).collect();
         streams.sort();
         streams.dedup();
         let count = |counts: &BTreeMap<Stream, u64>, stream: &Stream| counts.get(stream).copied().unwrap_or_default();
-        let output = |stream: &Stream| Output {
+        let counted = |stream: &Stream| StreamCount {
             key: stream.0.clone(),
             source: stream.1.clone(),
             recorded: count(&self.recorded, stream),
             live: count(&self.heard, stream),
         };
-        streams.into_iter().map(output).collect()
+        streams.into_iter().map(counted).collect()
     }
 }
 

@@ -64,7 +64,7 @@ fn row((one, table): &Seen) -> Vec<String> {
 
 fn why_not(one: &Running) -> &'static str {
     match one.broker {
-        None => "(more wait at its door than it takes in)",
+        None => "(more connections wait than it takes in)",
         Some(_) if one.is_own() => "(it does not answer)",
         Some(_) => "(another user's: only that user can join)",
     }
@@ -126,7 +126,7 @@ mod tests {
         assert_eq!(lines[1], "lab        4000000        7  90.0 s");
         assert!(lines[2].text.ends_with("(another user's: only that user can join)"), "{lines:?}");
         assert_eq!(as_json(&seen[1])["own"], false);
-        assert!(lines[3].text.ends_with("-  (more wait at its door than it takes in)"), "{lines:?}");
+        assert!(lines[3].text.ends_with("-  (more connections wait than it takes in)"), "{lines:?}");
         assert_eq!(as_json(&seen[2])["process"], Value::Null);
         assert!(as_text(&[], None)[0].text.contains("elk launch"));
     }

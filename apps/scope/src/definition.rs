@@ -41,7 +41,8 @@ fn put_inner(kind: &Kind, depth: usize, lines: &mut Vec<String>) {
 
 fn put_field(field: &Field, depth: usize, lines: &mut Vec<String>) {
     let unit = if field.unit.is_empty() { String::new() } else { format!(", {}", field.unit) };
-    put(depth, &format!("{}: {}{unit}", field.name, field.kind), &field.docs, lines);
+    let default = field.default.as_ref().map(|default| format!(", {default} if left out")).unwrap_or_default();
+    put(depth, &format!("{}: {}{unit}{default}", field.name, field.kind), &field.docs, lines);
     put_inner(&field.kind, depth + 1, lines);
 }
 

@@ -157,8 +157,11 @@ fn reads<'a>(table: &'a CommunityTable, client: &str) -> Vec<&'a str> {
 pub(crate) fn client_as_text(table: &CommunityTable, client: &ClientEntry, status: Option<&str>) -> Vec<String> {
     let ms = |secs: f64| format!("{:.3} ms", secs * 1e3);
     let latency = client.latency;
-    let mut lines = vec![
-        format!("{}: a client of community {}", name(&client.name), table.community),
+    let mut lines = vec![format!("{}: a client of community {}", name(&client.name), table.community)];
+    if !client.build.is_empty() {
+        lines.push(format!("  build       {}", name(&client.build)));
+    }
+    lines.extend([
         format!("  writes      {}", or_nothing(&client.writes)),
         format!("  registered  {}", or_nothing(&client.registrations.iter().map(registration).collect::<Vec<_>>())),
         format!("  reads       {}", or_nothing(&reads(table, &client.name))),
@@ -176,7 +179,7 @@ pub(crate) fn client_as_text(table: &CommunityTable, client: &ClientEntry, statu
             client.dropped,
             show::bytes(client.waiting_bytes as f64)
         ),
-    ];
+    ]);
     lines.extend(status.map(|status| format!("  status      {status}")));
     lines
 }
@@ -255,6 +258,7 @@ pub(crate) fn variable_as_text(
 fn client_as_json(table: &CommunityTable, client: &ClientEntry, status: Option<&str>) -> Value {
     json!({
         "name": client.name,
+        "build": client.build,
         "writes": client.writes,
         "registrations": client.registrations,
         "reads": reads(table, &client.name),

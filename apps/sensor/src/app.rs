@@ -49,8 +49,8 @@ struct SensorApp {
     past: Option<Past>,
     /// What it knows of commands is a predecessor's word, which perhaps missed some.
     inherited: bool,
-    /// The last judgement of a map.
-    judged: Option<AccuracyReport>,
+    /// The last evaluation of a map.
+    evaluated: Option<AccuracyReport>,
 }
 
 /// What is known of a predecessor.
@@ -64,7 +64,7 @@ struct Past {
 
 impl SensorApp {
     fn new(robot: Robot, (scan, camera_pose): (Key<Scan<'static>>, Key<CameraPose>)) -> Self {
-        Self { robot, scan, camera_pose, cpu_secs: 0.0, past: Some(Past::default()), inherited: false, judged: None }
+        Self { robot, scan, camera_pose, cpu_secs: 0.0, past: Some(Past::default()), inherited: false, evaluated: None }
     }
 
     fn on_the_bus(self) -> Handled<Self> {
@@ -78,7 +78,7 @@ impl SensorApp {
             // What others say of it.
             .on(self.camera_pose.subscription().as_it_comes(), Self::on_camera_pose);
         match self.robot.truth().is_some() {
-            true => table.recall(&ACCURACY_REPORT, Self::on_judgement).on(&MAP, Self::on_map).with(self),
+            true => table.recall(&ACCURACY_REPORT, Self::on_accuracy_report).on(&MAP, Self::on_map).with(self),
             false => table.with(self),
         }
     }
@@ -97,8 +97,8 @@ impl SensorApp {
         Ok(())
     }
 
-    fn on_judgement(&mut self, _: &mut Comms, judged: AccuracyReport) -> Result<(), AppError> {
-        self.judged = Some(judged);
+    fn on_accuracy_report(&mut self, _: &mut Comms, evaluated: AccuracyReport) -> Result<(), AppError> {
+        self.evaluated = Some(evaluated);
         Ok(())
     }
 
@@ -239,21 +239,21 @@ impl SensorApp {
         }
     }
 
-    /// Judges a whole map, or says again what it was judged to be; only who knows the true world is asked.
+    /// Evaluates a whole map, or says again how right it was; only who knows the true world is asked.
     fn on_map(&mut self, comms: &mut Comms, update: MapUpdate) -> Result<(), AppError> {
-        self.judged = match self.judged.take_if(|judged| judged.revision == update.revision) {
-            Some(judged) => Some(judged),
-            None => self.judge(&update)?,
+        self.evaluated = match self.evaluated.take_if(|evaluated| evaluated.revision == update.revision) {
+            Some(evaluated) => Some(evaluated),
+            None => self.evaluate(&update)?,
         };
-        self.judged.iter().try_for_each(|report| Ok(comms.publish(&ACCURACY_REPORT, report)?))
+        self.evaluated.iter().try_for_each(|report| Ok(comms.publish(&ACCURACY_REPORT, report)?))
     }
 
-    fn judge(&self, update: &MapUpdate) -> Result<Option<AccuracyReport>, AppError> {
+    fn evaluate(&self, update: &MapUpdate) -> Result<Option<AccuracyReport>, AppError> {
         let Some(truth) = self.robot.truth() else { return Ok(None) };
         let mut map = OccupancyGrid::new(update.resolution);
         map.apply(&update.delta()).map_err(|why| Rejection::new(UpdateError::from(why)))?;
-        // Who cannot tell has judged no voxel: nobody waits for more.
-        let accuracy = truth.judge(&map).map_err(Rejection::new)?;
+        // Who cannot tell has evaluated no voxel: nobody waits for more.
+        let accuracy = truth.evaluate(&map).map_err(Rejection::new)?;
         let Accuracy { share, voxels } = accuracy.unwrap_or(Accuracy { share: 0.0, voxels: 0 });
         Ok(Some(AccuracyReport { revision: update.revision, accuracy: share, voxels }))
     }

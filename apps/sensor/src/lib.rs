@@ -20,6 +20,7 @@ pub mod program;
 pub mod robot;
 pub mod simulator;
 pub mod source;
+mod types;
 
 pub use camera::Camera;
 pub use elk_bus::AppError;
@@ -30,8 +31,4 @@ pub use nalgebra;
 pub use program::main;
 pub use robot::{Robot, ScanError};
 pub use source::{Accuracy, Capture, DepthSource, Refusal, Seen, Travel, Truth};
-
-use elk_mission::AppType;
-
-/// The sensors that a mission file can name.
-pub static TYPES: &[AppType] = &[simulator::TYPE];
+pub use types::TYPES;

@@ -5,9 +5,9 @@ use std::process::ExitCode;
 use elk_bus::AppError;
 use elk_mission::{OutsideApp, ParamSpec, Params, element};
 
-use crate::TYPES;
 use crate::app::{COMMON, app};
 use crate::source::DepthSource;
+use crate::types::TYPES;
 
 /// Runs a source with parameters of its own, `own`, which `make` makes it from, as this process' sensor: what a program's
 /// `main` returns. They are checked like those of elk's own types: unit, range, spelling. `make` is given them and those of

@@ -31,7 +31,7 @@ pub trait DepthSource: Send {
     }
 
     /// What it knows of the true world, as only a simulator does. Without it the robot is taken to be where it was sent, and
-    /// nobody counts contacts or judges maps.
+    /// nobody counts contacts or evaluates maps.
     fn truth(&self) -> Option<&dyn Truth> {
         None
     }
@@ -78,8 +78,8 @@ pub trait Truth {
     /// How much of a map is as the world is; `None`: it cannot tell.
     ///
     /// # Errors
-    /// Why this map cannot be judged.
-    fn judge(&self, _map: &OccupancyGrid) -> Result<Option<Accuracy>, AppError> {
+    /// Why this map cannot be evaluated.
+    fn evaluate(&self, _map: &OccupancyGrid) -> Result<Option<Accuracy>, AppError> {
         Ok(None)
     }
 }
@@ -98,7 +98,7 @@ pub struct Travel {
 pub struct Accuracy {
     /// Known voxels whose state is that of the true world, of all known voxels (0 to 1).
     pub share: f64,
-    /// Known voxels judged.
+    /// Known voxels evaluated.
     pub voxels: u64,
 }
 

@@ -7,13 +7,15 @@
 //! | [`polygon`] | polygons of any shape become triangles |
 //! | [`placement`] | a file's units and axes become metres, z up |
 //! | `topology`, `partition`, [`winding`] | what hangs together; walls that bound nothing; faces that look the wrong way are turned over |
-//! | [`world`], [`bvh`], [`ray`], [`triangle`] | where surfaces are, and what is free between them |
-//! | [`mod@openness`], [`inspection`], [`units`] | what a person wants to know of a world before it is used |
+//! | [`world`], [`bvh`], [`ray`], [`triangle`], `distance` | where surfaces are, and what is free between them |
+//! | `exits`, [`openness`], [`inspection`], [`units`] | what a person wants to know of a world before it is used |
 //! | [`suitability`] | whether a mission can be run in it |
-//! | [`truth`] | the judge of maps that are made of it |
+//! | [`truth`] | how right a map of it is |
 //! | [`scenery`] | the workshop in which the worlds that come with elk are built |
 
 pub mod bvh;
+mod distance;
+mod exits;
 pub mod inspection;
 pub mod openness;
 mod partition;

@@ -5,8 +5,8 @@ use elk_geometry::voxel::reach_m;
 use nalgebra::Point3;
 
 use crate::bvh::overlap;
+use crate::exits::direction;
 use crate::inspection::{Start, starts};
-use crate::openness::direction;
 use crate::units::{self, Unit, shown};
 use crate::world::World;
 

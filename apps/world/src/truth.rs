@@ -172,7 +172,7 @@ mod tests {
     }
 
     /// A map of an empty room, as exact scans make one: each wall is where it rounds to, on either side of it.
-    fn judged(offset: f64, behind: bool) -> Accuracy {
+    fn evaluated(offset: f64, behind: bool) -> Accuracy {
         let room = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0]));
         let world = World::from_triangles("room", room.triangles_at(Vector3::repeat(offset))).unwrap();
         let mut map = OccupancyGrid::new(0.1);
@@ -199,16 +199,16 @@ mod tests {
     /// Regression: on the lattice's own faces both voxels beside a wall counted as occupied, and 18 % of a map as
     /// wrong.
     #[test]
-    fn a_room_is_judged_the_same_wherever_it_lies_on_the_lattice() {
+    fn a_room_is_evaluated_the_same_wherever_it_lies_on_the_lattice() {
         for offset in [0.0, 0.03, 0.05] {
             for behind in [false, true] {
-                let Accuracy { known, right } = judged(offset, behind);
+                let Accuracy { known, right } = evaluated(offset, behind);
                 assert_eq!(known, right, "{offset} {behind}");
             }
         }
     }
 
-    /// What is merely touched is still judged: behind a wall nothing is free, and a wall is not in the open.
+    /// What is merely touched is still evaluated: behind a wall nothing is free, and a wall is not in the open.
     #[test]
     fn a_touched_voxel_is_free_only_before_the_wall() {
         let room = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0]));
@@ -230,7 +230,7 @@ mod tests {
         };
         let room = Solid::block("room", [-0.02; 3], [4.02, 3.02, 2.02]);
         let room = Scenery::within(room).triangles_at(Vector3::zeros());
-        let judged = |x: f64, found: Option<i32>| {
+        let evaluated = |x: f64, found: Option<i32>| {
             let world = World::from_triangles("room", [room.clone(), wall(x).to_vec()].concat()).unwrap();
             let mut map = OccupancyGrid::new(0.1);
             for voxel in all_within(Voxel::new(5, 5, 5), Voxel::new(35, 24, 14)) {
@@ -241,16 +241,16 @@ mod tests {
             known - right
         };
         for on_face in [2.0, 2.0005, 1.9995] {
-            assert_eq!([Some(19), Some(20)].map(|found| judged(on_face, found)), [0, 0], "{on_face}");
-            assert_eq!(judged(on_face, None), 20 * 10, "{on_face}");
-            assert_eq!(judged(on_face, Some(21)), 2 * 20 * 10, "{on_face}");
+            assert_eq!([Some(19), Some(20)].map(|found| evaluated(on_face, found)), [0, 0], "{on_face}");
+            assert_eq!(evaluated(on_face, None), 20 * 10, "{on_face}");
+            assert_eq!(evaluated(on_face, Some(21)), 2 * 20 * 10, "{on_face}");
         }
-        assert_eq!([Some(20), None].map(|found| judged(2.03, found)), [0, 20 * 10]);
+        assert_eq!([Some(20), None].map(|found| evaluated(2.03, found)), [0, 20 * 10]);
     }
 
     /// Regression: what a map rightly called free above a room without a ceiling counted as wrong.
     #[test]
-    fn above_a_room_without_a_ceiling_nothing_is_judged() {
+    fn above_a_room_without_a_ceiling_nothing_is_evaluated() {
         let room = Scenery::within(Solid::block("room", [0.0; 3], [4.0, 3.0, 2.0])).triangles_at(Vector3::repeat(0.05));
         let is_ceiling = |Triangle([a, b, c]): &Triangle| [a, b, c].iter().all(|corner| corner.z > 2.0);
         let roofless: Vec<Triangle> = room.iter().filter(|triangle| !is_ceiling(triangle)).cloned().collect();

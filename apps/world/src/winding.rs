@@ -66,7 +66,7 @@ pub(crate) struct Undecided {
 
 /// What the faces of a shell say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Verdict {
+enum Orientation {
     /// The first face, and all that are turned as it is, look to the free side.
     Right,
     /// They look away from it.
@@ -89,32 +89,32 @@ pub(crate) fn mend(
     let boxes: Vec<Bounds> = topology.shells.iter().map(|shell| bounds_of_shell(shell, surfaces.triangles())).collect();
     let around = outermost(&boxes);
     let inner = boxes.get(around).copied().unwrap_or(*extents);
-    let judge = Judge::new(surfaces, topology, extents, looked_at(&topology.shells, &boxes, around));
-    let mut verdicts = judge.verdicts(&inner, false);
-    let solids = verdicts.get(around) == Some(&Verdict::Wrong)
-        && most_are_wrong(&verdicts, around) != Some(false)
-        && judge.rooms_are_between_solids(extents);
+    let classifier = Classifier::new(surfaces, topology, extents, looked_at(&topology.shells, &boxes, around));
+    let mut orientations = classifier.orientations(&inner, false);
+    let solids = orientations.get(around) == Some(&Orientation::Wrong)
+        && most_are_wrong(&orientations, around) != Some(false)
+        && classifier.rooms_are_between_solids(extents);
     if solids {
-        verdicts = judge.verdicts(extents, true);
+        orientations = classifier.orientations(extents, true);
     }
-    let inside_out = verdicts.get(around) == Some(&Verdict::Wrong);
-    let others_wrong = most_are_wrong(&verdicts, around).unwrap_or(inside_out);
+    let inside_out = orientations.get(around) == Some(&Orientation::Wrong);
+    let others_wrong = most_are_wrong(&orientations, around).unwrap_or(inside_out);
     let mut winding = Winding { shells: topology.shells.len(), inside_out, solids, ..Winding::default() };
     let mut is_sheet = vec![false; surfaces.triangles().len()];
-    for (i, (shell, verdict)) in topology.shells.iter().zip(&verdicts).enumerate() {
-        if *verdict == Verdict::Sheet {
+    for (i, (shell, orientation)) in topology.shells.iter().zip(&orientations).enumerate() {
+        if *orientation == Orientation::Sheet {
             winding.sheets += 1;
             shell.triangles.iter().for_each(|&i| is_sheet[i] = true);
             continue;
         }
-        let turned_first = match (verdict, shell.conflict) {
-            (Verdict::Wrong, _) => true,
-            (Verdict::Unclear, None) => others_wrong,
-            (Verdict::Unclear, Some(_)) if shell.closed => {
+        let turned_first = match (orientation, shell.conflict) {
+            (Orientation::Wrong, _) => true,
+            (Orientation::Unclear, None) => others_wrong,
+            (Orientation::Unclear, Some(_)) if shell.closed => {
                 let looks_outwards = volume(shell, &topology.against, surfaces.triangles()) > 0.0;
                 looks_outwards == (i == around && !solids)
             }
-            (Verdict::Unclear, Some(edge)) => {
+            (Orientation::Unclear, Some(edge)) => {
                 by_area(shell, &topology.against, surfaces.triangles()).ok_or(Undecided { edge })?
             }
             _ => false,
@@ -141,10 +141,10 @@ fn volume(shell: &Shell, against: &[bool], triangles: &[Triangle]) -> f64 {
 
 /// Whether most shells but the one around everything are turned the wrong way; `None`: it is known of none. A file
 /// follows one habit: what is unclear is as the others are.
-fn most_are_wrong(verdicts: &[Verdict], around: usize) -> Option<bool> {
-    let others = || verdicts.iter().enumerate().filter(|(i, _)| *i != around).map(|(_, verdict)| verdict);
-    let count = |wanted: Verdict| others().filter(|verdict| **verdict == wanted).count();
-    let (right, wrong) = (count(Verdict::Right), count(Verdict::Wrong));
+fn most_are_wrong(orientations: &[Orientation], around: usize) -> Option<bool> {
+    let others = || orientations.iter().enumerate().filter(|(i, _)| *i != around).map(|(_, orientation)| orientation);
+    let count = |wanted: Orientation| others().filter(|orientation| **orientation == wanted).count();
+    let (right, wrong) = (count(Orientation::Right), count(Orientation::Wrong));
     (right + wrong > 0).then_some(wrong > right)
 }
 
@@ -181,7 +181,7 @@ fn by_area(shell: &Shell, against: &[bool], triangles: &[Triangle]) -> Option<bo
     }
 }
 
-struct Judge<'a> {
+struct Classifier<'a> {
     surfaces: &'a Bvh,
     topology: &'a Topology,
     step: f64,
@@ -190,27 +190,32 @@ struct Judge<'a> {
     looks: usize,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> Classifier<'a> {
     fn new(surfaces: &'a Bvh, topology: &'a Topology, extents: &Bounds, shells: Vec<usize>) -> Self {
         let looks = (LOOKS / shells.len().max(1)).clamp(LEAST_LOOKS, MOST_LOOKS);
         Self { surfaces, topology, step: extents.dim().norm() * STEP, shells, looks }
     }
 
-    fn verdicts(&self, inner: &Bounds, free_is_even: bool) -> Vec<Verdict> {
+    fn orientations(&self, inner: &Bounds, free_is_even: bool) -> Vec<Orientation> {
         let shells = &self.topology.shells;
-        let mut verdicts: Vec<Option<Verdict>> = vec![None; shells.len()];
+        let mut orientations: Vec<Option<Orientation>> = vec![None; shells.len()];
         for &i in &self.shells {
-            verdicts[i] = Some(self.verdict(&shells[i], inner, free_is_even));
+            orientations[i] = Some(self.orientation(&shells[i], inner, free_is_even));
         }
-        let open = || verdicts.iter().zip(shells).filter(|(_, shell)| !shell.closed).map(|(verdict, _)| *verdict);
-        let count = |wanted: Verdict| open().filter(|verdict| *verdict == Some(wanted)).count();
+        let open =
+            || orientations.iter().zip(shells).filter(|(_, shell)| !shell.closed).map(|(orientation, _)| *orientation);
+        let count = |wanted: Orientation| open().filter(|orientation| *orientation == Some(wanted)).count();
         // Where nothing is known, nothing is taken to be in them.
-        let most_are_sheets = count(Verdict::Sheet) >= count(Verdict::Right).max(count(Verdict::Wrong));
+        let most_are_sheets = count(Orientation::Sheet) >= count(Orientation::Right).max(count(Orientation::Wrong));
         let as_others = |shell: &Shell| match !shell.closed && most_are_sheets {
-            true => Verdict::Sheet,
-            false => Verdict::Unclear,
+            true => Orientation::Sheet,
+            false => Orientation::Unclear,
         };
-        verdicts.iter().zip(shells).map(|(verdict, shell)| verdict.unwrap_or_else(|| as_others(shell))).collect()
+        orientations
+            .iter()
+            .zip(shells)
+            .map(|(orientation, shell)| orientation.unwrap_or_else(|| as_others(shell)))
+            .collect()
     }
 
     /// Whether the free space is that between the surfaces' solids: a house whose walls have an outside and an inside,
@@ -240,7 +245,7 @@ impl<'a> Judge<'a> {
     }
 
     /// What faces of a shell say that lie in `inner`: outside of it everything is outside.
-    fn verdict(&self, shell: &Shell, inner: &Bounds, free_is_even: bool) -> Verdict {
+    fn orientation(&self, shell: &Shell, inner: &Bounds, free_is_even: bool) -> Orientation {
         let (mut right, mut wrong, mut alike) = (0, 0, 0);
         let stride = shell.triangles.len().div_ceil(self.looks).max(1);
         for &index in shell.triangles.iter().step_by(stride) {
@@ -253,10 +258,10 @@ impl<'a> Judge<'a> {
             }
         }
         match () {
-            () if !shell.closed && alike > 2 * (right + wrong) => Verdict::Sheet,
-            () if right > 0 && right >= CLEARLY * wrong => Verdict::Right,
-            () if wrong > 0 && wrong >= CLEARLY * right => Verdict::Wrong,
-            () => Verdict::Unclear,
+            () if !shell.closed && alike > 2 * (right + wrong) => Orientation::Sheet,
+            () if right > 0 && right >= CLEARLY * wrong => Orientation::Right,
+            () if wrong > 0 && wrong >= CLEARLY * right => Orientation::Wrong,
+            () => Orientation::Unclear,
         }
     }
 

@@ -8,12 +8,12 @@ use elk_outside::file;
 use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;
-use crate::openness::{Openness, openness};
+use crate::openness::Openness;
 use crate::partition::partitions;
 use crate::placement::Placement;
 use crate::random::Random;
 use crate::ray::Ray;
-use crate::read::{self, Fault, Format, Notice, Soup};
+use crate::read::{self, Fault, Format, MAX_FILE_BYTES, Notice, Soup};
 use crate::topology::{Rim, Topology};
 use crate::triangle::{Triangle, bounds_of};
 use crate::units::{self, shown};
@@ -38,9 +38,6 @@ fn built_in(name: &str) -> Option<&'static str> {
     })
 }
 
-/// The largest file that is read (bytes): five million triangles as binary STL.
-pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
-
 /// Rims that are kept: a surface with more ends than this is open for certain.
 const MOST_RIMS: usize = 20_000;
 
@@ -60,7 +57,7 @@ pub struct World {
     /// Where surfaces end, once it is known.
     rims: OnceLock<Vec<Rim>>,
     /// How open it is, once somebody asked.
-    openness: OnceLock<Openness>,
+    pub(crate) openness: OnceLock<Openness>,
 }
 
 /// What was noticed while a world was read.
@@ -99,7 +96,7 @@ pub enum WorldError {
         source: std::io::Error,
     },
     /// Something in the file is wrong, or it is of another format.
-    #[error("{name}{}: {}", .fault.place, .fault.what)]
+    #[error("{name}{}: {}", .fault.location, .fault.what)]
     Wrong {
         /// The world.
         name: String,
@@ -326,11 +323,6 @@ impl World {
     /// Where surfaces end: the first [`MOST_RIMS`] of such edges.
     pub(crate) fn rims(&self) -> &[Rim] {
         self.rims.get_or_init(|| first_rims(Topology::of(self.surfaces.triangles(), &self.extents)))
-    }
-
-    /// How open it is.
-    pub fn openness(&self) -> &Openness {
-        self.openness.get_or_init(|| openness(self))
     }
 
     /// What was noticed while it was read.

@@ -11,8 +11,8 @@ use crate::children::Child;
 use crate::load::{Load, setting};
 use crate::os;
 use crate::report::{self, Column, Figures, Row, Wanted, column};
-use crate::star::{Place, Reader, Turn, Way};
-use crate::transport::Outcome;
+use crate::star::{Namespace, Reader, Turn, Way};
+use crate::transport::BenchResult;
 
 /// How a run is measured.
 pub struct Bench {
@@ -24,7 +24,7 @@ pub struct Bench {
 
 impl Bench {
     /// A run; a quick one shows that everything works, and little more.
-    pub fn new(quick: bool) -> Outcome<Self> {
+    pub fn new(quick: bool) -> BenchResult<Self> {
         Ok(Self { stop: elk_bus::stop_on_signals()?, quick, turns: Cell::new(0) })
     }
 
@@ -51,10 +51,10 @@ pub struct Case {
     /// What it measures.
     pub what: &'static str,
     /// Measures and prints.
-    pub run: fn(&Bench) -> Outcome,
+    pub run: fn(&Bench) -> BenchResult,
 }
 
-const fn case(name: &'static str, what: &'static str, run: fn(&Bench) -> Outcome) -> Case {
+const fn case(name: &'static str, what: &'static str, run: fn(&Bench) -> BenchResult) -> Case {
     Case { name, what, run }
 }
 
@@ -86,7 +86,12 @@ const LATENCY: [Column; 5] = [
 ];
 
 /// Lets the ways take turns, so that all see the same machine.
-fn compare(bench: &Bench, repetitions: usize, turn: impl Fn(Way) -> Turn, ways: &[(Way, Wanted)]) -> Outcome<Vec<Row>> {
+fn compare(
+    bench: &Bench,
+    repetitions: usize,
+    turn: impl Fn(Way) -> Turn,
+    ways: &[(Way, Wanted)],
+) -> BenchResult<Vec<Row>> {
     let mut rows: Vec<Row> = ways.iter().map(|(way, wanted)| Row::new(way.title(), *wanted)).collect();
     for _ in 0..bench.repetitions(repetitions) {
         for (row, (way, _)) in rows.iter_mut().zip(ways) {
@@ -96,7 +101,7 @@ fn compare(bench: &Bench, repetitions: usize, turn: impl Fn(Way) -> Turn, ways: 
     Ok(rows)
 }
 
-fn latency(bench: &Bench, hertz: u64) -> Outcome {
+fn latency(bench: &Bench, hertz: u64) -> BenchResult {
     let load = Load::paced(SMALL, 1_000_000_000 / hertz, bench.share(3 * hertz / 2));
     let ways = [
         (Way::Elk, Wanted::Nothing),
@@ -108,7 +113,7 @@ fn latency(bench: &Bench, hertz: u64) -> Outcome {
     Ok(())
 }
 
-fn fan_out(bench: &Bench) -> Outcome {
+fn fan_out(bench: &Bench) -> BenchResult {
     let load = Load::paced(SMALL, MILLISECOND, bench.share(3000));
     let ways =
         [(Way::Elk, Wanted::Nothing), (Way::BareTwoHops, Wanted::RatioAtMost(1.0)), (Way::UnixStream, Wanted::Nothing)];
@@ -117,7 +122,7 @@ fn fan_out(bench: &Bench) -> Outcome {
     Ok(())
 }
 
-fn flat_out(bench: &Bench) -> Outcome {
+fn flat_out(bench: &Bench) -> BenchResult {
     let columns = [
         column("rate", "messages/s", 0),
         column("lost", "lost", 0),
@@ -143,7 +148,7 @@ fn flat_out(bench: &Bench) -> Outcome {
     Ok(())
 }
 
-fn bursts(bench: &Bench) -> Outcome {
+fn bursts(bench: &Bench) -> BenchResult {
     let columns = [
         column("p99", "p99 µs", 0),
         column("p50", "p50 µs", 0),
@@ -158,7 +163,7 @@ fn bursts(bench: &Bench) -> Outcome {
     Ok(())
 }
 
-fn bulk(bench: &Bench) -> Outcome {
+fn bulk(bench: &Bench) -> BenchResult {
     let load = Load::paced(1 << 20, 33_333_333, bench.share(90));
     let ways =
         [(Way::Elk, Wanted::Nothing), (Way::BareDirect, Wanted::RatioAtMost(1.1)), (Way::BareTwoHops, Wanted::Nothing)];
@@ -167,7 +172,7 @@ fn bulk(bench: &Bench) -> Outcome {
     Ok(())
 }
 
-fn cpu(bench: &Bench) -> Outcome {
+fn cpu(bench: &Bench) -> BenchResult {
     let columns = [column("cpu", "CPU µs/msg", 1), column("p50", "p50 µs", 1)];
     let load = Load::paced(SMALL, MILLISECOND, bench.share(3000));
     let ways = [
@@ -185,7 +190,7 @@ fn cpu(bench: &Bench) -> Outcome {
     Ok(())
 }
 
-fn empty_timer(bench: &Bench, load: Load) -> Outcome<Figures> {
+fn empty_timer(bench: &Bench, load: Load) -> BenchResult<Figures> {
     let mut words = vec!["timer".to_owned(), "none".to_owned(), "nowhere".to_owned()];
     words.extend(load.to_words());
     let mut timer = Child::start(&bench.stop, &words)?;
@@ -197,7 +202,7 @@ fn empty_timer(bench: &Bench, load: Load) -> Outcome<Figures> {
     Ok(Figures::from([("cpu", nanos as f64 * 1e-3 / load.total() as f64)]))
 }
 
-fn memory(bench: &Bench) -> Outcome {
+fn memory(bench: &Bench) -> BenchResult {
     let columns = [
         column("shared_mb", "peak MB", 1),
         column("rate", "scans/s", 0),
@@ -222,35 +227,35 @@ fn memory(bench: &Bench) -> Outcome {
 struct Community {
     clients: Vec<Child>,
     broker: Child,
-    place: Place,
+    namespace: Namespace,
 }
 
 impl Community {
-    fn start(bench: &Bench, role: &str, clients: usize, settings: &[String]) -> Outcome<Self> {
-        let place = Place::new(bench, Way::Elk);
+    fn start(bench: &Bench, role: &str, clients: usize, settings: &[String]) -> BenchResult<Self> {
+        let namespace = Namespace::new(bench, Way::Elk);
         let start = |role: &str, more: &[String]| {
-            let words = [role.to_owned(), "elk".into(), place.name.clone()];
+            let words = [role.to_owned(), "elk".into(), namespace.name.clone()];
             Child::start(&bench.stop, &[words.as_slice(), more, settings].concat())
         };
         let broker = start("broker", &[])?;
-        let clients = (0..clients).map(|n| start(role, &[format!("client={n}")])).collect::<Outcome<Vec<_>>>()?;
+        let clients = (0..clients).map(|n| start(role, &[format!("client={n}")])).collect::<BenchResult<Vec<_>>>()?;
         clients.iter().try_for_each(|c| c.hear("READY", Duration::from_secs(60)).map(|_| ()))?;
-        Ok(Self { clients, broker, place })
+        Ok(Self { clients, broker, namespace })
     }
 
-    fn cpu_nanos(&self) -> Outcome<u64> {
+    fn cpu_nanos(&self) -> BenchResult<u64> {
         self.clients.iter().chain([&self.broker]).map(|child| os::cpu_nanos(child.id())).sum()
     }
 
-    fn end(self) -> Outcome {
-        let Self { clients, broker, place } = self;
+    fn end(self) -> BenchResult {
+        let Self { clients, broker, namespace } = self;
         drop(clients);
         drop(broker);
-        place.check_left()
+        namespace.check_left()
     }
 }
 
-fn keys(bench: &Bench) -> Outcome {
+fn keys(bench: &Bench) -> BenchResult {
     const CLIENTS: usize = 20;
     const KEYS: usize = 10_000;
     let settings = [format!("share={}", KEYS / CLIENTS), format!("all={KEYS}")];
@@ -279,13 +284,13 @@ fn keys(bench: &Bench) -> Outcome {
 }
 
 /// Has clients register for everything at once; how long the slowest took (s).
-fn registered_after(clients: &mut [Child]) -> Outcome<f64> {
+fn registered_after(clients: &mut [Child]) -> BenchResult<f64> {
     clients.iter_mut().try_for_each(|client| client.tell("GO"))?;
     let seconds = clients.iter().map(|c| setting::<f64>(&c.hear("DONE", Duration::from_secs(60))?, "seconds"));
-    Ok(seconds.collect::<Outcome<Vec<_>>>()?.into_iter().fold(0.0, f64::max))
+    Ok(seconds.collect::<BenchResult<Vec<_>>>()?.into_iter().fold(0.0, f64::max))
 }
 
-fn idle(bench: &Bench) -> Outcome {
+fn idle(bench: &Bench) -> BenchResult {
     const APPS: usize = 8;
     let community = Community::start(bench, "idle", APPS, &[])?;
     let nap = |seconds: u64| {

@@ -11,7 +11,7 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::transport::Outcome;
+use crate::transport::BenchResult;
 
 /// How long a process gets to leave after SIGTERM.
 const FAREWELL: Duration = Duration::from_secs(5);
@@ -30,7 +30,7 @@ pub struct Child {
 
 impl Child {
     /// Starts this executable again, in a role.
-    pub fn start(stop: &Arc<AtomicBool>, role: &[String]) -> Outcome<Self> {
+    pub fn start(stop: &Arc<AtomicBool>, role: &[String]) -> BenchResult<Self> {
         let mut process = Command::new(std::env::current_exe()?)
             .arg("--role")
             .args(role)
@@ -57,18 +57,18 @@ impl Child {
     }
 
     /// Writes it a line.
-    pub fn tell(&mut self, word: &str) -> Outcome {
+    pub fn tell(&mut self, word: &str) -> BenchResult {
         let words = self.words.as_mut().ok_or("the child has no input")?;
         Ok(writeln!(words, "{word}")?)
     }
 
     /// Waits for its next line, which has to begin with `word`; answers the words after it.
-    pub fn hear(&self, word: &str, patience: Duration) -> Outcome<Vec<String>> {
+    pub fn hear(&self, word: &str, patience: Duration) -> BenchResult<Vec<String>> {
         self.hear_while(word, patience, &mut || ())
     }
 
     /// As [`Child::hear`]; calls `meanwhile` every few milliseconds.
-    pub fn hear_while(&self, word: &str, patience: Duration, meanwhile: &mut dyn FnMut()) -> Outcome<Vec<String>> {
+    pub fn hear_while(&self, word: &str, patience: Duration, meanwhile: &mut dyn FnMut()) -> BenchResult<Vec<String>> {
         let waited = Stopwatch::start();
         while waited.elapsed() < patience {
             if self.stop.load(Ordering::Relaxed) {
@@ -83,7 +83,7 @@ impl Child {
         Err(format!("{}: no {word:?} within {patience:?}", self.role).into())
     }
 
-    fn after(&self, word: &str, line: &str) -> Outcome<Vec<String>> {
+    fn after(&self, word: &str, line: &str) -> BenchResult<Vec<String>> {
         let mut words = line.split_whitespace().map(str::to_owned);
         match words.next() {
             Some(first) if first == word => Ok(words.collect()),

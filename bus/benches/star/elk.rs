@@ -5,7 +5,7 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use elk_bus::{BrokerConfig, Client, Clock, Community, ConnectError, Origin, TypeRef, ValueRef, any, serve_broker};
 
-use crate::transport::{Intake, Outcome, Outlet};
+use crate::transport::{BenchResult, Intake, Outlet};
 
 /// The variable that is published.
 const KEY: &str = "STAR";
@@ -15,12 +15,12 @@ const LAYOUT: u64 = 1;
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Serves until SIGTERM.
-pub fn broker(community: &str) -> Outcome {
+pub fn broker(community: &str) -> BenchResult {
     Ok(serve_broker(Community::new(community)?, BrokerConfig::new(community), Clock::new(1.0))?)
 }
 
 /// Joins the community as soon as its broker is there.
-pub fn join(community: &str, name: &str) -> Outcome<Client> {
+pub fn join(community: &str, name: &str) -> BenchResult<Client> {
     let community = Community::new(community)?;
     let waited = Stopwatch::start();
     loop {
@@ -34,7 +34,7 @@ pub fn join(community: &str, name: &str) -> Outcome<Client> {
 }
 
 /// Waits until the broker has done all that the client asked of it so far.
-pub fn settle(client: &mut Client) -> Outcome {
+pub fn settle(client: &mut Client) -> BenchResult {
     let mark = format!("MARK_{}", client.comms.name());
     client.comms.register(&mark)?;
     client.comms.notify(&mark, 1.0)?;
@@ -54,18 +54,18 @@ pub struct ElkOutlet(Client);
 
 impl ElkOutlet {
     /// Joins as the publisher.
-    pub fn open(community: &str) -> Outcome<Self> {
+    pub fn open(community: &str) -> BenchResult<Self> {
         Ok(Self(join(community, "publisher")?))
     }
 }
 
 impl Outlet for ElkOutlet {
-    fn send(&mut self, message: &[u8]) -> Outcome {
+    fn send(&mut self, message: &[u8]) -> BenchResult {
         let value = ValueRef::Binary { type_: TypeRef::undescribed(TYPE, LAYOUT), bytes: message };
         Ok(self.0.comms.publish_value(KEY, value, Origin::default())?)
     }
 
-    fn flush(&mut self) -> Outcome {
+    fn flush(&mut self) -> BenchResult {
         Ok(self.0.comms.flush()?)
     }
 }
@@ -75,7 +75,7 @@ pub struct ElkIntake(Client);
 
 impl ElkIntake {
     /// Joins as a reader; returns when the broker knows the registration.
-    pub fn open(community: &str, name: &str, lossless: bool) -> Outcome<Self> {
+    pub fn open(community: &str, name: &str, lossless: bool) -> BenchResult<Self> {
         let mut client = join(community, name)?;
         match lossless {
             true => client.comms.register(any(KEY).lossless())?,
@@ -87,7 +87,7 @@ impl ElkIntake {
 }
 
 impl Intake for ElkIntake {
-    fn receive(&mut self, timeout: Duration, on_message: &mut dyn FnMut(&[u8])) -> Outcome {
+    fn receive(&mut self, timeout: Duration, on_message: &mut dyn FnMut(&[u8])) -> BenchResult {
         self.0.receive(timeout, |mail| {
             if let ValueRef::Binary { bytes, .. } = mail.value() {
                 on_message(bytes);

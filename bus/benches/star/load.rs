@@ -6,7 +6,7 @@ use elk_bus::clock::monotonic_nanos;
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
 
-use crate::transport::Outcome;
+use crate::transport::BenchResult;
 
 /// Bytes of a message that the stamp takes: `CLOCK_MONOTONIC` (ns, or 0: not stamped), then the sequence number.
 pub const STAMP: usize = 16;
@@ -94,7 +94,7 @@ impl Load {
     }
 
     /// The load from a role's arguments.
-    pub fn from_words(words: &[String]) -> Outcome<Self> {
+    pub fn from_words(words: &[String]) -> BenchResult<Self> {
         Ok(Self {
             bytes: setting(words, "bytes")?,
             period_nanos: setting(words, "period_nanos")?,
@@ -108,7 +108,7 @@ impl Load {
 }
 
 /// The value of `name=value` among a role's arguments, or in a line that a role wrote.
-pub fn setting<T: FromStr>(words: &[impl AsRef<str>], name: &str) -> Outcome<T> {
+pub fn setting<T: FromStr>(words: &[impl AsRef<str>], name: &str) -> BenchResult<T> {
     let value = words.iter().find_map(|w| w.as_ref().strip_prefix(name)?.strip_prefix('='));
     value.and_then(|v| v.parse().ok()).ok_or_else(|| format!("no usable {name}=… was given").into())
 }
@@ -139,7 +139,7 @@ impl Pace {
     }
 
     /// Sleeps until the next burst is due.
-    pub fn sleep(&mut self) -> Outcome {
+    pub fn sleep(&mut self) -> BenchResult {
         if self.period_nanos > 0 {
             self.next += self.period_nanos;
             let (secs, nanos) = (self.next / 1_000_000_000, self.next % 1_000_000_000);

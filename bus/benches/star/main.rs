@@ -30,7 +30,7 @@ mod transport;
 use std::process::ExitCode;
 
 use crate::cases::{Bench, CASES};
-use crate::transport::Outcome;
+use crate::transport::BenchResult;
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -48,7 +48,7 @@ fn main() -> ExitCode {
 }
 
 /// Runs the cases that are named, or all of them.
-fn measure(args: &[String]) -> Outcome {
+fn measure(args: &[String]) -> BenchResult {
     // Cargo says so when it benches; when it tests all targets it does not, and then there is nothing to do.
     let (flags, named): (Vec<&String>, Vec<&String>) = args.iter().partition(|a| a.starts_with("--"));
     if !flags.iter().any(|f| *f == "--bench") && named.is_empty() {

@@ -4,18 +4,18 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-use crate::transport::Outcome;
+use crate::transport::BenchResult;
 
 const SHARED_MEMORY: &str = "/dev/shm";
 
 /// The machine's load over 1, 5 and 15 minutes.
-pub fn load_average() -> Outcome<String> {
+pub fn load_average() -> BenchResult<String> {
     let text = fs::read_to_string("/proc/loadavg")?;
     Ok(text.split_whitespace().take(3).collect::<Vec<_>>().join(" "))
 }
 
 /// CPU that the living threads of a process have used (ns).
-pub fn cpu_nanos(process: u32) -> Outcome<u64> {
+pub fn cpu_nanos(process: u32) -> BenchResult<u64> {
     let mut nanos = 0;
     for thread in fs::read_dir(format!("/proc/{process}/task"))?.flatten() {
         let text = fs::read_to_string(thread.path().join("schedstat")).unwrap_or_default();
@@ -25,7 +25,7 @@ pub fn cpu_nanos(process: u32) -> Outcome<u64> {
 }
 
 /// A line of `/proc/PID/status` that counts in kB, such as `VmRSS` or `VmHWM` (its peak); answered in MB.
-pub fn memory_mb(process: u32, line: &str) -> Outcome<f64> {
+pub fn memory_mb(process: u32, line: &str) -> BenchResult<f64> {
     let status = fs::read_to_string(format!("/proc/{process}/status"))?;
     let value = status.lines().find_map(|l| l.strip_prefix(line)?.strip_prefix(':'));
     let kb = value.and_then(|v| v.trim().trim_end_matches(" kB").parse::<f64>().ok());
@@ -33,7 +33,7 @@ pub fn memory_mb(process: u32, line: &str) -> Outcome<f64> {
 }
 
 /// Open file descriptors of a process.
-pub fn descriptors(process: u32) -> Outcome<usize> {
+pub fn descriptors(process: u32) -> BenchResult<usize> {
     Ok(fs::read_dir(format!("/proc/{process}/fd"))?.count())
 }
 

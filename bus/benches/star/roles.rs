@@ -1,4 +1,4 @@
-//! What a process of a measurement does: `--role ROLE TRANSPORT PLACE setting=value…`.
+//! What a process of a measurement does: `--role ROLE TRANSPORT NAMESPACE setting=value…`.
 //!
 //! It says READY when it stands, starts at a word on its standard input, says DONE with its figures, and keeps what it
 //! holds (segments, registrations) until its standard input closes or SIGTERM comes.
@@ -15,7 +15,7 @@ use crate::baselines::unix_stream::{StreamIntake, StreamOutlet};
 use crate::elk::{self, ElkIntake, ElkOutlet};
 use crate::load::{Load, Pace, setting};
 use crate::tally::Tally;
-use crate::transport::{Intake, Outcome, Outlet};
+use crate::transport::{BenchResult, Intake, Outlet};
 
 /// A reader that hears nothing for so long, once it has heard anything, has heard all.
 const SILENCE: Duration = Duration::from_secs(2);
@@ -25,44 +25,44 @@ const SETTLING: Duration = Duration::from_millis(100);
 const RECEIVE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Plays the role that the arguments name.
-pub fn play(args: &[String]) -> Outcome {
+pub fn play(args: &[String]) -> BenchResult {
     set_parent_process_death_signal(Some(Signal::TERM))?;
-    let [role, transport, place, settings @ ..] = args else {
-        return Err("--role needs a role, a transport and a place".into());
+    let [role, transport, namespace, settings @ ..] = args else {
+        return Err("--role needs a role, a transport and a namespace".into());
     };
     match role.as_str() {
-        "broker" => elk::broker(place),
-        "relay" => bare_iceoryx2::relay(place, &Load::from_words(settings)?, ready),
-        "publish" => publish(transport, place, settings),
-        "read" => read(transport, place, settings),
+        "broker" => elk::broker(namespace),
+        "relay" => bare_iceoryx2::relay(namespace, &Load::from_words(settings)?, ready),
+        "publish" => publish(transport, namespace, settings),
+        "read" => read(transport, namespace, settings),
         "timer" => timer(settings),
-        "keys" => keys(place, settings),
-        "idle" => idle(place, settings),
+        "keys" => keys(namespace, settings),
+        "idle" => idle(namespace, settings),
         _ => Err(format!("{role:?} is no role").into()),
     }
 }
 
-fn ready() -> Outcome {
+fn ready() -> BenchResult {
     println!("READY");
     Ok(())
 }
 
 /// Waits for a word; `false` when there will be none.
-fn word() -> Outcome<bool> {
+fn word() -> BenchResult<bool> {
     Ok(std::io::stdin().read_line(&mut String::new())? > 0)
 }
 
-fn done(figures: &str) -> Outcome {
+fn done(figures: &str) -> BenchResult {
     println!("DONE {figures}");
     word().map(|_| ())
 }
 
-fn publish(transport: &str, place: &str, settings: &[String]) -> Outcome {
+fn publish(transport: &str, namespace: &str, settings: &[String]) -> BenchResult {
     let load = Load::from_words(settings)?;
     let mut outlet: Box<dyn Outlet> = match transport {
-        "elk" => Box::new(ElkOutlet::open(place)?),
-        "unix" => Box::new(StreamOutlet::open(place, setting(settings, "readers")?)?),
-        _ => Box::new(BareOutlet::open(place, "up", &load)?),
+        "elk" => Box::new(ElkOutlet::open(namespace)?),
+        "unix" => Box::new(StreamOutlet::open(namespace, setting(settings, "readers")?)?),
+        _ => Box::new(BareOutlet::open(namespace, "up", &load)?),
     };
     ready()?;
     if !word()? {
@@ -84,15 +84,15 @@ fn publish(transport: &str, place: &str, settings: &[String]) -> Outcome {
     done("")
 }
 
-fn read(transport: &str, place: &str, settings: &[String]) -> Outcome {
+fn read(transport: &str, namespace: &str, settings: &[String]) -> BenchResult {
     let load = Load::from_words(settings)?;
     let reader: usize = setting(settings, "reader")?;
     let pause = Duration::from_micros(setting(settings, "pause_micros")?);
     let mut intake: Box<dyn Intake> = match transport {
-        "elk" => Box::new(ElkIntake::open(place, &format!("reader-{reader}"), load.lossless)?),
-        "unix" => Box::new(StreamIntake::open(place, reader, &load)?),
-        "direct" => Box::new(BareIntake::open(place, "up", &load)?),
-        _ => Box::new(BareIntake::open(place, "down", &load)?),
+        "elk" => Box::new(ElkIntake::open(namespace, &format!("reader-{reader}"), load.lossless)?),
+        "unix" => Box::new(StreamIntake::open(namespace, reader, &load)?),
+        "direct" => Box::new(BareIntake::open(namespace, "up", &load)?),
+        _ => Box::new(BareIntake::open(namespace, "down", &load)?),
     };
     ready()?;
     let (mut tally, mut heard) = (Tally::new(load), Stopwatch::start());
@@ -114,7 +114,7 @@ fn read(transport: &str, place: &str, settings: &[String]) -> Outcome {
 }
 
 /// Does nothing at the load's pace: what the pacing alone costs.
-fn timer(settings: &[String]) -> Outcome {
+fn timer(settings: &[String]) -> BenchResult {
     let load = Load::from_words(settings)?;
     ready()?;
     word()?;
@@ -126,10 +126,10 @@ fn timer(settings: &[String]) -> Outcome {
 }
 
 /// Publishes its share of many variables; then, at a word, registers for all of them at once.
-fn keys(place: &str, settings: &[String]) -> Outcome {
+fn keys(namespace: &str, settings: &[String]) -> BenchResult {
     let (client, share, all): (usize, usize, usize) =
         (setting(settings, "client")?, setting(settings, "share")?, setting(settings, "all")?);
-    let mut bus = elk::join(place, &format!("client-{client}"))?;
+    let mut bus = elk::join(namespace, &format!("client-{client}"))?;
     for key in 0..share {
         bus.comms.notify(&format!("KEY_{client}_{key}"), key as f64)?;
     }
@@ -161,8 +161,8 @@ impl App for Idle {
     }
 }
 
-fn idle(place: &str, settings: &[String]) -> Outcome {
+fn idle(namespace: &str, settings: &[String]) -> BenchResult {
     let name = format!("idle-{}", setting::<usize>(settings, "client")?);
     let stop = stop_on_signals()?;
-    Ok(run_app_on(&mut Idle, &mut elk::join(place, &name)?, &stop)?)
+    Ok(run_app_on(&mut Idle, &mut elk::join(namespace, &name)?, &stop)?)
 }

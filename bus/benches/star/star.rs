@@ -9,7 +9,7 @@ use crate::children::Child;
 use crate::load::{Load, setting};
 use crate::os;
 use crate::report::Figures;
-use crate::transport::Outcome;
+use crate::transport::BenchResult;
 
 /// How long a process may take to stand.
 const STANDING: Duration = Duration::from_secs(20);
@@ -85,21 +85,21 @@ impl Turn {
     }
 
     /// Plays the turn over a way; its figures.
-    pub fn play(&self, bench: &Bench, way: Way) -> Outcome<Figures> {
-        let place = Place::new(bench, way);
-        let mut players = self.players(bench, &place)?;
+    pub fn play(&self, bench: &Bench, way: Way) -> BenchResult<Figures> {
+        let namespace = Namespace::new(bench, way);
+        let mut players = self.players(bench, &namespace)?;
         let before = players.cpu_nanos()?;
         players.publisher.tell("GO")?;
         let mut shared = 0;
         let mut watch = || {
             if self.watch_memory {
-                shared = shared.max(os::shared_bytes(&place.prefix()));
+                shared = shared.max(os::shared_bytes(&namespace.prefix()));
             }
         };
         let patience = self.patience();
         players.publisher.hear_while("DONE", patience, &mut watch)?;
         let heard = players.readers.iter().map(|r| r.hear_while("DONE", patience, &mut watch));
-        let heard = heard.collect::<Outcome<Vec<_>>>()?;
+        let heard = heard.collect::<BenchResult<Vec<_>>>()?;
         let cpu = (players.cpu_nanos()? - before) as f64 * 1e-3 / self.load.total() as f64;
         let mut figures = figures(&heard)?;
         figures.insert("cpu", cpu);
@@ -108,27 +108,27 @@ impl Turn {
             figures.insert("rss_mb", os::memory_mb(middle.id(), "VmHWM")?);
         }
         drop(players);
-        place.check_left()?;
+        namespace.check_left()?;
         Ok(figures)
     }
 
     /// Everybody in place, the publisher last.
-    fn players(&self, bench: &Bench, place: &Place) -> Outcome<Players> {
+    fn players(&self, bench: &Bench, namespace: &Namespace) -> BenchResult<Players> {
         let start = |role: &str, load: Load, more: Vec<String>| {
-            let mut words = vec![role.to_owned(), place.way.word().to_owned(), place.name.clone()];
+            let mut words = vec![role.to_owned(), namespace.way.word().to_owned(), namespace.name.clone()];
             words.extend(load.to_words());
             words.extend(more);
             Child::start(&bench.stop, &words)
         };
-        let middle = place.way.middle().map(|role| start(role, self.load, vec![])).transpose()?;
-        if let Some(relay) = middle.as_ref().filter(|_| place.way == Way::BareTwoHops) {
+        let middle = namespace.way.middle().map(|role| start(role, self.load, vec![])).transpose()?;
+        if let Some(relay) = middle.as_ref().filter(|_| namespace.way == Way::BareTwoHops) {
             relay.hear("READY", STANDING)?;
         }
         let mut readers = Vec::new();
         for (number, reader) in self.readers.iter().enumerate() {
             let load = Load { lossless: reader.lossless, ..self.load };
             // Only elk lets each reader choose; elsewhere the service is what it was made as.
-            let load = if place.way == Way::Elk { load } else { self.load };
+            let load = if namespace.way == Way::Elk { load } else { self.load };
             let more = vec![format!("reader={number}"), format!("pause_micros={}", reader.pause_micros)];
             readers.push(start("read", load, more)?);
         }
@@ -154,16 +154,16 @@ struct Players {
 }
 
 impl Players {
-    fn cpu_nanos(&self) -> Outcome<u64> {
+    fn cpu_nanos(&self) -> BenchResult<u64> {
         let all = self.readers.iter().chain(&self.middle).chain([&self.publisher]);
         all.map(|child| os::cpu_nanos(child.id())).sum()
     }
 }
 
 /// Over several readers: the median of their p50, the rate of the fastest, the worst of everything else.
-fn figures(heard: &[Vec<String>]) -> Outcome<Figures> {
-    let all = |name: &str| -> Outcome<Vec<f64>> {
-        let mut values = heard.iter().map(|words| setting(words, name)).collect::<Outcome<Vec<f64>>>()?;
+fn figures(heard: &[Vec<String>]) -> BenchResult<Figures> {
+    let all = |name: &str| -> BenchResult<Vec<f64>> {
+        let mut values = heard.iter().map(|words| setting(words, name)).collect::<BenchResult<Vec<f64>>>()?;
         values.sort_by(f64::total_cmp);
         Ok(values)
     };
@@ -178,15 +178,15 @@ fn figures(heard: &[Vec<String>]) -> Outcome<Figures> {
     Ok(figures)
 }
 
-/// Where a turn takes place: a name of its own, whose files are gone afterwards.
-pub struct Place {
+/// The namespace of a turn: a name of its own, whose files are gone afterwards.
+pub struct Namespace {
     /// The name.
     pub name: String,
     way: Way,
 }
 
-impl Place {
-    /// A place that no other run uses.
+impl Namespace {
+    /// A namespace that no other run uses.
     pub fn new(bench: &Bench, way: Way) -> Self {
         Self { name: format!("star-{}-{}", std::process::id(), bench.next_turn()), way }
     }
@@ -209,13 +209,13 @@ impl Place {
     }
 
     /// The bus clears up behind itself; the baselines, killed as they are, cannot.
-    pub fn check_left(&self) -> Outcome {
+    pub fn check_left(&self) -> BenchResult {
         let left = if self.way == Way::Elk { os::shared_files(&self.prefix()) } else { vec![] };
         if left.is_empty() { Ok(()) } else { Err(format!("left in shared memory: {left:?}").into()) }
     }
 }
 
-impl Drop for Place {
+impl Drop for Namespace {
     fn drop(&mut self) {
         os::remove(&self.prefix(), &self.folder());
     }

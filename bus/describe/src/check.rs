@@ -70,11 +70,11 @@ pub fn range<T: PartialOrd + Display>(
 /// The largest count, number or revision: one more never overflows, and a double holds it exactly.
 pub const MAX_COUNT: u64 = (1 << 48) - 1;
 
-/// Checks a count, or the number of something that is counted.
-pub fn count(name: &str, value: u64) -> Result<(), Invalid> {
-    match value <= MAX_COUNT {
-        true => Ok(()),
-        false => Err(Invalid::new(name, value, "below 2^48")),
+/// Checks a count, or the number of something that is counted, if there is one.
+pub fn count(name: &str, value: impl Into<Option<u64>>) -> Result<(), Invalid> {
+    match value.into() {
+        Some(value) if value > MAX_COUNT => Err(Invalid::new(name, value, "below 2^48")),
+        _ => Ok(()),
     }
 }
 

@@ -12,8 +12,14 @@ use crate::{Invalid, Shape};
 /// | `longest = 64` | how many entries a list may have, how many bytes a text |
 /// | `count` | that it counts, or is the number of something that is counted: below 2^48 |
 /// | `check = function` | its own rule, `fn(&T) -> Result<(), Invalid>` |
+/// | `default`, `default = 0.5` | that it need not be there: what it is for whoever's version of the type does not have it (see below) |
 /// | `any` | that it is not looked into: floating-point numbers are finite elsewhere |
 /// | `shape = …` | what its bytes are, if its type does not say it |
+///
+/// A field that was added with a default keeps versions of a type together: whoever has it gives it its default where a writer
+/// did not have it, and whoever does not have it passes over it ([`Description::conversion_to`](crate::Description::conversion_to)).
+/// `default` alone is zero, an empty list or text, no option, the first variant; else it is a literal, a variant's name as a
+/// text, or a list of them. What is packed or made of symbols has no default.
 ///
 /// On a struct, `check` says a rule for all of it, asked after those of its fields; and `drawn` as what viewers of a log
 /// draw it:

@@ -1,16 +1,16 @@
 //! A shape that travels: what somebody who has never seen a type knows of it.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
 use crate::shape::Fnv;
-use crate::{FieldShape, Shape, VariantContent};
 
 /// What a type's bytes are, as it travels and is kept in logs: as JSON, in which it reads like the type's definition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Description(Kind);
+pub struct Description(pub(crate) Kind);
 
-/// What a value is; see [`Shape`], which this mirrors.
+/// What a value is; see [`Shape`](crate::Shape), which this mirrors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[expect(missing_docs, reason = "Shape says it")]
@@ -67,8 +67,16 @@ pub struct Field {
     /// Its unit; empty if it has none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
+    /// What it is for whoever's version of the type does not have it; `None`: it has to be there.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "said")]
+    pub default: Option<Value>,
     /// What it is.
     pub kind: Kind,
+}
+
+/// A default that is said, `null` too.
+fn said<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Value>, D::Error> {
+    Value::deserialize(deserializer).map(Some)
 }
 
 /// A variant of an enum.
@@ -115,25 +123,6 @@ impl Content {
     }
 }
 
-/// Why a description from outside is none.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Refused {
-    /// It is not the JSON of one.
-    #[error("this describes no type: {0}")]
-    Json(String),
-    /// It is longer than any type's.
-    #[error("a description of {found} bytes: at most {most} are read")]
-    TooLong {
-        /// Its length.
-        found: usize,
-        /// The longest.
-        most: usize,
-    },
-    /// It says what no bytes can be.
-    #[error("this describes no type: {0}")]
-    Nonsense(String),
-}
-
 impl Description {
     /// The longest description that is read (bytes of JSON).
     pub const LONGEST: usize = 1 << 16;
@@ -141,11 +130,6 @@ impl Description {
     pub const DEEPEST: usize = 32;
     /// The most bytes that every value of a type may take: what arrays in arrays come to.
     pub const LARGEST: u64 = 1 << 24;
-
-    /// The description of a shape.
-    pub fn of(shape: &Shape) -> Self {
-        Self(Kind::of(shape))
-    }
 
     /// What the values are.
     pub fn kind(&self) -> &Kind {
@@ -166,9 +150,9 @@ impl Description {
         if let Kind::Struct(one) = &self.0 { &one.drawn } else { "" }
     }
 
-    /// The hash of everything that decides what the bytes mean: [`Shape::layout`] of the shape that it is of.
+    /// The hash of everything that decides what the bytes mean: [`Shape::layout`](crate::Shape::layout) of the shape that it is of.
     pub fn layout(&self) -> u64 {
-        self.0.hash(Fnv::new()).0
+        self.0.layout()
     }
 
     /// Bytes that are kept of it, about.
@@ -184,73 +168,15 @@ impl Description {
             _ => false,
         })
     }
-
-    /// As it travels.
-    pub fn to_text(&self) -> String {
-        // An empty text says that nobody has described the type.
-        serde_json::to_string(self).unwrap_or_else(|error| {
-            debug_assert!(false, "a tree of names and numbers can be said as JSON: {error}");
-            String::new()
-        })
-    }
-
-    /// Reads what somebody says that a type is.
-    ///
-    /// # Errors
-    /// It is not the JSON of a description, or one of what no bytes can be.
-    pub fn from_text(text: &str) -> Result<Self, Refused> {
-        if text.len() > Self::LONGEST {
-            return Err(Refused::TooLong { found: text.len(), most: Self::LONGEST });
-        }
-        let description: Self = serde_json::from_str(text).map_err(|error| Refused::Json(error.to_string()))?;
-        description.0.check(0).map_err(Refused::Nonsense)?;
-        Ok(description)
-    }
 }
 
 impl Kind {
-    fn of(shape: &Shape) -> Self {
-        let boxed = |inner: &Shape| Box::new(Self::of(inner));
-        let all = |inner: &[Shape]| inner.iter().map(Self::of).collect();
-        match shape {
-            Shape::Unit => Self::Unit,
-            Shape::Bool => Self::Bool,
-            Shape::Unsigned(bytes) => Self::Unsigned(*bytes),
-            Shape::Signed(bytes) => Self::Signed(*bytes),
-            Shape::Float(bytes) => Self::Float(*bytes),
-            Shape::Rotation => Self::Rotation,
-            Shape::Text => Self::Text,
-            Shape::Option(inner) => Self::Option(boxed(inner)),
-            Shape::List(inner) => Self::List(boxed(inner)),
-            Shape::Packed(inner) => Self::Packed(boxed(inner)),
-            Shape::Symbols(bits, letters, least) => {
-                Self::Symbols { bits: *bits, letters: (*letters).to_owned(), least: *least as u64 }
-            }
-            Shape::Array(inner, count) => Self::Array { of: boxed(inner), count: *count as u64 },
-            Shape::Tuple(inner) => Self::Tuple(all(inner)),
-            Shape::Struct(one) => Self::Struct(Struct {
-                name: one.name.to_owned(),
-                docs: one.docs.to_owned(),
-                drawn: one.drawn.to_owned(),
-                fields: fields_of(one.fields),
-            }),
-            Shape::Enum(name, variants) => {
-                let variants = variants.iter().map(|one| Variant {
-                    name: one.name.to_owned(),
-                    docs: one.docs.to_owned(),
-                    content: match &one.content {
-                        VariantContent::Unit => Content::Unit,
-                        VariantContent::One(one) => Content::One(boxed(one)),
-                        VariantContent::Tuple(inner) => Content::Tuple(all(inner)),
-                        VariantContent::Fields(fields) => Content::Fields(fields_of(fields)),
-                    },
-                });
-                Self::Enum(Enum { name: (*name).to_owned(), variants: variants.collect() })
-            }
-        }
+    /// The hash of everything that decides what the bytes mean.
+    pub(crate) fn layout(&self) -> u64 {
+        self.hash(Fnv::new()).0
     }
 
-    /// As [`Shape::layout`] has it.
+    /// As [`Shape::layout`](crate::Shape::layout) has it.
     fn hash(&self, fnv: Fnv) -> Fnv {
         match self {
             Self::Unit => fnv.text("unit"),
@@ -298,7 +224,8 @@ impl Kind {
     }
 
     fn kept_bytes(&self) -> usize {
-        let field = |one: &Field| size_of::<Field>() + one.name.len() + one.docs.len() + one.unit.len();
+        let default = |one: &Field| one.default.as_ref().map_or(0, |default| default.to_string().len());
+        let field = |one: &Field| size_of::<Field>() + one.name.len() + one.docs.len() + one.unit.len() + default(one);
         let variant = |one: &Variant| {
             let fields = if let Content::Fields(fields) = &one.content { fields.as_slice() } else { &[] };
             size_of::<Variant>() + one.name.len() + one.docs.len() + fields.iter().map(field).sum::<usize>()
@@ -320,7 +247,7 @@ impl Kind {
     }
 
     /// Whether this kind, or one in it, is such a one.
-    fn any(&self, is: &impl Fn(&Self) -> bool) -> bool {
+    pub(crate) fn any(&self, is: &impl Fn(&Self) -> bool) -> bool {
         is(self) || self.inner().any(|kind| kind.any(is))
     }
 
@@ -352,44 +279,6 @@ impl Kind {
             _ => None,
         }
     }
-
-    fn check(&self, depth: usize) -> Result<(), String> {
-        if depth > Description::DEEPEST {
-            return Err(format!("types lie more than {} deep in each other", Description::DEEPEST));
-        }
-        match self {
-            Self::Unsigned(1 | 2 | 4 | 8) | Self::Signed(1 | 2 | 4 | 8) | Self::Float(4 | 8) => {}
-            Self::Unsigned(bytes) | Self::Signed(bytes) | Self::Float(bytes) => {
-                return Err(format!("a number of {bytes} bytes"));
-            }
-            Self::List(inner) if inner.least_bytes() == 0 => return Err("a list of what takes no byte".to_owned()),
-            Self::Packed(inner) if inner.width().is_none_or(|width| width == 0) => {
-                return Err("packed values of no fixed width".to_owned());
-            }
-            Self::Symbols { least, .. } if *least > Description::LARGEST => {
-                return Err(format!("{least} symbols at least"));
-            }
-            Self::Symbols { bits: bits @ (1 | 2 | 4), letters, .. } if letters.chars().count() == 1 << bits => {}
-            Self::Symbols { bits, .. } => return Err(format!("symbols of {bits} bits whose letters are not 2^{bits}")),
-            Self::Array { of, .. } if of.least_bytes() == 0 => return Err("an array of what takes no byte".to_owned()),
-            Self::Array { .. } if self.least_bytes() > Description::LARGEST => {
-                return Err(format!("an array of {} bytes", self.least_bytes()));
-            }
-            Self::Enum(one) if one.variants.is_empty() => return Err(format!("enum {} has no variant", one.name)),
-            _ => {}
-        }
-        self.inner().try_for_each(|kind| kind.check(depth + 1))
-    }
-}
-
-fn fields_of(fields: &[FieldShape]) -> Vec<Field> {
-    let owned = |field: &FieldShape| Field {
-        name: field.name.to_owned(),
-        docs: field.docs.to_owned(),
-        unit: field.unit.to_owned(),
-        kind: Kind::of(&field.shape),
-    };
-    fields.iter().map(owned).collect()
 }
 
 fn hash_all(all: &[Kind], fnv: Fnv) -> Fnv {

@@ -1,103 +1,45 @@
-//! Where two definitions of a type differ.
+//! Where two versions of a type differ.
 
 use std::fmt;
 
-use crate::Description;
-use crate::description::{Content, Enum, Field, Kind};
-use crate::json::joined;
+use crate::description::Kind;
 
-impl Description {
-    /// The first place in which what bytes mean differs between two definitions, for people; none: they are the same.
-    /// `whose` are the words for where each is: "there" and "here".
-    pub fn difference(&self, other: &Self, whose: [&str; 2]) -> Option<String> {
-        Words { whose }.differ("", self.kind(), other.kind())
-    }
+/// The first place in which two versions of a type differ so that values of the one cannot be read as values of the other
+/// (see [`Description::conversion_to`](crate::Description::conversion_to)).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// The field, with its way from the outermost value; empty: it is that value itself.
+    field: String,
+    how: How,
 }
 
-struct Words<'a> {
-    whose: [&'a str; 2],
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum How {
+    /// Only the one (0) or the other (1) has it.
+    Only(usize),
+    /// What it is in the one, and in the other.
+    Are([String; 2]),
 }
 
-impl Words<'_> {
-    fn differ(&self, field: &str, one: &Kind, other: &Kind) -> Option<String> {
-        let inner = |one: &Kind, other: &Kind| self.differ(&format!("{field}[]"), one, other);
-        match (one, other) {
-            (Kind::Struct(one), Kind::Struct(other)) if one.name == other.name => {
-                self.fields(field, &one.fields, &other.fields)
-            }
-            (Kind::Enum(one), Kind::Enum(other)) if one.name == other.name => self.variants(field, one, other),
-            (Kind::Option(one), Kind::Option(other)) => self.differ(field, one, other),
-            (Kind::List(one), Kind::List(other)) | (Kind::Packed(one), Kind::Packed(other)) => inner(one, other),
-            (Kind::Array { of: one, count }, Kind::Array { of: other, count: same }) if count == same => {
-                inner(one, other)
-            }
-            (Kind::Tuple(one), Kind::Tuple(other)) if one.len() == other.len() => self.tuples(field, one, other),
-            _ if one == other => None,
-            _ => Some(self.said(field, one, other)),
+impl Difference {
+    pub(crate) fn only(field: String, which: usize) -> Self {
+        Self { field, how: How::Only(which) }
+    }
+
+    pub(crate) fn of(field: &str, one: impl fmt::Display, other: impl fmt::Display) -> Self {
+        Self { field: field.to_owned(), how: How::Are([one.to_string(), other.to_string()]) }
+    }
+
+    /// The same for people; `whose` are the words for where the one and the other version are: "there" and "here".
+    pub fn in_words(&self, whose: [&str; 2]) -> String {
+        let [there, here] = whose;
+        let field = if self.field.is_empty() { "it" } else { &self.field };
+        match &self.how {
+            How::Only(0) => format!("{field} is {there} and not {here}"),
+            How::Only(_) => format!("{field} is {here} and not {there}"),
+            How::Are([one, other]) => format!("{field} is {one} {there} and {other} {here}"),
         }
     }
-
-    /// `field` is `one` in the one definition and `other` in the other.
-    fn said(&self, field: &str, one: impl fmt::Display, other: impl fmt::Display) -> String {
-        let field = if field.is_empty() { "it" } else { field };
-        format!("{field} is {one} {} and {other} {}", self.whose[0], self.whose[1])
-    }
-
-    fn fields(&self, field: &str, one: &[Field], other: &[Field]) -> Option<String> {
-        let lacks = |all: &[Field], name: &str| !all.iter().any(|field| field.name == name);
-        let only = |name: &str, has: usize| {
-            format!("{} is {} and not {}", joined(field, name), self.whose[has], self.whose[1 - has])
-        };
-        if let Some(first) = one.iter().find(|field| lacks(other, &field.name)) {
-            return Some(only(&first.name, 0));
-        }
-        if let Some(first) = other.iter().find(|field| lacks(one, &field.name)) {
-            return Some(only(&first.name, 1));
-        }
-        one.iter().zip(other).enumerate().find_map(|(i, (one, other))| {
-            if one.name != other.name {
-                return Some(self.said(&format!("field {} of {}", i + 1, named(field)), &one.name, &other.name));
-            }
-            let field = joined(field, &one.name);
-            let unit = |unit: &str| if unit.is_empty() { "without a unit".to_owned() } else { format!("in {unit}") };
-            match one.unit == other.unit {
-                true => self.differ(&field, &one.kind, &other.kind),
-                false => Some(self.said(&field, unit(&one.unit), unit(&other.unit))),
-            }
-        })
-    }
-
-    fn variants(&self, field: &str, one: &Enum, other: &Enum) -> Option<String> {
-        let mut pairs = one.variants.iter().zip(&other.variants).enumerate();
-        let found = pairs.find_map(|(i, (one, other))| {
-            if one.name != other.name {
-                return Some(self.said(&format!("variant {} of {}", i + 1, named(field)), &one.name, &other.name));
-            }
-            let field = joined(field, &one.name);
-            match (&one.content, &other.content) {
-                (Content::One(one), Content::One(other)) => self.differ(&field, one, other),
-                (Content::Tuple(one), Content::Tuple(other)) if one.len() == other.len() => {
-                    self.tuples(&field, one, other)
-                }
-                (Content::Fields(one), Content::Fields(other)) => self.fields(&field, one, other),
-                (one, other) if one == other => None,
-                _ => Some(self.said(&field, "one thing", "another")),
-            }
-        });
-        let count = |one: &Enum| format!("one of {} variants", one.variants.len());
-        found.or_else(|| {
-            (one.variants.len() != other.variants.len()).then(|| self.said(field, count(one), count(other)))
-        })
-    }
-
-    fn tuples(&self, field: &str, one: &[Kind], other: &[Kind]) -> Option<String> {
-        let mut pairs = one.iter().zip(other).enumerate();
-        pairs.find_map(|(i, (one, other))| self.differ(&format!("{field}[{i}]"), one, other))
-    }
-}
-
-fn named(field: &str) -> &str {
-    if field.is_empty() { "it" } else { field }
 }
 
 /// As people write a type.

@@ -63,8 +63,20 @@ impl Describe for Isometry3<f64> {
         docs: "A rotation, and a translation after it.",
         drawn: "",
         fields: &[
-            FieldShape { name: "rotation", docs: "x, y, z, w.", unit: "", shape: UnitQuaternion::<f64>::SHAPE },
-            FieldShape { name: "translation", docs: "x, y, z.", unit: "m", shape: Translation3::<f64>::SHAPE },
+            FieldShape {
+                name: "rotation",
+                docs: "x, y, z, w.",
+                unit: "",
+                default: None,
+                shape: UnitQuaternion::<f64>::SHAPE,
+            },
+            FieldShape {
+                name: "translation",
+                docs: "x, y, z.",
+                unit: "m",
+                default: None,
+                shape: Translation3::<f64>::SHAPE,
+            },
         ],
     });
 

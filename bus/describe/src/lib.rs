@@ -30,32 +30,39 @@
 //! number (u32). A type that has serde attributes which change that cannot be described.
 
 mod check;
+mod conversion;
 mod cursor;
+mod default;
 mod describe;
 mod description;
 mod difference;
 #[cfg(feature = "nalgebra")]
 mod geometry;
 mod json;
+mod origin;
 mod read;
 mod shape;
 mod visit;
 mod write;
 
 pub use check::{Invalid, MAX_COUNT};
+pub use conversion::Conversion;
 pub use describe::Describe;
-pub use description::{Content, Description, Enum, Field, Kind, Refused, Struct, Variant};
+pub use description::{Content, Description, Enum, Field, Kind, Struct, Variant};
+pub use difference::Difference;
 pub use elk_describe_derive::Describe;
 #[doc(hidden)]
 pub use elk_describe_derive::payload;
+pub use origin::Refused;
 pub use read::ReadError;
-pub use shape::{FieldShape, Shape, StructShape, VariantContent, VariantShape};
+pub use shape::{DefaultValue, FieldShape, Shape, StructShape, VariantContent, VariantShape};
 pub use write::WriteError;
 
 #[doc(hidden)]
 pub mod derived {
     //! What the derive's code calls.
     pub use crate::check::{count, each, field, longest, range};
+    pub use crate::default::default_of;
 }
 
 extern crate self as elk_describe;

@@ -59,8 +59,27 @@ pub struct FieldShape {
     pub docs: &'static str,
     /// Its unit; empty if it has none.
     pub unit: &'static str,
+    /// What it is for whoever's version of the type does not have it, if it need not be there.
+    pub default: Option<DefaultValue>,
     /// What it is.
     pub shape: Shape,
+}
+
+/// A field's default, as a constant: what `#[describe(default = …)]` says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DefaultValue {
+    /// Zeros, empty lists and texts, no option, the first variant.
+    Zero,
+    /// A flag.
+    Bool(bool),
+    /// A number.
+    Integer(i128),
+    /// A number.
+    Float(f64),
+    /// A text, or a variant that holds nothing, by its name.
+    Text(&'static str),
+    /// The entries of a list, an array or a tuple.
+    List(&'static [DefaultValue]),
 }
 
 /// A variant of an enum.
@@ -88,8 +107,8 @@ pub enum VariantContent {
 }
 
 impl Shape {
-    /// A hash of everything that decides what the bytes mean: names, units and shapes, however deep; not the docs. Two
-    /// definitions that differ do not read each other's bytes.
+    /// A hash of everything that decides what the bytes mean: names, units and shapes, however deep; not the docs, nor
+    /// defaults. Two definitions that differ do not read each other's bytes as they are.
     pub const fn layout(&self) -> u64 {
         self.hash(Fnv::new()).0
     }

@@ -21,6 +21,14 @@ impl Description {
     }
 }
 
+/// Goes past a value.
+pub fn skip(at: &mut Cursor<'_>, kind: &Kind) -> Result<(), String> {
+    let mut walk = Walk { at: Cursor(at.0), see: &mut |_: &Kind, _: &[u8]| true };
+    walk.value(kind)?;
+    at.0 = walk.at.0;
+    Ok(())
+}
+
 struct Walk<'a, 's, S> {
     at: Cursor<'a>,
     see: &'s mut S,

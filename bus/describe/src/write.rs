@@ -6,6 +6,12 @@ use crate::Description;
 use crate::description::{Content, Field, Kind};
 use crate::json::joined;
 
+/// The bytes of a value of this kind, if that is what the JSON says.
+pub fn bytes_of(kind: &Kind, json: &Value) -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    write(kind, json, "", &mut bytes).ok().map(|()| bytes)
+}
+
 /// Why JSON is no value of a type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("this is no {type_name}: {reason}")]
@@ -17,7 +23,7 @@ pub struct WriteError {
 }
 
 impl Description {
-    /// The bytes of a value that is said as JSON, as [`Description::to_json`] says it.
+    /// The bytes of a value that is said as JSON, as [`Description::to_json`] says it. A field with a default may be left out.
     ///
     /// # Errors
     /// The JSON is no value of the type: a field that is missing, unknown, or of another kind.
@@ -29,7 +35,7 @@ impl Description {
         }
     }
 
-    /// A value of the type, for people who want to say one: zeros, empty lists, first variants.
+    /// A value of the type, for people who want to say one: defaults, zeros, empty lists, first variants.
     pub fn example(&self) -> Value {
         example(self.kind())
     }
@@ -150,7 +156,7 @@ fn write_fields(fields: &[Field], object: &Map<String, Value>, field: &str, byte
     if let Some(unknown) = object.keys().find(|name| !fields.iter().any(|field| field.name == **name)) {
         return Err(format!("{} has no field {unknown}; it has {}", named(field), names(fields)));
     }
-    fields.iter().try_for_each(|one| match object.get(&one.name) {
+    fields.iter().try_for_each(|one| match object.get(&one.name).or(one.default.as_ref()) {
         Some(json) => write(&one.kind, json, &joined(field, &one.name), bytes),
         None => Err(format!("{} is missing", joined(field, &one.name))),
     })
@@ -189,9 +195,13 @@ fn shown(json: &Value) -> String {
     }
 }
 
-fn example(kind: &Kind) -> Value {
+pub fn example(kind: &Kind) -> Value {
     let fields = |fields: &[Field]| -> Value {
-        fields.iter().map(|field| (field.name.clone(), example(&field.kind))).collect::<Map<_, _>>().into()
+        fields
+            .iter()
+            .map(|field| (field.name.clone(), field.default.clone().unwrap_or_else(|| example(&field.kind))))
+            .collect::<Map<_, _>>()
+            .into()
     };
     match kind {
         Kind::Unit | Kind::Option(_) => Value::Null,

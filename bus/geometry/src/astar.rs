@@ -6,7 +6,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use crate::region::Region;
+use crate::region::{Move, Region};
 
 /// The shortest way from `from` to `to` over voxels in `passable` (indices, both ends included).
 pub fn shortest(region: &Region, passable: &[bool], from: usize, to: usize) -> Option<Vec<usize>> {
@@ -30,15 +30,32 @@ pub fn all(region: &Region, passable: &[bool], from: usize) -> Reached {
 #[derive(Debug, Clone)]
 pub struct Reached {
     from: usize,
-    /// In voxels; infinite where it has not got to.
+    /// In voxels. Of memory that is all zeros only what is written to is ever there, so that a short search costs little.
     cost: Vec<f64>,
+    /// One more than the index of the voxel before; 0 where the search has not got to.
     parent: Vec<u32>,
 }
 
 impl Reached {
+    fn from(from: usize, voxels: usize) -> Self {
+        let (mut cost, mut parent) = (vec![0.0; voxels], vec![0; voxels]);
+        (cost[from], parent[from]) = (0.0, from as u32 + 1);
+        Self { from, cost, parent }
+    }
+
+    /// Takes a way to a voxel if it is shorter than the one that is known.
+    #[inline]
+    fn improve(&mut self, to: usize, cost: f64, by: usize) -> bool {
+        let better = self.parent[to] == 0 || cost < self.cost[to];
+        if better {
+            (self.cost[to], self.parent[to]) = (cost, by as u32 + 1);
+        }
+        better
+    }
+
     /// Length of the shortest way to a voxel (in voxels), from centre to centre; `None`: there is none.
     pub fn cost(&self, to: usize) -> Option<f64> {
-        self.cost.get(to).copied().filter(|cost| cost.is_finite())
+        self.parent.get(to).filter(|parent| **parent != 0).map(|_| self.cost[to])
     }
 
     /// The shortest way to a voxel, both ends included; `None`: there is none.
@@ -47,7 +64,7 @@ impl Reached {
         let mut way = vec![to];
         let mut at = to;
         while at != self.from {
-            at = self.parent[at] as usize;
+            at = self.parent[at] as usize - 1;
             way.push(at);
         }
         way.reverse();
@@ -55,7 +72,8 @@ impl Reached {
     }
 }
 
-/// Searches until a goal is reached, and answers which; `bound` is a lower bound of what is left of the way.
+/// Searches until a goal is reached, and answers which; `bound` is a lower bound of what is left of the way, which from a voxel
+/// to its neighbour falls by no more than the way between them.
 fn search(
     region: &Region,
     passable: &[bool],
@@ -63,33 +81,90 @@ fn search(
     is_goal: impl Fn(usize) -> bool,
     bound: impl Fn(usize) -> f64,
 ) -> (Reached, Option<usize>) {
-    let mut cost = vec![f64::INFINITY; region.len()];
-    let mut parent = vec![u32::MAX; region.len()];
-    cost[from] = 0.0;
-    // Costs are not negative, so their bits sort as they do.
-    let mut open = BinaryHeap::from([Reverse((bound(from).to_bits(), from))]);
-    while let Some(Reverse((estimate, i))) = open.pop() {
+    let moves = Moves::of(region);
+    let mut reached = Reached::from(from, region.len());
+    let mut open = Open::new(bound(from), from);
+    while let Some((estimate, i)) = open.pop() {
         if is_goal(i) {
-            return (Reached { from, cost, parent }, Some(i));
+            return (reached, Some(i));
         }
-        if f64::from_bits(estimate) > cost[i] + bound(i) {
+        let cost = reached.cost[i];
+        if estimate > cost + bound(i) {
             continue;
         }
-        for m in region.moves() {
-            let n = i.wrapping_add_signed(m.offset);
-            let cut = |d: &isize| !passable[i.wrapping_add_signed(*d)];
-            if !passable[n] || m.between.iter().any(cut) {
-                continue;
-            }
-            let new = cost[i] + m.length;
-            if new < cost[n] {
-                cost[n] = new;
-                parent[n] = i as u32;
-                open.push(Reverse(((new + bound(n)).to_bits(), n)));
+        for (n, length) in moves.from(passable, i) {
+            if reached.improve(n, cost + length, i) {
+                open.push(cost + length + bound(n), n);
             }
         }
     }
-    (Reached { from, cost, parent }, None)
+    (reached, None)
+}
+
+/// The moves of a region, with what each of them needs as bits: one for each of the 26 neighbours, in their order.
+struct Moves {
+    /// Index offset, length, and the neighbours that have to be passable.
+    all: Vec<(isize, f64, u32)>,
+}
+
+impl Moves {
+    fn of(region: &Region) -> Self {
+        let bit = |offset: isize| region.moves().iter().position(|m| m.offset == offset).map_or(0, |k| 1 << k);
+        let needs = |m: &Move| m.between.iter().map(|d| bit(*d)).fold(bit(m.offset), |bits, one: u32| bits | one);
+        Self { all: region.moves().iter().map(|m| (m.offset, m.length, needs(m))).collect() }
+    }
+
+    /// Where the moves from a voxel lead that can be made, and their lengths.
+    fn from(&self, passable: &[bool], i: usize) -> impl Iterator<Item = (usize, f64)> {
+        let free = |near: u32, (k, (offset, ..)): (usize, &(isize, f64, u32))| {
+            near | u32::from(passable[i.wrapping_add_signed(*offset)]) << k
+        };
+        let near = self.all.iter().enumerate().fold(0, free);
+        let made = self.all.iter().filter(move |(.., needs)| near & needs == *needs);
+        made.map(move |(offset, length, _)| (i.wrapping_add_signed(*offset), *length))
+    }
+}
+
+/// Voxels to go on from, those with the smallest estimate first, of equals the one with the smallest index.
+///
+/// No estimate grows by more than two longest moves from one voxel to the next, so what is open fits into a ring of buckets
+/// (Dial, *Algorithm 360*, 1969), and only the lowest bucket has to be in order.
+struct Open {
+    /// The lowest bucket. Estimates are not negative, so their bits sort as they do.
+    now: BinaryHeap<Reverse<(u64, usize)>>,
+    /// Its number.
+    bucket: u64,
+    later: [Vec<Reverse<(u64, usize)>>; RING],
+}
+
+/// Buckets of the ring: four voxels, more than twice √3.
+const RING: usize = 64;
+/// Buckets of a voxel.
+const BUCKETS: f64 = 16.0;
+
+impl Open {
+    fn new(estimate: f64, index: usize) -> Self {
+        let now = BinaryHeap::from([Reverse((estimate.to_bits(), index))]);
+        Self { now, bucket: (estimate * BUCKETS) as u64, later: std::array::from_fn(|_| Vec::new()) }
+    }
+
+    #[inline]
+    fn push(&mut self, estimate: f64, index: usize) {
+        let (bucket, entry) = ((estimate * BUCKETS) as u64, Reverse((estimate.to_bits(), index)));
+        match bucket <= self.bucket {
+            true => self.now.push(entry),
+            false => self.later[bucket as usize % RING].push(entry),
+        }
+    }
+
+    fn pop(&mut self) -> Option<(f64, usize)> {
+        if self.now.is_empty() {
+            let next = (1..RING as u64).find(|k| !self.later[(self.bucket + k) as usize % RING].is_empty())?;
+            self.bucket += next;
+            self.now = std::mem::take(&mut self.later[self.bucket as usize % RING]).into();
+        }
+        self.now.pop().map(|Reverse((estimate, index))| (f64::from_bits(estimate), index))
+    }
 }
 
 #[cfg(test)]

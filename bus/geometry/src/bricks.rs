@@ -105,7 +105,10 @@ impl Hasher for BrickHasher {
         }
     }
     fn write_i32(&mut self, i: i32) {
-        self.0 = (self.0.rotate_left(21) ^ u64::from(i as u32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.write_usize(i as u32 as usize);
+    }
+    fn write_usize(&mut self, i: usize) {
+        self.0 = (self.0.rotate_left(21) ^ i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }
 }
 

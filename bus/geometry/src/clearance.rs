@@ -4,6 +4,7 @@ use nalgebra::Point3;
 
 use crate::grid::OccupancyGrid;
 use crate::ray::Traversal;
+use crate::region::Region;
 use crate::state::State;
 use crate::voxel::{FACES, Voxel};
 
@@ -81,6 +82,72 @@ impl Clearance {
         to: Point3<f64>,
     ) -> impl Iterator<Item = Voxel> + 'a {
         Traversal::new(from, to, grid.resolution()).filter(|v| !self.allows(grid, *v))
+    }
+}
+
+/// How many obstacles are too near each voxel of a [`Region`], kept up to date as voxels come free or cease to be.
+///
+/// An obstacle is what is not free: occupied, or unknown, where something may be. Only those beside what is free are counted:
+/// those behind them are no nearer along any axis. A robot of 2 m among voxels of 0.1 m has 40,000 neighbours, and a box
+/// millions of voxels that are not free.
+#[derive(Debug, Clone)]
+pub struct Obstacles {
+    /// The neighbours that count, and the voxel between them, as rows along x: the offset of the first, and how many.
+    rows: Vec<(isize, usize)>,
+    /// Number of obstacles too near a voxel, by index.
+    near: Vec<u32>,
+    /// Whether a voxel is one of them.
+    counted: Vec<bool>,
+}
+
+impl Obstacles {
+    /// Those of a region in which nothing is free. As many voxels along its faces as the clearance reaches, and at least two, have
+    /// to stay so.
+    pub fn new(region: &Region, clearance: &Clearance) -> Self {
+        let own = Voxel::new(0, 0, 0);
+        let mut offsets: Vec<isize> = clearance.offsets().iter().chain([&own]).map(|d| region.offset(*d)).collect();
+        offsets.sort_unstable();
+        let rows = offsets.chunk_by(|one, next| *next == one + 1).map(|row| (row[0], row.len())).collect();
+        Self { rows, near: vec![0; region.len()], counted: vec![false; region.len()] }
+    }
+
+    /// Takes note that the voxels `turned` have come free or ceased to be; `free` is as it is now. Each voxel that obstacles
+    /// come near to or leave for good is told to `changed`.
+    pub fn update(
+        &mut self,
+        region: &Region,
+        free: &impl Fn(usize) -> bool,
+        turned: &[usize],
+        changed: &mut impl FnMut(usize),
+    ) {
+        let faces = region.faces();
+        let beside_free = |i: usize| faces.iter().any(|d| free(i.wrapping_add_signed(*d)));
+        for i in turned.iter().flat_map(|i| faces.map(|d| i.wrapping_add_signed(d)).into_iter().chain([*i])) {
+            let counts = !free(i) && beside_free(i);
+            if std::mem::replace(&mut self.counted[i], counts) != counts {
+                self.count(i, counts, changed);
+            }
+        }
+    }
+
+    /// Counts an obstacle wherever it is too near, or no longer.
+    fn count(&mut self, obstacle: usize, more: bool, changed: &mut impl FnMut(usize)) {
+        for (offset, length) in &self.rows {
+            let first = obstacle.wrapping_add_signed(*offset);
+            // Past the ends of the box there is only margin.
+            let row = self.near.get_mut(first..first.saturating_add(*length)).unwrap_or_default();
+            for (i, near) in row.iter_mut().enumerate() {
+                *near = if more { *near + 1 } else { *near - 1 };
+                if *near == u32::from(more) {
+                    changed(first + i);
+                }
+            }
+        }
+    }
+
+    /// Whether no obstacle is too near a free voxel.
+    pub fn allow(&self, index: usize) -> bool {
+        self.near[index] == 0
     }
 }
 

@@ -1,7 +1,7 @@
 //! The frontier: free voxels with an unknown face neighbour (thesis 6.3.1.1), kept up to date as voxels change.
 
 use std::borrow::Borrow;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use crate::bricks::{Bricks, brick_of, voxel_at};
 use crate::grid::OccupancyGrid;
@@ -59,10 +59,32 @@ impl Edges {
     }
 }
 
-/// All frontier voxels inside a bounded volume, in lexicographic order.
+/// Some of the six face neighbours of a voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Faces(u8);
+
+impl Faces {
+    /// Those of `voxel` of which `which` is true.
+    pub fn of(voxel: Voxel, which: impl Fn(Voxel) -> bool) -> Self {
+        let bit = |(n, face): (usize, &Voxel)| u8::from(which(voxel + *face)) << n;
+        Self(FACES.iter().enumerate().map(bit).sum())
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The neighbours of `voxel` there, in the order of [`FACES`].
+    pub fn beside(self, voxel: Voxel) -> impl Iterator<Item = Voxel> + Clone {
+        FACES.into_iter().enumerate().filter(move |(n, _)| self.0 >> n & 1 == 1).map(move |(_, face)| voxel + face)
+    }
+}
+
+/// All frontier voxels inside a bounded volume, in lexicographic order, each with what is unknown beside it.
 #[derive(Debug, Clone, Default)]
 pub struct FrontierSet {
-    voxels: BTreeSet<Voxel>,
+    voxels: BTreeMap<Voxel, Faces>,
     bounds: Option<Bounds>,
     /// The map is full: it comes to know nothing of bricks that it does not have.
     full: bool,
@@ -71,7 +93,7 @@ pub struct FrontierSet {
 impl FrontierSet {
     /// No frontier yet; voxels whose unknown neighbours all lie outside `bounds`, or outside the map, will not count.
     pub fn new(bounds: Option<Bounds>) -> Self {
-        Self { voxels: BTreeSet::new(), bounds, full: false }
+        Self { voxels: BTreeMap::new(), bounds, full: false }
     }
 
     /// Takes note that the map is full, or that it is not. Only of voxels at the rim of the bricks that there are it changes
@@ -99,35 +121,36 @@ impl FrontierSet {
     }
 
     fn revise(&mut self, grid: &OccupancyGrid, voxel: Voxel) {
-        if self.counts(grid, voxel) {
-            self.voxels.insert(voxel);
-        } else {
-            self.voxels.remove(&voxel);
+        match self.unknown(grid, voxel) {
+            faces if faces.is_empty() => self.voxels.remove(&voxel),
+            faces => self.voxels.insert(voxel, faces),
+        };
+    }
+
+    /// What makes `voxel` frontier.
+    fn unknown(&self, grid: &OccupancyGrid, voxel: Voxel) -> Faces {
+        let inside = |v: Voxel| counts(v, self.bounds, grid.resolution());
+        let knowable = |v: Voxel| !self.full || grid.bricks().brick(brick_of(v)).is_some();
+        match grid.state(voxel) == State::Free && inside(voxel) {
+            true => Faces::of(voxel, |v| grid.state(v) == State::Unknown && inside(v) && knowable(v)),
+            false => Faces::default(),
         }
     }
 
-    fn counts(&self, grid: &OccupancyGrid, voxel: Voxel) -> bool {
-        grid.state(voxel) == State::Free
-            && counts(voxel, self.bounds, grid.resolution())
-            && self.unknown_beside(grid, voxel).next().is_some()
-    }
-
-    /// What makes `voxel` frontier, if it is free: its face neighbours that are unknown, in the volume to explore, and that
-    /// the map can come to know.
-    pub fn unknown_beside<'a>(&'a self, grid: &'a OccupancyGrid, voxel: Voxel) -> impl Iterator<Item = Voxel> + 'a {
-        let inside = |v: &Voxel| counts(*v, self.bounds, grid.resolution());
-        let knowable = |v: &Voxel| !self.full || grid.bricks().brick(brick_of(*v)).is_some();
-        unknown_neighbours(grid, voxel).filter(inside).filter(knowable)
+    /// What makes `voxel` frontier: its face neighbours that are unknown, in the volume to explore, and that the map can come
+    /// to know; none if it is no frontier voxel.
+    pub fn unknown_beside(&self, voxel: Voxel) -> Faces {
+        self.voxels.get(&voxel).copied().unwrap_or_default()
     }
 
     /// Whether `voxel` is a frontier voxel.
     pub fn contains(&self, voxel: Voxel) -> bool {
-        self.voxels.contains(&voxel)
+        self.voxels.contains_key(&voxel)
     }
 
     /// The frontier voxels in lexicographic order.
     pub fn iter(&self) -> impl Iterator<Item = Voxel> + '_ {
-        self.voxels.iter().copied()
+        self.voxels.keys().copied()
     }
 
     /// Number of frontier voxels.
@@ -151,6 +174,7 @@ mod tests {
     use super::*;
     use crate::voxel::INDEX_RANGE;
     use proptest::prelude::*;
+    use std::collections::BTreeSet;
 
     proptest! {
         /// Kept up to date change by change, the set is what a look at every voxel would find.
@@ -167,8 +191,10 @@ mod tests {
             }
             let all: BTreeSet<Voxel> = grid.bricks().voxels().map(|(v, _)| v).filter(|v| is_frontier(&grid, *v)).collect();
             prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all.clone());
+            prop_assert!(all.iter().all(|v| set.unknown_beside(*v).beside(*v).eq(unknown_neighbours(&grid, *v))));
             set.set_full(true, &grid);
-            let in_its_bricks = |v: &Voxel| set.unknown_beside(&grid, *v).next().is_some();
+            let has_brick = |v: Voxel| grid.bricks().brick(brick_of(v)).is_some();
+            let in_its_bricks = |v: &Voxel| unknown_neighbours(&grid, *v).any(has_brick);
             prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all.iter().copied().filter(in_its_bricks).collect());
             set.set_full(false, &grid);
             prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all);
@@ -237,11 +263,11 @@ mod tests {
         set.update(&grid, [all[0]]);
         assert_eq!(set.len(), 3, "in its own bricks it can come to know everything");
         assert!(
-            set.unknown_beside(&grid, all[1]).eq([all[0]]),
+            set.unknown_beside(all[1]).beside(all[1]).eq([all[0]]),
             "and what is beyond is not to be resolved there, either"
         );
         set.set_full(false, &grid);
         assert_eq!(set.len(), surface - 1);
-        assert!(set.unknown_beside(&grid, all[1]).count() == 3);
+        assert!(set.unknown_beside(all[1]).beside(all[1]).count() == 3);
     }
 }

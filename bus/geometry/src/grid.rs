@@ -75,16 +75,22 @@ impl OccupancyGrid {
         before != state
     }
 
-    /// Sets cells of a brick: to occupied where `occupied` has them, else to free.
-    pub fn know(&mut self, brick: Voxel, cells: &Mask, occupied: &Mask) {
+    /// Sets cells of a brick: to occupied where `occupied` has them, else to free where `known` has them, else to unknown.
+    pub fn set_cells(&mut self, brick: Voxel, cells: &Mask, known: &Mask, occupied: &Mask) {
         let states = self.states.brick_mut(brick);
         for cell in mask::cells(cells) {
-            let state = if mask::has(occupied, cell) { State::Occupied } else { State::Free };
+            let state = match (mask::has(occupied, cell), mask::has(known, cell)) {
+                (true, _) => State::Occupied,
+                (false, true) => State::Free,
+                (false, false) => State::Unknown,
+            };
             let before = std::mem::replace(&mut states[cell], state);
             if before != State::Unknown {
                 self.counts[before as usize] -= 1;
             }
-            self.counts[state as usize] += 1;
+            if state != State::Unknown {
+                self.counts[state as usize] += 1;
+            }
         }
     }
 

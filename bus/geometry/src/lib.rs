@@ -11,7 +11,7 @@
 //! | where what is known ends | [`frontier`] |
 //! | a box of voxels with numbers, and the states of one | [`region`], [`volume`] |
 //! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
-//! | where a body of some size can be, and the shortest way there | [`clearance`], [`astar`] |
+//! | where a body of some size can be, what hangs together, and the shortest way there | [`clearance`], [`component`], [`astar`] |
 //! | ways in straight lines, and where a camera is | [`polyline`], [`pose`] |
 //!
 //! ```
@@ -24,6 +24,7 @@
 pub mod astar;
 pub mod bricks;
 pub mod clearance;
+pub mod component;
 pub mod delta;
 pub mod frontier;
 pub mod grid;
@@ -40,6 +41,7 @@ pub mod voxel;
 
 pub use bricks::Bricks;
 pub use clearance::Clearance;
+pub use component::Component;
 pub use delta::Delta;
 pub use frontier::FrontierSet;
 pub use grid::OccupancyGrid;

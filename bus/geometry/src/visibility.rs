@@ -61,6 +61,11 @@ impl Lookout {
         Self { places: Some([min - margin, max + margin]), ..self }
     }
 
+    /// Corners of the box outside of which there is no place to look from (m, world); `None`: a place may be anywhere.
+    pub fn places(&self) -> Option<[Point3<f64>; 2]> {
+        self.places
+    }
+
     /// Whether the way from `aim` comes to where there may be a place.
     fn comes_near(&self, aim: Point3<f64>, way: Vector3<f64>) -> bool {
         let Some([min, max]) = self.places else { return true };
@@ -73,17 +78,27 @@ impl Lookout {
     }
 
     /// Places in `reach` that look into voxel `target`, one a ray: the first reachable voxel on it, with the point there.
-    /// None only if there is none.
-    pub fn viewpoints(&self, volume: &Volume, reach: &[bool], target: Voxel) -> Vec<(usize, Point3<f64>)> {
+    /// None only if there is none. And the corners of the box in which it looked, both in it: as long as there every voxel's
+    /// state, and whether it is in `reach`, stays as it is, so does the answer.
+    pub fn viewpoints(
+        &self,
+        volume: &Volume,
+        reach: &[bool],
+        target: Voxel,
+    ) -> (Vec<(usize, Point3<f64>)>, [Voxel; 2]) {
         let resolution = volume.resolution();
         let aim = target.center(resolution);
         let open = |(face, _): &(&Voxel, &Vec<Vector3<f64>>)| volume.state(target + **face) == State::Free;
         let mut found = std::collections::BTreeMap::new();
+        let around = Voxel::new(1, 1, 1);
+        let mut within = [target - around, target + around];
         let ways = FACES.iter().zip(&self.ways).filter(open).flat_map(|(_, ways)| ways);
         for way in ways.filter(|way| self.comes_near(aim, **way)) {
-            if let Some((i, voxel)) = first_on_ray(volume, reach, target, aim, *way) {
-                let point = nearest_on_line(aim, way.normalize(), voxel.center(resolution));
-                if Voxel::containing(point, resolution) == voxel {
+            let (end, place) = along_ray(volume, reach, target, aim, *way);
+            within = [within[0].inf(end), within[1].sup(end)];
+            if let Some(i) = place {
+                let point = nearest_on_line(aim, way.normalize(), end.center(resolution));
+                if Voxel::containing(point, resolution) == end {
                     found.entry(i).or_insert(point);
                 }
             }
@@ -91,7 +106,7 @@ impl Lookout {
                 break;
             }
         }
-        found.into_iter().collect()
+        (found.into_iter().collect(), within)
     }
 }
 
@@ -117,21 +132,24 @@ fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// The first voxel on the ray from `aim` in `target` along `way` that the robot can be in, if all before it are free.
-fn first_on_ray(
+/// The first voxel on the ray from `aim` in `target` along `way` that the robot can be in, if all before it are free, else the
+/// one that ends the ray; and the index of the first, if it is one.
+fn along_ray(
     volume: &Volume,
     reach: &[bool],
     target: Voxel,
     aim: Point3<f64>,
     way: Vector3<f64>,
-) -> Option<(usize, Voxel)> {
-    Traversal::new(aim, aim + way, volume.resolution())
-        .skip_while(|v| *v == target)
-        .map_while(|v| {
-            let i = volume.index(v)?;
-            (volume.states()[i] == State::Free).then_some((i, v))
-        })
-        .find(|(i, _)| reach[*i])
+) -> (Voxel, Option<usize>) {
+    let mut last = target;
+    for voxel in Traversal::new(aim, aim + way, volume.resolution()).skip_while(|v| *v == target) {
+        last = voxel;
+        let Some(i) = volume.index(voxel).filter(|i| volume.states()[*i] == State::Free) else { break };
+        if reach[i] {
+            return (voxel, Some(i));
+        }
+    }
+    (last, None)
 }
 
 /// The voxels of the surface of the cube of half edge `n`, relative to its centre.
@@ -190,14 +208,14 @@ mod tests {
             (0..volume.len()).map(|i| volume.states()[i] == State::Free && volume.voxel(i).x < 3).collect();
         let target = Voxel::new(9, 1, 0);
         let lookout = Lookout::new(2.0, 0.1);
-        let found = lookout.viewpoints(&volume, &left, target);
+        let (found, _) = lookout.viewpoints(&volume, &left, target);
         assert!(!found.is_empty());
         for (i, point) in &found {
             assert!(left[*i]);
             assert_eq!(volume.index_at(*point), Some(*i));
             assert!(sees(&volume, *point, target), "{point:?}");
         }
-        assert!(lookout.viewpoints(&volume, &left, Voxel::new(9, 7, 0)).is_empty());
+        assert!(lookout.viewpoints(&volume, &left, Voxel::new(9, 7, 0)).0.is_empty());
     }
 
     /// Regression: a robot that reached a single voxel had rays cast in all directions for each target, 37 s a plan.
@@ -211,11 +229,29 @@ mod tests {
             let reach: Vec<bool> = (0..volume.len()).map(|i| part.contains(&i)).collect();
             let near = all.clone().from_within(&volume, &reach);
             for target in targets.map(Voxel::from) {
-                let expected = all.viewpoints(&volume, &reach, target);
-                assert_eq!(near.viewpoints(&volume, &reach, target), expected, "{target:?}");
+                let (expected, _) = all.viewpoints(&volume, &reach, target);
+                assert_eq!(near.viewpoints(&volume, &reach, target).0, expected, "{target:?}");
                 found += expected.len();
             }
         }
         assert!(found > 10, "{found}");
+    }
+
+    /// Whatever changes where a search has not looked, it finds the same again.
+    #[test]
+    fn what_was_not_looked_at_changes_nothing() {
+        let (volume, lookout) = (room(), Lookout::new(2.0, 0.1));
+        let reach: Vec<bool> = (0..volume.len()).map(|i| volume.voxel(i).x == 1).collect();
+        let mut outside = 0;
+        for target in [[9, 1, 0], [-1, 5, 0], [9, 7, 0], [8, 8, -1], [2, 9, 0]].map(Voxel::from) {
+            let (found, [least, most]) = lookout.viewpoints(&volume, &reach, target);
+            let looked_at = |v: Voxel| v == v.sup(least) && v == v.inf(most);
+            let elsewhere = |i: &usize| !looked_at(volume.voxel(*i));
+            outside += (0..volume.len()).filter(elsewhere).count();
+            let other: Vec<bool> =
+                (0..volume.len()).map(|i| if elsewhere(&i) { !reach[i] } else { reach[i] }).collect();
+            assert_eq!(lookout.viewpoints(&volume, &other, target), (found, [least, most]), "{target:?}");
+        }
+        assert!(outside > volume.len(), "{outside}");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Deref;
 
-use crate::bricks::{BRICK, voxel_at};
+use crate::bricks::{BRICK, BRICK_CELLS, voxel_at};
 use crate::grid::OccupancyGrid;
 use crate::region::Region;
 use crate::state::State;
@@ -13,6 +13,8 @@ use crate::voxel::Voxel;
 #[derive(Debug, Clone)]
 pub struct Volume {
     region: Region,
+    /// Smallest corner of what may be known, and the corner beyond the largest.
+    within: (Voxel, Voxel),
     states: Vec<State>,
 }
 
@@ -34,30 +36,40 @@ impl Volume {
 
     /// The part of `grid` from a smallest corner up to the one beyond the largest, with `margin` (at least one voxel) around
     /// of which nothing is known.
-    pub fn between(grid: &OccupancyGrid, (min, max): (Voxel, Voxel), margin: i32) -> Self {
+    pub fn between(grid: &OccupancyGrid, within: (Voxel, Voxel), margin: i32) -> Self {
+        let mut volume = Self::unknown(within, margin, grid.resolution());
+        grid.bricks().iter().for_each(|(brick, _)| volume.follow(grid, brick, |_| {}));
+        volume
+    }
+
+    /// The same of a grid of voxels of `resolution` (m) of which nothing is known yet.
+    pub fn unknown(within: (Voxel, Voxel), margin: i32, resolution: f64) -> Self {
+        let (min, max) = within;
         let margin = margin.max(1);
         let origin = min - Voxel::new(margin, margin, margin);
         let size = max - origin + Voxel::new(margin, margin, margin);
         let dim = size.to_array().map(|n| n as usize);
-        let region = Region::new(origin, dim, grid.resolution());
-        let mut volume = Self { states: vec![State::Unknown; region.len()], region };
-        volume.copy(grid, min, max);
-        volume
+        let region = Region::new(origin, dim, resolution);
+        Self { states: vec![State::Unknown; region.len()], region, within }
     }
 
-    /// Copies what lies between two corners, row by row.
-    fn copy(&mut self, grid: &OccupancyGrid, min: Voxel, max: Voxel) {
-        for (brick, cells) in grid.bricks().iter() {
-            let first = voxel_at(brick, 0);
-            let (from, to) = (first.x.max(min.x), (first.x + BRICK).min(max.x));
-            for (n, line) in cells.chunks_exact(BRICK as usize).enumerate() {
-                let (y, z) = (first.y + n as i32 % BRICK, first.z + n as i32 / BRICK);
-                if from < to && (min.y..max.y).contains(&y) && (min.z..max.z).contains(&z) {
-                    let line = &line[(from - first.x) as usize..(to - first.x) as usize];
-                    if let Some(i) = self.index(Voxel::new(from, y, z)) {
-                        self.states[i..i + line.len()].copy_from_slice(line);
-                    }
-                }
+    /// Takes over what is known of a brick now, row by row; the index of each voxel that is other than it was is told to
+    /// `changed`.
+    pub fn follow(&mut self, grid: &OccupancyGrid, brick: Voxel, mut changed: impl FnMut(usize)) {
+        let ((min, max), first) = (self.within, voxel_at(brick, 0));
+        let cells = grid.bricks().brick(brick).unwrap_or(&[State::Unknown; BRICK_CELLS]);
+        let (from, to) = (first.x.max(min.x), (first.x + BRICK).min(max.x));
+        for (n, line) in cells.chunks_exact(BRICK as usize).enumerate() {
+            let (y, z) = (first.y + n as i32 % BRICK, first.z + n as i32 / BRICK);
+            if from >= to || !(min.y..max.y).contains(&y) || !(min.z..max.z).contains(&z) {
+                continue;
+            }
+            let line = &line[(from - first.x) as usize..(to - first.x) as usize];
+            let Some(i) = self.region.index(Voxel::new(from, y, z)) else { continue };
+            let own = &mut self.states[i..i + line.len()];
+            if own != line {
+                own.iter().zip(line).enumerate().filter(|(_, (own, new))| own != new).for_each(|(n, _)| changed(i + n));
+                own.copy_from_slice(line);
             }
         }
     }

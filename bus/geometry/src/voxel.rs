@@ -68,6 +68,16 @@ impl Voxel {
         Vector3::new(f64::from(d.x), f64::from(d.y), f64::from(d.z)).norm()
     }
 
+    /// The smaller index of two cells along each axis.
+    pub fn inf(self, other: Self) -> Self {
+        Self::new(self.x.min(other.x), self.y.min(other.y), self.z.min(other.z))
+    }
+
+    /// The larger index of two cells along each axis.
+    pub fn sup(self, other: Self) -> Self {
+        Self::new(self.x.max(other.x), self.y.max(other.y), self.z.max(other.z))
+    }
+
     /// Whether a map has a place for it: every index is in [`INDEX_RANGE`].
     pub fn is_mappable(self) -> bool {
         self.to_array().iter().all(|c| INDEX_RANGE.contains(c))

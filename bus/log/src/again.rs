@@ -1,4 +1,4 @@
-//! Channels said again: so that they outlive the place where they were announced.
+//! Channels are announced again, so that they outlive the chunk in which they were announced first.
 //!
 //! A channel is announced once, in the chunk of its first message, and once more at the end of the file. If the logger
 //! was killed there is no end, and whatever makes that chunk unreadable takes the names of all that its channels said.

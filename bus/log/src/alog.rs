@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use elk_bus::clock::Date;
 use elk_bus::codec::{self, MAX_VALUE_BYTES};
-use elk_bus::{Payload, Type, TypeRef, Value, ValueRef};
+use elk_bus::{Type, TypeRef, Value, ValueRef};
 use elk_outside::{file, text, time};
 use elk_spatial::messages::CameraPose;
 
@@ -104,7 +104,7 @@ impl AlogWriter {
         if !type_.is::<CameraPose>() {
             return Ok(());
         }
-        let Ok(camera) = codec::decode::<CameraPose>(bytes, CameraPose::NAME) else {
+        let Ok(camera) = codec::decode::<CameraPose>(bytes) else {
             return Ok(());
         };
         if self.navigated.get_or_insert_with(|| record.key.to_owned()) != record.key {

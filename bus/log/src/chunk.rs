@@ -217,9 +217,9 @@ impl Chunk {
     }
 
     /// The bytes of a record that was given.
-    pub fn bytes(&self, place: &Range<usize>) -> &[u8] {
-        let bytes = self.bytes.get(place.clone());
-        debug_assert!(bytes.is_some(), "{place:?} is of another chunk");
+    pub fn bytes(&self, range: &Range<usize>) -> &[u8] {
+        let bytes = self.bytes.get(range.clone());
+        debug_assert!(bytes.is_some(), "{range:?} is of another chunk");
         bytes.unwrap_or_default()
     }
 }

@@ -20,7 +20,7 @@ use crate::chunk::{self, Chunk, ChunkHead, Unpacked};
 use crate::error::LogError;
 use crate::footer::{Footer, TAIL_BYTES};
 use crate::head::{Head, MAX_RECORD_BYTES};
-use crate::judge::end_of_content;
+use crate::resync::end_of_content;
 
 /// Bytes that are read from the file at once.
 const READ_BYTES: usize = 1 << 20;
@@ -49,8 +49,8 @@ impl Found {
     }
 }
 
-/// Where the next record is.
-enum Place {
+/// Whether the next record is one of the file or of its chunk.
+enum Level {
     File,
     Chunk,
     Over,
@@ -63,7 +63,7 @@ pub(crate) struct Container {
     length: u64,
     /// Where the next record of the file begins.
     at: u64,
-    place: Place,
+    level: Level,
     body: Vec<u8>,
     chunk: Chunk,
     /// Where in `chunk` the record that was found last lies; nothing: in `body`.
@@ -101,7 +101,7 @@ impl Container {
             file: BufReader::with_capacity(READ_BYTES, file),
             length,
             at: 0,
-            place: Place::File,
+            level: Level::File,
             body: Vec::new(),
             chunk: Chunk::default(),
             found: None,
@@ -128,7 +128,7 @@ impl Container {
     /// Goes on at the record that begins at `offset`.
     pub fn seek(&mut self, offset: u64) -> Result<(), LogError> {
         self.file.seek(SeekFrom::Start(offset)).map_err(|source| read_error(&self.path, source))?;
-        (self.at, self.place, self.ending) = (offset, Place::File, None);
+        (self.at, self.level, self.ending) = (offset, Level::File, None);
         Ok(())
     }
 
@@ -146,10 +146,10 @@ impl Container {
     pub fn next(&mut self) -> Result<Found, LogError> {
         loop {
             self.found = None;
-            let found = match self.place {
-                Place::Over => Some(Found::End),
-                Place::Chunk => self.record_of_chunk(),
-                Place::File => self.record_of_file()?,
+            let found = match self.level {
+                Level::Over => Some(Found::End),
+                Level::Chunk => self.record_of_chunk(),
+                Level::File => self.record_of_file()?,
             };
             if let Some(found) = found {
                 return Ok(found);
@@ -163,7 +163,7 @@ impl Container {
             self.found = Some(body);
             return Some(Found::Record(opcode));
         }
-        self.place = Place::File;
+        self.level = Level::File;
         self.ending.take().map(|ending| match ending {
             Ending::Cut(reason) => self.over(reason),
             Ending::Broken(reason) => Found::Damaged(reason),
@@ -222,7 +222,7 @@ impl Container {
     }
 
     fn over(&mut self, reason: String) -> Found {
-        self.place = Place::Over;
+        self.level = Level::Over;
         Found::Cut(reason)
     }
 
@@ -247,7 +247,7 @@ impl Container {
         let unread = packed.limit().cast_signed();
         let passed = unpacked.and_then(|unpacked| self.file.seek_relative(unread).map(|()| unpacked));
         let unpacked = passed.map_err(|source| read_error(&self.path, source))?;
-        (self.at, self.place) = (end, Place::Chunk);
+        (self.at, self.level) = (end, Level::Chunk);
         let cut = there < head.compressed;
         self.ending = match unpacked {
             _ if cut => Some(Ending::Cut(format!("the chunk at byte {start} is cut short by the end of the file"))),
@@ -279,7 +279,7 @@ impl Container {
 
     /// The data are over: sees that the end is all there.
     fn end(&mut self, length: u64) -> Result<Found, LogError> {
-        self.place = Place::Over;
+        self.level = Level::Over;
         if length != 4 || self.length < self.at + TAIL_BYTES as u64 {
             return Ok(Found::Cut("the end of the file, with its index, is cut short".into()));
         }

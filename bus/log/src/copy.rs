@@ -7,7 +7,7 @@ use crate::error::LogError;
 use crate::index::OnProgress;
 use crate::reader::{Item, LogReader};
 use crate::segment::Segment;
-use crate::selection::{Place, Selection, Window};
+use crate::selection::{Position, Selection, Window};
 use crate::writer::{LogOptions, LogWriter};
 
 /// Bytes that may wait in memory before they are written.
@@ -111,7 +111,7 @@ impl Copy {
         let Some((key, source, received)) = log.head() else {
             return Ok(());
         };
-        if window.place(received) != Place::Within || !window.selection.takes(key, source) {
+        if window.position(received) != Position::Within || !window.selection.takes(key, source) {
             return Ok(());
         }
         if let Some((channel, body)) = log.segment().and_then(Segment::foreign) {

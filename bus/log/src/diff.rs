@@ -13,7 +13,7 @@ use serde_json::Value as Json;
 use crate::error::LogError;
 use crate::reader::LogReader;
 use crate::record::Record;
-use crate::selection::{Place, Selection, Window};
+use crate::selection::{Position, Selection, Window};
 
 /// Fields that hold measured times of the processor, wherever they are: not even the same program on the same machine
 /// takes the same time twice.
@@ -60,7 +60,7 @@ pub struct Difference {
     /// The message in the second log; none: it ends before.
     pub second: Option<Record>,
     /// Where in the value they differ, where that can be said.
-    pub place: Option<Divergence>,
+    pub divergence: Option<Divergence>,
 }
 
 /// Where two values differ.
@@ -138,7 +138,7 @@ pub fn diff(first: &Path, second: &Path, options: &DiffOptions) -> Result<Diff, 
 fn next_of(log: &mut LogReader, window: &Window<'_>, options: &DiffOptions) -> Result<Option<Record>, LogError> {
     while let Some(next) = log.next_ref() {
         let record = next?;
-        if window.place(record.received) == Place::Within
+        if window.position(record.received) == Position::Within
             && options.selection.takes(record.key, record.source)
             && (options.exact || !is_volatile(record.key))
         {
@@ -173,7 +173,7 @@ impl Stream {
                 diff.same += 1;
                 self.compared += 1;
             }
-            Comparison::Different(place) => self.differ(Some(first), Some(second), place, sides, diff),
+            Comparison::Different(divergence) => self.differ(Some(first), Some(second), divergence, sides, diff),
         }
     }
 
@@ -190,7 +190,7 @@ impl Stream {
         &mut self,
         first: Option<Record>,
         second: Option<Record>,
-        place: Option<Divergence>,
+        divergence: Option<Divergence>,
         sides: &mut Sides,
         diff: &mut Diff,
     ) {
@@ -198,7 +198,7 @@ impl Stream {
         sides.waiting -= std::mem::take(&mut self.ahead).iter().flatten().map(weight).sum::<usize>();
         if let Some(Record { key, source, .. }) = first.as_ref().or(second.as_ref()) {
             let (key, source, number) = (key.clone(), source.clone(), self.compared);
-            diff.differences.push(Difference { key, source, number, first, second, place });
+            diff.differences.push(Difference { key, source, number, first, second, divergence });
         }
     }
 }
@@ -238,7 +238,7 @@ fn compare(first: &Value, second: &Value, exact: bool) -> Comparison {
     let volatile = !exact && forget_volatile(&mut one) && forget_volatile(&mut other);
     match divergence(String::new(), &one, &other) {
         None if volatile => Comparison::Same,
-        place => Comparison::Different(place),
+        divergence => Comparison::Different(divergence),
     }
 }
 

@@ -9,7 +9,7 @@
 //! | other   | `protobuf`       | `elk.Binary`, `protobuf`            | the value in the bus' own encoding; envelope in an unnamed field |
 //!
 //! MCAP's own times are whole nanoseconds and its sequence has 32 bits: too coarse to give back what was sent, so each
-//! message carries its time, its time of recording, its publisher's number and its place in the broker's order once
+//! message carries its time, its time of recording, its publisher's number and its position in the broker's order once
 //! more. The envelope of a binary value, little endian: time (f64), received (f64), sequence (u64), order (u64), length
 //! of the source's auxiliary name (u32), that name (UTF-8). Which values are spatial, and how these are stored, the
 //! module `spatial` says. The values of other types that describe themselves have their fields there to be plotted, unless
@@ -296,13 +296,13 @@ fn put_envelope<'a>(
     let aux = record.source_aux.as_bytes();
     let aux_len = u32::try_from(aux.len()).map_err(|_| format!("an auxiliary source of {} bytes", aux.len()))?;
     let words = [record.time.to_bits(), record.received.to_bits(), record.sequence, record.order];
-    for (place, word) in short.chunks_exact_mut(8).zip(words) {
-        place.copy_from_slice(&word.to_le_bytes());
+    for (slot, word) in short.chunks_exact_mut(8).zip(words) {
+        slot.copy_from_slice(&word.to_le_bytes());
     }
     short[32..ENVELOPE_BYTES].copy_from_slice(&aux_len.to_le_bytes());
     match short[ENVELOPE_BYTES..].get_mut(..aux.len()) {
-        Some(place) => {
-            place.copy_from_slice(aux);
+        Some(slot) => {
+            slot.copy_from_slice(aux);
             Ok(&short[..ENVELOPE_BYTES + aux.len()])
         }
         None => {

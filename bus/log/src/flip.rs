@@ -3,7 +3,7 @@
 //! A CRC is linear: what a flipped bit does to it depends on its distance from the end only, and since the polynomial of
 //! CRC-32 is primitive, no two distances below 2³² − 1 bits do the same (Peterson and Brown, Cyclic Codes for Error
 //! Detection, 1961). So a single flipped bit is found, and a larger damage passes for one with a probability of the
-//! number of bits in 2³²: whoever uses the place looks for other evidence, too.
+//! number of bits in 2³²: whoever uses the position looks for other evidence, too.
 
 /// The polynomial of CRC-32, the lowest bit first.
 const POLYNOMIAL: u32 = 0xedb8_8320;

@@ -257,8 +257,8 @@ pub(crate) fn put_point_fields(out: &mut Fields<'_>) {
 /// A position as packed in a point cloud.
 pub(crate) fn packed(point: Point3<f64>) -> [u8; 12] {
     let mut bytes = [0; 12];
-    for (place, coordinate) in bytes.chunks_exact_mut(4).zip(point.iter()) {
-        place.copy_from_slice(&(*coordinate as f32).to_le_bytes());
+    for (slot, coordinate) in bytes.chunks_exact_mut(4).zip(point.iter()) {
+        slot.copy_from_slice(&(*coordinate as f32).to_le_bytes());
     }
     bytes
 }

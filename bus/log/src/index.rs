@@ -173,7 +173,7 @@ impl SegmentIndex {
         let file = file::open(path).map_err(read)?;
         let reason = match Summary::find(&file).map_err(read)? {
             Summary::Missing => return Self::by_reading(path, on_progress),
-            Summary::Found(place) => match Self::from_summary(path, place)? {
+            Summary::Found(range) => match Self::from_summary(path, range)? {
                 Ok(Some(index)) => return Ok(index),
                 Ok(None) => return Self::by_reading(path, on_progress),
                 Err(reason) => reason,
@@ -184,13 +184,13 @@ impl SegmentIndex {
         Ok(Self { index_damage, ..Self::by_reading(path, on_progress)? })
     }
 
-    /// What the records at the end of the file say, in the bytes `place`, or nothing where they leave out channels or
+    /// What the records at the end of the file say, in the bytes `range`, or nothing where they leave out channels or
     /// counts, as they may; else what is wrong with them.
-    fn from_summary(path: &Path, place: Range<u64>) -> Result<Result<Option<Self>, String>, LogError> {
+    fn from_summary(path: &Path, range: Range<u64>) -> Result<Result<Option<Self>, String>, LogError> {
         let mut segment = Segment::at_the_beginning(path)?;
         let mut index = Self { path: path.into(), bytes: segment.length(), ..Self::default() };
         let (mut last_drop, mut counted, mut indexed) = (None, None, (0_u64, 0_u64));
-        if let Err(reason) = segment.summary(place, |record| match record {
+        if let Err(reason) = segment.summary(range, |record| match record {
             Said::Chunk(chunk, drops) => {
                 index.chunks.push((chunk.message_end_time, chunk.chunk_start_offset));
                 last_drop = last_drop.max(drops.then_some(chunk.chunk_start_offset));

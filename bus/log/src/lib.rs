@@ -13,7 +13,7 @@
 //! | `writer`, `staging`, `again` | a log that grows, over a disk that may be full; its channels said again |
 //! | `reader`, `segment` | a run's records; one file's messages |
 //! | `container`, `chunk` | one file's bytes, whole or not, honest or not; what is packed |
-//! | `salvage`, `judge`, `flip` | what can be had of a damaged file; what is a record in it; a flipped bit found |
+//! | `salvage`, `resync`, `flip` | what can be had of a damaged file; what is a record in it; a flipped bit found |
 //! | `summary`, `footer`, `head` | what a file's end says; its last record; what stands before each record |
 //! | [`segments()`] | which files are one run's log |
 //! | [`index`], `extras` | what is in a log, and where, without reading it; what stands beside the messages |
@@ -43,11 +43,11 @@ mod foxglove;
 pub mod fuzzing;
 mod head;
 pub mod index;
-mod judge;
 mod plain;
 mod protobuf;
 mod reader;
 mod record;
+mod resync;
 mod salvage;
 mod schema;
 mod segment;
@@ -65,3 +65,7 @@ pub use record::{Metadata, Record, RecordRef};
 pub use segments::{is_written, segments};
 pub use selection::Selection;
 pub use writer::{Compression, LogOptions, LogWriter, MAX_STAGED_BYTES};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

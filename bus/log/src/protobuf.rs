@@ -77,8 +77,8 @@ pub(crate) fn find_bytes<const N: usize>(mut message: &[u8], numbers: [u32; N]) 
             BYTES => {
                 let length = usize::try_from(take_varint(&mut message)?).ok()?;
                 let bytes = take(&mut message, length)?;
-                if let Some(place) = numbers.iter().position(|number| u64::from(*number) == tag >> 3) {
-                    found[place] = Some(bytes);
+                if let Some(index) = numbers.iter().position(|number| u64::from(*number) == tag >> 3) {
+                    found[index] = Some(bytes);
                 }
             }
             _ => return None,

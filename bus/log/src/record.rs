@@ -19,8 +19,8 @@ pub struct Record {
     pub sequence: u64,
     /// When it came to the logger (s, the community's clock).
     pub received: f64,
-    /// Its place in the broker's order: the logger's count of its mail, from 0. A logger that was started again counts
-    /// anew, in the run's next segment.
+    /// Its position in the broker's order: the logger's count of its mail, from 0. A logger that was started again
+    /// counts anew, in the run's next segment.
     pub order: u64,
     /// Tells one life of the broker from the next.
     pub epoch: u64,

@@ -1,9 +1,9 @@
 //! A damaged file: every record that is whole, wherever it lies.
 //!
 //! Where [`Container`](crate::container::Container) stops believing, this reader goes on: behind a stretch that is no
-//! record it looks for the next one (`judge.rs`), a chunk whose checksum is wrong is taken apart all the same, one that is
-//! compressed as far as it unpacks, and one whose header is lost by the mark that its compression begins with. A single
-//! flipped bit is put back (`flip.rs`). Everything that is not as it was written is said.
+//! record it looks for the next one (`resync.rs`), a chunk whose checksum is wrong is taken apart all the same, one
+//! that is compressed as far as it unpacks, and one whose header is lost by the mark that its compression begins with.
+//! A single flipped bit is put back (`flip.rs`). Everything that is not as it was written is said.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -22,7 +22,7 @@ use crate::error::LogError;
 use crate::flip::{Flip, flipped};
 use crate::footer::Footer;
 use crate::head::{Head, MAX_RECORD_BYTES};
-use crate::judge::{AHEAD_BYTES, Bytes, Debris, Judge, Spot, affordable, chunk_head, spend};
+use crate::resync::{AHEAD_BYTES, Bytes, DamagedChunk, RecordAt, RecordFinder, affordable, chunk_head, spend};
 use crate::summary::checksum;
 
 /// Bytes that are read from the file at once.
@@ -49,7 +49,7 @@ const LOOK_BACK_BYTES: u64 = 256;
 pub(crate) struct Salvage {
     path: PathBuf,
     source: Source,
-    judge: Judge,
+    finder: RecordFinder,
     /// Where the next record of the file begins.
     at: u64,
     over: bool,
@@ -64,7 +64,7 @@ pub(crate) struct Salvage {
     /// Bytes that were read behind marks of packed ones: a file may be full of these.
     behind_marks: u64,
     /// The next record of the file, or that there is none, where that was found before all bytes ahead of it were looked at.
-    ahead: Option<Option<Spot>>,
+    ahead: Option<Option<RecordAt>>,
 }
 
 /// The chunk that is being read.
@@ -74,7 +74,7 @@ enum Opened {
     Right(Chunk),
     /// It is not; where in it the next record is looked for.
     Wrong {
-        debris: Debris,
+        damaged: DamagedChunk,
         at: u64,
     },
 }
@@ -111,9 +111,9 @@ impl Source {
         }
         self.read.set(self.read.get() + read as u64);
         if let Some((byte, mask)) = self.mended
-            && let Some(place) = byte.checked_sub(at).filter(|place| *place < read as u64)
+            && let Some(index) = byte.checked_sub(at).filter(|index| *index < read as u64)
         {
-            to[place as usize] ^= mask;
+            to[index as usize] ^= mask;
         }
         Ok(read)
     }
@@ -189,7 +189,7 @@ impl Salvage {
         let mut salvage = Self {
             path: path.into(),
             source,
-            judge: Judge::default(),
+            finder: RecordFinder::default(),
             at: 0,
             over: false,
             doubtful_to: 0,
@@ -201,17 +201,17 @@ impl Salvage {
             ahead: None,
         };
         salvage.mend()?;
-        salvage.begin(Judge::default());
+        salvage.begin(RecordFinder::default());
         Ok(salvage)
     }
 
     /// Begins anew, with what is known of the file now.
-    pub fn begin(&mut self, judge: Judge) {
+    pub fn begin(&mut self, finder: RecordFinder) {
         let magic = mcap::MAGIC.len() as u64;
         let begins_right = self.source.get(0, mcap::MAGIC.len()).is_ok_and(|bytes| bytes == mcap::MAGIC);
         (self.at, self.over, self.chunk, self.behind_marks) =
             (if begins_right { magic } else { 0 }, false, Opened::None, 0);
-        (self.judge, self.doubtful_to, self.ahead) = (judge, 0, None);
+        (self.finder, self.doubtful_to, self.ahead) = (finder, 0, None);
         self.source.begin();
         self.said.clear();
         if !begins_right {
@@ -242,7 +242,7 @@ impl Salvage {
         }
         if let Some(Flip::Data(byte, mask)) = flipped(data, found, said) {
             self.source.mended = Some((byte, mask));
-            self.begin(Judge::default());
+            self.begin(RecordFinder::default());
             let told = self.said.len();
             if !self.is_right(told)? {
                 self.source.mended = None;
@@ -279,7 +279,7 @@ impl Salvage {
     pub fn body(&self) -> &[u8] {
         match (&self.found, &self.chunk) {
             (Some(range), Opened::Right(chunk)) => chunk.bytes(range),
-            (Some(range), Opened::Wrong { debris, .. }) => debris.bytes.get(range.clone()).unwrap_or_default(),
+            (Some(range), Opened::Wrong { damaged, .. }) => damaged.bytes.get(range.clone()).unwrap_or_default(),
             _ => &self.body,
         }
     }
@@ -323,10 +323,10 @@ impl Salvage {
         let found = match &mut self.chunk {
             Opened::None => None,
             Opened::Right(chunk) => chunk.next(),
-            Opened::Wrong { debris, at } => {
-                let spot = self.judge.next(debris, *at)?;
-                *at = spot.map_or(u64::MAX, |spot| spot.end());
-                spot.map(|spot| (spot.head.opcode, spot.at as usize + Head::BYTES..spot.end() as usize))
+            Opened::Wrong { damaged, at } => {
+                let located = self.finder.next(damaged, *at)?;
+                *at = located.map_or(u64::MAX, |located| located.end());
+                located.map(|located| (located.head.opcode, located.at as usize + Head::BYTES..located.end() as usize))
             }
         };
         match (found, &self.chunk) {
@@ -343,17 +343,17 @@ impl Salvage {
     }
 
     fn record_of_file(&mut self) -> IoResult<Option<Found>> {
-        let spot = match self.ahead.take() {
-            Some(spot) => spot,
-            None => self.judge.next(&mut self.source, self.at)?,
+        let located = match self.ahead.take() {
+            Some(located) => located,
+            None => self.finder.next(&mut self.source, self.at)?,
         };
-        let to = spot.map_or(self.source.length, |spot| spot.at);
-        match spot {
+        let to = located.map_or(self.source.length, |located| located.at);
+        match located {
             _ if to > self.at => {
-                self.ahead = Some(spot);
+                self.ahead = Some(located);
                 self.pass_over(to).map(|()| None)
             }
-            Some(spot) if spot.head.opcode != op::FOOTER => self.take(spot),
+            Some(located) if located.head.opcode != op::FOOTER => self.take(located),
             _ => self.end().map(Some),
         }
     }
@@ -361,9 +361,9 @@ impl Salvage {
     /// Passes over what is no record, up to `to`; a chunk whose header is lost lies in what has the mark of one.
     fn pass_over(&mut self, to: u64) -> IoResult<()> {
         let start = std::mem::replace(&mut self.at, to);
-        if let Some((mark, debris)) = self.packed(start..to)? {
+        if let Some((mark, damaged)) = self.packed(start..to)? {
             self.said.push_back(format!("the header of the chunk before byte {mark} is damaged"));
-            self.chunk = Opened::Wrong { debris, at: 0 };
+            self.chunk = Opened::Wrong { damaged, at: 0 };
             self.at = mark + 1;
         } else {
             let passed = to - start;
@@ -373,7 +373,7 @@ impl Salvage {
     }
 
     /// Records that are packed, without the head of a chunk, in a part of the file: where they begin, and what they are.
-    fn packed(&mut self, Range { mut start, end }: Range<u64>) -> IoResult<Option<(u64, Debris)>> {
+    fn packed(&mut self, Range { mut start, end }: Range<u64>) -> IoResult<Option<(u64, DamagedChunk)>> {
         while let Some((at, name)) = self.mark(start..end)? {
             start = at + 1;
             if self.behind_marks > self.source.length.saturating_mul(MOST_BEHIND_MARKS) {
@@ -384,17 +384,17 @@ impl Salvage {
             // Most of what has such a mark is something else: that is seen after a few bytes.
             let (begin, _) = unpack(name, self.source.section(packed.clone()), TRIED_BYTES)?;
             let mut bytes = Vec::new();
-            if self.judge.may_begin(&begin) {
+            if self.finder.may_begin(&begin) {
                 (bytes, _) = unpack(name, self.source.section(packed), chunk::ALWAYS_BYTES)?;
             }
             self.behind_marks += self.source.read.get() - before;
-            let mut debris = Debris::of(bytes);
-            let first = self.judge.next(&mut debris, 0)?;
-            if first.is_some_and(|spot| spot.at == 0 && is_of_chunk(spot.head.opcode)) {
-                return Ok(Some((at, debris)));
+            let mut damaged = DamagedChunk::of(bytes);
+            let first = self.finder.next(&mut damaged, 0)?;
+            if first.is_some_and(|located| located.at == 0 && is_of_chunk(located.head.opcode)) {
+                return Ok(Some((at, damaged)));
             }
             // What was unpacked for nothing is work, too.
-            self.behind_marks += debris.length();
+            self.behind_marks += damaged.length();
         }
         Ok(None)
     }
@@ -413,14 +413,14 @@ impl Salvage {
     }
 
     /// Takes the record that begins here.
-    fn take(&mut self, spot: Spot) -> IoResult<Option<Found>> {
-        self.at = spot.end();
-        let Head { opcode, length } = spot.head;
+    fn take(&mut self, located: RecordAt) -> IoResult<Option<Found>> {
+        self.at = located.end();
+        let Head { opcode, length } = located.head;
         match opcode {
-            op::CHUNK => self.open_chunk(spot).map(|()| None),
-            op::ATTACHMENT if length > MAX_RECORD_BYTES => Ok(Some(Found::too_large(spot.at, length))),
+            op::CHUNK => self.open_chunk(located).map(|()| None),
+            op::ATTACHMENT if length > MAX_RECORD_BYTES => Ok(Some(Found::too_large(located.at, length))),
             op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::ATTACHMENT | op::METADATA | 0x80.. => {
-                let body = self.source.get(spot.at + Head::BYTES as u64, length as usize)?;
+                let body = self.source.get(located.at + Head::BYTES as u64, length as usize)?;
                 self.body.clear();
                 self.body.extend_from_slice(body);
                 Ok(Some(Found::Record(opcode)))
@@ -430,13 +430,13 @@ impl Salvage {
     }
 
     /// Opens the chunk that begins here, whatever state it is in.
-    fn open_chunk(&mut self, spot: Spot) -> IoResult<()> {
-        let start = spot.at + Head::BYTES as u64;
+    fn open_chunk(&mut self, located: RecordAt) -> IoResult<()> {
+        let start = located.at + Head::BYTES as u64;
         let Some(head) = chunk_head(&mut self.source, start)? else {
             return Ok(());
         };
-        let packed = start + head.bytes()..spot.end().min(self.source.length);
-        if head.compression.is_empty() && spot.at < self.doubtful_to {
+        let packed = start + head.bytes()..located.end().min(self.source.length);
+        if head.compression.is_empty() && located.at < self.doubtful_to {
             // It begins within a damaged one: its records are read where they lie, too. One may begin at every byte,
             // and each would be read to its end.
             (self.at, self.doubtful_to) = (packed.start, self.doubtful_to.max(packed.end));
@@ -457,13 +457,13 @@ impl Salvage {
         drop(right);
         if head.compression.is_empty() && head.compressed > MAX_MENDED_BYTES {
             // Its records are read where they lie, as if there was no chunk: that takes no memory for what is none.
-            self.said.push_back(taken_as_it_is(spot.at, &reason));
+            self.said.push_back(taken_as_it_is(located.at, &reason));
             (self.at, self.doubtful_to) = (packed.start, packed.end);
             return Ok(());
         }
         let (bytes, stopped) = unpack(&head.compression, self.source.section(packed), most)?;
         let reason = stopped.unwrap_or(reason);
-        let at = spot.at;
+        let at = located.at;
         self.chunk = match mended(bytes, &head) {
             Ok(chunk) if head.compression.is_empty() => {
                 self.said.push_back(format!("the chunk at byte {at} had one flipped bit; it is put back"));
@@ -474,11 +474,11 @@ impl Salvage {
             Ok(chunk) => {
                 self.said
                     .push_back(format!("the chunk at byte {at} agrees with its checksum but for one bit, put back"));
-                Opened::Wrong { debris: Debris::of(chunk.into_bytes()), at: 0 }
+                Opened::Wrong { damaged: DamagedChunk::of(chunk.into_bytes()), at: 0 }
             }
             Err(bytes) => {
                 self.said.push_back(taken_as_it_is(at, &reason));
-                Opened::Wrong { debris: Debris::of(bytes), at: 0 }
+                Opened::Wrong { damaged: DamagedChunk::of(bytes), at: 0 }
             }
         };
         Ok(())

@@ -17,8 +17,8 @@ use crate::error::LogError;
 use crate::extras::{ExtraKind, Extras};
 use crate::foreign::Schema;
 use crate::head::{Head, MESSAGE_HEAD};
-use crate::judge::Judge;
 use crate::record::{Metadata, RecordRef};
+use crate::resync::RecordFinder;
 use crate::salvage::Salvage;
 use crate::summary::Summary;
 
@@ -41,7 +41,7 @@ pub(crate) struct Segment {
     /// Messages that were recorded before are passed over (ns).
     from: u64,
     metadata: Metadata,
-    /// Its place among the files of its log, as it says itself.
+    /// Its number among the files of its log, as it says itself.
     number: Option<u64>,
     /// What was found beside the messages so far.
     extras: Extras,
@@ -123,10 +123,10 @@ impl Segment {
     /// Opens a file. Its channels are known from its end, if it has one.
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let mut segment = Self::at_the_beginning(path)?;
-        if let Some(place) = Self::find_summary(path)? {
+        if let Some(range) = Self::find_summary(path)? {
             let mut counted = None;
             // What is wrong with it the index says; the channels may be announced once more.
-            let read = segment.summary(place, |said| counted = said.statistics().or(counted.take()))?;
+            let read = segment.summary(range, |said| counted = said.statistics().or(counted.take()))?;
             segment.knows_channels = read.is_ok() && counted.is_some_and(|counted| segment.names_all(&counted));
             segment.go_to(mcap::MAGIC.len() as u64)?;
         }
@@ -162,9 +162,9 @@ impl Segment {
     pub fn open_damaged(path: &Path) -> Result<Self, LogError> {
         let mut segment = Self::of(path, Records::Salvaged(Box::new(Salvage::open(path)?)));
         let mut counted = None;
-        if let Some(place) = Self::find_summary(path)? {
+        if let Some(range) = Self::find_summary(path)? {
             let mut known = Self::of(path, Records::Right(Box::new(Container::unchecked(path)?)));
-            let read = known.summary(place, |said| counted = said.statistics().or(counted.take()))?;
+            let read = known.summary(range, |said| counted = said.statistics().or(counted.take()))?;
             counted = counted.filter(|counted| read.is_ok() && known.names_all(counted) && counted.message_count > 0);
             if counted.is_some() {
                 (segment.schemas, segment.channels) = (known.schemas, known.channels);
@@ -177,7 +177,7 @@ impl Segment {
         };
         let channels = segment.channels().map(|(id, _)| id).collect();
         if let Records::Salvaged(salvage) = &mut segment.records {
-            salvage.begin(Judge { channels, times });
+            salvage.begin(RecordFinder { channels, times });
         }
         Ok(segment)
     }
@@ -216,7 +216,7 @@ impl Segment {
     fn find_summary(path: &Path) -> Result<Option<Range<u64>>, LogError> {
         let found = file::open(path).and_then(|file| Summary::find(&file));
         match found.map_err(|source| read_error(path, source))? {
-            Summary::Found(place) => Ok(Some(place)),
+            Summary::Found(range) => Ok(Some(range)),
             Summary::Missing | Summary::Damaged(_) => Ok(None),
         }
     }
@@ -261,7 +261,7 @@ impl Segment {
         Ok(Self::at_the_beginning(path)?.read_metadata()?.metadata)
     }
 
-    /// The file's place among those of its log, from 0, as it says itself; nothing: it does not say.
+    /// The file's number among those of its log, from 0, as it says itself; nothing: it does not say.
     pub fn number_of(path: &Path) -> Result<Option<u64>, LogError> {
         Ok(Self::at_the_beginning(path)?.read_metadata()?.number)
     }
@@ -300,11 +300,11 @@ impl Segment {
         offset.map_or(Ok(()), |offset| self.go_to(offset))
     }
 
-    /// Reads what the end of the file, at `place`, says of it; channels are announced as ever. The inner error is what is
-    /// wrong with it.
-    pub fn summary(&mut self, place: Range<u64>, mut said: impl FnMut(Said)) -> Result<Result<(), String>, LogError> {
-        self.go_to(place.start)?;
-        while self.records.position() < place.end {
+    /// Reads what the end of the file, at `range`, says of it; channels are announced as ever. The inner error is what
+    /// is wrong with it.
+    pub fn summary(&mut self, range: Range<u64>, mut said: impl FnMut(Said)) -> Result<Result<(), String>, LogError> {
+        self.go_to(range.start)?;
+        while self.records.position() < range.end {
             let opcode = match self.records.next()? {
                 Found::Record(opcode) if !self.records.in_chunk() => opcode,
                 Found::Record(_) | Found::LeftOut(_) | Found::End => return Ok(Err("it holds data".into())),
@@ -589,11 +589,11 @@ impl Segment {
     }
 
     fn announce(&mut self, id: u16, channel: Arc<Channel>) {
-        let place = usize::from(id);
-        if self.channels.len() <= place {
-            self.channels.resize(place + 1, None);
+        let index = usize::from(id);
+        if self.channels.len() <= index {
+            self.channels.resize(index + 1, None);
         }
-        self.channels[place].get_or_insert(channel);
+        self.channels[index].get_or_insert(channel);
     }
 
     /// Takes what is said of the run. A log of a later format is not read; of a damaged one nobody knows whether that

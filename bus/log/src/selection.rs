@@ -47,13 +47,13 @@ impl Selection {
     }
 
     /// Where a time lies (s after the log's first message).
-    pub fn place(&self, secs: f64) -> Place {
+    pub fn position(&self, secs: f64) -> Position {
         if self.from_secs.is_some_and(|from| secs < from) {
-            Place::Before
+            Position::Before
         } else if self.to_secs.is_some_and(|to| secs > to) {
-            Place::After
+            Position::After
         } else {
-            Place::Within
+            Position::Within
         }
     }
 }
@@ -82,14 +82,14 @@ impl Window<'_> {
     }
 
     /// Where what was recorded at `received` (s) lies.
-    pub fn place(&self, received: f64) -> Place {
-        self.selection.place(received - self.origin)
+    pub fn position(&self, received: f64) -> Position {
+        self.selection.position(received - self.origin)
     }
 }
 
-/// Where a time lies.
+/// Where a time lies, before, in or behind the part of a log that is meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum Position {
     /// Before the part that is meant.
     Before,
     /// In it.
@@ -130,8 +130,8 @@ mod tests {
             [true, false, false, false]
         );
         assert_eq!(
-            [0.5, 1.0, 2.0, 2.1].map(|secs| some.place(secs)),
-            [Place::Before, Place::Within, Place::Within, Place::After]
+            [0.5, 1.0, 2.0, 2.1].map(|secs| some.position(secs)),
+            [Position::Before, Position::Within, Position::Within, Position::After]
         );
     }
 }

@@ -13,7 +13,7 @@
 //! wants them: they are stored once, in the cloud's `data`, and the unnamed field holds only what stood before them.
 
 use elk_bus::describe::Kind;
-use elk_bus::{Payload, TypeRef, codec};
+use elk_bus::{TypeRef, codec};
 use elk_geometry::bricks::voxel_at;
 use elk_geometry::state::{BrickStates, State};
 use elk_spatial::map::MapUpdate;
@@ -166,7 +166,7 @@ fn put_points(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<
 }
 
 fn put_map(out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
-    let update: MapUpdate = codec::decode(value, MapUpdate::NAME).ok()?;
+    let update = codec::decode::<MapUpdate>(value).ok()?;
     foxglove::put_pose(out, &Isometry3::identity());
     foxglove::put_point_fields(out);
     let centers = update.bricks.iter().flat_map(|brick| occupied_centers(brick, update.resolution));

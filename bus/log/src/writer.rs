@@ -21,6 +21,7 @@ use crate::head::{MAX_RECORD_BYTES, MESSAGE_HEAD, word};
 use crate::record::{Metadata, RecordRef};
 use crate::schema;
 use crate::segments;
+use crate::spatial::Shape;
 use crate::staging::Staging;
 
 /// What may wait in memory for a disk that takes nothing before records are refused (bytes).
@@ -124,7 +125,7 @@ enum ChannelKind {
     Binary {
         type_: Type,
         is_described: bool,
-        drawn: String,
+        drawn: Option<Shape>,
     },
 }
 
@@ -133,7 +134,7 @@ impl Channel {
         let same_kind = match (&self.kind, record.value) {
             (ChannelKind::Double, ValueRef::Double(_)) | (ChannelKind::Text, ValueRef::Text(_)) => true,
             (ChannelKind::Binary { type_: carried, is_described, drawn }, ValueRef::Binary { type_, .. }) => {
-                carried.as_ref() == type_ && *is_described == type_.is_described() && drawn == type_.drawn()
+                carried.as_ref() == type_ && *is_described == type_.is_described() && *drawn == Shape::of(type_)
             }
             _ => false,
         };
@@ -470,7 +471,7 @@ impl Segment {
                     metadata.insert("description".into(), description.to_text());
                 }
                 // Which type it is, name and layout say: its description need not be kept once more.
-                let (is_described, drawn) = (type_.is_described(), type_.drawn().to_owned());
+                let (is_described, drawn) = (type_.is_described(), Shape::of(type_));
                 ChannelKind::Binary { type_: Type::undescribed(type_.name(), type_.layout()), is_described, drawn }
             }
         };

@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_end_is_said_with_its_place() {
+    fn what_has_no_end_is_said_with_its_location() {
         let said = |text: &str| split_arguments(text).unwrap_err().to_string();
         assert_eq!(said("ä 'b"), "the ' at letter 3 is not closed; right is one more ', or \\' for the letter itself");
         assert_eq!(split_arguments(r#"x "b\""#), Err(ArgumentsError::Open { quote: '"', letter: 3 }));

@@ -17,7 +17,7 @@ use crate::registry::Registry;
 use crate::resolve::{Given, Table, resolve};
 use crate::setting::Override;
 use crate::spec::{AppSpec, AppType, Program};
-use crate::xml::{own_text, stray_text, value_place};
+use crate::xml::{loose_text, own_text, value_at};
 
 /// The type of an element that is supposed, for a mission without one: it is not recorded.
 const NONE: &str = "none";
@@ -33,7 +33,7 @@ pub(crate) struct Context<'a> {
 pub(crate) struct Draft {
     pub element: String,
     /// Where its element stands.
-    pub place: At,
+    pub at: At,
     /// Its name, and where that stands.
     pub named: Option<(String, At)>,
     pub given: Vec<Given>,
@@ -61,7 +61,7 @@ impl Draft {
     pub fn read(context: &Context, node: Node, problems: &mut Findings) -> Self {
         let mut draft = Self {
             element: node.tag_name().name().to_owned(),
-            place: At::Byte(node.range().start),
+            at: At::Byte(node.range().start),
             named: None,
             given: Vec::new(),
             runs: Runs::Unknown,
@@ -73,7 +73,7 @@ impl Draft {
             draft.read_attribute(context, attribute, problems);
         }
         draft.check_policy(node, problems);
-        stray_text(node, problems);
+        loose_text(node, problems);
         for child in node.children().filter(Node::is_element) {
             draft.read_parameter(context, child, problems);
         }
@@ -83,8 +83,8 @@ impl Draft {
     /// An app of a mission that runs: its defaults are said, too, for nobody can change them any more. Whatever is said
     /// of it stands under its name.
     pub fn of(app: &AppSpec) -> Self {
-        let place = At::CommandLine(app.name.clone());
-        let given = |(name, text): &(String, String)| Given::new(name, text, place.clone(), place.clone(), "".as_ref());
+        let at = At::CommandLine(app.name.clone());
+        let given = |(name, text): &(String, String)| Given::new(name, text, at.clone(), at.clone(), "".as_ref());
         let runs = match &app.program {
             Program::Builtin(app_type, _) => Runs::Builtin(app_type),
             Program::Foreign { exec, args } => {
@@ -93,29 +93,29 @@ impl Draft {
         };
         Self {
             element: app.element.clone(),
-            named: Some((app.name.clone(), place.clone())),
+            named: Some((app.name.clone(), at.clone())),
             given: app.settings.iter().map(given).collect(),
             runs,
             exchanged: false,
             policy: Said::default(),
-            place,
+            at,
         }
     }
 
     fn what_runs(&self, context: &Context, node: Node, problems: &mut Findings) -> Runs {
         let types = context.registry.of_element(&self.element);
         let known: Vec<&str> = types.map(|app_type| app_type.name).collect();
-        let value_place = |name| {
+        let value_at = |name| {
             let value = node.attribute_node(name).map(|a| At::Byte(a.range_value().start));
-            value.unwrap_or_else(|| self.place.clone())
+            value.unwrap_or_else(|| self.at.clone())
         };
         match (node.attribute("type").map(str::trim), node.attribute("exec").map(str::trim)) {
             (Some(_), Some(_)) => {
-                problems.add(&value_place("exec"), "type and exec are both said; one is right");
+                problems.add(&value_at("exec"), "type and exec are both said; one is right");
                 Runs::Unknown
             }
             (None, Some("")) => {
-                problems.add(&value_place("exec"), "exec is empty; right is an executable");
+                problems.add(&value_at("exec"), "exec is empty; right is an executable");
                 Runs::Unknown
             }
             (None, Some(exec)) => {
@@ -123,25 +123,25 @@ impl Draft {
                 match split_arguments(node.attribute("args").unwrap_or_default()) {
                     Ok(args) => Runs::Foreign { exec, args },
                     Err(error) => {
-                        problems.add(&value_place("args"), format!("args: {error}"));
+                        problems.add(&value_at("args"), format!("args: {error}"));
                         Runs::Unknown
                     }
                 }
             }
             (Some(name), None) => {
                 if node.has_attribute("args") {
-                    problems.add(&value_place("args"), "args without exec; right is both or neither");
+                    problems.add(&value_at("args"), "args without exec; right is both or neither");
                 }
-                self.type_called(name, &value_place("type"), context.registry, problems)
+                self.type_called(name, &value_at("type"), context.registry, problems)
             }
             (None, None) if known.is_empty() => {
                 let element = &self.element;
-                problems.add(&self.place, format!("<{element}> has no exec; right is exec=\"program\""));
+                problems.add(&self.at, format!("<{element}> has no exec; right is exec=\"program\""));
                 Runs::Unknown
             }
             (None, None) => {
-                let (place, said) = self.no_type(node, &known);
-                problems.add(&place, said);
+                let (at, said) = self.no_type(node, &known);
+                problems.add(&at, said);
                 Runs::Unknown
             }
         }
@@ -155,11 +155,11 @@ impl Draft {
                 let said = format!("<{element}> has no attribute {}; did you mean type?", slip.name());
                 (At::Byte(slip.range().start), said)
             }
-            None => (self.place.clone(), format!("<{element}> has no type; known: {}", known.join(", "))),
+            None => (self.at.clone(), format!("<{element}> has no type; known: {}", known.join(", "))),
         }
     }
 
-    fn type_called(&self, name: &str, place: &At, registry: &Registry, problems: &mut Findings) -> Runs {
+    fn type_called(&self, name: &str, at: &At, registry: &Registry, problems: &mut Findings) -> Runs {
         let mut known: Vec<&str> = registry.of_element(&self.element).map(|t| t.name).collect();
         if element::named(&self.element).is_some_and(|element| element.supposed) {
             known.push(NONE);
@@ -171,36 +171,36 @@ impl Draft {
             return Runs::Builtin(app_type);
         }
         let (element, right) = (&self.element, instead(name, &known));
-        problems.add(place, format!("{element} has no type {name:?}; {right}"));
+        problems.add(at, format!("{element} has no type {name:?}; {right}"));
         Runs::Unknown
     }
 
     /// `name` and what makes up the policy; any other attribute is a parameter, as `PoseEstimator` is in the thesis' Listing 2.
     fn read_attribute(&mut self, context: &Context, attribute: Attribute, problems: &mut Findings) {
-        let place = At::Byte(attribute.range().start);
-        let value_place = At::Byte(attribute.range_value().start);
+        let at = At::Byte(attribute.range().start);
+        let value_at = At::Byte(attribute.range_value().start);
         let value = attribute.value().trim();
         match attribute.name() {
             "type" | "exec" | "args" => {}
-            "name" if is_app_name(value) => self.named = Some((value.to_owned(), value_place)),
+            "name" if is_app_name(value) => self.named = Some((value.to_owned(), value_at)),
             "name" => {
-                problems.add(&value_place, format!("{value:?} is no name for an app; right are {}", right_app_names()))
+                problems.add(&value_at, format!("{value:?} is no name for an app; right are {}", right_app_names()))
             }
             name if policy::is_of_broker(name) => {
                 let element = &self.element;
                 let said = format!("<{element}> has no attribute {name}; it is one of the Scenario's");
-                problems.add(&place, said);
+                problems.add(&at, said);
             }
             name => match (self.policy.take(name, value), policy::meant(name)) {
                 (Some(taken), _) => {
                     if let Err(error) = taken {
-                        problems.add(&value_place, format!("{name} {error}"));
+                        problems.add(&value_at, format!("{name} {error}"));
                     }
                 }
                 (None, Some(meant)) if self.is_builtin() && !self.takes(name) => {
-                    problems.add(&place, format!("<{}> has no attribute {name}; did you mean {meant}?", self.element));
+                    problems.add(&at, format!("<{}> has no attribute {name}; did you mean {meant}?", self.element));
                 }
-                _ => self.given.push(Given::new(name, value, place, value_place, context.folder)),
+                _ => self.given.push(Given::new(name, value, at, value_at, context.folder)),
             },
         }
     }
@@ -216,7 +216,7 @@ impl Draft {
     }
 
     fn read_parameter(&mut self, context: &Context, node: Node, problems: &mut Findings) {
-        let place = At::Byte(node.range().start);
+        let at = At::Byte(node.range().start);
         let name = node.tag_name().name();
         if let Some(attribute) = node.attributes().next() {
             let said = format!("<{name}> has the attribute {}; a parameter has none", attribute.name());
@@ -229,8 +229,8 @@ impl Draft {
             return;
         }
         let said: String = node.children().filter_map(own_text).collect();
-        let value_place = value_place(node).unwrap_or_else(|| place.clone());
-        self.given.push(Given::new(name, &said, place, value_place, context.folder));
+        let value_at = value_at(node).unwrap_or_else(|| at.clone());
+        self.given.push(Given::new(name, &said, at, value_at, context.folder));
     }
 
     /// The app's name; empty before every app has one.
@@ -239,8 +239,8 @@ impl Draft {
     }
 
     /// Where its name stands.
-    pub fn name_place(&self) -> &At {
-        self.named.as_ref().map_or(&self.place, |(_, place)| place)
+    pub fn name_at(&self) -> &At {
+        self.named.as_ref().map_or(&self.at, |(_, at)| at)
     }
 
     /// Whether it can be told this parameter: its type has it, or it takes anything.
@@ -266,9 +266,9 @@ impl Draft {
         self.given.iter().find(|given| given.name.eq_ignore_ascii_case(param))
     }
 
-    /// Where the value of a parameter is said; the app's own place, if it is not.
-    pub fn value_place(&self, param: &str) -> &At {
-        self.given(param).map_or(&self.place, |given| &given.value_place)
+    /// Where the value of a parameter is said; the app's own location, if it is not.
+    pub fn value_at(&self, param: &str) -> &At {
+        self.given(param).map_or(&self.at, |given| &given.value_at)
     }
 
     /// What was said of a parameter.
@@ -315,8 +315,8 @@ impl Draft {
     /// Says a parameter for it, if it can be told and nothing was said of it.
     pub fn suppose(&mut self, param: &str, text: &str) {
         if self.takes(param) && self.said(param).is_none() {
-            let place = self.place.clone();
-            self.given.push(Given::new(param, text, place.clone(), place, "".as_ref()));
+            let at = self.at.clone();
+            self.given.push(Given::new(param, text, at.clone(), at, "".as_ref()));
         }
     }
 
@@ -328,32 +328,32 @@ impl Draft {
     }
 
     /// Takes what the command line says in place of what the file says.
-    pub fn override_with(&mut self, said: &Override, place: At, registry: &Registry, problems: &mut Findings) {
+    pub fn override_with(&mut self, said: &Override, at: At, registry: &Registry, problems: &mut Findings) {
         match said.param.as_str() {
             "type" | "exec" if std::mem::replace(&mut self.exchanged, true) => {
-                problems.add(&place, "what runs is said twice; one type or exec is right");
+                problems.add(&at, "what runs is said twice; one type or exec is right");
             }
-            "type" => self.become_type(&said.text, &place, registry, problems),
+            "type" => self.become_type(&said.text, &at, registry, problems),
             "exec" => match executable::executable(&said.text, Path::new("")) {
                 Ok(exec) => {
                     let exec = std::path::absolute(&exec).unwrap_or(exec).to_string_lossy().into_owned();
                     self.runs = Runs::Foreign { exec, args: Vec::new() };
                 }
-                Err(message) => problems.add(&place, message),
+                Err(message) => problems.add(&at, message),
             },
             "args" => match (&mut self.runs, split_arguments(&said.text)) {
                 (Runs::Foreign { args, .. }, Ok(said)) => *args = said,
-                (Runs::Foreign { .. }, Err(error)) => problems.add(&place, format!("args: {error}")),
-                _ => problems.add(&place, "args without exec; right is both or neither"),
+                (Runs::Foreign { .. }, Err(error)) => problems.add(&at, format!("args: {error}")),
+                _ => problems.add(&at, "args without exec; right is both or neither"),
             },
-            _ => self.set(said, place),
+            _ => self.set(said, at),
         }
     }
 
     /// Exchanges its type. What the file says to the old one alone is left behind, as in a swap; of an executable that may be
     /// anything.
-    fn become_type(&mut self, name: &str, place: &At, registry: &Registry, problems: &mut Findings) {
-        let new = self.type_called(name, place, registry, problems);
+    fn become_type(&mut self, name: &str, at: &At, registry: &Registry, problems: &mut Findings) {
+        let new = self.type_called(name, at, registry, problems);
         let old = std::mem::replace(&mut self.runs, new);
         let Runs::Builtin(new) = &self.runs else { return };
         self.given.retain(|given| match old {
@@ -363,9 +363,9 @@ impl Draft {
         });
     }
 
-    fn set(&mut self, said: &Override, place: At) {
-        self.given.retain(|given| !given.name.eq_ignore_ascii_case(&said.param) || is_command_line(&given.place));
-        self.given.push(Given::new(&said.param, &said.text, place.clone(), place, "".as_ref()));
+    fn set(&mut self, said: &Override, at: At) {
+        self.given.retain(|given| !given.name.eq_ignore_ascii_case(&said.param) || is_command_line(&given.at));
+        self.given.push(Given::new(&said.param, &said.text, at.clone(), at, "".as_ref()));
     }
 
     /// Holds it against its type.
@@ -376,7 +376,7 @@ impl Draft {
             Runs::Nothing | Runs::Unknown => return None,
             Runs::Builtin(app_type) => {
                 let table = Table { who: &app_type.title(), params: app_type.params };
-                let resolved = resolve(&table, self.given, &self.place, problems);
+                let resolved = resolve(&table, self.given, &self.at, problems);
                 (Program::Builtin(app_type, resolved.params), resolved.settings, resolved.said)
             }
             Runs::Foreign { exec, args } => {
@@ -399,7 +399,7 @@ pub(crate) fn suppose_elements(drafts: &mut Vec<Draft>, registry: &Registry, sce
         }
         drafts.push(Draft {
             element: element.name.to_owned(),
-            place: scenario.clone(),
+            at: scenario.clone(),
             named: None,
             given: Vec::new(),
             runs: Runs::Builtin(app_type),
@@ -409,8 +409,8 @@ pub(crate) fn suppose_elements(drafts: &mut Vec<Draft>, registry: &Registry, sce
     }
 }
 
-fn is_command_line(place: &At) -> bool {
-    matches!(place, At::CommandLine(_))
+fn is_command_line(at: &At) -> bool {
+    matches!(at, At::CommandLine(_))
 }
 
 /// A path with a folder is looked for from the mission's folder, a bare name in `PATH`.

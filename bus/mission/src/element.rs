@@ -22,9 +22,9 @@ pub struct Element {
     pub name: &'static str,
     /// How many apps of it a mission has.
     pub count: Count,
-    /// Its place in the order of starting; those of one place start together.
+    /// Its rank in the order of starting; those of one rank start together.
     pub start_rank: u8,
-    /// Its place in the order of stopping.
+    /// Its rank in the order of stopping.
     pub stop_rank: u8,
     /// Whether an app of it may end of its own accord: a program of somebody else's may have done all that it was there for.
     pub may_finish: bool,

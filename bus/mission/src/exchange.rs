@@ -40,7 +40,7 @@ impl Exchange {
         for given in &mut draft.given {
             let mut params = self.params.iter();
             if let Some((name, text)) = params.find(|(name, _)| name.eq_ignore_ascii_case(&given.name)) {
-                given.value_place = At::CommandLine(format!("{name}={text}"));
+                given.value_at = At::CommandLine(format!("{name}={text}"));
             }
         }
         draft
@@ -87,8 +87,8 @@ impl AppSpec {
     fn what_runs(&self, wanted: &Exchange, registry: &Registry, problems: &mut Findings) -> Option<Program> {
         match (&wanted.type_name, &wanted.exec) {
             (Some(_), Some((exec, _))) => {
-                let place = At::CommandLine(format!("exec={exec}"));
-                problems.add(&place, "type and exec are both said; one is right");
+                let at = At::CommandLine(format!("exec={exec}"));
+                problems.add(&at, "type and exec are both said; one is right");
                 None
             }
             (None, None) => Some(self.program.clone()),
@@ -97,15 +97,15 @@ impl AppSpec {
                 if found.is_none() {
                     let known: Vec<&str> = registry.of_element(&self.element).map(|one| one.name).collect();
                     let (element, right) = (&self.element, instead(name, &known));
-                    let place = At::CommandLine(format!("type={name}"));
-                    problems.add(&place, format!("{element} has no type {name:?}; {right}"));
+                    let at = At::CommandLine(format!("type={name}"));
+                    problems.add(&at, format!("{element} has no type {name:?}; {right}"));
                 }
                 found.map(|app_type| Program::Builtin(app_type, crate::Params::default()))
             }
             (None, Some((exec, args))) => {
                 let found = executable(exec, &wanted.folder);
-                let place = At::CommandLine(format!("exec={exec}"));
-                let exec = found.map_err(|message| problems.add(&place, message)).ok()?;
+                let at = At::CommandLine(format!("exec={exec}"));
+                let exec = found.map_err(|message| problems.add(&at, message)).ok()?;
                 Some(Program::Foreign { exec, args: args.clone() })
             }
         }
@@ -124,9 +124,9 @@ impl AppSpec {
             Given::new(name, text, said.clone(), said, &wanted.folder)
         };
         let all = kept.into_iter().chain(&wanted.params).map(given).collect();
-        let place = At::CommandLine(format!("type={}", app_type.name));
+        let at = At::CommandLine(format!("type={}", app_type.name));
         let table = Table { who: &app_type.title(), params: app_type.params };
-        let resolved = resolve(&table, all, &place, problems);
+        let resolved = resolve(&table, all, &at, problems);
         let program = Program::Builtin(app_type, resolved.params);
         let app = Self { program, settings: resolved.settings, said: resolved.said, ..self.clone() };
         Exchanged { app, dropped: lost.iter().map(|(name, text)| format!("{name}={text}")).collect() }

@@ -13,7 +13,7 @@ pub(crate) fn executable(exec: &str, folder: &Path) -> Result<PathBuf, String> {
         return runs(&path).map(|()| path);
     }
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = std::env::split_paths(&path).map(|place| place.join(exec)).find(|file| runs(file).is_ok());
+    let found = std::env::split_paths(&path).map(|folder| folder.join(exec)).find(|file| runs(file).is_ok());
     found.ok_or_else(|| match runs(&folder.join(exec)) {
         Ok(()) => format!("there is no {exec} in PATH; did you mean ./{exec}?"),
         Err(_) => format!("there is no {exec} in PATH; right is an executable's name, or a path with a /"),

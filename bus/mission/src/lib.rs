@@ -57,8 +57,12 @@ pub use outside_app::{OutsideApp, type_name};
 pub use params::{ParamValue, Params};
 pub use policy::{Policy, Restart};
 pub use preflight::NotReady;
-pub use problem::{Place, Problem, Problems};
+pub use problem::{Location, Problem, Problems};
 pub use registry::Registry;
 pub use setting::{Override, OverrideError};
 pub use spec::{AppSpec, AppType, Mission, Mode, Preflight, PreflightReport, Program};
 pub use value::ValueError;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

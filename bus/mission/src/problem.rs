@@ -7,7 +7,7 @@ use elk_outside::text;
 
 /// Where something was said.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// In the mission file, counted from 1.
     File {
         /// The line.
@@ -23,7 +23,7 @@ pub enum Place {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
     /// Where it was said.
-    pub place: Place,
+    pub location: Location,
     /// What was found, and what would be right.
     pub message: String,
 }
@@ -80,8 +80,8 @@ impl Findings {
         });
         let mut cursor = Cursor { text, byte: 0, line: 1, column: 1 };
         let located = |(at, message)| match at {
-            At::Byte(byte) => Problem { place: cursor.place(byte), message },
-            At::CommandLine(said) => Problem { place: Place::CommandLine(said), message },
+            At::Byte(byte) => Problem { location: cursor.location(byte), message },
+            At::CommandLine(said) => Problem { location: Location::CommandLine(said), message },
         };
         Problems { file: file.to_owned(), list: self.0.into_iter().map(located).collect() }
     }
@@ -97,13 +97,13 @@ struct Cursor<'a> {
 
 impl Cursor<'_> {
     /// Goes on to a byte that is not before this one.
-    fn place(&mut self, byte: usize) -> Place {
+    fn location(&mut self, byte: usize) -> Location {
         for letter in self.text.get(self.byte..byte).unwrap_or_default().chars() {
             let ends = letter == '\n';
             (self.line, self.column) = if ends { (self.line + 1, 1) } else { (self.line, self.column + 1) };
         }
         self.byte = byte;
-        Place::File { line: self.line, column: self.column }
+        Location::File { line: self.line, column: self.column }
     }
 }
 
@@ -111,9 +111,9 @@ impl fmt::Display for Problems {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (n, problem) in self.list.iter().enumerate() {
             let separator = if n > 0 { "\n" } else { "" };
-            match &problem.place {
-                Place::File { line, column } => write!(f, "{separator}{}:{line}:{column}: ", self.file.display())?,
-                Place::CommandLine(said) => write!(f, "{separator}{said}: ")?,
+            match &problem.location {
+                Location::File { line, column } => write!(f, "{separator}{}:{line}:{column}: ", self.file.display())?,
+                Location::CommandLine(said) => write!(f, "{separator}{said}: ")?,
             }
             f.write_str(&problem.message)?;
         }
@@ -135,9 +135,9 @@ mod tests {
             let mut findings = Findings::default();
             text.char_indices().rev().for_each(|(at, _)| findings.add(&At::Byte(at), ""));
             let lines = text.split_inclusive('\n').zip(1..);
-            let places = lines.flat_map(|(line, row)| (1..).zip(line.chars()).map(move |(column, _)| (row, column)));
-            let expected: Vec<Place> = places.map(|(line, column)| Place::File { line, column }).collect();
-            let found = findings.located(Path::new(""), &text).list.into_iter().map(|problem| problem.place);
+            let located = lines.flat_map(|(line, row)| (1..).zip(line.chars()).map(move |(column, _)| (row, column)));
+            let expected: Vec<Location> = located.map(|(line, column)| Location::File { line, column }).collect();
+            let found = findings.located(Path::new(""), &text).list.into_iter().map(|problem| problem.location);
             prop_assert_eq!(found.collect::<Vec<_>>(), expected);
         }
     }

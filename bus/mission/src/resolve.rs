@@ -15,16 +15,16 @@ pub(crate) struct Given {
     pub name: String,
     pub text: String,
     /// Where its name stands.
-    pub place: At,
+    pub at: At,
     /// Where its value stands.
-    pub value_place: At,
+    pub value_at: At,
     /// Where a relative file is looked for.
     pub folder: PathBuf,
 }
 
 impl Given {
-    pub fn new(name: &str, text: &str, place: At, value_place: At, folder: &Path) -> Self {
-        Self { name: name.to_owned(), text: text.trim().to_owned(), place, value_place, folder: folder.to_owned() }
+    pub fn new(name: &str, text: &str, at: At, value_at: At, folder: &Path) -> Self {
+        Self { name: name.to_owned(), text: text.trim().to_owned(), at, value_at, folder: folder.to_owned() }
     }
 }
 
@@ -57,13 +57,13 @@ pub(crate) struct Resolved {
 }
 
 /// Checks what was given, fills in the defaults, and reports what is unknown, doubled, wrong or missing.
-pub(crate) fn resolve(table: &Table<'_>, given: Vec<Given>, place: &At, problems: &mut Findings) -> Resolved {
+pub(crate) fn resolve(table: &Table<'_>, given: Vec<Given>, at: &At, problems: &mut Findings) -> Resolved {
     let mut said: BTreeMap<&str, &Given> = BTreeMap::new();
     for one in &given {
         match table.param(&one.name) {
-            None => problems.add(&one.place, table.unknown(&one.name)),
+            None => problems.add(&one.at, table.unknown(&one.name)),
             Some(param) if said.insert(param.name, one).is_some() => {
-                problems.add(&one.place, format!("{} is said twice; once is enough", one.name));
+                problems.add(&one.at, format!("{} is said twice; once is enough", one.name));
             }
             Some(_) => {}
         }
@@ -71,7 +71,7 @@ pub(crate) fn resolve(table: &Table<'_>, given: Vec<Given>, place: &At, problems
     let names = said.keys().map(|name| (*name).to_owned()).collect();
     let mut resolved = Resolved { said: names, ..Resolved::default() };
     for param in table.params {
-        if let Some(value) = value_of(table, param, said.get(param.name).copied(), place, problems) {
+        if let Some(value) = value_of(table, param, said.get(param.name).copied(), at, problems) {
             let text = as_text(&param.kind, &value);
             resolved.settings.push((param.name.to_owned(), text));
             resolved.params.values.insert(param.name, value);
@@ -84,20 +84,20 @@ fn value_of(
     table: &Table<'_>,
     param: &ParamSpec,
     said: Option<&Given>,
-    place: &At,
+    at: &At,
     problems: &mut Findings,
 ) -> Option<ParamValue> {
-    let (parsed, place) = match (said, param.default) {
-        (Some(said), _) => (param.kind.parse(&said.text, &said.folder), &said.value_place),
-        (None, Some(default)) => (param.kind.parse(default, Path::new("")), place),
+    let (parsed, at) = match (said, param.default) {
+        (Some(said), _) => (param.kind.parse(&said.text, &said.folder), &said.value_at),
+        (None, Some(default)) => (param.kind.parse(default, Path::new("")), at),
         (None, None) => {
             let expected = param.kind.expected();
             let (who, name) = (table.who, param.name);
-            problems.add(place, format!("{who} needs the parameter {name}; right is {expected}"));
+            problems.add(at, format!("{who} needs the parameter {name}; right is {expected}"));
             return None;
         }
     };
-    parsed.map_err(|error| problems.add(place, format!("{}: {error}", param.name))).ok()
+    parsed.map_err(|error| problems.add(at, format!("{}: {error}", param.name))).ok()
 }
 
 /// The text that parses to this value, in any folder: numbers shortest, files absolute.
@@ -121,8 +121,8 @@ impl AppType {
     /// # Errors
     /// Everything that is wrong, each with the argument it was said in.
     pub fn check(&self, settings: &[(String, String)], folder: &Path) -> Result<Params, Problems> {
-        let place = At::CommandLine(format!("--type {}", self.name));
-        check(&Table { who: &self.title(), params: self.params }, settings, folder, &place)
+        let at = At::CommandLine(format!("--type {}", self.name));
+        check(&Table { who: &self.title(), params: self.params }, settings, folder, &at)
     }
 }
 
@@ -142,13 +142,13 @@ impl Params {
     }
 }
 
-fn check(table: &Table<'_>, settings: &[(String, String)], folder: &Path, place: &At) -> Result<Params, Problems> {
+fn check(table: &Table<'_>, settings: &[(String, String)], folder: &Path, at: &At) -> Result<Params, Problems> {
     let given = settings.iter().map(|(name, text)| {
         let said = At::CommandLine(format!("{name}={text}"));
         Given::new(name, text, said.clone(), said, folder)
     });
     let mut problems = Findings::default();
-    let Resolved { params, .. } = resolve(table, given.collect(), place, &mut problems);
+    let Resolved { params, .. } = resolve(table, given.collect(), at, &mut problems);
     match problems.is_empty() {
         true => Ok(params),
         false => Err(problems.located(folder, "")),

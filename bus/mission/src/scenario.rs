@@ -13,7 +13,7 @@ use crate::problem::{At, Findings};
 use crate::registry::Registry;
 use crate::setting::Override;
 use crate::spec::{AppSpec, Mission, Mode};
-use crate::xml::stray_text;
+use crate::xml::loose_text;
 use crate::{variables, wiring};
 
 /// The most apps of a mission: each is a process.
@@ -43,16 +43,16 @@ pub(crate) fn check(
     let folder = file.parent().unwrap_or(Path::new(""));
     let context = Context { registry, folder };
     let scenario = document.root_element();
-    let place = At::Byte(scenario.range().start);
+    let at = At::Byte(scenario.range().start);
     if scenario.tag_name().name() != "Scenario" {
         let found = scenario.tag_name().name();
-        problems.add(&place, format!("the mission is a <{found}>; right is <Scenario>"));
+        problems.add(&at, format!("the mission is a <{found}>; right is <Scenario>"));
         return None;
     }
     let (name, said_mode, broker) = head(scenario, file, problems);
     let mut drafts = drafts(&context, scenario, problems);
-    count(&drafts, &place, problems);
-    draft::suppose_elements(&mut drafts, registry, &place);
+    count(&drafts, &at, problems);
+    draft::suppose_elements(&mut drafts, registry, &at);
     names(&mut drafts, problems);
     apply(overrides, &mut drafts, registry, problems);
     wiring::connect(&mut drafts, problems);
@@ -70,10 +70,10 @@ fn no_xml(error: &roxmltree::Error, text: &str, problems: &mut Findings) {
         return problems.add(&At::Byte(doctype(text)), said);
     }
     let position = error.pos();
-    let place = At::Byte(byte_of(text, position));
+    let at = At::Byte(byte_of(text, position));
     let said = error.to_string();
     let said = said.strip_suffix(&format!(" at {position}")).unwrap_or(&said);
-    problems.add(&place, format!("this is no well-formed XML: {said}"));
+    problems.add(&at, format!("this is no well-formed XML: {said}"));
 }
 
 /// Where the document type is declared: behind a declaration, comments and processing instructions only.
@@ -104,31 +104,31 @@ fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, 
     let mut mode = Mode::Auto;
     let mut broker = SaidOfBroker::default();
     for attribute in scenario.attributes() {
-        let place = At::Byte(attribute.range_value().start);
+        let at = At::Byte(attribute.range_value().start);
         match (attribute.name(), attribute.value().trim()) {
-            ("name", "") => problems.add(&place, "the name is empty; right is a name for people"),
+            ("name", "") => problems.add(&at, "the name is empty; right is a name for people"),
             ("name", value) => name = value.to_owned(),
             ("type", "auto") => mode = Mode::Auto,
             ("type", "manual") => mode = Mode::Manual,
             ("type", value) => {
                 let right = instead(value, &["auto", "manual"]);
-                problems.add(&place, format!("a Scenario of type {value:?} is unknown; {right}"));
+                problems.add(&at, format!("a Scenario of type {value:?} is unknown; {right}"));
             }
             ("version", "1") => {}
             ("version", value) => {
-                problems.add(&place, format!("version {value:?} is unknown; right is \"1\""));
+                problems.add(&at, format!("version {value:?} is unknown; right is \"1\""));
             }
             (other, value) if policy::is_of_broker(other) => {
                 if let Some(Err(error)) = broker.take(other, value) {
-                    problems.add(&place, format!("{other} {error}"));
+                    problems.add(&at, format!("{other} {error}"));
                 }
             }
             (other, _) => {
-                let place = At::Byte(attribute.range().start);
+                let at = At::Byte(attribute.range().start);
                 let mut known = vec!["name", "type", "version"];
                 known.extend(policy::OF_BROKER.iter().map(|attribute| attribute.name));
                 let right = instead(other, &known);
-                problems.add(&place, format!("Scenario has no attribute {other}; {right}"));
+                problems.add(&at, format!("Scenario has no attribute {other}; {right}"));
             }
         }
     }
@@ -136,22 +136,22 @@ fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, 
 }
 
 fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Draft> {
-    stray_text(scenario, problems);
+    loose_text(scenario, problems);
     let mut drafts = Vec::new();
     for node in scenario.children().filter(Node::is_element) {
         let element = node.tag_name().name();
         if drafts.len() == MOST_APPS {
-            let place = At::Byte(node.range().start);
-            problems.add(&place, format!("one app more than {MOST_APPS}; right is a mission of at most so many"));
+            let at = At::Byte(node.range().start);
+            problems.add(&at, format!("one app more than {MOST_APPS}; right is a mission of at most so many"));
             break;
         }
         if element::named(element).is_some() {
             drafts.push(Draft::read(context, node, problems));
         } else {
             let known = ELEMENTS.map(|one| one.name);
-            let place = At::Byte(node.range().start);
+            let at = At::Byte(node.range().start);
             let right = instead(element, &known);
-            problems.add(&place, format!("<{element}> is no element of a Scenario; {right}"));
+            problems.add(&at, format!("<{element}> is no element of a Scenario; {right}"));
         }
     }
     drafts
@@ -166,7 +166,7 @@ fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {
         }
         if count != Count::Any {
             for more in of_element {
-                problems.add(&more.place, format!("a second <{element}>; one is right"));
+                problems.add(&more.at, format!("a second <{element}>; one is right"));
             }
         }
     }
@@ -179,10 +179,10 @@ fn names(drafts: &mut [Draft], problems: &mut Findings) {
         let name = draft.name();
         if RESERVED.iter().any(|reserved| reserved.eq_ignore_ascii_case(name)) {
             let said = format!("the name {name} is taken by elk itself; choose another one");
-            problems.add(draft.name_place(), said);
+            problems.add(draft.name_at(), said);
         } else if let Some(element) = taken.insert(name.to_owned(), draft.element.clone()) {
             let said = format!("the name {name} is already that of a <{element}>; names are unique");
-            problems.add(draft.name_place(), said);
+            problems.add(draft.name_at(), said);
         }
     }
     for draft in drafts.iter_mut().filter(|draft| draft.named.is_none()) {
@@ -192,7 +192,7 @@ fn names(drafts: &mut [Draft], problems: &mut Findings) {
             name = format!("{}{number}", draft.element);
         }
         taken.insert(name.clone(), draft.element.clone());
-        draft.named = Some((name, draft.place.clone()));
+        draft.named = Some((name, draft.at.clone()));
     }
 }
 
@@ -201,13 +201,13 @@ fn apply(overrides: &[Override], drafts: &mut [Draft], registry: &Registry, prob
     let says_what_runs = |one: &&Override| matches!(one.param.as_str(), "type" | "exec");
     let (programs, params): (Vec<&Override>, Vec<&Override>) = overrides.iter().partition(says_what_runs);
     for one in programs.into_iter().chain(params) {
-        let place = At::CommandLine(one.to_string());
+        let at = At::CommandLine(one.to_string());
         match drafts.iter_mut().find(|draft| draft.name() == one.app) {
-            Some(draft) => draft.override_with(one, place, registry, problems),
+            Some(draft) => draft.override_with(one, at, registry, problems),
             None => {
                 let names: Vec<&str> = drafts.iter().map(Draft::name).collect();
                 let right = instead(&one.app, &names);
-                problems.add(&place, format!("the mission has no app {}; {right}", one.app));
+                problems.add(&at, format!("the mission has no app {}; {right}", one.app));
             }
         }
     }

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_said_with_its_place() {
+    fn what_cannot_be_read_is_said_with_its_location() {
         assert!(said(b"<a>\n<!-- K\xfcche --></a>").starts_with("m.xml:2:7: the byte 0xfc is not UTF-8; right is "));
         let martian = b"<?xml version=\"1.0\" encoding=\"martian\"?><a/>";
         assert!(said(martian).starts_with("m.xml:1:31: the encoding \"martian\" is not one"), "{}", said(martian));

@@ -48,7 +48,7 @@ impl Written {
     fn by<'a>(&self, draft: &'a Draft) -> Option<(&'a str, &'a At)> {
         let otherwise = || self.otherwise.filter(|_| draft.is_builtin());
         let name = (draft.element == self.element).then(|| draft.said_or_default(self.param).or_else(otherwise))??;
-        Some((name, draft.value_place(self.param)))
+        Some((name, draft.value_at(self.param)))
     }
 }
 
@@ -66,14 +66,13 @@ pub(crate) fn check(drafts: &[Draft], problems: &mut Findings) {
     let mut written: BTreeMap<&str, String> = BTreeMap::new();
     for draft in drafts {
         for one in &WRITTEN {
-            if let Some((name, place)) = one.by(draft) {
+            if let Some((name, at)) = one.by(draft) {
                 let param = one.param;
                 let who = format!("{} ({param})", draft.name());
                 if let Err(said) = may_write(name, one.carried) {
-                    problems.add(place, format!("{param}: {said}"));
+                    problems.add(at, format!("{param}: {said}"));
                 } else if let Some(other) = written.get(name) {
-                    problems
-                        .add(place, format!("{param}: {name} is written by {other} already; right is another name"));
+                    problems.add(at, format!("{param}: {name} is written by {other} already; right is another name"));
                 }
                 written.entry(name).or_insert(who);
             }
@@ -107,8 +106,8 @@ fn read_what_is_written(drafts: &[Draft], problems: &mut Findings) {
                 && !published.is_empty()
             {
                 let known = published.join(", ");
-                let place = draft.value_place(param);
-                problems.add(place, format!("{param}: nobody in the mission publishes {name}; published are {known}"));
+                let at = draft.value_at(param);
+                problems.add(at, format!("{param}: nobody in the mission publishes {name}; published are {known}"));
             }
         }
     }

@@ -78,7 +78,7 @@ fn both_or_neither(draft: &Draft, problems: &mut Findings) {
         if other.default.is_some() && draft.said(missing).is_none() && usual != Some(value) {
             let words =
                 format!("{said} without {missing}; right is both, the middle ({mid}) and the size ({dim}) of a volume");
-            problems.add(&given.place, words);
+            problems.add(&given.at, words);
         }
     }
 }
@@ -90,7 +90,7 @@ fn within_range(draft: &Draft, problems: &mut Findings) {
         return;
     };
     if let (Some(given), Err(beyond)) = (said.or(most_said), checks::within_range(free, most)) {
-        problems.add(&given.value_place, beyond.to_string());
+        problems.add(&given.value_at, beyond.to_string());
     }
 }
 
@@ -104,7 +104,7 @@ fn affordable(draft: &Draft, problems: &mut Findings) {
         let said = format!(
             "Radius {radius} m are more than {most} voxels of {res} m (Res); right is a smaller Radius or a larger Res"
         );
-        problems.add(&given.value_place, said);
+        problems.add(&given.value_at, said);
     }
 }
 
@@ -130,9 +130,9 @@ fn hand_on(drafts: &mut [Draft], param: &str, [from, to]: [&str; 2]) {
 fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut Findings) {
     let find = |element: &str| drafts.iter().find(|draft| draft.element == element);
     let (Some(first), Some(second)) = (find(one), find(other)) else { return };
-    if let Some(([right, text], place)) = at_odds(first, second, param) {
+    if let Some(([right, text], at)) = at_odds(first, second, param) {
         let said = format!("{param}: {text:?} is not the {one}'s {right:?}; right is the same for {one} and {other}");
-        problems.add(place, said);
+        problems.add(at, said);
     }
 }
 
@@ -141,11 +141,11 @@ fn agree(drafts: &[Draft], param: &str, [one, other]: [&str; 2], problems: &mut 
 pub(crate) fn keeps_resolution(old: &Draft, new: &Draft, problems: &mut Findings) {
     const RES: &str = "Res";
     if old.element == element::MAP
-        && let Some(([right, text], place)) = at_odds(old, new, RES)
+        && let Some(([right, text], at)) = at_odds(old, new, RES)
     {
         let name = old.name();
         let said = format!("{RES}: {text:?} is not the {name}'s {right:?}; right is the same while the mission runs");
-        problems.add(place, said);
+        problems.add(at, said);
     }
 }
 
@@ -153,5 +153,5 @@ pub(crate) fn keeps_resolution(old: &Draft, new: &Draft, problems: &mut Findings
 fn at_odds<'a>(first: &'a Draft, second: &'a Draft, param: &str) -> Option<([&'a str; 2], &'a At)> {
     let spec = first.spec(param).or_else(|| second.spec(param))?;
     let ((value, given), (other, of_other)) = (first.value_as(spec, param)?, second.value_as(spec, param)?);
-    (value != other).then_some(([given.text.as_str(), of_other.text.as_str()], &of_other.value_place))
+    (value != other).then_some(([given.text.as_str(), of_other.text.as_str()], &of_other.value_at))
 }

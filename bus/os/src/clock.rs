@@ -2,30 +2,30 @@
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use elk_proto::Dial;
+use elk_proto::ClockSetting;
 
 /// A community's clock. Its own time is that of the wall, seconds since the Unix epoch, times the community's time warp,
-/// as in MOOS; as long as somebody drives it (see [`Dial`]), it shows what that one has set.
+/// as in MOOS; as long as somebody drives it (see [`ClockSetting`]), it shows what that one has set.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clock {
     warp: f64,
-    dial: Option<Dial>,
+    setting: Option<ClockSetting>,
 }
 
 impl Clock {
     /// A clock that nobody drives, `warp` times as fast as the wall's (MOOS' time warp; 1: real time).
     pub fn new(warp: f64) -> Self {
-        Self { warp, dial: None }
+        Self { warp, setting: None }
     }
 
     /// The same clock, driven, or left to itself again.
-    pub fn driven(self, dial: Option<Dial>) -> Self {
-        Self { dial, ..self }
+    pub fn driven(self, setting: Option<ClockSetting>) -> Self {
+        Self { setting, ..self }
     }
 
     /// What it is set to, if somebody drives it.
-    pub fn dial(&self) -> Option<Dial> {
-        self.dial
+    pub fn setting(&self) -> Option<ClockSetting> {
+        self.setting
     }
 
     /// How much faster than the wall's clock it runs by itself.
@@ -37,7 +37,7 @@ impl Clock {
     #[inline]
     pub fn now(&self) -> f64 {
         let own = self.own();
-        self.dial.map_or(own, |dial| dial.time(own))
+        self.setting.map_or(own, |setting| setting.time(own))
     }
 
     /// What the community's time would be if nobody drove it (s).
@@ -50,7 +50,7 @@ impl Clock {
 
     /// How long the wall's clock takes for `secs` of the community's time; for ever, if that stands still.
     pub fn real(&self, secs: f64) -> Duration {
-        let speed = self.warp * self.dial.map_or(1.0, |dial| dial.rate);
+        let speed = self.warp * self.setting.map_or(1.0, |setting| setting.rate);
         Duration::try_from_secs_f64((secs / speed).max(0.0)).unwrap_or(Duration::MAX)
     }
 }
@@ -142,12 +142,12 @@ mod tests {
 
     #[test]
     fn a_driven_clock_shows_what_it_is_set_to_and_runs_at_its_rate() {
-        let dial = Dial { at: 1000.0, time: 50.0, rate: 2.0 };
-        assert_eq!([1000.0, 1003.0].map(|own| dial.time(own)), [50.0, 56.0]);
+        let setting = ClockSetting { at: 1000.0, time: 50.0, rate: 2.0 };
+        assert_eq!([1000.0, 1003.0].map(|own| setting.time(own)), [50.0, 56.0]);
         let clock = Clock::new(10.0);
         assert_eq!(clock.real(40.0), Duration::from_secs(4));
-        assert_eq!(clock.driven(Some(dial)).real(40.0), Duration::from_secs(2));
-        let standing = clock.driven(Some(Dial { rate: 0.0, ..dial }));
+        assert_eq!(clock.driven(Some(setting)).real(40.0), Duration::from_secs(2));
+        let standing = clock.driven(Some(ClockSetting { rate: 0.0, ..setting }));
         assert_eq!((standing.now(), standing.real(1.0)), (50.0, Duration::MAX));
         assert_eq!(standing.real(-1.0), Duration::ZERO, "what is past is due");
     }

@@ -69,6 +69,29 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     file.write_all(bytes)
 }
 
+/// Puts an ordinary file in the place of one that is there, or of none, in one step: whoever looks finds the old one or all of
+/// the new one, whatever happens meanwhile. Its folder is made.
+///
+/// # Errors
+/// As [`write()`]; what was there before is there still.
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+    // It is the file itself that is replaced, not what leads to it.
+    let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    try_write(path)?;
+    let mut draft = path.as_os_str().to_owned();
+    draft.push(format!(".{}.new", std::process::id()));
+    let written = File::create_new(&draft).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    let placed = written.and_then(|()| std::fs::rename(&draft, path));
+    if placed.is_err() {
+        // What cannot be removed harms nobody.
+        let _ = std::fs::remove_file(&draft);
+    }
+    placed
+}
+
 /// Sees that [`write()`] could write a file there, which need not be there yet: its folder is made.
 ///
 /// # Errors
@@ -147,6 +170,24 @@ mod tests {
         assert_eq!(read(&path, 100).unwrap(), b"map");
         for wrong in [folder.path(), &path.join("more"), Path::new("/proc/self/map.bt"), Path::new("/dev/full")] {
             assert!(try_write(wrong).is_err() && write(wrong, b"").is_err(), "{}", wrong.display());
+        }
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("runs/1/map.elkmap");
+        for bytes in ["a map", "another"] {
+            replace(&path, bytes.as_bytes()).unwrap();
+            assert_eq!(read(&path, 100).unwrap(), bytes.as_bytes());
+        }
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        replace(&link, b"by the link").unwrap();
+        assert!(link.is_symlink() && read(&path, 100).unwrap() == b"by the link");
+        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "no draft is left");
+        for wrong in [folder.path(), &path.join("more"), Path::new("/proc/self/map.bt"), Path::new("/dev/full")] {
+            assert!(replace(wrong, b"").is_err(), "{}", wrong.display());
         }
     }
 

@@ -6,7 +6,9 @@
 use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
 use serde::{Deserialize, Serialize};
 
-use elk_describe::Invalid;
+use elk_describe::{Describe, Invalid};
+
+use crate::key::Payload;
 
 /// The largest value that is decoded (bytes): a lid on what a corrupt length can make the decoder allocate.
 pub const MAX_VALUE_BYTES: usize = 1 << 30;
@@ -103,19 +105,63 @@ fn encode_to<T: Serialize + ?Sized>(
     bincode::serde::encode_into_writer(value, writer, CONFIG).map_err(|e| EncodeError(e.to_string()))
 }
 
-/// Decodes a value that fills `bytes` to the last one; borrows from them where the type can.
-pub fn decode<'a, T: Deserialize<'a>>(bytes: &'a [u8], type_name: &'static str) -> Result<T, DecodeError> {
+/// Decodes a value of a payload type that fills `bytes` to the last one, and holds it against the rules of its type: nobody
+/// gets hold of one that breaks them. What can borrow from the bytes does.
+#[inline]
+pub fn decode<T: Payload>(bytes: &[u8]) -> Result<T::View<'_>, DecodeError> {
+    checked::<T>(decode_plain(bytes, T::NAME)?)
+}
+
+/// As [`decode`], out of bytes that do not stay: what could be borrowed of them is copied. A type that can only borrow (a
+/// `&str`, and not a `Cow`) is none that these bytes are.
+pub fn decode_to_keep<'a, T: Payload>(bytes: &[u8]) -> Result<T::View<'a>, DecodeError> {
+    struct Rest<'b>(&'b [u8]);
+    impl bincode::de::read::Reader for &mut Rest<'_> {
+        fn read(&mut self, bytes: &mut [u8]) -> Result<(), bincode::error::DecodeError> {
+            let additional = bytes.len().saturating_sub(self.0.len());
+            let taken = self.0.split_at_checked(bytes.len());
+            let (read, rest) = taken.ok_or(bincode::error::DecodeError::UnexpectedEnd { additional })?;
+            bytes.copy_from_slice(read);
+            self.0 = rest;
+            Ok(())
+        }
+    }
+    let mut rest = Rest(bytes);
+    let value = {
+        let mut decoder = bincode::serde::OwnedSerdeDecoder::from_reader(&mut rest, CONFIG);
+        T::View::deserialize(decoder.as_deserializer())
+    };
+    let value = value.map_err(|error| DecodeError::Bytes { type_name: T::NAME, reason: error.to_string() })?;
+    all_read(rest.0.len(), T::NAME)?;
+    checked::<T>(value)
+}
+
+/// Decodes what fills `bytes` and is no payload: what the parts of a transport say to each other.
+pub fn decode_owned<T: serde::de::DeserializeOwned>(bytes: &[u8], type_name: &'static str) -> Result<T, DecodeError> {
+    decode_plain(bytes, type_name)
+}
+
+#[inline]
+fn decode_plain<'a, T: Deserialize<'a>>(bytes: &'a [u8], type_name: &'static str) -> Result<T, DecodeError> {
     let bad = |reason: String| DecodeError::Bytes { type_name, reason };
     let (value, read) = bincode::serde::borrow_decode_from_slice(bytes, CONFIG).map_err(|e| bad(e.to_string()))?;
-    match bytes.len() - read {
-        0 => Ok(value),
-        left => Err(bad(format!("{left} bytes are left over"))),
+    all_read(bytes.len() - read, type_name)?;
+    Ok(value)
+}
+
+#[inline]
+fn all_read(left: usize, type_name: &'static str) -> Result<(), DecodeError> {
+    match left {
+        0 => Ok(()),
+        left => Err(DecodeError::Bytes { type_name, reason: format!("{left} bytes are left over") }),
     }
 }
 
-/// As [`decode`], for types that keep nothing of the bytes.
-pub fn decode_owned<T: serde::de::DeserializeOwned>(bytes: &[u8], type_name: &'static str) -> Result<T, DecodeError> {
-    decode(bytes, type_name)
+/// What keeps to the rules of its type.
+#[inline]
+fn checked<T: Payload>(view: T::View<'_>) -> Result<T::View<'_>, DecodeError> {
+    view.check().map_err(|invalid| DecodeError::Value { type_name: T::NAME, invalid })?;
+    Ok(view)
 }
 
 #[cfg(test)]
@@ -147,16 +193,16 @@ mod tests {
             let mut appended = Vec::new();
             encode_onto(&sample, &mut appended).unwrap();
             prop_assert_eq!(&bytes, &appended);
-            prop_assert_eq!(decode::<Sample>(&bytes, "Sample").unwrap(), sample);
-            prop_assert!(decode::<Sample>(&bytes[..bytes.len() - 1], "Sample").is_err());
+            prop_assert_eq!(decode::<Sample>(&bytes).unwrap(), sample);
+            prop_assert!(decode::<Sample>(&bytes[..bytes.len() - 1]).is_err());
             bytes.push(0);
-            prop_assert!(decode::<Sample>(&bytes, "Sample").is_err(), "left over bytes are no part of the value");
+            prop_assert!(decode::<Sample>(&bytes).is_err(), "left over bytes are no part of the value");
         }
 
         /// A length from outside never makes the decoder allocate what is not there.
         #[test]
         fn any_bytes_are_an_error_or_a_value(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-            let _ = decode::<Sample>(&bytes, "Sample");
+            let _ = decode::<Sample>(&bytes);
         }
     }
 }

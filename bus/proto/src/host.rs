@@ -1,17 +1,17 @@
-//! A community as a transport hosts it: the broker, and what its decisions mean for the clients' ends, the same for all
-//! transports.
+//! A community as a transport hosts it: the broker, and what its decisions mean for the clients' endpoints, the same
+//! for all transports.
 //!
 //! A transport carries batches in and mail out, and says who came and who has gone. What follows from that is done here,
 //! in the right order: holders of names retire for their successors, whoever waits for a reader that was replaced waits
 //! for the next one, and what the next broker has to find, should this one die, is handed over to be kept.
 
-use crate::broker::{Broker, BrokerConfig, ClientId, Introduction, Refusal, Retained, Session, Succession, Wish};
-use crate::wire::{BulkRef, WireError};
+use crate::broker::{Action, Broker, BrokerConfig, Introduction, Refusal, Retained, Session, Succession};
+use crate::wire::{BulkRef, ClientId, WireError};
 
 /// How long the sessions of the clients of a broker that died are kept (s).
 const SESSIONS_KEPT_SECS: f64 = 10.0;
 
-/// How far a client's end is with its mail.
+/// How far a client is with its mail.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Progress {
     /// How many of the messages that the client was ever given it has handled.
@@ -22,9 +22,9 @@ pub struct Progress {
     pub last_handled_at: u64,
 }
 
-/// The clients' ends, as a transport's broker side has them.
-pub trait Ends {
-    /// How far a client is; `None`: it has no end here.
+/// The clients' endpoints, as a transport's broker side has them.
+pub trait Endpoints {
+    /// How far a client is; `None`: it has no endpoint here.
     fn progress(&self, id: ClientId) -> Option<Progress>;
 
     /// Asks a client to leave at its next message boundary.
@@ -42,7 +42,7 @@ pub trait Ends {
     /// [`Host::follow_up`] is to be called once this client has handled mail.
     fn watch(&mut self, _id: ClientId) {}
 
-    /// The bytes of a bulk value, as far as they are kept: for transports that have a place for them.
+    /// The bytes of a bulk value, as far as they are kept: for transports that keep any.
     fn bulk(&self, _reference: BulkRef) -> Option<&[u8]> {
         None
     }
@@ -76,7 +76,7 @@ struct Handover {
 }
 
 /// What has become of a hand-over.
-enum Outcome {
+enum HandoverState {
     /// The successor has begun, then (ns, monotonic).
     Done(u64),
     /// Its end is still to come.
@@ -91,7 +91,7 @@ impl Host {
         Self::of(Broker::new(config, now))
     }
 
-    /// Takes the place of a broker that died: with the sessions of its clients, each with whether that one lives and will
+    /// Takes over from a broker that died: with the sessions of its clients, each with whether that one lives and will
     /// return, and what those had left who were gone.
     pub fn recover(
         config: BrokerConfig,
@@ -112,9 +112,14 @@ impl Host {
     ///
     /// # Errors
     /// See [`Refusal`].
-    pub fn join(&mut self, now: f64, who: &Introduction<'_>, ends: &mut impl Ends) -> Result<ClientId, Refusal> {
+    pub fn join(
+        &mut self,
+        now: f64,
+        who: &Introduction<'_>,
+        endpoints: &mut impl Endpoints,
+    ) -> Result<ClientId, Refusal> {
         let id = self.broker.connect(now, who);
-        self.heed(ends);
+        self.heed(endpoints);
         id
     }
 
@@ -123,55 +128,61 @@ impl Host {
     /// # Errors
     /// The batch is damaged.
     #[inline]
-    pub fn receive(&mut self, now: f64, from: ClientId, batch: &[u8], ends: &mut impl Ends) -> Result<(), WireError> {
+    pub fn receive(
+        &mut self,
+        now: f64,
+        from: ClientId,
+        batch: &[u8],
+        endpoints: &mut impl Endpoints,
+    ) -> Result<(), WireError> {
         let taken = self.broker.receive(now, from, batch);
-        self.heed(ends);
+        self.heed(endpoints);
         taken
     }
 
     /// A client has gone; `goodbye`: in good order.
-    pub fn leave(&mut self, now: f64, id: ClientId, progress: Progress, goodbye: bool, ends: &mut impl Ends) {
+    pub fn leave(&mut self, now: f64, id: ClientId, progress: Progress, goodbye: bool, endpoints: &mut impl Endpoints) {
         for handover in self.handovers.iter_mut().filter(|handover| handover.holder == id) {
             handover.vacant = true;
             handover.stopped_at = handover.stopped_at.max(progress.last_handled_at);
         }
         self.broker.disconnect(now, id, progress.handled, goodbye);
-        self.heed(ends);
+        self.heed(endpoints);
     }
 
     /// What the broker wants done at once.
     #[inline]
-    fn heed(&mut self, ends: &mut impl Ends) {
-        while let Some(wish) = self.broker.poll() {
-            match wish {
-                Wish::Resolve(id) => self.broker.resolve_mail(id, |reference| ends.bulk(reference)),
-                Wish::Follow(succession) => ends.follow(&succession),
-                Wish::Attach { receiver, publisher } => ends.attach(receiver, publisher),
-                Wish::Retire(holder) => self.retire(holder, ends),
+    fn heed(&mut self, endpoints: &mut impl Endpoints) {
+        while let Some(action) = self.broker.poll() {
+            match action {
+                Action::Resolve(id) => self.broker.resolve_mail(id, |reference| endpoints.bulk(reference)),
+                Action::Follow(succession) => endpoints.follow(&succession),
+                Action::Attach { receiver, publisher } => endpoints.attach(receiver, publisher),
+                Action::Retire(holder) => self.retire(holder, endpoints),
                 // Written once a round, however many have come and registered in it.
-                Wish::KeepSessions => self.sessions_changed = true,
-                Wish::KeepRetained => self.retained_changed = true,
+                Action::KeepSessions => self.sessions_changed = true,
+                Action::KeepRetained => self.retained_changed = true,
             }
         }
     }
 
-    fn retire(&mut self, holder: ClientId, ends: &mut impl Ends) {
-        if ends.progress(holder).is_some() {
-            let name = self.broker.client_name(holder).unwrap_or_default().to_owned();
-            self.handovers.push(Handover { holder, name, stopped_at: ends.monotonic_nanos(), vacant: false });
-            ends.retire(holder);
-        }
+    fn retire(&mut self, holder: ClientId, endpoints: &mut impl Endpoints) {
+        // Who has gone meanwhile need not be asked.
+        let (Some(_), Some(name)) = (endpoints.progress(holder), self.broker.client_name(holder)) else { return };
+        let (name, stopped_at) = (name.to_owned(), endpoints.monotonic_nanos());
+        self.handovers.push(Handover { holder, name, stopped_at, vacant: false });
+        endpoints.retire(holder);
     }
 
     /// What can wait until a round is over: says of hand-overs that they are done, and has kept what is to be kept.
-    pub fn follow_up(&mut self, now: f64, ends: &mut impl Ends) {
-        self.finish_handovers(now, ends);
-        self.heed(ends);
+    pub fn follow_up(&mut self, now: f64, endpoints: &mut impl Endpoints) {
+        self.finish_handovers(now, endpoints);
+        self.heed(endpoints);
         if std::mem::take(&mut self.sessions_changed) {
-            ends.keep_sessions(self.broker.sessions());
+            endpoints.keep_sessions(self.broker.sessions());
         }
         if std::mem::take(&mut self.retained_changed) {
-            ends.keep_retained(self.broker.retained(|reference| ends.bulk(reference)));
+            endpoints.keep_retained(self.broker.retained(|reference| endpoints.bulk(reference)));
         }
     }
 
@@ -181,12 +192,12 @@ impl Host {
     }
 
     /// Says how long nobody handled the mail of a name that was handed over, once its successor has begun.
-    fn finish_handovers(&mut self, now: f64, ends: &mut impl Ends) {
+    fn finish_handovers(&mut self, now: f64, endpoints: &mut impl Endpoints) {
         for handover in std::mem::take(&mut self.handovers) {
-            match self.outcome(&handover, ends) {
-                Outcome::Pending => self.handovers.push(handover),
-                Outcome::Void => {}
-                Outcome::Done(begun_at) => {
+            match self.state_of(&handover, endpoints) {
+                HandoverState::Pending => self.handovers.push(handover),
+                HandoverState::Void => {}
+                HandoverState::Done(begun_at) => {
                     let gap_ms = begun_at.saturating_sub(handover.stopped_at) as f64 * 1e-6;
                     self.broker.publish_event(now, &format!("handover={} gap_ms={gap_ms:.3}", handover.name));
                 }
@@ -194,18 +205,19 @@ impl Host {
         }
     }
 
-    fn outcome(&self, handover: &Handover, ends: &mut impl Ends) -> Outcome {
+    fn state_of(&self, handover: &Handover, endpoints: &mut impl Endpoints) -> HandoverState {
         if !handover.vacant {
-            return Outcome::Pending;
+            return HandoverState::Pending;
         }
-        let Some(successor) = self.broker.client_named(&handover.name).filter(|id| ends.progress(*id).is_some()) else {
-            return if self.broker.is_expected(&handover.name) { Outcome::Pending } else { Outcome::Void };
+        let Some(successor) = self.broker.client_named(&handover.name).filter(|id| endpoints.progress(*id).is_some())
+        else {
+            return if self.broker.is_expected(&handover.name) { HandoverState::Pending } else { HandoverState::Void };
         };
-        ends.watch(successor);
-        match ends.progress(successor).map_or(0, |progress| progress.first_handled_at) {
-            0 if self.broker.is_idle(successor) => Outcome::Done(ends.monotonic_nanos()),
-            0 => Outcome::Pending,
-            begun_at => Outcome::Done(begun_at),
+        endpoints.watch(successor);
+        match endpoints.progress(successor).map_or(0, |progress| progress.first_handled_at) {
+            0 if self.broker.is_idle(successor) => HandoverState::Done(endpoints.monotonic_nanos()),
+            0 => HandoverState::Pending,
+            begun_at => HandoverState::Done(begun_at),
         }
     }
 }
@@ -217,7 +229,7 @@ mod tests {
     use super::*;
     use crate::wire::{self, FrameKind, Header};
 
-    /// Ends that write down what is asked of them.
+    /// Endpoints that note what is asked of them.
     #[derive(Default)]
     struct Noted {
         progress: BTreeMap<ClientId, Progress>,
@@ -225,7 +237,7 @@ mod tests {
         kept: Vec<Vec<String>>,
     }
 
-    impl Ends for Noted {
+    impl Endpoints for Noted {
         fn progress(&self, id: ClientId) -> Option<Progress> {
             self.progress.get(&id).copied()
         }
@@ -241,9 +253,9 @@ mod tests {
         fn keep_retained(&mut self, _: Vec<Retained>) {}
     }
 
-    fn join(host: &mut Host, ends: &mut Noted, who: &Introduction<'_>) -> ClientId {
-        let id = host.join(0.0, who, ends).unwrap();
-        ends.progress.insert(id, Progress::default());
+    fn join(host: &mut Host, endpoints: &mut Noted, who: &Introduction<'_>) -> ClientId {
+        let id = host.join(0.0, who, endpoints).unwrap();
+        endpoints.progress.insert(id, Progress::default());
         id
     }
 
@@ -257,30 +269,31 @@ mod tests {
 
     #[test]
     fn a_holder_retires_for_its_successor_and_the_silence_between_them_is_said() {
-        let (mut host, mut ends) = (Host::new(BrokerConfig::new("lab"), 0.0), Noted::default());
-        let watcher = join(&mut host, &mut ends, &Introduction::new("watcher"));
+        let (mut host, mut endpoints) = (Host::new(BrokerConfig::new("lab"), 0.0), Noted::default());
+        let watcher = join(&mut host, &mut endpoints, &Introduction::new("watcher"));
         let mut batch = Vec::new();
         wire::put(&mut batch, &Header::new(FrameKind::Register), b"DB_EVENT", b"*");
-        host.receive(0.0, watcher, &batch, &mut ends).unwrap();
-        let holder = join(&mut host, &mut ends, &Introduction::new("Map"));
+        host.receive(0.0, watcher, &batch, &mut endpoints).unwrap();
+        let holder = join(&mut host, &mut endpoints, &Introduction::new("Map"));
         let successor = Introduction { succeeds: true, ..Introduction::new("Map") };
-        let successor = join(&mut host, &mut ends, &successor);
+        let successor = join(&mut host, &mut endpoints, &successor);
         batch.clear();
         wire::put(&mut batch, &Header::new(FrameKind::Register), b"DB_TIME", b"*");
         wire::put(&mut batch, &Header::new(FrameKind::Ready), &[], &[]);
-        host.receive(0.0, successor, &batch, &mut ends).unwrap();
-        assert_eq!((&*ends.retired, host.is_handing_over()), (&[holder][..], true));
+        host.receive(0.0, successor, &batch, &mut endpoints).unwrap();
+        assert_eq!((&*endpoints.retired, host.is_handing_over()), (&[holder][..], true));
 
         let handled = Progress { handled: 3, first_handled_at: 1, last_handled_at: 7_000_000 };
-        host.leave(0.0, holder, handled, true, &mut ends);
+        host.leave(0.0, holder, handled, true, &mut endpoints);
         host.broker.tick(0.0);
-        host.follow_up(0.0, &mut ends);
+        host.follow_up(0.0, &mut endpoints);
         assert!(host.is_handing_over(), "it has mail, and has not begun with it");
-        ends.progress
+        endpoints
+            .progress
             .insert(successor, Progress { handled: 1, first_handled_at: 9_500_000, last_handled_at: 9_500_000 });
-        host.follow_up(0.0, &mut ends);
+        host.follow_up(0.0, &mut endpoints);
         assert_eq!(last_event(&mut host, watcher), "handover=Map gap_ms=2.500");
         assert!(!host.is_handing_over());
-        assert_eq!(ends.kept, [["Map", "watcher"]], "once a round, and not again while nothing has changed");
+        assert_eq!(endpoints.kept, [["Map", "watcher"]], "once a round, and not again while nothing has changed");
     }
 }

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`wire`] | frames: what lies in a batch between client and broker |
 //! | [`broker`] | the broker as a state machine |
-//! | [`host`] | what the broker's decisions mean for clients' ends, the same for all transports |
+//! | [`host`] | what the broker's decisions mean for clients' endpoints, the same for all transports |
 //! | [`link`] | what a transport gives a client |
 //! | [`names`], [`seen`], [`outbox`] | a client's own state: what numbers stand for, what it has heard, what it may have to say again |
 //! | [`mail`], [`rejection`] | a message as a client gets it, and why it may be of no use |
@@ -20,9 +20,9 @@
 extern crate self as elk_bus;
 
 pub mod broker;
+mod clock_setting;
 pub mod codec;
 pub mod community;
-mod dial;
 pub mod host;
 pub mod key;
 pub mod link;
@@ -36,7 +36,7 @@ pub mod types;
 pub mod value;
 pub mod wire;
 
-pub use dial::Dial;
+pub use clock_setting::ClockSetting;
 /// What `#[payload]` derives besides.
 pub use elk_describe as describe;
 use elk_describe::payload;

@@ -5,7 +5,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::dial::Dial;
+use crate::clock_setting::ClockSetting;
 use crate::wire::BulkRef;
 
 /// Why a transport could not do what it was asked to.
@@ -27,7 +27,7 @@ pub enum LinkError {
 
 /// What wakes a client that lives in somebody's event loop.
 pub trait Wake: Send + Sync {
-    /// There may be something to receive.
+    /// There may be something to receive, or room for a batch.
     fn set(&self);
     /// Whatever there was is about to be looked for.
     fn clear(&self);
@@ -39,12 +39,16 @@ pub trait Uplink {
     /// that the broker has not got it.
     fn send(&mut self, batch: &[u8]) -> Result<(), LinkError>;
 
+    /// Whether the next batch is taken without waiting, be it that the broker is gone and sending it says so. If not, the
+    /// [`Wake`] of the way down is set once it is.
+    fn has_room(&self) -> bool;
+
     /// The number of the last batch sent such that all mail from it and from those before has been handled, or dropped:
     /// none of it has to be sent again. Batches are counted from 1.
     fn handled(&self) -> u64;
 
     /// Writes a bulk value of `len` bytes where its readers will find it; `fill` writes the bytes. `None`: this
-    /// transport has no such place, the value has to travel in a batch. Waits if lossless readers are behind.
+    /// transport has no such memory, the value has to travel in a batch. Waits if lossless readers are behind.
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError>;
 
     /// A bulk value that was sent, as long as it is kept.
@@ -89,7 +93,7 @@ pub trait Downlink {
     /// overwritten before this client came to read it.
     fn bulk(&mut self, reference: BulkRef) -> Option<&[u8]>;
 
-    /// Opens the place where client `publisher` writes its bulk values; whether that worked.
+    /// Opens the memory where client `publisher` writes its bulk values; whether that worked.
     fn attach(&mut self, publisher: u32) -> bool;
 }
 
@@ -112,7 +116,7 @@ pub trait Rejoin {
     fn rejoin(&mut self) -> Result<Link, LinkError>;
 }
 
-/// Both ways, and what the broker said when it let the client in.
+/// Both ways, what the client said of itself, and what the broker said when it let the client in.
 pub struct Link {
     /// The way up.
     pub up: Box<dyn Uplink>,
@@ -120,10 +124,12 @@ pub struct Link {
     pub down: Box<dyn Downlink>,
     /// The way back.
     pub back: Box<dyn Rejoin>,
+    /// Which build of which program the client is; empty: it has not said.
+    pub build: String,
     /// How much faster than the wall's clock the community's runs by itself.
     pub warp: f64,
     /// What the community's clock is set to, if somebody drives it.
-    pub dial: Option<Dial>,
+    pub clock_setting: Option<ClockSetting>,
     /// Tells one life of the broker from the next.
     pub epoch: u64,
 }

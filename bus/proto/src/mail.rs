@@ -11,10 +11,25 @@ use crate::wire::{self, Header, LATEST};
 pub struct Mail<'a> {
     pub(super) header: Header,
     pub(super) key: &'a str,
-    pub(super) source: &'a str,
+    pub(super) source: &'a Source,
+    /// The client that is given it, as people read it.
+    pub(super) reader: &'a str,
     pub(super) community: &'a str,
     pub(super) source_aux: &'a str,
     pub(super) value: ValueRef<'a>,
+}
+
+/// Under whose name a message is published.
+#[derive(Debug)]
+pub(crate) struct Source {
+    pub name: String,
+    /// Which build of which program that is; empty: nobody has said.
+    pub build: String,
+}
+
+/// A client with its build, for people: `sensor (elk 0.2.0)`.
+pub(crate) fn of_build(name: &str, build: &str) -> String {
+    if build.is_empty() { name.to_owned() } else { format!("{name} ({build})") }
 }
 
 impl<'a> Mail<'a> {
@@ -27,7 +42,13 @@ impl<'a> Mail<'a> {
     /// The name of the app that published it.
     #[inline]
     pub fn source(&self) -> &'a str {
-        self.source
+        &self.source.name
+    }
+
+    /// Which build of which program published it, as that said; empty: it has not said.
+    #[inline]
+    pub fn source_build(&self) -> &'a str {
+        &self.source.build
     }
 
     /// What the publisher said about the source; mostly empty.
@@ -103,12 +124,17 @@ impl<'a> Mail<'a> {
 
     /// Decodes the value as a `T`, whatever the variable.
     pub fn decode_as<T: Payload>(&self) -> Result<T::View<'a>, DecodeError> {
-        self.value.decode_as::<T>(self.key)
+        self.decode_from::<T>(self.key)
+    }
+
+    fn decode_from<T: Payload>(&self, key: &str) -> Result<T::View<'a>, DecodeError> {
+        let ends = || [of_build(self.source(), self.source_build()), self.reader.to_owned()];
+        self.value.decode_as::<T>(key, || ends().map(|end| format!("in {end}")))
     }
 
     /// Decodes the value as what `key` carries; bulky parts stay where they lie.
     #[inline]
     pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
-        self.value.decode(key)
+        self.decode_from::<T>(key.name())
     }
 }

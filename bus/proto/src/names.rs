@@ -1,7 +1,7 @@
 //! What the broker's numbers stand for, and a message read with them.
 
 use crate::link::Downlink;
-use crate::mail::Mail;
+use crate::mail::{Mail, Source, of_build};
 use crate::types::Type;
 use crate::value::ValueRef;
 use crate::wire::{self, ATTACH, BULK, BulkRef, Frame, Named, ValueKind};
@@ -12,12 +12,26 @@ const MOST_NAMES: usize = 1 << 20;
 /// The broker's numbers and what they stand for, as far as it has said so.
 #[derive(Default)]
 pub struct Names {
-    /// Of variables, sources and communities.
+    /// Of variables and communities.
     names: [Vec<Option<String>>; 4],
+    sources: Vec<Option<Source>>,
     types: Vec<Option<Type>>,
+    /// The client whose names they are, as people read it.
+    reader: String,
 }
 
 impl Names {
+    /// What the numbers stand for to a client of this name and build.
+    pub fn of_reader(name: &str, build: &str) -> Self {
+        Self { reader: of_build(name, build), ..Self::default() }
+    }
+
+    /// Begins anew, with another broker; answers what its numbers stood for before.
+    pub fn begin_anew(&mut self) -> Self {
+        let reader = self.reader.clone();
+        std::mem::replace(self, Self { reader, ..Self::default() })
+    }
+
     /// Takes in a definition.
     pub fn define(&mut self, frame: &Frame<'_>) {
         let number = frame.header.key as usize;
@@ -27,13 +41,13 @@ impl Names {
         let name = String::from_utf8_lossy(frame.aux);
         match wire::named(frame.header.flags) {
             None => {}
-            Some(Named::Type) => *place(&mut self.types, number) = Some(type_of(frame, &name)),
-            Some(what) => *place(&mut self.names[what as usize], number) = Some(name.into_owned()),
+            Some(Named::Type) => *slot(&mut self.types, number) = Some(type_of(frame, &name)),
+            Some(Named::Source) => {
+                let build = String::from_utf8_lossy(frame.value).into_owned();
+                *slot(&mut self.sources, number) = Some(Source { name: name.into_owned(), build });
+            }
+            Some(what) => *slot(&mut self.names[what as usize], number) = Some(name.into_owned()),
         }
-    }
-
-    fn name(&self, what: Named, number: u32) -> &str {
-        self.names[what as usize].get(number as usize).and_then(Option::as_deref).unwrap_or_default()
     }
 
     /// The name that a message refers to by its number.
@@ -41,6 +55,12 @@ impl Names {
     fn said(&self, what: Named, number: u32) -> Result<&str, Unreadable> {
         let name = self.names[what as usize].get(number as usize).and_then(Option::as_deref);
         name.ok_or(Unreadable::Damaged(unsaid(what)))
+    }
+
+    #[inline]
+    fn said_source(&self, number: u32) -> Result<&Source, Unreadable> {
+        let source = self.sources.get(number as usize).and_then(Option::as_ref);
+        source.ok_or(Unreadable::Damaged(unsaid(Named::Source)))
     }
 
     #[inline]
@@ -57,7 +77,7 @@ impl Names {
     pub fn mail<'a>(&'a self, down: &'a mut dyn Downlink, frame: &Frame<'a>) -> Result<Mail<'a>, Unreadable> {
         let header = frame.header;
         let key = self.said(Named::Key, header.key)?;
-        let source = self.said(Named::Source, header.source)?;
+        let source = self.said_source(header.source)?;
         let community = self.said(Named::Community, header.community)?;
         let bytes = match header.flags & BULK {
             0 => frame.value,
@@ -79,14 +99,15 @@ impl Names {
             key,
             source,
             community,
+            reader: &self.reader,
             source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
             value,
         })
     }
 
-    /// The names of a variable and a source.
-    pub fn of(&self, key: u32, source: u32) -> (&str, &str) {
-        (self.name(Named::Key, key), self.name(Named::Source, source))
+    /// The names of a variable and a source, as far as the broker has said them.
+    pub fn of(&self, key: u32, source: u32) -> Option<(&str, &str)> {
+        Some((self.said(Named::Key, key).ok()?, &self.said_source(source).ok()?.name))
     }
 }
 
@@ -99,8 +120,8 @@ fn unsaid(what: Named) -> &'static str {
     }
 }
 
-/// The place of a number in a table that is as long as it has to be.
-fn place<T>(table: &mut Vec<Option<T>>, number: usize) -> &mut Option<T> {
+/// The slot of a number in a table that is as long as it has to be.
+fn slot<T>(table: &mut Vec<Option<T>>, number: usize) -> &mut Option<T> {
     if table.len() <= number {
         table.resize_with(number + 1, || None);
     }

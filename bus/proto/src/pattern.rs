@@ -1,31 +1,32 @@
 //! Wildcards as MOOS has them: `*` is any run of characters, `?` any single one; the whole string counts, and case does.
 
+use std::str::Chars;
+
 /// Whether `text` matches `pattern`.
 pub fn matches(pattern: &str, text: &str) -> bool {
-    let (pattern, text): (Vec<char>, Vec<char>) = (pattern.chars().collect(), text.chars().collect());
-    let (mut p, mut t) = (0, 0);
-    // Where to go on when the characters after the last `*` do not fit: it then swallows one more.
-    let mut retry: Option<(usize, usize)> = None;
-    while t < text.len() {
-        match pattern.get(p) {
-            Some('*') => {
-                retry = Some((p, t));
-                p += 1;
+    let (mut pattern, mut text) = (pattern.chars(), text.chars());
+    // Where to go on when what follows the last `*` does not fit: it then swallows one character more.
+    let mut retry: Option<(Chars<'_>, Chars<'_>)> = None;
+    loop {
+        let (mut pattern_rest, mut text_rest) = (pattern.clone(), text.clone());
+        match (pattern_rest.next(), text_rest.next()) {
+            (None, None) => return true,
+            (Some('*'), _) => {
+                retry = Some((pattern_rest.clone(), text.clone()));
+                pattern = pattern_rest;
             }
-            Some(&c) if c == '?' || c == text[t] => {
-                p += 1;
-                t += 1;
+            (Some(wanted), Some(found)) if wanted == '?' || wanted == found => {
+                (pattern, text) = (pattern_rest, text_rest);
             }
-            _ => match retry {
-                Some((star, swallowed)) => {
-                    retry = Some((star, swallowed + 1));
-                    (p, t) = (star + 1, swallowed + 1);
+            _ => {
+                let Some((behind_star, swallowed)) = &mut retry else { return false };
+                if swallowed.next().is_none() {
+                    return false;
                 }
-                None => return false,
-            },
+                (pattern, text) = (behind_star.clone(), swallowed.clone());
+            }
         }
     }
-    pattern[p..].iter().all(|&c| c == '*')
 }
 
 /// Whether `pattern` matches one string only.

@@ -57,11 +57,14 @@ impl Seen {
     }
 
     /// The broker died: the next one has other numbers. `name` gives the names of a variable's and a source's number.
-    pub fn renumber<'a>(&mut self, name: impl Fn(u32, u32) -> (&'a str, &'a str)) {
+    pub fn renumber<'a>(&mut self, name: impl Fn(u32, u32) -> Option<(&'a str, &'a str)>) {
         for (key, sources) in (0..).zip(std::mem::take(&mut self.now)) {
             for (source, sequence) in sources {
-                let (key, source) = name(key, source);
-                self.remember(key, source, sequence);
+                let names = name(key, source);
+                debug_assert!(names.is_some(), "a message was heard of a variable or a source that has no name");
+                if let Some((key, source)) = names {
+                    self.remember(key, source, sequence);
+                }
             }
         }
     }
@@ -82,7 +85,7 @@ mod tests {
         let life = wire::first_sequence(5);
         seen.note(&message(0, 3, life + 7), "X", "a");
         assert!(seen.knows(&message(0, 3, life + 7), "X", "a") && !seen.knows(&message(0, 3, life + 8), "X", "a"));
-        seen.renumber(|_, _| ("X", "a"));
+        seen.renumber(|_, _| Some(("X", "a")));
         assert!(seen.knows(&message(4, 1, life + 6), "X", "a"), "whatever its numbers are now");
         assert!(!seen.knows(&message(4, 1, life + 6), "Y", "a") && !seen.knows(&message(4, 1, life + 6), "X", "b"));
         assert!(!seen.knows(&message(4, 1, wire::first_sequence(6) + 1), "X", "a"), "started again, counts anew");
@@ -97,7 +100,7 @@ mod tests {
         seen.note(&message(0, 0, first + 40), "X", "a");
         seen.note(&message(0, 0, second + 3), "X", "a");
         for _ in 0..2 {
-            seen.renumber(|_, _| ("X", "a"));
+            seen.renumber(|_, _| Some(("X", "a")));
             assert!(seen.knows(&message(1, 1, first + 40), "X", "a"), "left by the first life");
             seen.note(&message(1, 1, first + 41), "X", "a");
             assert!(seen.knows(&message(1, 1, second + 2), "X", "a"), "said again by the second");

@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use elk_describe::{Description, ReadError, Shape};
+use elk_describe::{Conversion, Description, Difference, ReadError, Shape};
 
 use crate::key::Payload;
 
@@ -14,7 +14,31 @@ use crate::key::Payload;
 pub struct Type {
     name: String,
     layout: u64,
-    description: Option<Arc<Description>>,
+    known: Option<Arc<Known>>,
+}
+
+/// What is known of a type that somebody else has compiled in.
+#[derive(Debug)]
+struct Known {
+    description: Description,
+    /// Its values as those of the version that is read here, by that one's layout: worked out with the first that comes.
+    read_as: OnceLock<(u64, Result<Conversion, Difference>)>,
+}
+
+impl Known {
+    fn of(description: Description) -> Arc<Self> {
+        Arc::new(Self { description, read_as: OnceLock::new() })
+    }
+
+    /// What `then` makes of how its values become those of the version that `T` is.
+    fn as_version<T: Payload, R>(&self, then: impl FnOnce(Result<&Conversion, &Difference>) -> R) -> R {
+        let worked_out = || self.description.conversion_to(&Description::of(&T::SHAPE));
+        match self.read_as.get_or_init(|| (T::LAYOUT, worked_out())) {
+            (layout, known) if *layout == T::LAYOUT => then(known.as_ref()),
+            // Another type of this name, in the same program.
+            _ => then(worked_out().as_ref()),
+        }
+    }
 }
 
 /// A [`Type`], borrowed; or one that is compiled in.
@@ -29,7 +53,7 @@ pub struct TypeRef<'a> {
 enum Described<'a> {
     Not,
     ByShape(&'static Shape),
-    By(&'a Arc<Description>),
+    By(&'a Arc<Known>),
 }
 
 /// Why a value of a type cannot be shown.
@@ -43,15 +67,30 @@ pub enum ShowError {
     Bytes(#[from] ReadError),
 }
 
+/// Why a value cannot be had as one of another version of its type.
+#[derive(Debug)]
+pub(crate) enum ConvertError {
+    /// The versions differ there.
+    Differs(String),
+    /// The bytes are not what their description says.
+    Bytes(ReadError),
+}
+
+impl From<ReadError> for ConvertError {
+    fn from(error: ReadError) -> Self {
+        Self::Bytes(error)
+    }
+}
+
 impl Type {
     /// A type that somebody has described.
     pub fn described(name: &str, description: Description) -> Self {
-        Self { name: name.to_owned(), layout: description.layout(), description: Some(Arc::new(description)) }
+        Self { name: name.to_owned(), layout: description.layout(), known: Some(Known::of(description)) }
     }
 
     /// A type of which no more is known.
     pub fn undescribed(name: &str, layout: u64) -> Self {
-        Self { name: name.to_owned(), layout, description: None }
+        Self { name: name.to_owned(), layout, known: None }
     }
 
     /// What a stranger says of a type, its description as text; empty: it has none.
@@ -71,13 +110,13 @@ impl Type {
 
     /// Bytes that are kept of it, about.
     pub fn kept_bytes(&self) -> usize {
-        self.name.len() + self.description.as_ref().map_or(0, |description| description.kept_bytes())
+        self.name.len() + self.known.as_ref().map_or(0, |known| known.description.kept_bytes())
     }
 
     /// The type where it lies.
     #[inline]
     pub fn as_ref(&self) -> TypeRef<'_> {
-        let described = self.description.as_ref().map_or(Described::Not, Described::By);
+        let described = self.known.as_ref().map_or(Described::Not, Described::By);
         TypeRef { name: &self.name, layout: self.layout, described }
     }
 }
@@ -112,7 +151,7 @@ impl<'a> TypeRef<'a> {
     pub fn drawn(&self) -> &'a str {
         match self.described {
             Described::ByShape(Shape::Struct(one)) => one.drawn,
-            Described::By(description) => description.drawn(),
+            Described::By(known) => known.description.drawn(),
             _ => "",
         }
     }
@@ -127,22 +166,38 @@ impl<'a> TypeRef<'a> {
         match self.described {
             Described::Not => None,
             Described::ByShape(shape) => Some(Cow::Owned(Description::of(shape))),
-            Described::By(description) => Some(Cow::Borrowed(description)),
+            Described::By(known) => Some(Cow::Borrowed(&known.description)),
         }
     }
 
-    /// Where this type, a writer's, and what `T` is here differ, for people.
-    pub(crate) fn difference<T: Payload>(&self) -> String {
-        let difference = self.difference_to(TypeRef::of::<T>(), ["there", "here"]);
-        difference.unwrap_or_else(|| format!("layout {:016x} there and {:016x} here", self.layout, T::LAYOUT))
-    }
-
-    /// Where two types of one name differ, for people, if both are described; `whose` are the words for where each is.
-    pub(crate) fn difference_to(&self, other: TypeRef<'_>, whose: [&str; 2]) -> Option<String> {
-        if self.name != other.name {
-            return None;
-        }
-        self.description()?.difference(&*other.description()?, whose)
+    /// A value of this type, a writer's, as one of the version of it that `T` is here; `whose` are the words for where the one
+    /// and the other version are.
+    ///
+    /// # Errors
+    /// Where they differ, if that is more than fields with defaults; or the bytes are no value of the type.
+    pub(crate) fn convert<T: Payload>(
+        &self,
+        bytes: &[u8],
+        whose: impl FnOnce() -> [String; 2],
+    ) -> Result<Vec<u8>, ConvertError> {
+        let of_no_use = |difference: Option<&Difference>| {
+            let [there, here] = &whose();
+            let layouts = || format!("layout {:016x} {there} and {:016x} {here}", self.layout, T::LAYOUT);
+            ConvertError::Differs(difference.map_or_else(layouts, |difference| difference.in_words([there, here])))
+        };
+        let compiled_in;
+        let known = match self.described {
+            Described::Not => return Err(of_no_use(None)),
+            Described::ByShape(shape) => {
+                compiled_in = Known::of(Description::of(shape));
+                &compiled_in
+            }
+            Described::By(known) => known,
+        };
+        known.as_version::<T, _>(|version| match version {
+            Ok(conversion) => Ok(conversion.convert(bytes)?),
+            Err(difference) => Err(of_no_use(Some(difference))),
+        })
     }
 
     /// The description as it travels; empty if there is none.
@@ -161,12 +216,12 @@ impl<'a> TypeRef<'a> {
 
     /// The same type, owned.
     pub fn to_type(&self) -> Type {
-        let description = match self.described {
+        let known = match self.described {
             Described::Not => None,
-            Described::ByShape(shape) => Some(Arc::new(Description::of(shape))),
-            Described::By(description) => Some(Arc::clone(description)),
+            Described::ByShape(shape) => Some(Known::of(Description::of(shape))),
+            Described::By(known) => Some(Arc::clone(known)),
         };
-        Type { name: self.name.to_owned(), layout: self.layout, description }
+        Type { name: self.name.to_owned(), layout: self.layout, known }
     }
 }
 

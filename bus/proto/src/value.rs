@@ -1,10 +1,8 @@
 //! What a variable's value is: a number, a text, or bytes of a named type.
 
-use elk_describe::Describe;
-
 use crate::codec::{self, DecodeError};
 use crate::key::{Key, Payload};
-use crate::types::{ShowError, Type, TypeRef};
+use crate::types::{ConvertError, ShowError, Type, TypeRef};
 
 /// A value as an app hands it to the bus.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,29 +46,31 @@ impl<'a> ValueRef<'a> {
         }
     }
 
-    /// Decodes the value as what `key` carries.
+    /// Decodes the value as what `key` carries. Of another version of its type that differs in fields with defaults alone, it is
+    /// read as well; nothing of it is borrowed then.
     ///
     /// # Errors
-    /// It is of another type, of another layout of the same type, or one that cannot be true ([`Describe::check`]).
+    /// It is of another type, of another layout of the same type, or one that cannot be true ([`elk_describe::Describe::check`]).
     pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'a>, DecodeError> {
-        self.decode_as::<T>(key.name())
+        self.decode_as::<T>(key.name(), || ["there".to_owned(), "here".to_owned()])
     }
 
-    /// Decodes the value as a `T`; `key` is the variable whose value it is.
-    pub(crate) fn decode_as<T: Payload>(&self, key: &str) -> Result<T::View<'a>, DecodeError> {
+    /// Decodes the value as a `T`; `key` is the variable whose value it is, `whose` the words for where the type is as its
+    /// writer has it, and as it is here.
+    pub(crate) fn decode_as<T: Payload>(
+        &self,
+        key: &str,
+        whose: impl FnOnce() -> [String; 2],
+    ) -> Result<T::View<'a>, DecodeError> {
         let mismatch = |found: String| DecodeError::Type { key: key.into(), expected: T::NAME, found };
         match *self {
             ValueRef::Double(number) => Err(mismatch(format!("the number {number}"))),
             ValueRef::Text(_) => Err(mismatch("a text".into())),
             ValueRef::Binary { type_, .. } if type_.name() != T::NAME => Err(mismatch(type_.name().into())),
-            ValueRef::Binary { type_, .. } if type_.layout() != T::LAYOUT => {
-                Err(DecodeError::Layout { key: key.into(), type_name: T::NAME, difference: type_.difference::<T>() })
+            ValueRef::Binary { type_, bytes } if type_.layout() != T::LAYOUT => {
+                decode_version::<T>(key, type_, bytes, whose)
             }
-            ValueRef::Binary { bytes, .. } => {
-                let view: T::View<'a> = codec::decode(bytes, T::NAME)?;
-                view.check().map_err(|invalid| DecodeError::Value { type_name: T::NAME, invalid })?;
-                Ok(view)
-            }
+            ValueRef::Binary { bytes, .. } => codec::decode::<T>(bytes),
         }
     }
 
@@ -95,6 +95,21 @@ impl<'a> ValueRef<'a> {
             ValueRef::Binary { type_, bytes } => type_.to_json(bytes, longest),
         }
     }
+}
+
+/// Decodes a value that is of another version of its type than `T` is here.
+#[cold]
+fn decode_version<'a, T: Payload>(
+    key: &str,
+    type_: TypeRef<'_>,
+    bytes: &[u8],
+    whose: impl FnOnce() -> [String; 2],
+) -> Result<T::View<'a>, DecodeError> {
+    let converted = type_.convert::<T>(bytes, whose).map_err(|error| match error {
+        ConvertError::Differs(difference) => DecodeError::Layout { key: key.into(), type_name: T::NAME, difference },
+        ConvertError::Bytes(error) => DecodeError::Bytes { type_name: T::NAME, reason: error.reason },
+    })?;
+    codec::decode_to_keep::<T>(&converted)
 }
 
 impl Value {

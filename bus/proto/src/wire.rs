@@ -11,7 +11,7 @@
 //!  8 u32 key   12 u32 source                            48 aux, value, padding
 //! ```
 
-use crate::dial::Dial;
+use crate::clock_setting::ClockSetting;
 
 /// Length of a frame's fixed part (bytes).
 pub const HEADER: usize = 48;
@@ -37,7 +37,8 @@ pub enum FrameKind {
     /// Up: take back registrations with these two patterns.
     Unregister = 3,
     /// Names a number: `flags` says of what (see [`Named`]), `key` is the number, `aux` the name; the value of a type's is its
-    /// description, as [`elk_describe::Description::to_text`] has it, or empty.
+    /// description, as [`elk_describe::Description::to_text`] has it, or empty; down, that of a source's is the build of the
+    /// program that writes under that name, or empty.
     Define = 4,
     /// Down: a message was refused, `sequence` says which; or, with sequence 0, a registration or a name. `aux` is the
     /// variable, the value says why.
@@ -115,11 +116,14 @@ pub fn same_life(one: u64, other: u64) -> bool {
     one >> COUNT_BITS == other >> COUNT_BITS
 }
 
+/// The number of a connected client; never given twice.
+pub type ClientId = u32;
+
 /// Where a bulk value lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BulkRef {
     /// The publishing client's number.
-    pub client: u32,
+    pub client: ClientId,
     /// How many attachments the publisher knew of when it sent.
     pub generation: u32,
     /// The number of the sample in the publisher's bulk service.
@@ -250,21 +254,22 @@ pub fn fixed(header: &Header, aux: usize, value: usize) -> [u8; HEADER] {
     fixed
 }
 
-/// Appends a frame that names number `number`; `layout` and `description` are a type's.
-pub fn put_definition(batch: &mut Vec<u8>, what: Named, number: u32, name: &str, layout: u64, description: &str) {
+/// Appends a frame that names number `number`; `layout` is a type's, `more` what else is said of it (see [`FrameKind::Define`]).
+pub fn put_definition(batch: &mut Vec<u8>, what: Named, number: u32, name: &str, layout: u64, more: &str) {
     let header = Header { flags: what as u16, key: number, sequence: layout, ..Header::new(FrameKind::Define) };
-    put(batch, &header, name.as_bytes(), description.as_bytes());
+    put(batch, &header, name.as_bytes(), more.as_bytes());
 }
 
-/// Appends a frame that sets the community's clock; without a dial, that leaves it to itself.
-pub fn put_clock(batch: &mut Vec<u8>, dial: Option<Dial>) {
-    let header = Header { time: dial.map_or(0.0, |dial| dial.time), ..Header::new(FrameKind::Clock) };
-    let value = dial.map(|dial| [dial.at.to_le_bytes(), dial.rate.to_le_bytes()].concat()).unwrap_or_default();
+/// Appends a frame that sets the community's clock; without a setting, that leaves it to itself.
+pub fn put_clock(batch: &mut Vec<u8>, setting: Option<ClockSetting>) {
+    let header = Header { time: setting.map_or(0.0, |setting| setting.time), ..Header::new(FrameKind::Clock) };
+    let value =
+        setting.map(|setting| [setting.at.to_le_bytes(), setting.rate.to_le_bytes()].concat()).unwrap_or_default();
     put(batch, &header, &[], &value);
 }
 
 /// What a frame sets the community's clock to.
-pub fn dial(frame: &Frame<'_>) -> Result<Option<Dial>, &'static str> {
+pub fn clock_setting(frame: &Frame<'_>) -> Result<Option<ClockSetting>, &'static str> {
     if frame.value.is_empty() {
         return Ok(None);
     }
@@ -272,9 +277,9 @@ pub fn dial(frame: &Frame<'_>) -> Result<Option<Dial>, &'static str> {
         return Err("the clock's setting is of the wrong length");
     }
     let number = |at| f64::from_bits(u64_at(frame.value, at));
-    let dial = Dial { at: number(0), time: frame.header.time, rate: number(8) };
-    let sound = dial.at.is_finite() && dial.time.is_finite() && dial.rate.is_finite() && dial.rate >= 0.0;
-    if sound { Ok(Some(dial)) } else { Err("the clock is set to no time, or is to run backwards") }
+    let setting = ClockSetting { at: number(0), time: frame.header.time, rate: number(8) };
+    let sound = setting.at.is_finite() && setting.time.is_finite() && setting.rate.is_finite() && setting.rate >= 0.0;
+    if sound { Ok(Some(setting)) } else { Err("the clock is set to no time, or is to run backwards") }
 }
 
 /// The frames of a batch; ends after the first that is damaged.
@@ -415,10 +420,10 @@ mod tests {
         #[test]
         fn clocks_come_back_unless_they_run_backwards(at in -1e9..1e9_f64, time in -1e9..1e9_f64, rate in -1.0..9.0_f64) {
             let mut batch = Vec::new();
-            put_clock(&mut batch, Some(Dial { at, time, rate }));
+            put_clock(&mut batch, Some(ClockSetting { at, time, rate }));
             put_clock(&mut batch, None);
-            let back: Vec<_> = frames(&batch).map(|frame| dial(&frame.unwrap()).ok()).collect();
-            prop_assert_eq!(back, [(rate >= 0.0).then_some(Some(Dial { at, time, rate })), Some(None)]);
+            let back: Vec<_> = frames(&batch).map(|frame| clock_setting(&frame.unwrap()).ok()).collect();
+            prop_assert_eq!(back, [(rate >= 0.0).then_some(Some(ClockSetting { at, time, rate })), Some(None)]);
         }
 
         #[test]

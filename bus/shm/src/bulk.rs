@@ -19,7 +19,7 @@ use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::lane::Service;
-use super::place::failed;
+use super::namespace::failed;
 use super::scarce;
 
 /// A received bulk value; its header is the sample's number, from 1.
@@ -357,7 +357,7 @@ mod tests {
 
     use rustix::process::{Resource, getrlimit, setrlimit};
 
-    use super::super::{lane, leftovers, place::Place};
+    use super::super::{lane, leftovers, namespace::Namespace};
     use super::*;
     use crate::alone::run_test;
     use elk_proto::community::Community;
@@ -369,8 +369,8 @@ mod tests {
     fn runs_short_of_descriptors() {
         let Ok(comes_back) = std::env::var(RUN_SHORT) else { return };
         let community = Community::new(format!("short-{}", std::process::id())).unwrap();
-        let place = Place::make(&community).unwrap();
-        let node = lane::node(&place).unwrap();
+        let namespace = Namespace::make(&community).unwrap();
+        let node = lane::node(&namespace).unwrap();
         let mut writer = BulkWriter::open(&node, "bulk", 20).unwrap();
         let mut reader = BulkReader::open(&node, "bulk").unwrap();
         let mut send = |len: usize| writer.send(len, &mut |to| to.write_all(&vec![7; len])).unwrap().unwrap();
@@ -395,7 +395,7 @@ mod tests {
         }
         assert_eq!(reader.get(3, 10).unwrap().len(), 10, "nothing behind it is lost");
         drop((reader, writer, node));
-        leftovers::remove(&place);
+        leftovers::remove(&namespace);
     }
 
     /// Regression: iceoryx2 lets go of a value whose segment it cannot map without a word, and so did elk.

@@ -13,7 +13,7 @@ use std::time::Duration;
 use elk_os::clock::{Stopwatch, monotonic_nanos};
 use elk_os::limits;
 use elk_os::{Owner, tell};
-use elk_proto::Dial;
+use elk_proto::ClockSetting;
 use elk_proto::broker::Introduction;
 use elk_proto::community::Community;
 use elk_proto::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
@@ -25,8 +25,8 @@ use super::folder::FolderError;
 use super::forward::Forward;
 use super::handshake::{self, Answer, Hello};
 use super::lane::{self, DEPTH, LaneReader, LaneSample, LaneWriter, Service};
+use super::namespace::Namespace;
 use super::page::{BROKER_DIED, BrokerPage, ClientPage, OPEN, Page};
-use super::place::Place;
 use super::scarce;
 
 /// The longest that a client sleeps: its bell rings when there is news, also when the broker dies.
@@ -104,7 +104,7 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     limits::raise_descriptors();
     limits::let_owner_in();
     let broken = |source| ConnectError::Handshake { community: community.clone(), source };
-    let stream = handshake::dial(community).map_err(|error| match error.kind() {
+    let stream = handshake::connect(community).map_err(|error| match error.kind() {
         ErrorKind::WouldBlock => broken(error),
         _ => ConnectError::NoBroker(community.clone()),
     })?;
@@ -112,12 +112,13 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     if user != elk_os::own_user() {
         return Err(ConnectError::ForeignUser { community: community.clone(), process, user });
     }
-    let Introduction { name, lease_secs, succeeds, returns } = *who;
-    let hello = Hello { protocol: handshake::PROTOCOL, name: name.into(), lease_secs, succeeds, returns };
+    let Introduction { name, build, lease_secs, succeeds, returns } = *who;
+    let (name, build) = (name.to_owned(), build.to_owned());
+    let hello = Hello { protocol: handshake::PROTOCOL, name, build, lease_secs, succeeds, returns };
     handshake::send(&stream, &hello, &[]).map_err(broken)?;
     let (answer, files) = handshake::receive(&stream).map_err(broken)?;
     let (id, epoch, clock, folder) = match answer {
-        Answer::Welcome { id, epoch, warp, dial, folder } => (id, epoch, (warp, dial), folder),
+        Answer::Welcome { id, epoch, warp, clock_setting, folder } => (id, epoch, (warp, clock_setting), folder),
         Answer::Refused { reason } => {
             return Err(ConnectError::Refused { community: community.clone(), reason });
         }
@@ -128,25 +129,29 @@ pub fn connect(community: &Community, who: &Introduction<'_>) -> Result<Link, Co
     let page = Arc::new(page);
     watch(&stream, &page).map_err(|source| ConnectError::NoThread { community: community.clone(), source })?;
     let unusable = |source| ConnectError::Folder { community: community.clone(), source };
-    let place = Place::open(community, &folder).map_err(unusable)?;
-    let node = lane::node(&place)?;
-    place.close_folder().map_err(unusable)?;
+    let namespace = Namespace::open(community, &folder).map_err(unusable)?;
+    let node = lane::node(&namespace)?;
+    namespace.close_folder().map_err(unusable)?;
     let community = community.clone();
-    let back = ShmBack { community: community.clone(), name: name.into(), lease_secs };
+    let back = ShmBack { community: community.clone(), name: hello.name, build: hello.build, lease_secs };
     let line = Rc::new(Line { community, id, epoch, broker, page, node, stream: Connection(stream) });
     open_lanes(line, back, clock).map_err(ConnectError::from)
 }
 
-fn open_lanes(line: Rc<Line>, back: ShmBack, (warp, dial): (f64, Option<Dial>)) -> Result<Link, LinkError> {
+fn open_lanes(
+    line: Rc<Line>,
+    back: ShmBack,
+    (warp, clock_setting): (f64, Option<ClockSetting>),
+) -> Result<Link, LinkError> {
     let up = LaneWriter::open(&line.node, &lane_name(line.epoch, "up", line.id))?;
     let down = LaneReader::open(&line.node, &lane_name(line.epoch, "down", line.id))?;
     line.page.ready.store(1, Release);
     line.broker.bell.ring();
-    let epoch = line.epoch;
+    let (epoch, build) = (line.epoch, back.build.clone());
     let up = Box::new(ShmUp { lane: up, bulk: None, bulk_failed: false, own_batch: None, line: line.clone() });
     let (taken, bulk, refused) = (Rc::new(Cell::new(0)), BTreeMap::new(), BTreeMap::new());
     let down = Box::new(ShmDown { lane: down, received: 0, taken, bulk, refused, forward: None, line });
-    Ok(Link { up, down, back: Box::new(back), warp, dial, epoch })
+    Ok(Link { up, down, back: Box::new(back), build, warp, clock_setting, epoch })
 }
 
 /// Nothing in shared memory tells of a process' death, the socket does: a thread waits for its end, and rings the
@@ -167,13 +172,14 @@ fn watch(stream: &UnixStream, page: &Arc<Page<ClientPage>>) -> std::io::Result<(
 struct ShmBack {
     community: Community,
     name: String,
+    build: String,
     lease_secs: f64,
 }
 
 impl Rejoin for ShmBack {
     fn rejoin(&mut self) -> Result<Link, LinkError> {
-        let Self { community, name, lease_secs } = self;
-        let who = Introduction::returning(name, *lease_secs);
+        let Self { community, name, build, lease_secs } = self;
+        let who = Introduction { build, lease_secs: *lease_secs, ..Introduction::new(name).returning() };
         let waited = Stopwatch::start();
         loop {
             match connect(community, &who) {
@@ -316,6 +322,19 @@ impl Uplink for ShmUp {
         page.up_sent.store(sent.wrapping_add(1), Release);
         self.line.broker.bell.ring();
         Ok(())
+    }
+
+    fn has_room(&self) -> bool {
+        let page = &self.line.page;
+        let sent = page.up_sent.load(Relaxed);
+        let has_room = || sent.saturating_sub(page.up_taken.load(SeqCst)) < DEPTH || page.closed.load(Acquire) != OPEN;
+        if has_room() {
+            page.client_waits.store(0, SeqCst);
+            return true;
+        }
+        // The broker rings when it has taken a batch; one that it took just before this flag is seen at once.
+        page.client_waits.store(1, SeqCst);
+        has_room()
     }
 
     fn send_bulk(&mut self, len: usize, fill: &mut Fill<'_>) -> Result<Option<BulkRef>, LinkError> {
@@ -498,7 +517,11 @@ impl Deref for Taken {
     fn deref(&self) -> &[u8] {
         match &self.sample {
             Some(sample) => sample.payload(),
-            None => self.line.page.down.get(self.number).unwrap_or_default(),
+            None => {
+                let batch = self.line.page.down.get(self.number);
+                debug_assert!(batch.is_some(), "the page had batch {} when it was taken", self.number);
+                batch.unwrap_or_default()
+            }
         }
     }
 }

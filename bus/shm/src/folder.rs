@@ -1,4 +1,4 @@
-//! Folders that only this user can enter. A place in a shared folder can be guessed, and somebody else may have put
+//! Folders that only this user can enter. A path in a shared folder can be guessed, and somebody else may have put
 //! something there first: so each folder is opened by descriptor and looked at before every use, and whatever is read,
 //! written or removed in it goes through that descriptor.
 
@@ -305,6 +305,7 @@ mod tests {
     use std::os::unix::fs::{PermissionsExt, symlink};
 
     use super::*;
+    use crate::skip::skip;
 
     fn mode_of(path: &Path) -> u32 {
         path.symlink_metadata().unwrap().permissions().mode() & 0o7777
@@ -356,7 +357,7 @@ mod tests {
         let path = shared.path().join("home");
         std::fs::create_dir(&path).unwrap();
         if std::os::unix::fs::chown(&path, Some(12_345), None).is_err() {
-            println!("a_folder_of_another_user_is_refused: skipped, only root can give a folder away");
+            skip("a_folder_of_another_user_is_refused", "root", "only root can give a folder away");
             return;
         }
         assert_eq!(fault(Folder::make(&path)), Fault::Foreign(12_345));

@@ -8,7 +8,7 @@ use std::sync::Once;
 use elk_os::stop::end_saying;
 use signal_hook::consts::SIGBUS;
 
-use super::place::SHARED_MEMORY;
+use super::home::SHARED_MEMORY;
 
 /// What a process says that touches shared memory where there is none left.
 static LAST_WORDS: [&str; 3] = [

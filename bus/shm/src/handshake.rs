@@ -9,7 +9,7 @@ use std::os::unix::net::{SocketAddr, UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use elk_proto::Dial;
+use elk_proto::ClockSetting;
 use elk_proto::codec;
 use elk_proto::community::Community;
 use rustix::net::{
@@ -17,10 +17,10 @@ use rustix::net::{
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use super::door;
+use super::abstract_socket;
 
 /// Counts up whenever lanes, pages or frames change.
-pub const PROTOCOL: u32 = 6;
+pub const PROTOCOL: u32 = 7;
 /// How long either side waits for the other's word.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 /// The longest message of the handshake (bytes).
@@ -31,6 +31,7 @@ const MAX_BYTES: usize = 64 << 10;
 pub struct Hello {
     pub protocol: u32,
     pub name: String,
+    pub build: String,
     /// See [`elk_proto::broker::Introduction`].
     pub lease_secs: f64,
     pub succeeds: bool,
@@ -45,7 +46,7 @@ pub enum Answer {
         epoch: u64,
         warp: f64,
         /// What the community's clock is set to, if somebody drives it.
-        dial: Option<Dial>,
+        clock_setting: Option<ClockSetting>,
         /// Where the community's files are, whatever the client's environment says of places.
         folder: PathBuf,
     },
@@ -65,18 +66,18 @@ pub fn listen(community: &Community) -> std::io::Result<UnixListener> {
 }
 
 /// Connects to the community's broker, if it takes one more at once.
-pub fn knock(community: &Community) -> std::io::Result<UnixStream> {
-    door::knock(&name(community))
+pub fn connect_now(community: &Community) -> std::io::Result<UnixStream> {
+    abstract_socket::connect_now(&name(community))
 }
 
 /// Whether nobody has the community's name. Whoever has it need not take anybody in.
 pub fn nobody_listens(community: &Community) -> bool {
-    knock(community).is_err_and(|error| error.kind() == std::io::ErrorKind::ConnectionRefused)
+    connect_now(community).is_err_and(|error| error.kind() == std::io::ErrorKind::ConnectionRefused)
 }
 
 /// Connects to the community's broker, and waits for a while if too many others do.
-pub fn dial(community: &Community) -> std::io::Result<UnixStream> {
-    let stream = door::wait_at(&name(community), PATIENCE)?;
+pub fn connect(community: &Community) -> std::io::Result<UnixStream> {
+    let stream = abstract_socket::connect(&name(community), PATIENCE)?;
     stream.set_read_timeout(Some(PATIENCE))?;
     Ok(stream)
 }

@@ -5,7 +5,8 @@
 use elk_proto::community::Community;
 
 use super::folder::{Folder, FolderError};
-use super::place::{Place, home};
+use super::home::home;
+use super::namespace::Namespace;
 
 /// What begins the names of such files: the broker's own have another beginning.
 const PREFIX: &str = "kept-";
@@ -16,8 +17,8 @@ const PREFIX: &str = "kept-";
 /// # Errors
 /// There is no such folder, it is not safe, or it cannot be written to.
 pub fn keep(community: &Community, name: &str, words: &[u8]) -> Result<(), FolderError> {
-    let place = Place::open_in(&Folder::open(&home())?, community)?;
-    let folder = place.folder();
+    let namespace = Namespace::open_in(&Folder::open(&home())?, community)?;
+    let folder = namespace.folder();
     folder.write(&file(name), words).map_err(failed(folder))
 }
 
@@ -26,8 +27,8 @@ pub fn keep(community: &Community, name: &str, words: &[u8]) -> Result<(), Folde
 /// # Errors
 /// As of [`keep`]; nothing was kept is one as well, of the kind [`NotFound`](std::io::ErrorKind::NotFound).
 pub fn kept(community: &Community, name: &str) -> Result<Vec<u8>, FolderError> {
-    let place = Place::open_in(&Folder::open(&home())?, community)?;
-    let folder = place.folder();
+    let namespace = Namespace::open_in(&Folder::open(&home())?, community)?;
+    let folder = namespace.folder();
     folder.read(&file(name)).map_err(failed(folder))
 }
 
@@ -48,12 +49,12 @@ mod tests {
     fn words_are_kept_as_long_as_the_community_s_folder_is() {
         let community = Community::new(format!("kept-{}", std::process::id())).unwrap();
         assert!(keep(&community, "word", b"early").is_err(), "nobody has made the folder yet");
-        let place = Place::make(&community).unwrap();
+        let namespace = Namespace::make(&community).unwrap();
         assert!(kept(&community, "word").is_err());
         keep(&community, "word", b"first").unwrap();
         keep(&community, "word", b"second").unwrap();
         assert_eq!(kept(&community, "word").unwrap(), b"second");
-        super::super::leftovers::remove(&place);
+        super::super::leftovers::remove(&namespace);
         assert!(kept(&community, "word").is_err());
     }
 }

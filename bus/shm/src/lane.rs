@@ -13,7 +13,7 @@ use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::full;
-use super::place::{Place, failed};
+use super::namespace::{Namespace, failed};
 use super::scarce;
 
 pub use super::service::Service;
@@ -28,13 +28,13 @@ const BORROWED: usize = 4;
 /// What a lane is made for at first (bytes a batch); it grows.
 const FIRST_BATCH_BYTES: usize = 4096;
 
-/// This process' node in a community's place; refused where shared memory is all but full.
-pub fn node(place: &Place) -> Result<Node<Service>, LinkError> {
+/// This process' node in a community's namespace; refused where shared memory is all but full.
+pub fn node(namespace: &Namespace) -> Result<Node<Service>, LinkError> {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
     full::say_why();
     scarce::room()?;
     NodeBuilder::new()
-        .config(&place.config()?)
+        .config(&namespace.config()?)
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Service>()
         .map_err(failed("joining the community's shared memory"))

@@ -11,11 +11,12 @@ use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::CallbackProgression;
 
 use super::folder::Folder;
-use super::place::{HeldPlace, Place, SHARED_MEMORY, home, prefix};
+use super::home::{SHARED_MEMORY, home};
+use super::namespace::{HeldNamespace, Namespace, prefix};
 use super::{handshake, lane};
 
 /// Clears away what dead communities of this user left. A community is dead when nobody listens in its name and none
-/// of its processes lives; nor, where others share the folder but not the network, anybody holds its place.
+/// of its processes lives; nor, where others share the folder but not the network, anybody holds its namespace.
 pub fn sweep() {
     let Ok(home) = Folder::open(&home()) else {
         return;
@@ -23,16 +24,16 @@ pub fn sweep() {
     let names = home.names().unwrap_or_default();
     let communities = names.into_iter().filter_map(|name| Community::new(name.into_string().ok()?).ok());
     for community in communities.filter(handshake::nobody_listens) {
-        if let Ok(place) = Place::open_in(&home, &community).and_then(Place::hold)
-            && !anyone_lives(&place)
+        if let Ok(namespace) = Namespace::open_in(&home, &community).and_then(Namespace::hold)
+            && !anyone_lives(&namespace)
         {
-            remove(&place);
+            remove(&namespace);
         }
     }
 }
 
-fn anyone_lives(place: &Place) -> bool {
-    let Ok(config) = place.config() else {
+fn anyone_lives(namespace: &Namespace) -> bool {
+    let Ok(config) = namespace.config() else {
         return true;
     };
     let mut alive = false;
@@ -44,13 +45,13 @@ fn anyone_lives(place: &Place) -> bool {
 }
 
 /// Removes all files of a community.
-pub fn remove(place: &HeldPlace) {
-    for name in shared_memory_of(place.community()) {
+pub fn remove(namespace: &HeldNamespace) {
+    for name in shared_memory_of(namespace.community()) {
         // What cannot be removed is left to the next one who comes by.
         let _ = std::fs::remove_file(Path::new(SHARED_MEMORY).join(name));
     }
-    if let Some(Ok(home)) = place.folder().path().parent().map(Folder::open) {
-        let _ = home.remove_child(place.community().as_str());
+    if let Some(Ok(home)) = namespace.folder().path().parent().map(Folder::open) {
+        let _ = home.remove_child(namespace.community().as_str());
         home.remove_if_empty();
     }
 }
@@ -68,8 +69,8 @@ fn shared_memory_of(community: &Community) -> Vec<OsString> {
 
 /// Sees that nobody else can read or write what a community has made: iceoryx2 makes its files for their owner alone, and
 /// this is where that is held to.
-pub fn close_shared_memory(place: &Place) -> std::io::Result<()> {
-    for name in shared_memory_of(place.community()) {
+pub fn close_shared_memory(namespace: &Namespace) -> std::io::Result<()> {
+    for name in shared_memory_of(namespace.community()) {
         let path = Path::new(SHARED_MEMORY).join(name);
         let Ok(found) = path.symlink_metadata() else { continue };
         if found.mode() & 0o077 != 0 {

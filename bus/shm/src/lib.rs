@@ -8,29 +8,33 @@
 //! | wake-ups, flow control | a page of shared atomics (memfd) a client, one for the broker | one system call to wake, none while the other is awake |
 //! | names, refusals, death | an abstract Unix socket | the kernel frees the name with its process and tells at once; no file can be left behind |
 
+#[doc(hidden)]
+pub mod abstract_socket;
 #[cfg(test)]
 mod alone;
 mod bulk;
 mod client;
-#[doc(hidden)]
-pub mod door;
 mod folder;
 mod forward;
 mod full;
 #[doc(hidden)]
 pub mod fuzzing;
 mod handshake;
+mod home;
 mod kept;
 mod lane;
 mod leftovers;
+mod namespace;
 mod page;
-mod place;
 mod running;
 mod scarce;
 mod server;
 mod service;
 mod sessions;
 mod shared;
+#[cfg(test)]
+#[path = "../../../tests/common/skip.rs"]
+mod skip;
 mod sync;
 
 pub use client::{ConnectError, connect};

@@ -13,7 +13,7 @@ use super::handshake;
 pub struct Running {
     /// The community.
     pub community: Community,
-    /// Who serves it; `None` if more wait at its door than it takes in, so that nobody can ask.
+    /// Who serves it; `None` if more connections wait than it takes in, so that nobody can ask.
     pub broker: Option<Owner>,
 }
 
@@ -32,7 +32,7 @@ pub fn running() -> std::io::Result<Vec<Running>> {
 
 /// `None`: the broker has stopped since the kernel listed it.
 fn ask(community: Community) -> Option<Running> {
-    let broker = match handshake::knock(&community) {
+    let broker = match handshake::connect_now(&community) {
         Ok(stream) => Some(Owner::at_other_end(&stream).ok()?),
         Err(error) if error.kind() == ErrorKind::WouldBlock => None,
         Err(_) => return None,
@@ -83,7 +83,7 @@ mod tests {
         let community = Community::new(format!("crowded-{}", std::process::id())).unwrap();
         let socket = handshake::listen(&community).unwrap();
         rustix::net::listen(&socket, 0).unwrap();
-        let _queue: Vec<_> = std::iter::from_fn(|| handshake::knock(&community).ok()).collect();
+        let _queue: Vec<_> = std::iter::from_fn(|| handshake::connect_now(&community).ok()).collect();
         let found = running().unwrap().into_iter().find(|one| one.community == community);
         assert_eq!(found, Some(Running { community, broker: None }));
     }

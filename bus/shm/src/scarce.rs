@@ -10,7 +10,7 @@ use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap_anonymous, munmap};
 use rustix::process::{Resource, getrlimit};
 
-use super::place::{self, SHARED_MEMORY};
+use super::home::{SHARED_MEMORY, home};
 
 /// With less than this left (MB), an error of shared memory is most likely for want of room.
 const SCARCE_MB: u64 = 64;
@@ -75,7 +75,7 @@ fn open(allowed: u64) -> u64 {
 /// What is scarce, and what to do, in parentheses behind an error; empty if nothing is.
 pub fn hint() -> String {
     let mut all = String::new();
-    let home = place::home();
+    let home = home();
     // Until the first community there is only the folder that it will be in.
     let home = if home.exists() { &home } else { home.parent().unwrap_or(&home) };
     let of_memory = [unusable(), memory(), files(Path::new(SHARED_MEMORY))];

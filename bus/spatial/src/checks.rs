@@ -82,12 +82,6 @@ pub(crate) fn text(value: &str) -> Checked {
     }
 }
 
-/// A count that not everybody has.
-pub(crate) fn count(value: &Option<u64>) -> Checked {
-    let wanted = || format!("0 to {MAX_COUNT}");
-    value.map_or(Ok(()), |count| holds("", count <= MAX_COUNT, count, &wanted()))
-}
-
 /// Points of the world (m).
 pub(crate) fn points(points: &[Point3<f64>]) -> Checked {
     each(points, check_point)
@@ -106,7 +100,8 @@ pub(crate) fn phases(cpu_secs: &[(String, f64)]) -> Checked {
 
 /// Counts by name.
 pub(crate) fn counters(counters: &[(String, u64)]) -> Checked {
-    each(counters, |(name, total)| text(name).and_then(|()| count(&Some(*total))))
+    let count = |total: u64| holds("", total <= MAX_COUNT, total, "below 2^48");
+    each(counters, |(name, total)| text(name).and_then(|()| count(*total)))
 }
 
 pub(crate) fn log_odds(log_odds: &[f32]) -> Checked {

@@ -48,7 +48,7 @@ pub struct SensorReport {
     #[describe(count)]
     pub scans: u64,
     /// Motions on which the robot's body touched the true world; none: it is not known, as a real camera's is not.
-    #[describe(check = checks::count)]
+    #[describe(count)]
     pub contacts: Option<u64>,
     /// The scan after which this was said.
     #[describe(count)]

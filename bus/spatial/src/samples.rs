@@ -33,7 +33,9 @@ impl Sample {
 
     /// The value, to be changed.
     pub fn value(&self) -> Value {
-        serde_json::from_str(self.json).unwrap_or_default()
+        let value = serde_json::from_str(self.json);
+        debug_assert!(value.is_ok(), "the sample of {} is no JSON: {value:?}", self.name());
+        value.unwrap_or_default()
     }
 
     /// The bytes of a value of the type; `None`: it is none.
@@ -43,7 +45,9 @@ impl Sample {
 
     /// The sample's bytes.
     pub fn bytes(&self) -> Vec<u8> {
-        self.bytes_of(&self.value()).unwrap_or_default()
+        let bytes = self.bytes_of(&self.value());
+        debug_assert!(bytes.is_some(), "the sample of {} is no value of it", self.name());
+        bytes.unwrap_or_default()
     }
 
     /// Whether a reader would believe a value of the type.

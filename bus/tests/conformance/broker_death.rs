@@ -1,4 +1,4 @@
-//! Brokers that die, and those that take their place.
+//! Brokers that die, and those that take over.
 
 use elk_bus::any;
 use std::sync::Barrier;

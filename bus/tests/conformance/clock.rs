@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use elk_bus::broker::CLOCK;
-use elk_bus::{Client, Origin, ValueRef};
+use elk_bus::{Client, Drive, Origin, ValueRef};
 
 use crate::common::events::Patience;
 use crate::hearing::settle;
@@ -23,7 +23,7 @@ pub fn a_driven_clock_is_everybodys_through_a_brokers_death_and_ends_with_its_dr
     let t = T::start("clock");
     let (mut a, mut driver) = (t.connect("a").unwrap(), t.connect("driver").unwrap());
     assert!(a.comms.time() > 1e9, "nobody drives it yet");
-    driver.comms.drive_clock(1000.0, 1.0).unwrap();
+    driver.comms.drive_clock(Drive { time_secs: 1000.0, rate: 1.0 }).unwrap();
     driver.comms.flush().unwrap();
     wait_for_time(&mut a, recorded);
     let late = t.connect("late").unwrap();
@@ -39,7 +39,7 @@ pub fn a_driven_clock_is_everybodys_through_a_brokers_death_and_ends_with_its_dr
         a.receive(patience.left("two messages"), |mail| times.push(mail.time())).unwrap();
     }
     assert!(recorded(times[0]) && times[1] == 1234.5, "{times:?}");
-    a.comms.drive_clock(9.0, 1.0).unwrap();
+    a.comms.drive_clock(Drive { time_secs: 9.0, rate: 1.0 }).unwrap();
     wait_for_time(&mut a, recorded);
     assert_eq!(a.inbox.take_refusals().iter().map(|refused| refused.key.as_str()).collect::<Vec<_>>(), [CLOCK]);
     t.replace_broker();

@@ -1,7 +1,7 @@
 //! Types that some of those who carry them have never seen.
 
 use elk_bus::broker::table::{REQUEST, TABLE, VariableKind};
-use elk_bus::{Client, Key, Origin, Payload, TypeRef, Value, ValueRef, any, payload};
+use elk_bus::{Client, Introduction, Key, Origin, Payload, TypeRef, Value, ValueRef, any, payload};
 use serde_json::json;
 
 use crate::hearing::{hear, settle};
@@ -40,6 +40,36 @@ mod other_build {
     }
 }
 
+mod newer_build {
+    /// The same, with what was added.
+    #[elk_bus::payload]
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Steering {
+        /// How much of the angle is heeded.
+        #[describe(default = 1.0, range = 0.0..=1.0)]
+        pub share: f64,
+        /// Anticlockwise.
+        #[describe(unit = "rad", range = -4.0..=4.0)]
+        pub angle: f64,
+        /// Where each wheel points.
+        pub wheels: Vec<Wheel>,
+    }
+
+    /// A wheel.
+    #[elk_bus::payload]
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Wheel {
+        /// Which one.
+        pub name: String,
+        /// Whether it is driven.
+        pub driven: bool,
+        /// What is on it.
+        #[describe(default)]
+        pub tyre: Option<String>,
+    }
+}
+
+const NEWER: Key<newer_build::Steering> = Key::new("STEERING");
 const STEERING: Key<Steering> = Key::new("STEERING");
 
 fn steering(angle: f64, wheels: usize) -> Steering {
@@ -119,7 +149,8 @@ fn bytes(steering: &Steering) -> Vec<u8> {
 
 pub fn two_builds_of_a_type_are_told_where_they_differ<T: Transport>() {
     let t = T::start("builds");
-    let (mut car, mut viewer) = (t.connect("car").unwrap(), t.connect("viewer").unwrap());
+    let of = |name, build| t.join(&Introduction { build, ..Introduction::new(name) }).unwrap();
+    let (mut car, mut viewer) = (of("car", "car-app 1.0"), of("viewer", "viewer 2.1"));
     car.comms.publish(&STEERING, &steering(0.5, 0)).unwrap();
     settle(&mut car);
     viewer.comms.register(&Key::<other_build::Steering>::new("STEERING")).unwrap();
@@ -127,21 +158,90 @@ pub fn two_builds_of_a_type_are_told_where_they_differ<T: Transport>() {
     settle(&mut car);
     for told in [&mut car, &mut viewer] {
         let told: Vec<String> = told.inbox.take_refusals().into_iter().map(|refused| refused.reason).collect();
-        let how = "(angle is in rad in car's build and in deg in viewer's): this reader cannot read it";
+        let how =
+            "(angle is in rad in car (car-app 1.0) and in deg in viewer (viewer 2.1)): this reader cannot read it";
+        assert!(told.len() == 1 && told[0].contains(how), "{told:?}");
+    }
+    // The one who comes second may be the writer, too.
+    viewer.comms.register(&Key::<other_build::Steering>::new("STEERING_2")).unwrap();
+    settle(&mut viewer);
+    car.comms.publish(&Key::<Steering>::new("STEERING_2"), &steering(0.5, 0)).unwrap();
+    settle(&mut car);
+    settle(&mut viewer);
+    for told in [&mut car, &mut viewer] {
+        let told: Vec<String> = told.inbox.take_refusals().into_iter().map(|refused| refused.reason).collect();
+        let how = "cannot read it (angle is in rad in car (car-app 1.0) and in deg in viewer (viewer 2.1))";
         assert!(told.len() == 1 && told[0].contains(how), "{told:?}");
     }
     let other = Key::<other_build::Steering>::new("STEERING");
     let mut said = None;
-    let mut late = t.connect("other").unwrap();
+    let mut late = of("other", "");
     late.comms.register("STEERING").unwrap();
     let patience = crate::common::events::Patience::new();
     while said.is_none() {
         let decode = |mail: &elk_bus::Mail<'_>| mail.decode(&other).map(drop).unwrap_err().to_string();
         late.receive(patience.left("a value"), |mail| said = Some(decode(mail))).unwrap();
     }
-    let wrong = "STEERING carries another Steering than this reader's: angle is in rad there and in deg here; \
+    let wrong = "STEERING carries another Steering than this reader's: angle is in rad in car (car-app 1.0) and in deg in \
+                 other; \
                  build both from one version";
     assert_eq!(said.as_deref(), Some(wrong));
     drop((car, viewer, late));
+    t.stop();
+}
+
+/// What `client` hears next of `STEERING`, decoded.
+fn heard<T>(client: &mut Client, decode: impl Fn(ValueRef<'_>) -> T) -> T {
+    let heard = hear(client, |heard| heard.iter().any(|(key, ..)| key == "STEERING"));
+    decode(heard.iter().find(|(key, ..)| key == "STEERING").unwrap().2.as_ref())
+}
+
+pub fn versions_of_a_type_that_differ_in_defaults_are_read_by_each_other<T: Transport>() {
+    let t = T::start("versions");
+    let join = |name| t.connect(name).unwrap();
+    let (mut car, mut old_viewer) = (join("car"), join("old-viewer"));
+    let (mut new_car, mut viewer) = (join("new-car"), join("viewer"));
+    old_viewer.comms.register(&STEERING).unwrap();
+    viewer.comms.register(&NEWER).unwrap();
+    settle(&mut old_viewer);
+    settle(&mut viewer);
+    let newer = |steering: &Steering| {
+        let wheel = |one: &Wheel| newer_build::Wheel { name: one.name.clone(), driven: one.driven, tyre: None };
+        let wheels = steering.wheels.iter().map(wheel).collect();
+        newer_build::Steering { share: 1.0, angle: steering.angle, wheels }
+    };
+    // Few wheels travel in a batch, many lie in shared memory; and the writers take turns.
+    for (angle, wheels) in [(0.5, 2), (1.5, 5000), (2.5, 1)] {
+        let said = steering(angle, wheels);
+        car.comms.publish(&STEERING, &said).unwrap();
+        car.comms.flush().unwrap();
+        assert_eq!(heard(&mut viewer, |value| value.decode(&NEWER).unwrap()), newer(&said));
+        assert_eq!(heard(&mut old_viewer, |value| value.decode(&STEERING).unwrap()), said);
+        let mut added = newer(&said);
+        added.wheels[0].tyre = Some("snow".into());
+        added.share = 0.25;
+        new_car.comms.publish(&NEWER, &added).unwrap();
+        new_car.comms.flush().unwrap();
+        assert_eq!(heard(&mut viewer, |value| value.decode(&NEWER).unwrap()), added);
+        assert_eq!(heard(&mut old_viewer, |value| value.decode(&STEERING).unwrap()), said);
+    }
+    // What it is read as has its limits, whoever wrote it.
+    car.comms.publish(&STEERING, &steering(9.0, 0)).unwrap();
+    car.comms.flush().unwrap();
+    let wrong = heard(&mut viewer, |value| value.decode(&NEWER).map(drop).unwrap_err().to_string());
+    assert_eq!(wrong, "Steering.angle is 9; it has to be -4 to 4 rad");
+    // The table has what lies there, as its writer has it.
+    new_car.comms.publish(&NEWER, &newer(&steering(0.0, 0))).unwrap();
+    new_car.comms.notify(REQUEST, 1.0).unwrap();
+    new_car.comms.flush().unwrap();
+    let heard = hear(&mut new_car, |heard| heard.iter().any(|(key, ..)| key == TABLE.name()));
+    let table = heard.iter().find(|(key, ..)| key == TABLE.name()).unwrap().2.as_ref().decode(&TABLE).unwrap();
+    let variable = table.variables.iter().find(|variable| variable.name == "STEERING").unwrap();
+    assert_eq!(variable.kind, VariableKind::Typed { name: "Steering".into(), layout: newer_build::Steering::LAYOUT });
+    for client in [&mut car, &mut old_viewer, &mut new_car, &mut viewer] {
+        settle(client);
+        assert_eq!(client.inbox.take_refusals(), []);
+    }
+    drop((car, old_viewer, new_car, viewer));
     t.stop();
 }

@@ -11,7 +11,7 @@ use crate::count::Count;
 use crate::hearing::{count_until_retired, hear, settle};
 use crate::transport::Transport;
 
-/// Whose place is kept for a while after its death.
+/// Its session is kept for a while after its death.
 fn leased(name: &str) -> Introduction<'_> {
     Introduction { lease_secs: 60.0, ..Introduction::new(name) }
 }

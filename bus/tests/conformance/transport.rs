@@ -15,7 +15,7 @@ use crate::common::events::once_served;
 pub trait Transport {
     fn start(name: &str) -> Self;
     fn join(&self, who: &Introduction<'_>) -> Result<Client, String>;
-    /// The broker dies, and another takes its place.
+    /// The broker dies, and another one takes over.
     fn replace_broker(&self);
     fn stop(self);
 
@@ -67,6 +67,7 @@ impl Transport for Shm {
         let options = RunOptions {
             lease: Duration::from_secs_f64(who.lease_secs),
             succeeds: who.succeeds,
+            build: who.build.to_owned(),
             ..RunOptions::new(who.name, self.community.clone())
         };
         once_served(&self.community, || Client::join(&options)).map_err(|error| error.to_string())

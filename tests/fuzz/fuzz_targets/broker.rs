@@ -4,8 +4,8 @@
 mod common;
 
 use elk_bus::Introduction;
-use elk_bus::broker::{Broker, BrokerConfig, ClientId, Wish};
-use elk_bus::wire::{self, BulkRef, Named};
+use elk_bus::broker::{Action, Broker, BrokerConfig};
+use elk_bus::wire::{self, BulkRef, ClientId, Named};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
 
@@ -31,6 +31,7 @@ impl Lab {
             0 => {
                 let who = Introduction {
                     name: from.choose(&NAMES)?,
+                    build: from.choose(&["", "elk 0.1.0", "elk\u{1b}[2J"])?,
                     lease_secs: *from.choose(&[0.0, 1.0, f64::NAN, -1.0, 1e300])?,
                     succeeds: bool::arbitrary(from)?,
                     returns: bool::arbitrary(from)?,
@@ -59,12 +60,12 @@ impl Lab {
                 broker.note_missed(id, u64::arbitrary(from)?);
             }
             5 => {
-                while let Some(wish) = broker.poll() {
-                    match wish {
-                        Wish::Resolve(dead) => broker.resolve_mail(dead, |_| Some(b"a value")),
-                        Wish::KeepSessions => drop(broker.sessions()),
-                        Wish::KeepRetained => drop(broker.retained(|_| None)),
-                        Wish::Follow(_) | Wish::Attach { .. } | Wish::Retire(_) => {}
+                while let Some(action) = broker.poll() {
+                    match action {
+                        Action::Resolve(dead) => broker.resolve_mail(dead, |_| Some(b"a value")),
+                        Action::KeepSessions => drop(broker.sessions()),
+                        Action::KeepRetained => drop(broker.retained(|_| None)),
+                        Action::Follow(_) | Action::Attach { .. } | Action::Retire(_) => {}
                     }
                 }
                 let _ = broker.reached();

@@ -41,6 +41,9 @@ impl Uplink for Nowhere {
     fn send(&mut self, _: &[u8]) -> std::result::Result<(), LinkError> {
         Ok(())
     }
+    fn has_room(&self) -> bool {
+        true
+    }
     fn handled(&self) -> u64 {
         u64::MAX
     }
@@ -104,7 +107,15 @@ fuzz_target!(|bytes: &[u8]| {
     let Ok(batches) = batches(&mut Unstructured::new(bytes)) else { return };
     let count = batches.len();
     let down = Box::new(Made(batches));
-    let link = Link { up: Box::new(Nowhere), down, back: Box::new(Nowhere), warp: 1.0, dial: None, epoch: 1 };
+    let link = Link {
+        up: Box::new(Nowhere),
+        down,
+        back: Box::new(Nowhere),
+        build: String::new(),
+        warp: 1.0,
+        clock_setting: None,
+        epoch: 1,
+    };
     let Ok(community) = Community::new("fuzz") else { return };
     let mut client = Client::over(link, "fuzz", &community);
     for _ in 0..count {

@@ -20,24 +20,24 @@ impl Bench {
         let mut bench = Self { map, follower, commands: vec![], scan: 0, restless: false };
         let pose = Pose::looking(at(0.2), Vector3::x());
         let first = bench.follower.on_camera_pose(&CameraPose { command: 0, pose }).unwrap();
-        assert_eq!(first, [Output::Command(PoseCommand { id: 1, via: vec![], pose })]);
+        assert_eq!(first, [Action::Command(PoseCommand { id: 1, via: vec![], pose })]);
         let cells = (0..40).flat_map(|x| (0..5).flat_map(move |y| (0..5).map(move |z| Voxel::new(x, y, z))));
-        let outputs = bench.scan(1, cells.map(|v| (v, State::Free)).collect());
-        let request = request(&outputs);
+        let actions = bench.scan(1, cells.map(|v| (v, State::Free)).collect());
+        let request = request(&actions);
         assert_eq!((request.id, request.revision, request.outcome), (1, 1, Outcome::First));
         (bench, request)
     }
 
     /// Puts a successor in the follower's place, and tells it what the bus remembers. It says nothing but, perhaps, the
     /// other one's last words again.
-    fn exchange(&mut self) -> Vec<Output> {
+    fn exchange(&mut self) -> Vec<Action> {
         self.follower = Follower::successor(&self.follower.memory(0, 0)).unwrap();
         assert!(self.follower.on_map(&MapUpdate::new(self.map.whole(), self.scan)).unwrap().is_empty());
         self.follower.resume()
     }
 
     /// Scan `id` came and changed `cells`.
-    fn scan(&mut self, id: u64, cells: Vec<(Voxel, State)>) -> Vec<Output> {
+    fn scan(&mut self, id: u64, cells: Vec<(Voxel, State)>) -> Vec<Action> {
         if self.restless {
             self.exchange();
         }
@@ -55,15 +55,15 @@ impl Bench {
         if self.restless {
             self.exchange();
         }
-        let mut outputs = self.follower.on_plan(plan).unwrap();
+        let mut actions = self.follower.on_plan(plan).unwrap();
         loop {
-            match outputs.last() {
-                Some(Output::Command(command)) => {
+            match actions.last() {
+                Some(Action::Command(command)) => {
                     self.commands.push(command.clone());
                     let id = command.id;
-                    outputs = self.scan(id, vec![]);
+                    actions = self.scan(id, vec![]);
                 }
-                _ => return request(&outputs),
+                _ => return request(&actions),
             }
         }
     }
@@ -73,9 +73,9 @@ fn at(x: f64) -> Point3<f64> {
     Point3::new(x, 0.25, 0.25)
 }
 
-fn request(outputs: &[Output]) -> PlanRequest {
-    match outputs.last() {
-        Some(Output::Request(request)) => request.clone(),
+fn request(actions: &[Action]) -> PlanRequest {
+    match actions.last() {
+        Some(Action::Request(request)) => request.clone(),
         other => panic!("{other:?}"),
     }
 }
@@ -126,12 +126,12 @@ fn it_scans_every_spacing_passes_every_bend_and_takes_every_look() {
 fn a_resolved_target_ends_the_path_if_the_policy_says_so() {
     for early_stop in [true, false] {
         let (mut bench, first) = Bench::new();
-        let outputs = bench.follower.on_plan(&plan(&first, early_stop)).unwrap();
-        assert!(matches!(outputs[..], [Output::Command(_)]));
-        let outputs = bench.scan(2, vec![(Voxel::new(40, 2, 2), State::Occupied)]);
+        let actions = bench.follower.on_plan(&plan(&first, early_stop)).unwrap();
+        assert!(matches!(actions[..], [Action::Command(_)]));
+        let actions = bench.scan(2, vec![(Voxel::new(40, 2, 2), State::Occupied)]);
         match early_stop {
-            true => assert_eq!(request(&outputs).outcome, Outcome::Resolved),
-            false => assert!(matches!(outputs[..], [Output::Progress(_), Output::Command(_)])),
+            true => assert_eq!(request(&actions).outcome, Outcome::Resolved),
+            false => assert!(matches!(actions[..], [Action::Progress(_), Action::Command(_)])),
         }
     }
 }
@@ -141,7 +141,7 @@ fn a_new_obstacle_near_the_rest_of_the_path_cuts_it() {
     let (mut bench, first) = Bench::new();
     bench.follower.on_plan(&plan(&first, true)).unwrap();
     let behind = bench.scan(2, vec![(Voxel::new(1, 0, 0), State::Occupied)]);
-    assert!(matches!(behind.last(), Some(Output::Command(_))), "behind the robot it does not matter");
+    assert!(matches!(behind.last(), Some(Action::Command(_))), "behind the robot it does not matter");
     let beside = bench.scan(3, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
     assert_eq!(request(&beside).outcome, Outcome::Cut);
 }
@@ -149,12 +149,12 @@ fn a_new_obstacle_near_the_rest_of_the_path_cuts_it() {
 #[test]
 fn a_refused_command_is_a_cut_and_no_way() {
     let (mut bench, first) = Bench::new();
-    let outputs = bench.follower.on_plan(&plan(&first, true)).unwrap();
-    let Some(Output::Command(command)) = outputs.last() else { panic!() };
+    let actions = bench.follower.on_plan(&plan(&first, true)).unwrap();
+    let Some(Action::Command(command)) = actions.last() else { panic!() };
     let stayed = first.pose;
     bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: stayed }).unwrap();
-    let outputs = bench.scan(2, vec![]);
-    let [Output::Progress(progress), Output::Request(asked)] = &outputs[..] else { panic!("{outputs:?}") };
+    let actions = bench.scan(2, vec![]);
+    let [Action::Progress(progress), Action::Request(asked)] = &actions[..] else { panic!("{actions:?}") };
     assert_eq!((asked.outcome, asked.pose, progress.path_length_m), (Outcome::Cut, stayed, 0.0));
 }
 
@@ -165,8 +165,8 @@ fn a_lost_update_is_asked_for_and_the_run_goes_on() {
     bench.map.advance(&[]);
     assert!(bench.scan(2, vec![]).is_empty() && bench.follower.take_question());
     let whole = MapUpdate::new(bench.map.whole(), 2);
-    let outputs = bench.follower.on_map(&whole).unwrap();
-    assert!(matches!(outputs[..], [Output::Progress(_), Output::Command(_)]));
+    let actions = bench.follower.on_map(&whole).unwrap();
+    assert!(matches!(actions[..], [Action::Progress(_), Action::Command(_)]));
 }
 
 #[test]
@@ -175,8 +175,8 @@ fn when_nothing_is_left_it_reports_and_falls_silent() {
     let asked = bench.follow(&plan(&first, true));
     let done = Plan { request: asked.id, decision: Decision::Done, ..plan(&asked, true) };
     assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty(), "an answer to an old request");
-    let outputs = bench.follower.on_plan(&done).unwrap();
-    let [Output::Progress(progress), Output::Finished(report)] = &outputs[..] else { panic!("{outputs:?}") };
+    let actions = bench.follower.on_plan(&done).unwrap();
+    let [Action::Progress(progress), Action::Finished(report)] = &actions[..] else { panic!("{actions:?}") };
     assert!(progress.finished && bench.follower.finished());
     assert_eq!((report.scans, report.free), (10, 1000));
     assert!((report.path_length_m - 3.1).abs() < 1e-9);
@@ -201,16 +201,16 @@ fn a_successor_at_every_step_goes_the_same_way() {
 #[test]
 fn a_successor_says_again_what_was_perhaps_not_said() {
     let (mut bench, first) = Bench::new();
-    assert_eq!(bench.exchange(), [Output::Request(first.clone())]);
+    assert_eq!(bench.exchange(), [Action::Request(first.clone())]);
     assert!(bench.follower.resume().is_empty(), "once");
     let said = bench.follower.on_plan(&plan(&first, true)).unwrap();
     assert_eq!(bench.exchange(), said);
-    let Some(Output::Command(command)) = said.last() else { panic!("{said:?}") };
+    let Some(Action::Command(command)) = said.last() else { panic!("{said:?}") };
     bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
     bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: command.pose }).unwrap();
     assert!(bench.follower.resume().is_empty(), "the sensor has carried it out");
-    let outputs = bench.scan(2, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
-    assert!(outputs.is_empty() && bench.follower.take_question(), "the map is not here yet");
+    let actions = bench.scan(2, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
+    assert!(actions.is_empty() && bench.follower.take_question(), "the map is not here yet");
     let asked = request(&bench.follower.on_map(&MapUpdate::new(bench.map.whole(), 2)).unwrap());
     assert_eq!(asked.outcome, Outcome::Cut);
     let over =
@@ -223,8 +223,8 @@ fn a_plan_waits_for_the_map_that_it_was_made_from() {
     let (mut bench, first) = Bench::new();
     bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
     assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty());
-    let outputs = bench.follower.on_map(&MapUpdate::new(bench.map.whole(), 1)).unwrap();
-    assert!(matches!(outputs[..], [Output::Command(_)]), "{outputs:?}");
+    let actions = bench.follower.on_map(&MapUpdate::new(bench.map.whole(), 1)).unwrap();
+    assert!(matches!(actions[..], [Action::Command(_)]), "{actions:?}");
 }
 
 /// Regression: a clearance of 100 m took 4 GB, one of 1,000 m never ended, nor did a point at 10⁹ m.
@@ -280,19 +280,19 @@ fn a_sensor_that_did_what_nobody_commanded_is_not_believed() {
 #[test]
 fn a_request_from_a_wrong_place_is_made_anew_from_the_right_one() {
     let (mut bench, first) = Bench::new();
-    let mut outputs = vec![];
+    let mut actions = vec![];
     for (id, pose) in [(2, Pose::looking(at(0.9), Vector3::y())), (3, first.pose)] {
-        outputs = bench.follower.on_camera_pose(&CameraPose { command: 1, pose }).unwrap();
-        assert_eq!(outputs, [Output::Request(PlanRequest { id, pose, ..first.clone() })]);
+        actions = bench.follower.on_camera_pose(&CameraPose { command: 1, pose }).unwrap();
+        assert_eq!(actions, [Action::Request(PlanRequest { id, pose, ..first.clone() })]);
     }
     assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty(), "it is not the last request's");
-    assert_eq!(bench.follow(&plan(&request(&outputs), true)).outcome, Outcome::Unresolved);
+    assert_eq!(bench.follow(&plan(&request(&actions), true)).outcome, Outcome::Unresolved);
     // A successor says what its predecessor would have said, once.
     let (mut bench, first) = Bench::new();
     bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
     let pose = Pose::looking(at(0.9), Vector3::y());
     assert!(bench.follower.on_camera_pose(&CameraPose { command: 1, pose }).unwrap().is_empty());
-    assert_eq!(bench.follower.resume(), [Output::Request(PlanRequest { id: 2, pose, ..first })]);
+    assert_eq!(bench.follower.resume(), [Action::Request(PlanRequest { id: 2, pose, ..first })]);
 }
 
 /// Regression: it refused the sensor's word for ever, and the sensor its commands.
@@ -307,7 +307,7 @@ fn after_somebody_elses_commands_it_goes_on_from_where_the_sensor_is() {
     let asked = request(&bench.scan(4, vec![]));
     assert_eq!((asked.outcome, asked.pose), (Outcome::Cut, elsewhere));
     let next = bench.follower.on_plan(&plan(&asked, true)).unwrap();
-    assert!(matches!(&next[..], [Output::Command(command)] if command.id == 5), "{next:?}");
+    assert!(matches!(&next[..], [Action::Command(command)] if command.id == 5), "{next:?}");
     // While it waits for a plan it asks for another one at once.
     let (mut bench, _) = Bench::new();
     let asked = request(&bench.follower.on_camera_pose(&CameraPose { command: 2, pose: elsewhere }).unwrap());
@@ -321,8 +321,8 @@ fn a_count_that_was_made_up_is_taken_back_when_the_sensor_says_the_true_one() {
     for made_up in [1, 2, 3, 18] {
         for (carried_out, scanned) in [(false, false), (true, false), (true, true)] {
             let (mut bench, first) = Bench::new();
-            let outputs = bench.follower.on_plan(&plan(&first, true)).unwrap();
-            let [Output::Command(command)] = &outputs[..] else { panic!("{outputs:?}") };
+            let actions = bench.follower.on_plan(&plan(&first, true)).unwrap();
+            let [Action::Command(command)] = &actions[..] else { panic!("{actions:?}") };
             let done = CameraPose { command: 2, pose: command.pose };
             let truth = if carried_out { done.clone() } else { CameraPose { command: 1, pose: first.pose } };
             let mut said = bench.follower.on_camera_pose(&CameraPose { command: made_up, pose: elsewhere }).unwrap();
@@ -341,8 +341,8 @@ fn a_count_that_was_made_up_is_taken_back_when_the_sensor_says_the_true_one() {
     }
 }
 
-fn is_third(output: &Output) -> bool {
-    matches!(output, Output::Command(command) if command.id == 3)
+fn is_third(action: &Action) -> bool {
+    matches!(action, Action::Command(command) if command.id == 3)
 }
 
 /// A memory that the sensor contradicts by far is of another run, or made up.
@@ -354,8 +354,8 @@ fn the_sensor_has_the_last_word_on_how_many_commands_there_were() {
     memory.commands = 1 << 47;
     memory.awaited = Awaited::Map(PoseCommand { id: memory.commands, via: vec![], pose });
     let mut successor = Follower::successor(&memory).unwrap();
-    let outputs = successor.on_camera_pose(&CameraPose { command: 7, pose }).unwrap();
-    assert_eq!(outputs, [Output::Command(PoseCommand { id: 8, via: vec![], pose })]);
+    let actions = successor.on_camera_pose(&CameraPose { command: 7, pose }).unwrap();
+    assert_eq!(actions, [Action::Command(PoseCommand { id: 8, via: vec![], pose })]);
     assert!(successor.resume().is_empty());
     // One command that was lost with its predecessor is no contradiction.
     memory.commands = 6;

@@ -1,5 +1,7 @@
 //! The map as one plan sees it: where the robot can be, what is to be resolved, and what is not, by cause.
 
+use std::collections::BTreeSet;
+
 use elk_geometry::Voxel;
 use elk_spatial::messages::FrontiersLeft;
 use nalgebra::Point3;
@@ -9,15 +11,17 @@ use super::memory::Memory;
 use crate::extent::{Extent, Scope};
 use crate::goals::{Known, Target};
 use crate::space::Space;
+use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 
-/// The scene of one plan.
+/// The scene of one plan; the next plan's is made of it.
 pub struct Scene {
     extent: Extent,
     pub volume: Volume,
     /// The robot's own voxel, by index of the volume.
     robot: usize,
     pub space: Space,
+    pub verdicts: Verdicts,
     pub targets: Vec<Target>,
     /// Frontier voxels that are no targets, by cause.
     pub left: FrontiersLeft,
@@ -26,25 +30,56 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// What is around a robot at `position` (m, world).
-    pub fn around(known: Known, position: Point3<f64>, memory: &Memory, settings: &Settings) -> Self {
+    /// What is around a robot at `position` (m, world), made of the scene `before` if there was one: since then the map has
+    /// changed in the bricks `changed`, and nowhere else.
+    pub fn around(
+        known: Known,
+        position: Point3<f64>,
+        (before, changed): (Option<Self>, &BTreeSet<Voxel>),
+        memory: &Memory,
+        settings: &Settings,
+    ) -> Self {
         let grid = known.grid;
         let robot = Voxel::containing(position, grid.resolution());
         let margin = settings.clearance.reach().max(2);
         let extent = Extent::of(grid, robot, margin, settings.max_voxels);
-        let volume = Volume::between(grid, (extent.min, extent.max), margin);
-        let robot = volume.index(robot).unwrap_or_default();
-        let space = Space::around(&volume, robot, &settings.clearance, memory.trail(), false);
-        let (targets, left) = (Vec::new(), FrontiersLeft::default());
-        let mut scene = Self { extent, volume, robot, space, targets, left, beyond: 0 };
+        let mut scene = match before.filter(|scene| scene.extent.is_box_of(&extent)) {
+            Some(scene) => Self { extent, ..scene }.follow(known, robot, changed, memory),
+            None => Self::anew(extent, known, robot, memory, settings),
+        };
         scene.sort_out(known, memory, settings);
         scene
     }
 
-    /// The same for a robot that first gets out of the corner that it stands in.
-    pub fn back_off(&mut self, known: Known, memory: &Memory, settings: &Settings) {
-        self.space = Space::around(&self.volume, self.robot, &settings.clearance, memory.trail(), true);
-        self.sort_out(known, memory, settings);
+    fn anew(extent: Extent, known: Known, robot: Voxel, memory: &Memory, settings: &Settings) -> Self {
+        let margin = settings.clearance.reach().max(2);
+        let volume = Volume::between(known.grid, (extent.min, extent.max), margin);
+        let robot = volume.index(robot).unwrap_or_default();
+        let space = Space::around(&volume, robot, &settings.clearance, memory.trail());
+        let verdicts = Verdicts::new(&volume);
+        let (targets, left) = (Vec::new(), FrontiersLeft::default());
+        Self { extent, volume, robot, space, verdicts, targets, left, beyond: 0 }
+    }
+
+    fn follow(mut self, known: Known, robot: Voxel, changed: &BTreeSet<Voxel>, memory: &Memory) -> Self {
+        let mut turned = Vec::new();
+        changed.iter().for_each(|brick| self.volume.follow(known.grid, *brick, |i| turned.push(i)));
+        self.robot = self.volume.index(robot).unwrap_or_default();
+        let mut changed = turned.clone();
+        self.space.follow(&self.volume, self.robot, &turned, memory.trail(), &mut |i| changed.push(i));
+        self.verdicts.hear_of(&self.volume, changed);
+        self
+    }
+
+    /// The same for a robot that first gets out of the corner that it stands in; answers whether it stands in one.
+    pub fn back_off(&mut self, known: Known, memory: &Memory, settings: &Settings) -> bool {
+        let mut changed = Vec::new();
+        let moved = self.space.back_off(&self.volume, &mut |i| changed.push(i));
+        if moved {
+            self.verdicts.hear_of(&self.volume, changed);
+            self.sort_out(known, memory, settings);
+        }
+        moved
     }
 
     /// The robot's own voxel.
@@ -59,7 +94,7 @@ impl Scene {
 
     /// Sorts the frontier into targets and what is left out, by cause.
     fn sort_out(&mut self, known: Known, memory: &Memory, settings: &Settings) {
-        let reached = |v: &Voxel| self.volume.index(*v).is_some_and(|i| self.space.component[i]);
+        let reached = |v: &Voxel| self.volume.index(*v).is_some_and(|i| self.space.component.contains(i));
         let (connected, apart): (Vec<Voxel>, Vec<Voxel>) = known.frontier.iter().partition(reached);
         let beyond = apart.iter().filter(|v| self.extent.leaves_out(**v)).count();
         let (large, small) = by_cluster_size(connected, settings.min_frontier);
@@ -71,6 +106,7 @@ impl Scene {
         let (near, far) = nearest(open, self.volume.voxel(self.space.start()), settings.max_targets);
         let target = |voxel| Target::new(known, voxel, memory.tried(voxel).to_vec());
         self.targets = near.into_iter().map(target).collect();
+        self.verdicts.forget_all_but(&self.targets);
         self.beyond = (beyond + far) as u64;
         self.left = FrontiersLeft {
             unreachable: (apart.len() - beyond) as u64,
@@ -98,7 +134,7 @@ fn by_cluster_size(voxels: Vec<Voxel>, min: usize) -> (Vec<Voxel>, usize) {
     if min <= 1 {
         return (voxels, 0);
     }
-    let mut open: std::collections::BTreeSet<Voxel> = voxels.iter().copied().collect();
+    let mut open: BTreeSet<Voxel> = voxels.iter().copied().collect();
     let (mut large, mut small) = (Vec::new(), 0);
     while let Some(first) = open.pop_first() {
         let mut cluster = vec![first];

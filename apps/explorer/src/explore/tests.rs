@@ -84,23 +84,24 @@ fn run(strategy: Box<dyn Strategy>, settings: Settings) -> Run {
 /// The same, with another explorer from the plan on for which `successor` has one; all begin with nothing but memory.
 fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) -> Run {
     explorer.hear_of_camera(&camera());
-    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
-    let look = |pose: &Pose, frontier: &mut FrontierSet, grid: &mut OccupancyGrid| {
+    let mut grid = OccupancyGrid::new(RESOLUTION);
+    let look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid| {
         let changed = scan(grid, pose);
         grid.advance(&changed);
-        frontier.update(grid, &changed);
+        explorer.hear_of_map(grid, &changed);
     };
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
-    look(&start, &mut frontier, &mut grid);
+    look(&start, &mut explorer, &mut grid);
     let mut poses = vec![start];
     let (mut length_m, mut outcome) = (0.0, Outcome::First);
     for id in 1.. {
         let pose = poses[poses.len() - 1];
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
-        let plan = explorer.plan(&grid, &frontier, &request);
+        let plan = explorer.plan(&grid, &request);
         if let Some(mut next) = successor(id) {
             next.succeed(&explorer.memory(&plan));
             next.hear_of_camera(&camera());
+            next.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
             explorer = next;
         }
         let Decision::Go(path) = plan.decision else { break };
@@ -110,22 +111,22 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
             length_m += (pair[1] - pair[0]).norm();
         }
         assert_eq!(path.points[0], pose.position());
-        assert!(frontier.contains(path.target) && !path.looks.is_empty());
+        assert!(explorer.frontier().contains(path.target) && !path.looks.is_empty());
         for pose in path.looks {
-            if !frontier.contains(path.target) {
+            if !explorer.frontier().contains(path.target) {
                 break;
             }
-            look(&pose, &mut frontier, &mut grid);
+            look(&pose, &mut explorer, &mut grid);
             poses.push(pose);
         }
-        outcome = if frontier.contains(path.target) { Outcome::Unresolved } else { Outcome::Resolved };
+        outcome = if explorer.frontier().contains(path.target) { Outcome::Unresolved } else { Outcome::Resolved };
     }
     let report = explorer.report().unwrap().clone();
     Run { report, grid, poses, length_m }
 }
 
 fn potential(start: Start) -> Box<dyn Strategy> {
-    Box::new(Potential { start, solver: Solver::Multigrid, tolerance: 1e-6 })
+    Box::new(Potential::new(start, Solver::Multigrid, 1e-6))
 }
 
 fn free_voxels_in_the_rooms() -> usize {
@@ -189,15 +190,15 @@ fn blind_run(settings: Settings) -> (ExplorationReport, BTreeSet<Voxel>) {
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
     let mut targets = BTreeSet::new();
     explorer.hear_of_camera(&camera());
-    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let mut grid = OccupancyGrid::new(RESOLUTION);
     let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::x());
     let changed = scan(&mut grid, &pose);
-    frontier.update(&grid, &changed);
+    explorer.hear_of_map(&grid, &changed);
     for id in 1..1000 {
         grid.advance(&[]);
         let outcome = if id == 1 { Outcome::First } else { Outcome::Unresolved };
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
-        match explorer.plan(&grid, &frontier, &request).decision {
+        match explorer.plan(&grid, &request).decision {
             Decision::Go(path) => {
                 targets.insert(path.target);
                 pose = path.looks[0];
@@ -218,29 +219,29 @@ fn run_under_the_sky(deaf: bool) -> (ExplorationReport, u64) {
     let settings = Settings { max_scans: 600, ..settings(Policy::elk(0.4)) };
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings);
     explorer.hear_of_camera(&camera());
-    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let mut grid = OccupancyGrid::new(RESOLUTION);
     let mut rays = 0;
-    let mut look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid, frontier: &mut FrontierSet| {
+    let mut look = |pose: &Pose, explorer: &mut Explorer, grid: &mut OccupancyGrid| {
         let (changed, no_return) = scan_of(grid, pose, is_wall);
         grid.advance(&changed);
-        frontier.update(grid, &changed);
+        explorer.hear_of_map(grid, &changed);
         rays += no_return;
         explorer.hear_of_rays(if deaf { 0 } else { rays });
     };
     let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
-    look(&pose, &mut explorer, &mut grid, &mut frontier);
+    look(&pose, &mut explorer, &mut grid);
     let mut outcome = Outcome::First;
     for id in 1.. {
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
-        let Decision::Go(path) = explorer.plan(&grid, &frontier, &request).decision else { break };
+        let Decision::Go(path) = explorer.plan(&grid, &request).decision else { break };
         for next in &path.looks {
-            if !frontier.contains(path.target) {
+            if !explorer.frontier().contains(path.target) {
                 break;
             }
             pose = *next;
-            look(&pose, &mut explorer, &mut grid, &mut frontier);
+            look(&pose, &mut explorer, &mut grid);
         }
-        outcome = if frontier.contains(path.target) { Outcome::Unresolved } else { Outcome::Resolved };
+        outcome = if explorer.frontier().contains(path.target) { Outcome::Unresolved } else { Outcome::Resolved };
     }
     (explorer.report().unwrap().clone(), grid.revision())
 }
@@ -343,20 +344,20 @@ fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
     let patient = Settings { patience: u64::MAX, ..settings(Policy::elk(0.4)) };
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), patient);
     explorer.hear_of_camera(&camera());
-    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let mut grid = OccupancyGrid::new(RESOLUTION);
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     let changed = scan(&mut grid, &start);
     grid.advance(&changed);
-    frontier.update(&grid, &changed);
+    explorer.hear_of_map(&grid, &changed);
     let ahead = Vector3::new(0.1, 0.0, 0.0);
     let far = (0..MAX_CORNERS).map(|n| start.position() + ahead * if n % 2 == 0 { 1.0 } else { 3e6 }).collect();
     for points in [vec![start.position() + ahead, start.position()], far] {
-        let path = Path { points, target: frontier.iter().next().unwrap(), unknown: vec![], looks: vec![] };
+        let path = Path { points, target: explorer.frontier().iter().next().unwrap(), unknown: vec![], looks: vec![] };
         let left = fullest_memory(path);
         ExplorerMemory::check(&left).unwrap();
         explorer.succeed(&left);
         let request = PlanRequest { id: 2, pose: start, revision: grid.revision(), outcome: Outcome::Cut };
-        let plan = explorer.plan(&grid, &frontier, &request);
+        let plan = explorer.plan(&grid, &request);
         assert!(matches!(plan.decision, Decision::Go(_)));
         ExplorerMemory::check(&explorer.memory(&plan)).unwrap();
     }
@@ -366,10 +367,10 @@ fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
 #[test]
 fn where_the_map_has_no_voxels_there_is_no_trail() {
     let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
-    let (grid, frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let grid = OccupancyGrid::new(RESOLUTION);
     let pose = Pose::looking(Point3::new(9000.0, 0.0, 0.0), Vector3::x());
     let request = PlanRequest { id: 1, pose, revision: 0, outcome: Outcome::First };
-    let plan = explorer.plan(&grid, &frontier, &request);
+    let plan = explorer.plan(&grid, &request);
     let memory = explorer.memory(&plan);
     ExplorerMemory::check(&memory).unwrap();
     assert!(memory.trail.is_empty() && plan.decision == Decision::Done, "{plan:?}");
@@ -418,16 +419,16 @@ impl Strategy for Counting {
 fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
     let mut explorer = Explorer::new(Box::<Counting>::default(), settings(Policy::elk(0.4)));
     explorer.hear_of_camera(&camera());
-    let (mut grid, mut frontier) = (OccupancyGrid::new(RESOLUTION), explorer.frontier());
+    let mut grid = OccupancyGrid::new(RESOLUTION);
     let mut pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     // A robot that stands in a goal looks first, whatever its strategy.
     let (plan, candidates) = (1..)
         .find_map(|id| {
             let changed = scan(&mut grid, &pose);
             grid.advance(&changed);
-            frontier.update(&grid, &changed);
+            explorer.hear_of_map(&grid, &changed);
             let request = PlanRequest { id, pose, revision: grid.revision(), outcome: Outcome::First };
-            let plan = explorer.plan(&grid, &frontier, &request);
+            let plan = explorer.plan(&grid, &request);
             let Decision::Go(path) = &plan.decision else { panic!("{:?}", explorer.report()) };
             pose = path.looks[0];
             let candidates = explorer.take_candidates(&request, plan.revision)?;

@@ -10,7 +10,7 @@ use super::scene::Scene;
 
 /// Why no further plan is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
+pub enum StopReason {
     /// There is no goal left.
     Explored,
     /// It took more scans than it may.
@@ -23,7 +23,7 @@ pub enum End {
     Refused,
 }
 
-impl End {
+impl StopReason {
     /// Why a run that ended so has failed; `None`: it may be complete.
     fn failure(self, left: &FrontiersLeft, settings: &Settings) -> Option<String> {
         let Settings { max_scans, patience, .. } = settings;
@@ -53,9 +53,9 @@ pub struct Verdict {
 
 impl Verdict {
     /// Judges a run by how it ended, by the frontier that is left, and by the map.
-    pub fn of(end: End, left: &FrontiersLeft, scene: &Scene, grid: &OccupancyGrid, settings: &Settings) -> Self {
+    pub fn of(why: StopReason, left: &FrontiersLeft, scene: &Scene, grid: &OccupancyGrid, settings: &Settings) -> Self {
         let missed = || left_over(left, scene.beyond, grid.resolution(), settings);
-        let short = end.failure(left, settings);
+        let short = why.failure(left, settings).or_else(|| walled_in(scene.robot(), grid, left));
         let short = short.or_else(|| nothing_to_explore(scene.robot(), grid, settings.bounds)).or_else(missed);
         short.map_or_else(|| Self::explored(left, settings), |reason| Self { complete: false, reason })
     }
@@ -102,6 +102,18 @@ fn left_over(left: &FrontiersLeft, beyond: u64, resolution: f64, settings: &Sett
              the origin, or set a coarser Res",
             left.map_edge,
             reach(resolution)
+        )
+    })
+}
+
+/// Why a robot gets nowhere that stands where the map has an obstacle: in one that was saved, and is wrong there.
+fn walled_in(robot: Voxel, grid: &OccupancyGrid, left: &FrontiersLeft) -> Option<String> {
+    let place = shown(robot.center(grid.resolution()));
+    (grid.state(robot) == State::Occupied && left.unreachable > 0).then(|| {
+        format!(
+            "the robot at {place} m stands in what the map calls occupied, and {} frontier voxels are out of its reach: is its \
+             start right for the map that it began with (Map.From)?",
+            left.unreachable
         )
     })
 }
@@ -157,14 +169,17 @@ mod tests {
 
     /// Regression: a run that found no way to any goal was said to have lost its patience.
     #[test]
-    fn each_end_has_its_reason() {
+    fn each_stop_reason_is_said() {
         let settings = super::super::tests::settings(crate::Policy::elk(0.4));
         let left = FrontiersLeft { open: 7, ..FrontiersLeft::default() };
-        let said = |end: End| end.failure(&left, &settings).unwrap();
-        assert_eq!(End::Explored.failure(&left, &settings), None);
-        assert!(said(End::TooManyScans).contains("500 scans (MaxScans)") && said(End::NoProgress).contains("50 scans"));
-        assert!(said(End::Refused).contains("50 motions"));
-        let no_way = said(End::NoWay);
+        let said = |why: StopReason| why.failure(&left, &settings).unwrap();
+        assert_eq!(StopReason::Explored.failure(&left, &settings), None);
+        assert!(
+            said(StopReason::TooManyScans).contains("500 scans (MaxScans)")
+                && said(StopReason::NoProgress).contains("50 scans")
+        );
+        assert!(said(StopReason::Refused).contains("50 motions"));
+        let no_way = said(StopReason::NoWay);
         assert!(no_way.contains("no way") && no_way.contains("7 frontier voxels") && !no_way.contains("Patience"));
     }
 

@@ -4,10 +4,12 @@
 //! is then a row of [`TYPES`]. What happens with its route (how far it is followed, where scans are taken) is [`crate::policy`]'s business and the same
 //! for all strategies, so that their results can be compared.
 
+mod card;
 mod closest_frontier;
 mod potential;
 mod ways;
 
+pub use card::Card;
 pub use closest_frontier::ClosestFrontier;
 pub use potential::{Potential, Start};
 pub use ways::Ways;

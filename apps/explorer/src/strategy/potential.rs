@@ -1,10 +1,12 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
-use elk_field::{Cell, End, Field, Problem, ProblemError, Solver, solve_unless};
+use elk_bus::tell;
+use elk_field::{Cell, Convergence, Domain, Field, Problem, ProblemError, Solution, Solver, Termination, solve_unless};
 use elk_geometry::{Polyline, astar};
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
 
+use super::card::Card;
 use super::{Journal, Route, Strategy, View};
 use crate::app::{COMMON, app, param};
 
@@ -35,10 +37,10 @@ const PARAMS: &[ParamSpec] = &[
     ),
     param(
         "Solver",
-        Kind::Choice(&["multigrid", "jacobi", "thesis"]),
+        Kind::Choice(&["multigrid", "jacobi", "thesis", "gpu"]),
         "multigrid",
         "How Laplace's equation is solved: conjugate gradients preconditioned by multigrid or by the diagonal, or \
-         Gauss-Seidel as in the thesis.",
+         Gauss-Seidel as in the thesis; gpu: the first of them on a graphics card, where there is one.",
     ),
     param(
         "Tolerance",
@@ -62,7 +64,13 @@ fn potential(params: &Params) -> Potential {
         0.0 => solver.usual_tolerance(),
         tolerance => tolerance,
     };
-    Potential { start, solver, tolerance }
+    let card = (params.text("Solver") == "gpu").then(Card::open).and_then(|card| card.map_err(warn).ok());
+    Potential { card, ..Potential::new(start, solver, tolerance) }
+}
+
+/// Says why the CPU solves.
+fn warn(why: String) {
+    tell(format_args!("the field is solved by the CPU: {why}"));
 }
 
 /// Which streamline to follow.
@@ -83,6 +91,10 @@ pub struct Potential {
     pub solver: Solver,
     /// When the solver has done enough (see [`elk_field::solve`]).
     pub tolerance: f64,
+    /// A card that does what [`Solver::Multigrid`] would.
+    card: Option<Card>,
+    /// Multigrid's equations, as they were at the plan before.
+    domain: Domain,
 }
 
 impl Strategy for Potential {
@@ -95,6 +107,9 @@ impl Strategy for Potential {
             Start::Flux => "the streamline of largest flux",
             Start::Shortest => "the shortest of 26 streamlines",
         };
+        if let Some(card) = &self.card {
+            return format!("{start}; field by {}, residual {:e}", card.name(), self.tolerance);
+        }
         let solver = match self.solver {
             Solver::Multigrid => "multigrid-CG, residual",
             Solver::Jacobi => "Jacobi-CG, residual",
@@ -107,8 +122,7 @@ impl Strategy for Potential {
         // The volume has a margin of what is unknown, so this is one.
         let problem = problem(view).ok()?;
         let stopping = journal.is_to_stop;
-        let solve = || solve_unless(&problem, self.solver, self.tolerance, stopping);
-        let solution = journal.time("field", solve);
+        let solution = journal.time("field", || self.solve(&problem, stopping));
         if journal.is_to_stop() {
             return None;
         }
@@ -122,6 +136,35 @@ impl Strategy for Potential {
 }
 
 impl Potential {
+    /// One that has not planned yet, without a card.
+    pub fn new(start: Start, solver: Solver, tolerance: f64) -> Self {
+        Self { start, solver, tolerance, card: None, domain: Domain::new() }
+    }
+
+    /// By the card, if there is one that is large enough and does not fail; it is not asked again if not.
+    fn solve(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
+        if let Some(card) = &self.card {
+            match card.solve_unless(problem, self.tolerance, &stopping) {
+                Ok(solution) => return solution,
+                Err(why) => warn(why),
+            }
+            self.card = None;
+        }
+        self.solve_by_cpu(problem, stopping)
+    }
+
+    /// Multigrid keeps its equations from plan to plan, but not the field: the robot has moved, so that a start from the field
+    /// before takes more iterations than one from nothing, and a successor would come to other roundings.
+    fn solve_by_cpu(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
+        if self.solver != Solver::Multigrid {
+            return solve_unless(problem, self.solver, self.tolerance, stopping);
+        }
+        self.domain.update(problem);
+        self.domain.forget();
+        let Convergence { iterations, residual } = self.domain.solve(self.tolerance, stopping);
+        Solution { psi: self.domain.psi_of(problem.region()), iterations, residual }
+    }
+
     fn follow(&self, view: &View<'_>, field: &Field<'_>, stalls: &mut u64) -> Option<Route> {
         let seeds = match self.start {
             Start::Flux => largest_flux(view, field).into_iter().collect(),
@@ -192,9 +235,9 @@ fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, sta
     let mut points = vec![view.from];
     points.extend(line);
     let goal = match end {
-        End::Goal(goal) => goal,
-        End::TooLong => return None,
-        End::Stalled(at) => {
+        Termination::Goal(goal) => goal,
+        Termination::TooLong => return None,
+        Termination::Stalled(at) => {
             *stalls += 1;
             let way = rescue(view, field, at)?;
             points.extend(way.iter().map(|i| view.volume.center(*i)));

@@ -5,17 +5,17 @@
 //! defined where both neighbours are missing, and moves ψ by up to 0.14; so a voxel here is the average of the
 //! neighbours that exist, which is the finite volume form of zero flux, symmetric and positive definite.
 //!
-//! [`solve`] does it by conjugate gradients with a geometric multigrid preconditioner ([`multigrid`]), or as the thesis
-//! does, by Gauss-Seidel sweeps until the largest relative change falls below ε ([`relaxation`]). That rule bounds no
+//! [`solve`] does it by conjugate gradients with a geometric multigrid preconditioner ([`crate::domain`]), with the
+//! diagonal, or as the thesis does, by Gauss-Seidel sweeps until the largest relative change falls below ε ([`relaxation`]). That rule bounds no
 //! error: on a late map it stops a quarter of the full range away from the solution, after a hundred times the work.
 
 mod conjugate_gradients;
-pub mod multigrid;
 pub mod operator;
 pub mod relaxation;
 
 use operator::Operator;
 
+use crate::domain::{Convergence, Domain};
 use crate::problem::Problem;
 
 /// How to solve it.
@@ -61,18 +61,25 @@ pub fn solve(problem: &Problem, solver: Solver, tolerance: f64) -> Solution {
 
 /// As [`solve`]; it is given up, and the field is none, once somebody is `stopping`.
 pub fn solve_unless(problem: &Problem, solver: Solver, tolerance: f64, stopping: impl Fn() -> bool) -> Solution {
+    match solver {
+        Solver::Multigrid => {
+            let mut domain = Domain::of(problem);
+            let Convergence { iterations, residual } = domain.solve(tolerance, stopping);
+            Solution { psi: domain.into_psi_of(problem.region()), iterations, residual }
+        }
+        Solver::Jacobi => on_the_box(problem, |operator, b| {
+            let divide = |r: &[f32], z: &mut [f32]| operator.divide_by_diagonal(r, z);
+            conjugate_gradients::solve(operator, b, tolerance, stopping, divide)
+        }),
+        Solver::Thesis => on_the_box(problem, |_, _| relaxation::gauss_seidel(problem, tolerance, stopping)),
+    }
+}
+
+/// A solution by a solver that works on the whole box.
+fn on_the_box(problem: &Problem, solve: impl FnOnce(&Operator, &[f32]) -> (Vec<f32>, usize)) -> Solution {
     let operator = Operator::of(problem);
     let b = operator::right_hand_side(problem);
-    let (mut psi, iterations) = match solver {
-        Solver::Thesis => relaxation::gauss_seidel(problem, tolerance, stopping),
-        Solver::Jacobi => conjugate_gradients::solve(&operator, &b, tolerance, stopping, |r, z| {
-            operator.divide_by_diagonal(r, z);
-        }),
-        Solver::Multigrid => {
-            let mut cycle = multigrid::Cycle::new(&operator);
-            conjugate_gradients::solve(&operator, &b, tolerance, stopping, |r, z| cycle.apply(r, z))
-        }
-    };
+    let (mut psi, iterations) = solve(&operator, &b);
     let residual = operator.relative_residual(&psi, &b);
     for (psi, fixed) in psi.iter_mut().zip(problem.cells().iter().map(|c| c.fixed())) {
         *psi = fixed.unwrap_or(*psi);

@@ -1,17 +1,8 @@
-//! The discrete Laplacian as a weighted graph on a box of cells, matrix-free.
+//! The discrete Laplacian on a box of cells, matrix-free.
 
 use crate::problem::{Cell, Problem};
 
-/// The weights between neighbours inside.
-#[derive(Debug, Clone)]
-pub enum Weights {
-    /// All 1.
-    Unit,
-    /// By axis and cell: to the next cell along x, y and z; 0 where either is outside.
-    Each([Vec<f32>; 3]),
-}
-
-/// `A` with `(Aψ)ᵢ = dᵢψᵢ − Σ wᵢⱼψⱼ` over the six neighbours, for the cells inside; zero for all others.
+/// `A` with `(Aψ)ᵢ = dᵢψᵢ − Σ ψⱼ` over the six neighbours, for the cells inside; zero for all others.
 ///
 /// Vectors cover the whole box and are zero outside, so a product is the same few instructions for every cell and the
 /// compiler turns rows of them into vector code.
@@ -19,9 +10,7 @@ pub enum Weights {
 pub struct Operator {
     /// Cells along x, y and z, a halo of one cell outside the domain included.
     pub dim: [usize; 3],
-    /// What cells are to each other.
-    pub weights: Weights,
-    /// Sum of the weights to all neighbours, those with fixed values included; 0 outside.
+    /// How many neighbours are in the domain, those with fixed values included; 0 outside.
     pub diagonal: Vec<f32>,
     /// 1 / diagonal; 0 outside.
     pub inverse: Vec<f32>,
@@ -40,13 +29,9 @@ impl Operator {
             neighbours.filter(exists).count() as f32
         };
         let diagonal = cells.iter().enumerate().map(|(i, c)| if *c == Cell::Inside { count(i) } else { 0.0 });
-        Self::new(problem.dim(), Weights::Unit, diagonal.collect())
-    }
-
-    /// An operator from its weights and its diagonal.
-    pub fn new(dim: [usize; 3], weights: Weights, diagonal: Vec<f32>) -> Self {
+        let (dim, diagonal) = (problem.dim(), diagonal.collect::<Vec<f32>>());
         let inverse = diagonal.iter().map(|d| if *d > 0.0 { 1.0 / d } else { 0.0 });
-        Self { dim, weights, inverse: inverse.collect(), rows: rows(dim, &diagonal), diagonal }
+        Self { dim, inverse: inverse.collect(), rows: rows(dim, &diagonal), diagonal }
     }
 
     /// Number of cells of the box.
@@ -65,10 +50,7 @@ impl Operator {
         let mut buffer = vec![0.0; self.dim[0]];
         for &(from, to) in &self.rows {
             let out = &mut buffer[..to - from];
-            match &self.weights {
-                Weights::Unit => self.unit_row(x, from, out),
-                Weights::Each(weights) => self.weighted_row(weights, x, from, out),
-            }
+            self.row(x, from, out);
             f(from, out);
         }
     }
@@ -76,7 +58,7 @@ impl Operator {
     /// All weights are 1. Cells outside have ψ = 0, so that only their own rows have to be left out.
     // A function of its own, so that the compiler knows `out` to overlap with nothing, and makes vector code of it.
     #[inline(never)]
-    fn unit_row(&self, x: &[f32], from: usize, out: &mut [f32]) {
+    fn row(&self, x: &[f32], from: usize, out: &mut [f32]) {
         let [_, sy, sz] = strides(self.dim);
         let n = out.len();
         let d = slice(&self.diagonal, from, n);
@@ -86,31 +68,6 @@ impl Operator {
         for i in 0..n {
             let ax = d[i] * xi[i] - (x0[i] + x1[i]) - (y0[i] + y1[i]) - (z0[i] + z1[i]);
             out[i] = if d[i] > 0.0 { ax } else { 0.0 };
-        }
-    }
-
-    #[inline(never)]
-    fn weighted_row(&self, weights: &[Vec<f32>; 3], x: &[f32], from: usize, out: &mut [f32]) {
-        let n = out.len();
-        let d = slice(&self.diagonal, from, n);
-        let xi = slice(x, from, n);
-        for i in 0..n {
-            out[i] = d[i] * xi[i];
-        }
-        for (w, s) in weights.iter().zip(strides(self.dim)) {
-            let (x0, x1) = (slice(x, from - s, n), slice(x, from + s, n));
-            let (w0, w1) = (slice(w, from - s, n), slice(w, from, n));
-            for i in 0..n {
-                out[i] -= w0[i] * x0[i] + w1[i] * x1[i];
-            }
-        }
-    }
-
-    /// Weight between a cell inside and the next one along `axis`.
-    pub fn weight(&self, cell: usize, axis: usize) -> f32 {
-        match &self.weights {
-            Weights::Unit => f32::from(u8::from(self.diagonal[cell + strides(self.dim)[axis]] > 0.0)),
-            Weights::Each(weights) => weights[axis][cell],
         }
     }
 
@@ -129,14 +86,6 @@ impl Operator {
         self.for_rows(x, |from, ax| {
             let n = ax.len();
             subtract(slice(b, from, n), ax, &mut r[from..from + n]);
-        });
-    }
-
-    /// `y = x + ω D⁻¹ (b − Ax)`: one damped Jacobi sweep.
-    pub fn relax(&self, x: &[f32], b: &[f32], omega: f32, y: &mut [f32]) {
-        self.for_rows(x, |from, ax| {
-            let row = |v| slice(v, from, ax.len());
-            relax_row(row(x), row(b), row(&self.inverse), ax, omega, &mut y[from..from + ax.len()]);
         });
     }
 
@@ -190,13 +139,6 @@ fn slice(v: &[f32], from: usize, n: usize) -> &[f32] {
 fn subtract(a: &[f32], b: &[f32], out: &mut [f32]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out = a - b;
-    }
-}
-
-#[inline(never)]
-fn relax_row(x: &[f32], b: &[f32], inverse: &[f32], ax: &[f32], omega: f32, y: &mut [f32]) {
-    for ((((y, x), b), i), ax) in y.iter_mut().zip(x).zip(b).zip(inverse).zip(ax) {
-        *y = x + omega * i * (b - ax);
     }
 }
 

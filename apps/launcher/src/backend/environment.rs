@@ -7,7 +7,7 @@ use elk_bus::launched::{COMMUNITY, NAME};
 use elk_bus::{Community, LEASE, SUCCEED};
 use elk_mission::{AppSpec, Program, Registry, Restart};
 
-use crate::run::place::RunPlace;
+use crate::run::files::RunFiles;
 
 /// The broker's name among the processes.
 pub(crate) const DB: &str = "db";
@@ -20,7 +20,7 @@ pub(crate) struct Environment {
     /// The program whose commands are run: elk itself.
     pub program: PathBuf,
     pub community: Community,
-    pub place: RunPlace,
+    pub files: RunFiles,
     pub registry: Registry,
     /// Whether they go on when the launcher is gone.
     pub detached: bool,
@@ -61,6 +61,6 @@ impl Environment {
 
     /// The text log of the broker or an app. Names of apps have a grammar (see `elk_mission`): none is a path.
     pub fn log_of(&self, name: &str) -> PathBuf {
-        self.place.folder.join(format!("{name}.log"))
+        self.files.folder.join(format!("{name}.log"))
     }
 }

@@ -67,7 +67,7 @@ pub(crate) trait Backend {
     }
 
     /// Ends what apps have started and left behind, once they have ended; waits a moment for those that do not listen.
-    fn end_strays(&mut self) {}
+    fn end_escaped(&mut self) {}
 
     /// Begins to end the apps, in the order in which nobody misses anybody.
     fn end_apps(&mut self);

@@ -19,7 +19,7 @@ use crate::control::{AppRow, Request};
 use crate::error::LaunchError;
 use crate::process::child::{Bond, Process};
 use crate::process::descendants::Descendants;
-use crate::process::strays::Run;
+use crate::process::escaped::RunId;
 use crate::process::usage::{Samples, Usage};
 use crate::reports::listener::Join;
 use crate::reports::observer::{Losses, News};
@@ -30,9 +30,9 @@ use crate::supervisor::{Action, BROKER, Exit, Role, STOP_PATIENCE, State, Superv
 /// How long a broker that is only to put things away may take to answer.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
 /// How long the end of a mission waits for processes that apps had started elsewhere: they have been killed long before.
-const STRAYS_PATIENCE: Duration = Duration::from_secs(10);
+const ESCAPED_PATIENCE: Duration = Duration::from_secs(10);
 /// How long nobody looks then whether there are more of them.
-const STRAYS_LOOK: Duration = Duration::from_millis(100);
+const ESCAPED_LOOK: Duration = Duration::from_millis(100);
 /// How often it is asked.
 const ASK_EVERY: Duration = Duration::from_millis(5);
 
@@ -42,7 +42,7 @@ pub(crate) struct Processes {
     mailbox_mb: u32,
     supervisor: Supervisor,
     /// The broker's, then those of the apps, in the supervisor's order.
-    posts: Vec<Post>,
+    slots: Vec<Slot>,
     /// Holders that were relieved and have until then to end.
     retiring: Vec<(Process, Duration)>,
     descendants: Descendants,
@@ -57,9 +57,9 @@ pub(crate) struct Processes {
     clock: Stopwatch,
 }
 
-/// A place that a process holds.
+/// An app, or the broker, and the processes that hold its name or are to hold it.
 #[derive(Default)]
-struct Post {
+struct Slot {
     /// `None`: the broker's.
     app: Option<AppSpec>,
     holder: Option<Process>,
@@ -71,19 +71,19 @@ struct Post {
 impl Processes {
     /// The backend of a mission. Nothing but the guard is started yet.
     pub fn new(mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
-        Self::of_run(Run::fresh()?, mission, environment)
+        Self::of_run(RunId::fresh()?, mission, environment)
     }
 
-    fn of_run(run: Run, mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
+    fn of_run(run: RunId, mission: &Mission, environment: Environment) -> Result<Self, LaunchError> {
         let descendants = Descendants::begin(run, &environment.program, &environment.community, environment.detached)?;
         let broker = UnitSpec { urgent: true, ..UnitSpec::new(DB, "", &mission.broker) };
         let units = mission.apps.iter().map(|app| UnitSpec::new(&app.name, &app.element, &app.policy));
-        let apps = mission.apps.iter().map(|app| Post { app: Some(app.clone()), ..Post::default() });
+        let apps = mission.apps.iter().map(|app| Slot { app: Some(app.clone()), ..Slot::default() });
         let mut all = Self {
             environment,
             mailbox_mb: mission.mailbox_mb,
             supervisor: Supervisor::new(broker, units),
-            posts: std::iter::once(Post::default()).chain(apps).collect(),
+            slots: std::iter::once(Slot::default()).chain(apps).collect(),
             retiring: Vec::new(),
             descendants,
             failed: None,
@@ -103,20 +103,20 @@ impl Processes {
     /// Takes over the processes that a launcher which is gone has left behind. Who has ended meanwhile is found by the
     /// next [`Backend::check`].
     pub fn adopt(mission: &Mission, environment: Environment, state: &LaunchState) -> Result<Self, LaunchError> {
-        let run = state.run.clone().map_or_else(Run::fresh, Ok)?;
+        let run = state.run.clone().map_or_else(RunId::fresh, Ok)?;
         let mut all = Self::of_run(run, mission, environment)?;
         all.descendants.adopt();
         let log = all.environment.log_of(DB);
         all.explorers.clone_from(&state.explorers);
-        all.posts[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log));
+        all.slots[BROKER].holder = state.broker.and_then(|broker| Process::adopt(broker, &log));
         all.supervisor.adopt(BROKER, State::Running, Duration::ZERO);
-        for (place, app) in (BROKER + 1..).zip(&state.apps) {
-            all.adopt_app(place, app);
+        for (index, app) in (BROKER + 1..).zip(&state.apps) {
+            all.adopt_app(index, app);
         }
         Ok(all)
     }
 
-    fn adopt_app(&mut self, place: usize, app: &AppState) {
+    fn adopt_app(&mut self, index: usize, app: &AppState) {
         let log = self.environment.log_of(&app.name);
         let adopt = |process: Option<ProcessId>| Process::adopt(process?, &log);
         // In the midst of a swap there may be two; who has the name goes on.
@@ -128,13 +128,13 @@ impl Processes {
             }
             (holder, successor) => holder.or(successor),
         };
-        let unit = &mut self.supervisor.units[place];
+        let unit = &mut self.supervisor.units[index];
         unit.restarts = app.restarts;
         unit.swaps = app.swaps;
         unit.last_exit.clone_from(&app.last_exit);
         let state = if app.idle && holder.is_none() { State::Stopped } else { State::Running };
-        self.posts[place].holder = holder;
-        self.supervisor.adopt(place, state, Duration::ZERO);
+        self.slots[index].holder = holder;
+        self.supervisor.adopt(index, state, Duration::ZERO);
     }
 
     fn now(&self) -> Duration {
@@ -159,11 +159,11 @@ impl Processes {
 
     fn reap(&mut self) {
         let now = self.now();
-        for place in 0..self.posts.len() {
+        for index in 0..self.slots.len() {
             for role in [Role::Holder, Role::Successor] {
-                let exit = self.reap_one(place, role);
+                let exit = self.reap_one(index, role);
                 if let Some(exit) = exit {
-                    self.supervisor.ended(place, role, exit, now);
+                    self.supervisor.ended(index, role, exit, now);
                     // What follows from one's end is done before the next one's is looked at.
                     self.act_all();
                 }
@@ -180,14 +180,14 @@ impl Processes {
             }
             !ended
         });
-        let processes = self.posts.iter().flat_map(Post::processes).map(Process::pid);
+        let processes = self.slots.iter().flat_map(Slot::processes).map(Process::pid);
         self.samples.take(now, processes);
         let apps = self.started();
         self.descendants.reap(now, &apps);
     }
 
     /// Sees who descends from whom before anybody ends: afterwards it cannot be told any more.
-    fn look_for_strays(&mut self) {
+    fn look_for_escaped(&mut self) {
         let (now, apps) = (self.now(), self.started());
         self.descendants.look_now(now, &apps);
     }
@@ -195,7 +195,7 @@ impl Processes {
     /// The processes that were started and not waited for.
     fn started(&self) -> Vec<Pid> {
         let retiring = self.retiring.iter().map(|(process, _)| process);
-        self.posts.iter().flat_map(Post::processes).chain(retiring).map(Process::pid).collect()
+        self.slots.iter().flat_map(Slot::processes).chain(retiring).map(Process::pid).collect()
     }
 
     fn act_all(&mut self) {
@@ -204,37 +204,37 @@ impl Processes {
         }
     }
 
-    fn reap_one(&mut self, place: usize, role: Role) -> Option<Exit> {
-        let post = &mut self.posts[place];
+    fn reap_one(&mut self, index: usize, role: Role) -> Option<Exit> {
+        let slot = &mut self.slots[index];
         let process = match role {
-            Role::Holder => &mut post.holder,
-            Role::Successor => &mut post.successor,
+            Role::Holder => &mut slot.holder,
+            Role::Successor => &mut slot.successor,
         };
         // Of whom there was word, and who was gone when it was read.
-        if process.is_none() && role == Role::Holder && self.supervisor.units[place].state == State::Running {
-            let fine = self.supervisor.units[place].spec.may_finish;
+        if process.is_none() && role == Role::Holder && self.supervisor.units[index].state == State::Running {
+            let fine = self.supervisor.units[index].spec.may_finish;
             return Some(Exit { how: "while there was no launcher".to_owned(), fine, ..Exit::default() });
         }
         let exit = process.as_mut()?.ended()?.clone();
         let process = process.take()?;
         self.descendants.ended(process.pid(), self.clock.elapsed());
         // Nobody knows how a stranger ended: that it did may be all right.
-        let fine = exit.fine || (process.is_adopted() && self.supervisor.units[place].spec.may_finish);
+        let fine = exit.fine || (process.is_adopted() && self.supervisor.units[index].spec.may_finish);
         Some(Exit { fine, ..exit })
     }
 
     fn act(&mut self, action: Action) {
         match action {
-            Action::Start(place, role) => {
-                if let Err(error) = self.start(place, role) {
+            Action::Start(index, role) => {
+                if let Err(error) = self.start(index, role) {
                     let now = self.now();
-                    self.supervisor.not_started(place, role, error, now);
+                    self.supervisor.not_started(index, role, error, now);
                 }
             }
-            Action::Ask(place) => self.posts[place].holder.iter().for_each(Process::ask),
-            Action::Kill(place) => self.posts[place].holder.iter().for_each(Process::kill),
-            Action::Discard(place) => self.discard(place),
-            Action::TakeOver(place) => self.take_over(place),
+            Action::Ask(index) => self.slots[index].holder.iter().for_each(Process::ask),
+            Action::Kill(index) => self.slots[index].holder.iter().for_each(Process::kill),
+            Action::Discard(index) => self.discard(index),
+            Action::TakeOver(index) => self.take_over(index),
             Action::Say(words) => self.sayings.push(words),
             Action::Tell(ticket, word) => self.words.push((ticket, word)),
             // The first failure is the one that explains the others.
@@ -242,11 +242,11 @@ impl Processes {
         }
     }
 
-    fn start(&mut self, place: usize, role: Role) -> Result<(), LaunchError> {
-        let post = &self.posts[place];
+    fn start(&mut self, index: usize, role: Role) -> Result<(), LaunchError> {
+        let slot = &self.slots[index];
         let app = match role {
-            Role::Holder => &post.app,
-            Role::Successor => &post.wanted,
+            Role::Holder => &slot.app,
+            Role::Successor => &slot.wanted,
         };
         let (name, mut command) = match app {
             None => (DB.to_owned(), self.environment.broker_command(self.mailbox_mb)),
@@ -256,10 +256,10 @@ impl Processes {
             command.env(SUCCEED, "1");
         }
         let process = self.spawn(&name, command)?;
-        let post = &mut self.posts[place];
+        let slot = &mut self.slots[index];
         match role {
-            Role::Holder => post.holder = Some(process),
-            Role::Successor => post.successor = Some(process),
+            Role::Holder => slot.holder = Some(process),
+            Role::Successor => slot.successor = Some(process),
         }
         Ok(())
     }
@@ -279,24 +279,24 @@ impl Processes {
         Ok(process)
     }
 
-    fn discard(&mut self, place: usize) {
-        let post = &mut self.posts[place];
-        post.wanted = None;
-        if let Some(mut successor) = post.successor.take() {
+    fn discard(&mut self, index: usize) {
+        let slot = &mut self.slots[index];
+        slot.wanted = None;
+        if let Some(mut successor) = slot.successor.take() {
             successor.kill_and_wait();
             self.descendants.forget(successor.pid());
         }
     }
 
-    fn take_over(&mut self, place: usize) {
+    fn take_over(&mut self, index: usize) {
         let until = self.now() + STOP_PATIENCE;
-        let post = &mut self.posts[place];
-        let successor = post.successor.take();
-        let relieved = std::mem::replace(&mut post.holder, successor);
+        let slot = &mut self.slots[index];
+        let successor = slot.successor.take();
+        let relieved = std::mem::replace(&mut slot.holder, successor);
         self.retiring.extend(relieved.map(|process| (process, until)));
-        if let Some(app) = post.wanted.take() {
+        if let Some(app) = slot.wanted.take() {
             self.note_explorer(&app);
-            self.posts[place].app = Some(app);
+            self.slots[index].app = Some(app);
         }
     }
 
@@ -311,35 +311,35 @@ impl Processes {
     }
 
     /// What an app is to be exchanged for, checked; and what is dropped of it.
-    fn exchange(&self, place: usize, wanted: &Exchange) -> Result<(AppSpec, Vec<String>), LaunchError> {
-        let Some(app) = &self.posts[place].app else { return Err(LaunchError::Stopped) };
-        let apps: Vec<AppSpec> = self.posts.iter().filter_map(|post| post.app.clone()).collect();
+    fn exchange(&self, index: usize, wanted: &Exchange) -> Result<(AppSpec, Vec<String>), LaunchError> {
+        let Some(app) = &self.slots[index].app else { return Err(LaunchError::Stopped) };
+        let apps: Vec<AppSpec> = self.slots.iter().filter_map(|slot| slot.app.clone()).collect();
         let mut exchanged = app.exchange_among(&apps, wanted, &self.environment.registry)?;
-        self.environment.place.settle(&mut exchanged.app)?;
+        self.environment.files.settle(&mut exchanged.app)?;
         Ok((exchanged.app, exchanged.dropped))
     }
 
-    fn swap(&mut self, ticket: Ticket, place: usize, wanted: &Exchange, limit: Duration) {
-        if let Some(refusal) = self.supervisor.refusal(place) {
+    fn swap(&mut self, ticket: Ticket, index: usize, wanted: &Exchange, limit: Duration) {
+        if let Some(refusal) = self.supervisor.refusal(index) {
             return self.words.push((ticket, Word::Failed(refusal)));
         }
-        match self.exchange(place, wanted) {
+        match self.exchange(index, wanted) {
             Err(error) => self.words.push((ticket, Word::Failed(error.to_string()))),
             Ok((app, dropped)) => {
                 if !dropped.is_empty() {
                     let said = format!("{} has no word for {}: dropped", app.type_name(), dropped.join(", "));
                     self.words.push((ticket, Word::Progress(said)));
                 }
-                self.posts[place].wanted = Some(app);
+                self.slots[index].wanted = Some(app);
                 let now = self.now();
-                self.supervisor.order_swap(ticket, place, limit, now);
+                self.supervisor.order_swap(ticket, index, limit, now);
             }
         }
     }
 
     /// Whether it ended in good order, as far as anybody can see.
     fn stop_this_broker(&mut self) -> bool {
-        let Some(mut broker) = self.posts[BROKER].holder.take() else { return false };
+        let Some(mut broker) = self.slots[BROKER].holder.take() else { return false };
         let (adopted, log) = (broker.is_adopted(), broker.log.display().to_string());
         let (exit, killed) = broker.stop(STOP_PATIENCE);
         let fine = adopted || exit.is_some_and(|exit| exit.fine);
@@ -360,7 +360,7 @@ impl Processes {
             if Client::connect(&self.environment.community, crate::reports::NAME).is_ok() {
                 return true;
             }
-            if self.posts[BROKER].holder.as_mut().is_none_or(|broker| broker.ended().is_some()) {
+            if self.slots[BROKER].holder.as_mut().is_none_or(|broker| broker.ended().is_some()) {
                 return false;
             }
             std::thread::sleep(ASK_EVERY);
@@ -368,11 +368,11 @@ impl Processes {
         false
     }
 
-    fn row(&self, place: usize, losses: &Losses) -> AppRow {
-        let (post, unit, now) = (&self.posts[place], &self.supervisor.units[place], self.now());
-        let pid = post.holder.as_ref().map(Process::pid);
+    fn row(&self, index: usize, losses: &Losses) -> AppRow {
+        let (slot, unit, now) = (&self.slots[index], &self.supervisor.units[index], self.now());
+        let pid = slot.holder.as_ref().map(Process::pid);
         let usage = pid.and_then(Usage::of);
-        let type_name = post.app.as_ref().map_or("broker", AppSpec::type_name);
+        let type_name = slot.app.as_ref().map_or("broker", AppSpec::type_name);
         AppRow {
             name: unit.spec.name.clone(),
             element: unit.spec.element.clone(),
@@ -391,21 +391,21 @@ impl Processes {
         }
     }
 
-    fn note_app(&self, place: usize, state: &mut AppState) {
-        let (post, unit) = (&self.posts[place], &self.supervisor.units[place]);
-        if let Some(app) = &post.app {
+    fn note_app(&self, index: usize, state: &mut AppState) {
+        let (slot, unit) = (&self.slots[index], &self.supervisor.units[index]);
+        if let Some(app) = &slot.app {
             *state = AppState::of(app);
         }
         state.idle = matches!(unit.state, State::Idle | State::Stopping { .. } | State::Stopped | State::Over);
-        state.process = post.holder.as_ref().and_then(Process::id);
-        state.successor = post.successor.as_ref().and_then(Process::id);
+        state.process = slot.holder.as_ref().and_then(Process::id);
+        state.successor = slot.successor.as_ref().and_then(Process::id);
         state.restarts = unit.restarts;
         state.swaps = unit.swaps;
         state.last_exit.clone_from(&unit.last_exit);
     }
 }
 
-impl Post {
+impl Slot {
     fn processes(&self) -> impl Iterator<Item = &Process> {
         self.holder.iter().chain(&self.successor)
     }
@@ -426,9 +426,9 @@ impl Backend for Processes {
 
     fn start_apps(&mut self, which: &dyn Fn(&str) -> bool) -> Result<(), LaunchError> {
         let now = self.now();
-        for place in BROKER + 1..self.posts.len() {
-            if which(&self.supervisor.units[place].spec.element) {
-                self.supervisor.start(place, now);
+        for index in BROKER + 1..self.slots.len() {
+            if which(&self.supervisor.units[index].spec.element) {
+                self.supervisor.start(index, now);
             }
         }
         self.check("before it registered")
@@ -467,7 +467,7 @@ impl Backend for Processes {
 
     fn watch<'a>(&'a self, watched: &mut Vec<PollFd<'a>>) {
         let retiring = self.retiring.iter().map(|(process, _)| process);
-        let all = self.posts.iter().flat_map(Post::processes).chain(retiring);
+        let all = self.slots.iter().flat_map(Slot::processes).chain(retiring);
         watched.extend(all.map(|process| PollFd::from_borrowed_fd(process.handle(), PollFlags::IN)));
     }
 
@@ -484,20 +484,20 @@ impl Backend for Processes {
         let (Request::Stop { app } | Request::Start { app, .. } | Request::Swap { app, .. }) = &order else {
             return;
         };
-        let Some(place) = self.supervisor.place(app) else {
+        let Some(index) = self.supervisor.index_of(app) else {
             let known: Vec<&str> = self.supervisor.units[1..].iter().map(|unit| unit.spec.name.as_str()).collect();
             let right = instead(app, &known);
             return self.words.push((ticket, Word::Failed(format!("the mission has no app {app}; {right}"))));
         };
         let now = self.now();
         match order {
-            Request::Stop { .. } => self.supervisor.order_stop(ticket, place, now),
+            Request::Stop { .. } => self.supervisor.order_stop(ticket, index, now),
             Request::Start { limit_secs, .. } => {
-                self.supervisor.order_start(ticket, place, time::duration(limit_secs), now);
+                self.supervisor.order_start(ticket, index, time::duration(limit_secs), now);
             }
             Request::Swap { type_name, exec, params, folder, limit_secs, .. } => {
                 let wanted = Exchange { type_name, exec, params, folder };
-                self.swap(ticket, place, &wanted, time::duration(limit_secs));
+                self.swap(ticket, index, &wanted, time::duration(limit_secs));
             }
             Request::Apps | Request::Pause | Request::Resume | Request::Step | Request::Leave => {}
         }
@@ -509,15 +509,15 @@ impl Backend for Processes {
     }
 
     fn rows(&mut self, losses: &Losses) -> Vec<AppRow> {
-        (0..self.posts.len()).map(|place| self.row(place, losses)).collect()
+        (0..self.slots.len()).map(|index| self.row(index, losses)).collect()
     }
 
     fn note_state(&self, state: &mut LaunchState) -> bool {
-        state.broker = self.posts[BROKER].holder.as_ref().and_then(Process::id);
+        state.broker = self.slots[BROKER].holder.as_ref().and_then(Process::id);
         state.run = Some(self.descendants.run().clone());
         state.explorers.clone_from(&self.explorers);
-        for (place, app) in (BROKER + 1..).zip(&mut state.apps) {
-            self.note_app(place, app);
+        for (index, app) in (BROKER + 1..).zip(&mut state.apps) {
+            self.note_app(index, app);
         }
         self.environment.detached
     }
@@ -536,7 +536,7 @@ impl Backend for Processes {
     }
 
     fn end_apps(&mut self) {
-        self.look_for_strays();
+        self.look_for_escaped();
         let now = self.now();
         self.supervisor.end(now);
         self.work();
@@ -546,18 +546,18 @@ impl Backend for Processes {
         self.supervisor.all_ended() && self.retiring.is_empty()
     }
 
-    fn end_strays(&mut self) {
+    fn end_escaped(&mut self) {
         let clock = Stopwatch::start();
         loop {
-            // Whoever was the child of one that has ended just now is an orphan.
-            self.look_for_strays();
-            if self.descendants.end_strays(self.now()) {
+            // The children of one that has ended just now are the launcher's.
+            self.look_for_escaped();
+            if self.descendants.end_escaped(self.now()) {
                 return;
             }
-            if clock.elapsed() > STRAYS_PATIENCE {
+            if clock.elapsed() > ESCAPED_PATIENCE {
                 return self.sayings.push("processes that apps had started elsewhere could not be ended".to_owned());
             }
-            self.descendants.wait(self.now(), STRAYS_LOOK);
+            self.descendants.wait(self.now(), ESCAPED_LOOK);
         }
     }
 
@@ -575,16 +575,16 @@ impl Drop for Processes {
         if self.let_go {
             return;
         }
-        self.look_for_strays();
-        let posts = self.posts.iter_mut().rev();
-        for process in posts.flat_map(|post| post.successor.take().into_iter().chain(post.holder.take())) {
+        self.look_for_escaped();
+        let slots = self.slots.iter_mut().rev();
+        for process in slots.flat_map(|slot| slot.successor.take().into_iter().chain(slot.holder.take())) {
             let mut process = process;
             process.stop(STOP_PATIENCE);
         }
         for (process, _) in &mut self.retiring {
             process.stop(STOP_PATIENCE);
         }
-        self.end_strays();
+        self.end_escaped();
     }
 }
 

@@ -44,7 +44,7 @@ struct Started {
 impl Threads {
     /// The backend of a mission.
     pub fn new(community: &Community, mission: &Mission) -> Self {
-        let config = BrokerConfig::new(community.as_str()).with_mailboxes_of((mission.mailbox_mb as usize) << 20);
+        let config = BrokerConfig::new(community.as_str()).with_mailbox_bytes((mission.mailbox_mb as usize) << 20);
         let broker = MemoryBroker::new(config, Clock::new(1.0));
         let (community, apps) = (community.clone(), mission.apps.clone());
         let (started, sayings, words) = (Vec::new(), Vec::new(), Vec::new());

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
-use elk_bus::shm::door;
+use elk_bus::shm::abstract_socket;
 use elk_bus::{Community, Owner, own_user};
 
 use super::socket::{MAX_ANSWER, name};
@@ -70,7 +70,7 @@ pub fn ask(
         }
         _ => broken(error.to_string()),
     };
-    let mut stream = dial(community, patience)?;
+    let mut stream = connect(community, patience)?;
     let mut line = serde_json::to_vec(question).map_err(|error| broken(error.to_string()))?;
     line.push(b'\n');
     stream.write_all(&line).map_err(io)?;
@@ -88,12 +88,13 @@ pub fn ask(
     }
 }
 
-fn dial(community: &Community, patience: Duration) -> Result<UnixStream, AskError> {
+fn connect(community: &Community, patience: Duration) -> Result<UnixStream, AskError> {
     let broken = |error: std::io::Error| AskError::Broken { community: community.clone(), why: error.to_string() };
-    let stream = door::wait_at(&name(community), patience.min(PATIENCE)).map_err(|error| match error.kind() {
-        ErrorKind::WouldBlock => broken(error),
-        _ => AskError::NoLauncher(community.clone()),
-    })?;
+    let stream =
+        abstract_socket::connect(&name(community), patience.min(PATIENCE)).map_err(|error| match error.kind() {
+            ErrorKind::WouldBlock => broken(error),
+            _ => AskError::NoLauncher(community.clone()),
+        })?;
     let Owner { process, user } = Owner::at_other_end(&stream).map_err(broken)?;
     if user != own_user() {
         return Err(AskError::ForeignUser { community: community.clone(), process, user });

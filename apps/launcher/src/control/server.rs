@@ -6,7 +6,7 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
-use elk_bus::shm::door;
+use elk_bus::shm::abstract_socket;
 use elk_bus::{Community, Owner, own_user};
 use rustix::event::{PollFd, PollFlags};
 
@@ -59,7 +59,8 @@ impl Server {
         let address = address(community).map_err(failed)?;
         let listener = UnixListener::bind_addr(&address).map_err(|error| match error.kind() {
             ErrorKind::AddrInUse => {
-                let holder = door::knock(&name(community)).and_then(|stream| Owner::at_other_end(&stream)).ok();
+                let holder =
+                    abstract_socket::connect_now(&name(community)).and_then(|stream| Owner::at_other_end(&stream)).ok();
                 LaunchError::Launched { community: community.clone(), holder }
             }
             _ => failed(error),
@@ -279,11 +280,11 @@ mod tests {
         let community = community("crowded");
         let first = Server::listen(&community).unwrap();
         rustix::net::listen(&first.listener, 0).unwrap();
-        let _queue: Vec<_> = std::iter::from_fn(|| door::knock(&name(&community)).ok()).collect();
+        let _queue: Vec<_> = std::iter::from_fn(|| abstract_socket::connect_now(&name(&community)).ok()).collect();
         let error = Server::listen(&community).err().unwrap();
         assert!(error.to_string().contains("is launched already, by a launcher that takes nobody in: "), "{error}");
         let error = ask(&community, &Request::Pause, Duration::from_millis(50), |_| {}).unwrap_err().to_string();
-        assert!(error.contains("its door is full"), "{error}");
+        assert!(error.contains("its queue is full"), "{error}");
     }
 
     #[test]
@@ -310,11 +311,11 @@ mod tests {
     fn nonsense_is_refused_and_mutes_hold_nobody_up() {
         let community = community("nonsense");
         let server = Server::listen(&community).unwrap();
-        let dial = || UnixStream::connect_addr(&address(&community).unwrap()).unwrap();
-        let _mute = dial();
-        let mut odd = dial();
+        let connect = || UnixStream::connect_addr(&address(&community).unwrap()).unwrap();
+        let _mute = connect();
+        let mut odd = connect();
         odd.write_all(b"{\"command\":\"fly\"}\n").unwrap();
-        let mut endless = dial();
+        let mut endless = connect();
         endless.set_nonblocking(true).unwrap();
         let served = serve(server, 1);
         let mut said = String::new();

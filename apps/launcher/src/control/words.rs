@@ -22,7 +22,7 @@ pub enum Request {
         /// How long that may take (s).
         limit_secs: f64,
     },
-    /// Exchange an app for another one that takes its place.
+    /// Exchange an app for a successor.
     Swap {
         /// Its name.
         app: String,

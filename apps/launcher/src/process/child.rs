@@ -15,7 +15,7 @@ use crate::error::LaunchError;
 use crate::process::handle;
 use crate::supervisor::Exit;
 
-/// Lines of a dead app's log that its obituary quotes.
+/// Lines of an ended app's log that the message about its end quotes.
 const TAIL_LINES: usize = 5;
 /// How long the kernel may take to end a killed process.
 const KILL_PATIENCE: Duration = Duration::from_secs(5);
@@ -252,7 +252,7 @@ mod tests {
     const PATIENCE: Duration = Duration::from_secs(60);
 
     #[test]
-    fn an_obituary_says_how_and_quotes_the_log() {
+    fn the_message_about_an_end_says_how_and_quotes_the_log() {
         let (_folder, mut shell) = logged("seq 7; echo alas >&2; exit 3");
         assert!(shell.wait(PATIENCE));
         let exit = shell.ended().unwrap();
@@ -263,7 +263,7 @@ mod tests {
 
     /// Regression: the reason of a panic was driven out by the backtrace behind it, or by the word on how to get one.
     #[test]
-    fn an_obituary_quotes_a_panic_and_not_its_backtrace() {
+    fn the_message_about_an_end_quotes_a_panic_and_not_its_backtrace() {
         let frames = "stack backtrace:\n   0: one\n             at ./x.rs:1\n   1: two\n   2: three\n   3: four\n";
         let hints = ["run with `RUST_BACKTRACE=1` environment variable", "details are omitted, `RUST_BACKTRACE=full`"];
         for (frames, hint) in [("", hints[0]), (frames, hints[1])] {

@@ -10,34 +10,34 @@ use elk_bus::Community;
 use rustix::process::Pid;
 
 use crate::error::LaunchError;
+use crate::process::escaped::{EscapedProcesses, RunId, Sighting};
 use crate::process::guard::Guard;
-use crate::process::orphans::Mark;
-use crate::process::strays::{Run, Sight, Strays};
+use crate::process::leftovers::Mark;
 
 /// What is known of the descendants of one mission's processes.
 pub(crate) struct Descendants {
     /// What tells them from all others.
-    run: Run,
+    run: RunId,
     /// That of those who are to end with this launcher.
     mark: Option<Mark>,
     guard: Option<Guard>,
     /// What apps have started outside of their groups.
-    strays: Strays,
+    escaped: EscapedProcesses,
     /// Whether a launcher which is gone has begun the mission.
     adopted: bool,
 }
 
 impl Descendants {
-    /// Has orphans become this process' children, and starts the guard of those who are to end with this launcher, unless
-    /// they are `detached` from it. The guard is a command of `program`, elk itself.
-    pub fn begin(run: Run, program: &Path, community: &Community, detached: bool) -> Result<Self, LaunchError> {
+    /// Has orphaned processes become this one's children, and starts the guard of those who are to end with this
+    /// launcher, unless they are `detached` from it. The guard is a command of `program`, elk itself.
+    pub fn begin(run: RunId, program: &Path, community: &Community, detached: bool) -> Result<Self, LaunchError> {
         let guard = match detached {
             true => None,
             false => Some(Guard::start(program, &run)?),
         };
         let mark = Mark::own(community).filter(|_| !detached);
-        Strays::gather_orphans();
-        Ok(Self { run, mark, guard, strays: Strays::default(), adopted: false })
+        EscapedProcesses::become_subreaper();
+        Ok(Self { run, mark, guard, escaped: EscapedProcesses::default(), adopted: false })
     }
 
     /// They were begun by a launcher that is gone: what they have started since then has to be looked for.
@@ -46,7 +46,7 @@ impl Descendants {
     }
 
     /// What tells them from all others.
-    pub fn run(&self) -> &Run {
+    pub fn run(&self) -> &RunId {
         &self.run
     }
 
@@ -71,49 +71,49 @@ impl Descendants {
 
     /// A process has ended: what it had started elsewhere is to end, too.
     pub fn ended(&mut self, pid: Pid, now: Duration) {
-        self.strays.dismiss(Some(pid), now);
+        self.escaped.dismiss(Some(pid), now);
         self.forget(pid);
     }
 
     /// Sees who descends from `apps`, if it is time, and ends whose time has come.
     pub fn reap(&mut self, now: Duration, apps: &[Pid]) {
         let ours = self.with_guard(apps);
-        let mut sights = self.strays.look(now, apps, &ours);
-        sights.extend(self.strays.reap(now));
-        self.note(&sights);
+        let mut sightings = self.escaped.look(now, apps, &ours);
+        sightings.extend(self.escaped.reap(now));
+        self.note(&sightings);
     }
 
     /// Sees who descends from `apps`, at once.
     pub fn look_now(&mut self, now: Duration, apps: &[Pid]) {
         let ours = self.with_guard(apps);
-        let mut sights = self.strays.look_now(now, apps, &ours);
+        let mut sightings = self.escaped.look_now(now, apps, &ours);
         if self.adopted {
-            sights.extend(self.strays.look_for_lost(&self.run, apps, &ours));
+            sightings.extend(self.escaped.look_for_reparented(&self.run, apps, &ours));
         }
-        self.note(&sights);
+        self.note(&sightings);
     }
 
     /// Ends all that apps have started elsewhere; whether none is left.
-    pub fn end_strays(&mut self, now: Duration) -> bool {
-        self.strays.dismiss(None, now);
-        let sights = self.strays.reap(now);
-        self.note(&sights);
-        self.strays.is_empty()
+    pub fn end_escaped(&mut self, now: Duration) -> bool {
+        self.escaped.dismiss(None, now);
+        let sightings = self.escaped.reap(now);
+        self.note(&sightings);
+        self.escaped.is_empty()
     }
 
     /// When somebody is to be looked at next.
     pub fn deadline(&self) -> Option<Duration> {
-        self.strays.deadline()
+        self.escaped.deadline()
     }
 
     /// Waits for the end of one of them, `most` at most.
     pub fn wait(&self, now: Duration, most: Duration) {
-        self.strays.wait(now, most);
+        self.escaped.wait(now, most);
     }
 
-    fn note(&mut self, sights: &[Sight]) {
+    fn note(&mut self, sightings: &[Sighting]) {
         if let Some(guard) = &mut self.guard {
-            sights.iter().for_each(|sight| guard.note(sight));
+            sightings.iter().for_each(|sighting| guard.note(sighting));
         }
     }
 

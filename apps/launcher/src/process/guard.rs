@@ -16,7 +16,7 @@ use elk_bus::clock::Stopwatch;
 use rustix::process::{Pid, Signal, getppid, kill_process_group, parent_process_death_signal, test_kill_process_group};
 
 use crate::error::LaunchError;
-use crate::process::strays::{self, Run, Sight};
+use crate::process::escaped::{self, RunId, Sighting};
 
 /// How long groups may take to end before they are killed: two seconds after the launcher, nobody is left.
 const PATIENCE: Duration = Duration::from_millis(1500);
@@ -31,7 +31,7 @@ pub(crate) struct Guard {
 
 impl Guard {
     /// Starts the guard: `program guard`. By `run` it knows those of whom the launcher did not live to tell.
-    pub fn start(program: &Path, run: &Run) -> Result<Self, LaunchError> {
+    pub fn start(program: &Path, run: &RunId) -> Result<Self, LaunchError> {
         let mut command = Command::new(program);
         run.give(&mut command);
         command.arg("guard").stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
@@ -53,10 +53,10 @@ impl Guard {
     }
 
     /// From now on this process, which is of no group that is watched, ends with the launcher; or it has ended.
-    pub fn note(&mut self, sight: &Sight) {
-        let (what, id) = match sight {
-            Sight::Found(id) => ('>', id),
-            Sight::Lost(id) => ('<', id),
+    pub fn note(&mut self, sighting: &Sighting) {
+        let (what, id) = match sighting {
+            Sighting::Found(id) => ('>', id),
+            Sighting::Ended(id) => ('<', id),
         };
         if let (Some(pipe), Ok(id)) = (&mut self.pipe, serde_json::to_string(id)) {
             let _ = writeln!(pipe, "{what}{id}");
@@ -90,26 +90,26 @@ impl Drop for Guard {
 pub fn guard(launcher: impl BufRead) -> io::Result<()> {
     let mut watched = Watched::default();
     let read = watched.follow(launcher);
-    watched.end(Run::own().as_ref());
+    watched.end(RunId::own().as_ref());
     read
 }
 
-/// The guard's deputy: the broker of a mission that ends with its launcher. If launcher and guard are killed together, the
-/// kernel asks the broker to end, and nobody else is left who knows of the mission's processes.
-pub struct Deputy {
+/// The guard's standby is the broker of a mission that ends with its launcher. If launcher and guard are killed
+/// together, the kernel asks the broker to end, and nobody else is left who knows of the mission's processes.
+pub struct StandbyGuard {
     launcher: Option<Pid>,
-    run: Run,
+    run: RunId,
 }
 
-impl Deputy {
+impl StandbyGuard {
     /// `None`: this process does not end with a launcher.
     pub fn of_launcher() -> Option<Self> {
         parent_process_death_signal().ok().flatten()?;
-        Some(Self { launcher: getppid(), run: Run::own()? })
+        Some(Self { launcher: getppid(), run: RunId::own()? })
     }
 
     /// Ends what is left, if the launcher is gone, and its guard as well.
-    pub fn stand_in(self) {
+    pub fn take_over(self) {
         if getppid() != self.launcher && !self.run.processes().iter().any(is_guard) {
             Watched::default().end(Some(&self.run));
         }
@@ -126,13 +126,13 @@ fn is_guard(id: &ProcessId) -> bool {
 #[derive(Default)]
 pub(crate) struct Watched {
     groups: BTreeSet<i32>,
-    strays: HashSet<ProcessId>,
+    processes: HashSet<ProcessId>,
 }
 
 impl Watched {
     /// These, and nobody else.
     pub fn of(processes: impl IntoIterator<Item = ProcessId>) -> Self {
-        Self { strays: processes.into_iter().collect(), ..Self::default() }
+        Self { processes: processes.into_iter().collect(), ..Self::default() }
     }
 
     fn follow(&mut self, launcher: impl BufRead) -> io::Result<()> {
@@ -140,12 +140,12 @@ impl Watched {
             let line = line?;
             let Some((what, text)) = line.split_at_checked(1) else { continue };
             let group = || text.parse::<i32>().ok().filter(|group| *group > 1);
-            let stray = || serde_json::from_str(text).ok();
+            let process = || serde_json::from_str(text).ok();
             match what {
                 "+" => self.groups.extend(group()),
                 "-" => drop(group().map(|group| self.groups.remove(&group))),
-                ">" => self.strays.extend(stray()),
-                "<" => drop(stray().map(|stray: ProcessId| self.strays.remove(&stray))),
+                ">" => self.processes.extend(process()),
+                "<" => drop(process().map(|process: ProcessId| self.processes.remove(&process))),
                 _ => {}
             }
         }
@@ -153,21 +153,21 @@ impl Watched {
     }
 
     /// Ends them, and all processes of `run`.
-    pub fn end(&mut self, run: Option<&Run>) {
+    pub fn end(&mut self, run: Option<&RunId>) {
         let groups: Vec<Pid> = self.groups.iter().filter_map(|group| Pid::from_raw(*group)).collect();
         // Those that the launcher did not live to see.
-        self.strays.extend(run.map(Run::processes).unwrap_or_default());
+        self.processes.extend(run.map(RunId::processes).unwrap_or_default());
         let all = |signal| {
             for group in &groups {
                 // That it has gone meanwhile is no failure.
                 let _ = kill_process_group(*group, signal);
             }
-            self.strays.iter().for_each(|stray| strays::signal(stray, signal));
+            self.processes.iter().for_each(|process| escaped::signal(process, signal));
         };
         let clock = Stopwatch::start();
         all(Signal::TERM);
         let group_lives = |group: &Pid| test_kill_process_group(*group).is_ok();
-        let alive = || groups.iter().any(group_lives) || self.strays.iter().any(ProcessId::lives);
+        let alive = || groups.iter().any(group_lives) || self.processes.iter().any(ProcessId::lives);
         while alive() && clock.elapsed() < PATIENCE {
             std::thread::sleep(LOOK_EVERY);
         }

@@ -1,5 +1,5 @@
-//! The launcher's place on the bus, on a thread of its own: calls wait while there is no broker, and whoever starts the next
-//! broker must not be the one who waits.
+//! The launcher's client of the bus, on a thread of its own: calls wait while there is no broker, and whoever starts
+//! the next broker must not be the one who waits.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -54,7 +54,7 @@ impl Listener {
         let thread = std::thread::Builder::new()
             .name("bus".to_owned())
             .spawn(move || of_thread.run(join, &said))
-            .map_err(|source| system("no thread for the launcher's place on the bus", source))?;
+            .map_err(|source| system("no thread for the launcher's client of the bus", source))?;
         Ok(Self { shared, say: Some(say), thread: Some(thread) })
     }
 

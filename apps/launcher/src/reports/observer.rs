@@ -220,12 +220,12 @@ impl Observer {
     }
 
     /// Whether the map as it is now has been held against the true world, or nobody knows that.
-    pub fn judged(&self) -> bool {
+    pub fn is_evaluated(&self) -> bool {
         if self.sensor.as_ref().is_some_and(|report| report.contacts.is_none()) {
             return true;
         }
         let revision = self.map.as_ref().map_or(0, |map| map.revision);
-        self.accuracy.as_ref().is_some_and(|judged| judged.revision >= revision)
+        self.accuracy.as_ref().is_some_and(|report| report.revision >= revision)
     }
 
     /// What the sensor has said of the last scan.
@@ -293,12 +293,12 @@ fn drops(text: &str) -> BTreeMap<String, u64> {
 }
 
 /// Keeps what `mail` says, if it is of `key`.
-fn keep<T>(mail: &Mail<'_>, key: &Key<T>, place: &mut Option<T>) -> Result<(), DecodeError>
+fn keep<T>(mail: &Mail<'_>, key: &Key<T>, kept: &mut Option<T>) -> Result<(), DecodeError>
 where
     T: for<'a> Payload<View<'a> = T>,
 {
     if mail.is(key) {
-        *place = Some(mail.decode(key)?);
+        *kept = Some(mail.decode(key)?);
     }
     Ok(())
 }

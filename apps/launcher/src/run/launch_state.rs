@@ -12,7 +12,7 @@ use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, R
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
-use crate::process::strays::Run;
+use crate::process::escaped::RunId;
 
 /// The variable.
 pub(crate) const KEY: &str = "LAUNCH_STATE";
@@ -34,7 +34,7 @@ pub(crate) struct LaunchState {
     /// The run's folder.
     pub folder: PathBuf,
     /// By what the mission's processes are known, once there are any.
-    pub run: Option<Run>,
+    pub run: Option<RunId>,
     /// The mission's name, and the file that it was read from.
     name: String,
     file: PathBuf,
@@ -65,7 +65,7 @@ pub(crate) struct AppState {
     /// Whether it is stopped, or has ended well.
     pub idle: bool,
     pub process: Option<ProcessId>,
-    /// The process that is to take its place, in the midst of a swap.
+    /// Its successor, in the midst of a swap.
     pub successor: Option<ProcessId>,
     pub restarts: u32,
     pub swaps: u32,
@@ -104,7 +104,7 @@ impl LaunchState {
     /// Counts up, and answers the text to be said.
     ///
     /// # Errors
-    /// It cannot be put into words; nothing is better than an empty text, which would take the last one's place.
+    /// It cannot be put into words; nothing is better than an empty text, which would overwrite the last one.
     pub fn next_text(&mut self) -> Result<String, LaunchError> {
         self.number = self.number.saturating_add(1);
         let failed = |error: serde_json::Error| LaunchError::System {
@@ -236,7 +236,7 @@ impl AppState {
     fn spec(&self, policy: Policy, registry: &Registry) -> Result<AppSpec, LaunchError> {
         let said: BTreeSet<String> = self.settings.iter().map(|(name, _)| name.clone()).collect();
         let (exec, args) = self.exec.clone().unwrap_or_default();
-        let stranger = AppSpec {
+        let foreign = AppSpec {
             name: self.name.clone(),
             element: self.element.clone(),
             program: Program::Foreign { exec, args },
@@ -245,11 +245,11 @@ impl AppState {
             settings: self.settings.clone(),
         };
         match &self.type_name {
-            None => Ok(stranger),
-            // What was said of it makes it what it was, as if it took a stranger's place.
+            None => Ok(foreign),
+            // What was said of it makes it what it was, as if it had replaced a foreign one.
             Some(name) => {
                 let wanted = Exchange { type_name: Some(name.clone()), ..Exchange::default() };
-                Ok(stranger.exchange(&wanted, registry)?.app)
+                Ok(foreign.exchange(&wanted, registry)?.app)
             }
         }
     }

@@ -2,17 +2,17 @@
 //!
 //! | module | one idea |
 //! |---|---|
-//! | `place` | where a run is kept, and what its apps are told of that |
+//! | `files` | the files in which it is kept, and what its apps are told of them |
 //! | `launch_state` | what another launcher has to know to pick the mission up |
 //! | `provenance` | what a run was made of, so that it can be had again |
 //! | `summary`, `shortfall` | what it came to, and why nothing of what was seen came into the map |
 //! | `picture` | what it looks like, drawn by a process of its own |
 //! | `folder` | the folder itself |
 
+pub(crate) mod files;
 pub(crate) mod folder;
 pub(crate) mod launch_state;
 pub(crate) mod picture;
-pub(crate) mod place;
 pub(crate) mod provenance;
 pub(crate) mod shortfall;
 pub(crate) mod summary;

@@ -35,7 +35,7 @@ fn draw_by(command: Command, log: &Path, patience: Duration) -> Result<(), Strin
 mod tests {
     use super::*;
 
-    /// Regression: it ran for minutes after a stray point, and longer than its launcher.
+    /// Regression: it ran for minutes after an outlier, and longer than its launcher.
     #[test]
     fn what_is_not_drawn_in_time_is_ended_and_what_fails_says_why() {
         let folder = tempfile::tempdir().unwrap();

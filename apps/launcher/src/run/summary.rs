@@ -86,7 +86,7 @@ impl Summary {
     /// Sums up what was observed of a mission in which these `ran`; `ended` is why it ended before its time, if it did.
     pub(crate) fn of(mission: &Mission, observed: &Observer, ran: Ran, ended: Option<&LaunchError>) -> Self {
         let report = observed.exploration.as_ref();
-        let (complete, reason) = outcome(mission, observed, ended);
+        let (complete, reason) = completeness(mission, observed, ended);
         let progress = observed.progress.as_ref();
         let motion = observed.motion.as_ref();
         let (scans, path_length_m) = match (motion, progress) {
@@ -111,7 +111,7 @@ impl Summary {
             known_voxels: free + occupied,
             free_voxels: free,
             occupied_voxels: occupied,
-            accuracy: observed.accuracy.as_ref().filter(|judged| judged.voxels > 0).map(|judged| judged.accuracy),
+            accuracy: observed.accuracy.as_ref().filter(|report| report.voxels > 0).map(|report| report.accuracy),
             contacts: observed.contacts(),
             seconds: observed.seconds(),
             coverage: motion.map(|motion| motion.marks.clone()).unwrap_or_default(),
@@ -145,7 +145,7 @@ pub(crate) fn swapped(folder: &Path) -> Vec<String> {
 }
 
 /// Whether the mission is complete, and why it ended.
-fn outcome(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
+fn completeness(mission: &Mission, observed: &Observer, ended: Option<&LaunchError>) -> (bool, String) {
     let Some(report) = &observed.exploration else {
         let silent = || "the explorer did not say why it ended".to_owned();
         return (false, ended.map_or_else(silent, LaunchError::to_string));
@@ -240,9 +240,9 @@ impl fmt::Display for Summary {
         }
         let accuracy = self.accuracy.map(|share| format!("accuracy {:.2} %", 100.0 * share));
         let contacts = self.contacts.map(|count| format!("contacts {count}"));
-        let judged: Vec<String> = accuracy.into_iter().chain(contacts).collect();
-        if !judged.is_empty() {
-            writeln!(f, "  {}", judged.join(", "))?;
+        let figures: Vec<String> = accuracy.into_iter().chain(contacts).collect();
+        if !figures.is_empty() {
+            writeln!(f, "  {}", figures.join(", "))?;
         }
         if let Some(step) = &self.step {
             writeln!(f, "  a step: median {:.1} ms, 99 % within {:.1} ms", step.median_ms, step.p99_ms)?;

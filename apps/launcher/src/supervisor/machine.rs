@@ -33,7 +33,7 @@ const NO_APP: &str =
 #[derive(Debug)]
 pub(crate) struct Supervisor {
     pub units: Vec<Unit>,
-    /// What is done of the mission, for obituaries: `before the mission was over`.
+    /// How far the mission is, for messages about an app's end: `before the mission was over`.
     pub when: &'static str,
     actions: Vec<Action>,
     /// Who has yet to end, once the mission ends.
@@ -42,7 +42,7 @@ pub(crate) struct Supervisor {
     heard: Duration,
 }
 
-/// The broker's place.
+/// The broker's index.
 pub(crate) const BROKER: usize = 0;
 
 impl Supervisor {
@@ -57,8 +57,8 @@ impl Supervisor {
         std::mem::take(&mut self.actions)
     }
 
-    /// The place of the app or broker of this name.
-    pub fn place(&self, name: &str) -> Option<usize> {
+    /// The index of the app or broker of this name.
+    pub fn index_of(&self, name: &str) -> Option<usize> {
         self.units.iter().position(|unit| unit.spec.name == name)
     }
 
@@ -70,83 +70,83 @@ impl Supervisor {
         self.actions.extend(ticket.map(|ticket| Action::Tell(ticket, word)));
     }
 
-    fn enter(&mut self, place: usize, state: State, now: Duration) {
-        let unit = &mut self.units[place];
+    fn enter(&mut self, index: usize, state: State, now: Duration) {
+        let unit = &mut self.units[index];
         unit.state = state;
         unit.since = now;
         unit.sign = now;
     }
 
     /// Starts a unit for the first time.
-    pub fn start(&mut self, place: usize, now: Duration) {
-        self.enter(place, State::Starting, now);
-        self.actions.push(Action::Start(place, Role::Holder));
+    pub fn start(&mut self, index: usize, now: Duration) {
+        self.enter(index, State::Starting, now);
+        self.actions.push(Action::Start(index, Role::Holder));
     }
 
     /// A unit is taken over from a launcher that is gone.
-    pub fn adopt(&mut self, place: usize, state: State, now: Duration) {
-        self.enter(place, state, now);
-        self.units[place].registered = true;
+    pub fn adopt(&mut self, index: usize, state: State, now: Duration) {
+        self.enter(index, state, now);
+        self.units[index].registered = true;
     }
 
     /// A process could not be started.
-    pub fn not_started(&mut self, place: usize, role: Role, error: LaunchError, now: Duration) {
-        let unit = &self.units[place];
+    pub fn not_started(&mut self, index: usize, role: Role, error: LaunchError, now: Duration) {
+        let unit = &self.units[index];
         match role {
-            Role::Successor => self.fail_swap(place, error.to_string()),
+            Role::Successor => self.fail_swap(index, error.to_string()),
             Role::Holder if unit.registered || unit.order.is_some() => {
                 let exit = Exit { how: error.to_string(), ..Exit::default() };
-                self.holder_ended(place, exit, now);
+                self.holder_ended(index, exit, now);
             }
             Role::Holder => {
-                self.enter(place, State::Over, now);
+                self.enter(index, State::Over, now);
                 self.actions.push(Action::Fail(error));
             }
         }
     }
 
     /// A process has ended.
-    pub fn ended(&mut self, place: usize, role: Role, exit: Exit, now: Duration) {
+    pub fn ended(&mut self, index: usize, role: Role, exit: Exit, now: Duration) {
         match role {
-            Role::Holder => self.holder_ended(place, exit, now),
+            Role::Holder => self.holder_ended(index, exit, now),
             Role::Successor => {
-                let name = &self.units[place].spec.name;
+                let name = &self.units[index].spec.name;
                 let said = format!("the new {name} ended before it was ready: {}", quoted(&exit));
-                self.fail_swap(place, said);
+                self.fail_swap(index, said);
             }
         }
         self.end_next(now);
     }
 
-    fn holder_ended(&mut self, place: usize, mut exit: Exit, now: Duration) {
-        let unit = &mut self.units[place];
-        if let Some(doom) = unit.doom.take() {
-            exit = Exit { how: format!("killed, {doom}"), asked: false, ..exit };
+    fn holder_ended(&mut self, index: usize, mut exit: Exit, now: Duration) {
+        let unit = &mut self.units[index];
+        if let Some(kill_reason) = unit.kill_reason.take() {
+            exit = Exit { how: format!("killed, {kill_reason}"), asked: false, ..exit };
         }
         unit.last_exit = Some(exit.in_short());
         match (&unit.swap, unit.state) {
             (Some(Swap { phase: Phase::Coming | Phase::Ready { .. }, .. }), State::Running) => {
-                self.succeed(place, &exit, now);
+                self.succeed(index, &exit, now);
             }
-            (Some(_), _) => self.swapped_in_vain(place, exit, now),
-            (None, State::Stopping { .. }) => self.stopped(place, &exit, now),
-            (None, _) if self.ending.is_some() && place != BROKER => {
-                self.stopped(place, &Exit { asked: false, ..exit }, now);
+            (Some(_), _) => self.swapped_in_vain(index, exit, now),
+            (None, State::Stopping { .. }) => self.stopped(index, &exit, now),
+            (None, _) if self.ending.is_some() && index != BROKER => {
+                self.stopped(index, &Exit { asked: false, ..exit }, now);
             }
-            (None, _) if exit.fine && unit.spec.may_finish => self.finished(place, &exit, now),
+            (None, _) if exit.fine && unit.spec.may_finish => self.finished(index, &exit, now),
             (None, State::Starting) if unit.order.is_some() => {
                 let ticket = unit.order.take().map(|(ticket, _)| ticket);
                 let said = format!("{} ended before it registered: {}", unit.spec.name, quoted(&exit));
-                self.enter(place, State::Stopped, now);
+                self.enter(index, State::Stopped, now);
                 self.tell(ticket, Word::Failed(said));
             }
-            (None, _) => self.again_or_fail(place, exit, now),
+            (None, _) => self.again_or_fail(index, exit, now),
         }
     }
 
     /// An app that may end has. One that nobody has heard of until then was perhaps meant to do something.
-    fn finished(&mut self, place: usize, exit: &Exit, now: Duration) {
-        let Unit { registered, spec, .. } = &self.units[place];
+    fn finished(&mut self, index: usize, exit: &Exit, now: Duration) {
+        let Unit { registered, spec, .. } = &self.units[index];
         if !registered {
             let (name, log) = (&spec.name, exit.log.display());
             self.say(format!(
@@ -154,12 +154,12 @@ impl Supervisor {
                 exit.how
             ));
         }
-        self.enter(place, State::Over, now);
+        self.enter(index, State::Over, now);
     }
 
     /// The holder ended in the midst of a swap.
-    fn succeed(&mut self, place: usize, exit: &Exit, now: Duration) {
-        let unit = &self.units[place];
+    fn succeed(&mut self, index: usize, exit: &Exit, now: Duration) {
+        let unit = &self.units[index];
         let ready = unit.swap.as_ref().is_some_and(|swap| swap.phase != Phase::Coming);
         // One that left in good order may have been asked to by the broker: that word can be slower than its end.
         if !exit.fine {
@@ -167,39 +167,39 @@ impl Supervisor {
             self.say(said);
         }
         match ready {
-            true => self.take_over(place, now),
+            true => self.take_over(index, now),
             false => {
                 // Nobody has the name now: the new one simply joins, if it has not taken over already.
-                self.actions.push(Action::TakeOver(place));
-                self.enter(place, State::Starting, now);
+                self.actions.push(Action::TakeOver(index));
+                self.enter(index, State::Starting, now);
             }
         }
     }
 
     /// The successor had taken over, and ended before anything was heard of it.
-    fn swapped_in_vain(&mut self, place: usize, exit: Exit, now: Duration) {
-        let unit = &mut self.units[place];
+    fn swapped_in_vain(&mut self, index: usize, exit: Exit, now: Duration) {
+        let unit = &mut self.units[index];
         let ticket = unit.swap.take().map(|swap| swap.ticket);
         let said = format!("the new {} took over, and ended: {}", unit.spec.name, quoted(&exit));
         self.tell(ticket, Word::Failed(said));
-        self.again_or_fail(place, exit, now);
+        self.again_or_fail(index, exit, now);
     }
 
-    fn stopped(&mut self, place: usize, exit: &Exit, now: Duration) {
-        let unit = &mut self.units[place];
+    fn stopped(&mut self, index: usize, exit: &Exit, now: Duration) {
+        let unit = &mut self.units[index];
         let name = unit.spec.name.clone();
         let failed = unit.failing.take();
         let ticket = unit.order.take().map(|(ticket, _)| ticket);
-        self.enter(place, State::Stopped, now);
+        self.enter(index, State::Stopped, now);
         if !exit.fine && !exit.asked {
-            self.stopped_badly(place, exit.clone());
+            self.stopped_badly(index, exit.clone());
         }
         self.tell(ticket, failed.map_or_else(|| Word::Done(format!("{name} is stopped")), Word::Failed));
     }
 
     /// What an app of the mission does at its end is part of it: the map is written then.
-    fn stopped_badly(&mut self, place: usize, exit: Exit) {
-        let spec = &self.units[place].spec;
+    fn stopped_badly(&mut self, index: usize, exit: Exit) {
+        let spec = &self.units[index].spec;
         let (app, Exit { how, log, tail, .. }) = (spec.name.clone(), exit);
         match self.ending.is_some() && !spec.may_finish {
             true => self.actions.push(Action::Fail(LaunchError::Unfinished { app, how, log, tail })),
@@ -208,11 +208,11 @@ impl Supervisor {
     }
 
     /// Starts a unit again, later, or ends the mission.
-    fn again_or_fail(&mut self, place: usize, exit: Exit, now: Duration) {
-        if self.found_no_broker(place, &exit, now) {
+    fn again_or_fail(&mut self, index: usize, exit: Exit, now: Duration) {
+        if self.found_no_broker(index, &exit, now) {
             return;
         }
-        let unit = &mut self.units[place];
+        let unit = &mut self.units[index];
         let name = unit.spec.name.clone();
         let Some(delay) = unit.next_restart(&exit, now) else {
             let when = if unit.registered { self.when } else { "before it registered" };
@@ -220,7 +220,7 @@ impl Supervisor {
             let how = if unit.registered || !exit.fine { exit.how } else { format!("{}, {NO_APP}", exit.how) };
             let died = LaunchError::Died { app: name, when, how, log: exit.log, tail: exit.tail };
             let given_up = unit.may_restart_after(exit.fine).then(|| unit.limit_in_words());
-            self.enter(place, State::Over, now);
+            self.enter(index, State::Over, now);
             let failed = match given_up {
                 Some(limit) => LaunchError::GaveUp { limit, died: Box::new(died) },
                 None => died,
@@ -233,24 +233,24 @@ impl Supervisor {
             false => format!("it is started again in {} s", delay.as_secs_f64()),
         };
         self.say(format!("{name} ended: {}; {soon}", exit.in_short()));
-        self.enter(place, State::Waiting { until: now + delay }, now);
-        if place == BROKER {
+        self.enter(index, State::Waiting { until: now + delay }, now);
+        if index == BROKER {
             self.forgive(now);
         }
         self.tick(now);
     }
 
     /// An app that was to join while there was no broker is not to blame: whatever its policy, it tries again.
-    fn found_no_broker(&mut self, place: usize, exit: &Exit, now: Duration) -> bool {
+    fn found_no_broker(&mut self, index: usize, exit: &Exit, now: Duration) -> bool {
         let outage = self.units[BROKER].registered && self.units[BROKER].state != State::Running;
-        let innocent = place != BROKER && outage && self.units[place].state == State::Starting;
-        if innocent {
-            let name = &self.units[place].spec.name;
+        let excused = index != BROKER && outage && self.units[index].state == State::Starting;
+        if excused {
+            let name = &self.units[index].spec.name;
             let said = format!("{name} came while there was no broker ({}); it is started again", exit.how);
             self.say(said);
-            self.enter(place, State::Waiting { until: now + OUTAGE_PAUSE }, now);
+            self.enter(index, State::Waiting { until: now + OUTAGE_PAUSE }, now);
         }
-        innocent
+        excused
     }
 
     /// A broker's outage is nobody's fault but the broker's.
@@ -269,9 +269,9 @@ impl Supervisor {
         if self.units[BROKER].state == State::Starting {
             self.registered(BROKER, now);
         }
-        if let Some(place) = self.place(name).filter(|place| *place != BROKER) {
-            if self.units[place].state == State::Starting {
-                self.registered(place, now);
+        if let Some(index) = self.index_of(name).filter(|index| *index != BROKER) {
+            if self.units[index].state == State::Starting {
+                self.registered(index, now);
             }
             self.end_next(now);
         }
@@ -284,9 +284,9 @@ impl Supervisor {
         }
     }
 
-    fn registered(&mut self, place: usize, now: Duration) {
-        self.enter(place, State::Running, now);
-        let unit = &mut self.units[place];
+    fn registered(&mut self, index: usize, now: Duration) {
+        self.enter(index, State::Running, now);
+        let unit = &mut self.units[index];
         let again = std::mem::replace(&mut unit.registered, true);
         let name = unit.spec.name.clone();
         let ticket = unit.order.take().map(|(ticket, _)| ticket);
@@ -302,42 +302,42 @@ impl Supervisor {
 
     /// A successor has come up and waits.
     pub fn ready(&mut self, name: &str, now: Duration) {
-        let Some(place) = self.place(name) else { return };
-        let unit = &mut self.units[place];
+        let Some(index) = self.index_of(name) else { return };
+        let unit = &mut self.units[index];
         let state = unit.state;
         let Some(swap) = unit.swap.as_mut().filter(|swap| swap.phase == Phase::Coming) else { return };
         swap.phase = Phase::Ready { kill_at: now + RETIRE_PATIENCE };
         let ticket = swap.ticket;
         self.tell(Some(ticket), Word::Progress(format!("the new {name} is ready")));
-        // Whose place it takes may be gone already.
+        // Its predecessor may be gone already.
         if state == State::Starting {
-            self.registered(place, now);
+            self.registered(index, now);
         }
     }
 
     /// A successor has handled its first message, so many milliseconds after its predecessor's last one.
     pub fn handed_over(&mut self, name: &str, gap_ms: f64, now: Duration) {
-        let Some(place) = self.place(name) else { return };
-        match (self.units[place].swap.as_ref().map(|swap| swap.phase), self.units[place].state) {
+        let Some(index) = self.index_of(name) else { return };
+        match (self.units[index].swap.as_ref().map(|swap| swap.phase), self.units[index].state) {
             (None, _) => return,
             (Some(Phase::Taken { .. }), _) => {}
             // The holder's end was seen, and what came before it on the bus was not.
-            (Some(_), State::Starting) => self.registered(place, now),
-            (Some(_), _) => self.take_over(place, now),
+            (Some(_), State::Starting) => self.registered(index, now),
+            (Some(_), _) => self.take_over(index, now),
         }
-        self.finish_swap(place, Some(gap_ms), now);
+        self.finish_swap(index, Some(gap_ms), now);
     }
 
-    fn take_over(&mut self, place: usize, now: Duration) {
-        self.actions.push(Action::TakeOver(place));
-        self.enter(place, State::Running, now);
-        if let Some(swap) = &mut self.units[place].swap {
+    fn take_over(&mut self, index: usize, now: Duration) {
+        self.actions.push(Action::TakeOver(index));
+        self.enter(index, State::Running, now);
+        if let Some(swap) = &mut self.units[index].swap {
             swap.phase = Phase::Taken { until: now + GAP_PATIENCE };
         }
     }
 
-    fn finish_swap(&mut self, place: usize, gap_ms: Option<f64>, now: Duration) {
-        let unit = &mut self.units[place];
+    fn finish_swap(&mut self, index: usize, gap_ms: Option<f64>, now: Duration) {
+        let unit = &mut self.units[index];
         let Some(swap) = unit.swap.take() else { return };
         unit.swaps += 1;
         let name = unit.spec.name.clone();
@@ -351,9 +351,9 @@ impl Supervisor {
         self.tell(Some(swap.ticket), Word::Done(done));
     }
 
-    fn fail_swap(&mut self, place: usize, why: String) {
-        if let Some(swap) = self.units[place].swap.take() {
-            let said = format!("{why}\nnothing is changed: the old {} goes on", self.units[place].spec.name);
+    fn fail_swap(&mut self, index: usize, why: String) {
+        if let Some(swap) = self.units[index].swap.take() {
+            let said = format!("{why}\nnothing is changed: the old {} goes on", self.units[index].spec.name);
             self.tell(Some(swap.ticket), Word::Failed(said));
         }
     }
@@ -364,67 +364,67 @@ impl Supervisor {
             self.forgive(now);
         }
         self.heard = now;
-        if let Some(place) = self.place(name) {
-            self.units[place].sign = now;
+        if let Some(index) = self.index_of(name) {
+            self.units[index].sign = now;
         }
     }
 
     /// An order: start an app that is stopped.
-    pub fn order_start(&mut self, ticket: Ticket, place: usize, limit: Duration, now: Duration) {
-        let (name, state) = (self.units[place].spec.name.clone(), self.units[place].state);
-        if let Some(refusal) = self.refusal(place) {
+    pub fn order_start(&mut self, ticket: Ticket, index: usize, limit: Duration, now: Duration) {
+        let (name, state) = (self.units[index].spec.name.clone(), self.units[index].state);
+        if let Some(refusal) = self.refusal(index) {
             return self.tell(Some(ticket), Word::Failed(refusal));
         }
         match state {
             State::Stopped | State::Over => {
-                self.units[place].order = Some((ticket, now.saturating_add(limit)));
-                self.start(place, now);
+                self.units[index].order = Some((ticket, now.saturating_add(limit)));
+                self.start(index, now);
             }
             other => self.tell(Some(ticket), Word::Failed(format!("{name} is {}, not stopped", other.word()))),
         }
     }
 
     /// An order: stop an app that runs.
-    pub fn order_stop(&mut self, ticket: Ticket, place: usize, now: Duration) {
-        let (name, state) = (self.units[place].spec.name.clone(), self.units[place].state);
-        if let Some(refusal) = self.refusal(place) {
+    pub fn order_stop(&mut self, ticket: Ticket, index: usize, now: Duration) {
+        let (name, state) = (self.units[index].spec.name.clone(), self.units[index].state);
+        if let Some(refusal) = self.refusal(index) {
             return self.tell(Some(ticket), Word::Failed(refusal));
         }
         match state {
             State::Waiting { .. } => {
-                self.enter(place, State::Stopped, now);
+                self.enter(index, State::Stopped, now);
                 self.tell(Some(ticket), Word::Done(format!("{name} is stopped; it had ended before")));
             }
             State::Running | State::Starting => {
-                self.units[place].order = Some((ticket, Duration::MAX));
-                self.ask(place, now);
+                self.units[index].order = Some((ticket, Duration::MAX));
+                self.ask(index, now);
             }
             other => self.tell(Some(ticket), Word::Failed(format!("{name} is {} already", other.word()))),
         }
     }
 
     /// An order: exchange an app for what its successor's process will be.
-    pub fn order_swap(&mut self, ticket: Ticket, place: usize, limit: Duration, now: Duration) {
-        let (name, state) = (self.units[place].spec.name.clone(), self.units[place].state);
-        if let Some(refusal) = self.refusal(place) {
+    pub fn order_swap(&mut self, ticket: Ticket, index: usize, limit: Duration, now: Duration) {
+        let (name, state) = (self.units[index].spec.name.clone(), self.units[index].state);
+        if let Some(refusal) = self.refusal(index) {
             return self.tell(Some(ticket), Word::Failed(refusal));
         }
         if state != State::Running {
             let said = format!("{name} is {}: only an app that runs can be swapped", state.word());
             return self.tell(Some(ticket), Word::Failed(said));
         }
-        self.units[place].swap = Some(Swap { ticket, began: now, limit, phase: Phase::Coming });
-        self.actions.push(Action::Start(place, Role::Successor));
+        self.units[index].swap = Some(Swap { ticket, began: now, limit, phase: Phase::Coming });
+        self.actions.push(Action::Start(index, Role::Successor));
     }
 
     /// Why no order can be taken for an app now.
-    pub fn refusal(&self, place: usize) -> Option<String> {
-        let unit = &self.units[place];
+    pub fn refusal(&self, index: usize) -> Option<String> {
+        let unit = &self.units[index];
         let name = &unit.spec.name;
         if self.ending.is_some() {
             return Some("the mission is ending".to_owned());
         }
-        if place == BROKER {
+        if index == BROKER {
             return Some(format!(
                 "{name} is the broker: without it there is no mission; Ctrl-C at the launcher ends it"
             ));
@@ -435,9 +435,9 @@ impl Supervisor {
         unit.order.map(|_| format!("{name} is {} by another command", unit.state.word()))
     }
 
-    fn ask(&mut self, place: usize, now: Duration) {
-        self.enter(place, State::Stopping { kill_at: now + STOP_PATIENCE }, now);
-        self.actions.push(Action::Ask(place));
+    fn ask(&mut self, index: usize, now: Duration) {
+        self.enter(index, State::Stopping { kill_at: now + STOP_PATIENCE }, now);
+        self.actions.push(Action::Ask(index));
     }
 
     /// When [`Supervisor::tick`] has something to do at the latest.
@@ -448,41 +448,43 @@ impl Supervisor {
     /// Time passes.
     pub fn tick(&mut self, now: Duration) {
         let hearing = now.saturating_sub(self.heard) <= DEAF_AFTER;
-        for place in 0..self.units.len() {
-            self.tick_state(place, now);
-            self.tick_swap(place, now);
+        for index in 0..self.units.len() {
+            self.tick_state(index, now);
+            self.tick_swap(index, now);
             if hearing && self.units[BROKER].state == State::Running {
-                self.tick_health(place, now);
+                self.tick_health(index, now);
             }
         }
     }
 
-    fn tick_state(&mut self, place: usize, now: Duration) {
-        let unit = &mut self.units[place];
+    fn tick_state(&mut self, index: usize, now: Duration) {
+        let unit = &mut self.units[index];
         let name = unit.spec.name.clone();
         match unit.state {
             State::Waiting { until } if until <= now => {
                 unit.restarts += 1;
-                self.start(place, now);
+                self.start(index, now);
             }
-            State::Stopping { kill_at } if unit.doom.is_none() && kill_at <= now => {
-                unit.doom = Some(format!("not stopped within {} s", STOP_PATIENCE.as_secs()));
-                self.actions.push(Action::Kill(place));
+            State::Stopping { kill_at } if unit.kill_reason.is_none() && kill_at <= now => {
+                unit.kill_reason = Some(format!("not stopped within {} s", STOP_PATIENCE.as_secs()));
+                self.actions.push(Action::Kill(index));
             }
             State::Starting if unit.order.is_some_and(|(_, limit)| limit <= now) => {
                 unit.failing = Some(format!("{name} did not register in time and was stopped"));
-                self.ask(place, now);
+                self.ask(index, now);
             }
-            State::Starting if unit.registered && unit.doom.is_none() && unit.since + REGISTER_PATIENCE <= now => {
-                unit.doom = Some(format!("not registered within {} s", REGISTER_PATIENCE.as_secs()));
-                self.actions.push(Action::Kill(place));
+            State::Starting
+                if unit.registered && unit.kill_reason.is_none() && unit.since + REGISTER_PATIENCE <= now =>
+            {
+                unit.kill_reason = Some(format!("not registered within {} s", REGISTER_PATIENCE.as_secs()));
+                self.actions.push(Action::Kill(index));
             }
             _ => {}
         }
     }
 
-    fn tick_swap(&mut self, place: usize, now: Duration) {
-        let unit = &mut self.units[place];
+    fn tick_swap(&mut self, index: usize, now: Duration) {
+        let unit = &mut self.units[index];
         let Some(swap) = &mut unit.swap else { return };
         match swap.phase {
             Phase::Coming if swap.began.saturating_add(swap.limit) <= now => {
@@ -490,8 +492,8 @@ impl Supervisor {
                 let said = format!("the new {} was not ready within {secs} s", unit.spec.name);
                 // Had the old one gone, the new one is all there is: its own patience counts then.
                 if unit.state != State::Starting {
-                    self.actions.push(Action::Discard(place));
-                    self.fail_swap(place, said);
+                    self.actions.push(Action::Discard(index));
+                    self.fail_swap(index, said);
                 }
             }
             Phase::Ready { kill_at } if kill_at <= now => {
@@ -502,36 +504,36 @@ impl Supervisor {
                     RETIRE_PATIENCE.as_secs()
                 );
                 let ticket = swap.ticket;
-                self.actions.push(Action::Kill(place));
+                self.actions.push(Action::Kill(index));
                 self.tell(Some(ticket), Word::Progress(said));
             }
-            Phase::Taken { until } if until <= now => self.finish_swap(place, None, now),
+            Phase::Taken { until } if until <= now => self.finish_swap(index, None, now),
             _ => {}
         }
     }
 
-    fn tick_health(&mut self, place: usize, now: Duration) {
-        let unit = &mut self.units[place];
+    fn tick_health(&mut self, index: usize, now: Duration) {
+        let unit = &mut self.units[index];
         let silent = now.saturating_sub(unit.sign);
         let hung = unit.spec.health.is_some_and(|health| silent > health);
-        if hung && unit.state == State::Running && unit.swap.is_none() && unit.doom.is_none() {
-            unit.doom = Some(format!("no sign of life for {:.0} s", silent.as_secs_f64()));
-            self.actions.push(Action::Kill(place));
+        if hung && unit.state == State::Running && unit.swap.is_none() && unit.kill_reason.is_none() {
+            unit.kill_reason = Some(format!("no sign of life for {:.0} s", silent.as_secs_f64()));
+            self.actions.push(Action::Kill(index));
         }
     }
 
     /// The mission ends: everyone but the broker is stopped, one after the other, so that nobody misses anybody.
     pub fn end(&mut self, now: Duration) {
-        for place in 0..self.units.len() {
-            if self.units[place].swap.as_ref().is_some_and(|swap| matches!(swap.phase, Phase::Taken { .. })) {
-                self.finish_swap(place, None, now);
-            } else if self.units[place].swap.is_some() {
-                self.actions.push(Action::Discard(place));
-                self.fail_swap(place, "the mission is ending".to_owned());
+        for index in 0..self.units.len() {
+            if self.units[index].swap.as_ref().is_some_and(|swap| matches!(swap.phase, Phase::Taken { .. })) {
+                self.finish_swap(index, None, now);
+            } else if self.units[index].swap.is_some() {
+                self.actions.push(Action::Discard(index));
+                self.fail_swap(index, "the mission is ending".to_owned());
             }
         }
         let elements = self.units[1..].iter().map(|unit| unit.spec.element.as_str());
-        self.ending = Some(stop_order(elements).into_iter().map(|place| place + 1).collect());
+        self.ending = Some(stop_order(elements).into_iter().map(|index| index + 1).collect());
         self.end_next(now);
     }
 
@@ -542,16 +544,16 @@ impl Supervisor {
 
     /// Goes on to whoever is to end next, once the one before has.
     fn end_next(&mut self, now: Duration) {
-        while let Some(place) = self.ending.as_ref().and_then(|queue| queue.front().copied()) {
-            match self.units[place].state {
-                State::Running | State::Starting => return self.ask(place, now),
+        while let Some(index) = self.ending.as_ref().and_then(|queue| queue.front().copied()) {
+            match self.units[index].state {
+                State::Running | State::Starting => return self.ask(index, now),
                 State::Stopping { .. } => return,
                 // It would have come back, and did not.
                 State::Waiting { .. } => {
-                    let last = self.units[place].last_exit.clone();
+                    let last = self.units[index].last_exit.clone();
                     debug_assert!(last.is_some(), "who waits to be started again has ended");
                     let how = last.unwrap_or_else(|| "ended, nobody saw how".to_owned());
-                    self.stopped(place, &Exit { how, ..Exit::default() }, now);
+                    self.stopped(index, &Exit { how, ..Exit::default() }, now);
                 }
                 State::Idle | State::Stopped | State::Over => {}
             }

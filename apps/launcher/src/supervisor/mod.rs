@@ -2,7 +2,7 @@
 //!
 //! It is told what happened and when ([`Supervisor::ended`], [`Supervisor::arrived`], …), and answers with what is to be
 //! done ([`Action`]). Every broker and app is a [`Unit`]. The process that holds a unit's name on the bus is its *holder*;
-//! during a swap there is a *successor*, too, until it has taken the holder's place.
+//! during a swap there is a *successor*, too, until it has become the holder.
 
 mod machine;
 mod order;

@@ -123,7 +123,7 @@ pub(crate) struct Unit {
     /// Who waits for it to be started or stopped, and until when.
     pub order: Option<(Ticket, Duration)>,
     /// Why it is being killed.
-    pub doom: Option<String>,
+    pub kill_reason: Option<String>,
     /// Why it is being stopped, if that is a failure.
     pub failing: Option<String>,
     /// When it was started again, within the window.
@@ -145,7 +145,7 @@ impl Unit {
             last_exit: None,
             swap: None,
             order: None,
-            doom: None,
+            kill_reason: None,
             failing: None,
             recent: VecDeque::new(),
             streak: 0,
@@ -200,7 +200,7 @@ impl Unit {
     pub fn deadline(&self) -> Option<Duration> {
         let state = match self.state {
             State::Waiting { until } => Some(until),
-            State::Stopping { kill_at } if self.doom.is_none() => Some(kill_at),
+            State::Stopping { kill_at } if self.kill_reason.is_none() => Some(kill_at),
             State::Starting => self.order.map(|(_, limit)| limit),
             _ => None,
         };

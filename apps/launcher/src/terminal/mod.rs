@@ -1,5 +1,5 @@
-//! The person in front of the launcher: what they press, what they are shown, and the terminal that they get back.
+//! The launcher's terminal: keys that are pressed, what is shown, and giving the terminal back.
 
 pub(crate) mod detach;
-pub(crate) mod person;
+pub(crate) mod keyboard;
 pub(crate) mod progress;

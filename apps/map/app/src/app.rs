@@ -1,16 +1,15 @@
 //! The process around the map: scans in, what they changed out.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Handlers, Key, Rejection, tell};
 use elk_geometry::Bounds;
+use elk_geometry::delta::Delta;
 use elk_geometry::limits::RESOLUTIONS_M;
-use elk_map::bt::write_bt;
 use elk_map::{Dropped, Grazing, Insertion, Integration, MapConfig, OccupancyMap};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
-use elk_outside::file;
 
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
 use elk_spatial::keys::{
@@ -23,12 +22,16 @@ use nalgebra::Vector3;
 
 use crate::memory;
 use crate::recovery::{Past, Stage};
+use crate::saved;
+
+/// What `From` says of a map that begins with nothing.
+const NOTHING: &str = "none";
 
 /// The maps that a mission can name.
 pub static TYPES: &[AppType] = &[AppType {
     element: "Map",
     name: "OctoMap",
-    summary: "Log-odds occupancy of voxels, with its frontier; writes OctoMap's .bt files.",
+    summary: "Log-odds occupancy of voxels, with its frontier; from a saved map on, and into one: OctoMap's files, or its own.",
     params: PARAMS,
     build: |params| Ok(Box::new(MapApp::new(params)?.on_the_bus())),
     preflight: None,
@@ -100,10 +103,17 @@ const PARAMS: &[ParamSpec] = &[
     number("ClampMin", ("", -100.0, 0.0), "-2", "Smallest log-odds of a voxel."),
     number("ClampMax", ("", 0.01, 100.0), "3.5", "Largest log-odds of a voxel."),
     ParamSpec {
+        name: "From",
+        kind: Kind::File { builtin: &[NOTHING] },
+        default: Some(NOTHING),
+        doc: "The saved map to begin with, .elkmap, .ot or .bt, with voxels of this Res; none: an unknown world.",
+    },
+    ParamSpec {
         name: "File",
         kind: Kind::Text,
         default: Some(""),
-        doc: "Where to write the map as a .bt file when the mission ends; empty: nowhere.",
+        doc: "Where to write the map when the mission ends: all of it (.elkmap), OctoMap's log-odds (.ot), or, under any \
+              other name, OctoMap's .bt; empty: nowhere.",
     },
 ];
 
@@ -151,6 +161,10 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// A map that stops leaves its memory, log-odds and all, under MAP_MEMORY. One that is killed leaves what its readers have:
 /// a whole map of three values each. Publishing the memory with every scan instead would write the whole map where
 /// little has changed, and cost the more, the larger the world is.
+///
+/// One that begins with a saved map has it as revision 1 before anything is heard, and says it whole before the first scan;
+/// what a predecessor left is of a later revision, and so goes before it. Where nobody has a copy of the predecessor's
+/// map, the saved one is what is left.
 struct MapApp {
     map: OccupancyMap,
     input: Key<Scan<'static>>,
@@ -174,9 +188,13 @@ struct MapApp {
 
 impl MapApp {
     fn new(params: &Params) -> Result<Self, AppError> {
-        let file = params.text("File");
+        let (from, file) = (params.text("From"), params.text("File"));
+        let config = config(params)?;
         Ok(Self {
-            map: OccupancyMap::new(config(params)?).map_err(|e| e.to_string())?,
+            map: match from == NOTHING {
+                true => OccupancyMap::new(config).map_err(|error| error.to_string())?,
+                false => saved::read(from.as_ref(), config)?,
+            },
             input: Key::named(params.text("Input")),
             file: (!file.is_empty()).then(|| file.into()),
             last_scan: 0,
@@ -248,6 +266,10 @@ impl MapApp {
             }
             None => {}
         }
+        if revision == 0 && self.map.grid().revision() > 0 {
+            // A saved map, of which nobody has heard.
+            self.publish_update(comms, self.map.grid().whole())?;
+        }
         if self.map.grid().revision() >= revision {
             return self.begin(comms);
         }
@@ -291,7 +313,7 @@ impl MapApp {
         let (name, own) = (comms.name(), self.map.grid().revision());
         tell(format_args!(
             "{name}: the map was lost: nobody has a copy of its revision {revision}; it goes on from revision {own} (0: from \
-             nothing), and what is missing has to be explored again"
+             nothing, or 1: from what From says), and what is missing has to be explored again"
         ));
         self.map.skip_to(revision);
         self.next_is_whole = true;
@@ -355,7 +377,11 @@ impl MapApp {
         self.tally(scan, &seen);
         let delta = self.map.advance(&seen.changed);
         let delta = if std::mem::take(&mut self.next_is_whole) { self.map.grid().whole() } else { delta };
-        comms.publish(&MAP_UPDATE, &MapUpdate::new(delta, scan.id))?;
+        self.publish_update(comms, delta)
+    }
+
+    fn publish_update(&self, comms: &mut Comms, delta: Delta<'_>) -> Result<(), AppError> {
+        comms.publish(&MAP_UPDATE, &MapUpdate::new(delta, self.last_scan))?;
         comms.publish(&MAP_KNOWN, &self.status())?;
         Ok(())
     }
@@ -436,16 +462,6 @@ impl MapApp {
         Ok(())
     }
 
-    fn save(&self, path: &Path) -> Result<(), AppError> {
-        let write = || {
-            let mut bytes = Vec::new();
-            write_bt(&mut bytes, &self.map.occupancy_tree(), self.map.config().resolution)?;
-            file::write(path, &bytes)
-        };
-        let name = path.display();
-        write().map_err(|e| format!("cannot write the map to {name}: {e}; choose another File").into())
-    }
-
     /// Leaves its memory to a successor, and the map to whoever wants it.
     fn leave(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         let RayTally { no_room, outside, .. } = self.rays;
@@ -460,6 +476,6 @@ impl MapApp {
         }
         comms.publish(&MAP_MEMORY, &memory::write(self.map.snapshot(), self.last_scan))?;
         self.publish_whole(comms)?;
-        self.file.as_ref().map_or(Ok(()), |path| self.save(path))
+        self.file.as_ref().map_or(Ok(()), |path| saved::write(path, &self.map))
     }
 }

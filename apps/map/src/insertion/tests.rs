@@ -60,6 +60,17 @@ proptest! {
     }
 }
 
+/// Regression: a ray from the border of its voxel, where rounding put the sensor into the next one.
+#[test]
+fn a_ray_from_a_border_passes_the_voxel_that_it_starts_in() {
+    let mut map = OccupancyMap::new(MapConfig::octomap(0.1)).unwrap();
+    let (origin, point) = ([2.0, 1.5, 2.3], [1.9560462, 0.0, -0.05]);
+    map.insert(Point3::from(origin.map(f64::from)), [Point3::from(point.map(f64::from))]);
+    let (_, misses) = by_sets(map.config(), origin, &[point]);
+    assert_eq!(misses.iter().find(|voxel| map.log_odds(**voxel).is_none()), None);
+    assert_eq!(map.known().count(), misses.len() + 1);
+}
+
 /// Coordinates of all kinds: anywhere, on the borders of voxels, in their middles, far away.
 fn coordinate() -> impl Strategy<Value = f32> {
     prop_oneof![

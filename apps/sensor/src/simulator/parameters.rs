@@ -3,32 +3,22 @@
 use elk_bus::AppError;
 use elk_geometry::Pose;
 use elk_geometry::limits::check_point;
-use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
+use elk_mission::{Kind, ParamSpec, Params};
 use elk_spatial::checks::MAX_POINTS;
 use elk_world::placement::{SCALES, UP};
 use elk_world::{BUILT_IN, CAR_INTERIOR, Placement, World};
 use nalgebra::Point3;
 
 use super::noise::StereoNoise;
-use super::preflight::preflight;
-use super::{Settings, Simulator, random_start};
-use crate::app::{COMMON, app, param};
+use super::source::{Settings, Simulator, random_start};
+use crate::app::param;
 use crate::camera::Camera;
 use crate::source::Truth;
 
-/// Its row in the table of sensors.
-pub const TYPE: AppType = AppType {
-    element: "Sensor",
-    name: "Simulator",
-    summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
-    params: &joined::<{ PARAMS.len() + COMMON.len() }>(PARAMS, COMMON),
-    build: |params| app(params, Box::new(simulator(params)?)),
-    preflight: Some(preflight),
-};
-
 const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 
-const PARAMS: &[ParamSpec] = &[
+/// What a mission file can say of it.
+pub(super) const PARAMS: &[ParamSpec] = &[
     param(
         "World",
         Kind::File { builtin: &BUILT_IN },
@@ -106,7 +96,8 @@ const PARAMS: &[ParamSpec] = &[
     ),
 ];
 
-fn simulator(params: &Params) -> Result<Simulator, AppError> {
+/// The simulator that the parameters say.
+pub(super) fn simulator(params: &Params) -> Result<Simulator, AppError> {
     pixels(params)?;
     let world = world(params)?;
     let remarks = remarks(params.text("World"), &world);
@@ -114,7 +105,7 @@ fn simulator(params: &Params) -> Result<Simulator, AppError> {
     check_point(&start.position()).map_err(|invalid| {
         format!("Start: {invalid}, as no map reaches farther; move the world nearer to the origin")
     })?;
-    let simulator = Simulator { remarks, ..Simulator::new(world, settings(params), start) };
+    let simulator = Simulator::new(world, settings(params), start).with_remarks(remarks);
     simulator.free(&start).map_err(|refusal| format!("Start: {refusal}; choose a free place, or RandomStart true"))?;
     Ok(simulator)
 }

@@ -12,7 +12,7 @@ const RESOLUTION_M: f64 = 0.1;
 
 /// Loads the world, and sees that the robot can start in it, and that map and filters have something of what it sees
 /// there.
-pub(crate) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
+pub(super) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
     let looked = pixels(params).and_then(|_| {
         let world = world(params)?;
         let start = start(params, &world)?;

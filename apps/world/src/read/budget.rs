@@ -1,5 +1,7 @@
 //! What a file may come to: a few bytes can name a whole mesh again, so that its length alone bounds nothing.
 
+/// The largest file that is read (bytes): five million triangles as binary STL.
+pub(crate) const MAX_FILE_BYTES: u64 = 256 << 20;
 /// The most triangles of a world, each face counted as those that it can be cut into.
 pub(crate) const MOST_TRIANGLES: usize = 1 << 23;
 /// The most vertices that faces can name.

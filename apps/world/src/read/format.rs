@@ -3,7 +3,8 @@
 use std::fmt;
 
 use crate::placement::Axis;
-use crate::read::{Fault, stl, text};
+use crate::read::fault::Fault;
+use crate::read::{stl, text};
 
 /// A format that is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,16 +4,16 @@
 //! not read is counted, or refused where nothing right is left without it.
 
 mod buffers;
+mod document;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
-use serde::Deserialize;
-use serde::de::IgnoredAny;
+use nalgebra::{Matrix4, Point3};
 
-use crate::read::{Fault, Place, Soup};
+use crate::read::fault::{Fault, Location};
+use crate::read::soup::Soup;
 use buffers::{Buffers, Elements};
+use document::{Document, Node, Primitive};
 
 /// Nodes below nodes; a scene's tree is seldom deeper than ten.
 const DEEPEST: usize = 256;
@@ -23,107 +23,6 @@ const MOST_PARTS: usize = 1 << 21;
 /// Words in the names of extensions that change no depth, or are read here, or refused where they are used.
 const KNOWN_EXTENSIONS: [&str; 10] =
     ["material", "texture", "light", "xmp", "anim", "audio", "quantization", "draco", "meshopt", "instancing"];
-
-/// Those of a part of the file, by name; of most it is enough to know that they are there.
-type Extensions = BTreeMap<String, IgnoredAny>;
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Document {
-    asset: Asset,
-    extensions_required: Vec<String>,
-    scene: Option<usize>,
-    scenes: Vec<Scene>,
-    nodes: Vec<Node>,
-    meshes: Vec<Mesh>,
-    accessors: Vec<Accessor>,
-    buffer_views: Vec<View>,
-    buffers: Vec<Buffer>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Asset {
-    version: String,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Scene {
-    nodes: Vec<usize>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Node {
-    mesh: Option<usize>,
-    children: Vec<usize>,
-    /// Column by column.
-    matrix: Option<[f64; 16]>,
-    translation: Option<[f64; 3]>,
-    /// x, y, z, w.
-    rotation: Option<[f64; 4]>,
-    scale: Option<[f64; 3]>,
-    skin: Option<usize>,
-    /// In place of the mesh's.
-    weights: Option<Vec<f64>>,
-    extensions: Extensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Mesh {
-    name: Option<String>,
-    primitives: Vec<Primitive>,
-    /// How far its shape goes towards each target.
-    weights: Vec<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Primitive {
-    attributes: Attributes,
-    indices: Option<usize>,
-    /// 4: triangles (the default), 5: strip, 6: fan; the others are points and lines.
-    mode: Option<u32>,
-    extensions: Extensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Attributes {
-    #[serde(rename = "POSITION")]
-    position: Option<usize>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Accessor {
-    buffer_view: Option<usize>,
-    byte_offset: usize,
-    component_type: u32,
-    normalized: bool,
-    count: usize,
-    #[serde(rename = "type")]
-    kind: String,
-    sparse: Option<IgnoredAny>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct View {
-    buffer: usize,
-    byte_offset: usize,
-    byte_length: usize,
-    byte_stride: Option<usize>,
-    extensions: Extensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Buffer {
-    uri: Option<String>,
-}
 
 /// Reads the triangles of the scene; `folder` is where the file's buffers lie.
 pub(crate) fn read(bytes: &[u8], folder: &Path, soup: &mut Soup) -> Result<(), Fault> {
@@ -147,7 +46,7 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, soup: &mut Soup) -> Result<(), F
     let is_known = |name: &String| KNOWN_EXTENSIONS.iter().any(|word| name.to_lowercase().contains(word));
     for name in document.extensions_required.iter().filter(|name| !is_known(name)) {
         let what = "extensions that the file requires are not known: what they change is not read";
-        soup.notice(what, 1, &elk_outside::text::name(name), || Place::Whole);
+        soup.notice(what, 1, &elk_outside::text::name(name), || Location::Whole);
     }
     let mut walk = Walk {
         buffers: Buffers::new(&document, blob, folder),
@@ -188,49 +87,49 @@ impl Walk<'_> {
     }
 
     fn node(&mut self, index: usize, above: &Matrix4<f64>, depth: usize) -> Result<(), Fault> {
-        let place = || Place::Part(format!("node {index}"));
-        let node = self.document.nodes.get(index).ok_or_else(|| Fault::at(place(), "there is no such node"))?;
+        let location = || Location::Part(format!("node {index}"));
+        let node = self.document.nodes.get(index).ok_or_else(|| Fault::at(location(), "there is no such node"))?;
         if std::mem::replace(&mut self.visited[index], true) {
-            return Err(Fault::at(place(), "it is below two nodes; right is a tree"));
+            return Err(Fault::at(location(), "it is below two nodes; right is a tree"));
         }
         if depth > DEEPEST {
-            return Err(Fault::at(place(), format_args!("more than {DEEPEST} nodes are above it")));
+            return Err(Fault::at(location(), format_args!("more than {DEEPEST} nodes are above it")));
         }
         if node.extensions.contains_key("EXT_mesh_gpu_instancing") {
             return Err(Fault::at(
-                place(),
+                location(),
                 "it is drawn many times (EXT_mesh_gpu_instancing), which is not read: export it without",
             ));
         }
         let here = above * node.transform();
         if let Some(mesh) = node.mesh {
-            self.notice_other_shapes(node, mesh, place);
+            self.notice_other_shapes(node, mesh, location);
             self.mesh(mesh, &here)?;
         }
         node.children.iter().try_for_each(|&child| self.node(child, &here, depth + 1))
     }
 
     /// Skins bend meshes, and weights change their shapes; neither is read.
-    fn notice_other_shapes(&mut self, node: &Node, mesh: usize, place: impl Fn() -> Place) {
+    fn notice_other_shapes(&mut self, node: &Node, mesh: usize, location: impl Fn() -> Location) {
         if node.skin.is_some() {
             let what = "meshes that joints bend (skins) are read straight, as their nodes place them";
-            self.soup.notice(what, 1, "", &place);
+            self.soup.notice(what, 1, "", &location);
         }
         let own = self.document.meshes.get(mesh).map_or(&[][..], |mesh| &mesh.weights);
         if node.weights.as_deref().unwrap_or(own).iter().any(|weight| *weight != 0.0) {
-            self.soup.notice("meshes that are morphed (weights) are read as they are without it", 1, "", &place);
+            self.soup.notice("meshes that are morphed (weights) are read as they are without it", 1, "", &location);
         }
     }
 
     fn mesh(&mut self, index: usize, transform: &Matrix4<f64>) -> Result<(), Fault> {
-        let missing = || Fault::at(Place::Part(format!("mesh {index}")), "there is no such mesh");
+        let missing = || Fault::at(Location::Part(format!("mesh {index}")), "there is no such mesh");
         let mesh = self.document.meshes.get(index).ok_or_else(missing)?;
         let name =
             || mesh.name.as_deref().map(|name| format!(" ({})", elk_outside::text::name(name))).unwrap_or_default();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            let place = || Place::Part(format!("mesh {index}{}, primitive {number}", name()));
-            self.primitive(primitive, transform, &place).map_err(|what| match what {
-                Trouble::Said(what) => Fault::at(place(), what),
+            let location = || Location::Part(format!("mesh {index}{}, primitive {number}", name()));
+            self.primitive(primitive, transform, &location).map_err(|what| match what {
+                Trouble::Said(what) => Fault::at(location(), what),
                 Trouble::Fault(fault) => fault,
             })?;
         }
@@ -241,14 +140,14 @@ impl Walk<'_> {
         &mut self,
         primitive: &Primitive,
         transform: &Matrix4<f64>,
-        place: &impl Fn() -> Place,
+        location: &impl Fn() -> Location,
     ) -> Result<(), Trouble> {
         if primitive.extensions.contains_key("KHR_draco_mesh_compression") {
             return Err(Trouble::Said(
                 "it is compressed (KHR_draco_mesh_compression); right is no compression: export it again".into(),
             ));
         }
-        self.soup.part(place).map_err(Trouble::Fault)?;
+        self.soup.part(location).map_err(Trouble::Fault)?;
         let mode = primitive.mode.unwrap_or(4);
         let Some(position) = primitive.attributes.position.filter(|_| (4..=6).contains(&mode)) else { return Ok(()) };
         let vertices = self.buffers.points(position)?;
@@ -260,7 +159,7 @@ impl Walk<'_> {
             let corner =
                 |i: usize| vertex(&vertices, indices.as_ref(), i).map(|point| transform.transform_point(&point));
             let triangle = [corner(a)?, corner(b)?, corner(c)?];
-            self.soup.polygon(&triangle, place).map_err(Trouble::Fault)?;
+            self.soup.polygon(&triangle, location).map_err(Trouble::Fault)?;
         }
         Ok(())
     }
@@ -275,7 +174,7 @@ fn vertex(vertices: &Elements, indices: Option<&Elements>, i: usize) -> Result<P
     })
 }
 
-/// What is wrong: still without its place, or with it.
+/// What is wrong: still without its location, or with it.
 enum Trouble {
     Said(String),
     Fault(Fault),
@@ -296,16 +195,4 @@ fn triangles(mode: u32, vertices: usize) -> impl Iterator<Item = [usize; 3]> {
         5 => [i + 1, i, i + 2],
         _ => [0, i + 1, i + 2],
     })
-}
-
-impl Node {
-    fn transform(&self) -> Matrix4<f64> {
-        if let Some(matrix) = &self.matrix {
-            return Matrix4::from_column_slice(matrix);
-        }
-        let [x, y, z, w] = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_homogeneous();
-        let translation = Matrix4::new_translation(&Vector3::from(self.translation.unwrap_or_default()));
-        translation * rotation * Matrix4::new_nonuniform_scaling(&Vector3::from(self.scale.unwrap_or([1.0; 3])))
-    }
 }

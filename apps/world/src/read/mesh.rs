@@ -3,7 +3,8 @@
 use nalgebra::Point3;
 
 use crate::read::budget::{Budget, MOST_VERTICES};
-use crate::read::{Fault, Place, Soup};
+use crate::read::fault::{Fault, Location};
+use crate::read::soup::Soup;
 
 /// A vertex that a face names, and where in the file.
 #[derive(Debug, Clone, Copy)]
@@ -23,7 +24,7 @@ struct Face {
 #[derive(Debug)]
 pub(crate) struct Mesh {
     /// What a position in the file is: a line or a byte.
-    place: fn(usize) -> Place,
+    location: fn(usize) -> Location,
     /// The number of the first vertex, as people say it.
     first_number: u64,
     vertices: Vec<Point3<f64>>,
@@ -33,9 +34,9 @@ pub(crate) struct Mesh {
 }
 
 impl Mesh {
-    pub fn new(place: fn(usize) -> Place, first_number: u64) -> Self {
+    pub fn new(location: fn(usize) -> Location, first_number: u64) -> Self {
         let budget = Budget::default();
-        Self { place, first_number, vertices: Vec::new(), corners: Vec::new(), faces: Vec::new(), budget }
+        Self { location, first_number, vertices: Vec::new(), corners: Vec::new(), faces: Vec::new(), budget }
     }
 
     /// How many vertices there are so far.
@@ -92,7 +93,7 @@ impl Mesh {
             for corner in corners {
                 outline.push(self.place_of(corner)?);
             }
-            soup.polygon(&outline, || (self.place)(face.at))?;
+            soup.polygon(&outline, || (self.location)(face.at))?;
             first = face.end;
         }
         Ok(())
@@ -109,6 +110,6 @@ impl Mesh {
 
     /// What is wrong at a position in the file.
     pub fn fault(&self, at: usize, what: impl std::fmt::Display) -> Fault {
-        Fault::at((self.place)(at), what)
+        Fault::at((self.location)(at), what)
     }
 }

@@ -4,8 +4,10 @@
 use nalgebra::Point3;
 
 use crate::read::budget::MOST_CORNERS;
+use crate::read::fault::{Fault, Location};
 use crate::read::mesh::Mesh;
-use crate::read::{Fault, Place, Soup, text};
+use crate::read::soup::Soup;
+use crate::read::text;
 
 /// Statements whose end may be anything, a `\` included: names of objects, groups, materials and files.
 const NAMES: [&[u8]; 6] = [b"o", b"g", b"usemtl", b"mtllib", b"usemap", b"maplib"];
@@ -56,7 +58,7 @@ struct Obj<'a> {
 
 /// Reads all faces.
 pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
-    let mut obj = Obj { mesh: Mesh::new(Place::Line, 1), soup };
+    let mut obj = Obj { mesh: Mesh::new(Location::Line, 1), soup };
     let decoded = text::ascii_compatible(bytes);
     let mut statement: Vec<Word> = Vec::new();
     for (number, line) in text::lines(&decoded) {
@@ -105,7 +107,7 @@ impl Obj<'_> {
             b"call" | b"csh" => "statements that fetch another file or run a program are left out",
             _ => "statements that OBJ does not know are left out",
         };
-        self.soup.notice(what, 1, &text::shown(keyword), || Place::Line(line));
+        self.soup.notice(what, 1, &text::shown(keyword), || Location::Line(line));
     }
 
     /// `v x y z`; what follows is a weight or a colour.
@@ -157,7 +159,7 @@ mod tests {
         let mut soup = Soup::default();
         match read(text.as_bytes(), &mut soup) {
             Ok(()) => Ok(soup),
-            Err(fault) => Err(format!("w.obj{}: {}", fault.place, fault.what)),
+            Err(fault) => Err(format!("w.obj{}: {}", fault.location, fault.what)),
         }
     }
 

@@ -2,8 +2,10 @@
 
 use nalgebra::Point3;
 
+use crate::read::fault::{Fault, Location};
 use crate::read::mesh::Mesh;
-use crate::read::{Fault, Place, Soup, text};
+use crate::read::soup::Soup;
+use crate::read::text;
 
 /// The names of a face's list of vertices; both are in use.
 const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
@@ -50,14 +52,14 @@ pub(crate) fn read(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
     let bytes = text::without_bom(bytes);
     let header = Header::read(bytes)?;
     let mut values = Values::new(&bytes[header.length..], &header);
-    let mut mesh = Mesh::new(values.kind_of_place(), 0);
+    let mut mesh = Mesh::new(values.kind_of_location(), 0);
     for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
         for _ in 0..element.count {
             match element.name.as_str() {
                 "vertex" => vertex(element, &mut values, &mut mesh)?,
                 "face" => face(element, &mut values, &mut mesh)?,
                 "tristrips" => {
-                    return Err(Fault::at(values.place(), "strips of triangles are not read: export it with faces"));
+                    return Err(Fault::at(values.location(), "strips of triangles are not read: export it with faces"));
                 }
                 _ => element.properties.iter().try_for_each(|property| values.pass_over(property))?,
             }
@@ -240,24 +242,24 @@ impl<'a> Values<'a> {
         }
     }
 
-    fn kind_of_place(&self) -> fn(usize) -> Place {
+    fn kind_of_location(&self) -> fn(usize) -> Location {
         match self {
-            Self::Text { .. } => Place::Line,
-            Self::Binary { .. } => Place::Byte,
+            Self::Text { .. } => Location::Line,
+            Self::Binary { .. } => Location::Byte,
         }
     }
 
-    fn place(&self) -> Place {
-        self.kind_of_place()(self.position())
+    fn location(&self) -> Location {
+        self.kind_of_location()(self.position())
     }
 
     /// How many values a property has: one, or as many as its list is long, which it says itself.
     fn count(&mut self, property: &Property) -> Result<u64, Fault> {
         let Some(length) = property.length else { return Ok(1) };
-        let (place, length) = (self.place(), self.next(length)?);
+        let (location, length) = (self.location(), self.next(length)?);
         match length >= 0.0 && length.fract() == 0.0 {
             true => Ok(length as u64),
-            false => Err(Fault::at(place, format_args!("a list has the length {length}"))),
+            false => Err(Fault::at(location, format_args!("a list has the length {length}"))),
         }
     }
 
@@ -267,24 +269,24 @@ impl<'a> Values<'a> {
     }
 
     /// What stands behind the last element: what it is, how much, and where. White space is nothing.
-    fn left(self) -> Option<(&'static str, usize, Place)> {
+    fn left(self) -> Option<(&'static str, usize, Location)> {
         match self {
             Self::Text { mut words, .. } => {
                 let (line, _) = words.next()?;
                 let count = 1 + words.count();
-                Some(("numbers or words behind the PLY's last element are left out", count, Place::Line(line)))
+                Some(("numbers or words behind the PLY's last element are left out", count, Location::Line(line)))
             }
             Self::Binary { bytes, at, first, .. } => {
                 let count = bytes[at..].trim_ascii().len();
                 let what = "bytes behind the PLY's last element are left out";
-                (count > 0).then_some((what, count, Place::Byte(first + at)))
+                (count > 0).then_some((what, count, Location::Byte(first + at)))
             }
         }
     }
 
     fn next(&mut self, scalar: Scalar) -> Result<f64, Fault> {
-        let place = self.place();
-        let ended = || Fault::at(place.clone(), "the PLY ends before all of its elements: it is cut off");
+        let location = self.location();
+        let ended = || Fault::at(location.clone(), "the PLY ends before all of its elements: it is cut off");
         match self {
             Self::Text { words, line } => {
                 let (number, word) = words.next().ok_or_else(ended)?;

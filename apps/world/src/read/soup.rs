@@ -7,7 +7,7 @@ use nalgebra::Point3;
 
 use crate::polygon::{self, Cut};
 use crate::read::budget::Budget;
-use crate::read::{Fault, Place};
+use crate::read::fault::{Fault, Location};
 use crate::triangle::Triangle;
 
 /// Larger coordinates than this are a mistake, and products of them no numbers.
@@ -39,7 +39,7 @@ pub struct Notice {
     what: &'static str,
     count: usize,
     example: String,
-    first: Place,
+    first: Location,
 }
 
 impl fmt::Display for Notice {
@@ -47,7 +47,7 @@ impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, count, example, first } = self;
         let first = match first {
-            Place::Line(line) => format!(" in line {line}"),
+            Location::Line(line) => format!(" in line {line}"),
             other => other.to_string(),
         };
         write!(f, "{count} {what}")?;
@@ -73,21 +73,21 @@ impl Soup {
     ///
     /// # Errors
     /// A corner is not a finite number, or beyond all worlds; or there are too many of them, or too many polygons.
-    pub fn polygon(&mut self, corners: &[Point3<f64>], place: impl Fn() -> Place) -> Result<(), Fault> {
+    pub fn polygon(&mut self, corners: &[Point3<f64>], location: impl Fn() -> Location) -> Result<(), Fault> {
         let out_of_reach = |corner: &&Point3<f64>| corner.iter().any(|c| !c.is_finite() || c.abs() > FARTHEST);
         if let Some(corner) = corners.iter().find(out_of_reach) {
             let [x, y, z] = [corner.x, corner.y, corner.z];
             let why = if corner.iter().all(|c| c.is_finite()) { "beyond all worlds" } else { "not a finite number" };
             let what = format_args!("a face has the corner ({x:?}; {y:?}; {z:?}), which is {why}: export it again");
-            return Err(Fault::at(place(), what));
+            return Err(Fault::at(location(), what));
         }
-        self.budget.face(corners.len()).map_err(|what| Fault::at(place(), what))?;
+        self.budget.face(corners.len()).map_err(|what| Fault::at(location(), what))?;
         self.polygons += 1;
         let before = self.triangles.len();
         let cut = polygon::triangulate(corners, |triangle| self.triangles.push(triangle));
         if cut == Cut::Crossed {
             self.crossed += 1;
-            self.notice("faces have outlines that cross themselves: what is inside is a guess", 1, "", &place);
+            self.notice("faces have outlines that cross themselves: what is inside is a guess", 1, "", &location);
         }
         match self.triangles.len() == before {
             true => self.degenerate += 1,
@@ -98,10 +98,10 @@ impl Soup {
 
     /// Counts something of the file that is left out, or not read as it stands: `what` follows a number, `example` is a
     /// word of the first one.
-    pub(crate) fn notice(&mut self, what: &'static str, count: usize, example: &str, place: impl Fn() -> Place) {
+    pub(crate) fn notice(&mut self, what: &'static str, count: usize, example: &str, location: impl Fn() -> Location) {
         match self.notices.iter_mut().find(|notice| notice.what == what) {
             Some(notice) => notice.count += count,
-            None => self.notices.push(Notice { what, count, example: example.to_owned(), first: place() }),
+            None => self.notices.push(Notice { what, count, example: example.to_owned(), first: location() }),
         }
     }
 
@@ -131,8 +131,8 @@ impl Soup {
     ///
     /// # Errors
     /// It is one too many.
-    pub(crate) fn part(&mut self, place: impl Fn() -> Place) -> Result<(), Fault> {
-        self.budget.face(0).map_err(|what| Fault::at(place(), what))
+    pub(crate) fn part(&mut self, location: impl Fn() -> Location) -> Result<(), Fault> {
+        self.budget.face(0).map_err(|what| Fault::at(location(), what))
     }
 }
 

@@ -2,7 +2,9 @@
 
 use nalgebra::Point3;
 
-use crate::read::{Fault, Place, Soup, text};
+use crate::read::fault::{Fault, Location};
+use crate::read::soup::Soup;
+use crate::read::text;
 
 /// Bytes before the number of triangles, before the first triangle, and of each of them: normal, three corners, two
 /// bytes.
@@ -49,9 +51,9 @@ fn read_binary(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
     let (count, behind) = (count as usize, FIRST + RECORD * count as usize);
     if there > count {
         let what = "triangles behind those that the STL says it has are left out: its number is wrong, or they are";
-        soup.notice(what, there - count, "", || Place::Byte(behind));
+        soup.notice(what, there - count, "", || Location::Byte(behind));
     } else if bytes.len() > behind {
-        soup.notice("bytes behind the last triangle are left out", bytes.len() - behind, "", || Place::Byte(behind));
+        soup.notice("bytes behind the last triangle are left out", bytes.len() - behind, "", || Location::Byte(behind));
     }
     for (i, record) in records.take(count).enumerate() {
         let number = |at: usize| {
@@ -59,7 +61,7 @@ fn read_binary(bytes: &[u8], soup: &mut Soup) -> Result<(), Fault> {
             f64::from(f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]))
         };
         let corner = |k: usize| Point3::new(number(3 * k), number(3 * k + 1), number(3 * k + 2));
-        soup.polygon(&[corner(0), corner(1), corner(2)], || Place::Byte(FIRST + RECORD * i))?;
+        soup.polygon(&[corner(0), corner(1), corner(2)], || Location::Byte(FIRST + RECORD * i))?;
     }
     Ok(())
 }
@@ -79,10 +81,10 @@ fn read_text(text: &[u8], soup: &mut Soup) -> Result<(), Fault> {
             Some(b"endloop") => {
                 if corners.len() > 3 {
                     soup.notice("facets have more than three corners: they are read as polygons", 1, "", || {
-                        Place::Line(begun)
+                        Location::Line(begun)
                     });
                 }
-                soup.polygon(&corners, || Place::Line(begun))?;
+                soup.polygon(&corners, || Location::Line(begun))?;
                 corners.clear();
             }
             None | Some(b"solid" | b"endsolid" | b"facet" | b"endfacet" | b"color") => {}

@@ -16,7 +16,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{BackpressureStrategy, FileName, Path, SemanticString, SignalHandlingMode, ipc};
 
 use crate::load::Load;
-use crate::transport::{Intake, Outcome, Outlet};
+use crate::transport::{BenchResult, Intake, Outlet};
 
 type Service = ipc::Service;
 
@@ -28,20 +28,20 @@ const LARGE: usize = 64 << 10;
 const READERS: usize = 4;
 
 /// What the names of the shared-memory files begin with.
-pub fn prefix(place: &str) -> String {
-    format!("{place}_")
+pub fn prefix(namespace: &str) -> String {
+    format!("{namespace}_")
 }
 
 /// The folder of the other files.
-pub fn root(place: &str) -> PathBuf {
-    std::env::temp_dir().join(place)
+pub fn root(namespace: &str) -> PathBuf {
+    std::env::temp_dir().join(namespace)
 }
 
-fn node(place: &str) -> Outcome<Node<Service>> {
+fn node(namespace: &str) -> BenchResult<Node<Service>> {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
     let mut config = Config::default();
-    config.global.prefix = FileName::new(prefix(place).as_bytes()).map_err(|e| format!("{e:?}"))?;
-    let root = Path::new(root(place).to_string_lossy().as_bytes()).map_err(|e| format!("{e:?}"))?;
+    config.global.prefix = FileName::new(prefix(namespace).as_bytes()).map_err(|e| format!("{e:?}"))?;
+    let root = Path::new(root(namespace).to_string_lossy().as_bytes()).map_err(|e| format!("{e:?}"))?;
     config.global.set_root_path(&root);
     Ok(NodeBuilder::new()
         .config(&config)
@@ -99,8 +99,8 @@ pub struct BareOutlet {
 
 impl BareOutlet {
     /// Opens the writing end of `hop`.
-    pub fn open(place: &str, hop: &str, load: &Load) -> Outcome<Self> {
-        let node = node(place)?;
+    pub fn open(namespace: &str, hop: &str, load: &Load) -> BenchResult<Self> {
+        let node = node(namespace)?;
         let strategy = match load.lossless {
             true => BackpressureStrategy::RetryUntilDelivered,
             false => BackpressureStrategy::DiscardData,
@@ -126,14 +126,14 @@ impl BareOutlet {
         })
     }
 
-    fn ship(&mut self, sample: &[u8]) -> Outcome {
+    fn ship(&mut self, sample: &[u8]) -> BenchResult {
         let slot = self.publisher.loan_slice_uninit(sample.len()).map_err(|e| format!("{e:?}"))?;
         slot.write_from_slice(sample).send().map_err(|e| format!("{e:?}"))?;
         self.unannounced += 1;
         if self.unannounced >= self.announce_every { self.announce() } else { Ok(()) }
     }
 
-    fn announce(&mut self) -> Outcome {
+    fn announce(&mut self) -> BenchResult {
         if self.unannounced > 0 {
             self.unannounced = 0;
             self.notifier.notify().map_err(|e| format!("{e:?}"))?;
@@ -141,7 +141,7 @@ impl BareOutlet {
         Ok(())
     }
 
-    fn ship_gathered(&mut self) -> Outcome {
+    fn ship_gathered(&mut self) -> BenchResult {
         let mut gathered = std::mem::take(&mut self.gathered);
         let shipped = if gathered.is_empty() { Ok(()) } else { self.ship(&gathered) };
         gathered.clear();
@@ -151,7 +151,7 @@ impl BareOutlet {
 }
 
 impl Outlet for BareOutlet {
-    fn send(&mut self, message: &[u8]) -> Outcome {
+    fn send(&mut self, message: &[u8]) -> BenchResult {
         if self.sample_bytes == message.len() {
             return self.ship(message);
         }
@@ -159,7 +159,7 @@ impl Outlet for BareOutlet {
         if self.gathered.len() >= self.sample_bytes { self.ship_gathered() } else { Ok(()) }
     }
 
-    fn flush(&mut self) -> Outcome {
+    fn flush(&mut self) -> BenchResult {
         self.ship_gathered()?;
         self.announce()
     }
@@ -175,15 +175,15 @@ pub struct BareIntake {
 
 impl BareIntake {
     /// Opens the reading end of `hop`.
-    pub fn open(place: &str, hop: &str, load: &Load) -> Outcome<Self> {
-        let node = node(place)?;
+    pub fn open(namespace: &str, hop: &str, load: &Load) -> BenchResult<Self> {
+        let node = node(namespace)?;
         let subscriber = service!(node, hop, load).subscriber_builder().create().map_err(|e| format!("{e:?}"))?;
         let listener = event!(node, hop).listener_builder().create().map_err(|e| format!("{e:?}"))?;
         Ok(Self { subscriber, listener, message_bytes: load.bytes, _node: node })
     }
 
     /// Hands over each sample that has come; sleeps first if there is none. Answers how many there were.
-    fn samples(&self, timeout: Duration, mut on_sample: impl FnMut(&[u8]) -> Outcome) -> Outcome<usize> {
+    fn samples(&self, timeout: Duration, mut on_sample: impl FnMut(&[u8]) -> BenchResult) -> BenchResult<usize> {
         let mut taken = 0;
         while let Some(sample) = self.subscriber.receive().map_err(|e| format!("{e:?}"))? {
             taken += 1;
@@ -197,7 +197,7 @@ impl BareIntake {
 }
 
 impl Intake for BareIntake {
-    fn receive(&mut self, timeout: Duration, on_message: &mut dyn FnMut(&[u8])) -> Outcome {
+    fn receive(&mut self, timeout: Duration, on_message: &mut dyn FnMut(&[u8])) -> BenchResult {
         self.samples(timeout, |sample| {
             sample.chunks_exact(self.message_bytes).for_each(&mut *on_message);
             Ok(())
@@ -207,9 +207,9 @@ impl Intake for BareIntake {
 }
 
 /// Copies each sample of the first hop into the second, until the process is killed.
-pub fn relay(place: &str, load: &Load, ready: impl FnOnce() -> Outcome) -> Outcome {
-    let from = BareIntake::open(place, "up", load)?;
-    let mut to = BareOutlet::open(place, "down", load)?;
+pub fn relay(namespace: &str, load: &Load, ready: impl FnOnce() -> BenchResult) -> BenchResult {
+    let from = BareIntake::open(namespace, "up", load)?;
+    let mut to = BareOutlet::open(namespace, "down", load)?;
     ready()?;
     loop {
         from.samples(Duration::from_secs(1), |sample| to.ship(sample))?;

@@ -6,13 +6,13 @@ use std::os::unix::net::{SocketAddr, UnixListener, UnixStream};
 use std::time::Duration;
 
 use crate::load::Load;
-use crate::transport::{Intake, Outcome, Outlet};
+use crate::transport::{BenchResult, Intake, Outlet};
 
 /// What a reader takes from the socket at once (bytes).
 const READ_AT_ONCE: usize = 64 << 10;
 
-fn address(place: &str, reader: usize) -> Outcome<SocketAddr> {
-    Ok(SocketAddr::from_abstract_name(format!("{place}/{reader}"))?)
+fn address(namespace: &str, reader: usize) -> BenchResult<SocketAddr> {
+    Ok(SocketAddr::from_abstract_name(format!("{namespace}/{reader}"))?)
 }
 
 /// A stream to each reader.
@@ -23,19 +23,19 @@ pub struct StreamOutlet {
 
 impl StreamOutlet {
     /// Connects to readers that listen already.
-    pub fn open(place: &str, readers: usize) -> Outcome<Self> {
-        let dial = |reader| Ok(UnixStream::connect_addr(&address(place, reader)?)?);
-        Ok(Self { streams: (0..readers).map(dial).collect::<Outcome<_>>()?, gathered: Vec::new() })
+    pub fn open(namespace: &str, readers: usize) -> BenchResult<Self> {
+        let connect = |reader| Ok(UnixStream::connect_addr(&address(namespace, reader)?)?);
+        Ok(Self { streams: (0..readers).map(connect).collect::<BenchResult<_>>()?, gathered: Vec::new() })
     }
 }
 
 impl Outlet for StreamOutlet {
-    fn send(&mut self, message: &[u8]) -> Outcome {
+    fn send(&mut self, message: &[u8]) -> BenchResult {
         self.gathered.extend_from_slice(message);
         if self.gathered.len() >= READ_AT_ONCE { self.flush() } else { Ok(()) }
     }
 
-    fn flush(&mut self) -> Outcome {
+    fn flush(&mut self) -> BenchResult {
         for stream in &mut self.streams {
             stream.write_all(&self.gathered)?;
         }
@@ -55,13 +55,13 @@ pub struct StreamIntake {
 
 impl StreamIntake {
     /// Listens.
-    pub fn open(place: &str, reader: usize, load: &Load) -> Outcome<Self> {
-        let listener = UnixListener::bind_addr(&address(place, reader)?)?;
+    pub fn open(namespace: &str, reader: usize, load: &Load) -> BenchResult<Self> {
+        let listener = UnixListener::bind_addr(&address(namespace, reader)?)?;
         let buffer = vec![0; load.bytes.max(READ_AT_ONCE)];
         Ok(Self { listener, stream: None, message_bytes: load.bytes, buffer, filled: 0 })
     }
 
-    fn fill(&mut self, timeout: Duration) -> Outcome {
+    fn fill(&mut self, timeout: Duration) -> BenchResult {
         if self.stream.is_none() {
             let (stream, _) = self.listener.accept()?;
             stream.set_read_timeout(Some(timeout))?;
@@ -81,7 +81,7 @@ impl StreamIntake {
 }
 
 impl Intake for StreamIntake {
-    fn receive(&mut self, timeout: Duration, on_message: &mut dyn FnMut(&[u8])) -> Outcome {
+    fn receive(&mut self, timeout: Duration, on_message: &mut dyn FnMut(&[u8])) -> BenchResult {
         self.fill(timeout)?;
         let whole = self.filled - self.filled % self.message_bytes;
         self.buffer[..whole].chunks_exact(self.message_bytes).for_each(on_message);

@@ -177,6 +177,9 @@ impl<'a> Members<'a> {
                 None => (format!("[{index}]"), index.into()),
             };
             said.only_of_fields(field.span())?;
+            if said.default.is_some() && field.ident.is_none() {
+                return Err(Error::new(field.span(), "a field with a default has a name"));
+            }
             let docs = docs(&field.attrs);
             Ok(Self { field, name, member, binding: format_ident!("field_{index}"), docs, said })
         };
@@ -220,7 +223,13 @@ impl<'a> Members<'a> {
 fn fields(all: &[Members<'_>]) -> TokenStream {
     let each = all.iter().map(|one| {
         let (name, docs, unit, shape) = (&one.name, &one.docs, one.said.unit.as_deref().unwrap_or(""), one.shape());
-        quote! { describing::FieldShape { name: #name, docs: #docs, unit: #unit, shape: #shape } }
+        let default = match &one.said.default {
+            Some(default) => quote! { describing::derived::default_of(&#shape, #default) },
+            None => quote! { ::core::option::Option::None },
+        };
+        quote! {
+            describing::FieldShape { name: #name, docs: #docs, unit: #unit, default: #default, shape: #shape }
+        }
     });
     quote! { &[#(#each),*] }
 }
@@ -240,6 +249,7 @@ struct Said {
     shape: Option<Expr>,
     any: bool,
     count: bool,
+    default: Option<TokenStream>,
     drawn: Option<syn::LitStr>,
     krate: Option<Path>,
 }
@@ -258,9 +268,17 @@ impl Said {
                     "shape" => said.shape = Some(meta.value()?.parse()?),
                     "any" => said.any = true,
                     "count" => said.count = true,
+                    "default" if meta.input.peek(syn::Token![=]) => {
+                        said.default = Some(default(meta.value()?)?);
+                    }
+                    "default" => said.default = Some(quote! { describing::DefaultValue::Zero }),
                     "drawn" => said.drawn = Some(drawn(&meta.value()?.parse::<syn::LitStr>()?)?),
                     "crate" => said.krate = Some(meta.value()?.parse()?),
-                    _ => return Err(meta.error("right are unit, range, longest, count, check, shape, any and drawn")),
+                    _ => {
+                        return Err(
+                            meta.error("right are unit, range, longest, count, check, default, shape, any and drawn")
+                        );
+                    }
                 }
                 Ok(())
             })?;
@@ -278,14 +296,40 @@ impl Said {
 
     /// A whole type has none of a field's rules.
     fn only_of_types(&self, span: proc_macro2::Span) -> Result<()> {
-        let Self { unit, range, longest, check: _, shape, any, count, drawn: _, krate: _ } = self;
-        match unit.is_some() || range.is_some() || longest.is_some() || shape.is_some() || *any || *count {
+        let Self { unit, range, longest, check: _, shape, any, count, default, drawn: _, krate: _ } = self;
+        let is_said = unit.is_some() || range.is_some() || longest.is_some() || shape.is_some() || default.is_some();
+        match is_said || *any || *count {
             true => {
                 Err(Error::new(span, "of a type, describe says `check` and `drawn`; units and ranges are its fields'"))
             }
             false => Ok(()),
         }
     }
+}
+
+/// A default, as a constant.
+fn default(input: syn::parse::ParseStream<'_>) -> Result<TokenStream> {
+    if input.peek(syn::token::Bracket) {
+        let inner;
+        syn::bracketed!(inner in input);
+        let all = inner.parse_terminated(default, syn::Token![,])?.into_iter();
+        return Ok(quote! { describing::DefaultValue::List(&[#(#all),*]) });
+    }
+    let minus: Option<syn::Token![-]> = input.parse()?;
+    let literal: Lit = input.parse()?;
+    let variant = match &literal {
+        Lit::Int(_) => quote! { Integer },
+        Lit::Float(_) => quote! { Float },
+        Lit::Bool(_) if minus.is_none() => quote! { Bool },
+        Lit::Str(_) if minus.is_none() => quote! { Text },
+        _ => {
+            return Err(Error::new(
+                literal.span(),
+                "right are numbers, flags, texts, variants' names as texts, and lists",
+            ));
+        }
+    };
+    Ok(quote! { describing::DefaultValue::#variant(#minus #literal) })
 }
 
 /// As what a struct can be drawn.

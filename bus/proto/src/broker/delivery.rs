@@ -1,27 +1,9 @@
 //! A message on its way to all who get it: at once, or as often as they want it.
 
-use super::membership::Standing;
-use super::message::Message;
-use super::naming::Definition;
-use super::{Broker, ClientId};
-use super::{registration, variable};
-use crate::wire::{self, BULK, FrameKind, Header, Named, ValueKind};
-
-/// A time that can be ordered (s; never NaN here).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Due(pub f64);
-
-impl Eq for Due {}
-impl PartialOrd for Due {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Due {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0)
-    }
-}
+use super::state::message::Message;
+use super::state::names::Definition;
+use super::state::{Broker, registration, variable};
+use crate::wire::{self, BULK, ClientId, FrameKind, Header, Named, ValueKind};
 
 impl Broker {
     /// Says on `DB_EVENT` what happened.
@@ -37,7 +19,7 @@ impl Broker {
             key,
             source: self.own.source,
             sequence,
-            time: self.time(now),
+            time: self.time.of_community(now),
             ..Header::new(FrameKind::Notify)
         };
         let mut frame = Vec::new();
@@ -68,7 +50,7 @@ impl Broker {
         self.variables[key].routes[route].deliveries = deliveries;
     }
 
-    /// The place of (key, source) in the variable's routes; a pair that is new is matched against all registrations.
+    /// The index of (key, source) in the variable's routes; a pair that is new is matched against all registrations.
     fn route(&mut self, key: u32, source: u32) -> usize {
         if let Some(known) = self.variables[key].routes.iter().position(|r| r.source == source) {
             return known;
@@ -98,8 +80,8 @@ impl Broker {
         if !self.reached.contains(&to) {
             self.reached.push(to);
         }
-        if message.header.flags & BULK != 0 && matches!(client.standing, Standing::Disconnected { .. }) {
-            self.wishes.resolve.insert(to);
+        if message.header.flags & BULK != 0 && client.is_disconnected() {
+            self.actions.resolve.insert(to);
         }
         client.mailbox.push(now, message, self.config.lossless_patience_secs);
     }

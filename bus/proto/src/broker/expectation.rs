@@ -6,36 +6,13 @@
 //! as another is written that somebody reads: so neither a writer nor a reader alone can take a variable. Where both types
 //! are read, the first write stands, and both ends are told: that is for people to sort out.
 
-use std::fmt;
-
-use serde::{Deserialize, Serialize};
-
-use super::client::{UNDEFINED, Unnumbered};
-use super::registration::Registration;
-use super::variable::TypeLock;
-use super::{Broker, ClientId};
-use crate::wire::{Frame, Named, TYPED, ValueKind};
-
-/// What a reader expects.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Expected {
-    /// Numbers.
-    Numbers,
-    /// Texts.
-    Texts,
-    /// Values of a type, by name and layout.
-    Values(String, u64),
-}
-
-impl fmt::Display for Expected {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Expected::Numbers => f.write_str("numbers"),
-            Expected::Texts => f.write_str("texts"),
-            Expected::Values(name, layout) => write!(f, "{name} (layout {layout:016x})"),
-        }
-    }
-}
+use super::state::Broker;
+use super::state::client::{Client, UNDEFINED, Unnumbered};
+use super::state::expected::Expected;
+use super::state::registration::Registration;
+use super::state::variable::TypeLock;
+use crate::mail::of_build;
+use crate::wire::{ClientId, Frame, Named, TYPED, ValueKind};
 
 impl Broker {
     /// What a registration says that its client expects.
@@ -64,31 +41,37 @@ impl Broker {
         let name = self.names.keys.name(key);
         let (reader, expected) = self.expectations(name).next()?;
         let reader = self.client_name(reader)?;
-        let nobody = lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.is(lock, other));
-        nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.describe(lock)))
+        let nobody =
+            lock.kind != ValueKind::Binary && !self.expectations(name).any(|(_, other)| self.names.is(lock, other));
+        nobody.then(|| format!("{reader} reads {name} as {expected}; {} was refused", self.names.describe(lock)))
     }
 
-    /// Whether a write of another type takes the variable over: somebody reads it as that, and nobody as what it carries.
+    /// Whether a write of another type takes the variable over: somebody reads it as that, and nobody can read what it carries.
     pub(super) fn changes_over(&self, key: u32, lock: TypeLock) -> bool {
         let name = self.names.keys.name(key);
-        let is_read_as = |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.is(lock, expected));
+        let is_read_as =
+            |lock: TypeLock| self.expectations(name).any(|(_, expected)| self.names.can_read(lock, expected));
         is_read_as(lock) && !self.variables[key].lock.is_some_and(is_read_as)
     }
 
-    /// A variable was written with a type that it did not have before: those who read something else there are told.
+    /// A variable was written with a type that it did not have before: those who read something else there are told, and so
+    /// is the writer.
     pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
         let Some(lock) = self.variables[key].lock else { return };
         let name = self.names.keys.name(key).to_owned();
-        let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
-        let is = self.describe(lock);
+        let (writer, from) = (self.writer(key), self.variables[key].latest_from);
+        let is = self.names.describe(lock);
         let words = |(reader, expected)| {
-            let how = self.difference(lock, expected, [writer, "this reader"]).unwrap_or_default();
-            (reader, format!("{name} carries {is}, by {writer}: this reader cannot read it{how}"))
+            let how = self.difference(lock, expected, key, reader).unwrap_or_default();
+            let to_reader = format!("{name} carries {is}, by {writer}: this reader cannot read it{how}");
+            let who = self.client_name(reader).unwrap_or_default();
+            let to_writer = format!("{name} carries {is}: {who} reads it as {expected} and cannot read it{how}");
+            [(Some(reader), to_reader), (from, to_writer)]
         };
-        let reads_else = self.expectations(&name).filter(|(_, expected)| !self.is(lock, expected));
-        for (reader, said) in reads_else.map(words).collect::<Vec<_>>() {
+        let reads_else = self.expectations(&name).filter(|(_, expected)| !self.names.can_read(lock, expected));
+        for (told, said) in reads_else.flat_map(words).collect::<Vec<_>>() {
             // Whoever has gone meanwhile need not be told.
-            let _ = self.refuse(reader, &name, 0, &said);
+            let _ = told.map(|told| self.refuse(told, &name, 0, &said));
         }
     }
 
@@ -100,28 +83,32 @@ impl Broker {
         })
     }
 
-    fn is(&self, lock: TypeLock, expected: &Expected) -> bool {
-        match (lock.kind, expected) {
-            (ValueKind::Double, Expected::Numbers) | (ValueKind::Text, Expected::Texts) => true,
-            (ValueKind::Binary, Expected::Values(name, layout)) => {
-                let (known, hash, _) = self.names.types.said(lock.type_);
-                (known, hash) == (name.as_str(), *layout)
-            }
-            _ => false,
-        }
+    /// Who wrote last to a variable.
+    fn writer(&self, key: u32) -> &str {
+        self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source))
     }
 
-    /// Where the definitions of writer and reader differ, if it is one type of two builds.
-    fn difference(&self, lock: TypeLock, expected: &Expected, [writer, reader]: [&str; 2]) -> Option<String> {
+    /// Where the definitions of who wrote last to a variable and of a reader differ, and in which builds, if it is one type.
+    fn difference(&self, lock: TypeLock, expected: &Expected, key: u32, reader: ClientId) -> Option<String> {
         let Expected::Values(name, layout) = expected else { return None };
-        if lock.kind != ValueKind::Binary {
+        let type_ = self.names.types.known(name, *layout)?;
+        self.how_they_differ(key, lock, reader, TypeLock { kind: ValueKind::Binary, type_ })
+    }
+
+    /// Where what was written last to a variable and what a client takes for it differ, and in which builds, if it is one type:
+    /// in brackets.
+    pub(super) fn how_they_differ(&self, key: u32, was: TypeLock, client: ClientId, is: TypeLock) -> Option<String> {
+        let types = &self.names.types;
+        let is_typed = was.kind == ValueKind::Binary && is.kind == ValueKind::Binary;
+        if !is_typed || types.name(was.type_) != types.name(is.type_) {
             return None;
         }
-        let (carried, expected) =
-            (self.names.types.get(lock.type_), self.names.types.get(self.names.types.known(name, *layout)?));
-        let whose = [format!("in {writer}'s build"), format!("in {reader}'s")];
-        let how = carried.as_ref().difference_to(expected.as_ref(), [&whose[0], &whose[1]])?;
-        Some(format!(" ({how})"))
+        let (writer, _, build) = self.names.said(Named::Source, self.variables[key].latest_source()?);
+        let client = self.sessions.clients.get(&client)?;
+        let difference = types.difference(was.type_, is.type_)?;
+        let [there, here] =
+            [of_build(writer, build), of_build(&client.name, &client.build)].map(|end| format!("in {end}"));
+        Some(format!(" ({})", difference.in_words([&there, &here])))
     }
 
     /// A client has registered: what it expects is held against what the variable carries.
@@ -129,8 +116,8 @@ impl Broker {
         let Some(expected) = &registration.expects else { return };
         let name = &registration.key_pattern;
         let Some(key) = self.names.keys.known(name) else { return };
-        let Some(lock) = self.variables[key].lock.filter(|lock| !self.is(*lock, expected)) else { return };
-        let is_expected = self.expectations(name).any(|(_, other)| self.is(lock, other));
+        let Some(lock) = self.variables[key].lock.filter(|lock| !self.names.can_read(*lock, expected)) else { return };
+        let is_expected = self.expectations(name).any(|(_, other)| self.names.is(lock, other));
         let yields = lock.kind != ValueKind::Binary && !is_expected;
         let what_follows = if yields {
             "what was written is forgotten, and no more of it is taken"
@@ -138,11 +125,11 @@ impl Broker {
             "this reader cannot read it: build both from one version, or give one of them another variable"
         };
         let reader = self.client_name(id).unwrap_or_default();
-        let writer = self.variables[key].latest_source().map_or("", |source| self.names.sources.name(source));
-        let is = self.describe(lock);
-        let how = self.difference(lock, expected, [writer, reader]).unwrap_or_default();
+        let writer = self.writer(key);
+        let is = self.names.describe(lock);
+        let how = self.difference(lock, expected, key, id).unwrap_or_default();
         let said = format!("{name} carries {is}, by {writer}; {reader} reads it as {expected}{how}: {what_follows}");
-        let writes = |(other, client): &(&ClientId, &super::Client)| **other != id && client.published.contains(&key);
+        let writes = |(other, client): &(&ClientId, &Client)| **other != id && client.published.contains(&key);
         let writers = self.sessions.clients.iter().filter(writes).map(|(id, _)| *id);
         for told in writers.chain([id]).collect::<Vec<_>>() {
             // Whoever has gone meanwhile need not be told.

@@ -1,37 +1,8 @@
 //! Who has handled what: a publisher's batch is done with once all who got mail from it have handled that mail.
 
-use super::{Broker, ClientId};
-
-/// A client that got mail, and where the newest of it stands in its mailbox.
-#[derive(Debug, Clone, Copy)]
-pub struct Reached {
-    /// The client.
-    pub client: ClientId,
-    /// The position (see [`Broker::mail_done`]).
-    pub position: u64,
-    /// Whether publishers wait for it.
-    pub lossless: bool,
-}
-
-/// A client that has taken over another's session, with its mail.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Succession {
-    /// Whose session it was.
-    pub predecessor: ClientId,
-    /// Whose it is.
-    pub successor: ClientId,
-    /// Where the newest message that it took over stands in its own mailbox.
-    pub position: u64,
-}
-
-impl Reached {
-    /// Whoever has the mail now.
-    pub fn follow(&mut self, succession: &Succession) {
-        if self.client == succession.predecessor {
-            (self.client, self.position) = (succession.successor, succession.position);
-        }
-    }
-}
+use super::state::Broker;
+use super::state::reached::{Reached, Succession};
+use crate::wire::ClientId;
 
 /// Batches that a broker remembers as not handled by everybody. Older ones count as handled: their publisher has let go
 /// of them long before.
@@ -93,6 +64,6 @@ impl Broker {
             let reached = client.unhandled.iter_mut().flat_map(|(_, reached)| reached);
             reached.for_each(|reached| reached.follow(&succession));
         }
-        self.wishes.follow.push_back(succession);
+        self.actions.follow.push_back(succession);
     }
 }

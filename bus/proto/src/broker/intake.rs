@@ -1,12 +1,12 @@
 //! A client's message on its way in: taken, or refused with a reason.
 
-use super::client::{UNDEFINED, Unnumbered};
-use super::limits::UNNAMED;
-use super::message::Message;
-use super::naming::OWN_PREFIX;
-use super::variable::TypeLock;
-use super::{Broker, ClientId, table};
-use crate::wire::{self, BULK, BulkRef, Frame, FrameKind, Header, MAX_FRAME, ValueKind};
+use super::state::Broker;
+use super::state::client::{UNDEFINED, UNNAMED, Unnumbered};
+use super::state::message::Message;
+use super::state::names::OWN_PREFIX;
+use super::state::variable::TypeLock;
+use super::table;
+use crate::wire::{self, BULK, BulkRef, ClientId, Frame, FrameKind, Header, MAX_FRAME};
 
 /// Whether a reference can be to one of the bulk values of client `from`: only those are its to give to readers, who let
 /// go of all values before the one that they are referred to, and see that there is room to map it.
@@ -37,8 +37,8 @@ impl Broker {
             return self.notify(now, from, frame);
         }
         // A driven clock, which may have been set meanwhile, tells nothing of how long a message took.
-        client.latency.note(self.time.driver.is_none().then_some(now - header.time));
-        let is_as_before = variable.lock == Some(TypeLock::of(&header));
+        client.latency.note((!self.time.is_driven()).then_some(now - header.time));
+        let (was, is) = (variable.lock, TypeLock::of(&header));
         let is_as_last_time = client.last_published == Some(key);
         if let Some(reason) = self.refusal(from, &header, frame) {
             let name = self.names.keys.name(key).to_owned();
@@ -48,7 +48,7 @@ impl Broker {
             self.note_writer(from, key, source);
         }
         self.store_and_deliver(now, Some(from), &Message::new(header, frame));
-        if !is_as_before {
+        if was != Some(is) && !was.is_some_and(|was| self.names.are_versions(was, is)) {
             self.tell_those_who_expect_else(key);
         }
         Ok(())
@@ -88,27 +88,17 @@ impl Broker {
         let lock = TypeLock::of(header);
         match variable.lock {
             None => self.contradicts_readers(header.key, lock),
-            Some(_) => self.type_conflict(header.key, lock).filter(|_| !self.changes_over(header.key, lock)),
+            Some(_) => self.type_conflict(from, header.key, lock).filter(|_| !self.changes_over(header.key, lock)),
         }
         .or_else(|| self.latest_refusal(variable.latest.len(), bytes))
     }
 
-    fn type_conflict(&self, key: u32, lock: TypeLock) -> Option<String> {
-        let locked = self.variables[key].lock?;
-        (locked != lock).then(|| {
-            let (was, is) = (self.describe(locked), self.describe(lock));
-            format!("{} carries {was} since its first write; {is} was refused", self.names.keys.name(key))
-        })
-    }
-
-    pub(super) fn describe(&self, lock: TypeLock) -> String {
-        match lock.kind {
-            ValueKind::Double => "numbers".into(),
-            ValueKind::Text => "texts".into(),
-            ValueKind::Binary => {
-                format!("{} (layout {:016x})", self.names.types.name(lock.type_), self.names.types.layout(lock.type_))
-            }
-        }
+    fn type_conflict(&self, from: ClientId, key: u32, lock: TypeLock) -> Option<String> {
+        let is_another = |locked: &TypeLock| *locked != lock && !self.names.are_versions(*locked, lock);
+        let locked = self.variables[key].lock.filter(is_another)?;
+        let (was, is) = (self.names.describe(locked), self.names.describe(lock));
+        let how = self.how_they_differ(key, locked, from, lock).unwrap_or_default();
+        Some(format!("{} carries {was} since its first write; {is} was refused{how}", self.names.keys.name(key)))
     }
 
     /// Tells a client what of its own was not taken, and why.

@@ -1,9 +1,9 @@
 //! The latest values: kept for those who come late, accounted for, and forgotten.
 
-use super::message::{Message, bulk_of};
-use super::variables::Variables;
-use super::{Broker, ClientId};
-use crate::wire::{self, RESENT};
+use super::state::Broker;
+use super::state::message::{Message, bulk_of};
+use super::state::variables::Variables;
+use crate::wire::{self, ClientId, RESENT};
 
 impl Variables {
     /// Keeps a message of client `from` as its variable's latest value; `None`: of the broker, or of somebody who is gone.

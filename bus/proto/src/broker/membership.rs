@@ -7,18 +7,20 @@
 //! session is disconnected for one moment. After the death of a broker, the next one begins with disconnected sessions
 //! alone. So one mechanism serves a swap, a restart and a recovery.
 
-use serde::{Deserialize, Serialize};
-
-use super::message::Message;
-use super::registration::{self, Change, Messages, Registration};
-use super::{Broker, BrokerConfig, Client, ClientId};
-use crate::wire::{self, ATTACH, Frame, FrameKind, Header};
+use super::state::client::{Client, Standing};
+use super::state::message::Message;
+use super::state::registration::{self, Change, Messages, Registration};
+use super::state::sessions::Session;
+use super::state::{Broker, BrokerConfig};
+use crate::wire::{self, ATTACH, ClientId, Frame, FrameKind, Header};
 
 /// Who wants in, and how.
 #[derive(Debug, Clone, Copy)]
 pub struct Introduction<'a> {
     /// Its name.
     pub name: &'a str,
+    /// Which build of which program it is: for people, where two builds have different versions of a type; empty: not said.
+    pub build: &'a str,
     /// How long its session is kept after its death (s); 0: not at all.
     pub lease_secs: f64,
     /// It comes to take over the session of the client that has the name.
@@ -30,12 +32,12 @@ pub struct Introduction<'a> {
 impl<'a> Introduction<'a> {
     /// A newcomer without any claims.
     pub fn new(name: &'a str) -> Self {
-        Self { name, lease_secs: 0.0, succeeds: false, returns: false }
+        Self { name, build: "", lease_secs: 0.0, succeeds: false, returns: false }
     }
 
-    /// Somebody who comes back after the broker's death.
-    pub fn returning(name: &'a str, lease_secs: f64) -> Self {
-        Self { lease_secs, returns: true, ..Self::new(name) }
+    /// The same, come back after the broker's death.
+    pub fn returning(self) -> Self {
+        Self { succeeds: false, returns: true, ..self }
     }
 }
 
@@ -56,28 +58,6 @@ pub enum Refusal {
     BadName(String),
 }
 
-/// How a client stands to the community.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Standing {
-    /// It is there.
-    Present,
-    /// Its process is gone; its session is kept until then (s). `returns`: a client that lives and will be back.
-    Disconnected { until: f64, returns: bool },
-    /// It will take over the session of `predecessor`. `ready`: as soon as that one makes room.
-    Joining { predecessor: ClientId, ready: bool },
-}
-
-/// What a broker has to know of a client to keep its session after the broker's own death.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Session {
-    /// The client's name.
-    pub name: String,
-    /// How long its session is kept after its death (s).
-    pub lease_secs: f64,
-    /// What it is registered for.
-    pub registrations: Vec<Registration>,
-}
-
 /// How long those who take over sessions of the dead wait, after a broker's death, for those who live to come back and say
 /// again what they know (s).
 const RETURN_PATIENCE_SECS: f64 = 2.0;
@@ -87,8 +67,11 @@ const LONGEST_LEASE_SECS: f64 = 86_400.0;
 
 const NAME_SEPARATORS: [char; 3] = [',', '*', '?'];
 
+/// The longest build that is kept (characters): of a longer one its beginning is.
+const LONGEST_BUILD: usize = 64;
+
 impl Broker {
-    /// A broker that takes the place of one that died: it keeps the `sessions` of the clients that were there, each with
+    /// A broker that takes over from one that died: it keeps the `sessions` of the clients that were there, each with
     /// whether its process still lives and will return, for `patience` (s).
     pub fn recover(
         config: BrokerConfig,
@@ -100,7 +83,8 @@ impl Broker {
         broker.time.driver_awaited_until = now + patience;
         broker.sessions.returns_awaited_until = Some(now + RETURN_PATIENCE_SECS);
         for (session, returns) in sessions {
-            let id = broker.add_client(now, &session.name, session.lease_secs);
+            let id = broker
+                .add_client(now, &Introduction { lease_secs: session.lease_secs, ..Introduction::new(&session.name) });
             let Some(client) = broker.sessions.clients.get_mut(&id) else { continue };
             client.standing = Standing::Disconnected { until: now + patience, returns };
             client.registrations = session.registrations;
@@ -124,15 +108,15 @@ impl Broker {
         if let Some(holder) = holder {
             self.may_succeed(holder, who)?;
         }
-        let id = self.add_client(now, name, who.lease_secs);
+        let id = self.add_client(now, who);
         if who.returns {
             self.sessions.returning.insert(id);
         }
         match holder {
-            Some(predecessor) => self.set_standing(id, Standing::Joining { predecessor, ready: false }),
+            Some(predecessor) => self.sessions.join(id, predecessor),
             None => {
                 self.sessions.names.insert(name.into(), id);
-                self.wishes.keep_sessions = true;
+                self.actions.keep_sessions = true;
                 self.announce(now, &format!("connected={name}"));
             }
         }
@@ -140,46 +124,29 @@ impl Broker {
     }
 
     fn may_succeed(&self, holder: ClientId, who: &Introduction<'_>) -> Result<(), Refusal> {
-        if self.successor_of(holder).is_some() {
+        if self.sessions.successor_of(holder).is_some() {
             return Err(Refusal::SuccessorTaken(who.name.into()));
         }
-        let may = match self.standing(holder) {
+        let may = match self.sessions.standing(holder) {
             Some(Standing::Disconnected { returns, .. }) => !returns || who.returns,
             _ => who.succeeds,
         };
         if may { Ok(()) } else { Err(Refusal::NameTaken(who.name.into())) }
     }
 
-    fn add_client(&mut self, now: f64, name: &str, lease_secs: f64) -> ClientId {
+    fn add_client(&mut self, now: f64, who: &Introduction<'_>) -> ClientId {
+        let Introduction { name, build, lease_secs, .. } = *who;
         let lease_secs = if lease_secs.is_finite() { lease_secs.clamp(0.0, LONGEST_LEASE_SECS) } else { 0.0 };
-        let id = self.sessions.add(Client::new(name, lease_secs, self.config.mailbox_bytes, now));
+        let build = build.chars().filter(|c| !c.is_control()).take(LONGEST_BUILD).collect();
+        let client = Client { build, ..Client::new(name, lease_secs, self.config.mailbox_bytes, now) };
+        let id = self.sessions.add(client);
         self.share_out_mail();
         id
-    }
-
-    pub(super) fn standing(&self, id: ClientId) -> Option<Standing> {
-        self.sessions.clients.get(&id).map(|client| client.standing)
-    }
-
-    fn set_standing(&mut self, id: ClientId, standing: Standing) {
-        if let Some(client) = self.sessions.clients.get_mut(&id) {
-            client.standing = standing;
-        }
-    }
-
-    fn successor_of(&self, id: ClientId) -> Option<ClientId> {
-        let succeeds = |c: &Client| matches!(c.standing, Standing::Joining { predecessor, .. } if predecessor == id);
-        self.sessions.clients.iter().find(|(_, client)| succeeds(client)).map(|(id, _)| *id)
     }
 
     /// Whether a client is on its way to the session of another.
     pub fn is_joining(&self, id: ClientId) -> bool {
         self.sessions.clients.get(&id).is_some_and(Client::is_joining)
-    }
-
-    /// Whether a client is gone and its session is kept.
-    pub(super) fn is_disconnected(&self, id: ClientId) -> bool {
-        matches!(self.standing(id), Some(Standing::Disconnected { .. }))
     }
 
     /// Whether somebody is on the way to the session of a name, or may still come for it.
@@ -195,11 +162,6 @@ impl Broker {
         }
     }
 
-    /// Whether the client's next batch has to wait until it has the session that it came for.
-    pub(super) fn waits_for_its_session(client: &Client) -> bool {
-        matches!(client.standing, Standing::Joining { ready: true, .. })
-    }
-
     /// Whoever has said more than a mailbox holds has said enough to be ready.
     pub(super) fn on_much_said(&mut self, now: f64, id: ClientId) {
         let has_said_enough = |client: &Client| client.held.len() + client.asked.len() >= client.mailbox.limit();
@@ -211,42 +173,35 @@ impl Broker {
     /// The client has said all that has to be said before its mail may flow; one that was here under the broker before this
     /// one says so a second time when it has said again what not everybody had heard.
     pub(super) fn on_ready(&mut self, now: f64, id: ClientId) {
-        let Some(Standing::Joining { predecessor, ready: false }) = self.standing(id) else {
+        let joining = self.sessions.clients.get_mut(&id).and_then(|client| match &mut client.standing {
+            Standing::Joining { predecessor, ready } if !*ready => {
+                *ready = true;
+                Some((*predecessor, client.name.clone()))
+            }
+            _ => None,
+        });
+        let Some((predecessor, name)) = joining else {
             self.sessions.returning.remove(&id);
             return;
         };
-        self.set_standing(id, Standing::Joining { predecessor, ready: true });
-        match self.standing(predecessor) {
+        match self.sessions.standing(predecessor) {
             Some(Standing::Present) => {
-                let name = self.client_name(id).unwrap_or_default().to_owned();
                 self.publish_event(now, &format!("ready={name}"));
-                self.wishes.retire.push_back(predecessor);
+                self.actions.retire.push_back(predecessor);
             }
             // What it asks for first is what those know who are on their way back.
-            _ if self.awaits_returns(now) && !self.sessions.returning.contains(&id) => {}
+            _ if self.sessions.awaits_returns(now) && !self.sessions.returning.contains(&id) => {}
             _ => self.take_over(now, id, predecessor),
         }
     }
 
-    fn awaits_returns(&self, now: f64) -> bool {
-        let is_to_return = |c: &Client| matches!(c.standing, Standing::Disconnected { returns: true, .. });
-        let awaited = !self.sessions.returning.is_empty() || self.sessions.clients.values().any(is_to_return);
-        awaited && self.sessions.returns_awaited_until.is_some_and(|until| now < until)
-    }
-
     /// Gives those their sessions who waited for others to come back.
     pub(super) fn seat_those_who_wait(&mut self, now: f64) {
-        if self.sessions.returns_awaited_until.is_none() || self.awaits_returns(now) {
+        if self.sessions.returns_awaited_until.is_none() || self.sessions.awaits_returns(now) {
             return;
         }
         self.sessions.returns_awaited_until = None;
-        let waits = |(id, c): (&ClientId, &Client)| match c.standing {
-            Standing::Joining { predecessor, ready: true } if self.is_disconnected(predecessor) => {
-                Some((*id, predecessor))
-            }
-            _ => None,
-        };
-        let waiting: Vec<_> = self.sessions.clients.iter().filter_map(waits).collect();
+        let waiting = self.sessions.ready_for_the_gone();
         waiting.into_iter().for_each(|(id, predecessor)| self.take_over(now, id, predecessor));
     }
 
@@ -255,7 +210,7 @@ impl Broker {
     pub fn disconnect(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
         self.let_go_of_clock(now, id);
         self.sessions.returning.remove(&id);
-        match self.standing(id) {
+        match self.sessions.standing(id) {
             None | Some(Standing::Disconnected { .. }) => {}
             Some(Standing::Joining { predecessor, .. }) => {
                 self.sessions.remove(id);
@@ -266,7 +221,7 @@ impl Broker {
     }
 
     fn leave(&mut self, now: f64, id: ClientId, handled: u64, goodbye: bool) {
-        let successor = self.successor_of(id);
+        let successor = self.sessions.successor_of(id);
         self.note_departure(id);
         let Some(client) = self.sessions.clients.get_mut(&id) else { return };
         let name = client.name.clone();
@@ -275,13 +230,13 @@ impl Broker {
             client.standing = Standing::Disconnected { until, returns: false };
             self.sessions.given_bytes -= client.mailbox.given_bytes();
             client.mailbox.take_back(handled);
-            self.wishes.resolve.insert(id);
+            self.actions.resolve.insert(id);
         } else {
             self.forget(id);
         }
         self.announce(now, &format!("disconnected={name}"));
         if let Some(successor) = successor
-            && let Some(Standing::Joining { ready: true, .. }) = self.standing(successor)
+            && let Some(Standing::Joining { ready: true, .. }) = self.sessions.standing(successor)
         {
             self.take_over(now, successor, id);
         }
@@ -297,16 +252,7 @@ impl Broker {
 
     /// Lets go of the sessions that nobody came for.
     pub(super) fn expire_sessions(&mut self, now: f64) {
-        let expired = |c: &Client| matches!(c.standing, Standing::Disconnected { until, .. } if until <= now);
-        let ids: Vec<ClientId> = self.sessions.clients.iter().filter(|(_, c)| expired(c)).map(|(id, _)| *id).collect();
-        ids.into_iter().for_each(|id| self.forget(id));
-    }
-
-    /// When the next session expires (s).
-    pub(super) fn next_expiry(&self) -> f64 {
-        let until =
-            |c: &Client| if let Standing::Disconnected { until, .. } = c.standing { until } else { f64::INFINITY };
-        self.sessions.clients.values().map(until).fold(f64::INFINITY, f64::min)
+        self.sessions.expired(now).into_iter().for_each(|id| self.forget(id));
     }
 
     fn forget(&mut self, id: ClientId) {
@@ -319,32 +265,23 @@ impl Broker {
         for other in self.sessions.clients.values_mut() {
             other.feeds.remove(&id);
         }
-        self.wishes.keep_sessions = true;
+        self.actions.keep_sessions = true;
         self.share_out_mail();
     }
 
     /// Gives `id` the session of `predecessor`, which is disconnected: first the latest values of what it registered for,
     /// then the predecessor's mail as far as it wants it, then what comes. A latest value that is still among that mail
-    /// comes in its place there, not twice.
+    /// comes there instead of it, not twice.
     fn take_over(&mut self, now: f64, id: ClientId, predecessor: ClientId) {
-        let name = self.client_name(id).unwrap_or_default().to_owned();
-        let dead = self.sessions.remove(predecessor);
-        if let (Some(dead), Some(client)) = (&dead, self.sessions.clients.get_mut(&id)) {
-            client.mailbox.inherit_dropped(&dead.mailbox);
-        }
-        self.variables.deliveries -= dead.as_ref().map_or(0, |dead| dead.deliveries);
-        let mail = dead.map(|dead| dead.mailbox.into_mail()).unwrap_or_default();
-        self.variables.end_deliveries(predecessor);
-        for other in self.sessions.clients.values_mut() {
-            if other.feeds.remove(&predecessor) {
-                other.feeds.insert(id);
-            }
-        }
+        let Some(client) = self.sessions.clients.get_mut(&id) else {
+            debug_assert!(false, "client {id} takes a session over and is not there");
+            return;
+        };
+        client.standing = Standing::Present;
+        let (name, asked) = (client.name.clone(), std::mem::take(&mut client.asked));
+        let mail = self.end_session(predecessor, id);
         self.sessions.names.insert(name.clone(), id);
-        self.set_standing(id, Standing::Present);
-        self.wishes.keep_sessions = true;
-        let asked =
-            self.sessions.clients.get_mut(&id).map(|client| std::mem::take(&mut client.asked)).unwrap_or_default();
+        self.actions.keep_sessions = true;
         let change = |frame: Frame<'_>| Change::read(&frame, self.expected(id, &frame).ok()?).ok();
         let changes: Vec<Change> = wire::frames(&asked).flatten().filter_map(change).collect();
         let mut registrations = Vec::new();
@@ -362,6 +299,22 @@ impl Broker {
         self.publish_held(now, id);
     }
 
+    /// A session is over that `successor` takes: its mail. One that has expired meanwhile has none.
+    fn end_session(&mut self, id: ClientId, successor: ClientId) -> Vec<u8> {
+        self.variables.end_deliveries(id);
+        for client in self.sessions.clients.values_mut() {
+            if client.feeds.remove(&id) {
+                client.feeds.insert(successor);
+            }
+        }
+        let Some(dead) = self.sessions.remove(id) else { return Vec::new() };
+        self.variables.deliveries -= dead.deliveries;
+        if let Some(client) = self.sessions.clients.get_mut(&successor) {
+            client.mailbox.inherit_dropped(&dead.mailbox);
+        }
+        dead.mailbox.into_mail()
+    }
+
     /// The messages of `mail` that `registrations` ask for.
     fn wanted<'a>(&self, id: ClientId, registrations: &[Registration], mail: &'a [u8]) -> Vec<Frame<'a>> {
         let wants = |frame: &Frame<'_>| {
@@ -373,8 +326,8 @@ impl Broker {
 
     /// What the client published before it had its session.
     fn publish_held(&mut self, now: f64, id: ClientId) {
-        let held =
-            self.sessions.clients.get_mut(&id).map(|client| std::mem::take(&mut client.held)).unwrap_or_default();
+        let Some(client) = self.sessions.clients.get_mut(&id) else { return };
+        let held = std::mem::take(&mut client.held);
         for frame in wire::frames(&held).map_while(Result::ok) {
             // It was checked when it was taken; what is wrong with it costs the client only this message.
             let _ = self.notify(now, id, &frame);
@@ -384,7 +337,7 @@ impl Broker {
     /// Keeps a message of a client that is joining until it has its session.
     pub(super) fn hold(&mut self, id: ClientId, key: u32, frame: &Frame<'_>) -> Result<(), &'static str> {
         debug_assert_eq!(frame.header.kind, FrameKind::Notify);
-        if self.held_bytes() + frame.bytes.len() > self.config.limits.mail_bytes {
+        if self.sessions.held_bytes() + frame.bytes.len() > self.config.limits.mail_bytes {
             let name = self.names.keys.name(key).to_owned();
             let reason = "too much is said by clients that wait for the session of another";
             return self.refuse(id, &name, frame.header.sequence, reason);
@@ -395,13 +348,8 @@ impl Broker {
         Ok(())
     }
 
-    /// The sessions, with their holders' numbers: what has to outlive the broker (see [`super::Wish::KeepSessions`]).
+    /// The sessions, with their holders' numbers: what has to outlive the broker (see [`super::Action::KeepSessions`]).
     pub fn sessions(&self) -> Vec<(ClientId, Session)> {
-        let session = |client: &Client| Session {
-            name: client.name.clone(),
-            lease_secs: client.lease_secs,
-            registrations: client.registrations.clone(),
-        };
-        self.sessions.names.values().filter_map(|id| Some((*id, session(self.sessions.clients.get(id)?)))).collect()
+        self.sessions.to_keep()
     }
 }

@@ -1,113 +1,10 @@
 //! Names and their numbers: the broker's own, and those that each client has given to the same names on its way up.
 
-use super::interner::Interner;
-use super::limits::REFUSED;
-use super::message::Message;
-use super::types::Types;
-use super::variable::Variable;
-use super::variables::Variables;
-use super::{Broker, ClientId, mailbox};
-use crate::types::Type;
-use crate::wire::{self, Frame, Named};
-
-/// What the names of the broker's own variables begin with.
-pub(super) const OWN_PREFIX: &str = "DB_";
-
-/// What a definition says.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Definition<'a> {
-    pub name: &'a str,
-    /// A type's; 0 for all else.
-    pub layout: u64,
-    /// A type's, as it travels; empty: it has none.
-    pub description: &'a str,
-}
-
-impl<'a> Definition<'a> {
-    /// The definition of a name.
-    pub fn of(name: &'a str) -> Self {
-        Self { name, layout: 0, description: "" }
-    }
-
-    /// What is wrong with the description, if anything is.
-    pub fn mistake(self) -> Option<String> {
-        Type::from_text(self.name, self.layout, self.description).err()
-    }
-}
-
-/// All names, and what they are numbers of.
-#[derive(Debug, Default)]
-pub(super) struct Names {
-    pub keys: Interner,
-    pub sources: Interner,
-    pub types: Types,
-    pub communities: Interner,
-}
-
-impl Names {
-    /// The number of what a definition names; a new one is given the next.
-    pub fn number(&mut self, what: Named, definition: Definition<'_>) -> u32 {
-        let Definition { name, layout, description } = definition;
-        match what {
-            Named::Key => self.keys.number(name),
-            Named::Source => self.sources.number(name),
-            Named::Type => self.types.number(name, layout, description),
-            Named::Community => self.communities.number(name),
-        }
-    }
-
-    /// The number that this has already.
-    pub fn known(&self, what: Named, definition: Definition<'_>) -> Option<u32> {
-        match what {
-            Named::Key => self.keys.known(definition.name),
-            Named::Source => self.sources.known(definition.name),
-            Named::Type => self.types.known(definition.name, definition.layout),
-            Named::Community => self.communities.known(definition.name),
-        }
-    }
-
-    /// Name, layout and description of a number.
-    pub fn said(&self, what: Named, number: u32) -> (&str, u64, &str) {
-        match what {
-            Named::Key => (self.keys.name(number), 0, ""),
-            Named::Source => (self.sources.name(number), 0, ""),
-            Named::Type => self.types.said(number),
-            Named::Community => (self.communities.name(number), 0, ""),
-        }
-    }
-
-    /// How many there are of a kind.
-    pub fn count(&self, what: Named) -> usize {
-        match what {
-            Named::Key => self.keys.len(),
-            Named::Source => self.sources.len(),
-            Named::Type => self.types.len(),
-            Named::Community => self.communities.len(),
-        }
-    }
-
-    /// Bytes of all of them, and of the types' descriptions.
-    pub fn bytes(&self) -> usize {
-        self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes()
-    }
-}
-
-/// What a mailbox has to tell of names and values.
-pub(super) struct Told<'a> {
-    pub names: &'a Names,
-    pub variables: &'a Variables,
-}
-
-impl mailbox::Table for Told<'_> {
-    fn define(&self, what: Named, number: u32, batch: &mut Vec<u8>) {
-        let (name, layout, description) = self.names.said(what, number);
-        wire::put_definition(batch, what, number, name, layout, description);
-    }
-
-    fn latest(&self, key: u32, flags: u16) -> Option<Message<'_>> {
-        self.variables.get(key)?.latest_message(flags)
-    }
-}
+use super::state::Broker;
+use super::state::client::REFUSED;
+use super::state::names::{Definition, OWN_PREFIX};
+use super::state::variable::Variable;
+use crate::wire::{self, ClientId, Frame, Named};
 
 impl Broker {
     /// The broker's number of what a definition names; a new one is given the next.
@@ -140,10 +37,14 @@ impl Broker {
         if known.is_none() {
             self.sessions.clients.entry(from).and_modify(|client| client.brought += 1);
         } else {
-            // Those who know the type by its name hear what it is before its next value.
-            self.sessions.clients.values_mut().for_each(|client| client.mailbox.forget(what, number));
+            self.define_anew(what, number);
         }
         Ok(number)
+    }
+
+    /// Those who know something by its name hear what else is said of it before its next message.
+    fn define_anew(&mut self, what: Named, number: u32) {
+        self.sessions.clients.values_mut().for_each(|client| client.mailbox.forget(what, number));
     }
 
     /// A client names a number.
@@ -173,10 +74,15 @@ impl Broker {
 
     /// Gives a client a number as a source of messages, with the first of them: whoever only listens needs none.
     pub(super) fn name_source(&mut self, id: ClientId) -> Result<(), &'static str> {
-        let name = self.client_name(id).unwrap_or_default().to_owned();
+        let name = self.client_name(id).ok_or("the client is not connected")?.to_owned();
         let number = self.admit_name(id, Named::Source, Definition::of(&name))?;
         let client = self.sessions.clients.get_mut(&id).ok_or("the client is not connected")?;
         client.numbers[Named::Source as usize][0] = number;
+        let build = client.build.clone();
+        let build = if self.no_room_for(build.len()).is_none() { build.as_str() } else { "" };
+        if number != REFUSED && self.names.note_build(number, build) {
+            self.define_anew(Named::Source, number);
+        }
         Ok(())
     }
 }

@@ -1,9 +1,29 @@
 //! What a transport carries to the clients, and what it says of how that went.
 
-use super::membership::Standing;
-use super::naming::Told;
-use super::{Broker, Client, ClientId};
-use crate::wire::{BulkRef, Frame};
+use super::state::Broker;
+use super::state::client::Client;
+use super::state::mailbox::Table;
+use super::state::message::Message;
+use super::state::names::Names;
+use super::state::variables::Variables;
+use crate::wire::{self, BulkRef, ClientId, Frame, Named};
+
+/// What a mailbox has to tell of names and values.
+struct Told<'a> {
+    names: &'a Names,
+    variables: &'a Variables,
+}
+
+impl Table for Told<'_> {
+    fn define(&self, what: Named, number: u32, batch: &mut Vec<u8>) {
+        let (name, layout, description) = self.names.said(what, number);
+        wire::put_definition(batch, what, number, name, layout, description);
+    }
+
+    fn latest(&self, key: u32, flags: u16) -> Option<Message<'_>> {
+        self.variables.get(key)?.latest_message(flags)
+    }
+}
 
 impl Broker {
     /// Whether the client's next batch has to wait: for a lossless registrant whose mailbox is full, or until the client
@@ -12,7 +32,7 @@ impl Broker {
         let patience = self.config.lossless_patience_secs;
         let full = |id: &ClientId| self.sessions.clients.get(id).is_some_and(|c| c.mailbox.holds_back(now, patience));
         let client = self.sessions.clients.get(&from);
-        client.is_some_and(|client| Self::waits_for_its_session(client) || client.feeds.iter().any(full))
+        client.is_some_and(|client| client.waits_for_its_session() || client.feeds.iter().any(full))
     }
 
     /// Whether publishers wait until a client has read what they sent it. One that has stopped reading is waited for with
@@ -20,13 +40,12 @@ impl Broker {
     pub fn waits_for(&self, now: f64, id: ClientId) -> bool {
         let patience = self.config.lossless_patience_secs;
         let reads = |c: &Client| c.mailbox.is_waited_for(now, patience);
-        self.is_disconnected(id) || self.sessions.clients.get(&id).is_some_and(reads)
+        self.sessions.is_disconnected(id) || self.sessions.clients.get(&id).is_some_and(reads)
     }
 
     /// The clients that have mail waiting, or notices, and are there to take it.
     pub fn with_mail(&self) -> impl Iterator<Item = ClientId> + '_ {
-        let present = |c: &Client| !matches!(c.standing, Standing::Disconnected { .. });
-        self.sessions.clients.iter().filter(move |(_, c)| !c.mailbox.is_empty() && present(c)).map(|(id, _)| *id)
+        self.sessions.clients.iter().filter(|(_, c)| !c.mailbox.is_empty() && !c.is_disconnected()).map(|(id, _)| *id)
     }
 
     /// Moves a client's mail into `batch` until it holds `max` bytes (a single message may be longer). Messages whose
@@ -51,7 +70,7 @@ impl Broker {
     }
 
     /// Puts values in the place of references in the mail of a client that is dead and may have a successor: until that one
-    /// comes, the values could be gone. `bulk` finds what there is. See [`super::Wish::Resolve`].
+    /// comes, the values could be gone. `bulk` finds what there is. See [`super::Action::Resolve`].
     pub fn resolve_mail<'a>(&mut self, id: ClientId, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) {
         if let Some(client) = self.sessions.clients.get_mut(&id) {
             client.mailbox.resolve(bulk);

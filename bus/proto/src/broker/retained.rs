@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::message::Message;
-use super::naming::Definition;
-use super::variable::Variable;
-use super::{Broker, ClientId};
-use crate::wire::{self, BULK, BulkRef, Header, Named, ValueKind};
+use super::state::Broker;
+use super::state::message::Message;
+use super::state::names::Definition;
+use super::state::variable::Variable;
+use crate::wire::{self, BULK, BulkRef, ClientId, Header, Named, ValueKind};
 
 /// The latest value of a variable whose publisher is gone, with its names written out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,14 +23,14 @@ pub struct Retained {
 impl Broker {
     /// A client is gone: if it leaves anything, that has to be kept.
     pub(super) fn note_departure(&mut self, id: ClientId) {
-        self.wishes.keep_retained |= self.variables.iter().any(|variable| variable.latest_from == Some(id));
+        self.actions.keep_retained |= self.variables.iter().any(|variable| variable.latest_from == Some(id));
     }
 
-    /// What clients have left that are gone: what has to outlive the broker (see [`super::Wish::KeepRetained`]). `bulk` finds
-    /// values that lie in shared memory.
+    /// What clients have left that are gone: what has to outlive the broker (see [`super::Action::KeepRetained`]).
+    /// `bulk` finds values that lie in shared memory.
     pub fn retained<'a>(&self, bulk: impl Fn(BulkRef) -> Option<&'a [u8]>) -> Vec<Retained> {
         let left = |v: &&Variable| {
-            v.latest_from.is_none_or(|id| !self.sessions.clients.contains_key(&id) || self.is_disconnected(id))
+            v.latest_from.is_none_or(|id| !self.sessions.clients.contains_key(&id) || self.sessions.is_disconnected(id))
         };
         self.variables.iter().filter(left).filter_map(|variable| self.retained_of(variable, &bulk)).collect()
     }
@@ -85,6 +85,6 @@ impl Broker {
             };
             self.variables.keep_as_latest(now, None, &Message::new(header, &frame));
         }
-        self.wishes.keep_retained = !retained.is_empty();
+        self.actions.keep_retained = !retained.is_empty();
     }
 }

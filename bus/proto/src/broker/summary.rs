@@ -3,9 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use super::membership::Standing;
-use super::table::LatencyEntry;
-use super::{Broker, Client, ClientId};
+use super::state::Broker;
+use super::state::client::Client;
 use crate::wire::{self, BULK, ValueKind};
 
 /// How often they are refreshed (s), as in the MOOSDB.
@@ -14,56 +13,9 @@ pub(super) const PERIOD_SECS: f64 = 2.0;
 /// The longest of these texts (bytes, about): of more it says how much.
 const LONGEST: usize = 256 << 10;
 
-/// How long a client's messages took to the broker (s): `DB_QOS`.
-#[derive(Debug, Default)]
-pub(super) struct Latency {
-    recent: f64,
-    min: f64,
-    max: f64,
-    sum: f64,
-    measured: u64,
-    count: u64,
-}
-
-impl Latency {
-    /// Takes note of one message, and of how long it took, if that is known.
-    pub fn note(&mut self, secs: Option<f64>) {
-        self.count += 1;
-        // A client's time may be anything.
-        let Some(secs) = secs.filter(|secs| secs.is_finite()) else { return };
-        // The broker's time is that of the beginning of its round, and the message may have come during it.
-        let secs = secs.max(0.0);
-        self.min = if self.measured == 0 { secs } else { self.min.min(secs) };
-        self.max = self.max.max(secs);
-        self.recent = secs;
-        self.sum += secs;
-        self.measured += 1;
-    }
-
-    /// Messages noted.
-    pub fn count(&self) -> u64 {
-        self.count
-    }
-
-    /// The latency as the table has it.
-    pub fn entry(&self) -> LatencyEntry {
-        LatencyEntry { recent_secs: self.recent, min_secs: self.min, max_secs: self.max, mean_secs: self.mean() }
-    }
-
-    fn mean(&self) -> f64 {
-        self.sum / (self.measured.max(1) as f64)
-    }
-
-    /// `recent:max:min:average` (ms).
-    fn text(&self) -> String {
-        let ms = |secs: f64| format!("{:.3}", secs * 1e3);
-        [self.recent, self.max, self.min, self.mean()].map(ms).join(":")
-    }
-}
-
 impl Broker {
     pub(super) fn summarise(&mut self, now: f64) {
-        self.publish_own(now, "DB_TIME", ValueKind::Double, &self.time(now).to_le_bytes());
+        self.publish_own(now, "DB_TIME", ValueKind::Double, &self.time.of_community(now).to_le_bytes());
         self.publish_own(now, "DB_UPTIME", ValueKind::Double, &(now - self.time.started).to_le_bytes());
         self.publish_clients(now);
         let drops = self.per_client(|c| format!("{}={}", c.name, c.mailbox.lost()));
@@ -83,22 +35,17 @@ impl Broker {
     }
 
     fn per_client(&self, text: impl Fn(&Client) -> String) -> String {
-        self.present().map(|(_, c)| text(c) + ",").collect()
-    }
-
-    /// The clients that are there.
-    pub(super) fn present(&self) -> impl Iterator<Item = (&ClientId, &Client)> {
-        self.sessions.clients.iter().filter(|(_, c)| c.standing == Standing::Present)
+        self.sessions.present().map(|(_, c)| text(c) + ",").collect()
     }
 
     /// `client=read:read&written:written,…`
     fn reads_and_writes(&self) -> String {
-        let places: BTreeMap<_, _> = self.present().map(|(id, _)| id).zip(0..).collect();
-        let mut read = vec![Vec::new(); places.len()];
+        let indices: BTreeMap<_, _> = self.sessions.present().map(|(id, _)| id).zip(0..).collect();
+        let mut read = vec![Vec::new(); indices.len()];
         for (key, variable) in (0..).zip(self.variables.iter()) {
             let readers: BTreeSet<_> = variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
-            for place in readers.iter().filter_map(|reader| places.get(reader)) {
-                read[*place as usize].push(self.names.keys.name(key));
+            for index in readers.iter().filter_map(|reader| indices.get(reader)) {
+                read[*index as usize].push(self.names.keys.name(key));
             }
         }
         let most = LONGEST / (2 * read.len()).max(1);
@@ -107,7 +54,7 @@ impl Broker {
             let (read, written) = (joined(read.iter().copied(), most), joined(written, most));
             format!("{}={read}&{written}", client.name)
         };
-        self.present().zip(&read).map(line).collect::<Vec<_>>().join(",")
+        self.sessions.present().zip(&read).map(line).collect::<Vec<_>>().join(",")
     }
 
     /// A table for people: name, time, writer, rate, type, value.

@@ -6,17 +6,19 @@
 
 use std::collections::BTreeSet;
 
-use super::expectation::Expected;
-use super::message::Message;
-use super::naming::Definition;
-use super::registration::Registration;
-use super::variable::{TypeLock, Variable};
-use super::{Broker, Client, ClientId};
+use super::state::Broker;
+use super::state::client::Client;
+use super::state::expected::Expected;
+use super::state::latency::Latency;
+use super::state::message::Message;
+use super::state::names::Definition;
+use super::state::registration::Registration;
+use super::state::variable::{Route, TypeLock, Variable};
 use crate::codec;
 use crate::key::{Key, Payload};
 use crate::payload;
 use crate::types::{Type, TypeRef};
-use crate::wire::{self, BULK, FrameKind, Header, Named, ValueKind};
+use crate::wire::{self, BULK, ClientId, FrameKind, Header, Named, ValueKind};
 
 /// Write to it (any value) to be answered with the table. It is a question and no variable: nobody else hears of it.
 pub const REQUEST: &str = "DB_TABLE_REQUEST";
@@ -70,6 +72,8 @@ pub struct ClockEntry {
 pub struct ClientEntry {
     /// Its name.
     pub name: String,
+    /// Which build of which program it is, as it says; empty: it has not said.
+    pub build: String,
     /// What it has registered for.
     pub registrations: Vec<RegistrationEntry>,
     /// The variables that it has written; of very many, the first ones.
@@ -235,7 +239,7 @@ impl Broker {
             source: self.own.source,
             type_,
             sequence,
-            time: self.time(now),
+            time: self.time.of_community(now),
             ..Header::new(FrameKind::Notify)
         };
         let mut frame = Vec::new();
@@ -250,7 +254,7 @@ impl Broker {
     }
 
     fn table(&self, now: f64) -> CommunityTable {
-        let clients: Vec<ClientEntry> = self.present().map(|(_, client)| self.client_entry(client)).collect();
+        let clients: Vec<ClientEntry> = self.sessions.present().map(|(_, client)| self.client_entry(client)).collect();
         let types = self.type_entries();
         let mut bytes: usize = types.iter().map(|one| one.name.len() + one.description.len()).sum();
         let (mut variables, mut left_out) = (Vec::new(), 0);
@@ -278,7 +282,7 @@ impl Broker {
     fn type_entries(&self) -> Vec<TypeEntry> {
         let carried = self.variables.iter().filter_map(|variable| variable.lock);
         let carried = carried.filter(|lock| lock.kind == ValueKind::Binary).map(|lock| lock.type_);
-        let registrations = self.present().flat_map(|(_, client)| &client.registrations);
+        let registrations = self.sessions.present().flat_map(|(_, client)| &client.registrations);
         let expected = registrations.filter_map(|registration| match registration.expects.as_ref()? {
             Expected::Values(name, layout) => self.names.types.known(name, *layout),
             Expected::Numbers | Expected::Texts => None,
@@ -294,7 +298,8 @@ impl Broker {
     fn client_entry(&self, client: &Client) -> ClientEntry {
         ClientEntry {
             name: client.name.clone(),
-            registrations: client.registrations.iter().map(Registration::entry).collect(),
+            build: client.build.clone(),
+            registrations: client.registrations.iter().map(RegistrationEntry::of).collect(),
             writes: client
                 .published
                 .iter()
@@ -302,7 +307,7 @@ impl Broker {
                 .map(|key| self.names.keys.name(*key).to_owned())
                 .collect(),
             messages: client.latency.count(),
-            latency: client.latency.entry(),
+            latency: LatencyEntry::of(&client.latency),
             mail: client.mailbox.pushed(),
             dropped: client.mailbox.lost(),
             unhandled: client.mailbox.pushed() - client.mailbox.done(),
@@ -315,7 +320,7 @@ impl Broker {
         let kind = self.kind(variable.lock?);
         let frame = wire::first_frame(&variable.latest).ok()?;
         let reader = |id: ClientId| self.sessions.clients.get(&id).map(|client| client.name.clone());
-        let route = |route: &super::variable::Route| RouteEntry {
+        let route = |route: &Route| RouteEntry {
             source: self.names.sources.name(route.source).to_owned(),
             readers: route.deliveries.iter().filter_map(|delivery| reader(delivery.client)).collect(),
         };
@@ -345,6 +350,12 @@ impl Broker {
     }
 }
 
+impl LatencyEntry {
+    fn of(latency: &Latency) -> Self {
+        Self { recent_secs: latency.recent, min_secs: latency.min, max_secs: latency.max, mean_secs: latency.mean() }
+    }
+}
+
 impl VariableEntry {
     /// About how many bytes it takes in the table.
     fn size(&self) -> usize {
@@ -360,14 +371,14 @@ impl VariableEntry {
     }
 }
 
-impl Registration {
-    fn entry(&self) -> RegistrationEntry {
-        RegistrationEntry {
-            key_pattern: self.key_pattern.clone(),
-            source_pattern: self.source_pattern.clone(),
-            min_interval_secs: self.min_interval,
-            lossless: self.lossless,
-            expects: self.expects.as_ref().map(|expected| match expected {
+impl RegistrationEntry {
+    fn of(registration: &Registration) -> Self {
+        Self {
+            key_pattern: registration.key_pattern.clone(),
+            source_pattern: registration.source_pattern.clone(),
+            min_interval_secs: registration.min_interval,
+            lossless: registration.lossless,
+            expects: registration.expects.as_ref().map(|expected| match expected {
                 Expected::Numbers => VariableKind::Number,
                 Expected::Texts => VariableKind::Text,
                 Expected::Values(name, layout) => VariableKind::Typed { name: name.clone(), layout: *layout },

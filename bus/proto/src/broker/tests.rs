@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 
 use super::*;
-use crate::dial::Dial;
+use crate::clock_setting::ClockSetting;
 use crate::wire::{BulkRef, Header, LATEST, LOSSLESS, Named, ValueKind, frames, put, put_definition};
 
 /// A client of the test: speaks frames, remembers what it was told.
@@ -22,7 +22,7 @@ struct Speaker {
     sequence: u64,
     names: BTreeMap<(u16, u32), String>,
     /// What it was told that the clock is set to, each time.
-    clock: Vec<Option<Dial>>,
+    clock: Vec<Option<ClockSetting>>,
     handled: u64,
 }
 
@@ -82,14 +82,14 @@ impl Speaker {
         broker.receive(now, self.id, &batch).unwrap();
     }
 
-    fn drive(&self, broker: &mut Broker, now: f64, dial: Option<Dial>) {
+    fn drive(&self, broker: &mut Broker, now: f64, setting: Option<ClockSetting>) {
         let mut batch = Vec::new();
-        wire::put_clock(&mut batch, dial);
+        wire::put_clock(&mut batch, setting);
         broker.receive(now, self.id, &batch).unwrap();
     }
 
     /// What it was told of the clock since the last call.
-    fn told(&mut self, broker: &mut Broker, now: f64) -> Vec<Option<Dial>> {
+    fn told(&mut self, broker: &mut Broker, now: f64) -> Vec<Option<ClockSetting>> {
         self.hear(broker, now);
         std::mem::take(&mut self.clock)
     }
@@ -110,7 +110,7 @@ impl Speaker {
                     self.names.insert((h.flags, h.key), String::from_utf8(frame.aux.into()).unwrap());
                 }
                 FrameKind::Dropped => dropped = h.sequence,
-                FrameKind::Clock => self.clock.push(wire::dial(&frame).unwrap()),
+                FrameKind::Clock => self.clock.push(wire::clock_setting(&frame).unwrap()),
                 FrameKind::Refused => refused.push(String::from_utf8(frame.value.into()).unwrap()),
                 _ => heard.push(Heard {
                     key: name(Named::Key, h.key),
@@ -140,20 +140,20 @@ fn leased<'a>(name: &'a str, secs: f64) -> Introduction<'a> {
 }
 
 /// What the broker wants done.
-fn wishes(broker: &mut Broker) -> Vec<Wish> {
+fn actions(broker: &mut Broker) -> Vec<Action> {
     std::iter::from_fn(|| broker.poll()).collect()
 }
 
 /// Who is to retire, of what the broker wants done.
 fn retiring(broker: &mut Broker) -> Vec<ClientId> {
-    let retires = |wish| if let Wish::Retire(holder) = wish { Some(holder) } else { None };
-    wishes(broker).into_iter().filter_map(retires).collect()
+    let retires = |action| if let Action::Retire(holder) = action { Some(holder) } else { None };
+    actions(broker).into_iter().filter_map(retires).collect()
 }
 
 /// Puts values in the place of references wherever the broker wants it.
 fn resolve<'a>(broker: &mut Broker, value: impl Fn(BulkRef) -> Option<&'a [u8]>) {
-    for wish in wishes(broker) {
-        if let Wish::Resolve(id) = wish {
+    for action in actions(broker) {
+        if let Action::Resolve(id) = action {
             broker.resolve_mail(id, &value);
         }
     }

@@ -1,41 +1,32 @@
-//! Who comes and goes: first words, ends, sessions kept, handovers.
+//! Who comes and goes: clients are let in, and let go of when they are gone.
 
+use std::collections::BTreeMap;
 use std::os::fd::AsFd;
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, SeqCst};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::Receiver;
 
-use elk_os::{Owner, ProcessId, tell};
+use elk_os::{Owner, ProcessId};
 use elk_proto::broker::Introduction;
-use elk_proto::host::{Host, Progress};
+use elk_proto::host::Progress;
+use elk_proto::link::LinkError;
+use elk_proto::wire::ClientId;
 
-use super::lobby::{Door, Lobby};
+use super::carrier::Carrier;
+use super::listener::Event;
 use super::peers::Peer;
-use super::{
-    Answer, BTreeMap, BrokerConfig, BrokerPage, ClientId, Event, Hello, LinkError, Page, Place, SENT_AWAY, Server,
-    handshake, leftovers, scarce, sessions,
-};
 use crate::client::lane_name;
+use crate::handshake::{self, Answer, Hello};
 use crate::lane::{LaneReader, LaneWriter};
-use crate::page::ClientPage;
-use sessions::Held;
+use crate::page::{ClientPage, Page, SENT_AWAY};
+use crate::{leftovers, scarce};
 
-/// A broker in the place of one that died.
-pub(super) fn recover(place: &Place, config: BrokerConfig, now: f64, found: Vec<Held>) -> Host {
-    let clients = found.len();
-    tell(format_args!("elk db: the broker before this one died; the sessions of its {clients} clients are kept"));
-    let sessions = found.into_iter().map(|one| {
-        let alive = one.is_alive();
-        (one.session, alive)
-    });
-    Host::recover(config, now, sessions, &sessions::read_retained(place))
-}
-
-impl Server {
-    pub(super) fn take_events(&mut self, now: f64) -> bool {
+impl Carrier {
+    /// Lets in who dialled, and notes who has hung up.
+    pub(super) fn take_events(&mut self, now: f64, events: &Receiver<Event>) -> bool {
         let mut any = false;
-        while let Ok(event) = self.events.try_recv() {
+        while let Ok(event) = events.try_recv() {
             any = true;
             match event {
                 Event::Hello(connection, stream, hello) => self.let_in(now, connection, stream, &hello),
@@ -51,8 +42,8 @@ impl Server {
 
     fn let_in(&mut self, now: f64, connection: u64, stream: Arc<UnixStream>, hello: &Hello) {
         self.free_name_of_the_dead(now, &hello.name);
-        let Hello { protocol, name, lease_secs, succeeds, returns } = hello;
-        let who = Introduction { name, lease_secs: *lease_secs, succeeds: *succeeds, returns: *returns };
+        let Hello { protocol, name, build, lease_secs, succeeds, returns } = hello;
+        let who = Introduction { name, build, lease_secs: *lease_secs, succeeds: *succeeds, returns: *returns };
         let admitted = match *protocol {
             handshake::PROTOCOL => self.host.join(now, &who, &mut self.peers).map_err(|refusal| refusal.to_string()),
             other => Err(format!(
@@ -69,9 +60,9 @@ impl Server {
         match peer {
             Ok((id, peer)) => {
                 let files = [self.page.file().as_fd(), peer.page.file().as_fd()];
-                let (warp, dial) = (self.clock.warp(), self.host.broker.dial());
-                let folder = self.peers.place.folder().path().to_owned();
-                let welcome = Answer::Welcome { id, epoch: self.peers.epoch, warp, dial, folder };
+                let (warp, clock_setting) = (self.clock.warp(), self.host.broker.clock_setting());
+                let folder = self.peers.namespace.folder().path().to_owned();
+                let welcome = Answer::Welcome { id, epoch: self.peers.epoch, warp, clock_setting, folder };
                 // Who hung up meanwhile is noticed by the connection's own thread.
                 let _ = handshake::send(&stream, &welcome, &files);
                 self.peers.by_id.insert(id, peer);
@@ -138,7 +129,7 @@ impl Server {
             bulk: None,
             attached: BTreeMap::new(),
         };
-        leftovers::close_shared_memory(&self.peers.place).map_err(system)?;
+        leftovers::close_shared_memory(&self.peers.namespace).map_err(system)?;
         Ok(peer)
     }
 
@@ -158,58 +149,4 @@ impl Server {
             node.try_cleanup_dead_nodes();
         }
     }
-
-    /// What can wait until a round is over.
-    pub(super) fn follow_up(&mut self, now: f64) {
-        self.note_lost();
-        self.host.follow_up(now, &mut self.peers);
-    }
-}
-
-/// Lets the connections of all who dial in have their first word.
-pub(super) fn accept_all(listener: UnixListener, events: &Sender<Event>, page: &Arc<Page<BrokerPage>>) {
-    let (mut door, lobby) = (Door::new(listener), Arc::new(Lobby::default()));
-    for connection in 0_u64.. {
-        let stream = Arc::new(door.next());
-        lobby.enter(connection, &stream);
-        let (events, page, lobby) = (events.clone(), page.clone(), lobby.clone());
-        let serve = {
-            let (stream, lobby) = (stream.clone(), lobby.clone());
-            move || {
-                let tell = |event| {
-                    // The broker may be gone already; then nobody needs the news.
-                    let _ = events.send(event);
-                    page.bell.ring();
-                };
-                let hello = first_word(&stream);
-                lobby.leave(connection);
-                if let Some(hello) = hello {
-                    tell(Event::Hello(connection, stream.clone(), hello));
-                    handshake::wait_for_end(&stream);
-                    tell(Event::HungUp(connection));
-                }
-            }
-        };
-        let spawned = std::thread::Builder::new().name("connection".into()).stack_size(64 << 10).spawn(serve);
-        if let Err(error) = spawned {
-            let remedy = scarce::remedy(&error);
-            let reason = format!("the broker has no thread for another client: {error}{remedy}");
-            tell(format_args!("elk db: a client was turned away: {reason}"));
-            let _ = handshake::send(&stream, &Answer::Refused { reason }, &[]);
-            lobby.leave(connection);
-        }
-    }
-}
-
-fn first_word(stream: &UnixStream) -> Option<Hello> {
-    let user = Owner::at_other_end(stream).ok()?.user;
-    if user != elk_os::own_user() {
-        let reason = format!("this community belongs to user {}", elk_os::own_user());
-        let _ = handshake::send(stream, &Answer::Refused { reason }, &[]);
-        return None;
-    }
-    stream.set_read_timeout(Some(handshake::PATIENCE)).ok()?;
-    let (hello, _) = handshake::receive::<Hello>(stream).ok()?;
-    stream.set_read_timeout(None).ok()?;
-    Some(hello)
 }

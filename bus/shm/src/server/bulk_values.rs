@@ -1,12 +1,10 @@
-//! Which bulk values of a publisher are still wanted, and what a receiver can use of a message that refers to one.
+//! Which bulk values of a publisher are still wanted.
 
 use std::collections::{BTreeSet, VecDeque};
 
-use elk_proto::broker::{Broker, ClientId, Reached, Succession};
-use elk_proto::host::Ends;
-use elk_proto::wire::{self, ATTACH, BULK, BulkRef, Frame, LATEST};
+use elk_proto::broker::{Broker, Reached, Succession};
+use elk_proto::wire::{self, BulkRef, ClientId};
 
-use super::peers::{Peer, Peers};
 use crate::bulk::Samples;
 
 /// Bulk values of a publisher that are kept for those who have not handled them; more are kept for lossless receivers
@@ -94,36 +92,4 @@ pub(super) fn bulk_values_of(batch: &[u8], client: ClientId) -> impl Iterator<It
     let frames = wire::frames(batch).map_while(Result::ok).filter(|frame| wire::is_bulk(frame.bytes));
     let references = frames.filter_map(|frame| BulkRef::from_bytes(frame.value));
     references.filter(move |reference| reference.client == client).map(|reference| reference.sample)
-}
-
-/// What a receiver can use of a message whose value lies in shared memory: the reference, if the value reached its own
-/// end of the bulk service; else a copy, with the hint to open one.
-pub(super) fn place_bulk(
-    peers: &Peers,
-    (id, to): (ClientId, &Peer),
-    largest: usize,
-    frame: &Frame<'_>,
-    batch: &mut Vec<u8>,
-) {
-    let Some(reference) = BulkRef::from_bytes(frame.value) else {
-        return;
-    };
-    let reached = to.attached.get(&reference.client).is_some_and(|since| *since <= reference.generation);
-    let in_place = reached && frame.header.flags & LATEST == 0;
-    match peers.bulk(reference).filter(|_| !in_place) {
-        Some(kept) => {
-            // Of a publisher's own service its `Attached` says that it is there.
-            let others = reference.client != id && peers.by_id.contains_key(&reference.client);
-            let tell = others && !to.attached.contains_key(&reference.client);
-            let attach = if tell { ATTACH } else { 0 };
-            let publisher = reference.client.to_le_bytes();
-            let aux: &[u8] = if tell { &publisher } else { frame.aux };
-            // No room for a copy: the receiver counts it as missed, and finds the next one in place.
-            let (bulk, value) = if kept.len() > largest { (BULK, frame.value) } else { (0, kept) };
-            let flags = frame.header.flags & !BULK | bulk | attach;
-            wire::put(batch, &wire::Header { flags, ..frame.header }, aux, value);
-        }
-        // In place; or gone before it could be copied: then the receiver finds nothing behind the reference, and counts.
-        None => batch.extend_from_slice(frame.bytes),
-    }
 }

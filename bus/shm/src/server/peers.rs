@@ -1,4 +1,4 @@
-//! The clients' ends in shared memory: their pages, lanes and bulk values.
+//! The clients' endpoints in shared memory: their pages, lanes and bulk values.
 
 use std::collections::BTreeMap;
 use std::os::unix::net::UnixStream;
@@ -8,18 +8,18 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 
 use elk_os::clock::monotonic_nanos;
 use elk_os::{ProcessId, tell};
-use elk_proto::broker::{Broker, ClientId, Retained, Session, Succession};
-use elk_proto::host::{Ends, Progress};
+use elk_proto::broker::{Broker, Retained, Session, Succession};
+use elk_proto::host::{Endpoints, Progress};
 use elk_proto::link::LinkError;
-use elk_proto::wire::BulkRef;
+use elk_proto::wire::{self, ATTACH, BULK, BulkRef, ClientId, Frame, LATEST};
 use iceoryx2::node::Node;
 
 use super::bulk_values::Held;
 use crate::bulk::{Budget, Samples};
 use crate::client::lane_name;
 use crate::lane::{DEPTH, LaneReader, LaneSample, LaneWriter, Service};
+use crate::namespace::HeldNamespace;
 use crate::page::{ClientPage, Page};
-use crate::place::HeldPlace;
 use crate::{scarce, sessions};
 
 /// A connected client.
@@ -39,21 +39,21 @@ pub(super) struct Peer {
     pub attached: BTreeMap<ClientId, u32>,
 }
 
-/// All clients' ends, and where what outlives the broker is kept.
+/// All clients' endpoints, and where what outlives the broker is kept.
 pub(super) struct Peers {
     pub by_id: BTreeMap<ClientId, Peer>,
     /// Bulk values of publishers that are gone, as far as they are some variable's latest.
     pub departed: BTreeMap<ClientId, Samples>,
     /// The processes of clients of the broker that died before this one, by name, until they are back.
     pub awaited: BTreeMap<String, Option<ProcessId>>,
-    pub place: HeldPlace,
+    pub namespace: HeldNamespace,
     pub epoch: u64,
     pub node: Option<Node<Service>>,
     /// Room for copies of bulk values.
     pub copies: Rc<Budget>,
 }
 
-impl Ends for Peers {
+impl Endpoints for Peers {
     fn progress(&self, id: ClientId) -> Option<Progress> {
         self.by_id.get(&id).map(|peer| peer.page.progress())
     }
@@ -79,7 +79,7 @@ impl Ends for Peers {
             session,
         };
         let all: Vec<sessions::Held> = sessions.into_iter().map(held).collect();
-        if let Err(error) = sessions::write(&self.place, &all) {
+        if let Err(error) = sessions::write(&self.namespace, &all) {
             tell(format_args!(
                 "elk db: should this broker die, its clients are not known to the next: {error}{}",
                 scarce::hint()
@@ -88,7 +88,7 @@ impl Ends for Peers {
     }
 
     fn keep_retained(&mut self, retained: Vec<Retained>) {
-        if let Err(error) = sessions::write_retained(&self.place, &retained) {
+        if let Err(error) = sessions::write_retained(&self.namespace, &retained) {
             tell(format_args!(
                 "elk db: should this broker die, what was left by clients that are gone is lost: {error}"
             ));
@@ -145,6 +145,32 @@ impl Peers {
     /// What a client publishes in bulk.
     pub fn held(&mut self, publisher: ClientId) -> Option<&mut Held> {
         self.by_id.get_mut(&publisher)?.bulk.as_mut()
+    }
+
+    /// What a receiver can use of a message whose value lies in shared memory: the reference, if the value reached its own
+    /// end of the bulk service; else a copy, with the hint to open one.
+    pub fn place_bulk(&self, (id, to): (ClientId, &Peer), largest: usize, frame: &Frame<'_>, batch: &mut Vec<u8>) {
+        let Some(reference) = BulkRef::from_bytes(frame.value) else {
+            return;
+        };
+        let reached = to.attached.get(&reference.client).is_some_and(|since| *since <= reference.generation);
+        let in_place = reached && frame.header.flags & LATEST == 0;
+        match self.bulk(reference).filter(|_| !in_place) {
+            Some(kept) => {
+                // Of a publisher's own service its `Attached` says that it is there.
+                let others = reference.client != id && self.by_id.contains_key(&reference.client);
+                let tell = others && !to.attached.contains_key(&reference.client);
+                let attach = if tell { ATTACH } else { 0 };
+                let publisher = reference.client.to_le_bytes();
+                let aux: &[u8] = if tell { &publisher } else { frame.aux };
+                // No room for a copy: the receiver counts it as missed, and finds the next one in place.
+                let (bulk, value) = if kept.len() > largest { (BULK, frame.value) } else { (0, kept) };
+                let flags = frame.header.flags & !BULK | bulk | attach;
+                wire::put(batch, &wire::Header { flags, ..frame.header }, aux, value);
+            }
+            // In place; or gone before it could be copied: then the receiver finds nothing behind the reference, and counts.
+            None => batch.extend_from_slice(frame.bytes),
+        }
     }
 
     /// Lets go of the bulk values of publishers that are gone, but for those that are some variable's latest; answers those

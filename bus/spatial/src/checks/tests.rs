@@ -1,4 +1,4 @@
-use elk_bus::{Describe, ValueRef};
+use elk_bus::{Describe, Description, Type, ValueRef};
 use elk_geometry::{Pose, State};
 use serde_json::{Value, json};
 
@@ -124,6 +124,29 @@ fn a_scan_is_checked_where_it_lies() {
     assert!(
         said(crate::Scan { points: point, ..scan }).starts_with("measured is 0; it has to be at least the number of")
     );
+}
+
+/// A scan of the next version, which says one thing more, is read by this one: its points are copied.
+#[test]
+fn a_scan_with_a_field_more_is_read_without_it_and_keeps_to_its_limits() {
+    let sample = named("Scan").unwrap();
+    let mut newer: serde_json::Value = serde_json::from_str(&sample.type_.text()).unwrap();
+    let fields = newer["struct"]["fields"].as_array_mut().unwrap();
+    fields.insert(1, serde_json::json!({"name": "exposure", "unit": "s", "default": 0.01, "kind": {"float": 8}}));
+    let type_ = Type::described("Scan", Description::from_text(&newer.to_string()).unwrap());
+    let read = |json: &serde_json::Value| {
+        let bytes = type_.as_ref().description().unwrap().to_bytes(json).unwrap();
+        let value = ValueRef::Binary { type_: type_.as_ref(), bytes: &bytes };
+        value.decode(&crate::keys::SCAN).map(crate::Scan::into_owned).map_err(|error| error.to_string())
+    };
+    let mut json = sample.value();
+    let own = sample.bytes();
+    let own = ValueRef::Binary { type_: sample.type_, bytes: &own }.decode(&crate::keys::SCAN).unwrap();
+    assert_eq!(read(&json).unwrap(), own);
+    json["exposure"] = 0.5.into();
+    assert_eq!(read(&json).unwrap(), own);
+    json["measured"] = 0.into();
+    assert!(read(&json).unwrap_err().starts_with("Scan.measured is 0; it has to be at least the number of points"));
 }
 
 #[test]

@@ -1,11 +1,11 @@
 //! A sensor of somebody else's: a depth camera in a hall with balls in it, worked out ray by ray, and the true world besides.
 
+use elk_geometry::State;
 use elk_sensor::nalgebra::{Point3, Vector3};
 use elk_sensor::{
     Accuracy, AppError, Camera, CameraInfo, Capture, DepthSource, Kind, OccupancyGrid, ParamSpec, Pose, Refusal, Seen,
     Travel, Truth,
 };
-use elk_geometry::{State};
 
 const PARAMS: &[ParamSpec] = &[
     ParamSpec {
@@ -94,7 +94,7 @@ impl Truth for Hall {
     }
 
     /// A voxel is right that is free and not far inside a solid, or occupied and not far from a surface.
-    fn judge(&self, map: &OccupancyGrid) -> Result<Option<Accuracy>, AppError> {
+    fn evaluate(&self, map: &OccupancyGrid) -> Result<Option<Accuracy>, AppError> {
         let resolution = map.resolution();
         let right = |(voxel, state): &(_, State)| {
             let voxel: &elk_geometry::Voxel = voxel;

@@ -30,8 +30,8 @@ fn killed() -> Exit {
 fn running(map: elk_mission::Restart) -> Supervisor {
     let broker = UnitSpec { urgent: true, health: None, ..spec("db", OnFailure) };
     let mut all = Supervisor::new(broker, [spec("Map", map), spec("Explorer", Never)]);
-    for place in 0..3 {
-        all.start(place, at(0.0));
+    for index in 0..3 {
+        all.start(index, at(0.0));
     }
     all.broker_answers(at(0.0));
     all.arrived("Map", at(0.0));

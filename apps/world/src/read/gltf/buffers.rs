@@ -7,9 +7,9 @@ use std::path::{Component as Step, Path};
 use elk_outside::file;
 use nalgebra::Point3;
 
-use super::{Accessor, Document, View};
-use crate::read::{Fault, Place};
-use crate::world::MAX_FILE_BYTES;
+use super::document::{Accessor, Document, View};
+use crate::read::budget::MAX_FILE_BYTES;
+use crate::read::fault::{Fault, Location};
 
 /// Types of a `.glb` file's chunks.
 const JSON: &[u8] = b"JSON";
@@ -21,7 +21,7 @@ const TOO_MUCH: &str = "its buffers come to more than 256 MiB, the most that is 
 /// The JSON of a `.glb` file, and its bytes, if it has any.
 pub(super) fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Fault> {
     const HEADER: usize = 12;
-    let cut_off = |at: usize| Fault::at(Place::Byte(at), "the .glb file is cut off");
+    let cut_off = |at: usize| Fault::at(Location::Byte(at), "the .glb file is cut off");
     let number = |at: usize| {
         let four = bytes.get(at..at + 4).ok_or_else(|| cut_off(at))?;
         Ok(u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize)

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::super::message::Message;
+use super::super::state::message::Message;
 use super::*;
 use crate::wire::{BULK, BulkRef, TYPED};
 
@@ -253,7 +253,8 @@ fn what_a_reader_expects_yields_to_no_other_and_a_type_to_none() {
     let mut early = Speaker::new(b, 0.0, "early");
     early.expect(b, "NEW_PLAN", "OldPlan");
     writer.typed(b, "NEW_PLAN", "Plan");
-    assert!(writer.hear(b, 0.0).2.is_empty(), "who was there first with a wrong idea keeps nobody from writing");
+    let told = writer.hear(b, 0.0).2;
+    assert!(told.len() == 1 && told[0].contains("early reads it as OldPlan (layout"), "{told:?}");
     let told = early.hear(b, 0.0).2;
     assert!(
         told[0].contains("NEW_PLAN carries Plan (layout") && told[0].contains("by writer: this reader cannot read it"),
@@ -335,6 +336,29 @@ fn a_type_that_is_not_what_it_is_said_to_be_is_refused() {
         b.disconnect(0.0, liar.id, 0, true);
     }
     assert_eq!(b.names.types.len(), 0);
+}
+
+#[test]
+fn a_build_is_kept_as_people_read_it_however_often_it_is_said() {
+    let b = &mut broker();
+    let build = format!("elk\u{1b}[2J {}", "é".repeat(1 << 15));
+    let mut counted = Vec::new();
+    for _ in 0..3 {
+        let mut client =
+            Speaker::with(b.connect(0.0, &Introduction { build: &build, ..Introduction::new("a") }).unwrap());
+        client.text(b, 0.0, "X", "said");
+        let kept = &b.sessions.clients[&client.id].build;
+        assert!(kept.chars().count() == 64 && kept.starts_with("elk[2J é"), "{kept:?}");
+        counted.push(b.names.bytes());
+        b.disconnect(0.0, client.id, 0, true);
+    }
+    assert_eq!(counted, [counted[0]; 3]);
+    // Where there is no room left for it, its name has none.
+    let b = &mut broker();
+    let mut client = Speaker::with(b.connect(0.0, &Introduction { build: &build, ..Introduction::new("a") }).unwrap());
+    b.config.limits.all_name_bytes = b.names.bytes() + "aX".len();
+    client.text(b, 0.0, "X", "said");
+    assert_eq!((b.names.bytes(), client.hear(b, 0.0).2.len()), (b.config.limits.all_name_bytes, 0));
 }
 
 /// Regression: it was refused as a further type, and its name counted once more.
@@ -540,7 +564,7 @@ fn what_is_said_before_its_time_is_bounded() {
     let _holder = Speaker::new(b, 0.0, "a");
     let mut next = Speaker::with(b.connect(0.0, &Introduction { succeeds: true, ..Introduction::new("a") }).unwrap());
     (0..20).for_each(|_| next.text(b, 0.0, "X", &"x".repeat(20_000)));
-    assert!(b.held_bytes() <= 100_000);
+    assert!(b.sessions.held_bytes() <= 100_000);
     assert!(next.hear(b, 0.0).2[0].contains("wait for the session of another"));
 }
 
@@ -602,6 +626,7 @@ fn a_message_of_any_time_leaves_a_table_that_can_be_read() {
     b.take_mail(c.id, usize::MAX, &mut batch, |_, _| {});
     let table =
         frames(&batch).map_while(Result::ok).find(|frame| frame.header.value_kind == ValueKind::Binary).unwrap();
-    let table: super::super::table::CommunityTable = crate::codec::decode(table.value, "CommunityTable").unwrap();
+    let table: super::super::table::CommunityTable =
+        crate::codec::decode::<super::super::table::CommunityTable>(table.value).unwrap();
     elk_describe::Describe::check(&table).unwrap();
 }

@@ -85,10 +85,10 @@ fn a_recovered_broker_waits_for_those_who_live_and_gives_the_places_of_the_dead_
     let b = &mut broker();
     join_ready(b, 0.0, &leased("lives", 0.0));
     join_ready(b, 0.0, &leased("dead", 5.0));
-    assert!(wishes(b).contains(&Wish::KeepSessions));
+    assert!(actions(b).contains(&Action::KeepSessions));
     let sessions: Vec<Session> = b.sessions().into_iter().map(|(_, session)| session).collect();
     assert_eq!(sessions.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["dead", "lives"]);
-    assert_eq!(wishes(b), [], "they are the same as before");
+    assert_eq!(actions(b), [], "they are the same as before");
     let sessions = sessions.into_iter().map(|session| (session.clone(), session.name == "lives"));
     let b = &mut Broker::recover(BrokerConfig::new("test"), 100.0, sessions, 10.0);
     let mut a = Speaker::new(b, 100.0, "a");
@@ -111,7 +111,7 @@ enum Turn {
     Give,
     /// The holder handles so many messages of what it was given.
     Handle(u8),
-    /// The holder dies; another takes its place.
+    /// The holder dies; another one succeeds it.
     Die,
     /// A successor comes while the holder lives.
     Swap,

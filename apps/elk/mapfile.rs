@@ -1,0 +1,147 @@
+//! `elk mapfile`: looks into the files of maps, and makes one of another.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use clap::{Args, Subcommand};
+use elk_map::octomap::graph::read_graph;
+use elk_map::{Format, MapConfig, OccupancyMap, Saved};
+use elk_outside::file;
+use elk_spatial::checks::MAX_BRICKS;
+
+use crate::target::Target;
+use crate::terminal::say;
+use crate::world::resolution;
+
+/// More than the files of the largest maps have (bytes).
+const LONGEST: u64 = 2 << 30;
+/// How sure a map may be that is made here: as sure as any that a mission may make.
+const CLAMP: f32 = 100.0;
+
+/// What to do with files of maps.
+#[derive(Debug, Subcommand)]
+pub enum MapFileCommand {
+    /// Say what is in a file: its kind, voxels, and where they are
+    #[command(after_help = "Example: elk mapfile info logs/apartment-20261123-224512/map.bt")]
+    Info {
+        /// The file: .elkmap, .ot, .bt, or .graph
+        file: PathBuf,
+    },
+    /// Write a map in another format, or several as one, or the map of the scans of a .graph
+    #[command(
+        after_help = "Example: elk mapfile convert logs/apartment-20261123-224512/map.bt -o apartment.elkmap\n\n\
+        Of several files, all of voxels of one size, the log-odds add up. A .graph is inserted scan by scan."
+    )]
+    Convert(ConvertArgs),
+}
+
+/// What is made of what.
+#[derive(Debug, Args)]
+pub struct ConvertArgs {
+    /// The files: .elkmap, .ot, .bt, or .graph
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// The new file, whose ending says its format: .elkmap, .ot or .bt
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Edge of the voxels that scans of a .graph are inserted into (m)
+    #[arg(long, default_value_t = 0.1, value_parser = resolution)]
+    res: f64,
+}
+
+/// Carries a command out.
+pub fn run(command: MapFileCommand) -> Result<ExitCode> {
+    match command {
+        MapFileCommand::Info { file } => info(&file)?,
+        MapFileCommand::Convert(arguments) => convert(&arguments)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn info(path: &Path) -> Result<()> {
+    let name = path.display();
+    let bytes = read(path)?;
+    if is_graph(path) {
+        let scans = read_graph(&bytes).with_context(|| format!("cannot read {name}"))?.scans;
+        let points: usize = scans.iter().map(|scan| scan.points.len()).sum();
+        return say(&format!("{name}: a .graph of {} scans, {points} points\n", scans.len()));
+    }
+    let saved = Saved::read(&bytes).with_context(|| format!("cannot read {name}"))?;
+    let kind = match &saved {
+        Saved::Snapshot(_) => "an .elkmap: all that a map knows",
+        Saved::LogOdds(_) => "OctoMap's .ot: log-odds",
+        Saved::Occupancy(_) => "OctoMap's .bt: occupied, free or unknown",
+    };
+    let map = map_of(path, &saved)?;
+    say(&format!("{name}: {kind}\n{}", contents(&map, bytes.len())))
+}
+
+/// What a map holds that takes so many bytes as a file.
+fn contents(map: &OccupancyMap, bytes: usize) -> String {
+    let (grid, resolution) = (map.grid(), map.config().resolution);
+    let (free, occupied) = (grid.free(), grid.occupied());
+    let mut ends = [[i32::MAX; 3], [i32::MIN; 3]];
+    for index in map.known().map(|(voxel, _)| voxel.to_array()) {
+        let [low, high] = ends;
+        ends = [std::array::from_fn(|i| low[i].min(index[i])), std::array::from_fn(|i| high[i].max(index[i] + 1))];
+    }
+    let metres = |indices: [i32; 3]| {
+        let [x, y, z] = indices.map(|index| (f64::from(index) * resolution * 1000.0).round() / 1000.0);
+        format!("({x}; {y}; {z})")
+    };
+    let known = free + occupied;
+    let mut text = format!("  voxels   {known} of {resolution} m: {free} free, {occupied} occupied\n");
+    if known > 0 {
+        text += &format!("  extents  from {} to {} m\n", metres(ends[0]), metres(ends[1]));
+        text += &format!("  frontier {} voxels\n", map.frontier_len());
+        text += &format!("  size     {bytes} bytes, {:.2} a voxel\n", bytes as f64 / known as f64);
+    }
+    text
+}
+
+fn convert(arguments: &ConvertArgs) -> Result<()> {
+    let ConvertArgs { files, output, res } = arguments;
+    let Some(format) = Format::of(output) else {
+        bail!("{}: a map is written as .elkmap, .ot or .bt; right is such an ending", output.display());
+    };
+    let target = Target::new(output, "map")?;
+    let mut maps = files.iter().map(|path| load(path, *res));
+    let Some(mut map) = maps.next().transpose()? else { bail!("there is no file to convert") };
+    for (path, other) in files[1..].iter().zip(maps) {
+        map.merge(&other?).with_context(|| format!("{} does not fit {}", path.display(), files[0].display()))?;
+    }
+    let bytes = format.write(&map);
+    file::write(target.draft(), &bytes).with_context(|| format!("cannot write {}", target.shown()))?;
+    let said = format!("{}\n{}", target.shown(), contents(&map, bytes.len()));
+    target.conclude(&said)
+}
+
+/// The map in a file, or the one of the scans in it.
+fn load(path: &Path, resolution: f64) -> Result<OccupancyMap> {
+    let (bytes, unreadable) = (read(path)?, || format!("cannot read {}", path.display()));
+    if is_graph(path) {
+        let graph = read_graph(&bytes).with_context(unreadable)?;
+        return OccupancyMap::from_graph(config(resolution), &graph)
+            .with_context(|| format!("cannot use {}", path.display()));
+    }
+    map_of(path, &Saved::read(&bytes).with_context(unreadable)?)
+}
+
+fn map_of(path: &Path, saved: &Saved) -> Result<OccupancyMap> {
+    let map = OccupancyMap::from_saved(config(saved.resolution()), saved);
+    map.with_context(|| format!("cannot use {}", path.display()))
+}
+
+fn config(resolution: f64) -> MapConfig {
+    let [clamp_min, clamp_max] = [-CLAMP, CLAMP];
+    MapConfig { resolution, clamp_min, clamp_max, max_bricks: MAX_BRICKS, ..MapConfig::default() }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    file::read(path, LONGEST).with_context(|| format!("cannot read {}", path.display()))
+}
+
+fn is_graph(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "graph")
+}

@@ -1,0 +1,326 @@
+//! A domain that is kept: what its cells are, and the equations of all levels that follow from them, block by block.
+//!
+//! [`Domain::set`] and [`Domain::update`] say what has changed; equations are made anew for the blocks that this concerns
+//! and for those they are merged into, and a solution starts from the one before, if that is not forgotten: then it is the
+//! same to the bit as that of a domain made anew. Blocks are aligned with the world's lattice,
+//! so that a domain may grow to any side; where nothing is inside there is no block.
+
+mod block;
+mod conjugate_gradients;
+mod direct;
+mod lanes;
+mod lattice;
+mod level;
+mod stencil;
+
+use elk_geometry::bricks::{BRICK, brick_of, cell_of};
+use elk_geometry::{Region, Voxel};
+
+use crate::problem::{Cell, Problem};
+use block::{Block, Halo, row};
+use direct::{Direct, MOST_CELLS};
+use lattice::NONE;
+use level::Level;
+use stencil::{Counted, SIXTIETHS, Weighted};
+
+/// What it took to solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Convergence {
+    /// Iterations of conjugate gradients.
+    pub iterations: usize,
+    /// ‖b − Aψ‖ / ‖b‖, computed from the field as it is; ‖b − Aψ‖ where b is zero.
+    pub residual: f64,
+}
+
+/// A domain with its boundary values, and ψ.
+///
+/// ```
+/// use elk_field::{Cell, Domain};
+/// use elk_geometry::Voxel;
+///
+/// // A channel along x, source at one end, sink at the other.
+/// let mut domain = Domain::new();
+/// for x in 0..9 {
+///     let cell = match x {
+///         0 => Cell::Source,
+///         8 => Cell::Sink,
+///         _ => Cell::Inside,
+///     };
+///     domain.set(Voxel::new(x, 0, 0), cell);
+/// }
+/// domain.solve(1e-6, || false);
+/// assert!((domain.psi(Voxel::new(4, 0, 0)) - 0.5).abs() < 1e-5);
+///
+/// // It turns out to be longer.
+/// domain.set(Voxel::new(8, 0, 0), Cell::Inside);
+/// domain.set(Voxel::new(16, 0, 0), Cell::Sink);
+/// (9..16).for_each(|x| domain.set(Voxel::new(x, 0, 0), Cell::Inside));
+/// domain.solve(1e-6, || false);
+/// assert!((domain.psi(Voxel::new(4, 0, 0)) - 0.75).abs() < 1e-5);
+/// ```
+#[derive(Debug, Clone)]
+pub struct Domain {
+    cells: Vec<Block<Cell>>,
+    /// Sums of squares of the right-hand side.
+    squares: Vec<f32>,
+    /// The finest level: its right-hand side is the residual, its solution the preconditioned one.
+    fine: Level<Counted>,
+    coarse: Vec<Level<Weighted>>,
+    direct: Direct,
+    psi: Vec<Block<f32>>,
+    direction: Vec<Block<f32>>,
+    image: Vec<Block<f32>>,
+    /// Blocks of which cells have changed.
+    changed: Vec<u32>,
+}
+
+impl Default for Domain {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Domain {
+    /// One in which all is outside.
+    pub fn new() -> Self {
+        let mut domain = Self {
+            cells: Vec::new(),
+            squares: Vec::new(),
+            fine: Level::new(),
+            coarse: Vec::new(),
+            direct: Direct::default(),
+            psi: Vec::new(),
+            direction: Vec::new(),
+            image: Vec::new(),
+            changed: Vec::new(),
+        };
+        domain.resize();
+        domain
+    }
+
+    /// That of a problem.
+    pub fn of(problem: &Problem) -> Self {
+        let mut domain = Self::new();
+        domain.update(problem);
+        domain
+    }
+
+    /// What a voxel is.
+    pub fn cell(&self, voxel: Voxel) -> Cell {
+        let cell = cell_of(voxel);
+        self.cells[self.fine.lattice.slot(brick_of(voxel)) as usize][cell / 8][cell % 8]
+    }
+
+    /// ψ of a voxel, as the last solution has it; 0 outside.
+    pub fn psi(&self, voxel: Voxel) -> f32 {
+        let cell = cell_of(voxel);
+        self.psi[self.fine.lattice.slot(brick_of(voxel)) as usize][cell / 8][cell % 8]
+    }
+
+    /// Says what a voxel is from now on.
+    pub fn set(&mut self, voxel: Voxel, cell: Cell) {
+        if self.cell(voxel) == cell {
+            return;
+        }
+        let slot = self.slot(brick_of(voxel));
+        self.resize();
+        let at = cell_of(voxel);
+        self.cells[slot as usize][at / 8][at % 8] = cell;
+        self.changed.push(slot);
+    }
+
+    /// Makes it the domain of a problem. Only blocks that differ are touched.
+    pub fn update(&mut self, problem: &Problem) {
+        let region = problem.region();
+        let last = region.voxel(region.len() - 1);
+        let (first, last) = (brick_of(region.origin()).to_array(), brick_of(last).to_array());
+        self.fine.lattice.settle();
+        for &slot in self.fine.lattice.order() {
+            let position = self.fine.lattice.position(slot).to_array();
+            if (0..3).any(|a| !(first[a]..=last[a]).contains(&position[a])) {
+                self.cells[slot as usize] = [[Cell::Outside; 8]; 64];
+                self.changed.push(slot);
+            }
+        }
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
+                for x in first[0]..=last[0] {
+                    let position = Voxel::new(x, y, z);
+                    let cells = cells_of(problem, position);
+                    if cells != self.cells[self.fine.lattice.slot(position) as usize] {
+                        let slot = self.slot(position);
+                        self.cells[slot as usize] = cells;
+                        self.changed.push(slot);
+                    }
+                }
+            }
+        }
+        self.resize();
+    }
+
+    /// ψ of each voxel of a region, by index; 0 outside the domain.
+    pub fn psi_of(&self, region: &Region) -> Vec<f32> {
+        let mut psi = vec![0.0; region.len()];
+        let [nx, ny, nz] = region.dim();
+        for (n, into) in psi.chunks_exact_mut(nx.max(1)).enumerate().take(ny * nz) {
+            let start = region.origin() + Voxel::new(0, (n % ny) as i32, (n / ny) as i32);
+            let mut x = 0;
+            while x < nx {
+                let voxel = start + Voxel::new(x as i32, 0, 0);
+                let at = cell_of(voxel);
+                let from = &self.psi[self.fine.lattice.slot(brick_of(voxel)) as usize][at / 8][at % 8..];
+                let length = from.len().min(nx - x);
+                into[x..x + length].copy_from_slice(&from[..length]);
+                x += length;
+            }
+        }
+        psi
+    }
+
+    /// As [`Domain::psi_of`], from a domain that is not needed any more: its memory is given back before that for ψ is taken.
+    pub fn into_psi_of(mut self, region: &Region) -> Vec<f32> {
+        (self.direction, self.image) = (Vec::new(), Vec::new());
+        self.psi_of(region)
+    }
+
+    /// Forgets ψ: the next solution starts from nothing.
+    pub fn forget(&mut self) {
+        self.settle();
+        for &slot in self.fine.lattice.order() {
+            let cells = self.cells[slot as usize].iter().flatten();
+            for (psi, cell) in self.psi[slot as usize].iter_mut().flatten().zip(cells) {
+                *psi = cell.fixed().unwrap_or(0.0);
+            }
+        }
+    }
+
+    /// Number of unknowns.
+    pub fn unknowns(&mut self) -> usize {
+        self.settle();
+        self.fine.count()
+    }
+
+    /// Solves for ψ (thesis 6.2.5), from the ψ before, until the residual is at most `tolerance` of the right-hand side, or somebody is
+    /// `stopping`.
+    pub fn solve(&mut self, tolerance: f64, stopping: impl Fn() -> bool) -> Convergence {
+        self.settle();
+        conjugate_gradients::solve(self, tolerance, stopping)
+    }
+
+    /// The slot of the block at a position; a new one if there is none.
+    fn slot(&mut self, position: Voxel) -> u32 {
+        let known = self.fine.lattice.slot(position);
+        if known != NONE {
+            return known;
+        }
+        let slot = self.fine.lattice.insert(position);
+        self.cells.resize(self.fine.lattice.slots(), [[Cell::Outside; 8]; 64]);
+        slot
+    }
+
+    /// Makes the equations those of the cells.
+    fn settle(&mut self) {
+        if self.changed.is_empty() && !self.coarse.is_empty() {
+            return;
+        }
+        self.fine.lattice.settle();
+        let changed = std::mem::take(&mut self.changed);
+        let beside = changed.iter().flat_map(|slot| *self.fine.lattice.neighbours(*slot));
+        let mut concerned: Vec<u32> = changed.iter().copied().chain(beside).filter(|slot| *slot != NONE).collect();
+        concerned.sort_unstable();
+        concerned.dedup();
+        for slot in &concerned {
+            self.count(*slot);
+        }
+        self.coarsen(&concerned);
+        for slot in concerned {
+            if self.cells[slot as usize] == [[Cell::Outside; 8]; 64] {
+                self.fine.lattice.remove(slot);
+            }
+        }
+        self.fine.lattice.settle();
+    }
+
+    /// Counts the neighbours of the cells of a block, and gives the cells that are not inside their values.
+    fn count(&mut self, slot: u32) {
+        let mut halo = Halo::new();
+        halo.gather(&self.cells, slot, self.fine.lattice.neighbours(slot));
+        let slot = slot as usize;
+        let (mut cells, mut square) = (0, 0);
+        for z in 0..8 {
+            for y in 0..8 {
+                let (row, own, around) = (row(y, z), halo.own(y, z), halo.around(y, z));
+                for i in 0..8 {
+                    let inside = own[i] == Cell::Inside;
+                    let beside = |is: fn(Cell) -> bool| around.iter().map(|a| u8::from(is(a[i]))).sum::<u8>();
+                    let neighbours = u8::from(inside) * beside(|c| c != Cell::Outside);
+                    let sources = u32::from(u8::from(inside) * beside(|c| c == Cell::Source));
+                    self.fine.stencil.neighbours[slot][row][i] = neighbours;
+                    self.fine.stencil.sixtieths[slot][row][i] = SIXTIETHS[usize::from(neighbours)];
+                    cells += u32::from(neighbours > 0);
+                    square += sources * sources;
+                    if !inside {
+                        self.psi[slot][row][i] = own[i].fixed().unwrap_or(0.0);
+                    }
+                }
+            }
+        }
+        self.fine.cells[slot] = cells;
+        self.squares[slot] = square as f32;
+    }
+
+    /// Brings the coarser levels into line with the blocks of the finest that are `concerned`.
+    fn coarsen(&mut self, concerned: &[u32]) {
+        if self.coarse.is_empty() {
+            self.coarse.push(Level::new());
+        }
+        let mut concerned = level::coarsen(&self.fine, concerned, 2.0, &mut self.coarse[0]);
+        let (mut last, mut open) = (0, 2.0);
+        while self.coarse[last].count() > MOST_CELLS {
+            if self.coarse.len() == last + 1 {
+                self.coarse.push(Level::new());
+                concerned = self.coarse[last].lattice.order().to_vec();
+            }
+            open *= 2.0;
+            let (fine, coarse) = self.coarse.split_at_mut(last + 1);
+            let next = level::coarsen(&fine[last], &concerned, open, &mut coarse[0]);
+            fine[last].prune(&concerned);
+            (concerned, last) = (next, last + 1);
+        }
+        self.coarse.truncate(last + 1);
+        self.coarse[last].prune(&concerned);
+        self.direct = Direct::of(&self.coarse[last]);
+    }
+
+    fn resize(&mut self) {
+        self.fine.resize();
+        let slots = self.fine.lattice.slots();
+        self.cells.resize(slots, [[Cell::Outside; 8]; 64]);
+        self.squares.resize(slots, 0.0);
+        for vector in [&mut self.psi, &mut self.direction, &mut self.image] {
+            vector.resize(slots, [[0.0; 8]; 64]);
+        }
+    }
+}
+
+/// What a problem has for the cells of the block at a position; outside of its region all is outside.
+fn cells_of(problem: &Problem, position: Voxel) -> Block<Cell> {
+    let mut cells = [[Cell::Outside; 8]; 64];
+    let region = problem.region();
+    let [nx, ny, nz] = region.dim().map(|n| n as i32);
+    let corner = Voxel::new(position.x * BRICK, position.y * BRICK, position.z * BRICK) - region.origin();
+    let along = |from: i32, n: i32| (-from).max(0)..(n - from).min(BRICK);
+    let x = along(corner.x, nx);
+    for z in along(corner.z, nz) {
+        for y in along(corner.y, ny) {
+            let start = ((corner.z + z) as usize * ny as usize + (corner.y + y) as usize) * nx as usize;
+            let from = start + (corner.x + x.start) as usize;
+            let row = &mut cells[row(y as usize, z as usize)][x.start as usize..x.end as usize];
+            row.copy_from_slice(&problem.cells()[from..from + row.len()]);
+        }
+    }
+    cells
+}
+
+#[cfg(test)]
+mod tests;

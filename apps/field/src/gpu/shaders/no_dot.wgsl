@@ -1,0 +1,1 @@
+fn finish(product: f32, local: u32, group: u32) {}

@@ -1,0 +1,264 @@
+//! What is done to a map on request, beside scans: a box is forgotten, everything fades, another map is taken in.
+//!
+//! Each answers the voxels whose state changed, for [`OccupancyMap::advance`], as [`OccupancyMap::insert`] does; grid and
+//! frontier are kept up with it.
+
+use elk_geometry::delta::Changes;
+use elk_geometry::mask::{self, Mask};
+use elk_geometry::voxel::reach_m;
+use elk_geometry::{Bounds, Voxel};
+
+use crate::occupancy::{Brick, Changed, OccupancyMap};
+use crate::snapshot::RestoreError;
+use crate::volume::Volume;
+
+impl OccupancyMap {
+    /// Forgets what is known of the voxels whose centres lie in a box (m, world): they are unknown, as if never seen.
+    pub fn clear_box(&mut self, bounds: Bounds) -> Changes {
+        let reach = reach_m(self.config.resolution);
+        // Where there is no map there is nothing to forget; a box of no numbers holds nothing.
+        let within =
+            Bounds { min: bounds.min.map(|c| c.clamp(-reach, reach)), max: bounds.max.map(|c| c.clamp(-reach, reach)) };
+        if within.min.iter().chain(within.max.iter()).any(|c| c.is_nan()) {
+            return Changes::default();
+        }
+        let volume = Volume::new(Some(within), self.config.resolution);
+        self.edit(|position, brick| brick.forget(&volume.mask(position)))
+    }
+
+    /// Brings all log-odds nearer to 0 by `step` (> 0): a voxel that comes to 0 is unknown again. What is seen once more is
+    /// refreshed by that; what is not fades.
+    pub fn decay(&mut self, step: f32) -> Changes {
+        if step.is_nan() || step <= 0.0 {
+            return Changes::default();
+        }
+        let config = self.config;
+        self.edit(|_, brick| {
+            let mut faded = mask::NONE;
+            for cell in mask::cells(&{ brick.known }) {
+                let log_odds = brick.log_odds[cell] - brick.log_odds[cell].clamp(-step, step);
+                brick.know(cell, log_odds, &config);
+                if log_odds == 0.0 {
+                    mask::set(&mut faded, cell);
+                }
+            }
+            brick.forget(&faded);
+        })
+    }
+
+    /// Takes in what another map of the same voxels knows, as if what it saw had been seen here as well: log-odds add up, within
+    /// what this map allows.
+    ///
+    /// # Errors
+    /// Its voxels are not of this size, or there is no room for its bricks; nothing is taken in then.
+    pub fn merge(&mut self, other: &OccupancyMap) -> Result<Changes, RestoreError> {
+        let (own, saved) = (self.config.resolution, other.config.resolution);
+        if own != saved {
+            return Err(RestoreError::Resolution { saved, own });
+        }
+        let known = || (0..other.bricks.len()).filter(|i| other.bricks[*i].known != mask::NONE);
+        let new = known().filter(|i| self.table.find(other.table.position(*i)).is_none()).count();
+        let (bricks, most) = (self.table.len() + new, self.config.max_bricks);
+        if bricks > most {
+            return Err(RestoreError::TooMany { bricks, most });
+        }
+        for i in known() {
+            self.table.find_or_add(other.table.position(i));
+        }
+        self.grow();
+        let config = self.config;
+        Ok(self.edit(|position, brick| {
+            let Some(theirs) = other.table.find(position).map(|i| &other.bricks[i]) else { return };
+            for cell in mask::cells(&theirs.known) {
+                let sum = brick.log_odds[cell] + theirs.log_odds[cell];
+                brick.know(cell, sum.clamp(config.clamp_min, config.clamp_max), &config);
+            }
+            brick.ever_hit = union(&brick.ever_hit, &theirs.ever_hit);
+        }))
+    }
+
+    /// Changes the bricks one by one.
+    fn edit(&mut self, change: impl Fn(Voxel, &mut Brick)) -> Changes {
+        let mut order: Vec<usize> = (0..self.bricks.len()).collect();
+        order.sort_unstable_by_key(|&i| self.table.position(i));
+        let mut changed = Changed::default();
+        for i in order {
+            let position = self.table.position(i);
+            self.change_brick(i, &mut changed, |brick| change(position, brick));
+        }
+        self.conclude(changed)
+    }
+}
+
+impl Brick {
+    /// Knows no more of these cells than if they had never been seen.
+    fn forget(&mut self, cells: &Mask) {
+        for cell in mask::cells(&std::array::from_fn(|z| cells[z] & self.known[z])) {
+            self.log_odds[cell] = 0.0;
+        }
+        for set in [&mut self.known, &mut self.occupied, &mut self.ever_hit, &mut self.at_min, &mut self.at_max] {
+            *set = std::array::from_fn(|z| set[z] & !cells[z]);
+        }
+    }
+}
+
+fn union(one: &Mask, other: &Mask) -> Mask {
+    std::array::from_fn(|z| one[z] | other[z])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::occupancy::MapConfig;
+    use elk_geometry::bricks::BRICK_CELLS;
+    use elk_geometry::{FrontierSet, State};
+    use nalgebra::Point3;
+    use proptest::prelude::*;
+    use std::collections::{BTreeMap, BTreeSet};
+
+    type Scans = Vec<(Point3<f64>, Vec<Point3<f64>>)>;
+
+    fn point() -> impl Strategy<Value = Point3<f64>> {
+        prop::array::uniform3(-1.5..1.5f64).prop_map(Point3::from)
+    }
+
+    fn scans() -> impl Strategy<Value = Scans> {
+        prop::collection::vec((point(), prop::collection::vec(point(), 1..30)), 1..4)
+    }
+
+    fn map_of(scans: &Scans) -> OccupancyMap {
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
+        see(&mut map, scans);
+        map
+    }
+
+    fn see(map: &mut OccupancyMap, scans: &Scans) {
+        for (origin, points) in scans {
+            let changed = map.insert(*origin, points.iter().copied()).changed;
+            map.advance(&changed);
+        }
+    }
+
+    fn known(map: &OccupancyMap) -> BTreeMap<Voxel, f32> {
+        map.known().collect()
+    }
+
+    /// The sets of every brick are what its log-odds say.
+    fn assert_sets(map: &OccupancyMap) {
+        let MapConfig { clamp_min, clamp_max, .. } = *map.config();
+        for brick in &map.bricks {
+            let of = |is_in: &dyn Fn(f32) -> bool| {
+                let mut set = mask::NONE;
+                mask::cells(&brick.known)
+                    .filter(|cell| is_in(brick.log_odds[*cell]))
+                    .for_each(|cell| mask::set(&mut set, cell));
+                set
+            };
+            assert_eq!(brick.occupied, of(&|log_odds| log_odds > 0.0));
+            assert_eq!(brick.at_min, of(&|log_odds| log_odds == clamp_min));
+            assert_eq!(brick.at_max, of(&|log_odds| log_odds == clamp_max));
+            let unknown = (0..BRICK_CELLS).filter(|cell| !mask::has(&brick.known, *cell));
+            assert!(unknown.into_iter().all(|cell| brick.log_odds[cell] == 0.0 && !mask::has(&brick.ever_hit, cell)));
+        }
+    }
+
+    /// Sets, grid, frontier and copy are what the log-odds say, looked at anew; `reader` is a copy of before, `changed` what it
+    /// is told.
+    fn assert_in_step(map: &mut OccupancyMap, reader: &mut elk_geometry::OccupancyGrid, changed: &Changes) {
+        assert_sets(map);
+        reader.apply(&map.advance(changed)).unwrap();
+        let states = |grid: &elk_geometry::OccupancyGrid| -> BTreeMap<Voxel, State> {
+            grid.bricks().voxels().filter(|(_, state)| *state != State::Unknown).collect()
+        };
+        let right: BTreeMap<Voxel, bool> = map.known().map(|(v, log_odds)| (v, log_odds > 0.0)).collect();
+        let shown: BTreeMap<Voxel, bool> =
+            states(map.grid()).into_iter().map(|(v, state)| (v, state == State::Occupied)).collect();
+        assert_eq!(shown, right);
+        assert_eq!(states(reader), states(map.grid()));
+        let occupied = right.values().filter(|occupied| **occupied).count();
+        assert_eq!((map.grid().occupied(), map.grid().free()), (occupied, right.len() - occupied));
+        let free: Vec<Voxel> = right.iter().filter(|(_, occupied)| !**occupied).map(|(v, _)| *v).collect();
+        let mut all = FrontierSet::new(map.config().bounds);
+        all.update(map.grid(), &free);
+        assert_eq!(map.frontier().collect::<BTreeSet<_>>(), all.iter().collect::<BTreeSet<_>>());
+        assert_eq!(map.frontier_len(), all.len());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        #[test]
+        fn a_cleared_box_is_unknown_and_nothing_else_is(scans in scans(), after in scans(), mid in point(), dim in 0.1..3.0f64) {
+            let mut map = map_of(&scans);
+            let (before, mut reader) = (known(&map), map.grid().clone());
+            let bounds = Bounds::from_mid_dim(mid, nalgebra::Vector3::new(dim, 0.7, 1.1));
+            let changed = map.clear_box(bounds);
+            let left: BTreeMap<Voxel, f32> = before.into_iter().filter(|(v, _)| !bounds.contains(v.center(0.1))).collect();
+            prop_assert_eq!(known(&map), left);
+            assert_in_step(&mut map, &mut reader, &changed);
+            // What is seen again there is as if seen for the first time.
+            let mut restored = OccupancyMap::restore(MapConfig::default(), &map.snapshot()).unwrap();
+            see(&mut map, &after);
+            see(&mut restored, &after);
+            prop_assert_eq!(known(&map), known(&restored));
+        }
+
+        #[test]
+        fn what_fades_comes_nearer_to_unknown(scans in scans(), step in 0.01..1.5f32) {
+            let mut map = map_of(&scans);
+            let (before, mut reader) = (known(&map), map.grid().clone());
+            let changed = map.decay(step);
+            let faded = |log_odds: f32| log_odds - log_odds.clamp(-step, step);
+            let right: BTreeMap<Voxel, f32> =
+                before.into_iter().map(|(v, l)| (v, faded(l))).filter(|(_, l)| *l != 0.0).collect();
+            prop_assert_eq!(known(&map), right);
+            assert_in_step(&mut map, &mut reader, &changed);
+            let changed = map.decay(10.0);
+            map.advance(&changed);
+            prop_assert_eq!((map.grid().free(), map.grid().occupied(), map.frontier_len()), (0, 0, 0));
+        }
+
+        #[test]
+        fn of_two_maps_each_takes_in_the_other_and_knows_the_same(one in scans(), other in scans(), after in scans()) {
+            let maps = [map_of(&one), map_of(&other)];
+            let [mut a, mut b] = maps.clone();
+            let mut reader = a.grid().clone();
+            let changed = a.merge(&maps[1]).unwrap();
+            assert_in_step(&mut a, &mut reader, &changed);
+            b.merge(&maps[0]).unwrap();
+            prop_assert_eq!(known(&a), known(&b));
+            let sum = |v: &Voxel| maps.iter().filter_map(|map| map.log_odds(*v)).sum::<f32>().clamp(-2.0, 3.5);
+            for (voxel, log_odds) in known(&a) {
+                prop_assert!((log_odds - sum(&voxel)).abs() < 1e-6);
+            }
+            let all: BTreeSet<Voxel> = maps.iter().flat_map(|map| known(map).into_keys()).collect();
+            prop_assert_eq!(known(&a).into_keys().collect::<BTreeSet<_>>(), all);
+            [&mut a, &mut b].into_iter().for_each(|map| see(map, &after));
+            prop_assert_eq!(known(&a), known(&b), "what was ever hit is the same");
+        }
+    }
+
+    #[test]
+    fn what_makes_no_sense_changes_nothing() {
+        let mut map = map_of(&vec![([0.05; 3].into(), vec![[3.95, 0.05, 0.05].into()])]);
+        let before = map.snapshot();
+        let no_number = Bounds { min: Point3::new(f64::NAN, 0.0, 0.0), max: Point3::new(1.0, 1.0, 1.0) };
+        let none = Changes::default;
+        assert_eq!((map.clear_box(no_number), map.decay(f32::NAN), map.decay(-1.0)), (none(), none(), none()));
+        let inside_out = Bounds { min: Point3::new(1.0, 1.0, 1.0), max: Point3::origin() };
+        assert_eq!(map.clear_box(inside_out), none());
+        let finer = OccupancyMap::new(MapConfig { resolution: 0.05, ..MapConfig::default() }).unwrap();
+        assert_eq!(map.merge(&finer), Err(RestoreError::Resolution { saved: 0.05, own: 0.1 }));
+        let mut small = OccupancyMap::new(MapConfig { max_bricks: 2, ..MapConfig::default() }).unwrap();
+        assert_eq!(small.merge(&map), Err(RestoreError::TooMany { bricks: 5, most: 2 }));
+        assert_eq!((map.snapshot(), small.snapshot().bricks), (before, vec![]));
+    }
+
+    #[test]
+    fn everything_is_a_box_too() {
+        let mut map = map_of(&vec![([0.05; 3].into(), vec![[3.95, 0.05, 0.05].into()])]);
+        let [min, max] = [f64::NEG_INFINITY, f64::INFINITY].map(|c| Point3::new(c, c, c));
+        assert_eq!(map.clear_box(Bounds { min, max }).len(), 40);
+        assert_eq!((map.grid().free(), map.grid().occupied(), map.frontier_len()), (0, 0, 0));
+    }
+}

@@ -1,0 +1,8 @@
+//! The sensors that come with elk.
+
+use elk_mission::AppType;
+
+use crate::simulator;
+
+/// The sensors that a mission file can name.
+pub static TYPES: &[AppType] = &[simulator::TYPE];
