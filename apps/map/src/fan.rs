@@ -52,19 +52,17 @@ pub struct Fan<'a> {
     /// How far it is to the border of the sensor's voxel, by axis, upwards and downwards (voxels).
     ahead: [[f64; 2]; 3],
     scratch: &'a mut Scratch,
-    /// Where the sensor's voxel is in the window, and what coordinates there add to an address.
+    /// Where the sensor's voxel is in the window, and what a step to the next block there adds to an address.
     home: [i32; 3],
-    parts: [Vec<u32>; 3],
+    strides: [i32; 3],
     /// By main axis and signs, the way through each slab that was marked last.
     marked: Vec<[u32; MOST_SLABS as usize + LANES]>,
 }
 
 /// A ray that has slabs.
 struct Slabs {
-    /// Its main axis, and the others.
-    axes: [usize; 3],
-    /// Which way it goes along them.
-    steps: [i32; 3],
+    /// Its way along its main axis, and along the others.
+    along: [Along; 3],
     /// Borders that it crosses along them.
     crossed: [i32; 3],
     /// Voxels along the other axes in a slab; and at the end of the first, counted from the sensor's.
@@ -76,6 +74,26 @@ struct Slabs {
     is_second_first: bool,
     /// Main axis and signs as one number.
     class: usize,
+}
+
+/// A ray's way along an axis in the window.
+#[derive(Clone, Copy)]
+struct Along {
+    /// Where it starts, and which way it goes.
+    home: i32,
+    step: i32,
+    /// What a block, and the bits for what a voxel, adds to an address.
+    stride: i32,
+    shift: u32,
+}
+
+impl Along {
+    /// What the coordinate behind `n` borders gives to an address.
+    #[inline(always)]
+    fn part(&self, n: i32) -> i32 {
+        let at = self.home + self.step * n;
+        (at >> 3) * self.stride + ((at & 7) << self.shift)
+    }
 }
 
 /// The ways through some slabs: for each `LANES` of them a word, see [`ways`].
@@ -90,9 +108,9 @@ impl<'a> Fan<'a> {
             [1, -1]
                 .map(|step| lattice.border_ahead(origin[axis], at[axis], step) * f64::from(step) / lattice.resolution)
         });
-        let (home, parts) = (scratch.in_window(start), scratch.parts());
+        let (home, strides) = (scratch.in_window(start), scratch.strides());
         let marked = vec![[NO_WAY; MOST_SLABS as usize + LANES]; 24];
-        Self { lattice, origin, start, ahead, scratch, home, parts, marked }
+        Self { lattice, origin, start, ahead, scratch, home, strides, marked }
     }
 
     /// Marks what the rays pass and hit. `once`: of rays that hit the same voxel all but the first are left out.
@@ -160,10 +178,13 @@ impl<'a> Fan<'a> {
             } else {
                 marked[..count as usize].copy_from_slice(&ways[..count as usize]);
             }
-            while new != 0 {
-                let lane = new.trailing_zeros();
-                new &= new - 1;
-                self.mark_way(&slabs, at + lane as i32, ways[lane as usize & (LANES - 1)]);
+            if new != 0 {
+                let addresses = addresses(&slabs, at, &ways);
+                while new != 0 {
+                    let lane = new.trailing_zeros() as usize & (LANES - 1);
+                    new &= new - 1;
+                    addresses.iter().for_each(|passed| self.scratch.pass(passed[lane]));
+                }
             }
             last = ways[(count - 1) as usize & (LANES - 1)];
             at += LANES as i32;
@@ -211,8 +232,11 @@ impl<'a> Fan<'a> {
         let first = [0, 1].map(|i| ahead[0] * slope[i] - ahead[i + 1] + 1.0);
         let fixed = |x: f64| (x * f64::from(ONE) + 0.5) as i32;
         Some(Slabs {
-            axes,
-            steps,
+            along: std::array::from_fn(|i| {
+                let axis = axes[i];
+                let (home, stride, shift) = (self.home[axis], self.strides[axis], 3 * axis as u32);
+                Along { home, step: steps[i], stride, shift }
+            }),
             crossed,
             slope: slope.map(fixed),
             first: first.map(fixed),
@@ -222,29 +246,9 @@ impl<'a> Fan<'a> {
         })
     }
 
-    #[inline(always)]
-    fn mark_way(&mut self, slabs: &Slabs, slab: i32, way: u32) {
-        let [a, b, c] = slabs.axes;
-        let along = |i: usize, axis: usize, n: i32| (self.home[axis] + slabs.steps[i] * n) as usize;
-        let (y, z) = ((way & 511) as i32, (way >> 9 & 511) as i32);
-        let (dy, dz) = ((way >> 18 & 1) as i32, (way >> 19 & 1) as i32);
-        let layer = self.parts[a][along(0, a, slab)];
-        let (y0, z0) = (self.parts[b][along(1, b, y)], self.parts[c][along(2, c, z)]);
-        self.scratch.pass(layer + y0 + z0);
-        if dy | dz != 0 {
-            let (y1, z1) = (self.parts[b][along(1, b, y + dy)], self.parts[c][along(2, c, z + dz)]);
-            self.scratch.pass(layer + y1 + z1);
-            if dy & dz != 0 {
-                let between = if way >> 20 & 1 == 0 { y1 + z0 } else { y0 + z1 };
-                self.scratch.pass(layer + between);
-            }
-        }
-    }
-
     /// Marks what a ray passes in its last slab before its last voxel; `before`: its way through the slab before.
     #[inline(always)]
     fn mark_last(&mut self, slabs: &Slabs, before: u32) -> bool {
-        let [a, b, c] = slabs.axes;
         let y = ((before & 511) + (before >> 18 & 1)) as i32;
         let z = ((before >> 9 & 511) + (before >> 19 & 1)) as i32;
         let (dy, dz) = (slabs.crossed[1] - y, slabs.crossed[2] - z);
@@ -254,16 +258,12 @@ impl<'a> Fan<'a> {
         if dy | dz == 0 {
             return true;
         }
-        let along = |i: usize, axis: usize, n: i32| (self.home[axis] + slabs.steps[i] * n) as usize;
-        let layer = self.parts[a][along(0, a, slabs.crossed[0])];
-        let (y0, z0) = (self.parts[b][along(1, b, y)], self.parts[c][along(2, c, z)]);
-        self.scratch.pass(layer + y0 + z0);
+        let [layer, y0, z0] = [slabs.crossed[0], y, z];
+        let [along_x, along_y, along_z] = &slabs.along;
+        let address = |y: i32, z: i32| (along_x.part(layer) + along_y.part(y) + along_z.part(z)) as u32;
+        self.scratch.pass(address(y0, z0));
         if dy & dz == 1 {
-            let between = match slabs.is_second_first {
-                false => self.parts[b][along(1, b, y + 1)] + z0,
-                true => y0 + self.parts[c][along(2, c, z + 1)],
-            };
-            self.scratch.pass(layer + between);
+            self.scratch.pass(if slabs.is_second_first { address(y0, z0 + 1) } else { address(y0 + 1, z0) });
         }
         true
     }
@@ -300,4 +300,24 @@ fn ways(slabs: &Slabs, from: i32) -> Option<Ways> {
     }
     let doubt = doubts.iter().fold(0, |any, doubt| any | doubt);
     (doubt == 0).then_some(ways)
+}
+
+/// The addresses that a ray passes in `LANES` slabs from slab `from` on: those of the voxels by which it enters and leaves each,
+/// and of the one between; where there are fewer, some of them are the same.
+#[inline(always)]
+fn addresses(slabs: &Slabs, from: i32, ways: &Ways) -> [[u32; LANES]; 3] {
+    let [along_x, along_y, along_z] = &slabs.along;
+    let mut addresses = [[0; LANES]; 3];
+    for lane in 0..LANES {
+        let way = ways[lane] as i32;
+        let (y, z) = (way & 511, way >> 9 & 511);
+        let layer = along_x.part(from + lane as i32);
+        let (y0, y1) = (along_y.part(y), along_y.part(y + (way >> 18 & 1)));
+        let (z0, z1) = (along_z.part(z), along_z.part(z + (way >> 19 & 1)));
+        let is_second_first = way >> 20 & 1 == 1;
+        addresses[0][lane] = (layer + y0 + z0) as u32;
+        addresses[1][lane] = (layer + y1 + z1) as u32;
+        addresses[2][lane] = (layer + if is_second_first { y0 + z1 } else { y1 + z0 }) as u32;
+    }
+    addresses
 }

@@ -1,8 +1,8 @@
 //! What the rays of a scan pass and hit, until the map takes it.
 //!
 //! In a window of blocks of 8³ voxels around the sensor a voxel is found by address alone: the sum of what each of its
-//! coordinates gives, looked up once. There what is passed is a byte a voxel, because a byte is written without being read, and
-//! most voxels are passed many times. What lies beyond is found by hashing.
+//! coordinates gives. There what is passed is a byte a voxel, because a byte is written without being read, and most voxels are
+//! passed many times. What lies beyond is found by hashing.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -34,8 +34,6 @@ struct Window {
     /// Its lowest block, and how many it has along each axis.
     low: [i32; 3],
     blocks: [i32; 3],
-    /// What a coordinate (voxels, from the window's lowest) adds to an address, by axis.
-    parts: [Vec<u32>; 3],
 }
 
 impl Window {
@@ -53,10 +51,7 @@ impl Window {
         }
         let ends = ends(reach);
         let blocks = ends.map(|[low, high]| high - low + 1);
-        let strides = [1, blocks[0], blocks[0] * blocks[1]];
-        let part = |axis: usize, at: i32| ((at >> 3) * strides[axis]) << CELL_BITS | (at & 7) << (3 * axis);
-        let parts = std::array::from_fn(|axis| (0..8 * blocks[axis]).map(|at| part(axis, at) as u32).collect());
-        Self { low: ends.map(|[low, _]| low), blocks, parts }
+        Self { low: ends.map(|[low, _]| low), blocks }
     }
 
     fn number(&self, block: Voxel) -> Option<usize> {
@@ -112,9 +107,11 @@ impl Scratch {
         std::array::from_fn(|i| voxel[i] - 8 * self.window.low[i])
     }
 
-    /// What coordinates add to an address, by axis: see [`Scratch::pass`].
-    pub fn parts(&self) -> [Vec<u32>; 3] {
-        self.window.parts.clone()
+    /// What a step to the next block along each axis adds to an address: see [`Scratch::pass`]. A step within a block adds
+    /// `8^axis`.
+    pub fn strides(&self) -> [i32; 3] {
+        let [x, y, _] = self.window.blocks;
+        [1, x, x * y].map(|blocks| blocks << CELL_BITS)
     }
 
     /// Marks the voxel of an address in the window as passed.

@@ -43,7 +43,7 @@ impl Lattice {
     /// Whether OctoMap has a key for the voxel of a point, and it is one.
     pub fn has(&self, point: Point) -> bool {
         let end = f64::from(*INDEX_RANGE.end()) + 1.0;
-        point.iter().all(|c| (-end..end).contains(&(self.per_metre * f64::from(*c)).floor()))
+        point.iter().all(|c| (-end..end).contains(&(self.per_metre * f64::from(*c))))
     }
 
     /// How far `from` is from the border of its voxel (of index `k`) against which a ray runs that goes up, or down, along this
