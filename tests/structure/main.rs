@@ -14,10 +14,6 @@ use graph::Graph;
 use modules::Crate;
 use serde_json::Value;
 
-/// Crates that still have circles, and why. Whoever has untied a crate takes its line out.
-const KNOWN_CIRCLES: [(&str, &str); 1] =
-    [("elk-explorer", "what a step of exploration costs is being changed, and its rooms with it")];
-
 /// A crate of the workspace, as cargo describes it.
 struct Package {
     name: String,
@@ -29,14 +25,10 @@ struct Package {
     dependencies: Vec<String>,
 }
 
-fn is_known(name: &str) -> bool {
-    KNOWN_CIRCLES.iter().any(|(known, _)| *known == name)
-}
-
 #[test]
 fn no_crate_has_an_import_circle() {
     let mut circles = Vec::new();
-    for package in packages().iter().filter(|package| !is_known(&package.name)) {
+    for package in packages() {
         for root in &package.roots {
             let modules = Crate::read(root).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
             let found = modules.rooms().flat_map(|room| modules.arrows_in(room).circles());

@@ -10,7 +10,7 @@ use std::ops::AddAssign;
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_controller::{Action, Follower};
-use elk_explorer::strategy::Start;
+use elk_explorer::strategies::Start;
 use elk_explorer::{ClosestFrontier, Explorer, Policy, Potential, Settings, Strategy};
 use elk_field::Solver;
 use elk_filter::filters::distance;

@@ -1,7 +1,7 @@
 //! How much memory a plan takes for each voxel of its box: `cargo run --release -p elk-explorer --example plan_memory
 //! [EDGE]`, of a hall so many voxels long, wide and high.
 
-use elk_explorer::strategy::Start;
+use elk_explorer::strategies::Start;
 use elk_explorer::{ClosestFrontier, Explorer, Policy, Potential, Settings, Strategy};
 use elk_field::Solver;
 use elk_geometry::clearance::Clearance;

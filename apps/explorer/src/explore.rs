@@ -1,17 +1,20 @@
 //! One explorer: from a map and a pose to the next path, until nothing is left that can be reached and seen.
 
 mod memory;
+mod nearest;
 mod scene;
+mod settings;
 mod verdict;
+
+pub use settings::Settings;
 
 use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
 use elk_bus::tell;
 use elk_geometry::bricks::brick_of;
-use elk_geometry::clearance::Clearance;
 use elk_geometry::frontier::Edges;
-use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel};
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
@@ -21,43 +24,15 @@ use nalgebra::Point3;
 
 use crate::candidates::{Candidates, Weighed};
 use crate::extent::Scope;
-use crate::goals::{Goal, Goals, Known, Target};
-use crate::policy::{Policy, looks};
+use crate::goals::{Goal, Goals};
+use crate::journal::Journal;
+use crate::policy::looks;
 use crate::sight::Sight;
-use crate::strategy::{ClosestFrontier, Journal, Route, Strategy, View};
+use crate::strategy::{Route, Strategy, View};
+use crate::target::{Known, Target};
 use memory::Memory;
 use scene::Scene;
 use verdict::{StopReason, Verdict};
-
-/// What an explorer is told besides its strategy.
-#[derive(Debug, Clone)]
-pub struct Settings {
-    /// How paths are followed and where scans are taken.
-    pub policy: Policy,
-    /// The volume to explore; `None`: all there is.
-    pub bounds: Option<Bounds>,
-    /// Radius of a sphere around the robot's body (m).
-    pub radius_m: f64,
-    /// The same among the voxels of the map.
-    pub clearance: Clearance,
-    /// Voxels to plan over at most, free or not.
-    pub max_voxels: usize,
-    /// Targets that one plan looks at, the nearest of those that there are: no more than can be remembered
-    /// ([`elk_spatial::checks::MAX_REMEMBERED`]).
-    pub max_targets: usize,
-    /// Clusters of fewer frontier voxels than this do not count.
-    pub min_frontier: usize,
-    /// Distinct places from which a frontier voxel is looked at before it is given up.
-    pub attempts: usize,
-    /// A run of more scans than this has failed.
-    pub max_scans: u64,
-    /// A run that learns nothing new in this many scans has failed, and so has one with as many refused paths.
-    pub patience: u64,
-    /// Seconds of CPU that the thread has used.
-    pub clock: fn() -> f64,
-    /// Whether the process is asked to stop: a plan that is being made is then given up, and means nothing.
-    pub is_to_stop: fn() -> bool,
-}
 
 /// Plans, remembers what it tried, and knows when it is done.
 pub struct Explorer {
@@ -324,7 +299,7 @@ impl Explorer {
             .filter(|r| goals.contains(r.goal))
             .or_else(|| {
                 self.journal.fallbacks += 1;
-                ClosestFrontier.plan(&view, &mut self.journal)
+                view.closest(&mut self.journal)
             })?;
         self.weighed = self.journal.take_weighed();
         self.weighed.choose(route.goal);

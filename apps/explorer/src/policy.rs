@@ -8,7 +8,7 @@ use elk_geometry::{Polyline, Pose, Voxel};
 use elk_spatial::messages::MotionPolicy;
 use nalgebra::{Point3, Vector3};
 
-use crate::goals::{Known, Target};
+use crate::target::{Known, Target};
 use elk_geometry::Volume;
 use elk_geometry::visibility::sees;
 

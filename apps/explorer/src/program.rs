@@ -5,7 +5,8 @@ use std::process::ExitCode;
 use elk_mission::{OutsideApp, ParamSpec, Params, element, type_name};
 
 use crate::app::{COMMON, app};
-use crate::strategy::{Strategy, TYPES};
+use crate::strategies::TYPES;
+use crate::strategy::Strategy;
 
 /// Runs a strategy without parameters of its own as this process' explorer: what a program's `main` returns.
 ///

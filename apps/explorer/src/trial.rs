@@ -5,9 +5,11 @@ use elk_geometry::frontier::Faces;
 use elk_geometry::{OccupancyGrid, State, Voxel};
 use nalgebra::Point3;
 
-use crate::goals::{Goals, Target};
+use crate::goals::Goals;
+use crate::journal::Journal;
 use crate::space::Space;
-use crate::strategy::{Journal, Strategy, View};
+use crate::strategy::{Strategy, View};
+use crate::target::Target;
 use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 

@@ -8,7 +8,7 @@ use elk_geometry::visibility::Lookout;
 use elk_geometry::{Region, Volume, Voxel};
 use nalgebra::Point3;
 
-use crate::goals::Target;
+use crate::target::Target;
 
 /// Edge of the blocks of which it is known when something in them changed (voxels).
 const BLOCK: usize = 8;
@@ -167,9 +167,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::goals::{Goals, Known};
+    use crate::goals::Goals;
     use crate::sight::Sight;
     use crate::space::Space;
+    use crate::target::Known;
 
     /// Edge of a hall of free voxels.
     const EDGE: i32 = 12;

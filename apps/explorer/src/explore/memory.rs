@@ -8,9 +8,9 @@ use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, pat
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
 use nalgebra::Point3;
 
-use super::scene::nearest;
-use crate::goals::{Known, is_untried};
+use super::nearest::nearest;
 use crate::policy::LOOK_RANGE_M;
+use crate::target::{Known, is_untried};
 use elk_geometry::visibility::in_sight;
 
 /// Paths to a target that may be cut in a row before that counts as an attempt in vain.

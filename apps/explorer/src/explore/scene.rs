@@ -6,11 +6,12 @@ use elk_geometry::Voxel;
 use elk_spatial::messages::FrontiersLeft;
 use nalgebra::Point3;
 
-use super::Settings;
 use super::memory::Memory;
+use super::nearest::nearest;
+use super::settings::Settings;
 use crate::extent::{Extent, Scope};
-use crate::goals::{Known, Target};
 use crate::space::Space;
+use crate::target::{Known, Target};
 use crate::verdicts::Verdicts;
 use elk_geometry::Volume;
 
@@ -116,17 +117,6 @@ impl Scene {
             ..FrontiersLeft::default()
         };
     }
-}
-
-/// The `most` voxels that are nearest to the robot, in order, and the number of the others.
-pub fn nearest(mut voxels: Vec<Voxel>, robot: Voxel, most: usize) -> (Vec<Voxel>, usize) {
-    let far = voxels.len().saturating_sub(most);
-    if far > 0 {
-        voxels.sort_by(|a, b| a.distance(robot).total_cmp(&b.distance(robot)));
-        voxels.truncate(most);
-        voxels.sort_unstable();
-    }
-    (voxels, far)
 }
 
 /// The voxels in clusters (connected over 26 neighbours) of at least `min`, in order, and the number of the others.

@@ -1,5 +1,9 @@
 use super::*;
-use crate::strategy::{Potential, Start};
+use elk_geometry::Bounds;
+use elk_geometry::clearance::Clearance;
+
+use crate::Policy;
+use crate::strategies::{ClosestFrontier, Potential, Start};
 use elk_bus::{DecodeError, Describe};
 use elk_field::Solver;
 use elk_geometry::ray::Traversal;

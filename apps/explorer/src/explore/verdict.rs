@@ -5,8 +5,8 @@ use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use elk_spatial::messages::FrontiersLeft;
 use nalgebra::Point3;
 
-use super::Settings;
 use super::scene::Scene;
+use super::settings::Settings;
 
 /// Why no further plan is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,42 +4,62 @@
 //! with Polak and Ribière's β, which does not ask for that (Notay, *Flexible conjugate gradients*, 2000).
 
 use super::block::{Block, Halo, row, sum};
+use super::direct::Direct;
 use super::lanes::wide;
 use super::level::{Level, prolong, restrict, smooth_backwards, smooth_from_zero};
 use super::stencil::{Counted, Rows, Stencil, Weighted};
-use super::{Convergence, Direct, Domain};
 
 /// Past this something is wrong with the problem, not with the number.
 const MAX_ITERATIONS: usize = 500;
 
+/// What it took to solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Convergence {
+    /// Iterations of conjugate gradients.
+    pub iterations: usize,
+    /// ‖b − Aψ‖ / ‖b‖, computed from the field as it is; ‖b − Aψ‖ where b is zero.
+    pub residual: f64,
+}
+
+/// The equations of all levels, and the vectors of a solution on the finest.
+pub struct System<'a> {
+    /// Sums of squares of the right-hand side, by slot.
+    pub squares: &'a [f32],
+    pub fine: &'a mut Level<Counted>,
+    pub coarse: &'a mut [Level<Weighted>],
+    pub direct: &'a Direct,
+    pub psi: &'a mut [Block<f32>],
+    pub direction: &'a mut [Block<f32>],
+    pub image: &'a mut [Block<f32>],
+}
+
 /// Solves from the ψ that is there.
-pub fn solve(domain: &mut Domain, tolerance: f64, stopping: impl Fn() -> bool) -> Convergence {
-    let squares = domain.fine.lattice.order().iter().map(|s| f64::from(domain.squares[*s as usize]));
-    let scale = squares.sum::<f64>().sqrt();
+pub fn solve(system: System<'_>, tolerance: f64, stopping: impl Fn() -> bool) -> Convergence {
+    let System { squares, fine, coarse, direct, psi, direction, image } = system;
+    let scale = fine.lattice.order().iter().map(|slot| f64::from(squares[*slot as usize])).sum::<f64>().sqrt();
     let scale = if scale > 0.0 { scale } else { 1.0 };
-    let mut square = residual(&mut domain.fine, &domain.psi);
+    let mut square = residual(fine, psi);
     let (mut iterations, mut alpha, mut rz) = (0, 0.0, 0.0);
     while square.sqrt() > tolerance * scale && iterations < MAX_ITERATIONS && !stopping() {
-        precondition(domain);
-        let (next, conjugate) = products(&domain.fine, &domain.image);
+        precondition(fine, coarse, direct);
+        let (next, conjugate) = products(fine, image);
         let beta = if iterations == 0 { 0.0 } else { -alpha * conjugate / rz };
         rz = next;
-        turn(&domain.fine, beta as f32, &mut domain.direction);
-        let curvature = multiply(&domain.fine, &domain.direction, &mut domain.image);
+        turn(fine, beta as f32, direction);
+        let curvature = multiply(fine, direction, image);
         if curvature <= 0.0 || rz <= 0.0 {
             // Rounding has used up the precision: nothing more to gain.
             break;
         }
         alpha = rz / curvature;
-        square = advance(&mut domain.fine, alpha as f32, &domain.direction, &domain.image, &mut domain.psi);
+        square = advance(fine, alpha as f32, direction, image, psi);
         iterations += 1;
     }
-    Convergence { iterations, residual: residual(&mut domain.fine, &domain.psi).sqrt() / scale }
+    Convergence { iterations, residual: residual(fine, psi).sqrt() / scale }
 }
 
 /// `x ≈ A⁻¹ b` on the finest level by one V-cycle.
-fn precondition(domain: &mut Domain) {
-    let Domain { fine, coarse, direct, .. } = domain;
+fn precondition(fine: &mut Level<Counted>, coarse: &mut [Level<Weighted>], direct: &Direct) {
     let Some(next) = coarse.first_mut() else { return };
     smooth_from_zero(fine);
     restrict(fine, next);

@@ -13,24 +13,18 @@ mod lattice;
 mod level;
 mod stencil;
 
+pub use conjugate_gradients::Convergence;
+
 use elk_geometry::bricks::{BRICK, brick_of, cell_of};
 use elk_geometry::{Region, Voxel};
 
 use crate::problem::{Cell, Problem};
 use block::{Block, Halo, row};
+use conjugate_gradients::System;
 use direct::{Direct, MOST_CELLS};
 use lattice::NONE;
 use level::Level;
 use stencil::{Counted, SIXTIETHS, Weighted};
-
-/// What it took to solve.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Convergence {
-    /// Iterations of conjugate gradients.
-    pub iterations: usize,
-    /// ‖b − Aψ‖ / ‖b‖, computed from the field as it is; ‖b − Aψ‖ where b is zero.
-    pub residual: f64,
-}
 
 /// A domain with its boundary values, and ψ.
 ///
@@ -204,7 +198,8 @@ impl Domain {
     /// `stopping`.
     pub fn solve(&mut self, tolerance: f64, stopping: impl Fn() -> bool) -> Convergence {
         self.settle();
-        conjugate_gradients::solve(self, tolerance, stopping)
+        let Self { squares, fine, coarse, direct, psi, direction, image, .. } = self;
+        conjugate_gradients::solve(System { squares, fine, coarse, direct, psi, direction, image }, tolerance, stopping)
     }
 
     /// The slot of the block at a position; a new one if there is none.

@@ -2,9 +2,9 @@
 
 use elk_mission::AppType;
 
-use super::{Journal, Route, Strategy, View};
 use crate::app::{COMMON, app};
-use elk_geometry::astar;
+use crate::journal::Journal;
+use crate::strategy::{Route, Strategy, View};
 
 /// Its row in the table of explorers.
 pub const TYPE: AppType = AppType {
@@ -26,10 +26,6 @@ impl Strategy for ClosestFrontier {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        let way = journal.time("search", || {
-            let is_goal = |i| view.goals.contains(i);
-            astar::closest(view.volume, &view.space.reach, view.space.start(), is_goal)
-        })?;
-        Route::over_voxels(view, &way)
+        view.closest(journal)
     }
 }

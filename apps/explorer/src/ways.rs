@@ -1,8 +1,10 @@
 //! The shortest ways from where the robot is to all goals at once.
 
-use super::{Journal, Route, View};
-use crate::goals::Goal;
 use elk_geometry::astar::{self, Reached};
+
+use crate::goals::Goal;
+use crate::journal::Journal;
+use crate::strategy::{Route, View};
 
 /// The shortest ways to all goals of a [`View`], over voxels that the robot can be in.
 pub struct Ways<'a> {
@@ -15,6 +17,15 @@ impl<'a> View<'a> {
     pub fn ways(&self) -> Ways<'a> {
         let View { volume, space, .. } = *self;
         Ways { view: *self, reached: astar::all(volume, &space.reach, space.start()) }
+    }
+
+    /// The way to the closest goal; `None`: there is a way to none.
+    pub fn closest(&self, journal: &mut Journal) -> Option<Route> {
+        let way = journal.time("search", || {
+            let is_goal = |i| self.goals.contains(i);
+            astar::closest(self.volume, &self.space.reach, self.space.start(), is_goal)
+        })?;
+        Route::over_voxels(self, &way)
     }
 
     /// The shortest way to the goal that costs least, the first of equals; `cost` is asked for each goal with the length

@@ -7,8 +7,9 @@ use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
 
 use super::card::Card;
-use super::{Journal, Route, Strategy, View};
 use crate::app::{COMMON, app, param};
+use crate::journal::Journal;
+use crate::strategy::{Route, Strategy, View};
 
 /// Distance from the robot at which streamlines start, beside those through its face neighbours (m).
 const SEED_DISTANCE_M: f64 = 0.15;
@@ -121,7 +122,7 @@ impl Strategy for Potential {
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
         // The volume has a margin of what is unknown, so this is one.
         let problem = problem(view).ok()?;
-        let stopping = journal.is_to_stop;
+        let stopping = journal.stop_signal();
         let solution = journal.time("field", || self.solve(&problem, stopping));
         if journal.is_to_stop() {
             return None;

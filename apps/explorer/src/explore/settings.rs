@@ -1,0 +1,36 @@
+//! What an explorer is told.
+
+use elk_geometry::Bounds;
+use elk_geometry::clearance::Clearance;
+
+use crate::policy::Policy;
+
+/// What an explorer is told besides its strategy.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// How paths are followed and where scans are taken.
+    pub policy: Policy,
+    /// The volume to explore; `None`: all there is.
+    pub bounds: Option<Bounds>,
+    /// Radius of a sphere around the robot's body (m).
+    pub radius_m: f64,
+    /// The same among the voxels of the map.
+    pub clearance: Clearance,
+    /// Voxels to plan over at most, free or not.
+    pub max_voxels: usize,
+    /// Targets that one plan looks at, the nearest of those that there are: no more than can be remembered
+    /// ([`elk_spatial::checks::MAX_REMEMBERED`]).
+    pub max_targets: usize,
+    /// Clusters of fewer frontier voxels than this do not count.
+    pub min_frontier: usize,
+    /// Distinct places from which a frontier voxel is looked at before it is given up.
+    pub attempts: usize,
+    /// A run of more scans than this has failed.
+    pub max_scans: u64,
+    /// A run that learns nothing new in this many scans has failed, and so has one with as many refused paths.
+    pub patience: u64,
+    /// Seconds of CPU that the thread has used.
+    pub clock: fn() -> f64,
+    /// Whether the process is asked to stop: a plan that is being made is then given up, and means nothing.
+    pub is_to_stop: fn() -> bool,
+}

@@ -1,0 +1,80 @@
+//! The seam of strategies: what one sees, and what it answers.
+//!
+//! What happens with its route (how far it is followed, where scans are taken) is [`crate::policy`]'s business and the same for
+//! all strategies, so that their results can be compared.
+
+use elk_bus::DecodeError;
+use elk_geometry::Volume;
+use elk_mission::type_name;
+use elk_spatial::StrategyMemory;
+use elk_spatial::strategy_memory::LeaveError;
+use nalgebra::Point3;
+
+use crate::goals::Goals;
+use crate::journal::Journal;
+use crate::space::Space;
+
+/// What a strategy sees. [`View::cheapest`] and [`View::ways`] are all that most strategies need of it.
+#[derive(Debug, Clone, Copy)]
+pub struct View<'a> {
+    /// The known map.
+    pub volume: &'a Volume,
+    /// Where the robot can be; a route leads from [`Space::start`] through [`Space::reach`].
+    pub space: &'a Space,
+    /// Where the route starts (m, world): the robot, or the centre of the start voxel if the robot has to back off first.
+    pub from: Point3<f64>,
+    /// Where to go; at least one, and none where the route starts.
+    pub goals: &'a Goals,
+}
+
+/// A way to a goal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Route {
+    /// Points to pass in straight lines (m, world), from [`View::from`] to somewhere in the goal's voxel.
+    pub points: Vec<Point3<f64>>,
+    /// The goal's voxel, by index of the volume.
+    pub goal: usize,
+}
+
+impl Route {
+    /// From `view.from` through the centres of the voxels of `way`; `None` if it is empty.
+    pub fn over_voxels(view: &View<'_>, way: &[usize]) -> Option<Self> {
+        let goal = *way.last()?;
+        let rest = way.iter().skip(1).map(|i| view.volume.center(*i));
+        Some(Self { points: std::iter::once(view.from).chain(rest).collect(), goal })
+    }
+}
+
+/// Chooses a goal and a way to it.
+pub trait Strategy: Send {
+    /// The type's name, as mission files say it and as it stands in the record.
+    fn name(&self) -> &'static str {
+        type_name::<Self>()
+    }
+
+    /// Its settings, for people and for the record.
+    fn describe(&self) -> String {
+        String::new()
+    }
+
+    /// The way to the goal that it chooses; `None` if it finds none: then the closest goal is taken, and the plan counted
+    /// as a fallback. It is asked after every scan, and may remember what it likes; equal maps should give equal ways.
+    fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route>;
+
+    /// What the next one of its name is to know, after a swap or a death: asked for with every plan, and left with the memory
+    /// that all explorers share. [`StrategyMemory::of`] makes it of a payload type.
+    ///
+    /// # Errors
+    /// There is one that cannot be left; the plan is made all the same.
+    fn memory(&self) -> Result<Option<StrategyMemory>, LeaveError> {
+        Ok(None)
+    }
+
+    /// Goes on with what one of its name has left: [`StrategyMemory::take`] makes a value of it.
+    ///
+    /// # Errors
+    /// It is of another type, or of another build's; that is said, and the strategy begins without it.
+    fn recall(&mut self, _left: &StrategyMemory) -> Result<(), DecodeError> {
+        Ok(())
+    }
+}
