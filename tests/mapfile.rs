@@ -16,7 +16,7 @@ fn mapfile(elk: &Elk, arguments: &[&str]) -> Result<String, String> {
 
 /// A map of ten free voxels and an occupied one along `axis`, as a file.
 fn ray(elk: &Elk, name: &str, axis: usize, resolution: f64) {
-    let mut map = OccupancyMap::new(MapConfig { resolution, ..MapConfig::default() });
+    let mut map = OccupancyMap::new(MapConfig { resolution, ..MapConfig::default() }).unwrap();
     let start = Point3::new(0.5, 0.5, 0.5);
     let mut end = start;
     end[axis] += 10.0;

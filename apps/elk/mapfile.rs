@@ -121,7 +121,8 @@ fn load(path: &Path, resolution: f64) -> Result<OccupancyMap> {
     let (bytes, unreadable) = (read(path)?, || format!("cannot read {}", path.display()));
     if is_graph(path) {
         let graph = read_graph(&bytes).with_context(unreadable)?;
-        return Ok(OccupancyMap::from_graph(config(resolution), &graph));
+        return OccupancyMap::from_graph(config(resolution), &graph)
+            .with_context(|| format!("cannot use {}", path.display()));
     }
     map_of(path, &Saved::read(&bytes).with_context(unreadable)?)
 }

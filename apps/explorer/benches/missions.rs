@@ -118,7 +118,8 @@ impl Run {
         let explorer = Explorer::new(strategy, settings(mission));
         Self {
             robot: Robot::new(Box::new(simulator)).expect("the start is free"),
-            map: OccupancyMap::new(MapConfig { max_range: 30.0, max_bricks: 32_768, ..MapConfig::default() }),
+            map: OccupancyMap::new(MapConfig { max_range: 30.0, max_bricks: 32_768, ..MapConfig::default() })
+                .expect("the settings make sense"),
             no_return: 0,
             grid: OccupancyGrid::new(RESOLUTION),
             explorer,

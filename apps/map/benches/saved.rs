@@ -28,7 +28,7 @@ fn median<T>(mut work: impl FnMut() -> T) -> (f64, T) {
 /// Rooms in a row, 5 × 4 × 3 m each with a door, seen from the middle of each all around, until this many voxels are known.
 fn building(voxels: usize) -> OccupancyMap {
     let config = MapConfig { resolution: 0.05, ..MapConfig::default() };
-    let mut map = OccupancyMap::new(config);
+    let mut map = OccupancyMap::new(config).expect("the settings make sense");
     let half = Vector3::new(2.5, 2.0, 1.5);
     for room in 0.. {
         if map.grid().free() + map.grid().occupied() >= voxels {

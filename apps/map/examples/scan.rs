@@ -25,7 +25,7 @@ fn scan(yaw: f64) -> impl Iterator<Item = Point3<f64>> {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let config = MapConfig { resolution: 0.1, max_range: 10.0, ..MapConfig::default() };
-    let mut map = OccupancyMap::new(config);
+    let mut map = OccupancyMap::new(config)?;
     for quarter in 0..4 {
         let seen = map.insert(Point3::origin(), scan(f64::from(quarter) * std::f64::consts::FRAC_PI_2));
         println!("scan {quarter}: {} voxels changed", seen.changed.len());

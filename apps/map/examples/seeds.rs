@@ -29,7 +29,7 @@ fn graph() -> Vec<u8> {
 }
 
 fn main() -> std::io::Result<()> {
-    let mut map = OccupancyMap::new(MapConfig::default());
+    let mut map = OccupancyMap::new(MapConfig::default()).expect("the settings make sense");
     map.insert(Point3::new(0.05, 0.05, 0.05), [Point3::new(1.05, 0.05, 0.05), Point3::new(0.05, -0.45, 0.25)]);
     put("elkmap/map.elkmap", &Format::ElkMap.write(&map))?;
     put("ot/map.ot", &Format::Ot.write(&map))?;

@@ -3,24 +3,24 @@
 //! Each answers the voxels whose state changed, for [`OccupancyMap::advance`], as [`OccupancyMap::insert`] does; grid and
 //! frontier are kept up with it.
 
-use elk_geometry::bricks::voxel_at;
+use elk_geometry::delta::Changes;
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::voxel::reach_m;
-use elk_geometry::{Bounds, State, Voxel};
+use elk_geometry::{Bounds, Voxel};
 
-use crate::occupancy::{Brick, OccupancyMap};
+use crate::occupancy::{Brick, Changed, OccupancyMap};
 use crate::snapshot::RestoreError;
 use crate::volume::Volume;
 
 impl OccupancyMap {
     /// Forgets what is known of the voxels whose centres lie in a box (m, world): they are unknown, as if never seen.
-    pub fn clear_box(&mut self, bounds: Bounds) -> Vec<Voxel> {
+    pub fn clear_box(&mut self, bounds: Bounds) -> Changes {
         let reach = reach_m(self.config.resolution);
         // Where there is no map there is nothing to forget; a box of no numbers holds nothing.
         let within =
             Bounds { min: bounds.min.map(|c| c.clamp(-reach, reach)), max: bounds.max.map(|c| c.clamp(-reach, reach)) };
         if within.min.iter().chain(within.max.iter()).any(|c| c.is_nan()) {
-            return Vec::new();
+            return Changes::default();
         }
         let volume = Volume::new(Some(within), self.config.resolution);
         self.edit(|position, brick| brick.forget(&volume.mask(position)))
@@ -28,16 +28,17 @@ impl OccupancyMap {
 
     /// Brings all log-odds nearer to 0 by `step` (> 0): a voxel that comes to 0 is unknown again. What is seen once more is
     /// refreshed by that; what is not fades.
-    pub fn decay(&mut self, step: f32) -> Vec<Voxel> {
+    pub fn decay(&mut self, step: f32) -> Changes {
         if step.is_nan() || step <= 0.0 {
-            return Vec::new();
+            return Changes::default();
         }
+        let config = self.config;
         self.edit(|_, brick| {
             let mut faded = mask::NONE;
-            for cell in mask::cells(&brick.known) {
-                let log_odds = &mut brick.log_odds[cell];
-                *log_odds -= log_odds.clamp(-step, step);
-                if *log_odds == 0.0 {
+            for cell in mask::cells(&{ brick.known }) {
+                let log_odds = brick.log_odds[cell] - brick.log_odds[cell].clamp(-step, step);
+                brick.know(cell, log_odds, &config);
+                if log_odds == 0.0 {
                     mask::set(&mut faded, cell);
                 }
             }
@@ -50,7 +51,7 @@ impl OccupancyMap {
     ///
     /// # Errors
     /// Its voxels are not of this size, or there is no room for its bricks; nothing is taken in then.
-    pub fn merge(&mut self, other: &OccupancyMap) -> Result<Vec<Voxel>, RestoreError> {
+    pub fn merge(&mut self, other: &OccupancyMap) -> Result<Changes, RestoreError> {
         let (own, saved) = (self.config.resolution, other.config.resolution);
         if own != saved {
             return Err(RestoreError::Resolution { saved, own });
@@ -65,42 +66,27 @@ impl OccupancyMap {
             self.table.find_or_add(other.table.position(i));
         }
         self.grow();
-        let [low, high] = [self.config.clamp_min, self.config.clamp_max];
+        let config = self.config;
         Ok(self.edit(|position, brick| {
             let Some(theirs) = other.table.find(position).map(|i| &other.bricks[i]) else { return };
             for cell in mask::cells(&theirs.known) {
-                brick.know(cell, (brick.log_odds[cell] + theirs.log_odds[cell]).clamp(low, high));
+                let sum = brick.log_odds[cell] + theirs.log_odds[cell];
+                brick.know(cell, sum.clamp(config.clamp_min, config.clamp_max), &config);
             }
             brick.ever_hit = union(&brick.ever_hit, &theirs.ever_hit);
         }))
     }
 
-    /// Changes the bricks one by one, and tells grid and frontier of it.
-    fn edit(&mut self, change: impl Fn(Voxel, &mut Brick)) -> Vec<Voxel> {
+    /// Changes the bricks one by one.
+    fn edit(&mut self, change: impl Fn(Voxel, &mut Brick)) -> Changes {
         let mut order: Vec<usize> = (0..self.bricks.len()).collect();
         order.sort_unstable_by_key(|&i| self.table.position(i));
-        let (mut voxels, mut bricks) = (Vec::new(), Vec::new());
+        let mut changed = Changed::default();
         for i in order {
-            let (position, brick) = (self.table.position(i), &mut self.bricks[i]);
-            let (known, occupied) = (brick.known, brick.occupied);
-            change(position, brick);
-            let changed: Mask =
-                std::array::from_fn(|z| (known[z] ^ brick.known[z]) | (occupied[z] ^ brick.occupied[z]));
-            if changed == mask::NONE {
-                continue;
-            }
-            bricks.push(i);
-            for cell in mask::cells(&changed) {
-                let voxel = voxel_at(position, cell);
-                self.grid.set(voxel, self.bricks[i].state(cell));
-                voxels.push(voxel);
-            }
+            let position = self.table.position(i);
+            self.change_brick(i, &mut changed, |brick| change(position, brick));
         }
-        let became_full = self.table.is_full() && !std::mem::replace(&mut self.full, self.table.is_full());
-        // A map that has become full has another frontier everywhere.
-        let bricks = if became_full { (0..self.bricks.len()).collect() } else { bricks };
-        self.update_frontier(&bricks);
-        voxels
+        self.conclude(changed)
     }
 }
 
@@ -110,15 +96,8 @@ impl Brick {
         for cell in mask::cells(&std::array::from_fn(|z| cells[z] & self.known[z])) {
             self.log_odds[cell] = 0.0;
         }
-        for set in [&mut self.known, &mut self.occupied, &mut self.ever_hit] {
+        for set in [&mut self.known, &mut self.occupied, &mut self.ever_hit, &mut self.at_min, &mut self.at_max] {
             *set = std::array::from_fn(|z| set[z] & !cells[z]);
-        }
-    }
-
-    fn state(&self, cell: usize) -> State {
-        match mask::has(&self.known, cell) {
-            true => OccupancyMap::state_of(self.log_odds[cell]),
-            false => State::Unknown,
         }
     }
 }
@@ -131,7 +110,8 @@ fn union(one: &Mask, other: &Mask) -> Mask {
 mod tests {
     use super::*;
     use crate::occupancy::MapConfig;
-    use elk_geometry::FrontierSet;
+    use elk_geometry::bricks::BRICK_CELLS;
+    use elk_geometry::{FrontierSet, State};
     use nalgebra::Point3;
     use proptest::prelude::*;
     use std::collections::{BTreeMap, BTreeSet};
@@ -147,7 +127,7 @@ mod tests {
     }
 
     fn map_of(scans: &Scans) -> OccupancyMap {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         see(&mut map, scans);
         map
     }
@@ -163,9 +143,29 @@ mod tests {
         map.known().collect()
     }
 
-    /// Grid, frontier and copy are what the log-odds say, looked at anew; `reader` is a copy of before, `changed` what it is
-    /// told.
-    fn assert_in_step(map: &mut OccupancyMap, reader: &mut elk_geometry::OccupancyGrid, changed: &[Voxel]) {
+    /// The sets of every brick are what its log-odds say.
+    fn assert_sets(map: &OccupancyMap) {
+        let MapConfig { clamp_min, clamp_max, .. } = *map.config();
+        for brick in &map.bricks {
+            let of = |is_in: &dyn Fn(f32) -> bool| {
+                let mut set = mask::NONE;
+                mask::cells(&brick.known)
+                    .filter(|cell| is_in(brick.log_odds[*cell]))
+                    .for_each(|cell| mask::set(&mut set, cell));
+                set
+            };
+            assert_eq!(brick.occupied, of(&|log_odds| log_odds > 0.0));
+            assert_eq!(brick.at_min, of(&|log_odds| log_odds == clamp_min));
+            assert_eq!(brick.at_max, of(&|log_odds| log_odds == clamp_max));
+            let unknown = (0..BRICK_CELLS).filter(|cell| !mask::has(&brick.known, *cell));
+            assert!(unknown.into_iter().all(|cell| brick.log_odds[cell] == 0.0 && !mask::has(&brick.ever_hit, cell)));
+        }
+    }
+
+    /// Sets, grid, frontier and copy are what the log-odds say, looked at anew; `reader` is a copy of before, `changed` what it
+    /// is told.
+    fn assert_in_step(map: &mut OccupancyMap, reader: &mut elk_geometry::OccupancyGrid, changed: &Changes) {
+        assert_sets(map);
         reader.apply(&map.advance(changed)).unwrap();
         let states = |grid: &elk_geometry::OccupancyGrid| -> BTreeMap<Voxel, State> {
             grid.bricks().voxels().filter(|(_, state)| *state != State::Unknown).collect()
@@ -243,12 +243,13 @@ mod tests {
         let mut map = map_of(&vec![([0.05; 3].into(), vec![[3.95, 0.05, 0.05].into()])]);
         let before = map.snapshot();
         let no_number = Bounds { min: Point3::new(f64::NAN, 0.0, 0.0), max: Point3::new(1.0, 1.0, 1.0) };
-        assert_eq!((map.clear_box(no_number), map.decay(f32::NAN), map.decay(-1.0)), (vec![], vec![], vec![]));
+        let none = Changes::default;
+        assert_eq!((map.clear_box(no_number), map.decay(f32::NAN), map.decay(-1.0)), (none(), none(), none()));
         let inside_out = Bounds { min: Point3::new(1.0, 1.0, 1.0), max: Point3::origin() };
-        assert_eq!(map.clear_box(inside_out), vec![]);
-        let finer = OccupancyMap::new(MapConfig { resolution: 0.05, ..MapConfig::default() });
+        assert_eq!(map.clear_box(inside_out), none());
+        let finer = OccupancyMap::new(MapConfig { resolution: 0.05, ..MapConfig::default() }).unwrap();
         assert_eq!(map.merge(&finer), Err(RestoreError::Resolution { saved: 0.05, own: 0.1 }));
-        let mut small = OccupancyMap::new(MapConfig { max_bricks: 2, ..MapConfig::default() });
+        let mut small = OccupancyMap::new(MapConfig { max_bricks: 2, ..MapConfig::default() }).unwrap();
         assert_eq!(small.merge(&map), Err(RestoreError::TooMany { bricks: 5, most: 2 }));
         assert_eq!((map.snapshot(), small.snapshot().bricks), (before, vec![]));
     }

@@ -141,7 +141,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn snapshot(scans: &[(Point3<f64>, Vec<Point3<f64>>)]) -> Snapshot {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         for (origin, points) in scans {
             map.insert(*origin, points.iter().copied());
         }

@@ -6,7 +6,7 @@ use elk_geometry::bricks::voxel_at;
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::voxel::FACES;
 
-use crate::growth::face_neighbours;
+use crate::growth::{at_faces, face_neighbours};
 use crate::occupancy::OccupancyMap;
 
 impl OccupancyMap {
@@ -23,37 +23,57 @@ impl OccupancyMap {
         })
     }
 
-    /// Looks again at the bricks of these numbers and the ones beside them.
-    pub(crate) fn update_frontier(&mut self, changed: &[usize]) {
-        let table = &self.table;
-        let beside =
-            changed.iter().flat_map(|&i| FACES.iter().filter_map(move |&face| table.find(table.position(i) + face)));
-        let mut revise: Vec<usize> = changed.iter().copied().chain(beside).collect();
+    /// Looks again at bricks that changed, and at those beside them where anything has become known or unknown: `changed` are
+    /// their numbers, and the cells that have.
+    pub(crate) fn update_frontier(&mut self, changed: &[(usize, Mask)]) {
+        let mut revise: Vec<usize> = Vec::with_capacity(2 * changed.len());
+        for (i, extent) in changed {
+            revise.push(*i);
+            let faces = at_faces(extent).into_iter().enumerate().filter(|(_, is_there)| *is_there);
+            revise.extend(faces.filter_map(|(face, _)| self.table.beyond(*i, face)));
+        }
         revise.sort_unstable();
         revise.dedup();
-        for i in revise {
-            let frontier = self.frontier_of(i);
-            let before = std::mem::replace(&mut self.bricks[i].frontier, frontier);
-            self.frontier_len += mask::count(&frontier);
-            self.frontier_len -= mask::count(&before);
-        }
+        revise.into_iter().for_each(|i| self.look_at(i));
+    }
+
+    /// Looks again at all bricks.
+    pub(crate) fn update_all_of_the_frontier(&mut self) {
+        (0..self.bricks.len()).for_each(|i| self.look_at(i));
+    }
+
+    fn look_at(&mut self, i: usize) {
+        let frontier = self.frontier_of(i);
+        let before = std::mem::replace(&mut self.bricks[i].frontier, frontier);
+        self.frontier_len += mask::count(&frontier);
+        self.frontier_len -= mask::count(&before);
     }
 
     fn frontier_of(&self, i: usize) -> Mask {
-        let position = self.table.position(i);
-        let near_unknown = face_neighbours(|offset| self.unknown(position + offset));
-        let (brick, inside) = (&self.bricks[i], self.volume.mask(position));
-        std::array::from_fn(|z| brick.known[z] & !brick.occupied[z] & inside[z] & near_unknown[z])
+        let (brick, position) = (&self.bricks[i], self.table.position(i));
+        let free: Mask = std::array::from_fn(|z| brick.known[z] & !brick.occupied[z]);
+        if free == mask::NONE {
+            return mask::NONE;
+        }
+        let inside = self.volume.mask(position);
+        let own = std::array::from_fn(|z| inside[z] & !brick.known[z]);
+        let beside = std::array::from_fn(|face| self.unknown_beyond(i, face));
+        let near_unknown = face_neighbours(&own, &beside);
+        std::array::from_fn(|z| free[z] & inside[z] & near_unknown[z])
     }
 
-    /// The unknown cells of a brick that lie in the volume.
-    fn unknown(&self, position: Voxel) -> Mask {
-        let inside = self.volume.mask(position);
-        match self.table.find(position) {
-            Some(i) => std::array::from_fn(|z| inside[z] & !self.bricks[i].known[z]),
+    /// The unknown cells of the brick beyond a face that lie in the volume.
+    fn unknown_beyond(&self, i: usize, face: usize) -> Mask {
+        let inside = || self.volume.mask(self.table.position(i) + FACES[face]);
+        match self.table.beyond(i, face) {
+            Some(other) if self.bricks[other].known == mask::ALL => mask::NONE,
+            Some(other) => {
+                let (inside, known) = (inside(), &self.bricks[other].known);
+                std::array::from_fn(|z| inside[z] & !known[z])
+            }
             // What there is no room for it cannot come to know.
-            None if self.table.is_full() => mask::NONE,
-            None => inside,
+            None if self.is_full() => mask::NONE,
+            None => inside(),
         }
     }
 }
@@ -81,7 +101,7 @@ mod tests {
             dim in 0.3..2.5f64,
         ) {
             let bounds = bounded.then(|| Bounds::from_mid_dim(Point3::new(0.2, 0.1, -0.3), Vector3::new(dim, 1.0, 1.7)));
-            let mut map = OccupancyMap::new(MapConfig { bounds, ..MapConfig::default() });
+            let mut map = OccupancyMap::new(MapConfig { bounds, ..MapConfig::default() }).unwrap();
             for (origin, points) in scans {
                 map.insert(origin, points);
             }

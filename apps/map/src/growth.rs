@@ -2,7 +2,7 @@
 //! worked on at once.
 
 use elk_geometry::mask::Mask;
-use elk_geometry::voxel::{FACES, Voxel};
+use elk_geometry::voxel::Voxel;
 
 /// The cells with x = 0, in every row of a layer.
 const FIRST_COLUMN: u64 = 0x0101_0101_0101_0101;
@@ -11,16 +11,26 @@ const LAST_COLUMN: u64 = FIRST_COLUMN << 7;
 
 /// The cells of a brick whose x, y and z (0 to 7) lie in these half-open ranges.
 pub fn block(x: [i32; 2], y: [i32; 2], z: [i32; 2]) -> Mask {
-    let within = |[from, to]: [i32; 2], i: i32| from <= i && i < to;
-    let row = (0..8).filter(|&i| within(x, i)).fold(0, |row, i| row | 1u64 << i);
-    let layer = (0..8).filter(|&i| within(y, i)).fold(0, |layer, i| layer | row << (8 * i));
-    std::array::from_fn(|i| if within(z, i as i32) { layer } else { 0 })
+    // The bits of a range among the first eight.
+    let below = |end: i32| (1u64 << end.clamp(0, 8)) - 1;
+    let bits = |[from, to]: [i32; 2]| below(to) & !below(from);
+    let first_column = |rows: u64| (0..8).fold(0, |column, i| column | (rows >> i & 1) << (8 * i));
+    let layer = bits(x) * first_column(bits(y));
+    let layers = bits(z);
+    std::array::from_fn(|i| (layers >> i & 1).wrapping_neg() & layer)
 }
 
-/// The cells of a brick that share a face with a cell of a set; `set` gives the set in the bricks around it, by offset.
-pub fn face_neighbours(set: impl Fn(Voxel) -> Mask) -> Mask {
-    let own = set(Voxel::new(0, 0, 0));
-    let [left, right, front, back, below, above] = FACES.map(&set);
+/// Whether a set has cells at each of the faces of its brick.
+pub fn at_faces(set: &Mask) -> [bool; 6] {
+    let any = set.iter().fold(0, |any, layer| any | layer);
+    let rows = [any & FIRST_COLUMN, any & LAST_COLUMN, any & 255, any >> 56, set[0], set[7]];
+    rows.map(|cells| cells != 0)
+}
+
+/// The cells of a brick that share a face with a cell of a set; `own` is the set in the brick, `beside` in those beyond its
+/// faces.
+pub fn face_neighbours(own: &Mask, beside: &[Mask; 6]) -> Mask {
+    let [left, right, front, back, below, above] = beside;
     std::array::from_fn(|z| {
         along_x(own[z], left[z], right[z])
             | along_y(own[z], front[z], back[z])
@@ -64,6 +74,7 @@ mod tests {
     use super::*;
     use elk_geometry::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
     use elk_geometry::mask::{self, cells, count};
+    use elk_geometry::voxel::FACES;
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 
@@ -78,7 +89,8 @@ mod tests {
         fn growth_is_what_the_neighbours_say(cells in prop::collection::btree_set((-2..10i32, -2..10i32, -2..10i32), 0..60)) {
             let set: BTreeSet<Voxel> = cells.into_iter().map(|(x, y, z)| Voxel::new(x, y, z)).collect();
             let grown = grown(|brick| mask_of(&set, brick));
-            let beside = face_neighbours(|brick| mask_of(&set, brick));
+            let own = mask_of(&set, Voxel::new(0, 0, 0));
+            let beside = face_neighbours(&own, &FACES.map(|face| mask_of(&set, face)));
             for cell in 0..BRICK_CELLS {
                 let v = voxel_at(Voxel::new(0, 0, 0), cell);
                 let near = set.contains(&v) || v.neighbours().any(|n| set.contains(&n));
@@ -86,6 +98,8 @@ mod tests {
                 let face = v.face_neighbours().iter().any(|n| set.contains(n));
                 prop_assert_eq!(mask::has(&beside, cell), face);
             }
+            let at_face = |face: &Voxel| (0..BRICK_CELLS).any(|c| mask::has(&own, c) && brick_of(voxel_at(Voxel::new(0, 0, 0), c) + *face) == *face);
+            prop_assert_eq!(at_faces(&own), FACES.map(|face| at_face(&face)));
         }
     }
 

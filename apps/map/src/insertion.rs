@@ -5,30 +5,32 @@
 //! that a thousand rays pass is not a thousand times as free (`exploration-prototype`: without this no exploration ends).
 
 use elk_geometry::Voxel;
-use elk_geometry::bricks::{brick_of, voxel_at};
+use elk_geometry::bricks::brick_of;
+use elk_geometry::delta::Changes;
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::voxel::INDEX_RANGE;
 use nalgebra::{Point3, Vector3};
 
+use crate::fan::{Fan, Ray, Tip};
 use crate::growth::grown;
-use crate::occupancy::{Brick, Grazing, MapConfig, Marks, OccupancyMap};
-use crate::walk::Walk;
+use crate::marks::Marks;
+use crate::occupancy::{Brick, Changed, Grazing, Integration, MapConfig, OccupancyMap};
+use crate::walk::{Lattice, Point};
 
-/// How far a point is moved along its ray (m): one that lies on the border of two voxels, as those on walls that follow
-/// the lattice do, falls into the voxel behind the surface, whatever rounding did to it.
-const ADVANCE: f64 = 1e-4;
 /// What a miss counts against a voxel that was ever hit, under a grazing rule: a surface that fills a part of it is passed
 /// by more rays than hit it. At a half floors still dissolve; below a quarter nothing is gained, and noise goes slower.
 const GRAZED_SHARE: f32 = 0.25;
+/// Rays for which memory is kept from scan to scan.
+const MOST_KEPT: usize = 1 << 18;
 
 /// Points of a scan that could not be inserted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Dropped {
-    /// Points that are not finite, or at the sensor's very position.
+    /// Points that are not finite, beyond single precision, or at the sensor's very position.
     pub invalid: usize,
     /// Points outside the 16-bit indices of OctoMap's files; their rays free what is inside.
     pub out_of_range: usize,
-    /// Points whose rays came to where the map has no room for more bricks.
+    /// Points in bricks for which the map has no room; their rays free what it has.
     pub no_room: usize,
 }
 
@@ -36,28 +38,11 @@ pub struct Dropped {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Insertion {
     /// The voxels whose state changed, by brick in lexicographic order.
-    pub changed: Vec<Voxel>,
+    pub changed: Changes,
     /// Points left out.
     pub dropped: Dropped,
     /// Points beyond the largest range, whose rays were cut there.
     pub cut: usize,
-}
-
-/// What is at the end of a ray.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Tip {
-    /// A surface: the last voxel is hit.
-    Hit,
-    /// Nothing that is known of: the ray passes the voxels before the last.
-    Open,
-    /// The last voxel that a map can have, and the ray goes on behind it.
-    Edge,
-}
-
-/// A ray as the map takes it: from the sensor to its end, in units of voxels.
-struct Ray {
-    end: Point3<f64>,
-    tip: Tip,
 }
 
 impl OccupancyMap {
@@ -77,145 +62,116 @@ impl OccupancyMap {
         range: f64,
     ) -> Insertion {
         let (mut dropped, mut cut) = (Dropped::default(), 0);
-        let start = origin / self.config.resolution;
-        if !within_map(start) {
+        let sensor = Sensor { lattice: Lattice::new(self.config.resolution), origin, at: single(origin) };
+        if !sensor.lattice.has(sensor.at) {
             dropped.out_of_range = points.into_iter().count();
             return Insertion { dropped, ..Insertion::default() };
         }
-        let Some(home) = self.table.find_or_add(brick_of(Voxel::containing(start, 1.0))) else {
-            dropped.no_room = points.into_iter().count();
-            return Insertion { dropped, ..Insertion::default() };
-        };
-        self.grow();
+        let mut rays = std::mem::take(&mut self.rays);
+        rays.clear();
         for point in points {
-            let Some(ray) = ray_to(origin, point, &self.config) else {
+            let Some((ray, is_cut)) = sensor.ray_to(point, &self.config) else {
                 dropped.invalid += 1;
                 continue;
             };
-            cut += usize::from(ray.tip == Tip::Open);
-            let came_to_its_end = self.mark(Walk::new(start, ray.end), home, ray.tip);
-            match ray.tip {
-                Tip::Edge => dropped.out_of_range += 1,
-                _ => dropped.no_room += usize::from(!came_to_its_end),
-            }
+            dropped.out_of_range += usize::from(ray.tip == Tip::Edge);
+            cut += usize::from(is_cut);
+            rays.push(ray);
         }
-        let (reach, resolution) = (self.config.reach_without_return(range), self.config.resolution);
+        let reach = self.config.reach_without_return(range);
         let empty = no_return.into_iter().filter(|_| reach > 0.0);
-        for ray in empty.filter_map(|direction| empty_ray(origin, direction, reach, resolution)) {
-            // What there is no room for is not missed: there was nothing.
-            self.mark(Walk::new(start, ray.end), home, ray.tip);
+        rays.extend(empty.filter_map(|direction| sensor.empty_ray(direction, reach)));
+        let mut touched = self.mark(&sensor, &rays);
+        dropped.no_room = self.make_room(&sensor, &rays, &mut touched);
+        if rays.len() < MOST_KEPT {
+            self.rays = rays;
         }
-        Insertion { changed: self.update_marked(), dropped, cut }
+        Insertion { changed: self.update(&touched), dropped, cut }
     }
 
-    /// Walks a ray from brick `home` on, marks what it passes, and its end as it is; whether it came to its end.
-    fn mark(&mut self, mut walk: Walk, home: usize, tip: Tip) -> bool {
-        let mut i = home;
-        self.touch(i);
-        loop {
-            let key = walk.brick_key();
-            let passed = &mut self.marks[i].passed;
-            while walk.left() > 0 && walk.brick_key() == key {
-                let (layer, bit) = walk.cell();
-                passed[layer] |= bit;
-                walk.advance();
-            }
-            if walk.brick_key() == key {
-                break;
-            }
-            let Some(next) = self.table.beyond(i, walk.face_from(key)) else {
-                return false;
-            };
-            i = next;
-            self.touch(i);
+    /// What rays pass and hit, by brick.
+    fn mark(&mut self, sensor: &Sensor, rays: &[Ray]) -> Vec<(Voxel, Marks)> {
+        let start = sensor.lattice.voxel(sensor.at);
+        let (mut low, mut high) = (start.to_array(), start.to_array());
+        for ray in rays {
+            let end = sensor.lattice.voxel(ray.end).to_array();
+            (low, high) = (std::array::from_fn(|i| low[i].min(end[i])), std::array::from_fn(|i| high[i].max(end[i])));
         }
-        let (layer, bit) = walk.cell();
-        match tip {
-            Tip::Hit => self.marks[i].hit[layer] |= bit,
-            Tip::Edge => self.marks[i].passed[layer] |= bit,
-            Tip::Open => {}
-        }
-        true
+        self.scratch.clear(start, low.into(), high.into());
+        Fan::new(sensor.lattice, sensor.at, &mut self.scratch)
+            .mark(rays, self.config.integration == Integration::EndVoxels);
+        self.scratch.take()
     }
 
-    #[inline]
-    fn touch(&mut self, i: usize) {
-        if i >= self.marks.len() {
-            self.grow();
+    /// Makes the bricks that there are not yet; where there is not room for all, the nearest to the sensor, and leaves the
+    /// others out of what was touched. Answers how many rays hit in those.
+    fn make_room(&mut self, sensor: &Sensor, rays: &[Ray], touched: &mut Vec<(Voxel, Marks)>) -> usize {
+        let mut new: Vec<Voxel> =
+            touched.iter().map(|(brick, _)| *brick).filter(|brick| self.table.find(*brick).is_none()).collect();
+        let room = self.table.room();
+        let is_short = new.len() > room;
+        if is_short {
+            let home = brick_of(sensor.lattice.voxel(sensor.at));
+            new.sort_by(|a, b| a.distance(home).total_cmp(&b.distance(home)));
+            new.truncate(room);
         }
-        if !self.marks[i].touched {
-            self.marks[i].touched = true;
-            self.touched.push(i);
+        for brick in new {
+            self.table.find_or_add(brick);
         }
+        self.grow();
+        if !is_short {
+            return 0;
+        }
+        touched.retain(|(brick, _)| self.table.find(*brick).is_some());
+        let is_lost = |ray: &&Ray| self.table.find(brick_of(sensor.lattice.voxel(ray.end))).is_none();
+        rays.iter().filter(|ray| ray.tip == Tip::Hit).filter(is_lost).count()
     }
 
-    /// Gives every marked voxel its update, clears the marks and answers the voxels whose state changed.
-    fn update_marked(&mut self) -> Vec<Voxel> {
-        let mut touched = std::mem::take(&mut self.touched);
-        // By position, not in the order in which rays came by: the answer does not depend on the order of the points.
-        touched.sort_unstable_by_key(|&i| self.table.position(i));
-        let spared: Vec<Mask> = touched.iter().map(|&i| self.spared(i)).collect();
-        let mut changed = Vec::new();
-        // A map that has become full has another frontier everywhere.
-        let became_full = self.table.is_full() && !std::mem::replace(&mut self.full, self.table.is_full());
-        let mut changed_bricks: Vec<usize> = if became_full { (0..self.bricks.len()).collect() } else { Vec::new() };
-        for (&i, spared) in touched.iter().zip(&spared) {
-            let marks = std::mem::take(&mut self.marks[i]);
-            let cells = self.bricks[i].update(&marks, spared, &self.config);
-            if cells != mask::NONE {
-                changed_bricks.push(i);
-                self.tell_grid(i, &cells, &mut changed);
-            }
+    /// Gives every marked voxel its update, and answers the voxels whose state changed.
+    fn update(&mut self, touched: &[(Voxel, Marks)]) -> Changes {
+        let (config, mut changed) = (self.config, Changed::default());
+        for (position, marks) in touched {
+            let Some(i) = self.table.find(*position) else { continue };
+            let spared = self.spared(i, *position, marks);
+            self.change_brick(i, &mut changed, |brick| brick.update(marks, &spared, &config));
         }
-        self.update_frontier(&changed_bricks);
-        touched.clear();
-        self.touched = touched;
-        changed
-    }
-
-    fn tell_grid(&mut self, i: usize, cells: &Mask, changed: &mut Vec<Voxel>) {
-        let (brick, position) = (&self.bricks[i], self.table.position(i));
-        for cell in mask::cells(cells) {
-            let voxel = voxel_at(position, cell);
-            self.grid.set(voxel, Self::state_of(brick.log_odds[cell]));
-            changed.push(voxel);
-        }
+        self.conclude(changed)
     }
 
     /// The cells of brick `i` that passing rays do not count against (see [`Grazing`]).
-    fn spared(&self, i: usize) -> Mask {
+    fn spared(&self, i: usize, position: Voxel, marks: &Marks) -> Mask {
         let ever_hit = self.bricks[i].ever_hit;
-        let passed = self.marks[i].passed;
         match self.config.grazing {
             Grazing::None => mask::NONE,
             Grazing::Sticky => ever_hit,
-            Grazing::Guard if (0..8).all(|z| ever_hit[z] & passed[z] == 0) => mask::NONE,
+            Grazing::Guard if (0..8).all(|z| ever_hit[z] & marks.passed[z] == 0) => mask::NONE,
             Grazing::Guard => {
-                let near_hit = grown(|offset| self.hits(self.table.position(i) + offset));
+                let near_hit = grown(|offset| *self.scratch.hits(position + offset));
                 std::array::from_fn(|z| ever_hit[z] & near_hit[z])
             }
         }
     }
-
-    /// The cells of the brick at `position` that this scan hit.
-    fn hits(&self, position: Voxel) -> Mask {
-        self.table.find(position).map_or(mask::NONE, |i| self.marks[i].hit)
-    }
 }
 
 impl Brick {
-    /// One update for every cell that was hit, or passed and not spared; answers the cells whose state changed.
-    fn update(&mut self, marks: &Marks, spared: &Mask, config: &MapConfig) -> Mask {
-        std::array::from_fn(|z| {
+    /// One update for every cell that was hit, or passed and not spared.
+    fn update(&mut self, marks: &Marks, spared: &Mask, config: &MapConfig) {
+        for (z, spared) in spared.iter().enumerate() {
             let hit = marks.hit[z];
-            let missed = marks.passed[z] & !hit & !spared[z];
+            let missed = marks.passed[z] & !hit & !spared;
             let clamp = |log_odds: f32| log_odds.clamp(config.clamp_min, config.clamp_max);
             // What passed before the first hit grazed the surface that was hit now, unless misses always count.
             let guarded = config.grazing != Grazing::None;
             let first_hit = if guarded { hit & !self.ever_hit[z] } else { 0 };
             let grazed = if guarded { missed & self.ever_hit[z] } else { 0 };
-            let mut occupied = self.occupied[z];
-            for bit in mask::bits(hit | missed) {
+            // Whatever is at its bound stays there.
+            let moving = hit & !self.at_max[z] | missed & !self.at_min[z];
+            self.ever_hit[z] |= hit;
+            if moving == 0 {
+                continue;
+            }
+            let (mut occupied, mut at_min, mut at_max) = (self.occupied[z], self.at_min[z], self.at_max[z]);
+            for bit in mask::bits(moving) {
                 let is_in = |cells: u64| cells >> bit & 1 == 1;
                 let step = match (is_in(hit), is_in(grazed)) {
                     (true, _) => config.hit,
@@ -225,57 +181,84 @@ impl Brick {
                 let log_odds = &mut self.log_odds[z << 6 | bit];
                 let forgets = is_in(first_hit) && *log_odds < 0.0;
                 *log_odds = clamp(if forgets { step } else { *log_odds + step });
-                occupied = occupied & !(1 << bit) | u64::from(*log_odds > 0.0) << bit;
+                let set = |cells: u64, is_in: bool| cells & !(1 << bit) | u64::from(is_in) << bit;
+                occupied = set(occupied, *log_odds > 0.0);
+                at_min = set(at_min, *log_odds == config.clamp_min);
+                at_max = set(at_max, *log_odds == config.clamp_max);
             }
-            let changed = (occupied ^ self.occupied[z]) | ((hit | missed) & !self.known[z]);
-            self.occupied[z] = occupied;
-            self.known[z] |= hit | missed;
-            self.ever_hit[z] |= hit;
-            changed
-        })
-    }
-}
-
-/// The ray to a point: cut at the largest range, or advanced into the surface. `None`: the point is not one.
-fn ray_to(origin: Point3<f64>, point: Point3<f64>, config: &MapConfig) -> Option<Ray> {
-    let offset = point - origin;
-    let range = offset.norm();
-    if !range.is_finite() || range == 0.0 {
-        return None;
-    }
-    let cut = config.max_range > 0.0 && range > config.max_range;
-    let length = if cut { config.max_range } else { range + ADVANCE };
-    let end = origin + offset * (length / range);
-    Some(Ray::between(origin, end, if cut { Tip::Open } else { Tip::Hit }, config.resolution))
-}
-
-/// The ray in a direction in which there is nothing up to `reach` (m). `None`: it is no direction.
-fn empty_ray(origin: Point3<f64>, direction: Vector3<f64>, reach: f64, resolution: f64) -> Option<Ray> {
-    let direction = direction.try_normalize(0.0).filter(|d| d.iter().all(|c| c.is_finite()))?;
-    Some(Ray::between(origin, origin + direction * reach, Tip::Open, resolution))
-}
-
-impl Ray {
-    /// The ray between two points (m), the first of which lies in the map; cut where the map ends.
-    fn between(origin: Point3<f64>, end: Point3<f64>, tip: Tip, resolution: f64) -> Self {
-        let end_of_ray = end / resolution;
-        match within_map(end_of_ray) {
-            true => Self { end: end_of_ray, tip },
-            false => Self { end: cut_to_map(origin / resolution, end_of_ray), tip: Tip::Edge },
+            (self.occupied[z], self.at_min[z], self.at_max[z]) = (occupied, at_min, at_max);
+            self.known[z] |= moving;
         }
     }
+}
+
+/// Where a scan is taken from.
+struct Sensor {
+    lattice: Lattice,
+    /// Its place (m, world), and the same in OctoMap's precision.
+    origin: Point3<f64>,
+    at: Point,
+}
+
+impl Sensor {
+    /// The ray to a point, moved into its surface, or cut at the largest range; and whether it was cut. `None`: the point is
+    /// not one.
+    #[inline]
+    fn ray_to(&self, point: Point3<f64>, config: &MapConfig) -> Option<(Ray, bool)> {
+        let offset = point - self.origin;
+        let range = offset.norm();
+        let end = point + offset * (config.advance / range);
+        let mut at = single(end);
+        if config.integration == Integration::EndVoxels && self.lattice.has(at) {
+            at = self.lattice.center(self.lattice.voxel(at));
+        }
+        let [x, y, z] = std::array::from_fn(|i| at[i] - self.at[i]);
+        let range = f64::from(x * x + y * y + z * z).sqrt();
+        if !range.is_finite() || range == 0.0 {
+            return None;
+        }
+        if config.max_range > 0.0 && range > config.max_range {
+            let (way, length) = (config.max_range as f32, range as f32);
+            let end = std::array::from_fn(|i| self.at[i] + (at[i] - self.at[i]) / length * way);
+            return Some((self.within_map(end, Tip::Open), true));
+        }
+        Some((self.within_map(at, Tip::Hit), false))
+    }
+
+    /// The ray in a direction in which there is nothing up to `reach` (m). `None`: it is no direction.
+    fn empty_ray(&self, direction: Vector3<f64>, reach: f64) -> Option<Ray> {
+        let direction = direction.try_normalize(0.0).filter(|d| d.iter().all(|c| c.is_finite()))?;
+        Some(self.within_map(single(self.origin + direction * reach), Tip::Open))
+    }
+
+    /// A ray to a point; cut where the map ends.
+    #[inline]
+    fn within_map(&self, end: Point, tip: Tip) -> Ray {
+        match self.lattice.has(end) {
+            true => Ray { end, tip },
+            false => Ray { end: self.cut_to_map(end), tip: Tip::Edge },
+        }
+    }
+
+    /// Where the way to a point outside leaves the map.
+    #[cold]
+    fn cut_to_map(&self, end: Point) -> Point {
+        let [start, end] = [self.at, end].map(|p| Point3::from(p.map(|c| f64::from(c) * self.lattice.per_metre())));
+        single(cut_to_map(start, end) * self.lattice.resolution)
+    }
+}
+
+/// A point in OctoMap's precision.
+#[inline]
+fn single(point: Point3<f64>) -> Point {
+    [point.x as f32, point.y as f32, point.z as f32]
 }
 
 /// Smallest coordinate of a map, and the one behind its largest (voxels).
 const LOW: f64 = *INDEX_RANGE.start() as f64;
 const HIGH: f64 = *INDEX_RANGE.end() as f64 + 1.0;
 /// How far inside the map a ray ends that leaves it (voxels): far enough that rounding does not carry it out again.
-const INSIDE: f64 = 1e-6;
-
-/// Whether a point (voxels) lies where OctoMap's keys reach.
-fn within_map(point: Point3<f64>) -> bool {
-    point.iter().all(|c| (LOW..HIGH).contains(c))
-}
+const INSIDE: f64 = 0.01;
 
 /// Where the way from `start`, inside the map, to `end`, outside, leaves it (all in voxels).
 fn cut_to_map(start: Point3<f64>, end: Point3<f64>) -> Point3<f64> {
@@ -286,7 +269,7 @@ fn cut_to_map(start: Point3<f64>, end: Point3<f64>) -> Point3<f64> {
         _ => 1.0,
     };
     let share = (0..3).map(share).fold(1.0, f64::min);
-    (start + way * share).map(|c| c.clamp(LOW, HIGH - INSIDE))
+    (start + way * share).map(|c| c.clamp(LOW + INSIDE, HIGH - INSIDE))
 }
 
 #[cfg(test)]

@@ -13,9 +13,11 @@
 mod bytes;
 pub mod edit;
 pub mod elkmap;
+mod fan;
 mod frontier;
-pub mod growth;
+mod growth;
 pub mod insertion;
+mod marks;
 pub mod occupancy;
 pub mod octomap;
 pub mod octree;
@@ -23,10 +25,10 @@ pub mod saved;
 pub mod snapshot;
 mod table;
 mod volume;
-pub mod walk;
+mod walk;
 
 pub use insertion::{Dropped, Insertion};
-pub use occupancy::{Grazing, MapConfig, OccupancyMap};
+pub use occupancy::{ConfigError, Grazing, Integration, MapConfig, OccupancyMap};
 pub use saved::{Format, Saved, SavedError};
 pub use snapshot::{RestoreError, Snapshot};
 

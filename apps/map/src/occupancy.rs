@@ -2,10 +2,13 @@
 //! section 3.1).
 
 use elk_geometry::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
-use elk_geometry::delta::Delta;
+use elk_geometry::delta::{Changes, Delta};
+use elk_geometry::limits::RESOLUTIONS_M;
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 
+use crate::fan::Ray;
+use crate::marks::Scratch;
 use crate::table::BrickTable;
 use crate::volume::Volume;
 
@@ -27,6 +30,17 @@ pub enum Grazing {
     Sticky,
 }
 
+/// Which rays of a scan are walked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Integration {
+    /// One to every point.
+    #[default]
+    Rays,
+    /// One to the middle of every voxel that points lie in (OctoMap's `discretize`): fewer, and so faster where many points
+    /// share a voxel; voxels that only other rays would have passed are not freed.
+    EndVoxels,
+}
+
 /// How scans become log-odds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapConfig {
@@ -42,6 +56,11 @@ pub struct MapConfig {
     pub clamp_max: f32,
     /// Which passing rays do not count.
     pub grazing: Grazing,
+    /// Which rays are walked.
+    pub integration: Integration,
+    /// How far a point is moved along its ray (m): one that lies on the border of two voxels, as those on walls that follow
+    /// the lattice do, falls into the voxel behind the surface, whatever rounding did to it. 0, as OctoMap has it: not at all.
+    pub advance: f64,
     /// Farther points (m from the sensor) are no hits, and their rays free voxels only up to here; 0: no limit.
     pub max_range: f64,
     /// How far a ray without a return frees voxels (m); 0: not at all, as nothing is known of where it ended.
@@ -53,7 +72,7 @@ pub struct MapConfig {
 }
 
 impl Default for MapConfig {
-    /// The thesis' and OctoMap's values: +0.85, −0.4, clamped to −2 … 3.5, voxels of 0.1 m.
+    /// The thesis' values: +0.85, −0.4, clamped to −2 … 3.5, voxels of 0.1 m.
     fn default() -> Self {
         Self {
             resolution: 0.1,
@@ -62,6 +81,8 @@ impl Default for MapConfig {
             clamp_min: -2.0,
             clamp_max: 3.5,
             grazing: Grazing::default(),
+            integration: Integration::default(),
+            advance: 1e-4,
             max_range: 0.0,
             free_no_return: 0.0,
             max_bricks: 1 << 18,
@@ -71,11 +92,96 @@ impl Default for MapConfig {
 }
 
 impl MapConfig {
+    /// What OctoMap has unless it is told otherwise: a map that equals its `OcTree` voxel for voxel, and log-odds for log-odds.
+    pub fn octomap(resolution: f64) -> Self {
+        let log_odds = |probability: f64| (probability / (1.0 - probability)).ln() as f32;
+        Self {
+            resolution,
+            hit: log_odds(0.7),
+            miss: log_odds(0.4),
+            clamp_min: log_odds(0.1192),
+            clamp_max: log_odds(0.971),
+            grazing: Grazing::None,
+            advance: 0.0,
+            ..Self::default()
+        }
+    }
+
     /// How far a ray frees voxels of which the sensor says that it saw nothing up to `range` (m; 0: as far as there is
     /// anything).
     pub(crate) fn reach_without_return(&self, range: f64) -> f64 {
         let limits = [range, self.max_range].into_iter().filter(|limit| *limit > 0.0);
         limits.fold(self.free_no_return, f64::min)
+    }
+}
+
+/// Why no map can be made with some settings.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ConfigError {
+    /// No edge of a voxel.
+    #[error("voxels of {metres} m: take a size between {} and {} m", RESOLUTIONS_M.start(), RESOLUTIONS_M.end())]
+    Resolution {
+        /// What it is to be (m).
+        metres: f64,
+    },
+    /// A hit that counts against a voxel, or a miss that counts for it.
+    #[error("a hit adds {hit} to a voxel's log-odds and a miss {miss}: a hit has to add more than 0, a miss less")]
+    Steps {
+        /// What a hit adds.
+        hit: f32,
+        /// What a miss adds.
+        miss: f32,
+    },
+    /// Bounds of log-odds between which there is nothing.
+    #[error("log-odds between {min} and {max}: take a smallest that is not above the largest")]
+    Clamp {
+        /// The smallest.
+        min: f32,
+        /// The largest.
+        max: f32,
+    },
+    /// A length that is none.
+    #[error("{name} is {metres} m: take a length of 0 or more")]
+    Length {
+        /// Which.
+        name: &'static str,
+        /// It (m).
+        metres: f64,
+    },
+    /// More bricks than can be numbered.
+    #[error("{0} bricks are more than a map can number: take at most {MOST_BRICKS}")]
+    Bricks(usize),
+}
+
+/// The most bricks that a map can number.
+const MOST_BRICKS: usize = u32::MAX as usize - 1;
+
+impl MapConfig {
+    /// Whether a map can be made with these settings.
+    ///
+    /// # Errors
+    /// The first setting that makes no sense.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let &Self { resolution, hit, miss, clamp_min: min, clamp_max: max, max_bricks, .. } = self;
+        let lengths =
+            [("max_range", self.max_range), ("free_no_return", self.free_no_return), ("advance", self.advance)];
+        let is_length = |metres: f64| metres.is_finite() && metres >= 0.0;
+        if !RESOLUTIONS_M.contains(&resolution) {
+            return Err(ConfigError::Resolution { metres: resolution });
+        }
+        if !(hit > 0.0 && miss < 0.0 && hit.is_finite() && miss.is_finite()) {
+            return Err(ConfigError::Steps { hit, miss });
+        }
+        if !(min <= max && min.is_finite() && max.is_finite()) {
+            return Err(ConfigError::Clamp { min, max });
+        }
+        if let Some(&(name, metres)) = lengths.iter().find(|(_, metres)| !is_length(*metres)) {
+            return Err(ConfigError::Length { name, metres });
+        }
+        if max_bricks > MOST_BRICKS {
+            return Err(ConfigError::Bricks(max_bricks));
+        }
+        Ok(())
     }
 }
 
@@ -88,6 +194,9 @@ pub(crate) struct Brick {
     pub occupied: Mask,
     /// Ever hit.
     pub ever_hit: Mask,
+    /// At the smallest log-odds that they can have, and at the largest: misses, and hits, change nothing there.
+    pub at_min: Mask,
+    pub at_max: Mask,
     pub frontier: Mask,
 }
 
@@ -98,17 +207,20 @@ impl Brick {
             known: mask::NONE,
             occupied: mask::NONE,
             ever_hit: mask::NONE,
+            at_min: mask::NONE,
+            at_max: mask::NONE,
             frontier: mask::NONE,
         }
     }
 }
 
-/// What the scan being inserted says of a brick.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Marks {
-    pub hit: Mask,
-    pub passed: Mask,
-    pub touched: bool,
+/// What is being changed in a map, brick by brick in the order in which it is to be told.
+#[derive(Debug, Default)]
+pub(crate) struct Changed {
+    /// The voxels whose state changed.
+    states: Changes,
+    /// The numbers of their bricks, and the cells that have become known or unknown.
+    extents: Vec<(usize, Mask)>,
 }
 
 /// A log-odds occupancy map with its frontier.
@@ -117,9 +229,9 @@ pub struct OccupancyMap {
     pub(crate) config: MapConfig,
     pub(crate) table: BrickTable,
     pub(crate) bricks: Vec<Brick>,
-    pub(crate) marks: Vec<Marks>,
-    /// Bricks that the scan being inserted has entered.
-    pub(crate) touched: Vec<usize>,
+    /// What the scan being inserted says.
+    pub(crate) scratch: Scratch,
+    pub(crate) rays: Vec<Ray>,
     pub(crate) grid: OccupancyGrid,
     pub(crate) volume: Volume,
     pub(crate) frontier_len: usize,
@@ -129,18 +241,22 @@ pub struct OccupancyMap {
 
 impl OccupancyMap {
     /// An unknown world.
-    pub fn new(config: MapConfig) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// A setting makes no sense.
+    pub fn new(config: MapConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self {
             config,
             table: BrickTable::new(config.max_bricks),
             bricks: Vec::new(),
-            marks: Vec::new(),
-            touched: Vec::new(),
+            scratch: Scratch::default(),
+            rays: Vec::new(),
             grid: OccupancyGrid::new(config.resolution),
             volume: Volume::new(config.bounds, config.resolution),
             frontier_len: 0,
             full: false,
-        }
+        })
     }
 
     /// How this map takes scans in.
@@ -170,13 +286,13 @@ impl OccupancyMap {
 
     /// Advances to the next revision and answers what changed since the one before: `changed` is what
     /// [`OccupancyMap::insert`] answered.
-    pub fn advance(&mut self, changed: &[Voxel]) -> Delta<'static> {
-        self.grid.advance(changed)
+    pub fn advance(&mut self, changed: &Changes) -> Delta<'static> {
+        self.grid.advance_bricks(changed.bricks().iter().map(|(brick, _)| *brick))
     }
 
     /// Whether it has all the bricks that it may have.
     pub fn is_full(&self) -> bool {
-        self.table.is_full()
+        self.table.room() == 0
     }
 
     /// The state that log-odds stand for.
@@ -187,6 +303,64 @@ impl OccupancyMap {
     /// Makes room for the bricks that the table has numbered since.
     pub(crate) fn grow(&mut self) {
         self.bricks.resize_with(self.table.len(), Brick::new);
-        self.marks.resize(self.table.len(), Marks::default());
+    }
+
+    /// Changes brick `i`, and has the grid show it.
+    pub(crate) fn change_brick(&mut self, i: usize, changed: &mut Changed, change: impl FnOnce(&mut Brick)) {
+        let (position, brick) = (self.table.position(i), &mut self.bricks[i]);
+        let (known, occupied) = (brick.known, brick.occupied);
+        change(brick);
+        let extent: Mask = std::array::from_fn(|z| known[z] ^ brick.known[z]);
+        let states: Mask = std::array::from_fn(|z| extent[z] | (occupied[z] ^ brick.occupied[z]));
+        if states != mask::NONE {
+            self.grid.set_cells(position, &states, &brick.known, &brick.occupied);
+            changed.states.add((position, states));
+            changed.extents.push((i, extent));
+        }
+    }
+
+    /// Brings the frontier up to date with changed bricks; answers the voxels whose state changed.
+    pub(crate) fn conclude(&mut self, changed: Changed) -> Changes {
+        // A map that has become full has another frontier everywhere.
+        let is_full = self.is_full();
+        let was_full = std::mem::replace(&mut self.full, is_full);
+        match is_full && !was_full {
+            true => self.update_all_of_the_frontier(),
+            false => self.update_frontier(&changed.extents),
+        }
+        changed.states
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_make_no_sense_are_refused() {
+        let refused = |config: MapConfig| OccupancyMap::new(config).map(|_| ()).unwrap_err();
+        let good = MapConfig::default();
+        for resolution in [0.0, -0.1, 1e-6, f64::NAN, f64::INFINITY] {
+            assert!(
+                matches!(refused(MapConfig { resolution, ..good }), ConfigError::Resolution { .. }),
+                "{resolution}"
+            );
+        }
+        for (hit, miss) in [(0.0, -0.4), (0.85, 0.0), (f32::NAN, -0.4), (f32::INFINITY, -0.4)] {
+            assert!(matches!(refused(MapConfig { hit, miss, ..good }), ConfigError::Steps { .. }), "{hit} {miss}");
+        }
+        for (clamp_min, clamp_max) in [(1.0, 0.5), (f32::NAN, 1.0), (-1.0, f32::INFINITY)] {
+            assert!(matches!(refused(MapConfig { clamp_min, clamp_max, ..good }), ConfigError::Clamp { .. }));
+        }
+        for metres in [-1.0, f64::NAN, f64::INFINITY] {
+            let settings = [
+                MapConfig { max_range: metres, ..good },
+                MapConfig { free_no_return: metres, ..good },
+                MapConfig { advance: metres, ..good },
+            ];
+            assert!(settings.into_iter().all(|config| matches!(refused(config), ConfigError::Length { .. })));
+        }
+        assert!(matches!(refused(MapConfig { max_bricks: usize::MAX, ..good }), ConfigError::Bricks(_)));
+        assert!([good, MapConfig::octomap(0.05)].into_iter().all(|config| OccupancyMap::new(config).is_ok()));
     }
 }

@@ -150,7 +150,8 @@ impl OccupancyMap {
     fn know_block(&mut self, min: Voxel, edge: i32, log_odds: f32) {
         if let Some(i) = self.table.find_or_add(brick_of(min)) {
             self.grow();
-            cube(edge).for_each(|offset| self.bricks[i].know(cell_of(min + offset), log_odds));
+            let (brick, config) = (&mut self.bricks[i], &self.config);
+            cube(edge).for_each(|offset| brick.know(cell_of(min + offset), log_odds, config));
         }
     }
 }
@@ -178,7 +179,7 @@ mod tests {
     }
 
     fn map_of(scans: &Scans) -> OccupancyMap {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         for (origin, points) in scans {
             let changed = map.insert(*origin, points.iter().copied()).changed;
             map.advance(&changed);

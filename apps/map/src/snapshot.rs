@@ -10,7 +10,7 @@ use elk_geometry::mask::{self, Mask};
 use elk_geometry::state::{BrickStates, State};
 use elk_geometry::voxel::{INDEX_RANGE, Voxel};
 
-use crate::occupancy::{Brick, MapConfig, OccupancyMap};
+use crate::occupancy::{Brick, ConfigError, MapConfig, OccupancyMap};
 
 /// All that a map knows.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,6 +50,9 @@ pub enum RestoreError {
     /// This is not all of it.
     #[error(transparent)]
     Grid(#[from] DeltaError),
+    /// No map can be made with these settings.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     /// It is larger than this one may be.
     #[error(
         "it has {bricks} bricks, and {most} are the most that this map may have: allow for more, or use larger voxels"
@@ -129,7 +132,7 @@ impl OccupancyMap {
         if bricks > most {
             return Err(RestoreError::TooMany { bricks, most });
         }
-        Ok(Self::new(config))
+        Ok(Self::new(config)?)
     }
 
     fn put(&mut self, position: Voxel, brick: Brick) -> Result<(), RestoreError> {
@@ -158,8 +161,7 @@ impl OccupancyMap {
     /// Shows these states, which are those of all bricks.
     fn show(&mut self, states: &Delta<'_>) -> Result<(), DeltaError> {
         self.grid.apply(states)?;
-        let all: Vec<usize> = (0..self.bricks.len()).collect();
-        self.update_frontier(&all);
+        self.update_all_of_the_frontier();
         Ok(())
     }
 }
@@ -180,7 +182,7 @@ impl Brick {
         }
         let mut brick = Self { ever_hit: left.ever_hit, ..Self::new() };
         for (cell, log_odds) in mask::cells(&left.known).zip(&left.log_odds) {
-            brick.know(cell, log_odds.clamp(config.clamp_min, config.clamp_max));
+            brick.know(cell, log_odds.clamp(config.clamp_min, config.clamp_max), config);
         }
         Ok(brick)
     }
@@ -190,9 +192,9 @@ impl Brick {
         for cell in 0..BRICK_CELLS {
             match states.state(cell) {
                 State::Unknown => {}
-                State::Free => brick.know(cell, config.miss.max(config.clamp_min)),
+                State::Free => brick.know(cell, config.miss.max(config.clamp_min), config),
                 State::Occupied => {
-                    brick.know(cell, config.hit.min(config.clamp_max));
+                    brick.know(cell, config.hit.min(config.clamp_max), config);
                     mask::set(&mut brick.ever_hit, cell);
                 }
             }
@@ -200,12 +202,18 @@ impl Brick {
         brick
     }
 
-    pub(crate) fn know(&mut self, cell: usize, log_odds: f32) {
+    pub(crate) fn know(&mut self, cell: usize, log_odds: f32, config: &MapConfig) {
         let (layer, bit) = (cell >> 6, 1 << (cell & 63));
-        let occupied = OccupancyMap::state_of(log_odds) == State::Occupied;
         self.log_odds[cell] = log_odds;
         self.known[layer] |= bit;
-        self.occupied[layer] = self.occupied[layer] & !bit | if occupied { bit } else { 0 };
+        let sets = [
+            (&mut self.occupied, OccupancyMap::state_of(log_odds) == State::Occupied),
+            (&mut self.at_min, log_odds == config.clamp_min),
+            (&mut self.at_max, log_odds == config.clamp_max),
+        ];
+        for (set, is_in) in sets {
+            set[layer] = set[layer] & !bit | if is_in { bit } else { 0 };
+        }
     }
 
     fn states(&self, position: Voxel) -> BrickStates {
@@ -244,7 +252,7 @@ mod tests {
         /// Whatever comes after it, a map from a snapshot says what the map itself would have said.
         #[test]
         fn a_map_from_a_snapshot_is_the_same_map(before in scans(5), after in scans(5)) {
-            let mut map = OccupancyMap::new(MapConfig::default());
+            let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
             insert(&mut map, &before);
             let mut successor = OccupancyMap::restore(MapConfig::default(), &map.snapshot()).unwrap();
             prop_assert_eq!(successor.frontier_len(), map.frontier_len());
@@ -259,7 +267,7 @@ mod tests {
         /// A map from a copy shows what the map showed, and goes on from its revision.
         #[test]
         fn a_map_from_a_copy_shows_the_same(before in scans(5), after in scans(3)) {
-            let mut map = OccupancyMap::new(MapConfig::default());
+            let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
             insert(&mut map, &before);
             let mut successor = OccupancyMap::from_states(MapConfig::default(), &map.grid().whole()).unwrap();
             prop_assert_eq!(successor.frontier_len(), map.frontier_len());
@@ -277,10 +285,10 @@ mod tests {
 
     #[test]
     fn a_map_that_lost_everything_goes_on_behind_what_its_readers_have() {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         insert(&mut map, &vec![([0.05; 3].into(), vec![[0.95, 0.05, 0.05].into()])]);
         let mut reader = map.grid().clone();
-        let mut successor = OccupancyMap::new(MapConfig::default());
+        let mut successor = OccupancyMap::new(MapConfig::default()).unwrap();
         successor.skip_to(reader.revision());
         insert(&mut successor, &vec![([0.05; 3].into(), vec![[0.55, 0.05, 0.05].into()])]);
         reader.apply(&successor.grid().whole()).unwrap();
@@ -289,7 +297,7 @@ mod tests {
 
     #[test]
     fn voxels_of_another_size_are_refused() {
-        let map = OccupancyMap::new(MapConfig::default());
+        let map = OccupancyMap::new(MapConfig::default()).unwrap();
         let finer = MapConfig { resolution: 0.05, ..MapConfig::default() };
         assert!(matches!(
             OccupancyMap::restore(finer, &map.snapshot()),
@@ -303,7 +311,7 @@ mod tests {
 
     #[test]
     fn what_is_no_snapshot_is_refused() {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         insert(&mut map, &vec![([0.05; 3].into(), vec![[0.95, 0.05, 0.05].into()])]);
         let spoilt = |spoil: fn(&mut BrickSnapshot)| {
             let mut snapshot = map.snapshot();
@@ -325,7 +333,7 @@ mod tests {
 
     #[test]
     fn log_odds_are_brought_within_what_a_map_allows() {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         insert(&mut map, &vec![([0.05; 3].into(), vec![[0.95, 0.05, 0.05].into()])]);
         let narrow = MapConfig { clamp_min: -0.3, clamp_max: 0.5, ..MapConfig::default() };
         let successor = OccupancyMap::restore(narrow, &map.snapshot()).unwrap();

@@ -1,6 +1,4 @@
 //! Where the bricks of a map are: a hash of positions for strangers, direct links for neighbours.
-//!
-//! A ray enters a brick through a face of the one before, so after the first time it finds it without hashing.
 
 use std::collections::HashMap;
 use std::hash::BuildHasherDefault;
@@ -9,14 +7,15 @@ use elk_geometry::Voxel;
 use elk_geometry::bricks::BrickHasher;
 use elk_geometry::voxel::FACES;
 
-/// A link that was never followed.
+/// A neighbour that there is not.
 const UNLINKED: u32 = u32::MAX;
 
-/// Numbers bricks in the order in which they were first asked for, up to a limit.
+/// Numbers bricks in the order in which they were added, up to a limit.
 #[derive(Debug, Clone)]
 pub struct BrickTable {
     index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
     positions: Vec<Voxel>,
+    /// The bricks beyond each face.
     links: Vec<[u32; 6]>,
     most: usize,
 }
@@ -37,33 +36,28 @@ impl BrickTable {
         if let Some(i) = self.find(position) {
             return Some(i);
         }
-        if self.is_full() {
+        if self.room() == 0 {
             return None;
         }
         let next = self.positions.len();
         self.index.insert(position, next as u32);
         self.positions.push(position);
         self.links.push([UNLINKED; 6]);
+        for (face, offset) in FACES.into_iter().enumerate() {
+            if let Some(other) = self.find(position + offset) {
+                self.links[next][face] = other as u32;
+                // Faces come in pairs of opposites.
+                self.links[other][face ^ 1] = next as u32;
+            }
+        }
         Some(next)
     }
 
-    /// The number of the brick beyond `face` (an index into [`FACES`]) of brick `i`; a new one if it had none, `None` if
-    /// there is no room for it.
+    /// The number of the brick beyond `face` (an index into [`FACES`]) of brick `i`, if there is one.
     #[inline]
-    pub fn beyond(&mut self, i: usize, face: usize) -> Option<usize> {
-        match self.links[i][face] {
-            UNLINKED => self.link(i, face),
-            linked => Some(linked as usize),
-        }
-    }
-
-    #[cold]
-    fn link(&mut self, i: usize, face: usize) -> Option<usize> {
-        let other = self.find_or_add(self.positions[i] + FACES[face])?;
-        self.links[i][face] = other as u32;
-        // Faces come in pairs of opposites.
-        self.links[other][face ^ 1] = i as u32;
-        Some(other)
+    pub fn beyond(&self, i: usize, face: usize) -> Option<usize> {
+        let other = self.links[i][face];
+        (other != UNLINKED).then_some(other as usize)
     }
 
     /// The position of brick `i`, in bricks.
@@ -71,9 +65,9 @@ impl BrickTable {
         self.positions[i]
     }
 
-    /// Whether there is no room for a further brick.
-    pub fn is_full(&self) -> bool {
-        self.positions.len() >= self.most
+    /// How many further bricks there is room for.
+    pub fn room(&self) -> usize {
+        self.most - self.positions.len()
     }
 
     /// Number of bricks.

@@ -13,7 +13,7 @@ use nalgebra::Point3;
 
 /// A map of a few hundred voxels, some of them in cubes that are pruned.
 fn map() -> OccupancyMap {
-    let mut map = OccupancyMap::new(MapConfig::default());
+    let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
     let points = (0..900).map(|i| {
         let (u, v) = (f64::from(i % 30) / 15.0 - 1.0, f64::from(i / 30) / 15.0 - 1.0);
         Point3::new(2.0, 1.5 * u, 1.5 * v)

@@ -38,7 +38,7 @@ fn a_graph_that_octomap_comes_with_is_read_and_makes_a_map() {
     let graph = read_graph(&bytes).unwrap();
     let scan = &graph.scans[0];
     assert_eq!((graph.scans.len(), scan.points.len(), scan.origin()), (1, 10_201, [1.0, 0.0, -0.5].into()));
-    let map = OccupancyMap::from_graph(MapConfig::default(), &graph);
+    let map = OccupancyMap::from_graph(MapConfig::default(), &graph).unwrap();
     assert!(map.grid().occupied() > 1000 && map.grid().free() > 10_000, "{}", map.grid().occupied());
 }
 

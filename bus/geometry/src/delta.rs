@@ -48,8 +48,8 @@ pub enum DeltaError {
 pub struct Changes(Vec<(Voxel, Mask)>);
 
 impl Changes {
-    /// Adds the cells of a brick.
-    pub(crate) fn add(&mut self, (brick, cells): (Voxel, Mask)) {
+    /// Adds the cells of a brick, unless there are none.
+    pub fn add(&mut self, (brick, cells): (Voxel, Mask)) {
         if cells != mask::NONE {
             self.0.push((brick, cells));
         }
@@ -64,6 +64,21 @@ impl Changes {
             known.for_each(|cell| mask::set(&mut cells, cell));
             self.add((brick, cells));
         }
+    }
+
+    /// The bricks in which anything changed, in order, and the cells that did.
+    pub fn bricks(&self) -> &[(Voxel, Mask)] {
+        &self.0
+    }
+
+    /// Number of voxels.
+    pub fn len(&self) -> usize {
+        self.0.iter().map(|(_, cells)| mask::count(cells)).sum()
+    }
+
+    /// Whether nothing changed.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
     /// The voxels, in order.

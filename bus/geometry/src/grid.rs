@@ -75,6 +75,25 @@ impl OccupancyGrid {
         before != state
     }
 
+    /// Sets cells of a brick: to occupied where `occupied` has them, else to free where `known` has them, else to unknown.
+    pub fn set_cells(&mut self, brick: Voxel, cells: &Mask, known: &Mask, occupied: &Mask) {
+        let states = self.states.brick_mut(brick);
+        for cell in mask::cells(cells) {
+            let state = match (mask::has(occupied, cell), mask::has(known, cell)) {
+                (true, _) => State::Occupied,
+                (false, true) => State::Free,
+                (false, false) => State::Unknown,
+            };
+            let before = std::mem::replace(&mut states[cell], state);
+            if before != State::Unknown {
+                self.counts[before as usize] -= 1;
+            }
+            if state != State::Unknown {
+                self.counts[state as usize] += 1;
+            }
+        }
+    }
+
     /// Applies what changed in another grid, of which this is a copy; answers what that changed here, in the delta's order.
     ///
     /// # Errors
@@ -134,7 +153,12 @@ impl OccupancyGrid {
     /// Advances to the next revision and answers what changed: the bricks that hold `changed` voxels.
     pub fn advance(&mut self, changed: &[Voxel]) -> Delta<'static> {
         let touched: std::collections::BTreeSet<Voxel> = changed.iter().map(|v| brick_of(*v)).collect();
-        let bricks = touched.into_iter().filter_map(|b| Some(BrickStates::pack(b, self.states.brick(b)?))).collect();
+        self.advance_bricks(touched)
+    }
+
+    /// The same, of the bricks in which anything changed, in this order.
+    pub fn advance_bricks(&mut self, changed: impl IntoIterator<Item = Voxel>) -> Delta<'static> {
+        let bricks = changed.into_iter().filter_map(|b| Some(BrickStates::pack(b, self.states.brick(b)?))).collect();
         // The first delta is the whole grid: there is no revision 0 to continue from.
         let since = self.revision;
         self.revision += 1;

@@ -9,6 +9,6 @@ fuzz_target!(|bytes: &[u8]| {
     let Ok(graph) = read_graph(bytes) else { return };
     let points: usize = graph.scans.iter().map(|scan| scan.points.len()).sum();
     assert!(28 * points + 72 * graph.scans.len() <= bytes.len());
-    let map = OccupancyMap::from_graph(MapConfig { max_bricks: 64, ..MapConfig::default() }, &graph);
+    let map = OccupancyMap::from_graph(MapConfig { max_bricks: 64, ..MapConfig::default() }, &graph).unwrap();
     assert!(map.grid().bricks().len() <= 64);
 });

@@ -8,7 +8,7 @@ use elk_bus::{App, AppError, Comms, Handlers, Key, Rejection, tell};
 use elk_geometry::Bounds;
 use elk_geometry::delta::Delta;
 use elk_geometry::limits::RESOLUTIONS_M;
-use elk_map::{Dropped, Grazing, Insertion, MapConfig, OccupancyMap};
+use elk_map::{Dropped, Grazing, Insertion, Integration, MapConfig, OccupancyMap};
 use elk_mission::{AppType, Kind, ParamSpec, Params};
 
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
@@ -65,6 +65,19 @@ const PARAMS: &[ParamSpec] = &[
         doc: "Which voxels passing rays spare: once hit and beside a hit of the same scan (guard), once hit (sticky: \
               only without noise), none (plain log-odds).",
     },
+    ParamSpec {
+        name: "Integration",
+        kind: Kind::Choice(&["Rays", "EndVoxels"]),
+        default: Some("Rays"),
+        doc: "Which rays are walked: one to every point (Rays), or one to the middle of every voxel that points lie in \
+              (EndVoxels: faster where many share a voxel; what only other rays pass is not freed).",
+    },
+    number(
+        "Advance",
+        ("m", 0.0, 0.1),
+        "0.0001",
+        "How far points are moved along their rays, so that those on the border of two voxels lie behind it; 0: as OctoMap.",
+    ),
     number(
         "MaxRange",
         ("m", 0.0, 1e4),
@@ -121,6 +134,11 @@ fn config(params: &Params) -> Result<MapConfig, AppError> {
             "sticky" => Grazing::Sticky,
             _ => Grazing::Guard,
         },
+        integration: match params.text("Integration") {
+            "EndVoxels" => Integration::EndVoxels,
+            _ => Integration::Rays,
+        },
+        advance: params.number("Advance"),
         max_range,
         free_no_return,
         // The table keeps it positive.
@@ -173,7 +191,10 @@ impl MapApp {
         let (from, file) = (params.text("From"), params.text("File"));
         let config = config(params)?;
         Ok(Self {
-            map: if from == NOTHING { OccupancyMap::new(config) } else { saved::read(from.as_ref(), config)? },
+            map: match from == NOTHING {
+                true => OccupancyMap::new(config).map_err(|error| error.to_string())?,
+                false => saved::read(from.as_ref(), config)?,
+            },
             input: Key::named(params.text("Input")),
             file: (!file.is_empty()).then(|| file.into()),
             last_scan: 0,

@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn a_memory_is_read_as_it_was_written() {
-        let mut map = OccupancyMap::new(MapConfig::default());
+        let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
         map.insert([-1.0, 0.05, 2.0].into(), [[3.0, -2.0, -2.5].into()]);
         let snapshot = map.snapshot();
         assert!(snapshot.bricks.len() > 3);

@@ -32,7 +32,7 @@ fn app(settings: &[(String, String)]) -> Box<dyn App> {
 
 /// A map that knows three voxels.
 fn known() -> OccupancyMap {
-    let mut map = OccupancyMap::new(MapConfig::default());
+    let mut map = OccupancyMap::new(MapConfig::default()).unwrap();
     map.insert(Point3::new(0.05, 0.05, 0.05), [Point3::new(0.25, 0.05, 0.05)]);
     map
 }

@@ -7,7 +7,7 @@
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::bytes::{Bytes, CutOff};
-use crate::occupancy::{MapConfig, OccupancyMap};
+use crate::occupancy::{ConfigError, MapConfig, OccupancyMap};
 
 /// Bytes of a vector.
 const VECTOR: usize = 28;
@@ -140,13 +140,16 @@ fn numbers<const N: usize>(bytes: &mut Bytes<'_>, what: &'static str) -> Result<
 
 impl OccupancyMap {
     /// The map of all scans of a graph, in their order.
-    pub fn from_graph(config: MapConfig, graph: &ScanGraph) -> Self {
-        let mut map = Self::new(config);
+    ///
+    /// # Errors
+    /// A setting makes no sense.
+    pub fn from_graph(config: MapConfig, graph: &ScanGraph) -> Result<Self, ConfigError> {
+        let mut map = Self::new(config)?;
         for scan in &graph.scans {
             let changed = map.insert(scan.origin(), scan.world_points()).changed;
             map.advance(&changed);
         }
-        map
+        Ok(map)
     }
 }
 
@@ -221,7 +224,7 @@ mod tests {
         let quarter = UnitQuaternion::from_scaled_axis(Vector3::z() * std::f64::consts::FRAC_PI_2);
         let pose = Isometry3::from_parts(Vector3::new(0.05, 0.05, 0.05).into(), quarter);
         let scan = GraphScan { id: 0, pose, points: vec![Point3::new(1.0, 0.0, 0.0)] };
-        let map = OccupancyMap::from_graph(MapConfig::default(), &read_graph(&file(&[scan])).unwrap());
+        let map = OccupancyMap::from_graph(MapConfig::default(), &read_graph(&file(&[scan])).unwrap()).unwrap();
         assert_eq!((map.grid().free(), map.grid().occupied(), map.grid().revision()), (10, 1, 1));
         assert!(map.log_odds(elk_geometry::Voxel::new(0, 10, 0)).unwrap() > 0.0);
     }
