@@ -30,7 +30,9 @@ impl Shape {
         match (self, value) {
             (Self::Symbols(..) | Self::Packed(_), _) => false,
             (_, DefaultValue::Zero) | (Self::Bool, DefaultValue::Bool(_)) | (Self::Text, DefaultValue::Text(_)) => true,
-            (Self::Float(_), DefaultValue::Float(_) | DefaultValue::Integer(_)) => true,
+            // Every literal is finite as an f64; as an f32 it need not be.
+            (Self::Float(bytes), DefaultValue::Float(number)) => *bytes == 8 || (*number as f32).is_finite(),
+            (Self::Float(_), DefaultValue::Integer(_)) => true,
             (Self::Unsigned(bytes), DefaultValue::Integer(number)) => {
                 *number >= 0 && *number < 1 << (8 * *bytes as u32)
             }

@@ -19,7 +19,16 @@ use crate::{Invalid, Shape};
 /// A field that was added with a default keeps versions of a type together: whoever has it gives it its default where a writer
 /// did not have it, and whoever does not have it passes over it ([`Description::conversion_to`](crate::Description::conversion_to)).
 /// `default` alone is zero, an empty list or text, no option, the first variant; else it is a literal, a variant's name as a
-/// text, or a list of them. What is packed or made of symbols has no default.
+/// text, or a list of them. What is packed or made of symbols has no default. A default that the field could not have does not
+/// compile: one of another type, or of a number out of a range that is written out.
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// struct Wheel {
+///     #[describe(range = 0.0..=1.0, default = 2.0)]
+///     grip: f64,
+/// }
+/// ```
 ///
 /// On a struct, `check` says a rule for all of it, asked after those of its fields; and `drawn` as what viewers of a log
 /// draw it:

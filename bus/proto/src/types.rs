@@ -1,8 +1,9 @@
 //! Payload types, as whoever carries a value of one knows it: by name and layout, and by what its bytes are.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use elk_describe::{Conversion, Description, Difference, ReadError, Shape};
 
@@ -21,23 +22,20 @@ pub struct Type {
 #[derive(Debug)]
 struct Known {
     description: Description,
-    /// Its values as those of the version that is read here, by that one's layout: worked out with the first that comes.
-    read_as: OnceLock<(u64, Result<Conversion, Difference>)>,
+    /// How its values become those of the versions that are read in this program, by their layouts.
+    read_as: Mutex<BTreeMap<u64, Arc<Result<Conversion, Difference>>>>,
 }
 
 impl Known {
     fn of(description: Description) -> Arc<Self> {
-        Arc::new(Self { description, read_as: OnceLock::new() })
+        Arc::new(Self { description, read_as: Mutex::default() })
     }
 
-    /// What `then` makes of how its values become those of the version that `T` is.
-    fn as_version<T: Payload, R>(&self, then: impl FnOnce(Result<&Conversion, &Difference>) -> R) -> R {
-        let worked_out = || self.description.conversion_to(&Description::of(&T::SHAPE));
-        match self.read_as.get_or_init(|| (T::LAYOUT, worked_out())) {
-            (layout, known) if *layout == T::LAYOUT => then(known.as_ref()),
-            // Another type of this name, in the same program.
-            _ => then(worked_out().as_ref()),
-        }
+    /// How its values become those of the version that `T` is: worked out once.
+    fn as_version<T: Payload>(&self) -> Arc<Result<Conversion, Difference>> {
+        let mut read_as = self.read_as.lock().unwrap_or_else(PoisonError::into_inner);
+        let work_out = || Arc::new(self.description.conversion_to(&Description::of(&T::SHAPE)));
+        Arc::clone(read_as.entry(T::LAYOUT).or_insert_with(work_out))
     }
 }
 
@@ -194,10 +192,10 @@ impl<'a> TypeRef<'a> {
             }
             Described::By(known) => known,
         };
-        known.as_version::<T, _>(|version| match version {
+        match &*known.as_version::<T>() {
             Ok(conversion) => Ok(conversion.convert(bytes)?),
             Err(difference) => Err(of_no_use(Some(difference))),
-        })
+        }
     }
 
     /// The description as it travels; empty if there is none.

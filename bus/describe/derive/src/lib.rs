@@ -194,6 +194,28 @@ impl<'a> Members<'a> {
         }
     }
 
+    /// A default out of its field's range does not compile, where the range is written out and the field a number.
+    fn default_in_range(&self) -> Option<TokenStream> {
+        let (Some(number), Some(Expr::Range(range))) = (&self.said.default_number, &self.said.range) else {
+            return None;
+        };
+        let ty = &self.field.ty;
+        let is_number = matches!(ty, syn::Type::Path(path) if path.path.get_ident().is_some_and(is_number));
+        let least = range
+            .start
+            .as_ref()
+            .map(|least| quote! { assert!(#least <= DEFAULT, "the default is below the field's range"); });
+        let most = range.end.as_ref().map(|most| match range.limits {
+            syn::RangeLimits::Closed(_) => {
+                quote! { assert!(DEFAULT <= #most, "the default is above the field's range"); }
+            }
+            syn::RangeLimits::HalfOpen(_) => {
+                quote! { assert!(DEFAULT < #most, "the default is above the field's range"); }
+            }
+        });
+        is_number.then(|| quote! { const _: () = { const DEFAULT: #ty = (#number) as #ty; #least #most }; })
+    }
+
     fn check(&self) -> TokenStream {
         let (binding, name) = (&self.binding, &self.name);
         let unit = self.said.unit.as_deref().unwrap_or("");
@@ -224,7 +246,10 @@ fn fields(all: &[Members<'_>]) -> TokenStream {
     let each = all.iter().map(|one| {
         let (name, docs, unit, shape) = (&one.name, &one.docs, one.said.unit.as_deref().unwrap_or(""), one.shape());
         let default = match &one.said.default {
-            Some(default) => quote! { describing::derived::default_of(&#shape, #default) },
+            Some(default) => {
+                let in_range = one.default_in_range();
+                quote! {{ #in_range describing::derived::default_of(&#shape, #default) }}
+            }
             None => quote! { ::core::option::Option::None },
         };
         quote! {
@@ -250,6 +275,8 @@ struct Said {
     any: bool,
     count: bool,
     default: Option<TokenStream>,
+    /// The default, if it is a number.
+    default_number: Option<TokenStream>,
     drawn: Option<syn::LitStr>,
     krate: Option<Path>,
 }
@@ -269,9 +296,14 @@ impl Said {
                     "any" => said.any = true,
                     "count" => said.count = true,
                     "default" if meta.input.peek(syn::Token![=]) => {
-                        said.default = Some(default(meta.value()?)?);
+                        let value = meta.value()?;
+                        said.default_number = number(&value.fork());
+                        said.default = Some(default(value)?);
                     }
-                    "default" => said.default = Some(quote! { describing::DefaultValue::Zero }),
+                    "default" => {
+                        said.default_number = Some(quote! { 0 });
+                        said.default = Some(quote! { describing::DefaultValue::Zero });
+                    }
                     "drawn" => said.drawn = Some(drawn(&meta.value()?.parse::<syn::LitStr>()?)?),
                     "crate" => said.krate = Some(meta.value()?.parse()?),
                     _ => {
@@ -296,7 +328,8 @@ impl Said {
 
     /// A whole type has none of a field's rules.
     fn only_of_types(&self, span: proc_macro2::Span) -> Result<()> {
-        let Self { unit, range, longest, check: _, shape, any, count, default, drawn: _, krate: _ } = self;
+        let Self { unit, range, longest, check: _, shape, any, count, default, default_number: _, drawn: _, krate: _ } =
+            self;
         let is_said = unit.is_some() || range.is_some() || longest.is_some() || shape.is_some() || default.is_some();
         match is_said || *any || *count {
             true => {
@@ -330,6 +363,18 @@ fn default(input: syn::parse::ParseStream<'_>) -> Result<TokenStream> {
         }
     };
     Ok(quote! { describing::DefaultValue::#variant(#minus #literal) })
+}
+
+/// A default that is a number.
+fn number(input: syn::parse::ParseStream<'_>) -> Option<TokenStream> {
+    let minus: Option<syn::Token![-]> = input.parse().ok()?;
+    let literal: Lit = input.parse().ok()?;
+    matches!(literal, Lit::Int(_) | Lit::Float(_)).then(|| quote! { #minus #literal })
+}
+
+/// Whether this is a type of numbers.
+fn is_number(ident: &syn::Ident) -> bool {
+    ["f32", "f64", "i8", "i16", "i32", "i64", "u8", "u16", "u32", "u64"].iter().any(|name| ident == name)
 }
 
 /// As what a struct can be drawn.
