@@ -225,7 +225,8 @@ fn corrections<L: Lanes>(weights: &Weights, x: &Halo<f32>, y: usize, z: usize, s
 /// over.
 ///
 /// Weights are conductances: those of the faces between two coarse cells in parallel, and in series with them half of a
-/// fine cell on either side, as far as it is filled. So a door stays as open as it is, however coarse cells become around it,
+/// fine cell on either side, as wide as it is filled and at least as the face is open: what is thin behind an open face is
+/// short, not narrow. What is fixed stays as near as it is, which takes fewer iterations than to move it away. So a door stays as open as it is, however coarse cells become around it,
 /// and a flat domain is one in the plane as soon as its height is that of a cell.
 pub fn coarsen<S: Stencil>(fine: &Level<S>, changed: &[u32], open: f32, coarse: &mut Level<Weighted>) -> Vec<u32> {
     let parents: Vec<u32> =
@@ -262,11 +263,10 @@ fn connect(weights: &mut Weights, fill: &Halo<f32>, open: f32) -> u32 {
         for y in 0..8 {
             let (row, own, around) = (row(y, z), fill.own(y, z), fill.around(y, z));
             for i in 0..8 {
-                let half = 4.0 * open * own[i];
-                let mut sum = in_series(weights.fixed[row][i], half);
-                weights.fixed[row][i] = sum;
+                let mut sum = weights.fixed[row][i];
                 for (to, beside) in weights.to.iter_mut().zip(around) {
-                    to[row][i] = in_series(to[row][i], in_series(half, 4.0 * open * beside[i]));
+                    let half = |fill: f32| (4.0 * open * fill).max(2.0 * to[row][i]);
+                    to[row][i] = in_series(to[row][i], in_series(half(own[i]), half(beside[i])));
                     sum += to[row][i];
                 }
                 if sum == 0.0 {
