@@ -279,10 +279,7 @@ pub fn coarsen<S: Stencil>(fine: &Level<S>, changed: &[u32], open: f32, coarse: 
         changed.iter().map(|slot| coarse.lattice.insert(parent(fine.lattice.position(*slot)))).collect();
     coarse.lattice.settle();
     coarse.resize();
-    let beside = parents.iter().flat_map(|slot| *coarse.lattice.neighbours(*slot));
-    let mut concerned: Vec<u32> = parents.iter().copied().chain(beside).filter(|slot| *slot != NONE).collect();
-    concerned.sort_unstable();
-    concerned.dedup();
+    let concerned = coarse.lattice.with_neighbours(&parents);
     for &slot in &concerned {
         for child in children(coarse.lattice.position(slot)).map(|child| fine.lattice.slot(child)) {
             if child != NONE {

@@ -1,3 +1,4 @@
+use super::lattice::NONE;
 use super::*;
 use crate::{Solver, solve};
 use proptest::prelude::*;
