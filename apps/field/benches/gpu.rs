@@ -7,7 +7,7 @@
 
 use elk_field::gpu::{Domain, Gpu};
 use elk_field::{Cell, Problem, Solver, solve};
-use elk_geometry::{Region, Voxel};
+use elk_geometry::{Component, Region, Voxel};
 use rustix::time::{ClockId, clock_gettime};
 
 const SIZES: [usize; 6] = [51, 100, 200, 300, 400, 512];
@@ -103,27 +103,10 @@ fn walled(size: usize) -> Problem {
         cells[at(size, y, z)] = Cell::Sink;
     }
     cells[at(2, 2, 2)] = Cell::Source;
-    let reached = reached(dim, &cells, at(2, 2, 2));
-    for (cell, reached) in cells.iter_mut().zip(reached) {
-        if !reached {
-            *cell = Cell::Outside;
-        }
+    let region = Region::new(Voxel::new(0, 0, 0), [dim; 3], 0.1);
+    let reach = Component::of(&region, &|i: usize| cells[i] != Cell::Outside, at(2, 2, 2));
+    for (cell, _) in cells.iter_mut().zip(reach.iter()).filter(|(_, is_reached)| !**is_reached) {
+        *cell = Cell::Outside;
     }
-    Problem::new(Region::new(Voxel::new(0, 0, 0), [dim; 3], 0.1), cells).expect("all faces are outside")
-}
-
-/// What the robot can get to.
-fn reached(dim: usize, cells: &[Cell], start: usize) -> Vec<bool> {
-    let mut reached = vec![false; cells.len()];
-    reached[start] = true;
-    let mut open = vec![start as u32];
-    while let Some(i) = open.pop().map(|i| i as usize) {
-        for n in [i - 1, i + 1, i - dim, i + dim, i - dim * dim, i + dim * dim] {
-            if !reached[n] && cells[n] != Cell::Outside {
-                reached[n] = true;
-                open.push(n as u32);
-            }
-        }
-    }
-    reached
+    Problem::new(region, cells).expect("all faces are outside")
 }

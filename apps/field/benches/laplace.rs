@@ -1,12 +1,22 @@
-//! Laplace's equation on boxes full of furniture: multigrid-CG beside Jacobi-CG and the thesis' Gauss-Seidel, in one run.
+//! Laplace's equation on boxes full of furniture, in one run: multigrid-CG beside Jacobi-CG and the thesis' Gauss-Seidel;
+//! cubes of growing size, and flat domains, down to one layer of voxels; and what a change of 1 % of a cube costs.
 //!
-//! `cargo bench -p elk-field --bench laplace`. Time is CPU time of the thread, the smallest of three solves (one for
-//! Gauss-Seidel); the error is the largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1. Then
-//! cubes of growing size, by multigrid only, and what a change of 1 % of their cells costs; with sizes as arguments these alone.
+//! `cargo bench -p elk-field --bench laplace [-- rooms] [cubes] [flat] [change] [edge…]`: all of it, or what is named; edges
+//! are those of cubes. Bytes are what a process grows by, and mean something for the first box of a process only, and for
+//! larger ones after it. Time is CPU time of the thread, the smallest of a few solves (one for Gauss-Seidel); the error is the
+//! largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1.
 
 use elk_field::{Cell, Domain, Problem, Solution, Solver, solve};
-use elk_geometry::{Region, Voxel};
+use elk_geometry::{Component, Region, Voxel};
 use rustix::time::{ClockId, clock_gettime};
+
+/// Edges of the cubes (voxels).
+const EDGES: [usize; 4] = [51, 100, 200, 300];
+/// Flat domains (voxels).
+const FLAT: [[usize; 3]; 6] =
+    [[65, 65, 5], [257, 257, 5], [1025, 1025, 5], [65, 65, 1], [257, 257, 1], [1025, 1025, 1]];
+/// Edge of the cube that changes.
+const CHANGED: usize = 100;
 
 /// Seconds of CPU that this thread has used.
 fn thread_cpu_secs() -> f64 {
@@ -15,22 +25,30 @@ fn thread_cpu_secs() -> f64 {
 }
 
 fn main() {
-    let edges: Vec<usize> = std::env::args().filter_map(|arg| arg.parse().ok()).collect();
-    if edges.is_empty() {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
+    let is_asked = |what: &str| arguments.is_empty() || arguments.iter().any(|argument| argument == what);
+    let edges: Vec<usize> = arguments.iter().filter_map(|argument| argument.parse().ok()).collect();
+    if is_asked("rooms") {
         rooms();
     }
-    println!("edge  unknowns  iterations  residual       ms  ns an unknown  bytes an unknown");
-    for edge in if edges.is_empty() { vec![51, 100, 200, 300] } else { edges } {
-        scale(edge);
+    if is_asked("cubes") {
+        scale(EDGES.map(|edge| [edge; 3]));
     }
-    println!("edge  change  of cold  iterations  of");
-    change(100);
+    if !edges.is_empty() {
+        scale(edges.into_iter().map(|edge| [edge; 3]));
+    }
+    if is_asked("flat") {
+        scale(FLAT);
+    }
+    if is_asked("change") {
+        change(CHANGED);
+    }
 }
 
-/// A cube in which a box of 1 % of the voxels is filled, and the field that comes of it, from the equations that were kept:
-/// from the field before, and from nothing.
+/// A cube in which a box of 1 % of the voxels is filled. What it takes to bring the equations into line with that, and the
+/// field that comes of it from there: from the field before, and from nothing.
 fn change(edge: usize) {
-    let problem = scattered(edge);
+    let problem = scattered([edge; 3]);
     let mut cells = problem.cells().to_vec();
     for (i, cell) in cells.iter_mut().enumerate().filter(|(_, cell)| **cell == Cell::Inside) {
         let voxel = problem.region().voxel(i).to_array();
@@ -39,18 +57,23 @@ fn change(edge: usize) {
         }
     }
     let changed = Problem::new(problem.region().clone(), cells).expect("all faces are outside");
-    let (cold, cold_secs) = timed(|| solve(&changed, Solver::Multigrid, 1e-6).iterations);
-    for (name, forgets) in [("warm", false), ("kept", true)] {
+    let (_, cold) = fastest(3, || solve(&changed, Solver::Multigrid, 1e-6));
+    println!("a change of 1 % in {edge}³, shares of a cold solution of {:.1} ms", cold * 1e3);
+    println!("from          equations  residual there  iterations  solution");
+    for (name, forgets) in [("the field", false), ("nothing", true)] {
         let mut domain = Domain::of(&problem);
         domain.solve(1e-6, || false);
-        let (iterations, secs) = timed(|| {
+        // No iteration: the equations are made, and what is left is looked at twice.
+        let (left, equations) = timed(|| {
             domain.update(&changed);
             if forgets {
                 domain.forget();
             }
-            domain.solve(1e-6, || false).iterations
+            domain.solve(f64::INFINITY, || false).residual
         });
-        println!("{edge:4}  {name:6}  {:7.2}  {iterations:10}  {cold}", secs / cold_secs);
+        let (convergence, secs) = timed(|| domain.solve(1e-6, || false));
+        let iterations = convergence.iterations;
+        println!("{name:12}  {:9.3}  {left:14.1e}  {iterations:10}  {:8.3}", equations / cold, secs / cold);
     }
 }
 
@@ -70,25 +93,30 @@ fn rooms() {
     println!();
 }
 
-/// A cube of `edge` voxels with boxes in it that take 12 %.
-fn scale(edge: usize) {
-    let runs = (60 / edge).pow(2).max(2);
-    let problem = scattered(edge);
-    let unknowns = problem.cells().iter().filter(|c| **c == Cell::Inside).count() as f64;
-    // The peak is counted anew from here.
-    std::fs::write("/proc/self/clear_refs", "5").expect("Linux allows it");
-    let before = status("VmRSS");
-    drop(solve(&problem, Solver::Multigrid, 1e-6));
-    let bytes = status("VmHWM") - before;
-    let (solution, secs) = fastest(runs, || solve(&problem, Solver::Multigrid, 1e-6));
-    println!(
-        "{edge:4}  {unknowns:8}  {:10}  {:8.1e}  {:7.1}  {:13.1}  {:16.1}",
-        solution.iterations,
-        solution.residual,
-        secs * 1e3,
-        secs * 1e9 / unknowns,
-        bytes / unknowns,
-    );
+/// Boxes of voxels with furniture in them that takes 12 %.
+fn scale(boxes: impl IntoIterator<Item = [usize; 3]>) {
+    println!("box          unknowns  iterations  residual       ms  ns an unknown  bytes an unknown");
+    for inner in boxes {
+        let runs = (216_000 / inner.iter().product::<usize>()).clamp(2, 20);
+        let problem = scattered(inner);
+        let unknowns = problem.cells().iter().filter(|c| **c == Cell::Inside).count() as f64;
+        // The peak is counted anew from here.
+        std::fs::write("/proc/self/clear_refs", "5").expect("Linux allows it");
+        let before = status("VmRSS");
+        drop(solve(&problem, Solver::Multigrid, 1e-6));
+        let bytes = status("VmHWM") - before;
+        let (solution, secs) = fastest(runs, || solve(&problem, Solver::Multigrid, 1e-6));
+        println!(
+            "{:11}  {unknowns:8}  {:10}  {:8.1e}  {:7.1}  {:13.1}  {:16.1}",
+            inner.map(|n| n.to_string()).join("×"),
+            solution.iterations,
+            solution.residual,
+            secs * 1e3,
+            secs * 1e9 / unknowns,
+            bytes / unknowns,
+        );
+    }
+    println!();
 }
 
 /// A line of this process' status (bytes).
@@ -176,10 +204,14 @@ impl Furniture {
 
     /// What the robot in the corner can get to.
     fn problem(mut self) -> Problem {
-        self.fill([1, 1, 1], [1, 1, 1], Cell::Source);
-        let dim = self.inner.map(|n| n + 2);
-        connected(dim, &mut self.cells);
-        Problem::new(Region::new(Voxel::new(0, 0, 0), dim, 0.1), self.cells).expect("all faces are outside")
+        self.fill(self.inner.map(|n| 1.min(n - 1)), [1, 1, 1], Cell::Source);
+        let region = Region::new(Voxel::new(0, 0, 0), self.inner.map(|n| n + 2), 0.1);
+        let start = self.cells.iter().position(|cell| *cell == Cell::Source).expect("it has just been put there");
+        let reach = Component::of(&region, &|i: usize| self.cells[i] != Cell::Outside, start);
+        for (cell, _) in self.cells.iter_mut().zip(reach.iter()).filter(|(_, is_reached)| !**is_reached) {
+            *cell = Cell::Outside;
+        }
+        Problem::new(region, self.cells).expect("all faces are outside")
     }
 }
 
@@ -199,38 +231,18 @@ fn furnished(inner: [usize; 3], sinks: usize) -> Problem {
     room.problem()
 }
 
-/// A cube with boxes all over it that take 12 % of its voxels, and two patches of goals on the far wall.
-fn scattered(edge: usize) -> Problem {
-    let mut room = Furniture::new([edge; 3]);
-    let mut taken = 0;
-    while taken * 100 < edge.pow(3) * 12 {
-        let from = [4 + room.below(edge - 8), 4 + room.below(edge - 8), room.below(edge - 4)];
+/// A box of `inner` voxels with furniture all over it that takes 12 %, and two patches of goals on the far wall.
+fn scattered(inner: [usize; 3]) -> Problem {
+    let mut room = Furniture::new(inner);
+    let (mut taken, all) = (0, inner.iter().product::<usize>());
+    let [nx, ny, nz] = inner;
+    while taken * 100 < all * 12 {
+        let from = [4 + room.below(nx - 8), 4 + room.below(ny - 8), room.below(nz.saturating_sub(4).max(1))];
         let size = [2 + room.below(7), 2 + room.below(7), 2 + room.below(7)];
         taken += room.fill(from, size, Cell::Outside);
     }
-    for place in [edge / 4, edge / 2] {
-        room.fill([edge - 1, place, place], [1, 4, 4], Cell::Sink);
+    for part in [4, 2] {
+        room.fill([nx - 1, ny / part, nz / part], [1, 4, 4], Cell::Sink);
     }
     room.problem()
-}
-
-/// Leaves out what the robot cannot get to.
-fn connected([nx, ny, _]: [usize; 3], cells: &mut [Cell]) {
-    let start = cells.iter().position(|c| *c == Cell::Source).unwrap_or_default();
-    let mut found = vec![false; cells.len()];
-    found[start] = true;
-    let mut open = vec![start];
-    while let Some(i) = open.pop() {
-        for n in [i - 1, i + 1, i - nx, i + nx, i - nx * ny, i + nx * ny] {
-            if !found[n] && cells[n] != Cell::Outside {
-                found[n] = true;
-                open.push(n);
-            }
-        }
-    }
-    for (cell, found) in cells.iter_mut().zip(found) {
-        if !found {
-            *cell = Cell::Outside;
-        }
-    }
 }

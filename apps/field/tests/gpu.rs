@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use elk_field::gpu::{Domain, Gpu, GpuError, NoGpu};
 use elk_field::{Cell, Problem, Solution, Solver, solve};
-use elk_geometry::{Region, Voxel};
+use elk_geometry::{Component, Region, Voxel};
 use proptest::prelude::*;
 use skip::skip;
 
@@ -49,16 +49,12 @@ fn rooms(inner: [usize; 3]) -> Problem {
 
 /// The part of a problem that its source is connected with: in any other, no value is determined.
 fn connected(problem: &Problem) -> Problem {
-    let ([nx, ny, _], cells) = (problem.dim(), problem.cells());
-    let mut open: Vec<usize> = cells.iter().position(|cell| *cell == Cell::Source).into_iter().collect();
-    let mut reached = vec![Cell::Outside; cells.len()];
-    while let Some(i) = open.pop() {
-        if std::mem::replace(&mut reached[i], cells[i]) == Cell::Outside {
-            let around = [i - 1, i + 1, i - nx, i + nx, i - nx * ny, i + nx * ny];
-            open.extend(around.into_iter().filter(|n| cells[*n] != Cell::Outside && reached[*n] == Cell::Outside));
-        }
-    }
-    Problem::new(problem.region().clone(), reached).unwrap()
+    let (region, cells) = (problem.region(), problem.cells());
+    let source = cells.iter().position(|cell| *cell == Cell::Source).unwrap();
+    let reach = Component::of(region, &|i: usize| cells[i] != Cell::Outside, source);
+    let reached =
+        cells.iter().zip(reach.iter()).map(|(cell, is_reached)| if *is_reached { *cell } else { Cell::Outside });
+    Problem::new(region.clone(), reached.collect()).unwrap()
 }
 
 fn furthest(a: &Solution, b: &Solution) -> f32 {

@@ -6,7 +6,7 @@
 use super::block::{Block, Halo, row, sum};
 use super::direct::Direct;
 use super::lanes::wide;
-use super::level::{Level, prolong, restrict, smooth_backwards, smooth_from_zero};
+use super::level::{Level, descend, prolong, smooth_backwards};
 use super::stencil::{Counted, Rows, Stencil, Weighted};
 
 /// Past this something is wrong with the problem, not with the number.
@@ -41,12 +41,10 @@ pub fn solve(system: System<'_>, tolerance: f64, stopping: impl Fn() -> bool) ->
     let mut square = residual(fine, psi);
     let (mut iterations, mut alpha, mut rz) = (0, 0.0, 0.0);
     while square.sqrt() > tolerance * scale && iterations < MAX_ITERATIONS && !stopping() {
-        cycle(fine, coarse, 2.0, direct);
-        let (next, conjugate) = products(fine, image);
+        let (next, conjugate) = cycle(fine, coarse, 2.0, direct, Some(image));
         let beta = if iterations == 0 { 0.0 } else { -alpha * conjugate / rz };
         rz = next;
-        turn(fine, beta as f32, direction);
-        let curvature = multiply(fine, direction, image);
+        let curvature = turn(fine, beta as f32, direction, image);
         if curvature <= 0.0 || rz <= 0.0 {
             // Rounding has used up the precision: nothing more to gain.
             break;
@@ -59,17 +57,24 @@ pub fn solve(system: System<'_>, tolerance: f64, stopping: impl Fn() -> bool) ->
 }
 
 /// `x ≈ A⁻¹ b` on a level by one V-cycle over the coarser ones; `open` is the weight of a face of the next that is open all
-/// over.
-fn cycle<S: Stencil>(fine: &mut Level<S>, coarse: &mut [Level<Weighted>], open: f32, direct: &Direct) {
-    let Some((next, coarser)) = coarse.split_first_mut() else { return };
-    smooth_from_zero(fine);
-    restrict(fine, next);
+/// over. Answers the products of x with b and with `other`, where one is asked for.
+fn cycle<S: Stencil>(
+    fine: &mut Level<S>,
+    coarse: &mut [Level<Weighted>],
+    open: f32,
+    direct: &Direct,
+    other: Option<&[Block<f32>]>,
+) -> (f64, f64) {
+    let Some((next, coarser)) = coarse.split_first_mut() else { return (0.0, 0.0) };
+    descend(fine, next);
     match coarser.is_empty() {
         true => direct.solve(next),
-        false => cycle(next, coarser, 2.0 * open, direct),
+        false => {
+            cycle(next, coarser, 2.0 * open, direct, None);
+        }
     }
     prolong(next, open, fine);
-    smooth_backwards(fine);
+    smooth_backwards(fine, other)
 }
 
 wide! {
@@ -94,50 +99,28 @@ wide! {
 }
 
 wide! {
-    /// The products of the preconditioned residual with the residual and with the image of the direction.
-    fn products[L](fine: &Level<Counted>, image: &[Block<f32>]) -> (f64, f64) {
-        let (mut own, mut other) = (0.0, 0.0);
+    /// The next direction, `p = z + βp`, and its image, `Ap = Az + βAp`; answers the product of the two.
+    fn turn[L](
+        fine: &Level<Counted>,
+        beta: f32,
+        direction: &mut [Block<f32>],
+        image: &mut [Block<f32>],
+    ) -> f64 {
+        let (mut halo, mut product, beta) = (Halo::new(), 0.0, L::splat(beta));
         for &slot in fine.lattice.order() {
-            let slot = slot as usize;
-            let (z, r, image) = (&fine.x[slot], &fine.b[slot], &image[slot]);
-            let (mut zr, mut zi) = (L::splat(0.0), L::splat(0.0));
-            for row in 0..64 {
-                let z = L::of(&z[row]);
-                zr = zr.plus(z.times(L::of(&r[row])));
-                zi = zi.plus(z.times(L::of(&image[row])));
-            }
-            (own, other) = (own + sum(zr), other + sum(zi));
-        }
-        (own, other)
-    }
-}
-
-wide! {
-    /// The next direction: `p = z + βp`.
-    fn turn[L](fine: &Level<Counted>, beta: f32, direction: &mut [Block<f32>]) {
-        for &slot in fine.lattice.order() {
-            let (z, p) = (&fine.x[slot as usize], &mut direction[slot as usize]);
-            for (p, z) in p.iter_mut().zip(z) {
-                L::of(z).plus(L::of(p).times(L::splat(beta))).to(p);
-            }
-        }
-    }
-}
-
-wide! {
-    /// `Ap`, and its product with `p`.
-    fn multiply[L](fine: &Level<Counted>, direction: &[Block<f32>], image: &mut [Block<f32>]) -> f64 {
-        let (mut halo, mut product) = (Halo::new(), 0.0);
-        for &slot in fine.lattice.order() {
-            halo.gather(direction, slot, fine.lattice.neighbours(slot));
-            let (rows, image) = (fine.stencil.rows(slot), &mut image[slot as usize]);
+            halo.gather(&fine.x, slot, fine.lattice.neighbours(slot));
+            let (rows, slot) = (fine.stencil.rows(slot), slot as usize);
             let mut sums = L::splat(0.0);
             for z in 0..8 {
                 for y in 0..8 {
+                    let row = row(y, z);
+                    let (p, ap) = (&mut direction[slot][row], &mut image[slot][row]);
                     let left: L = rows.residual(y, z, L::splat(0.0), &halo);
-                    let ap = L::splat(0.0).minus(left);
-                    ap.to(&mut image[row(y, z)]);
-                    sums = sums.plus(ap.times(L::of(halo.own(y, z))));
+                    let turned = L::of(halo.own(y, z)).plus(L::of(p).times(beta));
+                    let seen = L::of(ap).times(beta).minus(left);
+                    turned.to(p);
+                    seen.to(ap);
+                    sums = sums.plus(turned.times(seen));
                 }
             }
             product += sum(sums);

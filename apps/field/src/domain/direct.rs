@@ -27,7 +27,7 @@ impl Direct {
         let mut cells = Vec::new();
         let mut voxels: Vec<Voxel> = Vec::new();
         for &slot in level.lattice.order() {
-            let diagonal = &level.stencil.0[slot as usize].diagonal;
+            let diagonal = &level.stencil.blocks[slot as usize].diagonal;
             for cell in (0..512).filter(|c| diagonal[c / 8][c % 8] > 0.0) {
                 cells.push((slot as usize, cell));
                 voxels.push(voxel_at(level.lattice.position(slot), cell));
@@ -39,7 +39,7 @@ impl Direct {
         };
         let mut matrix = DMatrix::zeros(cells.len(), cells.len());
         for (i, ((slot, cell), voxel)) in cells.iter().zip(&voxels).enumerate() {
-            let weights = &level.stencil.0[*slot];
+            let weights = &level.stencil.blocks[*slot];
             let at = |block: &[[f32; 8]; 64]| f64::from(block[cell / 8][cell % 8]);
             matrix[(i, i)] = at(&weights.diagonal) * (1.0 + SHIFT);
             for (to, offset) in weights.to.iter().zip(FACES).filter(|(to, _)| at(to) > 0.0) {

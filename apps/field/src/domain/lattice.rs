@@ -54,6 +54,15 @@ impl Lattice {
         &self.neighbours[slot as usize]
     }
 
+    /// Some slots and those of the blocks beside them, each once, by number.
+    pub fn with_neighbours(&self, slots: &[u32]) -> Vec<u32> {
+        let beside = slots.iter().flat_map(|slot| *self.neighbours(*slot)).filter(|slot| *slot != NONE);
+        let mut all: Vec<u32> = slots.iter().copied().chain(beside).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     /// The slot of the block at a position, which comes into being if it was not there.
     pub fn insert(&mut self, position: Voxel) -> u32 {
         if let Some(slot) = self.index.get(&position) {

@@ -6,10 +6,10 @@
 
 use elk_geometry::Voxel;
 
-use super::block::{Block, Halo, Row, row};
+use super::block::{Block, Halo, Row, row, sum};
 use super::lanes::{Lanes, wide};
 use super::lattice::{Lattice, NONE};
-use super::stencil::{Rows, Stencil, Weighted, Weights, around};
+use super::stencil::{Part, Rows, Stencil, Weighted, Weights, around};
 
 /// Share of a cell's correction that a sweep takes. Along its rows a sweep is Jacobi's, which does not smooth undamped.
 const OMEGA: f32 = 0.95;
@@ -93,29 +93,105 @@ fn put(x: &mut Block<f32>, halo: &Halo<f32>) {
 }
 
 wide! {
-    /// Smooths from zero, block by block.
-    pub fn smooth_from_zero[L, S: Stencil](level: &mut Level<S>)  {
-        for &slot in level.lattice.order() {
-            let [x0, _, y0, _, z0, _] = *level.lattice.neighbours(slot);
+    /// Smooths from zero, block by block, and sums residuals into the coarser right-hand side.
+    ///
+    /// What comes later in the order is still zero when the residual of a block is summed: a later block adds what flows out
+    /// of it, so that nothing is read twice.
+    pub fn descend[L, S: Stencil](fine: &mut Level<S>, coarse: &mut Level<Weighted>) {
+        for &slot in fine.lattice.order() {
+            let [x0, _, y0, _, z0, _] = *fine.lattice.neighbours(slot);
             let mut halo = Halo::new();
-            // What comes later in the order is still zero.
-            halo.surround(&level.x, &[x0, NONE, y0, NONE, z0, NONE]);
-            sweep::<L>(level.stencil.rows(slot), &level.b[slot as usize], &mut halo, 0);
-            put(&mut level.x[slot as usize], &halo);
+            halo.surround(&fine.x, &[x0, NONE, y0, NONE, z0, NONE]);
+            let (rows, b) = (fine.stencil.rows(slot), &fine.b[slot as usize]);
+            sweep::<L>(rows, b, &mut halo, 0);
+            put(&mut fine.x[slot as usize], &halo);
+            let position = fine.lattice.position(slot);
+            let (into, octant) = (coarse.lattice.slot(parent(position)), octant(position));
+            if into == NONE {
+                continue;
+            }
+            restrict::<L>(rows, b, &halo, octant, &mut coarse.b[into as usize]);
+            for (axis, before) in [x0, y0, z0].into_iter().enumerate() {
+                let into = if octant[axis] == 1 { into } else { coarse.lattice.neighbours(into)[2 * axis] };
+                if before != NONE && into != NONE {
+                    let mut octant = octant;
+                    octant[axis] ^= 1;
+                    flow_back::<L>(fine.stencil.rows(before), &halo, axis, octant, &mut coarse.b[into as usize]);
+                }
+            }
         }
     }
 }
 
-wide! {
-    /// Smooths in the opposite order.
-    pub fn smooth_backwards[L, S: Stencil](level: &mut Level<S>) {
-        let mut halo = Halo::new();
-        for &slot in level.lattice.order().iter().rev() {
-            halo.gather(&level.x, slot, level.lattice.neighbours(slot));
-            sweep::<L>(level.stencil.rows(slot), &level.b[slot as usize], &mut halo, 1);
-            put(&mut level.x[slot as usize], &halo);
+/// Sums the residuals of a block into an octant of its parent.
+#[inline(always)]
+fn restrict<L: Lanes>(rows: impl Rows, b: &Block<f32>, x: &Halo<f32>, [ox, oy, oz]: [usize; 3], to: &mut Block<f32>) {
+    for z in 0..4 {
+        for y in 0..4 {
+            let mut sums = L::splat(0.0);
+            for (y, z) in [(2 * y, 2 * z), (2 * y + 1, 2 * z), (2 * y, 2 * z + 1), (2 * y + 1, 2 * z + 1)] {
+                sums = sums.plus(rows.residual(y, z, L::of(&b[row(y, z)]), x));
+            }
+            to[row(4 * oy + y, 4 * oz + z)][4 * ox..4 * ox + 4].copy_from_slice(&pairs(sums));
         }
     }
+}
+
+/// Adds what flows out of a block into the one before it along an axis, `rows`, to that one's octant of its parent.
+#[inline(always)]
+fn flow_back<L: Lanes>(rows: impl Rows, x: &Halo<f32>, axis: usize, [ox, oy, oz]: [usize; 3], to: &mut Block<f32>) {
+    let face = 2 * axis + 1;
+    for n in 0..8 {
+        match axis {
+            0 => {
+                for y in 0..8 {
+                    let mut flow = [0.0; 8];
+                    rows.flow(face, row(y, n), L::splat(x.own(y, n)[0])).to(&mut flow);
+                    to[row(4 * oy + y / 2, 4 * oz + n / 2)][4 * ox + 3] += flow[7];
+                }
+            }
+            1 => add(to, row(4 * oy + 3, 4 * oz + n / 2), 4 * ox, rows.flow(face, row(7, n), L::of(x.own(0, n)))),
+            _ => add(to, row(4 * oy + n / 2, 4 * oz + 3), 4 * ox, rows.flow(face, row(n, 7), L::of(x.own(n, 0)))),
+        }
+    }
+}
+
+/// Adds pairs of a row to four cells of another.
+#[inline(always)]
+fn add<L: Lanes>(to: &mut Block<f32>, row: usize, first: usize, lanes: L) {
+    for (to, pair) in to[row][first..first + 4].iter_mut().zip(pairs(lanes)) {
+        *to += pair;
+    }
+}
+
+wide! {
+    /// Smooths in the opposite order; answers the products of the solution with the right-hand side and with `other`, where
+    /// one is asked for.
+    pub fn smooth_backwards[L, S: Stencil](level: &mut Level<S>, other: Option<&[Block<f32>]>) -> (f64, f64) {
+        let (mut halo, mut products) = (Halo::new(), (0.0, 0.0));
+        for &slot in level.lattice.order().iter().rev() {
+            halo.gather(&level.x, slot, level.lattice.neighbours(slot));
+            let b = &level.b[slot as usize];
+            sweep::<L>(level.stencil.rows(slot), b, &mut halo, 1);
+            let x = &mut level.x[slot as usize];
+            put(x, &halo);
+            if let Some(other) = other {
+                products.0 += dot::<L>(x, b);
+                products.1 += dot::<L>(x, &other[slot as usize]);
+            }
+        }
+        products
+    }
+}
+
+/// The product of two blocks.
+#[inline(always)]
+fn dot<L: Lanes>(one: &Block<f32>, other: &Block<f32>) -> f64 {
+    let mut sums = L::splat(0.0);
+    for (one, other) in one.iter().zip(other) {
+        sums = sums.plus(L::of(one).times(L::of(other)));
+    }
+    sum(sums)
 }
 
 /// The position of the block that a block is merged into.
@@ -129,42 +205,12 @@ pub fn octant(position: Voxel) -> [usize; 3] {
 }
 
 wide! {
-    /// The coarser right-hand side: residuals, summed over what is merged.
-    pub fn restrict[L, S: Stencil](fine: &Level<S>, coarse: &mut Level<Weighted>) {
-        let mut halo = Halo::new();
-        for &slot in fine.lattice.order() {
-            halo.gather(&fine.x, slot, fine.lattice.neighbours(slot));
-            let (rows, b) = (fine.stencil.rows(slot), &fine.b[slot as usize]);
-            let position = fine.lattice.position(slot);
-            let [ox, oy, oz] = octant(position);
-            let into = coarse.lattice.slot(parent(position));
-            if into == NONE {
-                continue;
-            }
-            let to = &mut coarse.b[into as usize];
-            for z in 0..4 {
-                for y in 0..4 {
-                    let mut sums = L::splat(0.0);
-                    for (y, z) in [(2 * y, 2 * z), (2 * y + 1, 2 * z), (2 * y, 2 * z + 1), (2 * y + 1, 2 * z + 1)] {
-                        sums = sums.plus(rows.residual(y, z, L::of(&b[row(y, z)]), &halo));
-                    }
-                    let mut all = [0.0; 8];
-                    sums.to(&mut all);
-                    let to = &mut to[row(4 * oy + y, 4 * oz + z)][4 * ox..4 * ox + 4];
-                    to.copy_from_slice(&[all[0] + all[1], all[2] + all[3], all[4] + all[5], all[6] + all[7]]);
-                }
-            }
-        }
-    }
-}
-
-wide! {
     /// Adds the coarser solution, interpolated. `open` is the weight of a face that is open all over.
     pub fn prolong[L, S: Stencil](coarse: &Level<Weighted>, open: f32, fine: &mut Level<S>) {
         let mut halo = Halo::new();
         for &slot in coarse.lattice.order() {
             halo.gather(&coarse.x, slot, coarse.lattice.neighbours(slot));
-            let weights = &coarse.stencil.0[slot as usize];
+            let weights = &coarse.stencil.blocks[slot as usize];
             let children = children(coarse.lattice.position(slot)).map(|child| fine.lattice.slot(child));
             for z in 0..8 {
                 for y in 0..8 {
@@ -225,53 +271,48 @@ fn corrections<L: Lanes>(weights: &Weights, x: &Halo<f32>, y: usize, z: usize, s
 /// over.
 ///
 /// Weights are conductances: those of the faces between two coarse cells in parallel, and in series with them half of a
-/// fine cell on either side, as far as it is filled. So a door stays as open as it is, however coarse cells become around it,
+/// fine cell on either side, as wide as it is filled and at least as the face is open: what is thin behind an open face is
+/// short, not narrow. What is fixed stays as near as it is, which takes fewer iterations than to move it away. So a door stays as open as it is, however coarse cells become around it,
 /// and a flat domain is one in the plane as soon as its height is that of a cell.
 pub fn coarsen<S: Stencil>(fine: &Level<S>, changed: &[u32], open: f32, coarse: &mut Level<Weighted>) -> Vec<u32> {
     let parents: Vec<u32> =
         changed.iter().map(|slot| coarse.lattice.insert(parent(fine.lattice.position(*slot)))).collect();
     coarse.lattice.settle();
     coarse.resize();
-    let beside = parents.iter().flat_map(|slot| *coarse.lattice.neighbours(*slot));
-    let mut concerned: Vec<u32> = parents.iter().copied().chain(beside).filter(|slot| *slot != NONE).collect();
-    concerned.sort_unstable();
-    concerned.dedup();
+    let concerned = coarse.lattice.with_neighbours(&parents);
     for &slot in &concerned {
         for child in children(coarse.lattice.position(slot)).map(|child| fine.lattice.slot(child)) {
             if child != NONE {
-                merge(fine, child, &mut coarse.stencil.0[slot as usize]);
+                let Weighted { blocks, fill } = &mut coarse.stencil;
+                merge(fine, child, &mut blocks[slot as usize], &mut fill[slot as usize]);
             }
         }
     }
     let mut halo = Halo::new();
     for &slot in &concerned {
-        let fills: Vec<Block<f32>> = std::iter::once(&slot)
-            .chain(coarse.lattice.neighbours(slot))
-            .map(|slot| coarse.stencil.0[*slot as usize].fill)
-            .collect();
-        halo.gather(&fills, 0, &[1, 2, 3, 4, 5, 6]);
-        coarse.cells[slot as usize] = connect(&mut coarse.stencil.0[slot as usize], &halo, open);
+        let Weighted { blocks, fill } = &mut coarse.stencil;
+        halo.gather(fill, slot, coarse.lattice.neighbours(slot));
+        coarse.cells[slot as usize] = connect(&mut blocks[slot as usize], &mut fill[slot as usize], &halo, open);
     }
     concerned
 }
 
 /// Puts half cells in series with the sums of the faces of a block, and answers how many cells have equations.
-fn connect(weights: &mut Weights, fill: &Halo<f32>, open: f32) -> u32 {
+fn connect(weights: &mut Weights, own: &mut Block<f32>, fill: &Halo<f32>, open: f32) -> u32 {
     let mut cells = 0;
     for z in 0..8 {
         for y in 0..8 {
-            let (row, own, around) = (row(y, z), fill.own(y, z), fill.around(y, z));
+            let (row, around) = (row(y, z), fill.around(y, z));
             for i in 0..8 {
-                let half = 4.0 * open * own[i];
-                let mut sum = in_series(weights.fixed[row][i], half);
-                weights.fixed[row][i] = sum;
+                let mut sum = weights.fixed[row][i];
                 for (to, beside) in weights.to.iter_mut().zip(around) {
-                    to[row][i] = in_series(to[row][i], in_series(half, 4.0 * open * beside[i]));
+                    let half = |fill: f32| (4.0 * open * fill).max(2.0 * to[row][i]);
+                    to[row][i] = in_series(to[row][i], in_series(half(own[row][i]), half(beside[i])));
                     sum += to[row][i];
                 }
                 if sum == 0.0 {
                     // Nothing is left of a part that ends inside of a cell.
-                    weights.fill[row][i] = 0.0;
+                    own[row][i] = 0.0;
                 }
                 weights.diagonal[row][i] = sum;
                 weights.inverse[row][i] = if sum > 0.0 { 1.0 / sum } else { 0.0 };
@@ -290,43 +331,40 @@ fn in_series(one: f32, other: f32) -> f32 {
 
 wide! {
     /// Adds up what a block is merged into in an octant of its parent: faces, what is fixed, and what is filled.
-    fn merge[L, S: Stencil](fine: &Level<S>, slot: u32, coarse: &mut Weights) {
-        let from = fine.stencil.weights(slot, fine.lattice.neighbours(slot));
+    fn merge[L, S: Stencil](fine: &Level<S>, slot: u32, coarse: &mut Weights, fill: &mut Block<f32>) {
+        let counts = fine.stencil.counts(slot, fine.lattice.neighbours(slot));
         let [ox, oy, oz] = octant(fine.lattice.position(slot));
         for z in 0..4 {
             for y in 0..4 {
-                let rows = [0, 1, 2, 3].map(|i| row(2 * y + i % 2, 2 * z + i / 2));
-                let [x0, x1, y0, y1, z0, z1] = &from.to;
+                // Closures are not compiled for the registers that are here: what is merged is written out.
+                let a: Part<L> = fine.stencil.part(slot, &counts, 2 * y, 2 * z);
+                let b: Part<L> = fine.stencil.part(slot, &counts, 2 * y + 1, 2 * z);
+                let c: Part<L> = fine.stencil.part(slot, &counts, 2 * y, 2 * z + 1);
+                let d: Part<L> = fine.stencil.part(slot, &counts, 2 * y + 1, 2 * z + 1);
                 let faces = [
-                    every_second(four::<L>(x0, rows), 0),
-                    every_second(four::<L>(x1, rows), 1),
-                    pairs(two::<L>(y0, [rows[0], rows[2]])),
-                    pairs(two::<L>(y1, [rows[1], rows[3]])),
-                    pairs(two::<L>(z0, [rows[0], rows[1]])),
-                    pairs(two::<L>(z1, [rows[2], rows[3]])),
+                    every_second(four(a.to[0], b.to[0], c.to[0], d.to[0]), 0),
+                    every_second(four(a.to[1], b.to[1], c.to[1], d.to[1]), 1),
+                    pairs(a.to[2].plus(c.to[2])),
+                    pairs(b.to[3].plus(d.to[3])),
+                    pairs(a.to[4].plus(b.to[4])),
+                    pairs(c.to[5].plus(d.to[5])),
                 ];
                 let (to, columns) = (row(4 * oy + y, 4 * oz + z), 4 * ox..4 * ox + 4);
                 for (into, face) in coarse.to.iter_mut().zip(&faces) {
                     into[to][columns.clone()].copy_from_slice(face);
                 }
-                coarse.fixed[to][columns.clone()].copy_from_slice(&pairs(four::<L>(&from.fixed, rows)));
-                let fill = four::<L>(&from.fill, rows).times(L::splat(0.125));
-                coarse.fill[to][columns].copy_from_slice(&pairs(fill));
+                coarse.fixed[to][columns.clone()].copy_from_slice(&pairs(four(a.fixed, b.fixed, c.fixed, d.fixed)));
+                let filled = four(a.fill, b.fill, c.fill, d.fill).times(L::splat(0.125));
+                fill[to][columns].copy_from_slice(&pairs(filled));
             }
         }
     }
 }
 
-/// The sum of two rows.
-#[inline(always)]
-fn two<L: Lanes>(block: &Block<f32>, [one, other]: [usize; 2]) -> L {
-    L::of(&block[one]).plus(L::of(&block[other]))
-}
-
 /// The sum of four rows.
 #[inline(always)]
-fn four<L: Lanes>(block: &Block<f32>, [a, b, c, d]: [usize; 4]) -> L {
-    two::<L>(block, [a, b]).plus(two(block, [c, d]))
+fn four<L: Lanes>(a: L, b: L, c: L, d: L) -> L {
+    a.plus(b).plus(c.plus(d))
 }
 
 /// Every second number, from the first or from the second on.

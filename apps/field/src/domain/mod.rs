@@ -22,7 +22,6 @@ use crate::problem::{Cell, Problem};
 use block::{Block, Halo, row};
 use conjugate_gradients::System;
 use direct::{Direct, MOST_CELLS};
-use lattice::NONE;
 use level::Level;
 use stencil::{Counted, SIXTIETHS, Weighted};
 
@@ -217,11 +216,7 @@ impl Domain {
             return;
         }
         self.fine.lattice.settle();
-        let changed = std::mem::take(&mut self.changed);
-        let beside = changed.iter().flat_map(|slot| *self.fine.lattice.neighbours(*slot));
-        let mut concerned: Vec<u32> = changed.iter().copied().chain(beside).filter(|slot| *slot != NONE).collect();
-        concerned.sort_unstable();
-        concerned.dedup();
+        let concerned = self.fine.lattice.with_neighbours(&std::mem::take(&mut self.changed));
         for slot in &concerned {
             self.count(*slot);
         }

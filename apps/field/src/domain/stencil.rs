@@ -20,11 +20,25 @@ pub trait Stencil {
     /// Those of the block in a slot.
     fn rows(&self, slot: u32) -> Self::Rows<'_>;
 
-    /// The weights of the block in a slot, to other cells and to fixed values.
-    fn weights(&self, slot: u32, neighbours: &[u32; 6]) -> Weights;
+    /// What a row of the block in a slot brings into the coarser level.
+    fn part<L: Lanes>(&self, slot: u32, counts: &Halo<u8>, y: usize, z: usize) -> Part<L>;
+
+    /// The numbers of neighbours of a block's cells and of those around, where [`Stencil::part`] asks for them.
+    fn counts(&self, slot: u32, neighbours: &[u32; 6]) -> Halo<u8>;
 
     /// Makes room for as many slots, in all.
     fn resize(&mut self, slots: usize);
+}
+
+/// What the cells of a row bring into the coarser level.
+#[derive(Debug, Clone, Copy)]
+pub struct Part<L> {
+    /// Weights to the neighbours, −x +x −y +y −z +z.
+    pub to: [L; 6],
+    /// Weights to fixed values.
+    pub fixed: L,
+    /// Share of each cell that is inside.
+    pub fill: L,
 }
 
 /// The equations of the cells of a block, row by row.
@@ -37,6 +51,9 @@ pub trait Rows: Copy {
 
     /// `Σ wx` over the neighbours, whether a cell is inside or not.
     fn inflow<L: Lanes>(self, row: usize, around: [L; 6]) -> L;
+
+    /// `wx` over one face, for cells that are inside.
+    fn flow<L: Lanes>(self, face: usize, row: usize, beside: L) -> L;
 
     /// `b − Ax` of row `y`, `z`; 0 for cells that are not inside.
     #[inline(always)]
@@ -82,25 +99,22 @@ impl Stencil for Counted {
     }
 
     #[inline(always)]
-    fn weights(&self, slot: u32, neighbours: &[u32; 6]) -> Weights {
-        let mut weights = Weights::NONE;
-        let mut halo = Halo::new();
-        halo.gather(&self.neighbours, slot, neighbours);
-        for z in 0..8 {
-            for y in 0..8 {
-                let (row, own) = (row(y, z), halo.own(y, z));
-                weights.fixed[row] = own.map(f32::from);
-                weights.fill[row] = own.map(|n| f32::from(u8::from(n > 0)));
-                for (to, beside) in weights.to.iter_mut().zip(halo.around(y, z)) {
-                    for i in 0..8 {
-                        let weight = f32::from(u8::from(own[i] > 0) & u8::from(beside[i] > 0));
-                        to[row][i] = weight;
-                        weights.fixed[row][i] -= weight;
-                    }
-                }
-            }
+    fn part<L: Lanes>(&self, _: u32, counts: &Halo<u8>, y: usize, z: usize) -> Part<L> {
+        let own = L::of_bytes(counts.own(y, z));
+        let fill = L::splat(1.0).where_positive(own);
+        let (mut to, mut fixed) = ([L::splat(0.0); 6], own);
+        for (to, beside) in to.iter_mut().zip(counts.around(y, z)) {
+            *to = fill.where_positive(L::of_bytes(beside));
+            fixed = fixed.minus(*to);
         }
-        weights
+        Part { to, fixed, fill }
+    }
+
+    #[inline(always)]
+    fn counts(&self, slot: u32, neighbours: &[u32; 6]) -> Halo<u8> {
+        let mut counts = Halo::new();
+        counts.gather(&self.neighbours, slot, neighbours);
+        counts
     }
 
     fn resize(&mut self, slots: usize) {
@@ -124,6 +138,11 @@ impl Rows for (&Block<u8>, &Block<u8>) {
     fn inflow<L: Lanes>(self, _: usize, [x0, x1, y0, y1, z0, z1]: [L; 6]) -> L {
         x0.plus(x1).plus(y0.plus(y1)).plus(z0.plus(z1))
     }
+
+    #[inline(always)]
+    fn flow<L: Lanes>(self, _: usize, row: usize, beside: L) -> L {
+        beside.where_positive(self.diagonal(row))
+    }
 }
 
 /// What a block of a coarser level has for each cell.
@@ -131,8 +150,6 @@ impl Rows for (&Block<u8>, &Block<u8>) {
 pub struct Weights {
     /// To the neighbours, −x +x −y +y −z +z.
     pub to: [Block<f32>; 6],
-    /// Share of the cell that is inside.
-    pub fill: Block<f32>,
     /// To fixed values.
     pub fixed: Block<f32>,
     /// Sum of the weights; 0 for cells that are not inside.
@@ -143,34 +160,45 @@ pub struct Weights {
 
 impl Weights {
     /// Those of no cell.
-    pub const NONE: Self = Self {
-        to: [[[0.0; 8]; 64]; 6],
-        fixed: [[0.0; 8]; 64],
-        fill: [[0.0; 8]; 64],
-        diagonal: [[0.0; 8]; 64],
-        inverse: [[0.0; 8]; 64],
-    };
+    pub const NONE: Self =
+        Self { to: [[[0.0; 8]; 64]; 6], fixed: [[0.0; 8]; 64], diagonal: [[0.0; 8]; 64], inverse: [[0.0; 8]; 64] };
 }
 
 /// A coarser level.
 #[derive(Debug, Clone, Default)]
-pub struct Weighted(pub Vec<Weights>);
+pub struct Weighted {
+    /// Weights, by slot.
+    pub blocks: Vec<Weights>,
+    /// Share of each cell that is inside, by slot.
+    pub fill: Vec<Block<f32>>,
+}
 
 impl Stencil for Weighted {
     type Rows<'a> = &'a Weights;
 
     #[inline(always)]
     fn rows(&self, slot: u32) -> &Weights {
-        &self.0[slot as usize]
+        &self.blocks[slot as usize]
     }
 
     #[inline(always)]
-    fn weights(&self, slot: u32, _: &[u32; 6]) -> Weights {
-        self.0[slot as usize].clone()
+    fn part<L: Lanes>(&self, slot: u32, _: &Halo<u8>, y: usize, z: usize) -> Part<L> {
+        let (weights, row) = (&self.blocks[slot as usize], row(y, z));
+        let mut to = [L::splat(0.0); 6];
+        for (to, from) in to.iter_mut().zip(&weights.to) {
+            *to = L::of(&from[row]);
+        }
+        Part { to, fixed: L::of(&weights.fixed[row]), fill: L::of(&self.fill[slot as usize][row]) }
+    }
+
+    #[inline(always)]
+    fn counts(&self, _: u32, _: &[u32; 6]) -> Halo<u8> {
+        Halo::new()
     }
 
     fn resize(&mut self, slots: usize) {
-        self.0.resize(slots, Weights::NONE);
+        self.blocks.resize(slots, Weights::NONE);
+        self.fill.resize(slots, [[0.0; 8]; 64]);
     }
 }
 
@@ -187,8 +215,13 @@ impl Rows for &Weights {
 
     #[inline(always)]
     fn inflow<L: Lanes>(self, row: usize, [x0, x1, y0, y1, z0, z1]: [L; 6]) -> L {
-        let flow = |face: usize, x: L| L::of(&self.to[face][row]).times(x);
+        let flow = |face: usize, x: L| self.flow(face, row, x);
         let (x, y) = (flow(0, x0).plus(flow(1, x1)), flow(2, y0).plus(flow(3, y1)));
         x.plus(y).plus(flow(4, z0).plus(flow(5, z1)))
+    }
+
+    #[inline(always)]
+    fn flow<L: Lanes>(self, face: usize, row: usize, beside: L) -> L {
+        L::of(&self.to[face][row]).times(beside)
     }
 }

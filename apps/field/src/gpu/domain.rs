@@ -13,10 +13,10 @@ use super::grid::Grid;
 use crate::laplace::Solution;
 use crate::problem::Problem;
 
-/// Cells of a workgroup that walks through planes: 32 pairs, 8 rows, 8 planes.
-const MARCH: [u32; 3] = [64, 8, 8];
+/// Cells of a workgroup that walks through planes: 32 pairs, 8 rows, 4 planes.
+const MARCH: [u32; 3] = [64, 8, 4];
 /// Coarse cells of a workgroup that walks through coarse planes.
-const COARSE_MARCH: [u32; 3] = [32, 8, 4];
+const COARSE_MARCH: [u32; 3] = [32, 8, 2];
 /// Coarse cells of a workgroup whose every invocation has one.
 const COARSE_CELLS: [u32; 3] = [32, 8, 1];
 /// Voxels of a workgroup whose every invocation has one.

@@ -1,7 +1,8 @@
 //! Laplace's equation on a graphics card, by Vulkan (feature `gpu`).
 //!
 //! Conjugate gradients with a V-cycle before them, as [`crate::domain`], of simpler parts: coarse operators are half of
-//! PᵀAP, a coarse value goes to all its children, and either half of a cycle has two Jacobi sweeps with Chebyshev's damping.
+//! PᵀAP with fixed values as near as they are, a coarse value goes to all its children, and either half of a cycle has two
+//! Jacobi sweeps with Chebyshev's damping.
 //! What bounds a card is how many bytes it moves. An iteration goes over the cells five times, never more often than one
 //! value depends on another's neighbours: what could be a pass of its own is done where its operands are at hand. Scalars
 //! stay on the card, too: it finds out itself when it has done enough, and is asked once for a dozen iterations.

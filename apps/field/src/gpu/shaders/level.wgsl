@@ -25,7 +25,7 @@ struct Level {
 /// 2], which the next coarser level does not see. Afterwards they come in reverse, so that the cycle is symmetric.
 const OMEGA = vec2<f32>(0.5695, 1.7320);
 /// Planes that one invocation walks through.
-const PLANES = 8u;
+const PLANES = 4u;
 
 fn index(x: u32, y: u32, z: u32) -> u32 {
     return level.plane * (z + 1u) + level.row * y + x;
