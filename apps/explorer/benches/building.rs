@@ -86,6 +86,8 @@ fn explored(building: &Building, rooms: usize) -> OccupancyGrid {
             grid.set(free[(random.unit() * free.len() as f64) as usize], State::Unknown);
         }
     }
+    // Of revision 0 there is nothing to go on from.
+    grid.skip_to(1);
     grid
 }
 

@@ -28,8 +28,6 @@ fn settings() -> Settings {
         bounds: None,
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).expect("a voxel can be afforded"),
-        max_voxels: usize::MAX,
-        max_targets: MAX_REMEMBERED,
         min_frontier: 1,
         attempts: 4,
         max_scans: 1000,

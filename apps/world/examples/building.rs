@@ -12,6 +12,15 @@ fn main() {
     let seed = rest.first().copied().unwrap_or(1);
     let building = Building::new(*rooms as usize, seed);
     let (start, dim) = (building.before(0).position(), building.extents().dim());
-    eprintln!("{} rooms, {:.1} x {:.1} x {:.1} m; Start {}; {}; {}", building.rooms(), dim.x, dim.y, dim.z, start.x, start.y, start.z);
+    eprintln!(
+        "{} rooms, {:.1} x {:.1} x {:.1} m; Start {}; {}; {}",
+        building.rooms(),
+        dim.x,
+        dim.y,
+        dim.z,
+        start.x,
+        start.y,
+        start.z
+    );
     print!("{}", building.scenery().to_obj(&format!("cargo run -p elk-world --example building -- {rooms} {seed}")));
 }

@@ -102,6 +102,7 @@ impl Run {
         let whole = known.whole();
         let changes = self.grid.apply(&whole).expect("it is whole");
         self.explorer.hear_of_map(&self.grid, changes.voxels());
+        self.follower.on_map(&MapUpdate::new(whole, 0)).expect("it is the first map");
         self
     }
 
@@ -195,8 +196,6 @@ fn settings(bounds: Bounds) -> Settings {
         bounds: Some(bounds),
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).expect("a voxel can be afforded"),
-        max_voxels: 8_000_000,
-        max_targets: MAX_REMEMBERED,
         min_frontier: 1,
         attempts: 4,
         max_scans: 10_000,
@@ -211,4 +210,3 @@ pub fn strategies() -> [Box<dyn Strategy>; 2] {
     let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6);
     [Box::new(ClosestFrontier), Box::new(potential)]
 }
-
