@@ -6,7 +6,6 @@ use elk_explorer::{ClosestFrontier, Explorer, Policy, Potential, Settings, Strat
 use elk_field::Solver;
 use elk_geometry::clearance::Clearance;
 use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
-use elk_spatial::checks::MAX_REMEMBERED;
 use elk_spatial::messages::{Outcome, PlanRequest};
 
 const RESOLUTION: f64 = 0.1;

@@ -45,6 +45,8 @@ struct Page {
     by: [u8; BRICK_CELLS],
     /// What is passable in it and around it, as rows by z and y from one before the brick's own, a bit a voxel along x.
     rows: [[u16; EDGE]; EDGE],
+    /// One more than the places of the pages of the bricks around it, by move; 0 where that was not looked up yet.
+    beside: [u32; MOVES],
 }
 
 /// Edge of a brick with one voxel around it.
@@ -61,7 +63,12 @@ const fn offset(by: usize) -> Voxel {
 
 impl Page {
     fn of(passable: &VoxelSet, brick: Voxel) -> Box<Self> {
-        let mut page = Box::new(Self { cost: [0.0; BRICK_CELLS], by: [0; BRICK_CELLS], rows: [[0; EDGE]; EDGE] });
+        let mut page = Box::new(Self {
+            cost: [0.0; BRICK_CELLS],
+            by: [0; BRICK_CELLS],
+            rows: [[0; EDGE]; EDGE],
+            beside: [0; MOVES],
+        });
         for d in (0..MOVES).map(offset) {
             let cells = passable.brick(brick + d);
             let range = |c: i32| match c {
@@ -111,6 +118,17 @@ impl Reached {
             self.pages.push(Page::of(passable, brick));
         }
         page as usize
+    }
+
+    /// The page of a brick beside that of page `own`, which is at `brick`.
+    #[inline]
+    fn page_beside(&mut self, passable: &VoxelSet, (own, brick): (usize, Voxel), beside: Voxel) -> usize {
+        let d = beside - brick;
+        let by = ((d.z + 1) * 9 + (d.y + 1) * 3 + d.x + 1) as usize;
+        if self.pages[own].beside[by] == 0 {
+            self.pages[own].beside[by] = self.page(passable, beside) as u32 + 1;
+        }
+        self.pages[own].beside[by] as usize - 1
     }
 
     fn at(&self, voxel: Voxel) -> Option<(&Page, usize)> {
@@ -166,7 +184,7 @@ fn search(
         for Move { by, offset, length, .. } in moves.iter().filter(|one| near & one.needs == one.needs) {
             let n = voxel + *offset;
             let beside = brick_of(n);
-            let page = if beside == brick { own } else { reached.page(passable, beside) };
+            let page = if beside == brick { own } else { reached.page_beside(passable, (own, brick), beside) };
             let (page, cell) = (&mut reached.pages[page], cell_of(n));
             if page.by[cell] == 0 || cost + length < page.cost[cell] {
                 (page.by[cell], page.cost[cell]) = (*by as u8 + 1, cost + length);
@@ -210,8 +228,24 @@ struct Open {
     later: [Vec<Reverse<Entry>>; RING],
 }
 
-/// An estimate as bits, and a voxel in raster order.
-type Entry = (u64, [i32; 3]);
+/// An estimate, as bits, and a voxel, so that the first in raster order is the smallest.
+type Entry = (u64, u64);
+
+/// An index as a number that is not negative, and its bits: more than a map has.
+const SHIFT: i32 = 1 << 20;
+const BITS: u32 = 21;
+
+fn packed(voxel: Voxel) -> u64 {
+    voxel
+        .raster()
+        .into_iter()
+        .fold(0, |packed, c| packed << BITS | u64::from((c + SHIFT) as u32 & (2 * SHIFT - 1) as u32))
+}
+
+fn unpacked(packed: u64) -> Voxel {
+    let index = |place: u32| (packed >> (place * BITS)) as i32 & (2 * SHIFT - 1);
+    Voxel::new(index(0) - SHIFT, index(1) - SHIFT, index(2) - SHIFT)
+}
 
 /// Buckets of the ring: four voxels, more than twice √3.
 const RING: usize = 64;
@@ -220,13 +254,13 @@ const BUCKETS: f64 = 16.0;
 
 impl Open {
     fn new(estimate: f64, voxel: Voxel) -> Self {
-        let now = BinaryHeap::from([Reverse((estimate.to_bits(), voxel.raster()))]);
+        let now = BinaryHeap::from([Reverse((estimate.to_bits(), packed(voxel)))]);
         Self { now, bucket: (estimate * BUCKETS) as u64, later: std::array::from_fn(|_| Vec::new()) }
     }
 
     #[inline]
     fn push(&mut self, estimate: f64, voxel: Voxel) {
-        let (bucket, entry) = ((estimate * BUCKETS) as u64, Reverse((estimate.to_bits(), voxel.raster())));
+        let (bucket, entry) = ((estimate * BUCKETS) as u64, Reverse((estimate.to_bits(), packed(voxel))));
         match bucket <= self.bucket {
             true => self.now.push(entry),
             false => self.later[bucket as usize % RING].push(entry),
@@ -239,7 +273,7 @@ impl Open {
             self.bucket += next;
             self.now = std::mem::take(&mut self.later[self.bucket as usize % RING]).into();
         }
-        self.now.pop().map(|Reverse((estimate, [z, y, x]))| (f64::from_bits(estimate), Voxel::new(x, y, z)))
+        self.now.pop().map(|Reverse((estimate, voxel))| (f64::from_bits(estimate), unpacked(voxel)))
     }
 }
 
@@ -271,6 +305,14 @@ mod tests {
         let reached = all(&passable, at(3, 4));
         assert!((reached.cost(at(9, 4)).unwrap() - expected).abs() < 1e-9);
         assert_eq!(reached.way_to(at(9, 4)).unwrap(), flood);
+    }
+
+    #[test]
+    fn packed_voxels_are_in_raster_order() {
+        let all = [[-40_000, 3, -1], [40_000, -3, -1], [0, 0, 0], [-1, 1, 0], [5, 0, 7]].map(Voxel::from);
+        assert!(all.iter().all(|voxel| unpacked(packed(*voxel)) == *voxel));
+        let is_less = |pair: &[Voxel]| packed(pair[0]) < packed(pair[1]);
+        assert!(all.windows(2).all(|pair| is_less(pair) == (pair[0].raster() < pair[1].raster())));
     }
 
     #[test]

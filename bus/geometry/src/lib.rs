@@ -9,7 +9,7 @@
 //! | values by voxel, sparse: bricks of 8×8×8 | [`bricks`]; sets of a brick's cells: [`mask`], of voxels: [`set`] |
 //! | what is free, occupied, unknown | [`state`], [`grid`]; what changed, for whoever keeps a copy: [`delta`] |
 //! | where what is known ends | [`frontier`] |
-//! | a box of voxels with numbers, and the states of one | [`region`], [`volume`] |
+//! | a dense box of voxels with numbers, and the states of one | [`region`], [`volume`] |
 //! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
 //! | where a body of some size can be, what hangs together, and the shortest way there | [`clearance`], [`component`], [`astar`] |
 //! | ways in straight lines, and where a camera is | [`polyline`], [`pose`] |

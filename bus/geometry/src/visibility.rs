@@ -14,9 +14,9 @@ pub fn sees(free: &VoxelSet, resolution: f64, from: Point3<f64>, target: Voxel) 
 }
 
 /// The same where this says what is free.
-pub fn in_sight(resolution: f64, mut is_free: impl FnMut(Voxel) -> bool, from: Point3<f64>, target: Voxel) -> bool {
+pub fn in_sight(resolution: f64, is_free: impl FnMut(Voxel) -> bool, from: Point3<f64>, target: Voxel) -> bool {
     let way = Traversal::new(from, target.center(resolution), resolution);
-    way.take_while(|v| *v != target).all(|v| is_free(v))
+    way.take_while(|v| *v != target).all(is_free)
 }
 
 /// Looks for places that see into a voxel, over all directions at the map's resolution.

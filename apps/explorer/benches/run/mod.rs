@@ -15,7 +15,7 @@ use elk_geometry::{Bounds, Clearance, OccupancyGrid, Pose};
 use elk_map::{MapConfig, OccupancyMap};
 use elk_sensor::Robot;
 use elk_sensor::simulator::{self, Simulator};
-use elk_spatial::checks::{MAX_BRICKS, MAX_REMEMBERED};
+use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{CameraPose, Decision, Plan, PlanRequest, PoseCommand};
 use elk_world::World;

@@ -119,7 +119,7 @@ impl Building {
     /// A room's walls to the corridor and to the next room, and what is in it.
     fn build_room(&mut self, room: usize, random: &mut Random) {
         let [[x, y], [to, _]] = self.floor(room);
-        let wall = if room % 2 == 0 { [y + ROOM, y + ROOM + WALL] } else { [y - WALL, y] };
+        let wall = if is_south(room) { [y + ROOM, y + ROOM + WALL] } else { [y - WALL, y] };
         let door = x + random.between(0.3, ROOM - DOOR[0] - 0.3);
         let mut piece = |name: &str, [from, to]: [f64; 2], low: f64| {
             self.add(format!("room-{room}-{name}"), [from, wall[0], low], [to, wall[1], CEILING]);
@@ -127,9 +127,9 @@ impl Building {
         piece("wall", [x, door], 0.0);
         piece("wall", [door + DOOR[0], to], 0.0);
         piece("lintel", [door, door + DOOR[0]], DOOR[1]);
-        let [low, high] = if room % 2 == 0 { [y, wall[1]] } else { [wall[0], y + ROOM] };
+        let [low, high] = if is_south(room) { [y, wall[1]] } else { [wall[0], y + ROOM] };
         self.add(format!("room-{room}-end"), [to, low, 0.0], [to + WALL, high, CEILING]);
-        if room % 2 == 1 {
+        if !is_south(room) {
             // To the next wing.
             self.add(format!("room-{room}-back"), [x, y + ROOM, 0.0], [to + WALL, y + ROOM + WALL, CEILING]);
         }
@@ -141,7 +141,7 @@ impl Building {
         let [[x, y], [to, _]] = self.floor(room);
         // Depth is counted from the wall that faces the door's.
         let mut put = |name: &str, [from, to]: [f64; 2], [near, far]: [f64; 2], [low, high]: [f64; 2]| {
-            let (a, b) = if room % 2 == 0 { (y + near, y + far) } else { (y + ROOM - far, y + ROOM - near) };
+            let (a, b) = if is_south(room) { (y + near, y + far) } else { (y + ROOM - far, y + ROOM - near) };
             self.add(format!("room-{room}-{name}"), [from, a, low], [to, b, high]);
         };
         let (width, height) = (random.between(0.8, 1.2), random.between(1.2, 2.1));
@@ -152,6 +152,11 @@ impl Building {
         put("table", [table, table + 1.2], [1.1, 1.8], [0.7, 0.76]);
         put("leg", [table + 0.5, table + 0.7], [1.35, 1.55], [0.0, 0.7]);
     }
+}
+
+/// Whether a room lies south of its wing's corridor.
+fn is_south(room: usize) -> bool {
+    room.is_multiple_of(2)
 }
 
 /// The box between two corners of the plan (m), in the world.
