@@ -6,7 +6,6 @@ use elk_explorer::{ClosestFrontier, Explorer, Policy, Potential, Settings, Strat
 use elk_field::Solver;
 use elk_geometry::clearance::Clearance;
 use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
-use elk_spatial::checks::MAX_REMEMBERED;
 use elk_spatial::messages::{Outcome, PlanRequest};
 
 const RESOLUTION: f64 = 0.1;
@@ -28,8 +27,6 @@ fn settings() -> Settings {
         bounds: None,
         radius_m: 0.1,
         clearance: Clearance::new(0.1, RESOLUTION).expect("a voxel can be afforded"),
-        max_voxels: usize::MAX,
-        max_targets: MAX_REMEMBERED,
         min_frontier: 1,
         attempts: 4,
         max_scans: 1000,

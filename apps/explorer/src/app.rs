@@ -9,7 +9,7 @@ use elk_geometry::limits::RESOLUTIONS_M;
 use elk_geometry::{Bounds, Voxel};
 use elk_mission::{Kind, ParamSpec, Params};
 use elk_spatial::Replica;
-use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
+use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
 };
@@ -19,7 +19,6 @@ use nalgebra::Vector3;
 
 use crate::candidates::EXPLORER_GOALS;
 use crate::explore::{Explorer, Settings};
-use crate::extent::Scope;
 use crate::policy::Policy;
 use crate::requests::{MOST_ASKERS, Requests};
 use crate::strategy::Strategy;
@@ -72,30 +71,9 @@ const MAX_BRICKS_PARAM: ParamSpec = param(
     "32768",
     "Bricks of 8x8x8 voxels that the map may have: the map's.",
 );
-/// The bytes are what `cargo run --release -p elk-explorer --example plan_memory` says.
-const MAX_VOXELS: ParamSpec = param(
-    "MaxVoxels",
-    Kind::Integer { min: 10_000, max: 1_000_000_000 },
-    "8000000",
-    "Voxels of the box that a plan is made over, at about 26 bytes each, or 68 for Potential. Of a larger map it is what \
-     the robot can get to, or, if that is too much, what of it is near.",
-);
-
 /// The parameters that all explorers have.
-pub const COMMON: &[ParamSpec] = &[
-    MID,
-    DIM,
-    RES,
-    POLICY,
-    RADIUS,
-    SPACING,
-    MIN_FRONTIER,
-    ATTEMPTS,
-    MAX_SCANS,
-    PATIENCE,
-    MAX_BRICKS_PARAM,
-    MAX_VOXELS,
-];
+pub const COMMON: &[ParamSpec] =
+    &[MID, DIM, RES, POLICY, RADIUS, SPACING, MIN_FRONTIER, ATTEMPTS, MAX_SCANS, PATIENCE, MAX_BRICKS_PARAM];
 
 /// An explorer of any strategy with the parameters that all share.
 pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>, AppError> {
@@ -109,7 +87,6 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         said_full: false,
         requests: Requests::default(),
         plan: None,
-        scope: Scope::default(),
     };
     Ok(Box::new(app.on_the_bus()))
 }
@@ -126,8 +103,6 @@ fn settings(params: &Params) -> Result<Settings, AppError> {
         bounds: bounds(params),
         radius_m: params.number("Radius"),
         clearance: Clearance::new(params.number("Radius"), params.number("Res"))?,
-        max_voxels: count("MaxVoxels") as usize,
-        max_targets: MAX_REMEMBERED,
         min_frontier: count("MinFrontier") as usize,
         attempts: count("Attempts") as usize,
         max_scans: count("MaxScans"),
@@ -154,8 +129,6 @@ pub struct ExplorerApp {
     requests: Requests,
     /// The last plan, to be given again if it is asked for again.
     plan: Option<Plan>,
-    /// What of the map plans are made over, as it was last said.
-    scope: Scope,
 }
 
 impl ExplorerApp {
@@ -278,7 +251,6 @@ impl ExplorerApp {
             // It was perhaps given up half-way.
             return Ok(());
         }
-        self.say_scope(comms.name());
         // Before it is said: who has heard a plan can rely on every explorer to come to know it.
         comms.publish(&EXPLORER_MEMORY, &self.explorer.memory(&plan))?;
         if let Some(candidates) = self.explorer.take_candidates(&request, plan.revision) {
@@ -299,20 +271,6 @@ impl ExplorerApp {
                 Decision::Go(path) => path_in(grid, &path.points, plan.motion.clearance_m).is_ok(),
                 Decision::Done => true,
             }
-    }
-
-    /// Says once, whenever that changes, which part of the map plans are made over.
-    fn say_scope(&mut self, name: &str) {
-        let scope = self.explorer.scope();
-        if std::mem::replace(&mut self.scope, scope) == scope {
-            return;
-        }
-        let what = match scope {
-            Scope::Whole => "all that is known",
-            Scope::Component => "what the robot can get to: all that is known is more than MaxVoxels",
-            Scope::Near => "what is near the robot: all that it can get to is more than MaxVoxels",
-        };
-        tell(format_args!("{name}: from now on it plans over {what}"));
     }
 
     fn say(&self, comms: &mut Comms) -> Result<(), AppError> {

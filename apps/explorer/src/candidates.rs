@@ -53,8 +53,8 @@ pub struct Candidate {
 pub struct Weighed {
     /// How many.
     pub count: u64,
-    /// The first of them, none chosen yet, each with its voxel, by index of the volume.
-    pub first: Vec<(usize, Candidate)>,
+    /// The first of them, none chosen yet, each with its own voxel.
+    pub first: Vec<(Voxel, Candidate)>,
 }
 
 impl Weighed {
@@ -62,15 +62,15 @@ impl Weighed {
     pub fn add(&mut self, goal: &Goal, score: f64) {
         self.count += 1;
         if self.first.len() < MOST && score.is_finite() {
-            let Goal { index, position, target } = goal;
+            let Goal { voxel, position, target } = goal;
             let candidate = Candidate { position: *position, target: target.voxel, score, chosen: false };
-            self.first.push((*index, candidate));
+            self.first.push((*voxel, candidate));
         }
     }
 
     /// Marks the goals in the voxel that the strategy goes to.
-    pub fn choose(&mut self, index: usize) {
-        self.first.iter_mut().for_each(|(of, candidate)| candidate.chosen = *of == index);
+    pub fn choose(&mut self, voxel: Voxel) {
+        self.first.iter_mut().for_each(|(of, candidate)| candidate.chosen = *of == voxel);
     }
 
     /// The goals alone.

@@ -1,5 +1,6 @@
 //! One explorer: from a map and a pose to the next path, until nothing is left that can be reached and seen.
 
+mod agenda;
 mod memory;
 mod nearest;
 mod scene;
@@ -23,7 +24,6 @@ use elk_spatial::{CameraInfo, StrategyMemory};
 use nalgebra::Point3;
 
 use crate::candidates::{Candidates, Weighed};
-use crate::extent::Scope;
 use crate::goals::{Goal, Goals};
 use crate::journal::Journal;
 use crate::policy::looks;
@@ -84,7 +84,7 @@ impl Explorer {
 
     /// Whether the map is full, and comes to know nothing of bricks that it does not have.
     pub fn hear_whether_full(&mut self, full: bool, grid: &OccupancyGrid) {
-        self.frontier.set_full(full, grid);
+        self.changed.extend(self.frontier.set_full(full, grid));
     }
 
     /// The frontier of the volume that it explores.
@@ -100,11 +100,6 @@ impl Explorer {
     /// Of the rays of all scans so far, so many went without a return. Where nothing is seen, looking again is in vain.
     pub fn hear_of_rays(&mut self, no_return: u64) {
         self.no_return = no_return;
-    }
-
-    /// What of the map the last plan was made over.
-    pub fn scope(&self) -> Scope {
-        self.scene.as_ref().map(Scene::scope).unwrap_or_default()
     }
 
     /// The strategy, its settings and the policy, in one line.
@@ -124,6 +119,8 @@ impl Explorer {
     /// not taken over, if it is not.
     pub fn succeed(&mut self, left: &ExplorerMemory) -> Option<String> {
         self.memory = Memory::recall(left);
+        // It was made with another memory.
+        self.scene = None;
         self.no_return = self.no_return.max(left.no_return);
         self.journal.recall(left);
         self.plans = left.plans;
@@ -205,7 +202,8 @@ impl Explorer {
         let from = request.pose.position();
         let (memory, settings) = (&self.memory, &self.settings);
         let (before, changed) = (self.scene.take(), std::mem::take(&mut self.changed));
-        let mut scene = self.journal.time("space", || Scene::around(known, from, (before, &changed), memory, settings));
+        let mut scene = self.journal.time("space", || Scene::around(known, from, (before, changed), memory, settings));
+        self.sort_out(&mut scene, known);
         let decision = self.decide_on(&mut scene, known, request);
         self.scene = Some(scene);
         decision
@@ -222,18 +220,22 @@ impl Explorer {
         if self.memory.refused() >= self.settings.patience {
             return self.stop(StopReason::Refused, scene, known);
         }
-        let mut goals = self.near_goals(scene);
         // Perhaps the robot stands in a corner that became too tight.
-        if goals.is_empty() && self.journal.time("space", || scene.back_off(known, &self.memory, &self.settings)) {
-            goals = self.near_goals(scene);
+        if scene.agenda.goals().is_empty() && self.journal.time("space", || scene.back_off()) {
+            self.sort_out(scene, known);
         }
-        if goals.is_empty() {
-            goals = self.far_goals(scene, known.frontier);
-        }
+        let far;
+        let goals = match scene.agenda.goals().is_empty() {
+            true => {
+                far = self.far_goals(scene, known);
+                &far
+            }
+            false => scene.agenda.goals(),
+        };
         if goals.is_empty() {
             return self.stop(StopReason::Explored, scene, known);
         }
-        match self.choose(scene, &goals, from) {
+        match self.choose(scene, goals, from) {
             Some((goal, way)) => {
                 // Whoever goes on has not ended, whatever a predecessor or a request out of turn came to.
                 self.report = None;
@@ -243,30 +245,30 @@ impl Explorer {
         }
     }
 
-    fn near_goals(&mut self, scene: &mut Scene) -> Goals {
-        let Scene { volume, space, verdicts, targets, .. } = scene;
-        let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
-        let wanted = targets.iter().take_while(|_| !is_to_stop());
-        self.journal.time("goals", || Goals::near(volume, &space.reach, range_m, wanted, verdicts))
+    fn sort_out(&mut self, scene: &mut Scene, known: Known) {
+        let (learned, memory, settings) = (self.memory.take_learned(), &self.memory, &self.settings);
+        self.journal.time("goals", || scene.sort_out(known, learned, memory, settings));
     }
 
     /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
     /// on the map as it is then counts.
-    fn far_goals(&mut self, scene: &mut Scene, frontier: &FrontierSet) -> Goals {
-        let Scene { volume, space, verdicts, targets, left, .. } = scene;
-        let robot = volume.voxel(space.start());
+    fn far_goals(&mut self, scene: &mut Scene, known: Known) -> Goals {
+        let mut targets = scene.agenda.targets(known, &self.memory);
+        let Scene { space, verdicts, left, .. } = scene;
+        let robot = space.start();
         targets.sort_by_key(|t| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>());
         let (fresh, hidden): (Vec<Target>, Vec<Target>) =
-            targets.drain(..).partition(|t| !self.memory.is_hidden(t.voxel));
-        let mut goals = Goals::none(volume);
+            targets.into_iter().partition(|t| !self.memory.is_hidden(t.voxel));
+        let mut goals = Goals::default();
+        left.open = 0;
         for candidates in [fresh, hidden] {
             let far;
             let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
             let wanted = candidates.iter().take_while(|_| !is_to_stop());
-            (goals, far) = self.journal.time("sight", || Goals::far(volume, &space.reach, range_m, wanted, verdicts));
-            self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), frontier);
+            (goals, far) = self.journal.time("sight", || Goals::far(space, range_m, wanted, verdicts));
+            self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), known.frontier);
             if !goals.is_empty() {
-                targets.extend(candidates);
+                left.open = candidates.len() as u64;
                 break;
             }
             left.invisible += far.invisible.len() as u64;
@@ -285,10 +287,10 @@ impl Explorer {
         goals: &'a Goals,
         robot: Point3<f64>,
     ) -> Option<(&'a Goal, Vec<Point3<f64>>)> {
-        let (volume, space) = (&scene.volume, &scene.space);
+        let space = &scene.space;
         let start = space.start();
         let backed_off = space.escape.len() > 1;
-        let view = View { volume, space, from: if backed_off { volume.center(start) } else { robot }, goals };
+        let view = View { space, from: if backed_off { space.center(start) } else { robot }, goals };
         // A robot that stands in a goal looks first: for the field it would be source and sink at once.
         let here = goals.contains(start).then(|| Route { points: vec![view.from], goal: start });
         let route = here
@@ -301,10 +303,10 @@ impl Explorer {
         self.weighed = self.journal.take_weighed();
         self.weighed.choose(route.goal);
         let goal = goals.at(route.goal)?;
-        let escape = space.escape.iter().skip(1).map(|i| volume.center(*i));
+        let escape = space.escape.iter().skip(1).map(|voxel| space.center(*voxel));
         let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
         way.extend(route.points);
-        let there = way.last().is_some_and(|p| goal.target.seen_from(volume, *p));
+        let there = way.last().is_some_and(|p| goal.target.seen_from(space, *p));
         if !there {
             way.push(goal.position);
         }
@@ -313,17 +315,17 @@ impl Explorer {
 
     /// The path to follow, and what to do at its end.
     fn path(&mut self, scene: &Scene, known: Known, goal: &Goal, way: Vec<Point3<f64>>) -> Path {
-        let (volume, target) = (&scene.volume, &goal.target);
+        let (space, target) = (&scene.space, &goal.target);
         let (policy, range_m) = (&self.settings.policy, self.sight.range_m);
         let path = self.journal.time("path", || {
-            let fixed = Polyline::new(way.iter().copied().take(scene.space.escape.len()));
+            let fixed = Polyline::new(way.iter().copied().take(space.escape.len()));
             let fixed = fixed.map_or(0.0, |f| f.length());
             let whole = Polyline::new(way.iter().copied());
-            let shaped = whole.map(|w| policy.shape((volume, &scene.space.reach), (target, range_m), w, fixed));
+            let shaped = whole.map(|w| policy.shape(space, (target, range_m), w, fixed));
             let points = shaped.map_or(way, |s| s.points().to_vec());
             let end = points.last().copied().unwrap_or(goal.position);
             Path {
-                looks: looks(volume, known, end, target),
+                looks: looks(space, known, end, target),
                 points,
                 target: target.voxel,
                 unknown: target.unknown().collect(),
@@ -335,8 +337,7 @@ impl Explorer {
 
     fn stop(&mut self, why: StopReason, scene: &Scene, known: Known) -> Decision {
         let Edges { map, volume, no_room } = Edges::of(known.grid, known.frontier);
-        let mut left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
-        left.open += scene.targets.len() as u64 + scene.beyond;
+        let left = FrontiersLeft { map_edge: map, volume_edge: volume, no_room, ..scene.left };
         let Verdict { complete, mut reason } = Verdict::of(why, &left, scene, known.grid, &self.settings);
         let (plans, fallbacks) = (self.plans, self.journal.fallbacks);
         if fallbacks > 0 {

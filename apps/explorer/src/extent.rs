@@ -1,67 +1,51 @@
-//! Which part of the map is planned over: all that is known as long as that is not too much, else what the robot can get to.
+//! Which part of the map a field is solved over: all that is known as long as that is not too much, else what the robot can
+//! get to, or what of it is near.
 //!
-//! A dense volume costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes.
+//! A dense box costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes.
 
-use elk_geometry::bricks::Bricks;
 use elk_geometry::volume::corners;
-use elk_geometry::{OccupancyGrid, State, Voxel};
+use elk_geometry::{Region, Voxel, mask};
 
-/// What of the map is in an [`Extent`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Scope {
-    /// All that is known.
-    #[default]
-    Whole,
-    /// The free voxels that the robot's own is connected with, and what is around them.
-    Component,
-    /// Of these, what is near the robot.
-    Near,
-}
+use crate::space::Space;
 
-/// A box of voxels around the robot's own.
-#[derive(Debug, Clone)]
+/// A box of voxels around the robot's own: its smallest corner, and the corner beyond the largest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Extent {
     /// Smallest corner.
     pub min: Voxel,
     /// The corner beyond the largest.
     pub max: Voxel,
-    /// What of the map is in it.
-    pub scope: Scope,
-    /// The robot's component, where not all of it is in the box.
-    component: Option<Bricks<bool>>,
+    /// Voxels around it of which nothing is said.
+    margin: i32,
 }
 
 impl Extent {
-    /// The extent to plan over for a robot in voxel `robot`, so that with `margin` voxels around it is of at most `budget`
-    /// voxels.
-    pub fn of(grid: &OccupancyGrid, robot: Voxel, margin: i32, budget: usize) -> Self {
+    /// What a robot's space has in it, or of it what the robot can get to, or what is near, so that with a margin around it is of
+    /// at most `budget` voxels.
+    pub fn of(space: &Space, budget: usize) -> Self {
+        let (robot, margin) = (space.component.start(), space.margin());
         let fits = |(min, max): (Voxel, Voxel)| voxels(min, max, margin) <= budget as u64;
-        let known = corners(robot, grid.bricks().iter().map(|(brick, _)| brick));
+        let known = corners(robot, space.known().into_iter().flatten());
         if fits(known) {
-            return Self { min: known.0, max: known.1, scope: Scope::Whole, component: None };
+            return Self { min: known.0, max: known.1, margin };
         }
-        let component = component(grid, robot);
+        let reached = space.reach.bricks().filter(|(_, cells)| **cells != mask::NONE).map(|(brick, _)| brick);
         let around = Voxel::new(margin, margin, margin);
-        let (min, max) = corners(robot, component.iter().map(|(brick, _)| brick));
+        let (min, max) = corners(robot, reached);
         let (min, max) = (min - around, max + around);
-        if fits((min, max)) {
-            return Self { min, max, scope: Scope::Component, component: None };
-        }
-        let (min, max) = near(robot, (min, max), fits);
-        Self { min, max, scope: Scope::Near, component: Some(component) }
+        let (min, max) = if fits((min, max)) { (min, max) } else { near(robot, (min, max), fits) };
+        Self { min, max, margin }
     }
 
-    /// Whether it is the same box as another one, with the same of the map in it.
-    pub fn is_box_of(&self, other: &Self) -> bool {
-        (self.min, self.max, self.scope) == (other.min, other.max, other.scope)
+    /// Its voxels with the margin, numbered.
+    pub fn region(&self, resolution: f64) -> Region {
+        let around = Voxel::new(self.margin, self.margin, self.margin);
+        let dim = (self.max - self.min + around + around).to_array().map(|n| n as usize);
+        Region::new(self.min - around, dim, resolution)
     }
 
-    /// Whether a voxel is of the robot's component, and not in the box.
-    pub fn leaves_out(&self, voxel: Voxel) -> bool {
-        self.component.as_ref().is_some_and(|component| component.get(voxel)) && !self.contains(voxel)
-    }
-
-    fn contains(&self, voxel: Voxel) -> bool {
+    /// Whether a voxel is in the box.
+    pub fn contains(&self, voxel: Voxel) -> bool {
         let (min, max, voxel) = (self.min.to_array(), self.max.to_array(), voxel.to_array());
         (0..3).all(|axis| (min[axis]..max[axis]).contains(&voxel[axis]))
     }
@@ -71,21 +55,6 @@ impl Extent {
 fn voxels(min: Voxel, max: Voxel, margin: i32) -> u64 {
     let edges = (max - min).to_array().map(|n| u64::from((n + 2 * margin).unsigned_abs()));
     edges.iter().fold(1, |product, edge| product.saturating_mul(*edge))
-}
-
-/// The free voxels connected with `start` over faces; `start` itself always is.
-fn component(grid: &OccupancyGrid, start: Voxel) -> Bricks<bool> {
-    let mut found = Bricks::new();
-    *found.get_mut(start) = true;
-    let mut open = vec![start];
-    while let Some(voxel) = open.pop() {
-        for next in voxel.face_neighbours() {
-            if grid.state(next) == State::Free && !std::mem::replace(found.get_mut(next), true) {
-                open.push(next);
-            }
-        }
-    }
-    found
 }
 
 /// The largest part of a box that reaches equally far along each axis from a place near the robot, as far as the box goes, and
@@ -114,44 +83,41 @@ fn part(middle: Voxel, (min, max): (Voxel, Voxel), reach: i32) -> (Voxel, Voxel)
 
 #[cfg(test)]
 mod tests {
+    use elk_geometry::{Clearance, OccupancyGrid, State};
+
     use super::*;
 
-    /// A corridor of `length` free voxels along x, and a stray voxel of this state 30,000 voxels away.
-    fn corridor(length: i32, stray: State) -> OccupancyGrid {
+    /// A robot at `x` in a corridor of `length` free voxels along x, and a stray voxel of this state 30,000 voxels away.
+    fn corridor(length: i32, stray: State, x: i32) -> Space {
         let mut grid = OccupancyGrid::new(0.1);
-        (0..length).for_each(|x| assert!(grid.set(Voxel::new(x, 0, 0), State::Free)));
+        let free: Vec<Voxel> = (0..length).map(|x| Voxel::new(x, 0, 0)).collect();
+        free.iter().for_each(|voxel| assert!(grid.set(*voxel, State::Free)));
         grid.set(Voxel::new(30_000, -30_000, 30_000), stray);
-        grid
+        Space::around(&grid, Voxel::new(x, 0, 0), &Clearance::default(), &free)
     }
 
     #[test]
-    fn all_that_is_known_is_planned_over_if_it_is_not_too_much() {
-        let grid = corridor(40, State::Unknown);
-        let extent = Extent::of(&grid, Voxel::new(3, 0, 0), 2, 10_000);
+    fn all_that_is_known_is_in_it_if_it_is_not_too_much() {
+        let extent = Extent::of(&corridor(40, State::Unknown, 3), 10_000);
         assert_eq!((extent.min, extent.max), (Voxel::new(0, 0, 0), Voxel::new(40, 8, 8)));
-        assert_eq!(extent.scope, Scope::Whole);
+        assert_eq!(extent.region(0.1).dim(), [44, 12, 12]);
     }
 
     /// Regression: one stray point at 3 km made the explorer ask for 24 TB.
     #[test]
     fn what_is_far_away_and_apart_is_left_out() {
         for stray in [State::Free, State::Occupied] {
-            let extent = Extent::of(&corridor(40, stray), Voxel::new(3, 0, 0), 2, 20_000);
+            let extent = Extent::of(&corridor(40, stray, 3), 20_000);
             assert_eq!((extent.min, extent.max), (Voxel::new(-2, -2, -2), Voxel::new(42, 10, 10)));
-            assert_eq!(extent.scope, Scope::Component);
-            assert!(!extent.leaves_out(Voxel::new(30_000, -30_000, 30_000)), "the robot cannot get there");
         }
     }
 
     #[test]
-    fn of_a_component_that_is_too_large_the_robots_surroundings_are_planned_over() {
-        let robot = Voxel::new(1000, 0, 0);
-        let extent = Extent::of(&corridor(30_000, State::Free), robot, 2, 20_000);
-        assert_eq!(extent.scope, Scope::Near);
-        assert!(voxels(extent.min, extent.max, 2) <= 20_000 && extent.contains(robot));
-        assert!(extent.contains(Voxel::new(1020, 0, 0)) && !extent.leaves_out(Voxel::new(1020, 0, 0)));
-        assert!(extent.leaves_out(Voxel::new(20_000, 0, 0)) && !extent.leaves_out(Voxel::new(20_000, 1, 0)));
-        let ahead = Extent::of(&corridor(30_000, State::Free), robot + Voxel::new(1, 0, 0), 2, 20_000);
-        assert!(extent.is_box_of(&ahead), "it goes in steps: {extent:?} {ahead:?}");
+    fn of_what_is_too_large_the_robots_surroundings_are_in_it() {
+        let extent = Extent::of(&corridor(30_000, State::Free, 1000), 20_000);
+        assert!(extent.region(0.1).len() <= 20_000 && extent.contains(Voxel::new(1020, 0, 0)));
+        assert!(!extent.contains(Voxel::new(20_000, 0, 0)));
+        let ahead = Extent::of(&corridor(30_000, State::Free, 1001), 20_000);
+        assert_eq!(extent, ahead, "it goes in steps");
     }
 }

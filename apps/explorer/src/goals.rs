@@ -4,13 +4,17 @@
 //! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
 //! every place that sees the unknown at all counts.
 
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::hash::BuildHasherDefault;
+
 use elk_geometry::Voxel;
+use elk_geometry::bricks::BrickHasher;
+use elk_geometry::visibility::Lookout;
 use nalgebra::Point3;
 
+use crate::space::Space;
 use crate::target::Target;
 use crate::verdicts::Verdicts;
-use elk_geometry::Volume;
-use elk_geometry::visibility::Lookout;
 
 /// Greatest distance of a standoff from its frontier voxel (m).
 const STANDOFF_M: f64 = 0.5;
@@ -22,8 +26,8 @@ const ENOUGH_TARGETS: usize = 16;
 /// A place from which a target can be resolved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Goal {
-    /// The voxel that it lies in, by index of the [`Volume`].
-    pub index: usize,
+    /// The voxel that it lies in.
+    pub voxel: Voxel,
     /// Where to look from (m, world).
     pub position: Point3<f64>,
     /// What to look at.
@@ -39,53 +43,59 @@ pub struct Far {
     pub exhausted: Vec<Voxel>,
 }
 
-/// The goals of one plan, at most one a voxel.
-#[derive(Debug, Clone)]
+/// The goals of one plan, at most one a voxel: each target's own, of which in each voxel the first one counts.
+#[derive(Debug, Clone, Default)]
 pub struct Goals {
-    /// By index of the [`Volume`]: one more than the place in `list`, or 0.
-    at: Vec<u32>,
-    list: Vec<Goal>,
+    /// Which there are in each voxel.
+    at: HashMap<Voxel, BTreeSet<Rank>, BuildHasherDefault<BrickHasher>>,
+    list: BTreeMap<Rank, Goal>,
+    /// The goal of each target that has one of its own.
+    of: HashMap<Voxel, Rank, BuildHasherDefault<BrickHasher>>,
 }
 
+/// The order of goals: those in the frontier itself, then those at a standoff, both in the order of their targets; those from
+/// afar as they were found.
+type Rank = (u8, [i32; 3]);
+
 impl Goals {
-    /// No goal.
-    pub fn none(volume: &Volume) -> Self {
-        Self { at: vec![0; volume.len()], list: Vec::new() }
+    /// This is the goal near target `of` now.
+    pub(crate) fn set(&mut self, of: Voxel, goal: Goal) {
+        let rank = (u8::from(goal.voxel != of), of.to_array());
+        if self.list.get(&rank) != Some(&goal) {
+            self.remove(of);
+            self.of.insert(of, rank);
+            self.put(rank, goal);
+        }
     }
 
-    fn add(&mut self, index: usize, goal: impl FnOnce() -> Goal) {
-        if self.at[index] == 0 {
-            self.list.push(goal());
-            self.at[index] = self.list.len() as u32;
+    /// There is no goal near target `of`, or no longer.
+    pub(crate) fn remove(&mut self, of: Voxel) {
+        let Some(rank) = self.of.remove(&of) else { return };
+        let Some(goal) = self.list.remove(&rank) else { return };
+        if let Some(here) = self.at.get_mut(&goal.voxel) {
+            here.remove(&rank);
+            if here.is_empty() {
+                self.at.remove(&goal.voxel);
+            }
         }
+    }
+
+    fn put(&mut self, rank: Rank, goal: Goal) {
+        self.at.entry(goal.voxel).or_default().insert(rank);
+        self.list.insert(rank, goal);
     }
 
     /// Goals in the frontier itself, or at a standoff from which a camera that sees `range_m` far sees it.
     pub fn near<'a>(
-        volume: &Volume,
-        reach: &[bool],
+        space: &Space,
         range_m: f64,
-        targets: impl IntoIterator<Item = &'a Target, IntoIter: Clone>,
+        targets: impl IntoIterator<Item = &'a Target>,
         verdicts: &mut Verdicts,
     ) -> Self {
-        let targets = targets.into_iter();
-        let mut goals = Self::none(volume);
-        let enterable = |t: &Target| {
-            let i = volume.index(t.voxel)?;
-            (reach[i] && t.tried.is_empty()).then_some(i)
-        };
-        for (i, target) in targets.clone().filter_map(|t| Some((enterable(t)?, t))) {
-            let position = volume.center(i);
-            goals.add(i, || Goal { index: i, position, target: target.clone() });
-        }
-        let radius = STANDOFF_M.min(range_m) / volume.resolution();
-        let ball: Vec<(Voxel, isize)> = ball(radius).into_iter().map(|d| (d, volume.offset(d))).collect();
-        for target in targets.filter(|t| enterable(t).is_none()) {
-            let look = || standoff(volume, reach, target, &ball);
-            // What is unknown there lies one voxel farther.
-            if let Some(i) = verdicts.standoff(volume, target, radius.ceil() as i32 + 1, look) {
-                let position = volume.center(i);
-                goals.add(i, || Goal { index: i, position, target: target.clone() });
+        let (mut goals, near) = (Self::default(), NearGoals::new(space, range_m));
+        for target in targets {
+            if let Some(goal) = near.of(target.clone(), verdicts) {
+                goals.set(target.voxel, goal);
             }
         }
         goals
@@ -94,18 +104,17 @@ impl Goals {
     /// Places that look into the unknown beside a target, from afar if need be, as far as the camera sees, for the first
     /// targets that any sees; and what became of the targets before those ran out.
     pub fn far<'a>(
-        volume: &Volume,
-        reach: &[bool],
+        space: &Space,
         range_m: f64,
         targets: impl IntoIterator<Item = &'a Target>,
         verdicts: &mut Verdicts,
     ) -> (Self, Far) {
-        let lookout = Lookout::new(LAST_RESORT_M.min(range_m), volume.resolution()).from_within(volume, reach);
-        let (mut goals, mut far) = (Self::none(volume), Far::default());
+        let lookout = Lookout::new(LAST_RESORT_M.min(range_m), space.resolution()).from_within(&space.reach);
+        let (mut goals, mut far) = (Self::default(), Far::default());
         let mut seen = 0;
         for target in targets {
-            let places = verdicts.views(volume, reach, target, &lookout);
-            let mut untried = places.iter().filter(|(i, _)| target.untried(volume.voxel(*i))).peekable();
+            let places = verdicts.views(space, target, &lookout);
+            let mut untried = places.iter().filter(|(voxel, _)| target.untried(*voxel)).peekable();
             if places.is_empty() {
                 far.invisible.push(target.voxel);
             } else if untried.peek().is_none() {
@@ -113,8 +122,9 @@ impl Goals {
             } else {
                 seen += 1;
             }
-            for (i, position) in untried {
-                goals.add(*i, || Goal { index: *i, position: *position, target: target.clone() });
+            for (voxel, position) in untried {
+                let goal = Goal { voxel: *voxel, position: *position, target: target.clone() };
+                goals.put((FAR, [goals.list.len() as i32, 0, 0]), goal);
             }
             if seen >= ENOUGH_TARGETS {
                 break;
@@ -123,19 +133,21 @@ impl Goals {
         (goals, far)
     }
 
-    /// The goal in the voxel at an index.
-    pub fn at(&self, index: usize) -> Option<&Goal> {
-        self.list.get((*self.at.get(index)? as usize).wrapping_sub(1))
+    /// The goal in a voxel.
+    pub fn at(&self, voxel: Voxel) -> Option<&Goal> {
+        self.list.get(self.at.get(&voxel)?.first()?)
     }
 
-    /// Whether there is a goal in the voxel at an index.
-    pub fn contains(&self, index: usize) -> bool {
-        self.at(index).is_some()
+    /// Whether there is a goal in a voxel.
+    pub fn contains(&self, voxel: Voxel) -> bool {
+        self.at.contains_key(&voxel)
     }
 
     /// All goals, always in the same order for the same map.
     pub fn iter(&self) -> impl Iterator<Item = &Goal> {
-        self.list.iter()
+        let is_first =
+            |(rank, goal): &(&Rank, &Goal)| self.at.get(&goal.voxel).and_then(BTreeSet::first) == Some(*rank);
+        self.list.iter().filter(is_first).map(|(_, goal)| goal)
     }
 
     /// Whether there is none.
@@ -145,23 +157,45 @@ impl Goals {
 
     /// Number of goals.
     pub fn len(&self) -> usize {
-        self.list.len()
+        self.at.len()
     }
 }
 
-/// The reachable voxel nearest to a target that sees its unknown neighbours; the ball is that of the offsets, with those of the
-/// indices.
-fn standoff(volume: &Volume, reach: &[bool], target: &Target, ball: &[(Voxel, isize)]) -> Option<usize> {
-    let own = volume.index(target.voxel)?;
-    let outermost = ball.last().map_or(0, |(d, _)| d.distance(Voxel::new(0, 0, 0)).ceil() as i32);
-    let around = Voxel::new(outermost, outermost, outermost);
-    let all_inside = [target.voxel - around, target.voxel + around].iter().all(|v| volume.index(*v).is_some());
-    let index = |(voxel, offset): &(Voxel, isize)| match all_inside {
-        true => Some(own.wrapping_add_signed(*offset)),
-        false => volume.index(target.voxel + *voxel),
-    };
-    let reached = ball.iter().filter_map(index).filter(|i| reach[*i]);
-    reached.into_iter().find(|i| target.seen_from(volume, volume.center(*i)))
+/// The first number of the rank of a goal from afar.
+const FAR: u8 = 2;
+
+/// Finds the goals near the frontier.
+pub(crate) struct NearGoals<'a> {
+    space: &'a Space,
+    ball: Vec<Voxel>,
+    /// How far from a target it looks (voxels).
+    radius: i32,
+}
+
+impl<'a> NearGoals<'a> {
+    /// For a camera that sees `range_m` far.
+    pub fn new(space: &'a Space, range_m: f64) -> Self {
+        let radius = STANDOFF_M.min(range_m) / space.resolution();
+        // What is unknown beside a target lies one voxel farther.
+        Self { space, ball: ball(radius), radius: radius.ceil() as i32 + 1 }
+    }
+
+    /// The goal of a target, if it has one: in its own voxel, or at a standoff.
+    pub fn of(&self, target: Target, verdicts: &mut Verdicts) -> Option<Goal> {
+        let enterable = target.tried.is_empty() && self.space.reach.contains(target.voxel);
+        let voxel = match enterable {
+            true => target.voxel,
+            false => verdicts.standoff(&target, self.radius, || standoff(self.space, &target, &self.ball))?,
+        };
+        Some(Goal { voxel, position: self.space.center(voxel), target })
+    }
+}
+
+/// The reachable voxel nearest to a target that sees its unknown neighbours.
+fn standoff(space: &Space, target: &Target, ball: &[Voxel]) -> Option<Voxel> {
+    let mut reach = space.reach.near();
+    let mut reached = ball.iter().map(|d| target.voxel + *d).filter(|voxel| reach.contains(*voxel));
+    reached.find(|voxel| target.seen_from(space, space.center(*voxel)))
 }
 
 /// The offsets within `radius` (voxels), nearest first.
@@ -181,13 +215,13 @@ mod tests {
     use super::*;
     use crate::sight::Sight;
     use crate::target::Known;
-    use elk_geometry::{Bounds, FrontierSet, OccupancyGrid, State};
+    use elk_geometry::{Bounds, Clearance, FrontierSet, OccupancyGrid, State};
 
     /// As far as a camera sees that has no limit (m).
-    const FAR: f64 = f64::INFINITY;
+    const RANGE: f64 = f64::INFINITY;
 
     /// A free box of 10³ voxels, its floor occupied but for what `unknown` leaves open.
-    fn room(unknown: &[Voxel]) -> (OccupancyGrid, Volume) {
+    fn room(unknown: &[Voxel]) -> OccupancyGrid {
         let mut grid = OccupancyGrid::new(0.1);
         for x in -1..11 {
             for y in -1..11 {
@@ -201,8 +235,7 @@ mod tests {
                 }
             }
         }
-        let volume = Volume::of(&grid, Voxel::new(0, 0, 0), 2);
-        (grid, volume)
+        grid
     }
 
     fn target(grid: &OccupancyGrid, bounds: Option<Bounds>, tried: Vec<Voxel>) -> Target {
@@ -211,24 +244,27 @@ mod tests {
         Target::new(Known { grid, frontier: &frontier, sight: Sight::default() }, Voxel::new(5, 5, 0), tried)
     }
 
-    fn reach(volume: &Volume, margin: i32) -> Vec<bool> {
-        let within = |c: i32| (margin..10 - margin).contains(&c);
-        (0..volume.len()).map(|i| volume.voxel(i).to_array().into_iter().all(within)).collect()
+    /// A robot that can be so far from the walls.
+    fn space(grid: &OccupancyGrid, margin: i32) -> Space {
+        let within = |voxel: &Voxel| voxel.to_array().into_iter().all(|c| (margin..10 - margin).contains(&c));
+        let gone: Vec<Voxel> = grid.bricks().voxels().map(|(voxel, _)| voxel).filter(within).collect();
+        // Wide as it is, it can be only where it has been.
+        Space::around(grid, Voxel::new(5, 5, 5), &Clearance::new(2.0, 0.1).unwrap(), &gone)
     }
 
     #[test]
     fn what_cannot_be_entered_is_looked_at_from_near() {
         let hole = Voxel::new(5, 5, -1);
-        let (grid, volume) = room(&[hole]);
+        let grid = room(&[hole]);
         let frontier = Voxel::new(5, 5, 0);
         let target = target(&grid, None, vec![]);
         assert!(target.unknown().eq([hole]));
 
-        let entered = Goals::near(&volume, &reach(&volume, 0), FAR, [&target], &mut Verdicts::new(&volume));
-        assert!(entered.contains(volume.index(frontier).unwrap()));
+        let entered = Goals::near(&space(&grid, 0), RANGE, [&target], &mut Verdicts::default());
+        assert!(entered.contains(frontier));
 
-        let kept_off = Goals::near(&volume, &reach(&volume, 2), FAR, [&target], &mut Verdicts::new(&volume));
-        let above = volume.index(Voxel::new(5, 5, 2)).unwrap();
+        let kept_off = Goals::near(&space(&grid, 2), RANGE, [&target], &mut Verdicts::default());
+        let above = Voxel::new(5, 5, 2);
         assert_eq!(kept_off.len(), 1);
         assert_eq!(kept_off.at(above).map(|g| g.target.voxel), Some(frontier));
     }
@@ -236,19 +272,19 @@ mod tests {
     #[test]
     fn a_place_tried_in_vain_is_not_tried_again() {
         let hole = Voxel::new(5, 5, -1);
-        let (grid, volume) = room(&[hole]);
+        let grid = room(&[hole]);
         let tried = vec![Voxel::new(5, 5, 0), Voxel::new(5, 5, 2)];
         let target = target(&grid, None, tried.clone());
-        let goals = Goals::near(&volume, &reach(&volume, 1), FAR, [&target], &mut Verdicts::new(&volume));
+        let goals = Goals::near(&space(&grid, 1), RANGE, [&target], &mut Verdicts::default());
         assert_eq!(goals.len(), 1);
         for t in tried {
-            assert!(!goals.contains(volume.index(t).unwrap()));
+            assert!(!goals.contains(t));
         }
     }
 
     #[test]
     fn outside_the_bounds_nothing_is_unknown() {
-        let (grid, _) = room(&[Voxel::new(5, 5, -1)]);
+        let grid = room(&[Voxel::new(5, 5, -1)]);
         let bounds = Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() };
         let target = target(&grid, Some(bounds), vec![]);
         assert!(target.faces.is_empty());
@@ -275,14 +311,14 @@ mod tests {
     #[test]
     fn what_nothing_sees_is_invisible() {
         let hole = Voxel::new(5, 5, -1);
-        let (grid, volume) = room(&[hole]);
+        let grid = room(&[hole]);
         let target = target(&grid, None, vec![]);
-        let nowhere = vec![false; volume.len()];
-        let (goals, far) = Goals::far(&volume, &nowhere, FAR, [&target], &mut Verdicts::new(&volume));
+        let nowhere = Space::around(&grid, Voxel::new(99, 0, 0), &Clearance::default(), &[]);
+        let (goals, far) = Goals::far(&nowhere, RANGE, [&target], &mut Verdicts::default());
         assert!(goals.is_empty() && far.invisible == vec![target.voxel]);
-        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), FAR, [&target], &mut Verdicts::new(&volume));
+        let (goals, far) = Goals::far(&space(&grid, 3), RANGE, [&target], &mut Verdicts::default());
         assert!(!goals.is_empty() && far == Far::default());
-        let (goals, far) = Goals::far(&volume, &reach(&volume, 3), 0.25, [&target], &mut Verdicts::new(&volume));
+        let (goals, far) = Goals::far(&space(&grid, 3), 0.25, [&target], &mut Verdicts::default());
         assert!(goals.is_empty() && far.invisible == vec![target.voxel], "the camera does not see so far");
     }
 }

@@ -1,11 +1,11 @@
 //! Where to go next: frontier exploration of an occupancy grid, one module per strategy behind one trait.
 //!
 //! The way through the code, in the order in which a plan is made ([`explore::Explorer::plan`]):
-//! [`extent`] says which part of the map, a [`Volume`](elk_geometry::Volume) is a dense copy of it, [`space`] says where the
-//! robot can be, [`goals`] from where each frontier voxel can be resolved (with [`elk_geometry::visibility`]; what was found
-//! before is in [`verdicts`]), all of which is kept from plan to plan and brought up to date where the map has changed; a [`strategy`]
-//! chooses one and a way to it (with [`elk_geometry::astar`], or with [`elk_field`]), and [`policy`] makes of it a path with
-//! scans. [`app`] puts that on the bus, [`program`] makes it a program.
+//! [`space`] says where the robot can be, in sets of voxels ([`elk_geometry::set`]), [`goals`] from where each frontier voxel
+//! can be resolved (with [`elk_geometry::visibility`]; what was found before is in [`verdicts`]), all of which is kept from plan
+//! to plan and brought up to date where the map has changed; a [`strategy`] chooses one and a way to it (with
+//! [`elk_geometry::astar`], or with [`elk_field`] in an [`extent`]), and [`policy`] makes of it a path with scans. [`app`] puts
+//! that on the bus, [`program`] makes it a program.
 //!
 //! # A strategy of one's own
 //!

@@ -4,13 +4,13 @@
 //! every result. `thesis` is its letter (6.5.1): follow the path to its end, looking along it. `elk` stops where the
 //! target's unknown side is in sight, cuts bends that nothing asks for, and looks at the target on the way.
 
+use elk_geometry::ray::Traversal;
 use elk_geometry::{Polyline, Pose, Voxel};
 use elk_spatial::messages::MotionPolicy;
 use nalgebra::{Point3, Vector3};
 
+use crate::space::Space;
 use crate::target::{Known, Target};
-use elk_geometry::Volume;
-use elk_geometry::visibility::sees;
 
 /// Length of way between two checks for line of sight (m).
 const SIGHT_STEP_M: f64 = 0.05;
@@ -93,43 +93,37 @@ impl Policy {
         }
     }
 
-    /// The part of `way` to follow to resolve `target` with a camera that sees `range_m` far. `reach` is where the robot can
-    /// be; the first `fixed` (m) of the way, on which it backs off from an obstacle, are left as they are.
-    pub fn shape(
-        &self,
-        (volume, reach): (&Volume, &[bool]),
-        (target, range_m): (&Target, f64),
-        way: Polyline,
-        fixed: f64,
-    ) -> Polyline {
-        let cut = self.cut(volume, target, range_m, way);
+    /// The part of `way` to follow to resolve `target` with a camera that sees `range_m` far. The
+    /// first `fixed` (m) of the way, on which it backs off from an obstacle, are left as they are.
+    pub fn shape(&self, space: &Space, (target, range_m): (&Target, f64), way: Polyline, fixed: f64) -> Polyline {
+        let cut = self.cut(space, target, range_m, way);
         if !self.straighten {
             return cut;
         }
-        let straight = straighten(volume, reach, &cut, fixed);
-        self.cut(volume, target, range_m, straight)
+        let straight = straighten(space, &cut, fixed);
+        self.cut(space, target, range_m, straight)
     }
 
     /// Ends the way where the target is in sight.
-    fn cut(&self, volume: &Volume, target: &Target, range_m: f64, way: Polyline) -> Polyline {
+    fn cut(&self, space: &Space, target: &Target, range_m: f64, way: Polyline) -> Polyline {
         let Some(range) = self.stop_at_sight_m.map(|range| range.min(range_m)) else {
             return way;
         };
-        let center = target.voxel.center(volume.resolution());
+        let center = target.voxel.center(space.resolution());
         let in_sight =
-            way.samples(SIGHT_STEP_M).find(|(_, p)| (p - center).norm() <= range && target.seen_from(volume, *p));
+            way.samples(SIGHT_STEP_M).find(|(_, p)| (p - center).norm() <= range && target.seen_from(space, *p));
         let end = in_sight.map_or(way.length(), |(s, _)| s);
         Polyline::new(way.part(0.0, end)).unwrap_or(way)
     }
 }
 
 /// String pulling: from each point straight to the farthest one that can be reached so.
-fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Polyline {
+fn straighten(space: &Space, way: &Polyline, fixed: f64) -> Polyline {
     let points: Vec<Point3<f64>> = way.samples(SIGHT_STEP_M).map(|(_, p)| p).collect();
     let mut at = (fixed / SIGHT_STEP_M).ceil() as usize;
     let mut pulled = way.part(0.0, (at as f64 * SIGHT_STEP_M).min(way.length()));
     while at + 1 < points.len() {
-        let straight = |to: &usize| free_line(volume, reach, points[at], points[*to]);
+        let straight = |to: &usize| free_line(space, points[at], points[*to]);
         let next = (at + 2..points.len()).rev().find(straight).unwrap_or(at + 1);
         // What lies between two neighbouring samples may bend at a corner of the original.
         let (from, to) = (at as f64 * SIGHT_STEP_M, next as f64 * SIGHT_STEP_M);
@@ -143,17 +137,18 @@ fn straighten(volume: &Volume, reach: &[bool], way: &Polyline, fixed: f64) -> Po
 }
 
 /// Whether the robot can go straight from `from` to `to`.
-fn free_line(volume: &Volume, reach: &[bool], from: Point3<f64>, to: Point3<f64>) -> bool {
-    elk_geometry::ray::Traversal::new(from, to, volume.resolution()).all(|v| volume.index(v).is_some_and(|i| reach[i]))
+fn free_line(space: &Space, from: Point3<f64>, to: Point3<f64>) -> bool {
+    let mut reach = space.reach.near();
+    Traversal::new(from, to, space.resolution()).all(|voxel| reach.contains(voxel))
 }
 
 /// The poses to scan from at `position`, in order: first the one that has most of the frontier in view beside the target,
 /// then straight into each of its unknown neighbours, those in sight first.
-pub fn looks(volume: &Volume, known: Known, position: Point3<f64>, target: &Target) -> Vec<Pose> {
-    let toward = |v: &Voxel| v.center(volume.resolution()) - position;
+pub fn looks(space: &Space, known: Known, position: Point3<f64>, target: &Target) -> Vec<Pose> {
+    let toward = |v: &Voxel| v.center(space.resolution()) - position;
     let mut exact: Vec<Voxel> = target.unknown().collect();
-    exact.sort_by_key(|u| !sees(volume, position, *u));
-    let first = widest(volume, known, position, target);
+    exact.sort_by_key(|u| !space.sees(position, *u));
+    let first = widest(space, known, position, target);
     std::iter::once(first)
         .chain(exact.iter().take(EXACT_LOOKS).map(toward))
         .map(|direction| Pose::looking(position, direction))
@@ -161,11 +156,11 @@ pub fn looks(volume: &Volume, known: Known, position: Point3<f64>, target: &Targ
 }
 
 /// Of directions that keep the target in view, the one that has most of what is unknown around in view.
-fn widest(volume: &Volume, known: Known, position: Point3<f64>, target: &Target) -> Vector3<f64> {
-    let toward = |u: &Voxel| (u.center(volume.resolution()) - position).try_normalize(1e-9);
-    let in_sight = |u: &Voxel| sees(volume, position, *u);
+fn widest(space: &Space, known: Known, position: Point3<f64>, target: &Target) -> Vector3<f64> {
+    let toward = |u: &Voxel| (u.center(space.resolution()) - position).try_normalize(1e-9);
+    let in_sight = |u: &Voxel| space.sees(position, *u);
     let Some(axis) = target.unknown().find(in_sight).and_then(|u| toward(&u)) else {
-        return outward(volume, known, position, target);
+        return outward(space, known, position, target);
     };
     let around: Vec<Vector3<f64>> =
         unknown_around(known, position).iter().filter(|u| in_sight(u)).filter_map(toward).collect();
@@ -204,8 +199,8 @@ fn unknown_around(known: Known, position: Point3<f64>) -> Vec<Voxel> {
 
 /// The mean direction from `position` to what is unknown around the target: seen from afar that is the target, seen from
 /// its own voxel it is the frontier's outward normal.
-fn outward(volume: &Volume, known: Known, position: Point3<f64>, target: &Target) -> Vector3<f64> {
-    let resolution = volume.resolution();
+fn outward(space: &Space, known: Known, position: Point3<f64>, target: &Target) -> Vector3<f64> {
+    let resolution = space.resolution();
     let n = (LOOK_RADIUS_M / resolution).floor() as i32;
     let side = || -n..=n;
     let offsets = side()
@@ -228,10 +223,10 @@ fn outward(volume: &Volume, known: Known, position: Point3<f64>, target: &Target
 mod tests {
     use super::*;
     use crate::sight::Sight;
-    use elk_geometry::{FrontierSet, OccupancyGrid, State};
+    use elk_geometry::{Clearance, FrontierSet, OccupancyGrid, State};
 
     /// An L-shaped corridor, 5 voxels wide and high: 30 along x, then 30 along y; its far end is open.
-    fn corridor() -> (OccupancyGrid, FrontierSet, Volume, Vec<bool>, Target) {
+    fn corridor() -> (OccupancyGrid, FrontierSet, Space, Target) {
         let mut grid = OccupancyGrid::new(0.1);
         let mut frontier = FrontierSet::new(None);
         for x in -1..31 {
@@ -246,11 +241,12 @@ mod tests {
         }
         let all: Vec<Voxel> = grid.bricks().voxels().map(|(v, _)| v).collect();
         frontier.update(&grid, &all);
-        let volume = Volume::of(&grid, Voxel::new(0, 0, 0), 2);
-        let reach: Vec<bool> = volume.states().iter().map(|s| *s == State::Free).collect();
+        let inside = |v: &&Voxel| grid.state(**v) == State::Free;
+        // Wherever it is free, the robot has been.
+        let space = Space::around(&grid, Voxel::new(2, 2, 2), &Clearance::default(), all.iter().filter(inside));
         let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
         let target = Target::new(known, Voxel::new(27, 29, 2), vec![]);
-        (grid, frontier, volume, reach, target)
+        (grid, frontier, space, target)
     }
 
     fn way() -> Polyline {
@@ -260,44 +256,44 @@ mod tests {
 
     #[test]
     fn the_thesis_follows_to_the_end_and_elk_until_it_sees() {
-        let (_, _, volume, reach, target) = corridor();
-        let thesis = Policy::thesis(0.4).shape((&volume, &reach), (&target, f64::INFINITY), way(), 0.0);
+        let (_, _, space, target) = corridor();
+        let thesis = Policy::thesis(0.4).shape(&space, (&target, f64::INFINITY), way(), 0.0);
         assert_eq!(thesis, way());
-        let elk = Policy::elk(0.4).shape((&volume, &reach), (&target, f64::INFINITY), way(), 0.0);
-        assert!(target.seen_from(&volume, elk.end()));
+        let elk = Policy::elk(0.4).shape(&space, (&target, f64::INFINITY), way(), 0.0);
+        assert!(target.seen_from(&space, elk.end()));
         assert!(elk.length() < 2.7, "{}", elk.length());
         assert_eq!(elk.points()[0], way().points()[0]);
         for pair in elk.points().windows(2) {
-            assert!(free_line(&volume, &reach, pair[0], pair[1]));
+            assert!(free_line(&space, pair[0], pair[1]));
         }
-        let short_sighted = Policy::elk(0.4).shape((&volume, &reach), (&target, 1.0), way(), 0.0);
+        let short_sighted = Policy::elk(0.4).shape(&space, (&target, 1.0), way(), 0.0);
         let left = (short_sighted.end() - target.voxel.center(0.1)).norm();
-        assert!(target.seen_from(&volume, short_sighted.end()) && left <= 1.0, "{left}");
+        assert!(target.seen_from(&space, short_sighted.end()) && left <= 1.0, "{left}");
     }
 
     #[test]
     fn a_straightened_way_is_shorter_and_stays_where_the_robot_can_be() {
-        let (_, _, volume, reach, _) = corridor();
-        let straight = straighten(&volume, &reach, &way(), 0.0);
+        let (_, _, space, _) = corridor();
+        let straight = straighten(&space, &way(), 0.0);
         assert!(straight.length() < way().length() - 0.1);
         assert_eq!((straight.points()[0], straight.end()), (way().points()[0], way().end()));
         for pair in straight.points().windows(2) {
-            assert!(free_line(&volume, &reach, pair[0], pair[1]));
+            assert!(free_line(&space, pair[0], pair[1]));
         }
     }
 
     #[test]
     fn the_first_look_is_along_the_frontiers_normal_the_next_into_the_unknown() {
-        let (grid, frontier, volume, _, target) = corridor();
+        let (grid, frontier, space, target) = corridor();
         let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
         let inside = target.voxel.center(0.1);
-        let poses = looks(&volume, known, inside, &target);
+        let poses = looks(&space, known, inside, &target);
         assert_eq!(poses.len(), 2);
         for pose in &poses {
             assert!(pose.forward().y > 0.999, "{:?}", pose.forward());
         }
         let afar = Voxel::new(27, 2, 2).center(0.1);
-        assert!(looks(&volume, known, afar, &target)[0].forward().y > 0.99);
+        assert!(looks(&space, known, afar, &target)[0].forward().y > 0.99);
     }
 
     #[test]

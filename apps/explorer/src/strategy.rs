@@ -4,7 +4,7 @@
 //! all strategies, so that their results can be compared.
 
 use elk_bus::DecodeError;
-use elk_geometry::Volume;
+use elk_geometry::Voxel;
 use elk_mission::type_name;
 use elk_spatial::StrategyMemory;
 use elk_spatial::strategy_memory::LeaveError;
@@ -17,9 +17,7 @@ use crate::space::Space;
 /// What a strategy sees. [`View::cheapest`] and [`View::ways`] are all that most strategies need of it.
 #[derive(Debug, Clone, Copy)]
 pub struct View<'a> {
-    /// The known map.
-    pub volume: &'a Volume,
-    /// Where the robot can be; a route leads from [`Space::start`] through [`Space::reach`].
+    /// What is free, and where the robot can be; a route leads from [`Space::start`] through [`Space::reach`].
     pub space: &'a Space,
     /// Where the route starts (m, world): the robot, or the centre of the start voxel if the robot has to back off first.
     pub from: Point3<f64>,
@@ -32,15 +30,15 @@ pub struct View<'a> {
 pub struct Route {
     /// Points to pass in straight lines (m, world), from [`View::from`] to somewhere in the goal's voxel.
     pub points: Vec<Point3<f64>>,
-    /// The goal's voxel, by index of the volume.
-    pub goal: usize,
+    /// The goal's voxel.
+    pub goal: Voxel,
 }
 
 impl Route {
     /// From `view.from` through the centres of the voxels of `way`; `None` if it is empty.
-    pub fn over_voxels(view: &View<'_>, way: &[usize]) -> Option<Self> {
+    pub fn over_voxels(view: &View<'_>, way: &[Voxel]) -> Option<Self> {
         let goal = *way.last()?;
-        let rest = way.iter().skip(1).map(|i| view.volume.center(*i));
+        let rest = way.iter().skip(1).map(|voxel| view.space.center(*voxel));
         Some(Self { points: std::iter::once(view.from).chain(rest).collect(), goal })
     }
 }

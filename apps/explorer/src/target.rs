@@ -1,11 +1,11 @@
 //! What is to be resolved: a frontier voxel, and what is known around it.
 
 use elk_geometry::frontier::Faces;
-use elk_geometry::visibility::sees;
-use elk_geometry::{FrontierSet, OccupancyGrid, Volume, Voxel};
-use nalgebra::Point3;
+use elk_geometry::{FrontierSet, OccupancyGrid, Voxel};
+use nalgebra::{Point3, Vector3};
 
 use crate::sight::Sight;
+use crate::space::Space;
 
 /// A map, and the frontier that is kept up to date with it.
 #[derive(Debug, Clone, Copy)]
@@ -24,10 +24,12 @@ impl<'a> Known<'a> {
         self.frontier.unknown_beside(voxel).beside(voxel)
     }
 
-    /// The frontier voxels at most `range_m` from `place` (m, world), in the frontier's order.
+    /// The frontier voxels at most `range_m` from `place` (m, world).
     pub fn frontier_near(self, place: Point3<f64>, range_m: f64) -> impl Iterator<Item = Voxel> + 'a {
         let resolution = self.grid.resolution();
-        self.frontier.iter().filter(move |voxel| (voxel.center(resolution) - place).norm() <= range_m)
+        let corner = |d: f64| Voxel::containing(place + Vector3::repeat(d), resolution);
+        let voxels = self.frontier.within(corner(-range_m), corner(range_m));
+        voxels.filter(move |voxel| (voxel.center(resolution) - place).norm() <= range_m)
     }
 }
 
@@ -54,9 +56,9 @@ impl Target {
     }
 
     /// Whether a camera at `from` (m, world) sees any of the unknown, from a place not tried yet.
-    pub fn seen_from(&self, volume: &Volume, from: Point3<f64>) -> bool {
-        self.untried(Voxel::containing(from, volume.resolution()))
-            && self.unknown().any(|unknown| sees(volume, from, unknown))
+    pub fn seen_from(&self, space: &Space, from: Point3<f64>) -> bool {
+        self.untried(Voxel::containing(from, space.resolution()))
+            && self.unknown().any(|unknown| space.sees(from, unknown))
     }
 
     /// Whether looking from `voxel` would be something new.

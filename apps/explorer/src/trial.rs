@@ -11,7 +11,6 @@ use crate::space::Space;
 use crate::strategy::{Strategy, View};
 use crate::target::Target;
 use crate::verdicts::Verdicts;
-use elk_geometry::Volume;
 
 /// Edge of the room's voxels, and radius of its robot (m).
 const EDGE_M: f64 = 0.1;
@@ -25,7 +24,6 @@ const EDGE_M: f64 = 0.1;
 /// assert_eq!(room.choice(&mut ClosestFrontier), Some(1));
 /// ```
 pub struct Room {
-    volume: Volume,
     space: Space,
     goals: Goals,
     robot: Point3<f64>,
@@ -40,26 +38,23 @@ impl Room {
         let voxel = |place: &[f64; 3]| Voxel::containing(Point3::from(*place), EDGE_M);
         // A radius of one voxel is affordable.
         let clearance = Clearance::new(EDGE_M, EDGE_M).unwrap_or_default();
-        let volume = Volume::of(&grid, voxel(&robot), clearance.reach().max(2));
-        let start = volume.index(voxel(&robot)).unwrap_or_default();
-        let space = Space::around(&volume, start, &clearance, &[]);
+        let space = Space::around(&grid, voxel(&robot), &clearance, &[]);
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
         let target = |voxel: &Voxel| Target { voxel: *voxel, faces: Faces::default(), tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
-        let goals = Goals::near(&volume, &space.reach, f64::INFINITY, &targets, &mut Verdicts::new(&volume));
-        Self { volume, space, goals, robot: robot.into(), places }
+        let goals = Goals::near(&space, f64::INFINITY, &targets, &mut Verdicts::default());
+        Self { space, goals, robot: robot.into(), places }
     }
 
     /// What a strategy sees there.
     pub fn view(&self) -> View<'_> {
-        View { volume: &self.volume, space: &self.space, from: self.robot, goals: &self.goals }
+        View { space: &self.space, from: self.robot, goals: &self.goals }
     }
 
     /// Which of the goals, by their place in the list that the room was made with, a strategy goes to.
     pub fn choice(&self, strategy: &mut dyn Strategy) -> Option<usize> {
         let route = strategy.plan(&self.view(), &mut Journal::new(|| 0.0))?;
-        let chosen = self.volume.voxel(route.goal);
-        self.places.iter().position(|place| *place == chosen)
+        self.places.iter().position(|place| *place == route.goal)
     }
 }
 
@@ -112,7 +107,7 @@ mod tests {
         assert!((ways.length_m(goal).unwrap() - length).abs() < 1e-9);
         let route = ways.route(goal).unwrap();
         let points: f64 = route.points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
-        assert!((points - length).abs() < 1e-9 && route.goal == goal.index);
+        assert!((points - length).abs() < 1e-9 && route.goal == goal.voxel);
     }
 
     #[test]

@@ -15,15 +15,13 @@ pub struct Ways<'a> {
 impl<'a> View<'a> {
     /// The shortest ways to all goals: one search, whatever is then asked of it.
     pub fn ways(&self) -> Ways<'a> {
-        let View { volume, space, .. } = *self;
-        Ways { view: *self, reached: astar::all(volume, &space.reach, space.start()) }
+        Ways { view: *self, reached: astar::all(&self.space.reach, self.space.start()) }
     }
 
     /// The way to the closest goal; `None`: there is a way to none.
     pub fn closest(&self, journal: &mut Journal) -> Option<Route> {
         let way = journal.time("search", || {
-            let is_goal = |i| self.goals.contains(i);
-            astar::closest(self.volume, &self.space.reach, self.space.start(), is_goal)
+            astar::closest(&self.space.reach, self.space.start(), |voxel| self.goals.contains(voxel))
         })?;
         Route::over_voxels(self, &way)
     }
@@ -42,12 +40,12 @@ impl<'a> View<'a> {
 impl Ways<'_> {
     /// Length of the shortest way to a goal (m), from centre to centre of the voxels; `None`: there is none.
     pub fn length_m(&self, goal: &Goal) -> Option<f64> {
-        let voxels = self.reached.cost(goal.index)?;
-        Some(voxels * self.view.volume.resolution())
+        let voxels = self.reached.cost(goal.voxel)?;
+        Some(voxels * self.view.space.resolution())
     }
 
     /// The shortest way to a goal; `None`: there is none.
     pub fn route(&self, goal: &Goal) -> Option<Route> {
-        Route::over_voxels(&self.view, &self.reached.way_to(goal.index)?)
+        Route::over_voxels(&self.view, &self.reached.way_to(goal.voxel)?)
     }
 }

@@ -10,7 +10,7 @@ fn main() -> std::io::Result<()> {
     for site in &SITES {
         let scenery = (site.build)();
         let file = folder.join(format!("{}.obj", site.name));
-        std::fs::write(&file, scenery.to_obj())?;
+        std::fs::write(&file, scenery.to_obj("cargo run -p elk-world --example worlds"))?;
         println!("{:10} {:4} triangles", site.name, scenery.triangles().len());
     }
     Ok(())

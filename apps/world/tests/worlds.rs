@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use elk_geometry::Bounds;
-use elk_world::scenery::{SITES, Site, Solid};
+use elk_world::scenery::{Building, SITES, Site, Solid};
+use elk_world::suitability::{Wanted, suitability};
 use elk_world::{CAR_INTERIOR, Placement, World};
 use nalgebra::{Point3, Vector3};
 
@@ -27,7 +28,7 @@ fn the_files_are_what_the_generator_writes() {
     for site in &SITES {
         let written = std::fs::read_to_string(file(site)).unwrap();
         assert!(
-            written == (site.build)().to_obj(),
+            written == (site.build)().to_obj("cargo run -p elk-world --example worlds"),
             "{} is out of date: cargo run -p elk-world --example worlds",
             site.name
         );
@@ -191,4 +192,36 @@ fn what_is_no_file_is_no_world_and_nobody_waits_for_it() {
     ] {
         assert!(said(path).contains(words), "{}", said(path));
     }
+}
+
+#[test]
+fn a_building_has_its_rooms_and_is_a_world_to_explore() {
+    for rooms in [1, 5, 20, 27] {
+        let building = Building::new(rooms, 7);
+        let rooms = (rooms..rooms + 4).find(|all| building.rooms() == *all).unwrap();
+        let obj = building.scenery().to_obj("cargo run -p elk-world --example building");
+        let world = World::from_bytes("building.obj", obj.as_bytes(), &Placement::default()).unwrap();
+        let extents = building.extents();
+        let start = building.before(0).position();
+        let wanted = Wanted { resolution: 0.1, start: Some(start), range_m: 10.0, volume: Some(extents) };
+        let found = suitability(&world, &wanted);
+        assert!(found.faults.is_empty() && found.warnings.is_empty(), "{rooms}: {found:?}");
+        for room in 0..rooms {
+            let place = building.before(room).position();
+            assert!(world.is_free(place) && !world.touches(place, place, 0.3), "{rooms}, {room}");
+            // What is beside the corridor there is the room itself.
+            let mut beside = place;
+            beside.y += if room % 2 == 0 { -2.0 } else { 2.0 };
+            assert_eq!(building.room_at(beside), room);
+        }
+        for block in building.blocks() {
+            assert!(!world.is_free(block.mid()), "{rooms}: {block:?}");
+        }
+    }
+}
+
+#[test]
+fn a_seed_says_how_a_building_is_furnished() {
+    let obj = |seed| Building::new(4, seed).scenery().to_obj("the test");
+    assert!(obj(1) == obj(1) && obj(1) != obj(2));
 }

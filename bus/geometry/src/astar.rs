@@ -1,70 +1,157 @@
 //! Shortest ways over voxels: A* to one voxel, Dijkstra to the closest of many.
 //!
-//! What is `passable` is said by index of a [`Region`], of one voxel each, and of none on the region's own faces: with offsets
-//! from there a search would leave the box. The 26 neighbours, no corner cut. Ties go to the smaller index, so that equal maps give equal ways.
+//! The 26 neighbours, no corner cut. Ties go to the first in raster order, so that equal maps give equal ways. A search costs by
+//! what it gets to, however large the map is.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap};
+use std::hash::BuildHasherDefault;
 
-use crate::region::{Move, Region};
+use crate::bricks::{BRICK, BRICK_CELLS, BrickHasher, brick_of, cell_of};
+use crate::set::VoxelSet;
+use crate::voxel::Voxel;
 
-/// The shortest way from `from` to `to` over voxels in `passable` (indices, both ends included).
-pub fn shortest(region: &Region, passable: &[bool], from: usize, to: usize) -> Option<Vec<usize>> {
-    let target = region.voxel(to);
-    let (reached, end) = search(region, passable, from, |i| i == to, |i| region.voxel(i).distance(target));
+/// The shortest way from `from` to `to` over voxels of `passable`, both ends included.
+pub fn shortest(passable: &VoxelSet, from: Voxel, to: Voxel) -> Option<Vec<Voxel>> {
+    let (reached, end) = search(passable, from, |voxel| voxel == to, |voxel| voxel.distance(to));
     reached.way_to(end?)
 }
 
 /// The shortest way from `from` to the closest voxel that is a goal.
-pub fn closest(region: &Region, passable: &[bool], from: usize, is_goal: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
-    let (reached, end) = search(region, passable, from, is_goal, |_| 0.0);
+pub fn closest(passable: &VoxelSet, from: Voxel, is_goal: impl Fn(Voxel) -> bool) -> Option<Vec<Voxel>> {
+    let (reached, end) = search(passable, from, is_goal, |_| 0.0);
     reached.way_to(end?)
 }
 
 /// The shortest ways from `from` to all voxels that can be got to.
-pub fn all(region: &Region, passable: &[bool], from: usize) -> Reached {
-    search(region, passable, from, |_| false, |_| 0.0).0
+pub fn all(passable: &VoxelSet, from: Voxel) -> Reached {
+    search(passable, from, |_| false, |_| 0.0).0
 }
 
-/// What a search has got to: shortest ways from one voxel to others, by index of the [`Region`].
+/// What a search has got to: shortest ways from one voxel to others.
 #[derive(Debug, Clone)]
 pub struct Reached {
-    from: usize,
-    /// In voxels. Of memory that is all zeros only what is written to is ever there, so that a short search costs little.
-    cost: Vec<f64>,
-    /// One more than the index of the voxel before; 0 where the search has not got to.
-    parent: Vec<u32>,
+    from: Voxel,
+    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    pages: Vec<Box<Page>>,
+}
+
+/// What a search knows of a brick.
+#[derive(Debug, Clone)]
+struct Page {
+    /// Lengths of ways, in voxels.
+    cost: [f64; BRICK_CELLS],
+    /// The move that led there, from 1 as in [`MOVES`]; 0 where the search has not got to.
+    by: [u8; BRICK_CELLS],
+    /// What is passable in it and around it, as rows by z and y from one before the brick's own, a bit a voxel along x.
+    rows: [[u16; EDGE]; EDGE],
+    /// One more than the places of the pages of the bricks around it, by move; 0 where that was not looked up yet.
+    beside: [u32; MOVES],
+}
+
+/// Edge of a brick with one voxel around it.
+const EDGE: usize = BRICK as usize + 2;
+/// Number of moves; the one in their middle is none.
+const MOVES: usize = 27;
+/// The move that stays where it is: that of where a search begins.
+const STAY: usize = MOVES / 2;
+
+/// The offset of a move: x fastest.
+const fn offset(by: usize) -> Voxel {
+    Voxel::new(by as i32 % 3 - 1, by as i32 / 3 % 3 - 1, by as i32 / 9 - 1)
+}
+
+impl Page {
+    fn of(passable: &VoxelSet, brick: Voxel) -> Box<Self> {
+        let mut page = Box::new(Self {
+            cost: [0.0; BRICK_CELLS],
+            by: [0; BRICK_CELLS],
+            rows: [[0; EDGE]; EDGE],
+            beside: [0; MOVES],
+        });
+        for d in (0..MOVES).map(offset) {
+            let cells = passable.brick(brick + d);
+            let range = |c: i32| match c {
+                -1 => 7..8,
+                0 => 0..8,
+                _ => 0..1,
+            };
+            for (z, y) in range(d.z).flat_map(|z| range(d.y).map(move |y| (z, y))) {
+                let bits = (cells[z] >> (8 * y) & 0xff) as u16;
+                let place = |c: usize, d: i32| (c as i32 + 1 + BRICK * d) as usize;
+                let row = &mut page.rows[place(z, d.z)][place(y, d.y)];
+                *row |= match d.x {
+                    -1 => bits >> 7,
+                    0 => bits << 1,
+                    _ => (bits & 1) << 9,
+                };
+            }
+        }
+        page
+    }
+
+    /// What is passable of a cell and the voxels around it, by move.
+    #[inline]
+    fn near(&self, cell: usize) -> u32 {
+        let (x, y, z) = (cell & 7, cell >> 3 & 7, cell >> 6);
+        let mut near = 0;
+        for k in 0..9 {
+            near |= u32::from(self.rows[z + k / 3][y + k % 3] >> x & 7) << (3 * k);
+        }
+        near
+    }
 }
 
 impl Reached {
-    fn from(from: usize, voxels: usize) -> Self {
-        let (mut cost, mut parent) = (vec![0.0; voxels], vec![0; voxels]);
-        (cost[from], parent[from]) = (0.0, from as u32 + 1);
-        Self { from, cost, parent }
+    fn begin(passable: &VoxelSet, from: Voxel) -> Self {
+        let mut reached = Self { from, index: HashMap::default(), pages: Vec::new() };
+        let page = reached.page(passable, brick_of(from));
+        reached.pages[page].by[cell_of(from)] = STAY as u8 + 1;
+        reached
     }
 
-    /// Takes a way to a voxel if it is shorter than the one that is known.
     #[inline]
-    fn improve(&mut self, to: usize, cost: f64, by: usize) -> bool {
-        let better = self.parent[to] == 0 || cost < self.cost[to];
-        if better {
-            (self.cost[to], self.parent[to]) = (cost, by as u32 + 1);
+    fn page(&mut self, passable: &VoxelSet, brick: Voxel) -> usize {
+        let next = self.pages.len() as u32;
+        let page = *self.index.entry(brick).or_insert(next);
+        if page == next {
+            self.pages.push(Page::of(passable, brick));
         }
-        better
+        page as usize
+    }
+
+    /// The page of a brick beside that of page `own`, which is at `brick`.
+    #[inline]
+    fn page_beside(&mut self, passable: &VoxelSet, (own, brick): (usize, Voxel), beside: Voxel) -> usize {
+        let d = beside - brick;
+        let by = ((d.z + 1) * 9 + (d.y + 1) * 3 + d.x + 1) as usize;
+        if self.pages[own].beside[by] == 0 {
+            self.pages[own].beside[by] = self.page(passable, beside) as u32 + 1;
+        }
+        self.pages[own].beside[by] as usize - 1
+    }
+
+    fn at(&self, voxel: Voxel) -> Option<(&Page, usize)> {
+        Some((&self.pages[*self.index.get(&brick_of(voxel))? as usize], cell_of(voxel)))
+    }
+
+    /// The move that led to a voxel.
+    fn by(&self, voxel: Voxel) -> Option<usize> {
+        self.at(voxel).and_then(|(page, cell)| usize::from(page.by[cell]).checked_sub(1))
     }
 
     /// Length of the shortest way to a voxel (in voxels), from centre to centre; `None`: there is none.
-    pub fn cost(&self, to: usize) -> Option<f64> {
-        self.parent.get(to).filter(|parent| **parent != 0).map(|_| self.cost[to])
+    pub fn cost(&self, to: Voxel) -> Option<f64> {
+        self.at(to).filter(|(page, cell)| page.by[*cell] != 0).map(|(page, cell)| page.cost[cell])
     }
 
     /// The shortest way to a voxel, both ends included; `None`: there is none.
-    pub fn way_to(&self, to: usize) -> Option<Vec<usize>> {
+    pub fn way_to(&self, to: Voxel) -> Option<Vec<Voxel>> {
         self.cost(to)?;
         let mut way = vec![to];
         let mut at = to;
         while at != self.from {
-            at = self.parent[at] as usize - 1;
+            at = at - offset(self.by(at)?);
             way.push(at);
         }
         way.reverse();
@@ -75,25 +162,32 @@ impl Reached {
 /// Searches until a goal is reached, and answers which; `bound` is a lower bound of what is left of the way, which from a voxel
 /// to its neighbour falls by no more than the way between them.
 fn search(
-    region: &Region,
-    passable: &[bool],
-    from: usize,
-    is_goal: impl Fn(usize) -> bool,
-    bound: impl Fn(usize) -> f64,
-) -> (Reached, Option<usize>) {
-    let moves = Moves::of(region);
-    let mut reached = Reached::from(from, region.len());
+    passable: &VoxelSet,
+    from: Voxel,
+    is_goal: impl Fn(Voxel) -> bool,
+    bound: impl Fn(Voxel) -> f64,
+) -> (Reached, Option<Voxel>) {
+    let moves = moves();
+    let mut reached = Reached::begin(passable, from);
     let mut open = Open::new(bound(from), from);
-    while let Some((estimate, i)) = open.pop() {
-        if is_goal(i) {
-            return (reached, Some(i));
+    while let Some((estimate, voxel)) = open.pop() {
+        if is_goal(voxel) {
+            return (reached, Some(voxel));
         }
-        let cost = reached.cost[i];
-        if estimate > cost + bound(i) {
+        let (brick, cell) = (brick_of(voxel), cell_of(voxel));
+        let own = reached.page(passable, brick);
+        let cost = reached.pages[own].cost[cell];
+        if estimate > cost + bound(voxel) {
             continue;
         }
-        for (n, length) in moves.from(passable, i) {
-            if reached.improve(n, cost + length, i) {
+        let near = reached.pages[own].near(cell);
+        for Move { by, offset, length, .. } in moves.iter().filter(|one| near & one.needs == one.needs) {
+            let n = voxel + *offset;
+            let beside = brick_of(n);
+            let page = if beside == brick { own } else { reached.page_beside(passable, (own, brick), beside) };
+            let (page, cell) = (&mut reached.pages[page], cell_of(n));
+            if page.by[cell] == 0 || cost + length < page.cost[cell] {
+                (page.by[cell], page.cost[cell]) = (*by as u8 + 1, cost + length);
                 open.push(cost + length + bound(n), n);
             }
         }
@@ -101,40 +195,56 @@ fn search(
     (reached, None)
 }
 
-/// The moves of a region, with what each of them needs as bits: one for each of the 26 neighbours, in their order.
-struct Moves {
-    /// Index offset, length, and the neighbours that have to be passable.
-    all: Vec<(isize, f64, u32)>,
+/// A step from a voxel to one of the 26 around it.
+struct Move {
+    by: usize,
+    offset: Voxel,
+    /// Distance between the centres, in voxels: 1, √2 or √3.
+    length: f64,
+    /// What has to be passable, by move: where it leads, and what it passes between (no corner is cut).
+    needs: u32,
 }
 
-impl Moves {
-    fn of(region: &Region) -> Self {
-        let bit = |offset: isize| region.moves().iter().position(|m| m.offset == offset).map_or(0, |k| 1 << k);
-        let needs = |m: &Move| m.between.iter().map(|d| bit(*d)).fold(bit(m.offset), |bits, one: u32| bits | one);
-        Self { all: region.moves().iter().map(|m| (m.offset, m.length, needs(m))).collect() }
-    }
-
-    /// Where the moves from a voxel lead that can be made, and their lengths.
-    fn from(&self, passable: &[bool], i: usize) -> impl Iterator<Item = (usize, f64)> {
-        let free = |near: u32, (k, (offset, ..)): (usize, &(isize, f64, u32))| {
-            near | u32::from(passable[i.wrapping_add_signed(*offset)]) << k
-        };
-        let near = self.all.iter().enumerate().fold(0, free);
-        let made = self.all.iter().filter(move |(.., needs)| near & needs == *needs);
-        made.map(move |(offset, length, _)| (i.wrapping_add_signed(*offset), *length))
-    }
+fn moves() -> Vec<Move> {
+    let zero = Voxel::new(0, 0, 0);
+    let passes = |way: Voxel, d: Voxel| {
+        let parts = way.to_array().into_iter().zip(d.to_array());
+        d != zero && parts.into_iter().all(|(along, part)| part == 0 || part == along)
+    };
+    let needs = |way| (0..MOVES).filter(|by| passes(way, offset(*by))).map(|by| 1 << by).sum();
+    let all = (0..MOVES).filter(|by| *by != STAY);
+    all.map(|by| Move { by, offset: offset(by), length: offset(by).distance(zero), needs: needs(offset(by)) }).collect()
 }
 
-/// Voxels to go on from, those with the smallest estimate first, of equals the one with the smallest index.
+/// Voxels to go on from, those with the smallest estimate first, of equals the first in raster order.
 ///
 /// No estimate grows by more than two longest moves from one voxel to the next, so what is open fits into a ring of buckets
 /// (Dial, *Algorithm 360*, 1969), and only the lowest bucket has to be in order.
 struct Open {
     /// The lowest bucket. Estimates are not negative, so their bits sort as they do.
-    now: BinaryHeap<Reverse<(u64, usize)>>,
+    now: BinaryHeap<Reverse<Entry>>,
     /// Its number.
     bucket: u64,
-    later: [Vec<Reverse<(u64, usize)>>; RING],
+    later: [Vec<Reverse<Entry>>; RING],
+}
+
+/// An estimate, as bits, and a voxel, so that the first in raster order is the smallest.
+type Entry = (u64, u64);
+
+/// An index as a number that is not negative, and its bits: more than a map has.
+const SHIFT: i32 = 1 << 20;
+const BITS: u32 = 21;
+
+fn packed(voxel: Voxel) -> u64 {
+    voxel
+        .raster()
+        .into_iter()
+        .fold(0, |packed, c| packed << BITS | u64::from((c + SHIFT) as u32 & (2 * SHIFT - 1) as u32))
+}
+
+fn unpacked(packed: u64) -> Voxel {
+    let index = |place: u32| (packed >> (place * BITS)) as i32 & (2 * SHIFT - 1);
+    Voxel::new(index(0) - SHIFT, index(1) - SHIFT, index(2) - SHIFT)
 }
 
 /// Buckets of the ring: four voxels, more than twice √3.
@@ -143,81 +253,75 @@ const RING: usize = 64;
 const BUCKETS: f64 = 16.0;
 
 impl Open {
-    fn new(estimate: f64, index: usize) -> Self {
-        let now = BinaryHeap::from([Reverse((estimate.to_bits(), index))]);
+    fn new(estimate: f64, voxel: Voxel) -> Self {
+        let now = BinaryHeap::from([Reverse((estimate.to_bits(), packed(voxel)))]);
         Self { now, bucket: (estimate * BUCKETS) as u64, later: std::array::from_fn(|_| Vec::new()) }
     }
 
     #[inline]
-    fn push(&mut self, estimate: f64, index: usize) {
-        let (bucket, entry) = ((estimate * BUCKETS) as u64, Reverse((estimate.to_bits(), index)));
+    fn push(&mut self, estimate: f64, voxel: Voxel) {
+        let (bucket, entry) = ((estimate * BUCKETS) as u64, Reverse((estimate.to_bits(), packed(voxel))));
         match bucket <= self.bucket {
             true => self.now.push(entry),
             false => self.later[bucket as usize % RING].push(entry),
         }
     }
 
-    fn pop(&mut self) -> Option<(f64, usize)> {
+    fn pop(&mut self) -> Option<(f64, Voxel)> {
         if self.now.is_empty() {
             let next = (1..RING as u64).find(|k| !self.later[(self.bucket + k) as usize % RING].is_empty())?;
             self.bucket += next;
             self.now = std::mem::take(&mut self.later[self.bucket as usize % RING]).into();
         }
-        self.now.pop().map(|Reverse((estimate, index))| (f64::from_bits(estimate), index))
+        self.now.pop().map(|Reverse((estimate, voxel))| (f64::from_bits(estimate), unpacked(voxel)))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{OccupancyGrid, State, Volume, Voxel};
 
     /// Two rooms side by side behind a wall of one voxel at x = 6 with a door at y = 0.
-    fn rooms() -> (Volume, Vec<bool>) {
-        let mut grid = OccupancyGrid::new(0.1);
-        for x in -2..15 {
-            for y in -2..10 {
-                for z in -2..5 {
-                    let inside = (0..13).contains(&x) && (0..8).contains(&y) && (0..3).contains(&z);
-                    let free = inside && (x != 6 || y == 0);
-                    let state = if free { State::Free } else { State::Occupied };
-                    grid.set(Voxel::new(x, y, z), state);
-                }
-            }
-        }
-        let volume = Volume::of(&grid, Voxel::new(0, 0, 0), 1);
-        let passable = volume.states().iter().map(|s| *s == State::Free).collect();
-        (volume, passable)
+    fn rooms() -> VoxelSet {
+        let all = (0..13).flat_map(|x| (0..8).flat_map(move |y| (0..3).map(move |z| Voxel::new(x, y, z))));
+        all.filter(|v| v.x != 6 || v.y == 0).collect()
     }
 
-    fn length(volume: &Volume, way: &[usize]) -> f64 {
-        way.windows(2).map(|w| volume.voxel(w[0]).distance(volume.voxel(w[1]))).sum()
+    fn length(way: &[Voxel]) -> f64 {
+        way.windows(2).map(|w| w[0].distance(w[1])).sum()
     }
 
     #[test]
     fn the_way_leads_through_the_door_and_cuts_no_corner() {
-        let (volume, passable) = rooms();
-        let at = |x, y| volume.index(Voxel::new(x, y, 1)).unwrap();
-        let way = shortest(&volume, &passable, at(3, 4), at(9, 4)).unwrap();
+        let passable = rooms();
+        let at = |x, y| Voxel::new(x, y, 1);
+        let way = shortest(&passable, at(3, 4), at(9, 4)).unwrap();
         // Five diagonals would cut the door posts: two straight steps through, the rest diagonal.
         let expected = 2.0 + 2.0 * (2.0 * 2f64.sqrt() + 2.0);
-        assert!((length(&volume, &way) - expected).abs() < 1e-9);
+        assert!((length(&way) - expected).abs() < 1e-9);
         assert!(way.contains(&at(6, 0)));
-        let flood = closest(&volume, &passable, at(3, 4), |i| i == at(9, 4)).unwrap();
-        assert!((length(&volume, &flood) - expected).abs() < 1e-9);
-        let reached = all(&volume, &passable, at(3, 4));
+        let flood = closest(&passable, at(3, 4), |voxel| voxel == at(9, 4)).unwrap();
+        assert!((length(&flood) - expected).abs() < 1e-9);
+        let reached = all(&passable, at(3, 4));
         assert!((reached.cost(at(9, 4)).unwrap() - expected).abs() < 1e-9);
         assert_eq!(reached.way_to(at(9, 4)).unwrap(), flood);
     }
 
     #[test]
+    fn packed_voxels_are_in_raster_order() {
+        let all = [[-40_000, 3, -1], [40_000, -3, -1], [0, 0, 0], [-1, 1, 0], [5, 0, 7]].map(Voxel::from);
+        assert!(all.iter().all(|voxel| unpacked(packed(*voxel)) == *voxel));
+        let is_less = |pair: &[Voxel]| packed(pair[0]) < packed(pair[1]);
+        assert!(all.windows(2).all(|pair| is_less(pair) == (pair[0].raster() < pair[1].raster())));
+    }
+
+    #[test]
     fn no_way_is_none() {
-        let (volume, mut passable) = rooms();
-        for z in 0..3 {
-            passable[volume.index(Voxel::new(6, 0, z)).unwrap()] = false;
-        }
-        let at = |x| volume.index(Voxel::new(x, 4, 1)).unwrap();
-        assert_eq!(shortest(&volume, &passable, at(3), at(9)), None);
-        assert_eq!(closest(&volume, &passable, at(3), |_| false), None);
+        let mut passable = rooms();
+        (0..3).for_each(|z| assert!(passable.remove(Voxel::new(6, 0, z))));
+        let at = |x| Voxel::new(x, 4, 1);
+        assert_eq!(shortest(&passable, at(3), at(9)), None);
+        assert_eq!(closest(&passable, at(3), |_| false), None);
+        assert_eq!(all(&passable, at(3)).cost(at(9)), None);
     }
 }

@@ -1,10 +1,14 @@
 //! Where a robot with a body may be (thesis 7.2, item 4): obstacles are grown by the radius of a sphere around it.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Point3;
 
+use crate::bricks::BRICK;
 use crate::grid::OccupancyGrid;
+use crate::mask::{self, Mask};
 use crate::ray::Traversal;
-use crate::region::Region;
+use crate::set::VoxelSet;
 use crate::state::State;
 use crate::voxel::{FACES, Voxel};
 
@@ -85,69 +89,86 @@ impl Clearance {
     }
 }
 
-/// How many obstacles are too near each voxel of a [`Region`], kept up to date as voxels come free or cease to be.
-///
-/// An obstacle is what is not free: occupied, or unknown, where something may be. Only those beside what is free are counted:
-/// those behind them are no nearer along any axis. A robot of 2 m among voxels of 0.1 m has 40,000 neighbours, and a box
-/// millions of voxels that are not free.
-#[derive(Debug, Clone)]
-pub struct Obstacles {
-    /// The neighbours that count, and the voxel between them, as rows along x: the offset of the first, and how many.
-    rows: Vec<(isize, usize)>,
-    /// Number of obstacles too near a voxel, by index.
-    near: Vec<u32>,
-    /// Whether a voxel is one of them.
-    counted: Vec<bool>,
+/// Layers of a window of rows, a bit a voxel: the rows of a brick along x with those around it.
+struct Window {
+    /// How many rows, and bits of each, lie before the brick's own.
+    margin: usize,
+    /// By z and y.
+    rows: Vec<u128>,
 }
 
-impl Obstacles {
-    /// Those of a region in which nothing is free. As many voxels along its faces as the clearance reaches, and at least two, have
-    /// to stay so.
-    pub fn new(region: &Region, clearance: &Clearance) -> Self {
-        let own = Voxel::new(0, 0, 0);
-        let mut offsets: Vec<isize> = clearance.offsets().iter().chain([&own]).map(|d| region.offset(*d)).collect();
-        offsets.sort_unstable();
-        let rows = offsets.chunk_by(|one, next| *next == one + 1).map(|row| (row[0], row.len())).collect();
-        Self { rows, near: vec![0; region.len()], counted: vec![false; region.len()] }
+impl Window {
+    /// Rows, and bits of each, that a window reaches over along an axis.
+    fn edge(margin: usize) -> usize {
+        BRICK as usize + 2 * margin
     }
 
-    /// Takes note that the voxels `turned` have come free or ceased to be; `free` is as it is now. Each voxel that obstacles
-    /// come near to or leave for good is told to `changed`.
-    pub fn update(
-        &mut self,
-        region: &Region,
-        free: &impl Fn(usize) -> bool,
-        turned: &[usize],
-        changed: &mut impl FnMut(usize),
-    ) {
-        let faces = region.faces();
-        let beside_free = |i: usize| faces.iter().any(|d| free(i.wrapping_add_signed(*d)));
-        for i in turned.iter().flat_map(|i| faces.map(|d| i.wrapping_add_signed(d)).into_iter().chain([*i])) {
-            let counts = !free(i) && beside_free(i);
-            if std::mem::replace(&mut self.counted[i], counts) != counts {
-                self.count(i, counts, changed);
+    /// Those of a brick's surroundings, so many voxels wide.
+    fn around(set: &VoxelSet, brick: Voxel, margin: usize) -> Self {
+        let (edge, bricks) = (Self::edge(margin), margin.div_ceil(BRICK as usize) as i32);
+        let mut window = Self { margin, rows: vec![0; edge * edge] };
+        let side = || -bricks..=bricks;
+        for d in side().flat_map(|z| side().flat_map(move |y| side().map(move |x| Voxel::new(x, y, z)))) {
+            window.take(set.brick(brick + d), d);
+        }
+        window
+    }
+
+    /// Takes over what of the brick `d` bricks away lies in it.
+    fn take(&mut self, cells: &Mask, d: Voxel) {
+        if *cells == mask::NONE {
+            return;
+        }
+        let (margin, edge) = (self.margin as i32, Self::edge(self.margin) as i32);
+        let (x, y, z) = (8 * d.x + margin, 8 * d.y + margin, 8 * d.z + margin);
+        for row in 0..64 {
+            let (z, y) = (z + row / 8, y + row % 8);
+            if (0..edge).contains(&z) && (0..edge).contains(&y) {
+                let bits = u128::from(cells[row as usize / 8] >> (8 * (row % 8)) & 0xff);
+                self.rows[(z * edge + y) as usize] |= if x < 0 { bits >> -x } else { bits << x };
             }
         }
     }
 
-    /// Counts an obstacle wherever it is too near, or no longer.
-    fn count(&mut self, obstacle: usize, more: bool, changed: &mut impl FnMut(usize)) {
-        for (offset, length) in &self.rows {
-            let first = obstacle.wrapping_add_signed(*offset);
-            // Past the ends of the box there is only margin.
-            let row = self.near.get_mut(first..first.saturating_add(*length)).unwrap_or_default();
-            for (i, near) in row.iter_mut().enumerate() {
-                *near = if more { *near + 1 } else { *near - 1 };
-                if *near == u32::from(more) {
-                    changed(first + i);
-                }
-            }
+    /// The same rows with what is so near to a gap along x taken out.
+    fn eroded(&self, half: usize) -> Vec<u128> {
+        let row = |row: &u128| (1..=half).fold(*row, |left, k| left & row << k & row >> k);
+        self.rows.iter().map(row).collect()
+    }
+}
+
+impl Clearance {
+    /// The neighbours that count, and the voxel between them, as rows along x: y, z, and how far the row goes either way.
+    fn rows(&self) -> BTreeMap<(i32, i32), i32> {
+        let mut rows = BTreeMap::from([((0, 0), 0)]);
+        for d in &self.offsets {
+            let half = rows.entry((d.y, d.z)).or_default();
+            *half = d.x.max(*half);
         }
+        rows
     }
 
-    /// Whether no obstacle is too near a free voxel.
-    pub fn allow(&self, index: usize) -> bool {
-        self.near[index] == 0
+    /// The voxels of a brick (in bricks) that a robot can be in which keeps clear of all that is not free: of what is occupied,
+    /// and of what is unknown, where something may be.
+    pub fn clear(&self, free: &VoxelSet, brick: Voxel) -> Mask {
+        if *free.brick(brick) == mask::NONE {
+            return mask::NONE;
+        }
+        let margin = self.reach() as usize;
+        let (window, edge) = (Window::around(free, brick, margin), Window::edge(margin));
+        let mut eroded: BTreeMap<i32, Vec<u128>> = BTreeMap::new();
+        let mut clear = *free.brick(brick);
+        for ((dy, dz), half) in self.rows() {
+            let rows = eroded.entry(half).or_insert_with(|| window.eroded(half as usize));
+            let (dy, dz) = (dy + margin as i32, dz + margin as i32);
+            for (z, layer) in clear.iter_mut().enumerate() {
+                let first = (z + dz as usize) * edge + dy as usize;
+                let bits =
+                    rows[first..first + 8].iter().rev().fold(0, |bits, row| bits << 8 | (row >> margin) as u64 & 0xff);
+                *layer &= bits;
+            }
+        }
+        clear
     }
 }
 
@@ -159,6 +180,7 @@ fn gap(d: Voxel) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bricks::{BRICK_CELLS, voxel_at};
 
     #[test]
     fn a_radius_up_to_a_voxel_is_the_26_neighbourhood() {
@@ -194,5 +216,26 @@ mod tests {
         };
         assert!(refused(0.0).is_empty(), "an edge is no face");
         assert_eq!(refused(1.0), vec![4, 5, 6]);
+    }
+
+    /// A brick at a time it is what a look at all neighbours of each voxel finds.
+    #[test]
+    fn a_brick_is_clear_where_all_neighbours_are_free() {
+        // As scattered as a hash.
+        let hash = |v: Voxel| (v.x * 73 + v.y * 179 + v.z * 283).rem_euclid(4001);
+        let all = (-30..40).flat_map(|x| (-30..40).flat_map(move |y| (-30..40).map(move |z| Voxel::new(x, y, z))));
+        let free: VoxelSet = all.filter(|voxel| hash(*voxel) > 0).collect();
+        for radius in [0.0, 0.1, 0.25, 0.4, 0.95, 1.8] {
+            let clearance = Clearance::new(radius, 0.1).unwrap();
+            let is_clear = |v: Voxel| free.contains(v) && clearance.offsets().iter().all(|d| free.contains(v + *d));
+            for brick in [[0, 0, 0], [1, -1, 0], [-2, 1, 3], [4, 0, 0]].map(Voxel::from) {
+                let mut expected = mask::NONE;
+                let clear = (0..BRICK_CELLS).filter(|cell| is_clear(voxel_at(brick, *cell)));
+                clear.for_each(|cell| mask::set(&mut expected, cell));
+                assert_eq!(clearance.clear(&free, brick), expected, "{radius}, {brick:?}");
+            }
+            let origin = Voxel::new(0, 0, 0);
+            assert!(radius > 0.5 || clearance.clear(&free, origin) != mask::NONE, "{radius}");
+        }
     }
 }

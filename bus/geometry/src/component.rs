@@ -1,154 +1,171 @@
 //! What hangs together with a voxel over faces, kept up to date as voxels open and close.
 //!
-//! What opens is grown into from the voxels that it touches, at the cost of what is gained. Where something closes, all that
-//! lay around it is searched from at once, until the searches have met, or one has nowhere left to go and is what was cut
-//! off: at the cost of the smaller part (after Even and Shiloach, *An On-Line Edge-Deletion Problem*, 1981).
+//! What opens is grown into from the voxels that it touches, a brick at a time, at the cost of what is gained. Where something
+//! closes, all that lay around it is searched from at once, until the searches have met, or one has nowhere left to go and is
+//! what was cut off: at the cost of the smaller part (after Even and Shiloach, *An On-Line Edge-Deletion Problem*, 1981).
 
 use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::hash::BuildHasherDefault;
 use std::ops::Deref;
 
-use crate::bricks::BrickHasher;
-use crate::region::Region;
+use crate::bricks::{BrickHasher, brick_of, cell_of, voxel_at};
+use crate::mask::{self, Mask};
+use crate::set::VoxelSet;
+use crate::voxel::{FACES, Voxel};
 
-/// The voxels that are connected with a start over the faces of open voxels, by index of a [`Region`]; the start always is
-/// one of them. No voxel on the region's own faces may be open.
+/// The voxels that are connected with a start over the faces of open voxels; the start always is one of them.
 #[derive(Debug, Clone)]
 pub struct Component {
-    start: usize,
-    inside: Vec<bool>,
-    len: usize,
+    start: Voxel,
+    inside: VoxelSet,
 }
 
-/// Whether each voxel of the region is in it, by index.
+/// The voxels that are in it.
 impl Deref for Component {
-    type Target = [bool];
+    type Target = VoxelSet;
 
-    fn deref(&self) -> &[bool] {
+    fn deref(&self) -> &VoxelSet {
         &self.inside
     }
 }
 
 impl Component {
-    /// What is connected with `start`; `open` says whether a voxel is, by index.
-    pub fn of(region: &Region, open: &impl Fn(usize) -> bool, start: usize) -> Self {
-        let mut component = Self { start, inside: vec![false; region.len()], len: 0 };
-        component.add(start);
-        component.grow(region.faces(), open, vec![start], &mut |_| {});
+    /// What is connected with `start` over what is open.
+    pub fn of(open: &VoxelSet, start: Voxel) -> Self {
+        let mut component = Self { start, inside: VoxelSet::new() };
+        component.begin(open, &mut |_, _| {});
         component
     }
 
     /// The voxel that the others are connected with.
-    pub fn start(&self) -> usize {
+    pub fn start(&self) -> Voxel {
         self.start
     }
 
-    /// Number of voxels.
-    pub fn count(&self) -> usize {
-        self.len
-    }
-
-    /// Whether a voxel is one of them.
-    pub fn contains(&self, index: usize) -> bool {
-        self.inside[index]
-    }
-
-    /// Takes note that the start is in another place, and that these voxels have opened or closed since: `open` is as it is
-    /// now. Each voxel that comes in or goes out is told to `changed`.
+    /// Takes note that the start is in another place, and that these voxels, by brick, have opened or closed since: `open` is
+    /// as it is now. The voxels that come in or go out are told to `changed`, by brick.
     pub fn update(
         &mut self,
-        region: &Region,
-        open: &impl Fn(usize) -> bool,
-        start: usize,
-        turned: &[usize],
-        changed: &mut impl FnMut(usize),
+        open: &VoxelSet,
+        start: Voxel,
+        turned: &[(Voxel, Mask)],
+        changed: &mut impl FnMut(Voxel, &Mask),
     ) {
-        let faces = region.faces();
         let before = std::mem::replace(&mut self.start, start);
-        if !self.inside[start] {
-            return self.begin_anew(faces, open, changed);
+        if !self.inside.contains(start) {
+            return self.begin_anew(open, changed);
         }
-        let closed = turned.iter().copied().chain([before]);
-        let mut gone: BTreeSet<usize> = closed.filter(|i| self.inside[*i] && !open(*i) && *i != start).collect();
-        gone.iter().for_each(|i| self.remove(*i, changed));
+        let mut gone = self.close(open, before, turned, changed);
         while let Some(first) = gone.first().copied() {
-            if !self.settle(faces, first, &mut gone, changed) {
-                return self.begin_anew(faces, open, changed);
+            if !self.settle(first, &mut gone, changed) {
+                return self.begin_anew(open, changed);
             }
         }
-        let touches = |i: &usize| faces.iter().any(|d| self.inside[i.wrapping_add_signed(*d)]);
-        let opened: Vec<usize> =
-            turned.iter().copied().filter(|i| open(*i) && !self.inside[*i]).filter(touches).collect();
-        for i in opened {
-            if self.add(i) {
-                changed(i);
-                self.grow(faces, open, vec![i], changed);
+        for (brick, cells) in turned {
+            let opened = mask::without(&mask::and(cells, open.brick(*brick)), self.inside.brick(*brick));
+            if opened != mask::NONE {
+                self.grow(open, vec![(*brick, mask::and(&opened, &self.beside(*brick)))], changed);
             }
         }
     }
 
-    fn add(&mut self, index: usize) -> bool {
-        let new = !std::mem::replace(&mut self.inside[index], true);
-        self.len += usize::from(new);
-        new
-    }
-
-    fn remove(&mut self, index: usize, changed: &mut impl FnMut(usize)) {
-        self.inside[index] = false;
-        self.len -= 1;
-        changed(index);
-    }
-
-    fn begin_anew(&mut self, faces: [isize; 6], open: &impl Fn(usize) -> bool, changed: &mut impl FnMut(usize)) {
-        let before = std::mem::take(&mut self.inside);
-        self.inside = vec![false; before.len()];
-        self.len = 0;
-        self.add(self.start);
-        self.grow(faces, open, vec![self.start], &mut |_| {});
-        let differs = |i: &usize| before[*i] != self.inside[*i];
-        (0..before.len()).filter(differs).for_each(changed);
-    }
-
-    /// Takes in what can be got to from the voxels of `front`, which are in.
-    fn grow(
+    /// Takes out what has closed, and the start `before` if it only was in as such; answers all of it.
+    fn close(
         &mut self,
-        faces: [isize; 6],
-        open: &impl Fn(usize) -> bool,
-        mut front: Vec<usize>,
-        changed: &mut impl FnMut(usize),
-    ) {
-        while let Some(i) = front.pop() {
-            for d in faces {
-                let n = i.wrapping_add_signed(d);
-                if open(n) && self.add(n) {
-                    changed(n);
-                    front.push(n);
-                }
+        open: &VoxelSet,
+        before: Voxel,
+        turned: &[(Voxel, Mask)],
+        changed: &mut impl FnMut(Voxel, &Mask),
+    ) -> BTreeSet<Voxel> {
+        let mut start = mask::NONE;
+        mask::set(&mut start, cell_of(self.start));
+        let mut old = mask::NONE;
+        mask::set(&mut old, cell_of(before));
+        let mut gone = BTreeSet::new();
+        for (brick, cells) in turned.iter().chain([&(brick_of(before), old)]) {
+            let own = *self.inside.brick(*brick);
+            let mut closed = mask::without(&mask::and(cells, &own), open.brick(*brick));
+            if *brick == brick_of(self.start) {
+                closed = mask::without(&closed, &start);
             }
+            if closed != mask::NONE {
+                self.inside.replace(*brick, &mask::without(&own, &closed));
+                changed(*brick, &closed);
+                gone.extend(mask::cells(&closed).map(|cell| voxel_at(*brick, cell)));
+            }
+        }
+        gone
+    }
+
+    /// The cells of a brick that share a face with any that is in.
+    fn beside(&self, brick: Voxel) -> Mask {
+        let own = self.inside.brick(brick);
+        let around = |(n, face): (usize, &Voxel)| mask::beyond(self.inside.brick(brick - *face), n);
+        let beside = FACES.iter().enumerate().map(around).fold(mask::NONE, |all, one| mask::or(&all, &one));
+        mask::or(&beside, &mask::dilated(own))
+    }
+
+    fn remove(&mut self, voxel: Voxel, changed: &mut impl FnMut(Voxel, &Mask)) {
+        if self.inside.remove(voxel) {
+            let mut cell = mask::NONE;
+            mask::set(&mut cell, cell_of(voxel));
+            changed(brick_of(voxel), &cell);
+        }
+    }
+
+    /// Takes in the start, and all that hangs together with it.
+    fn begin(&mut self, open: &VoxelSet, changed: &mut impl FnMut(Voxel, &Mask)) {
+        self.inside.insert(self.start);
+        let seeds = self.start.face_neighbours().into_iter().map(|voxel| {
+            let mut seed = mask::NONE;
+            mask::set(&mut seed, cell_of(voxel));
+            (brick_of(voxel), seed)
+        });
+        self.grow(open, seeds.collect(), changed);
+    }
+
+    fn begin_anew(&mut self, open: &VoxelSet, changed: &mut impl FnMut(Voxel, &Mask)) {
+        let before = std::mem::take(&mut self.inside);
+        self.begin(open, &mut |_, _| {});
+        let added = self.inside.bricks().filter(|(brick, _)| *before.brick(*brick) == mask::NONE);
+        for (brick, was) in before.bricks().chain(added.map(|(brick, _)| (brick, &mask::NONE))) {
+            let now = self.inside.brick(brick);
+            if was != now {
+                changed(brick, &std::array::from_fn(|z| was[z] ^ now[z]));
+            }
+        }
+    }
+
+    /// Takes in what can be got to from these voxels, themselves included, of which those that are open touch what is in.
+    fn grow(&mut self, open: &VoxelSet, mut front: Vec<(Voxel, Mask)>, changed: &mut impl FnMut(Voxel, &Mask)) {
+        while let Some((brick, seed)) = front.pop() {
+            let own = *self.inside.brick(brick);
+            let new = mask::fill(&seed, &mask::without(open.brick(brick), &own));
+            if new == mask::NONE {
+                continue;
+            }
+            self.inside.replace(brick, &mask::or(&own, &new));
+            changed(brick, &new);
+            let beyond = FACES.iter().enumerate().map(|(n, face)| (brick + *face, mask::beyond(&new, n)));
+            front.extend(beyond.filter(|(_, seed)| *seed != mask::NONE));
         }
     }
 
     /// Takes out what is cut off by those voxels of `gone` that hang together with `first`; all of them are out already. What
     /// was cut off is gone with them, and so is what of `gone` it touches: it held together what lies on both sides of it.
     /// Answers whether the start is still in what is left.
-    fn settle(
-        &mut self,
-        faces: [isize; 6],
-        first: usize,
-        gone: &mut BTreeSet<usize>,
-        changed: &mut impl FnMut(usize),
-    ) -> bool {
-        let mut hole = connected(faces, first, gone);
+    fn settle(&mut self, first: Voxel, gone: &mut BTreeSet<Voxel>, changed: &mut impl FnMut(Voxel, &Mask)) -> bool {
+        let mut hole = connected(first, gone);
         loop {
-            let border: BTreeSet<usize> = beside(faces, &hole).filter(|i| self.inside[*i]).collect();
-            let Some(cut) = Searches::from(border).smallest(faces, &self.inside) else { return true };
+            let border: BTreeSet<Voxel> = beside(&hole).filter(|voxel| self.inside.contains(*voxel)).collect();
+            let Some(cut) = Searches::from(border).smallest(&self.inside) else { return true };
             if cut.contains(&self.start) {
                 return false;
             }
-            cut.iter().for_each(|i| self.remove(*i, changed));
-            for i in beside(faces, &cut) {
-                if gone.contains(&i) {
-                    hole.extend(connected(faces, i, gone));
+            cut.iter().for_each(|voxel| self.remove(*voxel, changed));
+            for voxel in beside(&cut) {
+                if gone.contains(&voxel) {
+                    hole.extend(connected(voxel, gone));
                 }
             }
             hole.extend(cut);
@@ -157,18 +174,18 @@ impl Component {
 }
 
 /// What shares a face with any of the voxels.
-fn beside(faces: [isize; 6], voxels: &[usize]) -> impl Iterator<Item = usize> + '_ {
-    voxels.iter().flat_map(move |i| faces.map(|d| i.wrapping_add_signed(d)))
+fn beside(voxels: &[Voxel]) -> impl Iterator<Item = Voxel> + '_ {
+    voxels.iter().flat_map(|voxel| voxel.face_neighbours())
 }
 
 /// Takes the voxels out of `among` that hang together with `first`.
-fn connected(faces: [isize; 6], first: usize, among: &mut BTreeSet<usize>) -> Vec<usize> {
+fn connected(first: Voxel, among: &mut BTreeSet<Voxel>) -> Vec<Voxel> {
     among.remove(&first);
     let mut found = vec![first];
     let mut next = 0;
-    while let Some(i) = found.get(next).copied() {
+    while let Some(voxel) = found.get(next).copied() {
         next += 1;
-        found.extend(beside(faces, &[i]).filter(|n| among.remove(n)));
+        found.extend(voxel.face_neighbours().into_iter().filter(|n| among.remove(n)));
     }
     found
 }
@@ -176,9 +193,9 @@ fn connected(faces: [isize; 6], first: usize, among: &mut BTreeSet<usize>) -> Ve
 /// Searches from several voxels at once, which are one when they meet.
 struct Searches {
     /// Which search has been to a voxel.
-    been: HashMap<usize, usize, BuildHasherDefault<BrickHasher>>,
+    been: HashMap<Voxel, usize, BuildHasherDefault<BrickHasher>>,
     /// What each search has still to go on from, in the order in which it came there.
-    fronts: Vec<VecDeque<usize>>,
+    fronts: Vec<VecDeque<Voxel>>,
     /// Which search each has become a part of; its own number if none.
     joined: Vec<usize>,
     /// Searches that have not become a part of another one.
@@ -186,33 +203,38 @@ struct Searches {
 }
 
 impl Searches {
-    fn from(starts: BTreeSet<usize>) -> Self {
+    fn from(starts: BTreeSet<Voxel>) -> Self {
         let count = starts.len();
-        let been = starts.iter().copied().enumerate().map(|(search, i)| (i, search)).collect();
-        let fronts = starts.into_iter().map(|i| VecDeque::from([i])).collect();
+        let been = starts.iter().copied().enumerate().map(|(search, voxel)| (voxel, search)).collect();
+        let fronts = starts.into_iter().map(|voxel| VecDeque::from([voxel])).collect();
         Self { been, fronts, joined: (0..count).collect(), left: count }
     }
 
     /// Searches until all are one; or one of several has been everywhere that it can: all voxels where it was.
-    fn smallest(mut self, faces: [isize; 6], inside: &[bool]) -> Option<Vec<usize>> {
+    fn smallest(mut self, inside: &VoxelSet) -> Option<Vec<Voxel>> {
+        let mut inside = inside.near();
         while self.left > 1 {
             for search in 0..self.fronts.len() {
                 if self.joined[search] != search || self.left == 1 {
                     continue;
                 }
-                let Some(i) = self.fronts[search].pop_front() else {
+                let Some(voxel) = self.fronts[search].pop_front() else {
                     return Some(self.voxels_of(search));
                 };
-                beside(faces, &[i]).filter(|n| inside[*n]).for_each(|n| self.come_to(n, search));
+                for n in voxel.face_neighbours() {
+                    if inside.contains(n) {
+                        self.come_to(n, search);
+                    }
+                }
             }
         }
         None
     }
 
-    fn come_to(&mut self, index: usize, search: usize) {
+    fn come_to(&mut self, voxel: Voxel, search: usize) {
         let own = self.root(search);
-        let Some(other) = self.been.insert(index, own) else {
-            return self.fronts[own].push_back(index);
+        let Some(other) = self.been.insert(voxel, own) else {
+            return self.fronts[own].push_back(voxel);
         };
         let other = self.root(other);
         if other != own {
@@ -230,10 +252,10 @@ impl Searches {
         search
     }
 
-    /// In order of their indices.
-    fn voxels_of(&self, search: usize) -> Vec<usize> {
-        let mut voxels: Vec<usize> =
-            self.been.iter().filter(|(_, other)| self.root(**other) == search).map(|(i, _)| *i).collect();
+    /// In order.
+    fn voxels_of(&self, search: usize) -> Vec<Voxel> {
+        let mut voxels: Vec<Voxel> =
+            self.been.iter().filter(|(_, other)| self.root(**other) == search).map(|(voxel, _)| *voxel).collect();
         voxels.sort_unstable();
         voxels
     }
@@ -242,31 +264,37 @@ impl Searches {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::voxel::Voxel;
     use proptest::prelude::*;
 
-    /// Edge of the region.
-    const EDGE: usize = 9;
+    /// Edge of the box that voxels open and close in: it spans bricks.
+    const EDGE: i32 = 9;
 
-    fn region() -> Region {
-        Region::new(Voxel::new(0, 0, 0), [EDGE; 3], 1.0)
-    }
-
-    /// A voxel that is not on the region's faces.
-    fn inner() -> impl Strategy<Value = usize> {
-        prop::array::uniform3(1..EDGE - 1).prop_map(|[x, y, z]| (z * EDGE + y) * EDGE + x)
+    fn voxel() -> impl Strategy<Value = Voxel> {
+        prop::array::uniform3(2..2 + EDGE).prop_map(Voxel::from)
     }
 
     /// All that a flood finds.
-    fn flooded(open: &[bool], start: usize) -> Vec<bool> {
-        let mut found = vec![false; open.len()];
-        let mut front = vec![start];
-        found[start] = true;
-        while let Some(i) = front.pop() {
-            let near = region().faces().map(|d| i.wrapping_add_signed(d));
-            front.extend(near.into_iter().filter(|n| open[*n] && !std::mem::replace(&mut found[*n], true)));
+    fn flooded(open: &VoxelSet, start: Voxel) -> VoxelSet {
+        let mut found = vec![start];
+        let mut seen = BTreeSet::from([start]);
+        while let Some(voxel) = found.pop() {
+            found.extend(voxel.face_neighbours().into_iter().filter(|n| open.contains(*n) && seen.insert(*n)));
         }
-        found
+        seen.into_iter().collect()
+    }
+
+    /// Turns voxels around; by brick, those that are not as they were.
+    fn turn(open: &mut VoxelSet, voxels: &[Voxel]) -> Vec<(Voxel, Mask)> {
+        let mut turned = Vec::new();
+        for voxel in voxels {
+            if !open.remove(*voxel) {
+                open.insert(*voxel);
+            }
+            let mut cell = mask::NONE;
+            mask::set(&mut cell, cell_of(*voxel));
+            turned.push((brick_of(*voxel), cell));
+        }
+        turned
     }
 
     proptest! {
@@ -275,25 +303,25 @@ mod tests {
         #[test]
         fn incremental_equals_flooded(
             density in 0.2..0.9f64,
-            scattered in prop::collection::vec(0.0..1.0f64, EDGE.pow(3)),
-            edits in prop::collection::vec((inner(), prop::collection::vec(inner(), 0..30), any::<bool>()), 1..12),
+            scattered in prop::collection::vec(0.0..1.0f64, EDGE.pow(3) as usize),
+            edits in prop::collection::vec((voxel(), prop::collection::vec(voxel(), 0..30), any::<bool>()), 1..12),
         ) {
-            let region = region();
-            let is_inner = |i: &usize| region.voxel(*i).to_array().iter().all(|c| (1..EDGE as i32 - 1).contains(c));
-            let mut open: Vec<bool> = (0..region.len()).map(|i| is_inner(&i) && scattered[i] < density).collect();
-            let mut component = Component::of(&region, &|i: usize| open[i], edits[0].0);
-            for (start, turned, move_on) in edits {
-                turned.iter().for_each(|i| open[*i] = !open[*i]);
+            let all = (0..EDGE.pow(3)).map(|i| Voxel::new(2 + i % EDGE, 2 + i / EDGE % EDGE, 2 + i / EDGE / EDGE));
+            let mut open: VoxelSet = all.zip(scattered).filter(|(_, share)| *share < density).map(|(v, _)| v).collect();
+            let mut component = Component::of(&open, edits[0].0);
+            for (start, voxels, move_on) in edits {
+                let turned = turn(&mut open, &voxels);
                 let start = if move_on { start } else { component.start() };
                 let before = component.clone();
-                let mut changed = BTreeSet::new();
-                component.update(&region, &|i: usize| open[i], start, &turned, &mut |i| {
-                    changed.insert(i);
+                let mut changed = VoxelSet::new();
+                component.update(&open, start, &turned, &mut |brick, cells| {
+                    let more = mask::or(changed.brick(brick), cells);
+                    changed.replace(brick, &more);
                 });
                 let expected = flooded(&open, start);
-                prop_assert_eq!(&*component, &*expected);
-                prop_assert_eq!(component.count(), expected.iter().filter(|inside| **inside).count());
-                prop_assert!((0..open.len()).filter(|i| before[*i] != expected[*i]).all(|i| changed.contains(&i)));
+                prop_assert!(*component == expected);
+                let differs = |v: &Voxel| before.contains(*v) != expected.contains(*v);
+                prop_assert!(before.iter().chain(expected.iter()).filter(differs).all(|v| changed.contains(v)));
             }
         }
     }
@@ -301,16 +329,14 @@ mod tests {
     /// A long corridor that is cut: what is visited is about the smaller part.
     #[test]
     fn what_is_cut_off_is_the_part_without_the_start() {
-        let region = Region::new(Voxel::new(0, 0, 0), [1002, 3, 3], 1.0);
-        let at = |x: i32| region.index(Voxel::new(x, 1, 1)).unwrap();
-        let mut open: Vec<bool> = (0..region.len()).map(|i| (at(1)..=at(1000)).contains(&i)).collect();
+        let at = |x: i32| Voxel::new(x, 1, 1);
         for (start, cut, left) in [(at(3), at(990), 989), (at(3), at(9), 8)] {
-            open.iter_mut().enumerate().for_each(|(i, open)| *open = (at(1)..=at(1000)).contains(&i));
-            let mut component = Component::of(&region, &|i: usize| open[i], start);
-            assert_eq!(component.count(), 1000);
-            open[cut] = false;
-            component.update(&region, &|i: usize| open[i], start, &[cut], &mut |_| {});
-            assert_eq!(component.count(), left);
+            let mut open: VoxelSet = (1..=1000).map(at).collect();
+            let mut component = Component::of(&open, start);
+            assert_eq!(component.len(), 1000);
+            let turned = turn(&mut open, &[cut]);
+            component.update(&open, start, &turned, &mut |_, _| {});
+            assert_eq!(component.len(), left);
         }
     }
 }

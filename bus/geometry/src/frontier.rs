@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 
 use crate::bricks::{Bricks, brick_of, voxel_at};
 use crate::grid::OccupancyGrid;
+use crate::mask::{self, Mask};
+use crate::set::VoxelSet;
 use crate::state::State;
 use crate::voxel::{Bounds, FACES, Voxel};
 
@@ -85,6 +87,8 @@ impl Faces {
 #[derive(Debug, Clone, Default)]
 pub struct FrontierSet {
     voxels: BTreeMap<Voxel, Faces>,
+    /// The same by brick.
+    cells: VoxelSet,
     bounds: Option<Bounds>,
     /// The map is full: it comes to know nothing of bricks that it does not have.
     full: bool,
@@ -93,20 +97,21 @@ pub struct FrontierSet {
 impl FrontierSet {
     /// No frontier yet; voxels whose unknown neighbours all lie outside `bounds`, or outside the map, will not count.
     pub fn new(bounds: Option<Bounds>) -> Self {
-        Self { voxels: BTreeMap::new(), bounds, full: false }
+        Self { bounds, ..Self::default() }
     }
 
-    /// Takes note that the map is full, or that it is not. Only of voxels at the rim of the bricks that there are it changes
-    /// anything.
-    pub fn set_full(&mut self, full: bool, grid: &OccupancyGrid) {
+    /// Takes note that the map is full, or that it is not. Answers the bricks at the rim of those that there are: only of voxels
+    /// in them it changes anything.
+    pub fn set_full(&mut self, full: bool, grid: &OccupancyGrid) -> Vec<Voxel> {
         if std::mem::replace(&mut self.full, full) == full {
-            return;
+            return Vec::new();
         }
-        let ends = |brick: Voxel| FACES.iter().any(|face| grid.bricks().brick(brick + *face).is_none());
-        for (brick, cells) in grid.bricks().iter().filter(|(brick, _)| ends(*brick)) {
-            let free = cells.iter().enumerate().filter(|(_, state)| **state == State::Free);
-            free.for_each(|(cell, _)| self.revise(grid, voxel_at(brick, cell)));
+        let ends = |brick: &Voxel| FACES.iter().any(|face| grid.bricks().brick(*brick + *face).is_none());
+        let rim: Vec<Voxel> = grid.bricks().iter().map(|(brick, _)| brick).filter(ends).collect();
+        for brick in &rim {
+            mask::cells(&grid.free_cells(*brick)).for_each(|cell| self.revise(grid, voxel_at(*brick, cell)));
         }
+        rim
     }
 
     /// Takes note that these voxels of `grid` changed.
@@ -121,10 +126,13 @@ impl FrontierSet {
     }
 
     fn revise(&mut self, grid: &OccupancyGrid, voxel: Voxel) {
-        match self.unknown(grid, voxel) {
-            faces if faces.is_empty() => self.voxels.remove(&voxel),
-            faces => self.voxels.insert(voxel, faces),
-        };
+        let faces = self.unknown(grid, voxel);
+        if !faces.is_empty() {
+            self.voxels.insert(voxel, faces);
+            self.cells.insert(voxel);
+        } else if self.voxels.remove(&voxel).is_some() {
+            self.cells.remove(voxel);
+        }
     }
 
     /// What makes `voxel` frontier.
@@ -145,7 +153,21 @@ impl FrontierSet {
 
     /// Whether `voxel` is a frontier voxel.
     pub fn contains(&self, voxel: Voxel) -> bool {
-        self.voxels.contains_key(&voxel)
+        self.cells.contains(voxel)
+    }
+
+    /// The frontier voxels of a brick (in bricks).
+    pub fn brick(&self, brick: Voxel) -> &Mask {
+        self.cells.brick(brick)
+    }
+
+    /// The frontier voxels in the box between two corners, both in it, by brick.
+    pub fn within(&self, min: Voxel, max: Voxel) -> impl Iterator<Item = Voxel> + '_ {
+        let (low, high) = (brick_of(min), brick_of(max));
+        let rows = (low.z..=high.z).flat_map(move |z| (low.y..=high.y).map(move |y| (y, z)));
+        let bricks = rows.flat_map(move |(y, z)| (low.x..=high.x).map(move |x| Voxel::new(x, y, z)));
+        let voxels = bricks.flat_map(|brick| mask::cells(self.brick(brick)).map(move |cell| voxel_at(brick, cell)));
+        voxels.filter(move |voxel| *voxel == voxel.sup(min).inf(max))
     }
 
     /// The frontier voxels in lexicographic order.
@@ -191,6 +213,9 @@ mod tests {
             }
             let all: BTreeSet<Voxel> = grid.bricks().voxels().map(|(v, _)| v).filter(|v| is_frontier(&grid, *v)).collect();
             prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), all.clone());
+            let (min, max) = (Voxel::new(6, 1, 2), Voxel::new(9, 4, 9));
+            let inside = all.iter().copied().filter(|v| v.x >= 6 && v.x <= 9 && v.y >= 1 && v.y <= 4 && v.z >= 2);
+            prop_assert_eq!(set.within(min, max).collect::<BTreeSet<_>>(), inside.collect());
             prop_assert!(all.iter().all(|v| set.unknown_beside(*v).beside(*v).eq(unknown_neighbours(&grid, *v))));
             set.set_full(true, &grid);
             let has_brick = |v: Voxel| grid.bricks().brick(brick_of(v)).is_some();

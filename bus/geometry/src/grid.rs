@@ -43,6 +43,13 @@ impl OccupancyGrid {
         &self.states
     }
 
+    /// The free cells of a brick (in bricks).
+    pub fn free_cells(&self, brick: Voxel) -> Mask {
+        let Some(states) = self.states.brick(brick) else { return mask::NONE };
+        let bits = |layer: &[State]| layer.iter().rev().fold(0, |bits, s| bits << 1 | u64::from(*s == State::Free));
+        std::array::from_fn(|z| bits(&states[z << 6..(z + 1) << 6]))
+    }
+
     /// Whether anything is known of the brick that a voxel lies in, or of one beside it.
     pub fn knows_near(&self, voxel: Voxel) -> bool {
         let own = brick_of(voxel);

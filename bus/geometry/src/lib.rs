@@ -6,10 +6,10 @@
 //! | what | where |
 //! |---|---|
 //! | cells of the lattice over the world, boxes | [`voxel`]; how far they go: [`limits`] |
-//! | values by voxel, sparse: bricks of 8×8×8 | [`bricks`]; sets of a brick's cells: [`mask`] |
+//! | values by voxel, sparse: bricks of 8×8×8 | [`bricks`]; sets of a brick's cells: [`mask`], of voxels: [`set`] |
 //! | what is free, occupied, unknown | [`state`], [`grid`]; what changed, for whoever keeps a copy: [`delta`] |
 //! | where what is known ends | [`frontier`] |
-//! | a box of voxels with numbers, and the states of one | [`region`], [`volume`] |
+//! | a dense box of voxels with numbers, and the states of one | [`region`], [`volume`] |
 //! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
 //! | where a body of some size can be, what hangs together, and the shortest way there | [`clearance`], [`component`], [`astar`] |
 //! | ways in straight lines, and where a camera is | [`polyline`], [`pose`] |
@@ -34,6 +34,7 @@ pub mod polyline;
 pub mod pose;
 pub mod ray;
 pub mod region;
+pub mod set;
 pub mod state;
 pub mod visibility;
 pub mod volume;
@@ -48,6 +49,7 @@ pub use grid::OccupancyGrid;
 pub use polyline::Polyline;
 pub use pose::Pose;
 pub use region::Region;
+pub use set::VoxelSet;
 pub use state::State;
 pub use volume::Volume;
 pub use voxel::{Bounds, Voxel};

@@ -35,6 +35,72 @@ pub fn set(mask: &mut Mask, cell: usize) {
     mask[cell >> 6] |= 1 << (cell & 63);
 }
 
+/// Takes a cell out of a set.
+pub fn clear(mask: &mut Mask, cell: usize) {
+    mask[cell >> 6] &= !(1 << (cell & 63));
+}
+
+/// Those of two sets that are in both.
+pub fn and(a: &Mask, b: &Mask) -> Mask {
+    std::array::from_fn(|z| a[z] & b[z])
+}
+
+/// Those that are in one of two sets, or in both.
+pub fn or(a: &Mask, b: &Mask) -> Mask {
+    std::array::from_fn(|z| a[z] | b[z])
+}
+
+/// Those of a set that are not in another one.
+pub fn without(a: &Mask, b: &Mask) -> Mask {
+    std::array::from_fn(|z| a[z] & !b[z])
+}
+
+/// The cells with x = 0 of a layer.
+const LEFT: u64 = 0x0101_0101_0101_0101;
+/// Those with x = 7.
+const RIGHT: u64 = LEFT << 7;
+
+/// The cells of a brick that share a face with any of a set.
+pub fn dilated(mask: &Mask) -> Mask {
+    let beside = |word: u64| (word << 1 & !LEFT) | (word >> 1 & !RIGHT) | word << 8 | word >> 8;
+    std::array::from_fn(|z| {
+        let (below, above) = (if z > 0 { mask[z - 1] } else { 0 }, if z < 7 { mask[z + 1] } else { 0 });
+        beside(mask[z]) | below | above
+    })
+}
+
+/// All cells of `open` that hang together with any of `seed` over faces, within the brick; of `seed` those that are open.
+pub fn fill(seed: &Mask, open: &Mask) -> Mask {
+    let mut filled = and(seed, open);
+    loop {
+        let before = filled;
+        // Up and down, each with what was gained below: along z one pass goes all the way.
+        for z in (0..8).chain((0..7).rev()) {
+            let word = filled[z];
+            let beside = (word << 1 & !LEFT) | (word >> 1 & !RIGHT) | word << 8 | word >> 8;
+            let (below, above) = (if z > 0 { filled[z - 1] } else { 0 }, if z < 7 { filled[z + 1] } else { 0 });
+            filled[z] |= (beside | below | above) & open[z];
+        }
+        if filled == before {
+            return filled;
+        }
+    }
+}
+
+/// What lies beyond a face of the brick, in the order of [`FACES`](crate::voxel::FACES), beside cells of a set: as cells of
+/// the neighbour there.
+pub fn beyond(mask: &Mask, face: usize) -> Mask {
+    let layer = |to: usize, word: u64| std::array::from_fn(|z| if z == to { word } else { 0 });
+    match face {
+        0 => mask.map(|word| (word & LEFT) << 7),
+        1 => mask.map(|word| (word & RIGHT) >> 7),
+        2 => mask.map(|word| word << 56),
+        3 => mask.map(|word| word >> 56),
+        4 => layer(7, mask[0]),
+        _ => layer(0, mask[7]),
+    }
+}
+
 /// Whether a cell is in a set.
 pub fn has(mask: &Mask, cell: usize) -> bool {
     mask[cell >> 6] >> (cell & 63) & 1 == 1
@@ -43,6 +109,9 @@ pub fn has(mask: &Mask, cell: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bricks::{brick_of, cell_of, voxel_at};
+    use crate::voxel::{FACES, Voxel};
+    use proptest::prelude::*;
 
     #[test]
     fn what_is_put_into_a_set_is_in_it() {
@@ -52,5 +121,42 @@ mod tests {
         assert!(cells(&mask).eq(put) && count(&mask) == put.len());
         assert!((0..512).all(|cell| has(&mask, cell) == put.contains(&cell)));
         assert_eq!(count(&ALL), 512);
+        clear(&mut mask, 64);
+        assert!(!has(&mask, 64) && count(&mask) == put.len() - 1);
+    }
+
+    proptest! {
+        /// Word by word it is what a flood from voxel to voxel finds, and beyond a face lies what is beside it.
+        #[test]
+        fn what_is_filled_hangs_together(seed in 0..512usize, open in prop::array::uniform8(any::<u64>()), more in any::<bool>()) {
+            let open = if more { or(&open, &[!0x1042_0800_2104_0081; 8]) } else { open };
+            let mut seeds = NONE;
+            set(&mut seeds, seed);
+            let filled = fill(&seeds, &open);
+            let voxel = |cell: usize| voxel_at(Voxel::new(0, 0, 0), cell);
+            let beside = |cell: usize| voxel(cell).face_neighbours().into_iter();
+            let inside = |v: &Voxel| brick_of(*v) == Voxel::new(0, 0, 0);
+            prop_assert_eq!(and(&filled, &open), filled);
+            prop_assert_eq!(has(&filled, seed), has(&open, seed));
+            let closed = |cell: usize| beside(cell).filter(inside).all(|n| has(&filled, cell_of(n)) || !has(&open, cell_of(n)));
+            prop_assert!(cells(&filled).all(closed));
+            let mut flood = if has(&open, seed) { vec![seed] } else { vec![] };
+            let mut next = 0;
+            while let Some(cell) = flood.get(next).copied() {
+                next += 1;
+                for n in beside(cell).filter(inside).map(cell_of) {
+                    if has(&open, n) && !flood.contains(&n) {
+                        flood.push(n);
+                    }
+                }
+            }
+            prop_assert_eq!(flood.len(), count(&filled));
+            for (n, face) in FACES.iter().enumerate() {
+                let expected = cells(&open).flat_map(beside).filter(|v| brick_of(*v) == *face).map(cell_of);
+                let mut mask = NONE;
+                expected.for_each(|cell| set(&mut mask, cell));
+                prop_assert_eq!(beyond(&open, n), mask);
+            }
+        }
     }
 }

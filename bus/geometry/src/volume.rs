@@ -13,8 +13,6 @@ use crate::voxel::Voxel;
 #[derive(Debug, Clone)]
 pub struct Volume {
     region: Region,
-    /// Smallest corner of what may be known, and the corner beyond the largest.
-    within: (Voxel, Voxel),
     states: Vec<State>,
 }
 
@@ -30,46 +28,20 @@ impl Deref for Volume {
 impl Volume {
     /// The known part of `grid` and `include`, with `margin` (at least one voxel) around.
     pub fn of(grid: &OccupancyGrid, include: Voxel, margin: i32) -> Self {
-        let corners = corners(include, grid.bricks().iter().map(|(brick, _)| brick));
-        Self::between(grid, corners, margin)
-    }
-
-    /// The part of `grid` from a smallest corner up to the one beyond the largest, with `margin` (at least one voxel) around
-    /// of which nothing is known.
-    pub fn between(grid: &OccupancyGrid, within: (Voxel, Voxel), margin: i32) -> Self {
-        let mut volume = Self::unknown(within, margin, grid.resolution());
-        grid.bricks().iter().for_each(|(brick, _)| volume.follow(grid, brick, |_| {}));
+        let (min, max) = corners(include, grid.bricks().iter().map(|(brick, _)| brick));
+        let around = Voxel::new(margin.max(1), margin.max(1), margin.max(1));
+        let dim = (max - min + around + around).to_array().map(|n| n as usize);
+        let region = Region::new(min - around, dim, grid.resolution());
+        let mut volume = Self { states: vec![State::Unknown; region.len()], region };
+        grid.bricks().iter().for_each(|(brick, cells)| volume.take(brick, cells));
         volume
     }
 
-    /// The same of a grid of voxels of `resolution` (m) of which nothing is known yet.
-    fn unknown(within: (Voxel, Voxel), margin: i32, resolution: f64) -> Self {
-        let (min, max) = within;
-        let margin = margin.max(1);
-        let origin = min - Voxel::new(margin, margin, margin);
-        let size = max - origin + Voxel::new(margin, margin, margin);
-        let dim = size.to_array().map(|n| n as usize);
-        let region = Region::new(origin, dim, resolution);
-        Self { states: vec![State::Unknown; region.len()], region, within }
-    }
-
-    /// Takes over what is known of a brick now, row by row; the index of each voxel that is other than it was is told to
-    /// `changed`.
-    pub fn follow(&mut self, grid: &OccupancyGrid, brick: Voxel, mut changed: impl FnMut(usize)) {
-        let ((min, max), first) = (self.within, voxel_at(brick, 0));
-        let cells = grid.bricks().brick(brick).unwrap_or(&[State::Unknown; BRICK_CELLS]);
-        let (from, to) = (first.x.max(min.x), (first.x + BRICK).min(max.x));
-        for (n, line) in cells.chunks_exact(BRICK as usize).enumerate() {
-            let (y, z) = (first.y + n as i32 % BRICK, first.z + n as i32 / BRICK);
-            if from >= to || !(min.y..max.y).contains(&y) || !(min.z..max.z).contains(&z) {
-                continue;
-            }
-            let line = &line[(from - first.x) as usize..(to - first.x) as usize];
-            let Some(i) = self.region.index(Voxel::new(from, y, z)) else { continue };
-            let own = &mut self.states[i..i + line.len()];
-            if own != line {
-                own.iter().zip(line).enumerate().filter(|(_, (own, new))| own != new).for_each(|(n, _)| changed(i + n));
-                own.copy_from_slice(line);
+    /// Takes over what is known of a brick.
+    fn take(&mut self, brick: Voxel, cells: &[State; BRICK_CELLS]) {
+        for (cell, state) in cells.iter().enumerate() {
+            if let Some(i) = self.region.index(voxel_at(brick, cell)) {
+                self.states[i] = *state;
             }
         }
     }

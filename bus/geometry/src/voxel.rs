@@ -83,6 +83,11 @@ impl Voxel {
         self.to_array().iter().all(|c| INDEX_RANGE.contains(c))
     }
 
+    /// Sorts as voxels are numbered in a box: x fastest, z slowest.
+    pub fn raster(self) -> [i32; 3] {
+        [self.z, self.y, self.x]
+    }
+
     /// The indices as an array.
     pub fn to_array(self) -> [i32; 3] {
         [self.x, self.y, self.z]

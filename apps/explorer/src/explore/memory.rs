@@ -29,7 +29,11 @@ pub struct Memory {
     /// The last path, and the position that it was to end in.
     path: Option<Path>,
     targets: BTreeMap<Voxel, TargetRecord>,
-    trail: Vec<Voxel>,
+    /// Those of which something was learned that nobody was told.
+    learned: BTreeSet<Voxel>,
+    trail: BTreeSet<Voxel>,
+    /// What came to it when the last plan was made (`true`), or left it.
+    trail_turned: Vec<(Voxel, bool)>,
     hidden: BTreeSet<Voxel>,
     /// How things stood when they last changed, and the revision then.
     standing: Standing,
@@ -49,7 +53,9 @@ impl Memory {
         Self {
             path,
             targets: left.targets.iter().map(|record| (record.target, record.clone())).collect(),
-            trail: left.trail.clone(),
+            learned: BTreeSet::new(),
+            trail: left.trail.iter().copied().collect(),
+            trail_turned: Vec::new(),
             hidden: left.hidden.iter().copied().collect(),
             standing: left.standing,
             progress_at: left.progress_at,
@@ -61,7 +67,7 @@ impl Memory {
     /// Leaves it to a successor; the path is in the plan there.
     pub fn leave(&self, to: &mut ExplorerMemory) {
         to.targets = self.targets.values().cloned().collect();
-        to.trail = self.trail.clone();
+        to.trail = self.trail.iter().copied().collect();
         to.hidden = self.hidden.iter().copied().collect();
         to.standing = self.standing;
         to.progress_at = self.progress_at;
@@ -70,6 +76,7 @@ impl Memory {
     }
 
     fn record(&mut self, target: Voxel) -> &mut TargetRecord {
+        self.learned.insert(target);
         let new = || TargetRecord { target, tried: Vec::new(), cuts: 0, planned: 0, no_return: false };
         self.targets.entry(target).or_insert_with(new)
     }
@@ -117,6 +124,7 @@ impl Memory {
         }
         if self.targets.len() >= MAX_REMEMBERED {
             let (kept, _) = nearest(self.targets.keys().copied().collect(), robot, MAX_REMEMBERED - 1);
+            self.learned.extend(self.targets.keys().filter(|target| kept.binary_search(target).is_err()));
             self.targets.retain(|target, _| kept.binary_search(target).is_ok());
         }
     }
@@ -144,10 +152,7 @@ impl Memory {
         let resolution = grid.resolution();
         let robot = Voxel::containing(from, resolution);
         // A ray without a return has passed all that is unknown on its way: it is no cover.
-        let passed = |voxel: Voxel| match grid.state(voxel) {
-            State::Occupied => State::Occupied,
-            State::Free | State::Unknown => State::Free,
-        };
+        let passed = |voxel: Voxel| grid.state(voxel) != State::Occupied;
         let in_view = |unknown: Voxel| {
             let toward = (unknown.center(resolution) - from).try_normalize(1e-9);
             let in_cone = |look: &Pose| toward.is_some_and(|toward| sight.covers(&look.forward(), &toward));
@@ -171,10 +176,18 @@ impl Memory {
         let arrived = gone.iter().rposition(|v| *v == robot);
         gone.truncate(arrived.map_or(0, |n| n + 1));
         gone.push(robot);
-        self.trail.extend(gone.into_iter().filter(|voxel| voxel.is_mappable()));
-        self.trail.sort_unstable();
-        self.trail.dedup();
-        (self.trail, _) = nearest(std::mem::take(&mut self.trail), robot, MAX_REMEMBERED);
+        let come = gone.into_iter().filter(|voxel| voxel.is_mappable() && self.trail.insert(*voxel));
+        self.trail_turned = come.map(|voxel| (voxel, true)).collect();
+        if self.trail.len() > MAX_REMEMBERED {
+            self.forget_trail(robot);
+        }
+    }
+
+    /// Leaves out what of the trail is farthest away, an eighth of it, so that there is room for a while.
+    fn forget_trail(&mut self, robot: Voxel) {
+        let (kept, _) = nearest(self.trail.iter().copied().collect(), robot, MAX_REMEMBERED / 8 * 7);
+        let before = std::mem::replace(&mut self.trail, kept.into_iter().collect());
+        self.trail_turned.extend(before.difference(&self.trail).map(|voxel| (*voxel, false)));
     }
 
     /// No new place sees these targets in the map as it is. What is too much for a successor to be told is looked for again:
@@ -201,9 +214,19 @@ impl Memory {
         self.path = Some(path.clone());
     }
 
+    /// Takes the targets of which something was learned since it was last asked.
+    pub fn take_learned(&mut self) -> BTreeSet<Voxel> {
+        std::mem::take(&mut self.learned)
+    }
+
     /// The voxels that the robot went through.
-    pub fn trail(&self) -> &[Voxel] {
+    pub fn trail(&self) -> &BTreeSet<Voxel> {
         &self.trail
+    }
+
+    /// The voxels that came to the trail when the last plan was made (`true`), or left it, in the order in which they did.
+    pub fn trail_turned(&self) -> impl Iterator<Item = (Voxel, bool)> + '_ {
+        self.trail_turned.iter().copied()
     }
 
     /// The voxels from which `target` was looked at in vain.

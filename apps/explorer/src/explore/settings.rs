@@ -16,11 +16,6 @@ pub struct Settings {
     pub radius_m: f64,
     /// The same among the voxels of the map.
     pub clearance: Clearance,
-    /// Voxels to plan over at most, free or not.
-    pub max_voxels: usize,
-    /// Targets that one plan looks at, the nearest of those that there are: no more than can be remembered
-    /// ([`elk_spatial::checks::MAX_REMEMBERED`]).
-    pub max_targets: usize,
     /// Clusters of fewer frontier voxels than this do not count.
     pub min_frontier: usize,
     /// Distinct places from which a frontier voxel is looked at before it is given up.

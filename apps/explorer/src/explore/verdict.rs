@@ -54,7 +54,7 @@ pub struct Verdict {
 impl Verdict {
     /// Judges a run by how it ended, by the frontier that is left, and by the map.
     pub fn of(why: StopReason, left: &FrontiersLeft, scene: &Scene, grid: &OccupancyGrid, settings: &Settings) -> Self {
-        let missed = || left_over(left, scene.beyond, grid.resolution(), settings);
+        let missed = || left_over(left, grid.resolution(), settings);
         let short = why.failure(left, settings).or_else(|| walled_in(scene.robot(), grid, left));
         let short = short.or_else(|| nothing_to_explore(scene.robot(), grid, settings.bounds)).or_else(missed);
         short.map_or_else(|| Self::explored(left, settings), |reason| Self { complete: false, reason })
@@ -71,14 +71,8 @@ impl Verdict {
 }
 
 /// What is missing where the robot could go on, or the world does.
-fn left_over(left: &FrontiersLeft, beyond: u64, resolution: f64, settings: &Settings) -> Option<String> {
+fn left_over(left: &FrontiersLeft, resolution: f64, settings: &Settings) -> Option<String> {
     let missed = left.unresolved + left.open;
-    if beyond > 0 {
-        let most = settings.max_voxels;
-        return Some(format!(
-            "{beyond} frontier voxels lie beyond the {most} voxels that are planned over (MaxVoxels)"
-        ));
-    }
     if left.no_return > 0 {
         return Some(format!(
             "behind {} frontier voxels the sensor sees nothing: the world is open there, or goes on beyond its range; limit the \

@@ -2,12 +2,13 @@
 
 use elk_bus::tell;
 use elk_field::{Cell, Convergence, Domain, Field, Problem, ProblemError, Solution, Solver, Termination, solve_unless};
-use elk_geometry::{Polyline, astar};
+use elk_geometry::{Polyline, Voxel, astar};
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
 
 use super::card::Card;
 use crate::app::{COMMON, app, param};
+use crate::extent::Extent;
 use crate::journal::Journal;
 use crate::strategy::{Route, Strategy, View};
 
@@ -17,6 +18,9 @@ const SEED_DISTANCE_M: f64 = 0.15;
 const SEED_DIRECTIONS: usize = 20;
 /// Past this a streamline has lost its way (m).
 const LONGEST_M: f64 = 1000.0;
+
+/// Voxels that a field is solved over at most, if nothing is said.
+const MAX_VOXELS: usize = 8_000_000;
 
 /// Its row in the table of explorers.
 pub const TYPE: AppType = AppType {
@@ -49,6 +53,13 @@ const PARAMS: &[ParamSpec] = &[
         "0",
         "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, and 1e-4 for thesis.",
     ),
+    param(
+        "MaxVoxels",
+        Kind::Integer { min: 10_000, max: 1_000_000_000 },
+        "8000000",
+        "Voxels of the box that the field is solved over, at about 42 bytes each. Of a larger map it is what the robot can get to, \
+         or, if that is too much, what of it is near.",
+    ),
 ];
 
 fn potential(params: &Params) -> Potential {
@@ -66,7 +77,9 @@ fn potential(params: &Params) -> Potential {
         tolerance => tolerance,
     };
     let card = (params.text("Solver") == "gpu").then(Card::open).and_then(|card| card.map_err(warn).ok());
-    Potential { card, ..Potential::new(start, solver, tolerance) }
+    // The table keeps it positive.
+    let max_voxels = params.integer("MaxVoxels") as usize;
+    Potential { card, max_voxels, ..Potential::new(start, solver, tolerance) }
 }
 
 /// Says why the CPU solves.
@@ -94,6 +107,8 @@ pub struct Potential {
     pub tolerance: f64,
     /// A card that does what [`Solver::Multigrid`] would.
     card: Option<Card>,
+    /// Voxels of the box that the field is solved over, at most.
+    max_voxels: usize,
     /// Multigrid's equations, as they were at the plan before.
     domain: Domain,
 }
@@ -120,8 +135,9 @@ impl Strategy for Potential {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        // The volume has a margin of what is unknown, so this is one.
-        let problem = problem(view).ok()?;
+        let extent = Extent::of(view.space, self.max_voxels);
+        // Its region has a margin of what is outside, so this is one.
+        let problem = problem(view, &extent).ok().filter(|problem| problem.cells().contains(&Cell::Sink))?;
         let stopping = journal.stop_signal();
         let solution = journal.time("field", || self.solve(&problem, stopping));
         if journal.is_to_stop() {
@@ -139,7 +155,7 @@ impl Strategy for Potential {
 impl Potential {
     /// One that has not planned yet, without a card.
     pub fn new(start: Start, solver: Solver, tolerance: f64) -> Self {
-        Self { start, solver, tolerance, card: None, domain: Domain::new() }
+        Self { start, solver, tolerance, card: None, max_voxels: MAX_VOXELS, domain: Domain::new() }
     }
 
     /// By the card, if there is one that is large enough and does not fail; it is not asked again if not.
@@ -187,15 +203,19 @@ impl Potential {
 }
 
 /// ψ is 1 where the route starts, 0 at the goals, and sought wherever else the robot can be.
-fn problem(view: &View<'_>) -> Result<Problem, ProblemError> {
-    let start = view.space.start();
-    let cell = |(i, reached): (usize, &bool)| match reached {
-        _ if i == start => Cell::Source,
-        false => Cell::Outside,
-        true if view.goals.contains(i) => Cell::Sink,
-        true => Cell::Inside,
-    };
-    Problem::new(view.volume.region().clone(), view.space.reach.iter().enumerate().map(cell).collect())
+fn problem(view: &View<'_>, extent: &Extent) -> Result<Problem, ProblemError> {
+    let region = extent.region(view.space.resolution());
+    let mut cells = vec![Cell::Outside; region.len()];
+    for voxel in view.space.reach.iter().filter(|voxel| extent.contains(*voxel)) {
+        if let Some(i) = region.index(voxel) {
+            cells[i] = match voxel {
+                _ if voxel == view.space.start() => Cell::Source,
+                _ if view.goals.contains(voxel) => Cell::Sink,
+                _ => Cell::Inside,
+            };
+        }
+    }
+    Problem::new(region, cells)
 }
 
 /// The centre of the face neighbour that most flows into.
@@ -206,13 +226,13 @@ fn largest_flux(view: &View<'_>, field: &Field<'_>) -> Option<Point3<f64>> {
             best = Some(n);
         }
     }
-    best.map(|n| view.volume.center(n))
+    best.map(|n| field.problem.region().center(n))
 }
 
 fn face_neighbours<'a>(view: &'a View<'_>, field: &'a Field<'_>) -> impl Iterator<Item = usize> + 'a {
-    let start = view.space.start();
-    let faces = view.volume.faces().into_iter();
-    faces.map(move |d| start.wrapping_add_signed(d)).filter(|n| field.problem.cells()[*n] != Cell::Outside)
+    let region = field.problem.region();
+    let beside = view.space.start().face_neighbours().into_iter().filter_map(|voxel| region.index(voxel));
+    beside.filter(|n| field.problem.cells()[*n] != Cell::Outside)
 }
 
 /// The centres of the face neighbours, and points evenly around the start (a Fibonacci lattice on the sphere).
@@ -225,7 +245,7 @@ fn seeds(view: &View<'_>, field: &Field<'_>) -> Vec<Point3<f64>> {
         view.from + SEED_DISTANCE_M * Vector3::new(r * angle.cos(), r * angle.sin(), z)
     });
     face_neighbours(view, field)
-        .map(|n| view.volume.center(n))
+        .map(|n| field.problem.region().center(n))
         .chain(around.filter(|p| field.connected(view.from, *p)))
         .collect()
 }
@@ -235,22 +255,22 @@ fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, sta
     let (line, end) = field.trace(seed, longest);
     let mut points = vec![view.from];
     points.extend(line);
+    let region = field.problem.region();
     let goal = match end {
-        Termination::Goal(goal) => goal,
+        Termination::Goal(goal) => region.voxel(goal),
         Termination::TooLong => return None,
         Termination::Stalled(at) => {
             *stalls += 1;
             let way = rescue(view, field, at)?;
-            points.extend(way.iter().map(|i| view.volume.center(*i)));
+            points.extend(way.iter().map(|voxel| view.space.center(*voxel)));
             *way.last()?
         }
     };
     Some(Route { points, goal })
 }
 
-fn rescue(view: &View<'_>, field: &Field<'_>, at: usize) -> Option<Vec<usize>> {
-    field.descend(at).ok().or_else(|| {
-        let is_goal = |i| view.goals.contains(i);
-        astar::closest(view.volume, &view.space.reach, at, is_goal)
-    })
+fn rescue(view: &View<'_>, field: &Field<'_>, at: usize) -> Option<Vec<Voxel>> {
+    let region = field.problem.region();
+    let descended = field.descend(at).ok().map(|way| way.into_iter().map(|i| region.voxel(i)).collect());
+    descended.or_else(|| astar::closest(&view.space.reach, region.voxel(at), |voxel| view.goals.contains(voxel)))
 }

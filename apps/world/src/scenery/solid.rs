@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use crate::triangle::Triangle;
 
 /// Every world is shifted by this (m), so that no wall lies on the faces of 0.1 m voxels.
-const OFF_LATTICE: Vector3<f64> = Vector3::new(0.037, 0.031, 0.023);
+pub(super) const OFF_LATTICE: Vector3<f64> = Vector3::new(0.037, 0.031, 0.023);
 
 /// A closed surface.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,11 +113,11 @@ impl Scenery {
         all.collect()
     }
 
-    /// The world as an OBJ file, to the millimetre.
-    pub fn to_obj(&self) -> String {
-        let mut text = String::from(
+    /// The world as an OBJ file, to the millimetre; `made_by` is what made it.
+    pub fn to_obj(&self, made_by: &str) -> String {
+        let mut text = format!(
             "# Metres, z up; faces are anticlockwise as seen from the free side.\n\
-             # Made by `cargo run -p elk-world --example worlds`: change it there.\n",
+             # Made by `{made_by}`: change it there.\n",
         );
         let mut first = 1;
         for solid in &self.solids {

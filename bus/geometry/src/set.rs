@@ -1,0 +1,172 @@
+//! Sets of voxels, a bit each: sized by what is in them, wherever that is.
+
+use std::collections::HashMap;
+use std::hash::BuildHasherDefault;
+
+use crate::bricks::{BrickHasher, brick_of, cell_of, voxel_at};
+use crate::mask::{self, Mask};
+use crate::voxel::Voxel;
+
+/// A set of voxels, kept by brick. A voxel far away from all others costs one brick.
+#[derive(Debug, Clone, Default)]
+pub struct VoxelSet {
+    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    bricks: Vec<(Voxel, Mask)>,
+    len: usize,
+}
+
+impl VoxelSet {
+    /// The empty set.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The voxels of a brick (in bricks) that are in it.
+    pub fn brick(&self, brick: Voxel) -> &Mask {
+        self.index.get(&brick).map_or(&mask::NONE, |i| &self.bricks[*i as usize].1)
+    }
+
+    /// Whether a voxel is in it.
+    pub fn contains(&self, voxel: Voxel) -> bool {
+        mask::has(self.brick(brick_of(voxel)), cell_of(voxel))
+    }
+
+    /// For many questions about voxels that lie near each other.
+    pub fn near(&self) -> Near<'_> {
+        let origin = Voxel::new(0, 0, 0);
+        Near { set: self, brick: origin, mask: self.brick(origin) }
+    }
+
+    /// Puts these of a brick's voxels in, and all others of that brick out; answers those that were not as they are now.
+    pub fn replace(&mut self, brick: Voxel, now: &Mask) -> Mask {
+        let own = match self.index.get(&brick) {
+            Some(i) => &mut self.bricks[*i as usize].1,
+            None if *now == mask::NONE => return mask::NONE,
+            None => {
+                self.index.insert(brick, self.bricks.len() as u32);
+                self.bricks.push((brick, mask::NONE));
+                let last = self.bricks.len() - 1;
+                &mut self.bricks[last].1
+            }
+        };
+        let turned = std::array::from_fn(|z| own[z] ^ now[z]);
+        self.len = self.len + mask::count(now) - mask::count(own);
+        *own = *now;
+        turned
+    }
+
+    /// Puts a voxel in; answers whether it was not.
+    pub fn insert(&mut self, voxel: Voxel) -> bool {
+        let (brick, mut now) = (brick_of(voxel), *self.brick(brick_of(voxel)));
+        mask::set(&mut now, cell_of(voxel));
+        self.replace(brick, &now) != mask::NONE
+    }
+
+    /// Takes a voxel out; answers whether it was in.
+    pub fn remove(&mut self, voxel: Voxel) -> bool {
+        let (brick, mut now) = (brick_of(voxel), *self.brick(brick_of(voxel)));
+        mask::clear(&mut now, cell_of(voxel));
+        self.replace(brick, &now) != mask::NONE
+    }
+
+    /// Number of voxels.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The bricks that have, or had, voxels in it, in the order in which they first had, with those that they have now.
+    pub fn bricks(&self) -> impl Iterator<Item = (Voxel, &Mask)> {
+        self.bricks.iter().map(|(brick, mask)| (*brick, mask))
+    }
+
+    /// The voxels, brick by brick in the order of [`VoxelSet::bricks`].
+    pub fn iter(&self) -> impl Iterator<Item = Voxel> + '_ {
+        self.bricks().flat_map(|(brick, cells)| mask::cells(cells).map(move |cell| voxel_at(brick, cell)))
+    }
+
+    /// Smallest and largest corner of the box around all of them, both in it; `None`: there is none.
+    pub fn corners(&self) -> Option<[Voxel; 2]> {
+        let corners = |(brick, cells): (Voxel, &Mask)| {
+            let voxels = mask::cells(cells).map(|cell| voxel_at(brick, cell));
+            voxels.fold(None, |found: Option<[Voxel; 2]>, v| Some(found.map_or([v; 2], |[a, b]| [a.inf(v), b.sup(v)])))
+        };
+        self.bricks().filter_map(corners).reduce(|[a, b], [c, d]| [a.inf(c), b.sup(d)])
+    }
+}
+
+/// By what is in them, not by the order in which it came.
+impl PartialEq for VoxelSet {
+    fn eq(&self, other: &Self) -> bool {
+        self.len == other.len && self.bricks().all(|(brick, cells)| other.brick(brick) == cells)
+    }
+}
+
+impl FromIterator<Voxel> for VoxelSet {
+    fn from_iter<I: IntoIterator<Item = Voxel>>(voxels: I) -> Self {
+        let mut set = Self::new();
+        for voxel in voxels {
+            set.insert(voxel);
+        }
+        set
+    }
+}
+
+/// A set that is asked about voxels near each other: while they stay in one brick, nothing is looked up.
+#[derive(Debug, Clone)]
+pub struct Near<'a> {
+    set: &'a VoxelSet,
+    brick: Voxel,
+    mask: &'a Mask,
+}
+
+impl Near<'_> {
+    /// Whether a voxel is in the set.
+    #[inline]
+    pub fn contains(&mut self, voxel: Voxel) -> bool {
+        let brick = brick_of(voxel);
+        if brick != self.brick {
+            (self.brick, self.mask) = (brick, self.set.brick(brick));
+        }
+        mask::has(self.mask, cell_of(voxel))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn voxel() -> impl Strategy<Value = Voxel> {
+        prop::array::uniform3(-12..12i32).prop_map(Voxel::from)
+    }
+
+    proptest! {
+        /// It is what a set of voxels is that is kept one by one.
+        #[test]
+        fn what_is_put_in_and_not_taken_out_is_in(edits in prop::collection::vec((voxel(), any::<bool>()), 0..200)) {
+            let (mut set, mut model) = (VoxelSet::new(), BTreeSet::new());
+            for (voxel, into) in edits {
+                let (changed, expected) = match into {
+                    true => (set.insert(voxel), model.insert(voxel)),
+                    false => (set.remove(voxel), model.remove(&voxel)),
+                };
+                prop_assert_eq!(changed, expected);
+            }
+            prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), model.clone());
+            prop_assert_eq!((set.len(), set.is_empty()), (model.len(), model.is_empty()));
+            let corner = |pick: fn(Voxel, Voxel) -> Voxel| model.iter().copied().reduce(pick);
+            prop_assert_eq!(set.corners(), corner(Voxel::inf).zip(corner(Voxel::sup)).map(|(a, b)| [a, b]));
+            let mut near = set.near();
+            prop_assert!(set.iter().all(|voxel| set.contains(voxel) && near.contains(voxel)));
+            prop_assert!(set == model.iter().copied().collect());
+        }
+    }
+}
