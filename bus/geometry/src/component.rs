@@ -2,13 +2,14 @@
 //!
 //! What opens is grown into from the voxels that it touches, at the cost of what is gained. Where something closes, all that
 //! lay around it is searched from at once, until the searches have met, or one has nowhere left to go and is what was cut
-//! off: at the cost of the smaller part.
+//! off: at the cost of the smaller part (after Even and Shiloach, *An On-Line Edge-Deletion Problem*, 1981).
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap, VecDeque};
+use std::hash::BuildHasherDefault;
 use std::ops::Deref;
 
+use crate::bricks::BrickHasher;
 use crate::region::Region;
-use crate::searches::Searches;
 
 /// The voxels that are connected with a start over the faces of open voxels, by index of a [`Region`]; the start always is
 /// one of them. No voxel on the region's own faces may be open.
@@ -140,8 +141,7 @@ impl Component {
         let mut hole = connected(faces, first, gone);
         loop {
             let border: BTreeSet<usize> = beside(faces, &hole).filter(|i| self.inside[*i]).collect();
-            let near = |i: usize| faces.map(|d| i.wrapping_add_signed(d)).into_iter().filter(|n| self.inside[*n]);
-            let Some(cut) = Searches::from(border).next_cut_off(near) else { return true };
+            let Some(cut) = Searches::from(border).smallest(faces, &self.inside) else { return true };
             if cut.contains(&self.start) {
                 return false;
             }
@@ -171,6 +171,72 @@ fn connected(faces: [isize; 6], first: usize, among: &mut BTreeSet<usize>) -> Ve
         found.extend(beside(faces, &[i]).filter(|n| among.remove(n)));
     }
     found
+}
+
+/// Searches from several voxels at once, which are one when they meet.
+struct Searches {
+    /// Which search has been to a voxel.
+    been: HashMap<usize, usize, BuildHasherDefault<BrickHasher>>,
+    /// What each search has still to go on from, in the order in which it came there.
+    fronts: Vec<VecDeque<usize>>,
+    /// Which search each has become a part of; its own number if none.
+    joined: Vec<usize>,
+    /// Searches that have not become a part of another one.
+    left: usize,
+}
+
+impl Searches {
+    fn from(starts: BTreeSet<usize>) -> Self {
+        let count = starts.len();
+        let been = starts.iter().copied().enumerate().map(|(search, i)| (i, search)).collect();
+        let fronts = starts.into_iter().map(|i| VecDeque::from([i])).collect();
+        Self { been, fronts, joined: (0..count).collect(), left: count }
+    }
+
+    /// Searches until all are one; or one of several has been everywhere that it can: all voxels where it was.
+    fn smallest(mut self, faces: [isize; 6], inside: &[bool]) -> Option<Vec<usize>> {
+        while self.left > 1 {
+            for search in 0..self.fronts.len() {
+                if self.joined[search] != search || self.left == 1 {
+                    continue;
+                }
+                let Some(i) = self.fronts[search].pop_front() else {
+                    return Some(self.voxels_of(search));
+                };
+                beside(faces, &[i]).filter(|n| inside[*n]).for_each(|n| self.come_to(n, search));
+            }
+        }
+        None
+    }
+
+    fn come_to(&mut self, index: usize, search: usize) {
+        let own = self.root(search);
+        let Some(other) = self.been.insert(index, own) else {
+            return self.fronts[own].push_back(index);
+        };
+        let other = self.root(other);
+        if other != own {
+            self.joined[other] = own;
+            let mut front = std::mem::take(&mut self.fronts[other]);
+            self.fronts[own].append(&mut front);
+            self.left -= 1;
+        }
+    }
+
+    fn root(&self, mut search: usize) -> usize {
+        while self.joined[search] != search {
+            search = self.joined[search];
+        }
+        search
+    }
+
+    /// In order of their indices.
+    fn voxels_of(&self, search: usize) -> Vec<usize> {
+        let mut voxels: Vec<usize> =
+            self.been.iter().filter(|(_, other)| self.root(**other) == search).map(|(i, _)| *i).collect();
+        voxels.sort_unstable();
+        voxels
+    }
 }
 
 #[cfg(test)]
