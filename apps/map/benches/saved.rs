@@ -3,7 +3,9 @@
 //! `cargo bench -p elk-map --bench saved`
 
 use elk_map::{Format, MapConfig, OccupancyMap, Saved};
-use nalgebra::{Point3, Vector3};
+
+#[path = "../tests/scans/mod.rs"]
+mod scans;
 
 /// Times that each is done.
 const TIMES: usize = 11;
@@ -25,25 +27,15 @@ fn median<T>(mut work: impl FnMut() -> T) -> (f64, T) {
     (all[TIMES / 2], last.1)
 }
 
-/// Rooms in a row, 5 × 4 × 3 m each with a door, seen from the middle of each all around, until this many voxels are known.
+/// The map of so many rooms that this many voxels are known.
 fn building(voxels: usize) -> OccupancyMap {
     let config = MapConfig { resolution: 0.05, ..MapConfig::default() };
     let mut map = OccupancyMap::new(config).expect("the settings make sense");
-    let half = Vector3::new(2.5, 2.0, 1.5);
-    for room in 0.. {
+    for scan in scans::building() {
         if map.grid().free() + map.grid().occupied() >= voxels {
             break;
         }
-        let middle = Point3::new(5.0 * f64::from(room) + 0.013, 0.021, 0.017);
-        let points = (0..160_000).map(|i| {
-            // Evenly over the sphere, by Fibonacci's spiral.
-            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 160_000.0;
-            let (sin, cos) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
-            let direction = Vector3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
-            let range = (0..3).map(|axis| half[axis] / direction[axis].abs()).fold(f64::INFINITY, f64::min);
-            middle + direction * range
-        });
-        let changed = map.insert(middle, points).changed;
+        let changed = map.insert(scan.origin(), scan.points()).changed;
         map.advance(&changed);
     }
     map

@@ -150,8 +150,8 @@ impl OccupancyMap {
     fn know_block(&mut self, min: Voxel, edge: i32, log_odds: f32) {
         if let Some(i) = self.table.find_or_add(brick_of(min)) {
             self.grow();
-            let (brick, config) = (&mut self.bricks[i], &self.config);
-            cube(edge).for_each(|offset| brick.know(cell_of(min + offset), log_odds, config));
+            let (brick, codes, config) = (&mut self.bricks[i], &mut self.codes, &self.config);
+            cube(edge).for_each(|offset| brick.know(cell_of(min + offset), log_odds, config, codes));
         }
     }
 }

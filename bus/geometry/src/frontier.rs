@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::bricks::{Bricks, brick_of, voxel_at};
 use crate::grid::OccupancyGrid;
+use crate::mask;
 use crate::state::State;
 use crate::voxel::{Bounds, FACES, Voxel};
 
@@ -104,8 +105,7 @@ impl FrontierSet {
         }
         let ends = |brick: Voxel| FACES.iter().any(|face| grid.bricks().brick(brick + *face).is_none());
         for (brick, cells) in grid.bricks().iter().filter(|(brick, _)| ends(*brick)) {
-            let free = cells.iter().enumerate().filter(|(_, state)| **state == State::Free);
-            free.for_each(|(cell, _)| self.revise(grid, voxel_at(brick, cell)));
+            mask::cells(&cells.free()).for_each(|cell| self.revise(grid, voxel_at(brick, cell)));
         }
     }
 

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | cells of the lattice over the world, boxes | [`voxel`]; how far they go: [`limits`] |
 //! | values by voxel, sparse: bricks of 8×8×8 | [`bricks`]; sets of a brick's cells: [`mask`] |
-//! | what is free, occupied, unknown | [`state`], [`grid`]; what changed, for whoever keeps a copy: [`delta`] |
+//! | what is free, occupied, unknown | [`state`], [`states`], [`grid`]; what changed, for whoever keeps a copy: [`delta`] |
 //! | where what is known ends, and what of it hangs together | [`frontier`], [`clusters`] |
 //! | a box of voxels with numbers, and the states of one | [`region`], [`volume`] |
 //! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
@@ -37,6 +37,7 @@ pub mod ray;
 pub mod region;
 mod searches;
 pub mod state;
+pub mod states;
 pub mod visibility;
 pub mod volume;
 pub mod voxel;

@@ -6,6 +6,7 @@ use crate::bricks::{BRICK, BRICK_CELLS, voxel_at};
 use crate::grid::OccupancyGrid;
 use crate::region::Region;
 use crate::state::State;
+use crate::states::Cells;
 use crate::voxel::Voxel;
 
 /// A [`Region`] with the state of each of its voxels. Around what is known lies a margin of unknown voxels, so that the
@@ -57,7 +58,7 @@ impl Volume {
     /// `changed`.
     pub fn follow(&mut self, grid: &OccupancyGrid, brick: Voxel, mut changed: impl FnMut(usize)) {
         let ((min, max), first) = (self.within, voxel_at(brick, 0));
-        let cells = grid.bricks().brick(brick).unwrap_or(&[State::Unknown; BRICK_CELLS]);
+        let cells = grid.bricks().brick(brick).map_or([State::Unknown; BRICK_CELLS], Cells::unpack);
         let (from, to) = (first.x.max(min.x), (first.x + BRICK).min(max.x));
         for (n, line) in cells.chunks_exact(BRICK as usize).enumerate() {
             let (y, z) = (first.y + n as i32 % BRICK, first.z + n as i32 / BRICK);
