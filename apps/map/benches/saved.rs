@@ -1,7 +1,9 @@
-//! A map of a million voxels into the bytes of a file and back: its own format beside OctoMap's.
+//! A map of a million voxels into the bytes of a file and back: its own format beside OctoMap's; and into what a reader is sent
+//! that asks for all of it.
 //!
 //! `cargo bench -p elk-map --bench saved`
 
+use elk_geometry::OccupancyGrid;
 use elk_map::{Format, MapConfig, OccupancyMap, Saved};
 
 #[path = "../tests/scans/mod.rs"]
@@ -55,5 +57,17 @@ fn main() {
         assert_eq!(again.frontier_len(), map.frontier_len());
         let each = bytes.len() as f64 / known as f64;
         println!("| `{name}` | {:.1} ms | {:.1} ms | {each:.2} |", save * 1e3, load * 1e3);
+    }
+    println!("\nthe whole map as a reader is sent it, packed and applied:");
+    for voxels in [1_000_000, 10_000_000, 40_000_000] {
+        let map = building(voxels);
+        let (pack, whole) = median(|| map.grid().whole());
+        let (apply, copy) = median(|| {
+            let mut copy = OccupancyGrid::new(map.config().resolution);
+            copy.apply(&whole).expect("it is the whole map");
+            copy
+        });
+        let known = copy.free() + copy.occupied();
+        println!("{known} voxels, {} bricks: {:.2} ms, {:.2} ms", whole.bricks.len(), pack * 1e3, apply * 1e3);
     }
 }

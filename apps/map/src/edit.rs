@@ -54,16 +54,9 @@ impl OccupancyMap {
     /// # Errors
     /// Its voxels are not of this size, or there is no room for its bricks; nothing is taken in then.
     pub fn merge(&mut self, other: &OccupancyMap) -> Result<Changes, RestoreError> {
-        let (own, saved) = (self.config.resolution, other.config.resolution);
-        if own != saved {
-            return Err(RestoreError::Resolution { saved, own });
-        }
         let known = || (0..other.bricks.len()).filter(|i| other.bricks[*i].known != mask::NONE);
         let new = known().filter(|i| self.table.find(other.table.position(*i)).is_none()).count();
-        let (bricks, most) = (self.table.len() + new, self.config.max_bricks);
-        if bricks > most {
-            return Err(RestoreError::TooMany { bricks, most });
-        }
+        self.config.see_whether_it_fits(self.table.len() + new, other.config.resolution)?;
         for i in known() {
             self.table.find_or_add(other.table.position(i));
         }

@@ -142,8 +142,7 @@ impl OccupancyMap {
     /// Whether there is room for this many bricks, the first of them at `position`; a brick that is there takes none.
     fn see_room_for(&self, position: Voxel, bricks: usize) -> Result<(), RestoreError> {
         let known = self.table.find(position).is_some();
-        let (bricks, most) = (self.table.len() + if known { 0 } else { bricks }, self.config.max_bricks);
-        if bricks > most { Err(RestoreError::TooMany { bricks, most }) } else { Ok(()) }
+        self.config.see_whether_it_fits(self.table.len() + if known { 0 } else { bricks }, self.config.resolution)
     }
 
     /// Gives the voxels of a cube within one brick, `min` being the lowest, these log-odds.

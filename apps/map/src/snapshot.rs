@@ -81,6 +81,18 @@ pub enum RestoreError {
     },
 }
 
+impl MapConfig {
+    /// Whether a map with these settings can be one of so many bricks and of voxels of `saved` (m).
+    pub(crate) fn see_whether_it_fits(&self, bricks: usize, saved: f64) -> Result<(), RestoreError> {
+        let &Self { resolution: own, max_bricks: most, .. } = self;
+        match (saved == own, bricks <= most) {
+            (false, _) => Err(RestoreError::Resolution { saved, own }),
+            (true, false) => Err(RestoreError::TooMany { bricks, most }),
+            (true, true) => Ok(()),
+        }
+    }
+}
+
 impl OccupancyMap {
     /// All that the map knows.
     pub fn snapshot(&self) -> Snapshot {
@@ -129,13 +141,7 @@ impl OccupancyMap {
     }
 
     pub(crate) fn with_room_for(config: MapConfig, bricks: usize, resolution: f64) -> Result<Self, RestoreError> {
-        let MapConfig { resolution: own, max_bricks: most, .. } = config;
-        if resolution != own {
-            return Err(RestoreError::Resolution { saved: resolution, own });
-        }
-        if bricks > most {
-            return Err(RestoreError::TooMany { bricks, most });
-        }
+        config.see_whether_it_fits(bricks, resolution)?;
         Ok(Self::new(config)?)
     }
 
