@@ -1,9 +1,13 @@
-//! A map of a million voxels into the bytes of a file and back: its own format beside OctoMap's.
+//! A map of a million voxels into the bytes of a file and back: its own format beside OctoMap's; and into what a reader is sent
+//! that asks for all of it.
 //!
 //! `cargo bench -p elk-map --bench saved`
 
+use elk_geometry::OccupancyGrid;
 use elk_map::{Format, MapConfig, OccupancyMap, Saved};
-use nalgebra::{Point3, Vector3};
+
+#[path = "../tests/scans/mod.rs"]
+mod scans;
 
 /// Times that each is done.
 const TIMES: usize = 11;
@@ -25,25 +29,15 @@ fn median<T>(mut work: impl FnMut() -> T) -> (f64, T) {
     (all[TIMES / 2], last.1)
 }
 
-/// Rooms in a row, 5 × 4 × 3 m each with a door, seen from the middle of each all around, until this many voxels are known.
+/// The map of so many rooms that this many voxels are known.
 fn building(voxels: usize) -> OccupancyMap {
     let config = MapConfig { resolution: 0.05, ..MapConfig::default() };
     let mut map = OccupancyMap::new(config).expect("the settings make sense");
-    let half = Vector3::new(2.5, 2.0, 1.5);
-    for room in 0.. {
+    for scan in scans::building() {
         if map.grid().free() + map.grid().occupied() >= voxels {
             break;
         }
-        let middle = Point3::new(5.0 * f64::from(room) + 0.013, 0.021, 0.017);
-        let points = (0..160_000).map(|i| {
-            // Evenly over the sphere, by Fibonacci's spiral.
-            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 160_000.0;
-            let (sin, cos) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
-            let direction = Vector3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
-            let range = (0..3).map(|axis| half[axis] / direction[axis].abs()).fold(f64::INFINITY, f64::min);
-            middle + direction * range
-        });
-        let changed = map.insert(middle, points).changed;
+        let changed = map.insert(scan.origin(), scan.points()).changed;
         map.advance(&changed);
     }
     map
@@ -63,5 +57,17 @@ fn main() {
         assert_eq!(again.frontier_len(), map.frontier_len());
         let each = bytes.len() as f64 / known as f64;
         println!("| `{name}` | {:.1} ms | {:.1} ms | {each:.2} |", save * 1e3, load * 1e3);
+    }
+    println!("\nthe whole map as a reader is sent it, packed and applied:");
+    for voxels in [1_000_000, 10_000_000, 40_000_000] {
+        let map = building(voxels);
+        let (pack, whole) = median(|| map.grid().whole());
+        let (apply, copy) = median(|| {
+            let mut copy = OccupancyGrid::new(map.config().resolution);
+            copy.apply(&whole).expect("it is the whole map");
+            copy
+        });
+        let known = copy.free() + copy.occupied();
+        println!("{known} voxels, {} bricks: {:.2} ms, {:.2} ms", whole.bricks.len(), pack * 1e3, apply * 1e3);
     }
 }

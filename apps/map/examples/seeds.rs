@@ -32,12 +32,12 @@ fn main() -> std::io::Result<()> {
     let mut map = OccupancyMap::new(MapConfig::default()).expect("the settings make sense");
     map.insert(Point3::new(0.05, 0.05, 0.05), [Point3::new(1.05, 0.05, 0.05), Point3::new(0.05, -0.45, 0.25)]);
     put("elkmap/map.elkmap", &Format::ElkMap.write(&map))?;
-    put("ot/map.ot", &Format::Ot.write(&map))?;
+    put("octomap/map.ot", &Format::Ot.write(&map))?;
     let bt = Format::Bt.write(&map);
-    put("bt/map.bt", &bt)?;
+    put("octomap/map.bt", &bt)?;
     // As before 2011: behind a binary header the same nodes.
     let data = bt.windows(5).position(|window| window == b"data\n").map_or(0, |at| at + 5);
     let nodes = (map.occupancy_tree().count() as u32).to_le_bytes();
-    put("bt/legacy.bt", &[&3u32.to_le_bytes()[..], &0.1f64.to_le_bytes(), &nodes, &bt[data..]].concat())?;
+    put("octomap/legacy.bt", &[&3u32.to_le_bytes()[..], &0.1f64.to_le_bytes(), &nodes, &bt[data..]].concat())?;
     put("graph/scan.graph", &graph())
 }

@@ -8,6 +8,7 @@ use elk_geometry::mask::{self, Mask};
 use elk_geometry::voxel::reach_m;
 use elk_geometry::{Bounds, Voxel};
 
+use crate::log_odds::Codes;
 use crate::occupancy::{Brick, Changed, OccupancyMap};
 use crate::snapshot::RestoreError;
 use crate::volume::Volume;
@@ -23,7 +24,7 @@ impl OccupancyMap {
             return Changes::default();
         }
         let volume = Volume::new(Some(within), self.config.resolution);
-        self.edit(|position, brick| brick.forget(&volume.mask(position)))
+        self.edit(|position, brick, codes| brick.forget(&volume.mask(position), codes))
     }
 
     /// Brings all log-odds nearer to 0 by `step` (> 0): a voxel that comes to 0 is unknown again. What is seen once more is
@@ -33,16 +34,17 @@ impl OccupancyMap {
             return Changes::default();
         }
         let config = self.config;
-        self.edit(|_, brick| {
+        self.edit(|_, brick, codes| {
             let mut faded = mask::NONE;
             for cell in mask::cells(&{ brick.known }) {
-                let log_odds = brick.log_odds[cell] - brick.log_odds[cell].clamp(-step, step);
-                brick.know(cell, log_odds, &config);
+                let before = brick.log_odds.get(cell, codes);
+                let log_odds = before - before.clamp(-step, step);
+                brick.know(cell, log_odds, &config, codes);
                 if log_odds == 0.0 {
                     mask::set(&mut faded, cell);
                 }
             }
-            brick.forget(&faded);
+            brick.forget(&faded, codes);
         })
     }
 
@@ -52,39 +54,32 @@ impl OccupancyMap {
     /// # Errors
     /// Its voxels are not of this size, or there is no room for its bricks; nothing is taken in then.
     pub fn merge(&mut self, other: &OccupancyMap) -> Result<Changes, RestoreError> {
-        let (own, saved) = (self.config.resolution, other.config.resolution);
-        if own != saved {
-            return Err(RestoreError::Resolution { saved, own });
-        }
         let known = || (0..other.bricks.len()).filter(|i| other.bricks[*i].known != mask::NONE);
         let new = known().filter(|i| self.table.find(other.table.position(*i)).is_none()).count();
-        let (bricks, most) = (self.table.len() + new, self.config.max_bricks);
-        if bricks > most {
-            return Err(RestoreError::TooMany { bricks, most });
-        }
+        self.config.see_whether_it_fits(self.table.len() + new, other.config.resolution)?;
         for i in known() {
             self.table.find_or_add(other.table.position(i));
         }
         self.grow();
         let config = self.config;
-        Ok(self.edit(|position, brick| {
+        Ok(self.edit(|position, brick, codes| {
             let Some(theirs) = other.table.find(position).map(|i| &other.bricks[i]) else { return };
             for cell in mask::cells(&theirs.known) {
-                let sum = brick.log_odds[cell] + theirs.log_odds[cell];
-                brick.know(cell, sum.clamp(config.clamp_min, config.clamp_max), &config);
+                let sum = brick.log_odds.get(cell, codes) + theirs.log_odds.get(cell, &other.codes);
+                brick.know(cell, sum.clamp(config.clamp_min, config.clamp_max), &config, codes);
             }
             brick.ever_hit = union(&brick.ever_hit, &theirs.ever_hit);
         }))
     }
 
     /// Changes the bricks one by one.
-    fn edit(&mut self, change: impl Fn(Voxel, &mut Brick)) -> Changes {
+    fn edit(&mut self, change: impl Fn(Voxel, &mut Brick, &mut Codes)) -> Changes {
         let mut order: Vec<usize> = (0..self.bricks.len()).collect();
         order.sort_unstable_by_key(|&i| self.table.position(i));
         let mut changed = Changed::default();
         for i in order {
             let position = self.table.position(i);
-            self.change_brick(i, &mut changed, |brick| change(position, brick));
+            self.change_brick(i, &mut changed, |brick, codes| change(position, brick, codes));
         }
         self.conclude(changed)
     }
@@ -92,9 +87,9 @@ impl OccupancyMap {
 
 impl Brick {
     /// Knows no more of these cells than if they had never been seen.
-    fn forget(&mut self, cells: &Mask) {
+    fn forget(&mut self, cells: &Mask, codes: &mut Codes) {
         for cell in mask::cells(&std::array::from_fn(|z| cells[z] & self.known[z])) {
-            self.log_odds[cell] = 0.0;
+            self.log_odds.set(cell, 0.0, codes);
         }
         for set in [&mut self.known, &mut self.occupied, &mut self.ever_hit, &mut self.at_min, &mut self.at_max] {
             *set = std::array::from_fn(|z| set[z] & !cells[z]);
@@ -150,7 +145,7 @@ mod tests {
             let of = |is_in: &dyn Fn(f32) -> bool| {
                 let mut set = mask::NONE;
                 mask::cells(&brick.known)
-                    .filter(|cell| is_in(brick.log_odds[*cell]))
+                    .filter(|cell| is_in(brick.log_odds.get(*cell, &map.codes)))
                     .for_each(|cell| mask::set(&mut set, cell));
                 set
             };
@@ -158,7 +153,11 @@ mod tests {
             assert_eq!(brick.at_min, of(&|log_odds| log_odds == clamp_min));
             assert_eq!(brick.at_max, of(&|log_odds| log_odds == clamp_max));
             let unknown = (0..BRICK_CELLS).filter(|cell| !mask::has(&brick.known, *cell));
-            assert!(unknown.into_iter().all(|cell| brick.log_odds[cell] == 0.0 && !mask::has(&brick.ever_hit, cell)));
+            assert!(
+                unknown
+                    .into_iter()
+                    .all(|cell| brick.log_odds.get(cell, &map.codes) == 0.0 && !mask::has(&brick.ever_hit, cell))
+            );
         }
     }
 

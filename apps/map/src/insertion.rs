@@ -13,6 +13,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::fan::{Fan, Ray, Tip};
 use crate::growth::grown;
+use crate::log_odds::Codes;
 use crate::marks::Marks;
 use crate::occupancy::{Brick, Changed, Grazing, Integration, MapConfig, OccupancyMap};
 use crate::walk::{Lattice, Point};
@@ -133,7 +134,7 @@ impl OccupancyMap {
         for (position, marks) in touched {
             let Some(i) = self.table.find(*position) else { continue };
             let spared = self.spared(i, *position, marks);
-            self.change_brick(i, &mut changed, |brick| brick.update(marks, &spared, &config));
+            self.change_brick(i, &mut changed, |brick, codes| brick.update(marks, &spared, &config, codes));
         }
         self.conclude(changed)
     }
@@ -155,7 +156,7 @@ impl OccupancyMap {
 
 impl Brick {
     /// One update for every cell that was hit, or passed and not spared.
-    fn update(&mut self, marks: &Marks, spared: &Mask, config: &MapConfig) {
+    fn update(&mut self, marks: &Marks, spared: &Mask, config: &MapConfig, codes: &mut Codes) {
         for (z, spared) in spared.iter().enumerate() {
             let hit = marks.hit[z];
             let missed = marks.passed[z] & !hit & !spared;
@@ -178,13 +179,14 @@ impl Brick {
                     (false, true) => config.miss * GRAZED_SHARE,
                     (false, false) => config.miss,
                 };
-                let log_odds = &mut self.log_odds[z << 6 | bit];
-                let forgets = is_in(first_hit) && *log_odds < 0.0;
-                *log_odds = clamp(if forgets { step } else { *log_odds + step });
+                let before = self.log_odds.get(z << 6 | bit, codes);
+                let forgets = is_in(first_hit) && before < 0.0;
+                let log_odds = clamp(if forgets { step } else { before + step });
+                self.log_odds.set(z << 6 | bit, log_odds, codes);
                 let set = |cells: u64, is_in: bool| cells & !(1 << bit) | u64::from(is_in) << bit;
-                occupied = set(occupied, *log_odds > 0.0);
-                at_min = set(at_min, *log_odds == config.clamp_min);
-                at_max = set(at_max, *log_odds == config.clamp_max);
+                occupied = set(occupied, log_odds > 0.0);
+                at_min = set(at_min, log_odds == config.clamp_min);
+                at_max = set(at_max, log_odds == config.clamp_max);
             }
             (self.occupied[z], self.at_min[z], self.at_max[z]) = (occupied, at_min, at_max);
             self.known[z] |= moving;

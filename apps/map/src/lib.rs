@@ -17,6 +17,7 @@ mod fan;
 mod frontier;
 mod growth;
 pub mod insertion;
+mod log_odds;
 mod marks;
 pub mod occupancy;
 pub mod octomap;

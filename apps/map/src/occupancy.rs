@@ -1,13 +1,14 @@
 //! The map: what is known of every voxel, as log-odds of being occupied (thesis 6.3.1; Hornung et al., *OctoMap*, 2013,
 //! section 3.1).
 
-use elk_geometry::bricks::{BRICK_CELLS, brick_of, cell_of, voxel_at};
+use elk_geometry::bricks::{brick_of, cell_of, voxel_at};
 use elk_geometry::delta::{Changes, Delta};
 use elk_geometry::limits::RESOLUTIONS_M;
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 
 use crate::fan::Ray;
+use crate::log_odds::{Codes, LogOdds};
 use crate::marks::Scratch;
 use crate::table::BrickTable;
 use crate::volume::Volume;
@@ -65,7 +66,7 @@ pub struct MapConfig {
     pub max_range: f64,
     /// How far a ray without a return frees voxels (m); 0: not at all, as nothing is known of where it ended.
     pub free_no_return: f64,
-    /// Bricks that the map may have (8³ voxels and about 3 kB each); what lies in others is left out.
+    /// Bricks that the map may have (8³ voxels and about 1.3 kB each); what lies in others is left out.
     pub max_bricks: usize,
     /// The volume in which frontiers count; `None`: everywhere.
     pub bounds: Option<Bounds>,
@@ -188,7 +189,7 @@ impl MapConfig {
 /// A brick of the map. A voxel that was ever updated is occupied if its log-odds are above 0, and free otherwise.
 #[derive(Debug, Clone)]
 pub(crate) struct Brick {
-    pub log_odds: Box<[f32; BRICK_CELLS]>,
+    pub log_odds: LogOdds,
     /// Ever updated.
     pub known: Mask,
     pub occupied: Mask,
@@ -203,7 +204,7 @@ pub(crate) struct Brick {
 impl Brick {
     pub fn new() -> Self {
         Self {
-            log_odds: Box::new([0.0; BRICK_CELLS]),
+            log_odds: LogOdds::new(),
             known: mask::NONE,
             occupied: mask::NONE,
             ever_hit: mask::NONE,
@@ -229,6 +230,7 @@ pub struct OccupancyMap {
     pub(crate) config: MapConfig,
     pub(crate) table: BrickTable,
     pub(crate) bricks: Vec<Brick>,
+    pub(crate) codes: Codes,
     /// What the scan being inserted says.
     pub(crate) scratch: Scratch,
     pub(crate) rays: Vec<Ray>,
@@ -250,6 +252,7 @@ impl OccupancyMap {
             config,
             table: BrickTable::new(config.max_bricks),
             bricks: Vec::new(),
+            codes: Codes::default(),
             scratch: Scratch::default(),
             rays: Vec::new(),
             grid: OccupancyGrid::new(config.resolution),
@@ -273,14 +276,14 @@ impl OccupancyMap {
     pub fn log_odds(&self, voxel: Voxel) -> Option<f32> {
         let brick = &self.bricks[self.table.find(brick_of(voxel))?];
         let cell = cell_of(voxel);
-        mask::has(&brick.known, cell).then(|| brick.log_odds[cell])
+        mask::has(&brick.known, cell).then(|| brick.log_odds.get(cell, &self.codes))
     }
 
     /// Every observed voxel with its log-odds, brick by brick.
     pub fn known(&self) -> impl Iterator<Item = (Voxel, f32)> + '_ {
-        self.bricks.iter().enumerate().flat_map(|(i, brick)| {
+        self.bricks.iter().enumerate().flat_map(move |(i, brick)| {
             let position = self.table.position(i);
-            mask::cells(&brick.known).map(move |cell| (voxel_at(position, cell), brick.log_odds[cell]))
+            mask::cells(&brick.known).map(move |cell| (voxel_at(position, cell), brick.log_odds.get(cell, &self.codes)))
         })
     }
 
@@ -302,14 +305,24 @@ impl OccupancyMap {
 
     /// Makes room for the bricks that the table has numbered since.
     pub(crate) fn grow(&mut self) {
-        self.bricks.resize_with(self.table.len(), Brick::new);
+        let (have, want) = (self.bricks.len(), self.table.len());
+        if want > self.bricks.capacity() {
+            // By an eighth: twice as much would be the largest part of a map's memory.
+            self.bricks.reserve_exact((want - have).max(have / 8));
+        }
+        self.bricks.resize_with(want, Brick::new);
     }
 
     /// Changes brick `i`, and has the grid show it.
-    pub(crate) fn change_brick(&mut self, i: usize, changed: &mut Changed, change: impl FnOnce(&mut Brick)) {
+    pub(crate) fn change_brick(
+        &mut self,
+        i: usize,
+        changed: &mut Changed,
+        change: impl FnOnce(&mut Brick, &mut Codes),
+    ) {
         let (position, brick) = (self.table.position(i), &mut self.bricks[i]);
         let (known, occupied) = (brick.known, brick.occupied);
-        change(brick);
+        change(brick, &mut self.codes);
         let extent: Mask = std::array::from_fn(|z| known[z] ^ brick.known[z]);
         let states: Mask = std::array::from_fn(|z| extent[z] | (occupied[z] ^ brick.occupied[z]));
         if states != mask::NONE {

@@ -142,16 +142,15 @@ impl OccupancyMap {
     /// Whether there is room for this many bricks, the first of them at `position`; a brick that is there takes none.
     fn see_room_for(&self, position: Voxel, bricks: usize) -> Result<(), RestoreError> {
         let known = self.table.find(position).is_some();
-        let (bricks, most) = (self.table.len() + if known { 0 } else { bricks }, self.config.max_bricks);
-        if bricks > most { Err(RestoreError::TooMany { bricks, most }) } else { Ok(()) }
+        self.config.see_whether_it_fits(self.table.len() + if known { 0 } else { bricks }, self.config.resolution)
     }
 
     /// Gives the voxels of a cube within one brick, `min` being the lowest, these log-odds.
     fn know_block(&mut self, min: Voxel, edge: i32, log_odds: f32) {
         if let Some(i) = self.table.find_or_add(brick_of(min)) {
             self.grow();
-            let (brick, config) = (&mut self.bricks[i], &self.config);
-            cube(edge).for_each(|offset| brick.know(cell_of(min + offset), log_odds, config));
+            let (brick, codes, config) = (&mut self.bricks[i], &mut self.codes, &self.config);
+            cube(edge).for_each(|offset| brick.know(cell_of(min + offset), log_odds, config, codes));
         }
     }
 }

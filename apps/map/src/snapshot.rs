@@ -4,12 +4,14 @@
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-use elk_geometry::bricks::{BRICK, BRICK_CELLS};
+use elk_geometry::bricks::BRICK;
 use elk_geometry::delta::{Delta, DeltaError};
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::state::{BrickStates, State};
+use elk_geometry::states::Cells;
 use elk_geometry::voxel::{INDEX_RANGE, Voxel};
 
+use crate::log_odds::Codes;
 use crate::occupancy::{Brick, ConfigError, MapConfig, OccupancyMap};
 
 /// All that a map knows.
@@ -79,6 +81,18 @@ pub enum RestoreError {
     },
 }
 
+impl MapConfig {
+    /// Whether a map with these settings can be one of so many bricks and of voxels of `saved` (m).
+    pub(crate) fn see_whether_it_fits(&self, bricks: usize, saved: f64) -> Result<(), RestoreError> {
+        let &Self { resolution: own, max_bricks: most, .. } = self;
+        match (saved == own, bricks <= most) {
+            (false, _) => Err(RestoreError::Resolution { saved, own }),
+            (true, false) => Err(RestoreError::TooMany { bricks, most }),
+            (true, true) => Ok(()),
+        }
+    }
+}
+
 impl OccupancyMap {
     /// All that the map knows.
     pub fn snapshot(&self) -> Snapshot {
@@ -87,7 +101,7 @@ impl OccupancyMap {
         Snapshot {
             revision: self.grid.revision(),
             resolution: self.config.resolution,
-            bricks: known.map(|(i, brick)| brick.remember(self.table.position(i))).collect(),
+            bricks: known.map(|(i, brick)| brick.remember(self.table.position(i), &self.codes)).collect(),
         }
     }
 
@@ -98,7 +112,8 @@ impl OccupancyMap {
     pub fn restore(config: MapConfig, snapshot: &Snapshot) -> Result<Self, RestoreError> {
         let mut map = Self::with_room_for(config, snapshot.bricks.len(), snapshot.resolution)?;
         for brick in &snapshot.bricks {
-            map.put(brick.position, Brick::recall(brick, &config)?)?;
+            let recalled = Brick::recall(brick, &config, &mut map.codes)?;
+            map.put(brick.position, recalled)?;
         }
         map.shown_at(snapshot.revision)
     }
@@ -113,7 +128,8 @@ impl OccupancyMap {
     pub fn from_states(config: MapConfig, whole: &Delta<'_>) -> Result<Self, RestoreError> {
         let mut map = Self::with_room_for(config, whole.bricks.len(), whole.resolution)?;
         for states in whole.bricks.iter() {
-            map.put(states.position(), Brick::seen_once(states, &config))?;
+            let seen = Brick::seen_once(states, &config, &mut map.codes);
+            map.put(states.position(), seen)?;
         }
         map.show(whole)?;
         Ok(map)
@@ -125,13 +141,7 @@ impl OccupancyMap {
     }
 
     pub(crate) fn with_room_for(config: MapConfig, bricks: usize, resolution: f64) -> Result<Self, RestoreError> {
-        let MapConfig { resolution: own, max_bricks: most, .. } = config;
-        if resolution != own {
-            return Err(RestoreError::Resolution { saved: resolution, own });
-        }
-        if bricks > most {
-            return Err(RestoreError::TooMany { bricks, most });
-        }
+        config.see_whether_it_fits(bricks, resolution)?;
         Ok(Self::new(config)?)
     }
 
@@ -167,44 +177,39 @@ impl OccupancyMap {
 }
 
 impl Brick {
-    fn remember(&self, position: Voxel) -> BrickSnapshot {
+    fn remember(&self, position: Voxel, codes: &Codes) -> BrickSnapshot {
         BrickSnapshot {
             position,
             known: self.known,
             ever_hit: self.ever_hit,
-            log_odds: mask::cells(&self.known).map(|cell| self.log_odds[cell]).collect(),
+            log_odds: mask::cells(&self.known).map(|cell| self.log_odds.get(cell, codes)).collect(),
         }
     }
 
-    fn recall(left: &BrickSnapshot, config: &MapConfig) -> Result<Self, RestoreError> {
+    fn recall(left: &BrickSnapshot, config: &MapConfig, codes: &mut Codes) -> Result<Self, RestoreError> {
         if left.log_odds.len() != mask::count(&left.known) || !left.log_odds.iter().all(|one| one.is_finite()) {
             return Err(RestoreError::Brick { position: left.position });
         }
         let mut brick = Self { ever_hit: left.ever_hit, ..Self::new() };
         for (cell, log_odds) in mask::cells(&left.known).zip(&left.log_odds) {
-            brick.know(cell, log_odds.clamp(config.clamp_min, config.clamp_max), config);
+            brick.know(cell, log_odds.clamp(config.clamp_min, config.clamp_max), config, codes);
         }
         Ok(brick)
     }
 
-    fn seen_once(states: &BrickStates, config: &MapConfig) -> Self {
+    fn seen_once(states: &BrickStates, config: &MapConfig, codes: &mut Codes) -> Self {
         let mut brick = Self::new();
-        for cell in 0..BRICK_CELLS {
-            match states.state(cell) {
-                State::Unknown => {}
-                State::Free => brick.know(cell, config.miss.max(config.clamp_min), config),
-                State::Occupied => {
-                    brick.know(cell, config.hit.min(config.clamp_max), config);
-                    mask::set(&mut brick.ever_hit, cell);
-                }
-            }
-        }
+        let cells = states.unpack();
+        let (miss, hit) = (config.miss.max(config.clamp_min), config.hit.min(config.clamp_max));
+        mask::cells(&cells.free()).for_each(|cell| brick.know(cell, miss, config, codes));
+        mask::cells(cells.occupied()).for_each(|cell| brick.know(cell, hit, config, codes));
+        brick.ever_hit = *cells.occupied();
         brick
     }
 
-    pub(crate) fn know(&mut self, cell: usize, log_odds: f32, config: &MapConfig) {
+    pub(crate) fn know(&mut self, cell: usize, log_odds: f32, config: &MapConfig, codes: &mut Codes) {
         let (layer, bit) = (cell >> 6, 1 << (cell & 63));
-        self.log_odds[cell] = log_odds;
+        self.log_odds.set(cell, log_odds, codes);
         self.known[layer] |= bit;
         let sets = [
             (&mut self.occupied, OccupancyMap::state_of(log_odds) == State::Occupied),
@@ -217,11 +222,7 @@ impl Brick {
     }
 
     fn states(&self, position: Voxel) -> BrickStates {
-        let mut cells = [State::Unknown; BRICK_CELLS];
-        for cell in mask::cells(&self.known) {
-            cells[cell] = OccupancyMap::state_of(self.log_odds[cell]);
-        }
-        BrickStates::pack(position, &cells)
+        BrickStates::pack(position, &Cells::new(&self.known, &self.occupied))
     }
 }
 

@@ -1,6 +1,7 @@
 //! How true a map is: its known voxels against the world.
 
-use elk_geometry::bricks::{BRICK, BRICK_CELLS, voxel_at};
+use elk_geometry::bricks::{BRICK, voxel_at};
+use elk_geometry::mask;
 use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use nalgebra::Vector3;
 
@@ -106,7 +107,7 @@ pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
     for (brick, cells) in map.bricks().iter() {
         // Two neighbours that no surface touches have none between them either: what the one is, the other is.
         let mut untouched: Option<(usize, Truth)> = None;
-        for cell in (0..BRICK_CELLS).filter(|&i| cells[i] != State::Unknown) {
+        for cell in mask::cells(cells.known()) {
             let voxel = voxel_at(brick, cell);
             let met = meeting(world, voxel, resolution);
             let truth = match (met, untouched) {
@@ -118,8 +119,9 @@ pub fn accuracy(world: &World, map: &OccupancyGrid) -> Accuracy {
                 continue;
             }
             accuracy.known += 1;
-            let lacks_wall = || truth == Truth::Touched && cells[cell] == State::Free && lacks_wall(world, map, voxel);
-            accuracy.right += u64::from(truth.allows(cells[cell]) && !lacks_wall());
+            let lacks_wall =
+                || truth == Truth::Touched && cells.state(cell) == State::Free && lacks_wall(world, map, voxel);
+            accuracy.right += u64::from(truth.allows(cells.state(cell)) && !lacks_wall());
         }
     }
     accuracy

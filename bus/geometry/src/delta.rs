@@ -3,9 +3,10 @@
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-use crate::bricks::{BRICK_CELLS, Bricks, voxel_at};
+use crate::bricks::voxel_at;
 use crate::mask::{self, Mask};
-use crate::state::{BrickStates, State};
+use crate::state::BrickStates;
+use crate::states::States;
 use crate::voxel::Voxel;
 
 /// What changed in a grid from one revision to another: the bricks in which anything changed, whole.
@@ -56,13 +57,10 @@ impl Changes {
     }
 
     /// Adds all that was known `before` in bricks that are not among these.
-    pub(crate) fn add_what_is_not_in(&mut self, bricks: &[BrickStates], before: &Bricks<State>) {
+    pub(crate) fn add_what_is_not_in(&mut self, bricks: &[BrickStates], before: &States) {
         let kept: BTreeSet<Voxel> = bricks.iter().map(BrickStates::position).collect();
-        for (brick, states) in before.iter().filter(|(brick, _)| !kept.contains(brick)) {
-            let mut cells = mask::NONE;
-            let known = (0..BRICK_CELLS).filter(|cell| states[*cell] != State::Unknown);
-            known.for_each(|cell| mask::set(&mut cells, cell));
-            self.add((brick, cells));
+        for (brick, cells) in before.iter().filter(|(brick, _)| !kept.contains(brick)) {
+            self.add((brick, *cells.known()));
         }
     }
 

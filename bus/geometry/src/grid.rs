@@ -2,16 +2,17 @@
 
 use std::borrow::Cow;
 
-use crate::bricks::{BRICK_CELLS, Bricks, brick_of};
+use crate::bricks::{brick_of, cell_of};
 use crate::delta::{Changes, Delta, DeltaError};
 use crate::mask::{self, Mask};
 use crate::state::{BrickStates, State};
+use crate::states::{Cells, States};
 use crate::voxel::Voxel;
 
 /// The states of all voxels, and how many there are of each.
 #[derive(Debug, Clone)]
 pub struct OccupancyGrid {
-    states: Bricks<State>,
+    states: States,
     resolution: f64,
     revision: u64,
     counts: [usize; 3],
@@ -20,7 +21,7 @@ pub struct OccupancyGrid {
 impl OccupancyGrid {
     /// An unknown world with voxels of `resolution` (m), at revision 0.
     pub fn new(resolution: f64) -> Self {
-        Self { states: Bricks::new(), resolution, revision: 0, counts: [0; 3] }
+        Self { states: States::default(), resolution, revision: 0, counts: [0; 3] }
     }
 
     /// Edge of a voxel (m).
@@ -39,15 +40,13 @@ impl OccupancyGrid {
     }
 
     /// The states by brick, for walks that stay near.
-    pub fn bricks(&self) -> &Bricks<State> {
+    pub fn bricks(&self) -> &States {
         &self.states
     }
 
     /// The free cells of a brick (in bricks).
     pub fn free_cells(&self, brick: Voxel) -> Mask {
-        let Some(states) = self.states.brick(brick) else { return mask::NONE };
-        let bits = |layer: &[State]| layer.iter().rev().fold(0, |bits, s| bits << 1 | u64::from(*s == State::Free));
-        std::array::from_fn(|z| bits(&states[z << 6..(z + 1) << 6]))
+        self.states.brick(brick).map_or(mask::NONE, Cells::free)
     }
 
     /// Whether anything is known of the brick that a voxel lies in, or of one beside it.
@@ -71,34 +70,29 @@ impl OccupancyGrid {
         if state == State::Unknown && self.states.brick(brick_of(voxel)).is_none() {
             return false;
         }
-        let cell = self.states.get_mut(voxel);
-        let before = std::mem::replace(cell, state);
-        if before != state && before != State::Unknown {
-            self.counts[before as usize] -= 1;
-        }
-        if before != state && state != State::Unknown {
-            self.counts[state as usize] += 1;
-        }
-        before != state
+        let mut cells = self.states.brick(brick_of(voxel)).copied().unwrap_or_default();
+        cells.set(cell_of(voxel), state);
+        self.replace(brick_of(voxel), &cells) != mask::NONE
     }
 
     /// Sets cells of a brick: to occupied where `occupied` has them, else to free where `known` has them, else to unknown.
     pub fn set_cells(&mut self, brick: Voxel, cells: &Mask, known: &Mask, occupied: &Mask) {
-        let states = self.states.brick_mut(brick);
-        for cell in mask::cells(cells) {
-            let state = match (mask::has(occupied, cell), mask::has(known, cell)) {
-                (true, _) => State::Occupied,
-                (false, true) => State::Free,
-                (false, false) => State::Unknown,
-            };
-            let before = std::mem::replace(&mut states[cell], state);
-            if before != State::Unknown {
-                self.counts[before as usize] -= 1;
-            }
-            if state != State::Unknown {
-                self.counts[state as usize] += 1;
-            }
+        let own = self.states.brick(brick).copied().unwrap_or_default();
+        let put = |own: &Mask, new: &Mask| std::array::from_fn(|z| own[z] & !cells[z] | new[z] & cells[z]);
+        self.replace(brick, &Cells::new(&put(own.known(), known), &put(own.occupied(), occupied)));
+    }
+
+    /// Gives a brick other cells; answers those that were not as they are now.
+    fn replace(&mut self, brick: Voxel, new: &Cells) -> Mask {
+        let own = self.states.brick_mut(brick);
+        let before = std::mem::replace(own, *new);
+        for (state, of) in
+            [(State::Free, [before.free(), new.free()]), (State::Occupied, [before, *new].map(|c| *c.occupied()))]
+        {
+            let [before, now] = of.map(|cells| mask::count(&cells));
+            self.counts[state as usize] = self.counts[state as usize] + now - before;
         }
+        before.differing(new)
     }
 
     /// Applies what changed in another grid, of which this is a copy; answers what that changed here, in the delta's order.
@@ -127,23 +121,13 @@ impl OccupancyGrid {
     }
 
     /// Writes a brick; answers the cells that are other than they were, `before` or until now.
-    fn write(&mut self, packed: &BrickStates, before: Option<&Bricks<State>>) -> (Voxel, Mask) {
+    fn write(&mut self, packed: &BrickStates, before: Option<&States>) -> (Voxel, Mask) {
         let (position, new) = (packed.position(), packed.unpack());
-        let own = self.states.brick(position);
-        let old = own.copied().unwrap_or([State::Unknown; BRICK_CELLS]);
-        if own.is_some() || new != old {
-            *self.states.brick_mut(position) = new;
+        let before = before.unwrap_or(&self.states).brick(position).copied().unwrap_or_default();
+        if new != Cells::UNKNOWN || self.states.brick(position).is_some() {
+            self.replace(position, &new);
         }
-        for state in [State::Free, State::Occupied] {
-            let number = |cells: &[State]| cells.iter().filter(|s| **s == state).count();
-            self.counts[state as usize] += number(&new);
-            self.counts[state as usize] -= number(&old);
-        }
-        let before = before.map_or(old, |b| b.brick(position).copied().unwrap_or([State::Unknown; BRICK_CELLS]));
-        let mut cells = mask::NONE;
-        let changed = (0..BRICK_CELLS).filter(|cell| before[*cell] != new[*cell]);
-        changed.for_each(|cell| mask::set(&mut cells, cell));
-        (position, cells)
+        (position, before.differing(&new))
     }
 
     /// Calls itself `revision`, because somebody may have a copy that is called so, and needs the next one whole.

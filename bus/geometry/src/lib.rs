@@ -7,8 +7,8 @@
 //! |---|---|
 //! | cells of the lattice over the world, boxes | [`voxel`]; how far they go: [`limits`] |
 //! | values by voxel, sparse: bricks of 8×8×8 | [`bricks`]; sets of a brick's cells: [`mask`], of voxels: [`set`] |
-//! | what is free, occupied, unknown | [`state`], [`grid`]; what changed, for whoever keeps a copy: [`delta`] |
-//! | where what is known ends | [`frontier`] |
+//! | what is free, occupied, unknown | [`state`], [`states`], [`grid`]; what changed, for whoever keeps a copy: [`delta`] |
+//! | where what is known ends, and what of it hangs together | [`frontier`], [`clusters`] |
 //! | a dense box of voxels with numbers, and the states of one | [`region`], [`volume`] |
 //! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
 //! | where a body of some size can be, what hangs together, and the shortest way there | [`clearance`], [`component`], [`astar`] |
@@ -24,6 +24,7 @@
 pub mod astar;
 pub mod bricks;
 pub mod clearance;
+pub mod clusters;
 pub mod component;
 pub mod delta;
 pub mod frontier;
@@ -34,14 +35,17 @@ pub mod polyline;
 pub mod pose;
 pub mod ray;
 pub mod region;
+mod searches;
 pub mod set;
 pub mod state;
+pub mod states;
 pub mod visibility;
 pub mod volume;
 pub mod voxel;
 
 pub use bricks::Bricks;
 pub use clearance::Clearance;
+pub use clusters::Clusters;
 pub use component::Component;
 pub use delta::Delta;
 pub use frontier::FrontierSet;

@@ -4,6 +4,8 @@ use elk_describe::{Describe, Invalid, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::bricks::{BRICK, BRICK_CELLS};
+use crate::mask;
+use crate::states::Cells;
 use crate::voxel::{INDEX_RANGE, Voxel};
 
 /// What is known of a voxel (thesis 6.3.1).
@@ -22,14 +24,6 @@ pub enum State {
 impl State {
     /// States in two bits each, and the letters that people read for them; there is no fourth state.
     const PACKED: Shape = Shape::Symbols(2, "?.#?", BRICK_CELLS);
-
-    fn from_bits(bits: u8) -> Self {
-        match bits & 3 {
-            1 => State::Free,
-            2 => State::Occupied,
-            _ => State::Unknown,
-        }
-    }
 }
 
 /// The states of a brick's 512 cells, two bits each: cell `i` stands in bits `2(i mod 4)` of byte `i / 4`.
@@ -48,8 +42,14 @@ impl BrickStates {
     pub const BYTES: usize = BRICK_CELLS / 4;
 
     /// Packs a brick.
-    pub fn pack(brick: Voxel, cells: &[State; BRICK_CELLS]) -> Self {
-        let packed = cells.chunks_exact(4).map(|c| c.iter().rev().fold(0, |byte, &s| byte << 2 | s as u8)).collect();
+    pub fn pack(brick: Voxel, cells: &Cells) -> Self {
+        let mut packed = Vec::with_capacity(Self::BYTES);
+        for (free, occupied) in cells.free().iter().zip(cells.occupied()) {
+            for half in [0, 32] {
+                let pairs = spread(free >> half) | spread(occupied >> half) << 1;
+                packed.extend(pairs.to_le_bytes());
+            }
+        }
         Self { brick: brick.to_array().map(|c| c as i16), cells: packed }
     }
 
@@ -58,15 +58,34 @@ impl BrickStates {
         self.brick.map(i32::from).into()
     }
 
-    /// The states of all cells.
-    pub fn unpack(&self) -> [State; BRICK_CELLS] {
-        std::array::from_fn(|cell| self.state(cell))
+    /// The states of all cells; unknown where the bytes are too few, or say free and occupied at once.
+    pub fn unpack(&self) -> Cells {
+        let (mut free, mut occupied) = (mask::NONE, mask::NONE);
+        for (half, bytes) in self.cells.as_chunks().0.iter().take(2 * free.len()).enumerate() {
+            let pairs = u64::from_le_bytes(*bytes);
+            let (is_free, is_occupied) = (gather(pairs), gather(pairs >> 1));
+            let (layer, shift) = (half / 2, half % 2 * 32);
+            free[layer] |= (is_free & !is_occupied) << shift;
+            occupied[layer] |= (is_occupied & !is_free) << shift;
+        }
+        Cells::new(&free, &occupied)
     }
+}
 
-    /// The state of cell `cell`; unknown where the bytes are too few.
-    pub fn state(&self, cell: usize) -> State {
-        State::from_bits(self.cells.get(cell / 4).map_or(0, |b| b >> (2 * (cell % 4))))
-    }
+/// The lower 32 bits, each moved to the place of twice its own number; with 0 between them.
+fn spread(bits: u64) -> u64 {
+    let spread = |bits: u64, by: u32, kept: u64| (bits | bits << by) & kept;
+    let bits = spread(bits & 0xffff_ffff, 16, 0x0000_ffff_0000_ffff);
+    let bits = spread(spread(bits, 8, 0x00ff_00ff_00ff_00ff), 4, 0x0f0f_0f0f_0f0f_0f0f);
+    spread(spread(bits, 2, 0x3333_3333_3333_3333), 1, 0x5555_5555_5555_5555)
+}
+
+/// The bits at even places, moved together: the inverse of [`spread`].
+fn gather(bits: u64) -> u64 {
+    let gather = |bits: u64, by: u32, kept: u64| (bits | bits >> by) & kept;
+    let bits = gather(bits & 0x5555_5555_5555_5555, 1, 0x3333_3333_3333_3333);
+    let bits = gather(gather(bits, 2, 0x0f0f_0f0f_0f0f_0f0f), 4, 0x00ff_00ff_00ff_00ff);
+    gather(gather(bits, 8, 0x0000_ffff_0000_ffff), 16, 0xffff_ffff)
 }
 
 /// Whether a map has a place for a brick at this position (in bricks).
@@ -90,13 +109,27 @@ fn check_cells(packed: &[u8]) -> Result<(), Invalid> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bricks::cell_of;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Cell by cell the bytes say what the brick is, and say it again.
+        #[test]
+        fn a_brick_is_unpacked_as_it_was_packed(states in prop::collection::vec(0..3u8, BRICK_CELLS)) {
+            let mut cells = Cells::UNKNOWN;
+            for (cell, state) in states.iter().enumerate() {
+                cells.set(cell, [State::Unknown, State::Free, State::Occupied][usize::from(*state)]);
+            }
+            let packed = BrickStates::pack(Voxel::new(-1, 0, 1), &cells);
+            let bytes = states.chunks(4).map(|four| four.iter().rev().fold(0, |byte, state| byte << 2 | state));
+            prop_assert_eq!(&packed.cells, &bytes.collect::<Vec<u8>>());
+            prop_assert_eq!(packed.unpack(), cells);
+        }
+    }
 
     #[test]
-    fn a_brick_is_unpacked_as_it_was_packed() {
-        let mut states = [State::Unknown; BRICK_CELLS];
-        states[cell_of(Voxel::new(1, 2, 3))] = State::Occupied;
-        states[cell_of(Voxel::new(7, 7, 7))] = State::Free;
-        assert_eq!(BrickStates::pack(Voxel::new(-1, 0, 1), &states).unpack(), states);
+    fn bytes_that_are_no_states_are_unknown() {
+        let of = |cells: Vec<u8>| BrickStates { brick: [0; 3], cells }.unpack();
+        assert_eq!([of(vec![0xff; 128]), of(vec![0x55; 7]), of(vec![])], [Cells::UNKNOWN; 3]);
+        assert_eq!(of(vec![0x55; 300]), Cells::new(&mask::ALL, &mask::NONE));
     }
 }

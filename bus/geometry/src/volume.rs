@@ -2,10 +2,11 @@
 
 use std::ops::Deref;
 
-use crate::bricks::{BRICK, BRICK_CELLS, voxel_at};
+use crate::bricks::{BRICK, voxel_at};
 use crate::grid::OccupancyGrid;
 use crate::region::Region;
 use crate::state::State;
+use crate::states::Cells;
 use crate::voxel::Voxel;
 
 /// A [`Region`] with the state of each of its voxels. Around what is known lies a margin of unknown voxels, so that the
@@ -38,10 +39,10 @@ impl Volume {
     }
 
     /// Takes over what is known of a brick.
-    fn take(&mut self, brick: Voxel, cells: &[State; BRICK_CELLS]) {
-        for (cell, state) in cells.iter().enumerate() {
+    fn take(&mut self, brick: Voxel, cells: &Cells) {
+        for (cell, state) in cells.unpack().into_iter().enumerate() {
             if let Some(i) = self.region.index(voxel_at(brick, cell)) {
-                self.states[i] = *state;
+                self.states[i] = state;
             }
         }
     }

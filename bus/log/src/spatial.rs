@@ -14,8 +14,9 @@
 
 use elk_bus::describe::Kind;
 use elk_bus::{TypeRef, codec};
-use elk_geometry::bricks::voxel_at;
-use elk_geometry::state::{BrickStates, State};
+use elk_geometry::bricks::{BRICK_CELLS, voxel_at};
+use elk_geometry::mask;
+use elk_geometry::state::BrickStates;
 use elk_spatial::map::MapUpdate;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
@@ -178,8 +179,9 @@ fn put_map(out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
 const MOST_SHOWN: usize = 1 << 20;
 
 fn occupied_centers(brick: &BrickStates, resolution: f64) -> impl Iterator<Item = [u8; 12]> {
-    let cells = (0..elk_geometry::bricks::BRICK_CELLS).filter(|cell| brick.state(*cell) == State::Occupied);
-    cells.map(move |cell| foxglove::packed(voxel_at(brick.position(), cell).center(resolution)))
+    let (position, occupied) = (brick.position(), *brick.unpack().occupied());
+    let cells = (0..BRICK_CELLS).filter(move |cell| mask::has(&occupied, *cell));
+    cells.map(move |cell| foxglove::packed(voxel_at(position, cell).center(resolution)))
 }
 
 fn put_pose(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<usize> {
@@ -195,7 +197,7 @@ fn put_poses(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elk_geometry::{OccupancyGrid, Pose, Voxel};
+    use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
     use elk_spatial::Scan;
     use elk_spatial::messages::{Plan, PoseCommand};
     use nalgebra::Point3;

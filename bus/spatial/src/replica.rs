@@ -153,7 +153,7 @@ impl Replica {
         let same_step = update.since == self.since || update.since == 0 || self.since == 0;
         let known = |packed: &BrickStates| {
             let cells = self.grid.bricks().brick(packed.position());
-            cells.is_some_and(|cells| BrickStates::pack(packed.position(), cells) == *packed)
+            cells.is_some_and(|cells| packed.unpack() == *cells)
         };
         same_step && update.scan == self.scan && update.bricks.iter().all(known)
     }

@@ -94,7 +94,7 @@ const PARAMS: &[ParamSpec] = &[
         name: "MaxBricks",
         kind: Kind::Integer { min: 64, max: MAX_BRICKS as i64 },
         default: Some("32768"),
-        doc: "Bricks of 8x8x8 voxels that the map may have, 3 kB each; what lies beyond them is left out.",
+        doc: "Bricks of 8x8x8 voxels that the map may have, 1.3 kB each; what lies beyond them is left out.",
     },
     point("Mid", Kind::Point { unit: "m" }, "Middle of the volume in which frontiers count."),
     point("Dim", Kind::Size { unit: "m" }, "Size of the volume in which frontiers count; all 0: everywhere."),

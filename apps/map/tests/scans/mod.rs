@@ -39,6 +39,24 @@ pub fn room(columns: usize, rows: usize) -> Vec<Scan> {
     (0..60).map(scan).collect()
 }
 
+/// Rooms in a row, 5 × 4 × 3 m each with a wall between, seen from the middle of each all around: a scan a room, without end.
+pub fn building() -> impl Iterator<Item = Scan> {
+    const RAYS: i32 = 160_000;
+    let half = [2.5, 2.0, 1.5];
+    (0..).map(move |room| {
+        let middle = Point3::new(5.0 * f64::from(room) + 0.013, 0.021, 0.017);
+        let points = (0..RAYS).map(|i| {
+            // Evenly over the sphere, by Fibonacci's spiral.
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(RAYS);
+            let (sin, cos) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
+            let direction = Vector3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+            let range = (0..3).map(|axis| half[axis] / direction[axis].abs()).fold(f64::INFINITY, f64::min);
+            (middle + direction * range).coords.map(|c| c as f32).into()
+        });
+        Scan { origin: middle.coords.map(|c| c as f32).into(), points: points.collect() }
+    })
+}
+
 fn direction(yaw: f64, right: f64, down: f64) -> Vector3<f64> {
     Vector3::new(yaw.cos() + right * yaw.sin(), yaw.sin() - right * yaw.cos(), -down).normalize()
 }

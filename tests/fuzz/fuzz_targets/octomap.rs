@@ -1,4 +1,4 @@
-//! Any bytes as a map that is perhaps a .bt, of today or of before 2011.
+//! Any bytes as a map that is perhaps OctoMap's: a .bt, of today or of before 2011, or an .ot of any kind of tree.
 #![no_main]
 
 #[path = "common/map.rs"]

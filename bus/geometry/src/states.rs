@@ -1,0 +1,154 @@
+//! The states of many voxels, sparse: two bits each, in bricks of 8×8×8 cells that are found through a hash of their position.
+
+use std::collections::HashMap;
+use std::hash::BuildHasherDefault;
+
+use crate::bricks::{BRICK_CELLS, BrickHasher, brick_of, cell_of, voxel_at};
+use crate::mask::{self, Mask};
+use crate::state::State;
+use crate::voxel::Voxel;
+
+/// The states of a brick's cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Cells {
+    known: Mask,
+    occupied: Mask,
+}
+
+impl Cells {
+    /// Of a brick of which nothing is known.
+    pub const UNKNOWN: Self = Self { known: mask::NONE, occupied: mask::NONE };
+
+    /// Occupied where `occupied` has them, else free where `known` has them, else unknown.
+    pub fn new(known: &Mask, occupied: &Mask) -> Self {
+        Self { known: std::array::from_fn(|z| known[z] | occupied[z]), occupied: *occupied }
+    }
+
+    /// The state of a cell.
+    pub fn state(&self, cell: usize) -> State {
+        match (mask::has(&self.occupied, cell), mask::has(&self.known, cell)) {
+            (true, _) => State::Occupied,
+            (false, true) => State::Free,
+            (false, false) => State::Unknown,
+        }
+    }
+
+    /// Sets the state of a cell.
+    pub fn set(&mut self, cell: usize, state: State) {
+        let (layer, bit) = (cell >> 6, 1 << (cell & 63));
+        let put = |word: u64, is_in: bool| word & !bit | if is_in { bit } else { 0 };
+        self.known[layer] = put(self.known[layer], state != State::Unknown);
+        self.occupied[layer] = put(self.occupied[layer], state == State::Occupied);
+    }
+
+    /// The cells of which anything is known.
+    pub fn known(&self) -> &Mask {
+        &self.known
+    }
+
+    /// The occupied cells.
+    pub fn occupied(&self) -> &Mask {
+        &self.occupied
+    }
+
+    /// The free cells.
+    pub fn free(&self) -> Mask {
+        std::array::from_fn(|z| self.known[z] & !self.occupied[z])
+    }
+
+    /// The cells that are other than those of another brick.
+    pub fn differing(&self, other: &Self) -> Mask {
+        std::array::from_fn(|z| (self.known[z] ^ other.known[z]) | (self.occupied[z] ^ other.occupied[z]))
+    }
+
+    /// The states of all cells, one after the other.
+    pub fn unpack(&self) -> [State; BRICK_CELLS] {
+        std::array::from_fn(|cell| self.state(cell))
+    }
+}
+
+/// The states of voxels; those never written are unknown. Bricks are kept in the order in which they were first written, so
+/// that every walk over them is the same on every run.
+#[derive(Debug, Clone, Default)]
+pub struct States {
+    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    bricks: Vec<(Voxel, Cells)>,
+}
+
+impl States {
+    /// The state of a voxel.
+    pub fn get(&self, voxel: Voxel) -> State {
+        self.brick(brick_of(voxel)).map_or(State::Unknown, |cells| cells.state(cell_of(voxel)))
+    }
+
+    /// The cells of the brick at `brick` (in bricks), if any of them was ever written.
+    pub fn brick(&self, brick: Voxel) -> Option<&Cells> {
+        self.index.get(&brick).map(|&i| &self.bricks[i as usize].1)
+    }
+
+    /// The cells of the brick at `brick`, for writing; comes into being if it was not there.
+    pub(crate) fn brick_mut(&mut self, brick: Voxel) -> &mut Cells {
+        let next = self.bricks.len() as u32;
+        let i = *self.index.entry(brick).or_insert(next);
+        if i == next {
+            if self.bricks.len() == self.bricks.capacity() {
+                // By an eighth: twice as much would be the largest part of a copy's memory.
+                self.bricks.reserve_exact((self.bricks.len() / 8).max(4));
+            }
+            self.bricks.push((brick, Cells::UNKNOWN));
+        }
+        &mut self.bricks[i as usize].1
+    }
+
+    /// All bricks with their cells, in the order in which they were first written.
+    pub fn iter(&self) -> impl Iterator<Item = (Voxel, &Cells)> {
+        self.bricks.iter().map(|(brick, cells)| (*brick, cells))
+    }
+
+    /// All voxels of all bricks, in the order of [`States::iter`].
+    pub fn voxels(&self) -> impl Iterator<Item = (Voxel, State)> {
+        let of = |(brick, cells): (Voxel, &Cells)| {
+            let cells = *cells;
+            (0..BRICK_CELLS).map(move |cell| (voxel_at(brick, cell), cells.state(cell)))
+        };
+        self.iter().flat_map(of)
+    }
+
+    /// Number of bricks.
+    pub fn len(&self) -> usize {
+        self.bricks.len()
+    }
+
+    /// Whether nothing was ever written.
+    pub fn is_empty(&self) -> bool {
+        self.bricks.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_was_written_is_read(writes in prop::collection::vec((prop::array::uniform3(-9..9i32), 0..3usize), 0..200)) {
+            let (mut states, mut model) = (States::default(), std::collections::BTreeMap::new());
+            for (voxel, state) in writes {
+                let (voxel, state) = (Voxel::from(voxel), [State::Unknown, State::Free, State::Occupied][state]);
+                states.brick_mut(brick_of(voxel)).set(cell_of(voxel), state);
+                model.insert(voxel, state);
+            }
+            prop_assert!(model.iter().all(|(voxel, state)| states.get(*voxel) == *state));
+            let all = states.voxels().filter(|(_, state)| *state != State::Unknown).count();
+            prop_assert_eq!(all, model.values().filter(|state| **state != State::Unknown).count());
+            for (_, cells) in states.iter() {
+                let of = |state| (0..BRICK_CELLS).filter(move |cell| cells.state(*cell) == state);
+                prop_assert!(of(State::Free).eq(mask::cells(&cells.free())));
+                prop_assert!(of(State::Occupied).eq(mask::cells(cells.occupied())));
+                prop_assert_eq!(Cells::new(cells.known(), cells.occupied()), *cells);
+                prop_assert!(mask::cells(&cells.differing(&Cells::UNKNOWN)).eq(mask::cells(cells.known())));
+            }
+        }
+    }
+}
