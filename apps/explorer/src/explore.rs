@@ -281,16 +281,18 @@ impl Explorer {
     /// The goal to go to and the whole way there.
     fn choose<'a>(
         &mut self,
-        scene: &Scene,
+        scene: &mut Scene,
         goals: &'a Goals,
         robot: Point3<f64>,
     ) -> Option<(&'a Goal, Vec<Point3<f64>>)> {
-        let (volume, space) = (&scene.volume, &scene.space);
-        let start = space.start();
-        let backed_off = space.escape.len() > 1;
-        let view = View { volume, space, from: if backed_off { volume.center(start) } else { robot }, goals };
+        let start = scene.space.start();
         // A robot that stands in a goal looks first: for the field it would be source and sink at once.
-        let here = goals.contains(start).then(|| Route { points: vec![view.from], goal: start });
+        let is_here = goals.contains(start);
+        let unseen = if is_here { None } else { scene.unseen.replace(BTreeSet::new()) };
+        let (volume, space) = (&scene.volume, &scene.space);
+        let from = if space.escape.len() > 1 { volume.center(start) } else { robot };
+        let view = View { volume, space, from, goals, changed: unseen.as_ref() };
+        let here = is_here.then(|| Route { points: vec![view.from], goal: start });
         let route = here
             .or_else(|| self.strategy.plan(&view, &mut self.journal))
             .filter(|r| goals.contains(r.goal))

@@ -52,7 +52,7 @@ impl Room {
 
     /// What a strategy sees there.
     pub fn view(&self) -> View<'_> {
-        View { volume: &self.volume, space: &self.space, from: self.robot, goals: &self.goals }
+        View { volume: &self.volume, space: &self.space, from: self.robot, goals: &self.goals, changed: None }
     }
 
     /// Which of the goals, by their place in the list that the room was made with, a strategy goes to.

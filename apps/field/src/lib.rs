@@ -13,13 +13,14 @@ pub mod domain;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod laplace;
+mod patch;
 pub mod problem;
 pub mod streamline;
 
 pub use domain::{Convergence, Domain};
 pub use laplace::{Solution, Solver, solve, solve_unless};
 pub use problem::{Cell, Problem, ProblemError};
-pub use streamline::{Field, Termination};
+pub use streamline::{Field, Streamline, Termination};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

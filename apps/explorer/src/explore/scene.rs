@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use elk_geometry::Voxel;
+use elk_geometry::bricks::brick_of;
 use elk_spatial::messages::FrontiersLeft;
 use nalgebra::Point3;
 
@@ -26,6 +27,8 @@ pub struct Scene {
     pub left: FrontiersLeft,
     /// Frontier voxels that the robot could get to and that no plan was made over.
     pub beyond: u64,
+    /// Bricks in which the robot can get to other voxels than the strategy has seen; `None`: it has not seen this volume.
+    pub unseen: Option<BTreeSet<Voxel>>,
 }
 
 impl Scene {
@@ -57,17 +60,25 @@ impl Scene {
         let space = Space::around(&volume, robot, &settings.clearance, memory.trail());
         let verdicts = Verdicts::new(&volume);
         let (targets, left) = (Vec::new(), FrontiersLeft::default());
-        Self { extent, volume, space, verdicts, targets, left, beyond: 0 }
+        Self { extent, volume, space, verdicts, targets, left, beyond: 0, unseen: None }
     }
 
     fn follow(mut self, known: Known, robot: Voxel, changed: &BTreeSet<Voxel>, memory: &Memory) -> Self {
         let mut turned = Vec::new();
         changed.iter().for_each(|brick| self.volume.follow(known.grid, *brick, |i| turned.push(i)));
         let robot = self.volume.index(robot).unwrap_or_default();
-        let mut changed = turned.clone();
-        self.space.follow(&self.volume, robot, &turned, memory.trail(), &mut |i| changed.push(i));
-        self.verdicts.hear_of(&self.volume, changed);
+        let mut reached = Vec::new();
+        self.space.follow(&self.volume, robot, &turned, memory.trail(), &mut |i| reached.push(i));
+        self.hear_of_reach(&reached);
+        self.verdicts.hear_of(&self.volume, turned.into_iter().chain(reached));
         self
+    }
+
+    /// Takes note that the robot can get to these voxels now, or no longer.
+    fn hear_of_reach(&mut self, changed: &[usize]) {
+        if let Some(unseen) = &mut self.unseen {
+            unseen.extend(changed.iter().map(|i| brick_of(self.volume.voxel(*i))));
+        }
     }
 
     /// The same for a robot that first gets out of the corner that it stands in; answers whether it stands in one.
@@ -75,6 +86,7 @@ impl Scene {
         let mut changed = Vec::new();
         let moved = self.space.back_off(&self.volume, &mut |i| changed.push(i));
         if moved {
+            self.hear_of_reach(&changed);
             self.verdicts.hear_of(&self.volume, changed);
             self.sort_out(known, memory, settings);
         }

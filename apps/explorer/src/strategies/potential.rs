@@ -1,8 +1,11 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
+use std::collections::BTreeSet;
+
 use elk_bus::tell;
-use elk_field::{Cell, Convergence, Domain, Field, Problem, ProblemError, Solution, Solver, Termination, solve_unless};
-use elk_geometry::{Polyline, astar};
+use elk_field::{Cell, Domain, Field, Problem, Solution, Solver, Streamline, Termination, solve_unless};
+use elk_geometry::bricks::{BRICK_CELLS, brick_of, voxel_at};
+use elk_geometry::{Polyline, Region, Voxel, astar};
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
 
@@ -94,8 +97,10 @@ pub struct Potential {
     pub tolerance: f64,
     /// A card that does what [`Solver::Multigrid`] would.
     card: Option<Card>,
-    /// Multigrid's equations, as they were at the plan before.
+    /// Where the robot can be, with its place and its goals, and ψ.
     domain: Domain,
+    /// Bricks of `domain` with the robot's place or with goals in them.
+    fixed: BTreeSet<Voxel>,
 }
 
 impl Strategy for Potential {
@@ -120,17 +125,14 @@ impl Strategy for Potential {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        // The volume has a margin of what is unknown, so this is one.
-        let problem = problem(view).ok()?;
         let stopping = journal.stop_signal();
-        let solution = journal.time("field", || self.solve(&problem, stopping));
+        let iterations = journal.time("field", || self.solve(view, stopping))?;
         if journal.is_to_stop() {
             return None;
         }
-        journal.count("iterations", solution.iterations as u64);
-        let field = Field { problem: &problem, psi: &solution.psi };
+        journal.count("iterations", iterations as u64);
         let mut stalls = 0;
-        let route = journal.time("streamline", || self.follow(view, &field, &mut stalls));
+        let route = journal.time("streamline", || self.follow(view, &mut stalls));
         journal.count("stalls", stalls);
         route
     }
@@ -139,46 +141,68 @@ impl Strategy for Potential {
 impl Potential {
     /// One that has not planned yet, without a card.
     pub fn new(start: Start, solver: Solver, tolerance: f64) -> Self {
-        Self { start, solver, tolerance, card: None, domain: Domain::new() }
+        Self { start, solver, tolerance, card: None, domain: Domain::new(), fixed: BTreeSet::new() }
+    }
+
+    /// Solves for ψ in the domain, and answers in how many iterations; `None`: there is nothing to solve.
+    fn solve(&mut self, view: &View<'_>, stopping: impl Fn() -> bool) -> Option<usize> {
+        self.update(view);
+        if self.card.is_none() && self.solver == Solver::Multigrid {
+            // From nothing: a successor, which does not have the field, would come to other roundings.
+            self.domain.forget();
+            return Some(self.domain.solve(self.tolerance, stopping).iterations);
+        }
+        // The volume has a margin of what is unknown, so this is a problem.
+        let region = view.volume.region();
+        let cells = (0..region.len()).map(|i| cell(view, i)).collect();
+        let problem = Problem::new(region.clone(), cells).ok()?;
+        let solution = self.solve_by_card(&problem, &stopping);
+        let solution = solution.unwrap_or_else(|| solve_unless(&problem, self.solver, self.tolerance, stopping));
+        self.domain.take_psi(region, &solution.psi);
+        Some(solution.iterations)
     }
 
     /// By the card, if there is one that is large enough and does not fail; it is not asked again if not.
-    fn solve(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
-        if let Some(card) = &self.card {
-            match card.solve_unless(problem, self.tolerance, &stopping) {
-                Ok(solution) => return solution,
-                Err(why) => warn(why),
+    fn solve_by_card(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Option<Solution> {
+        match self.card.as_ref()?.solve_unless(problem, self.tolerance, stopping) {
+            Ok(solution) => Some(solution),
+            Err(why) => {
+                warn(why);
+                self.card = None;
+                None
             }
-            self.card = None;
         }
-        self.solve_by_cpu(problem, stopping)
     }
 
-    /// Multigrid keeps its equations from plan to plan, but not the field: a successor, which does not have it, would come to
-    /// other roundings.
-    fn solve_by_cpu(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
-        if self.solver != Solver::Multigrid {
-            return solve_unless(problem, self.solver, self.tolerance, stopping);
+    /// Tells the domain what is other than it was at the plan before.
+    fn update(&mut self, view: &View<'_>) {
+        let brick = |i: usize| brick_of(view.volume.voxel(i));
+        let fixed = view.goals.iter().map(|goal| goal.index).chain([view.space.start()]).map(brick).collect();
+        let before = std::mem::replace(&mut self.fixed, fixed);
+        let bricks: BTreeSet<Voxel> = match view.changed {
+            Some(changed) => changed.iter().chain(&before).chain(&self.fixed).copied().collect(),
+            None => bricks(view.volume).chain(self.domain.blocks()).collect(),
+        };
+        for brick in bricks {
+            let index = |n| view.volume.index(voxel_at(brick, n));
+            let cells: [Cell; BRICK_CELLS] = std::array::from_fn(|n| index(n).map_or(Cell::Outside, |i| cell(view, i)));
+            self.domain.set_block(brick, &cells);
         }
-        self.domain.update(problem);
-        self.domain.forget();
-        let Convergence { iterations, residual } = self.domain.solve(self.tolerance, stopping);
-        Solution { psi: self.domain.psi_of(problem.region()), iterations, residual }
     }
 
-    fn follow(&self, view: &View<'_>, field: &Field<'_>, stalls: &mut u64) -> Option<Route> {
+    fn follow(&self, view: &View<'_>, stalls: &mut u64) -> Option<Route> {
+        let mut field = Field::of(&self.domain, view.volume.resolution());
         let seeds = match self.start {
-            Start::Flux => largest_flux(view, field).into_iter().collect(),
-            Start::Shortest => seeds(view, field),
+            Start::Flux => largest_flux(view, &field).into_iter().collect(),
+            Start::Shortest => seeds(view, &mut field),
         };
         let mut best: Option<(f64, Route)> = None;
-        for seed in seeds {
-            let longest = best.as_ref().map_or(LONGEST_M, |(length, _)| *length);
-            let Some(route) = flow(view, field, seed, longest, stalls) else {
+        for line in field.trace(view.from, &seeds, LONGEST_M) {
+            let Some(route) = arrive(view, &mut field, line, stalls) else {
                 continue;
             };
             let length = Polyline::new(route.points.iter().copied()).map_or(0.0, |p| p.length());
-            if length < longest {
+            if best.as_ref().is_none_or(|(least, _)| length < *least) {
                 best = Some((length, route));
             }
         }
@@ -186,37 +210,42 @@ impl Potential {
     }
 }
 
+/// The bricks that a region has a part in.
+fn bricks(region: &Region) -> impl Iterator<Item = Voxel> {
+    let [first, last] = [0, region.len() - 1].map(|i| brick_of(region.voxel(i)));
+    let along_y = move |z| (first.y..=last.y).map(move |y| (y, z));
+    let rows = (first.z..=last.z).flat_map(along_y);
+    rows.flat_map(move |(y, z)| (first.x..=last.x).map(move |x| Voxel::new(x, y, z)))
+}
+
 /// ψ is 1 where the route starts, 0 at the goals, and sought wherever else the robot can be.
-fn problem(view: &View<'_>) -> Result<Problem, ProblemError> {
-    let start = view.space.start();
-    let cell = |(i, reached): (usize, &bool)| match reached {
-        _ if i == start => Cell::Source,
+fn cell(view: &View<'_>, index: usize) -> Cell {
+    match view.space.reach[index] {
+        _ if index == view.space.start() => Cell::Source,
         false => Cell::Outside,
-        true if view.goals.contains(i) => Cell::Sink,
+        true if view.goals.contains(index) => Cell::Sink,
         true => Cell::Inside,
-    };
-    Problem::new(view.volume.region().clone(), view.space.reach.iter().enumerate().map(cell).collect())
+    }
 }
 
 /// The centre of the face neighbour that most flows into.
 fn largest_flux(view: &View<'_>, field: &Field<'_>) -> Option<Point3<f64>> {
-    let mut best: Option<usize> = None;
+    let mut best: Option<Voxel> = None;
     for n in face_neighbours(view, field) {
-        if best.is_none_or(|b| field.psi[n] < field.psi[b]) {
+        if best.is_none_or(|b| field.psi(n) < field.psi(b)) {
             best = Some(n);
         }
     }
-    best.map(|n| view.volume.center(n))
+    best.map(|n| n.center(view.volume.resolution()))
 }
 
-fn face_neighbours<'a>(view: &'a View<'_>, field: &'a Field<'_>) -> impl Iterator<Item = usize> + 'a {
-    let start = view.space.start();
-    let faces = view.volume.faces().into_iter();
-    faces.map(move |d| start.wrapping_add_signed(d)).filter(|n| field.problem.cells()[*n] != Cell::Outside)
+fn face_neighbours(view: &View<'_>, field: &Field<'_>) -> impl Iterator<Item = Voxel> {
+    let neighbours = view.volume.voxel(view.space.start()).face_neighbours();
+    neighbours.into_iter().filter(|n| field.cell(*n) != Cell::Outside)
 }
 
 /// The centres of the face neighbours, and points evenly around the start (a Fibonacci lattice on the sphere).
-fn seeds(view: &View<'_>, field: &Field<'_>) -> Vec<Point3<f64>> {
+fn seeds(view: &View<'_>, field: &mut Field<'_>) -> Vec<Point3<f64>> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let around = (0..SEED_DIRECTIONS).map(|k| {
         let z = 1.0 - (2 * k + 1) as f64 / SEED_DIRECTIONS as f64;
@@ -224,19 +253,17 @@ fn seeds(view: &View<'_>, field: &Field<'_>) -> Vec<Point3<f64>> {
         let angle = golden * k as f64;
         view.from + SEED_DISTANCE_M * Vector3::new(r * angle.cos(), r * angle.sin(), z)
     });
-    face_neighbours(view, field)
-        .map(|n| view.volume.center(n))
-        .chain(around.filter(|p| field.connected(view.from, *p)))
-        .collect()
+    let mut seeds: Vec<Point3<f64>> =
+        face_neighbours(view, field).map(|n| n.center(view.volume.resolution())).collect();
+    seeds.extend(around.filter(|p| field.connected(view.from, *p)));
+    seeds
 }
 
-/// The streamline through `seed`. Where it stalls, on by steepest descent over voxels, and if that ends too, by A*.
-fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, stalls: &mut u64) -> Option<Route> {
-    let (line, end) = field.trace(seed, longest);
-    let mut points = vec![view.from];
-    points.extend(line);
-    let goal = match end {
-        Termination::Goal(goal) => goal,
+/// The route along a streamline. Where it stalls, on by steepest descent over voxels, and if that ends too, by A*.
+fn arrive(view: &View<'_>, field: &mut Field<'_>, line: Streamline, stalls: &mut u64) -> Option<Route> {
+    let mut points = line.points;
+    let goal = match line.end {
+        Termination::Goal(goal) => view.volume.index(goal)?,
         Termination::TooLong => return None,
         Termination::Stalled(at) => {
             *stalls += 1;
@@ -248,9 +275,10 @@ fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, sta
     Some(Route { points, goal })
 }
 
-fn rescue(view: &View<'_>, field: &Field<'_>, at: usize) -> Option<Vec<usize>> {
-    field.descend(at).ok().or_else(|| {
-        let is_goal = |i| view.goals.contains(i);
-        astar::closest(view.volume, &view.space.reach, at, is_goal)
-    })
+fn rescue(view: &View<'_>, field: &mut Field<'_>, at: Voxel) -> Option<Vec<usize>> {
+    if let Ok(way) = field.descend(at) {
+        return way.into_iter().map(|voxel| view.volume.index(voxel)).collect();
+    }
+    let is_goal = |i| view.goals.contains(i);
+    astar::closest(view.volume, &view.space.reach, view.volume.index(at)?, is_goal)
 }
