@@ -3,6 +3,8 @@
 //!
 //! `cargo bench -p elk-explorer --bench missions -- [WORLD… [TYPE…]]`, all by default. A step is from one scan to the next.
 //! Times are CPU times of the thread; the digest is one of all plans: equal digests are equal runs.
+//! `isovolumes=SHARE` has `Potential` seal isovolumes; with `curves`, there follow of each of its plans, separated by commas,
+//! the share of the domain's blocks that is sealed and the time that the field takes (ms).
 
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -107,6 +109,8 @@ struct Run {
     follower: Follower,
     steps: usize,
     record: Record,
+    /// Of each plan the share of the blocks that is sealed, and what the field took (s).
+    curve: Vec<(f64, f64)>,
 }
 
 impl Run {
@@ -126,6 +130,7 @@ impl Run {
             follower: Follower::default(),
             steps: 0,
             record: Record::default(),
+            curve: Vec::new(),
         }
     }
 
@@ -176,12 +181,19 @@ impl Run {
 
     fn plan(&mut self, request: &PlanRequest) -> Vec<Action> {
         let step = self.steps;
-        let Self { grid, explorer, follower, record, .. } = self;
+        let Self { grid, explorer, follower, record, curve, .. } = self;
         let phases = |explorer: &Explorer| explorer.journal().phases().to_vec();
-        let before = phases(explorer);
+        let counters = |explorer: &Explorer| explorer.journal().counters().to_vec();
+        let (before, counted) = (phases(explorer), counters(explorer));
         let plan = record.time("plan", step, || explorer.plan(grid, request));
         for (n, (phase, secs)) in phases(explorer).into_iter().enumerate() {
             record.add(&format!("plan: {phase}"), secs - before.get(n).map_or(0.0, |(_, before)| *before), step);
+        }
+        let (now, counts) = (phases(explorer), counters(explorer));
+        let secs = more(&now, &before, "field");
+        if secs > 0.0 {
+            let count = |what: &str| more(&counts, &counted, what) as f64;
+            curve.push((count("sealed blocks") / count("blocks"), secs));
         }
         record.time("plan: memory", step, || explorer.memory(&plan));
         record.hash(&plan);
@@ -207,6 +219,12 @@ impl Run {
     }
 }
 
+/// How much more there is of something.
+fn more<T: Copy + Default + std::ops::Sub<Output = T>>(now: &[(String, T)], before: &[(String, T)], what: &str) -> T {
+    let of = |all: &[(String, T)]| all.iter().find(|(name, _)| name == what).map_or(T::default(), |(_, much)| *much);
+    of(now) - of(before)
+}
+
 fn settings(mission: &Mission) -> Settings {
     Settings {
         policy: Policy::elk(0.4),
@@ -224,8 +242,8 @@ fn settings(mission: &Mission) -> Settings {
     }
 }
 
-fn strategies() -> [Box<dyn Strategy>; 2] {
-    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6);
+fn strategies(isovolumes: f64) -> [Box<dyn Strategy>; 2] {
+    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6).with_isovolumes(isovolumes);
     [Box::new(ClosestFrontier), Box::new(potential)]
 }
 
@@ -233,13 +251,18 @@ fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let is_named = |word: &str| wanted.iter().any(|name| name == word);
     let worlds = MISSIONS.iter().any(|mission| is_named(mission.world));
-    let types = strategies().iter().any(|strategy| is_named(strategy.name()));
+    let share = wanted.iter().find_map(|word| word.strip_prefix("isovolumes="));
+    let share = share.map_or(0.0, |share| share.parse().expect("a share is a number"));
+    let types = strategies(share).iter().any(|strategy| is_named(strategy.name()));
     println!("by step:                  p50      p99  largest            sum");
     for mission in MISSIONS.iter().filter(|mission| !worlds || is_named(mission.world)) {
-        for strategy in strategies().into_iter().filter(|strategy| !types || is_named(strategy.name())) {
+        for strategy in strategies(share).into_iter().filter(|strategy| !types || is_named(strategy.name())) {
             let mut run = Run::new(mission, strategy);
             run.go();
             run.print(mission);
+            if is_named("curves") {
+                run.curve.iter().for_each(|(sealed, secs)| println!("{sealed:.4},{:.3}", 1e3 * secs));
+            }
         }
     }
 }

@@ -12,12 +12,14 @@
 pub mod domain;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod isovolume;
 pub mod laplace;
 mod patch;
 pub mod problem;
 pub mod streamline;
 
 pub use domain::{Convergence, Domain};
+pub use isovolume::{Bound, Isovolumes};
 pub use laplace::{Solution, Solver, solve, solve_unless};
 pub use problem::{Cell, Problem, ProblemError};
 pub use streamline::{Field, Streamline, Termination};

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use elk_bus::tell;
-use elk_field::{Cell, Domain, Field, Problem, Solution, Solver, Streamline, Termination, solve_unless};
+use elk_field::{Cell, Field, Isovolumes, Problem, Solution, Solver, Streamline, Termination, solve_unless};
 use elk_geometry::bricks::{BRICK_CELLS, brick_of, voxel_at};
 use elk_geometry::{Polyline, Region, Voxel, astar};
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
@@ -52,6 +52,13 @@ const PARAMS: &[ParamSpec] = &[
         "0",
         "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, and 1e-4 for thesis.",
     ),
+    param(
+        "Isovolumes",
+        Kind::Number { unit: "", min: 0.0, max: 1.0 },
+        "0",
+        "Solver multigrid leaves out volumes in which nothing flows, as long as no more than this share of the flow from the \
+         robot may depend on it; 0: none.",
+    ),
 ];
 
 fn potential(params: &Params) -> Potential {
@@ -69,7 +76,8 @@ fn potential(params: &Params) -> Potential {
         tolerance => tolerance,
     };
     let card = (params.text("Solver") == "gpu").then(Card::open).and_then(|card| card.map_err(warn).ok());
-    Potential { card, ..Potential::new(start, solver, tolerance) }
+    let potential = Potential::new(start, solver, tolerance).with_isovolumes(params.number("Isovolumes"));
+    Potential { card, ..potential }
 }
 
 /// Says why the CPU solves.
@@ -98,7 +106,7 @@ pub struct Potential {
     /// A card that does what [`Solver::Multigrid`] would.
     card: Option<Card>,
     /// Where the robot can be, with its place and its goals, and ψ.
-    domain: Domain,
+    domain: Isovolumes,
     /// Bricks of `domain` with the robot's place or with goals in them.
     fixed: BTreeSet<Voxel>,
 }
@@ -131,6 +139,8 @@ impl Strategy for Potential {
             return None;
         }
         journal.count("iterations", iterations as u64);
+        journal.count("blocks", self.domain.blocks().count() as u64);
+        journal.count("sealed blocks", self.domain.sealed().count() as u64);
         let mut stalls = 0;
         let route = journal.time("streamline", || self.follow(view, &mut stalls));
         journal.count("stalls", stalls);
@@ -139,18 +149,21 @@ impl Strategy for Potential {
 }
 
 impl Potential {
+    /// The same, of which multigrid may leave out what less than this `share` of the flow depends on ([`Isovolumes`]).
+    pub fn with_isovolumes(self, share: f64) -> Self {
+        Self { domain: Isovolumes::new(share), ..self }
+    }
+
     /// One that has not planned yet, without a card.
     pub fn new(start: Start, solver: Solver, tolerance: f64) -> Self {
-        Self { start, solver, tolerance, card: None, domain: Domain::new(), fixed: BTreeSet::new() }
+        Self { start, solver, tolerance, card: None, domain: Isovolumes::new(0.0), fixed: BTreeSet::new() }
     }
 
     /// Solves for ψ in the domain, and answers in how many iterations; `None`: there is nothing to solve.
     fn solve(&mut self, view: &View<'_>, stopping: impl Fn() -> bool) -> Option<usize> {
         self.update(view);
         if self.card.is_none() && self.solver == Solver::Multigrid {
-            // From nothing: a successor, which does not have the field, would come to other roundings.
-            self.domain.forget();
-            return Some(self.domain.solve(self.tolerance, stopping).iterations);
+            return Some(self.domain.solve(self.tolerance, stopping).0.iterations);
         }
         // The volume has a margin of what is unknown, so this is a problem.
         let region = view.volume.region();
@@ -191,7 +204,7 @@ impl Potential {
     }
 
     fn follow(&self, view: &View<'_>, stalls: &mut u64) -> Option<Route> {
-        let mut field = Field::of(&self.domain, view.volume.resolution());
+        let mut field = Field::of(self.domain.domain(), view.volume.resolution());
         let seeds = match self.start {
             Start::Flux => largest_flux(view, &field).into_iter().collect(),
             Start::Shortest => seeds(view, &mut field),
