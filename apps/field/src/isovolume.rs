@@ -28,8 +28,10 @@ use crate::problem::Cell;
 
 /// Widest ranges of ψ in a volume, each tried on what the one before leaves.
 const RANGES: [f32; 3] = [0.04, 0.01, 0.0025];
-/// Blocks of the smallest volume that is worth its border.
+/// Blocks of the smallest volume that is worth its border, and of the largest: the smaller they are, the better does one ψ
+/// stand for all of a volume, and the less is opened at a time.
 const FEWEST_BLOCKS: usize = 8;
+const MOST_BLOCKS: usize = 64;
 /// A block is sealed no sooner than so many solutions after it was other than it is, or opened.
 const CALM: u64 = 4;
 /// Voxels of the largest pocket that is sealed with the volume that cuts it off.
@@ -78,6 +80,11 @@ impl Isovolumes {
     /// ever is.
     pub fn new(share: f64) -> Self {
         Self { share, ..Self::default() }
+    }
+
+    /// The share of the flow that may depend on what is sealed.
+    pub fn share(&self) -> f64 {
+        self.share
     }
 
     /// The domain, with what is sealed outside, and ψ.
@@ -136,6 +143,7 @@ impl Isovolumes {
     /// right-hand side, or somebody is `stopping`. Volumes are opened until the excess is within the share of the flow.
     pub fn solve(&mut self, tolerance: f64, stopping: impl Fn() -> bool) -> (Convergence, Bound) {
         self.solutions += 1;
+        self.open_near_fixed();
         self.seal();
         self.domain.forget();
         let mut iterations = 0;
@@ -200,12 +208,29 @@ impl Isovolumes {
         is_any
     }
 
+    /// Opens what a source or a sink has come near to.
+    fn open_near_fixed(&mut self) {
+        if self.sealed.is_empty() {
+            return;
+        }
+        let near = self.near_fixed();
+        let volumes: BTreeSet<u64> = near.iter().filter_map(|block| Some(self.sealed.get(block)?.0)).collect();
+        volumes.into_iter().for_each(|volume| self.open(volume));
+    }
+
+    /// The blocks with a source or a sink in them or beside them.
+    fn near_fixed(&self) -> BTreeSet<Voxel> {
+        self.fixed.iter().flat_map(|block| block.neighbours().chain([*block])).collect()
+    }
+
+    /// Opens a volume. The next solution starts there from the volume's ψ.
     fn open(&mut self, volume: u64) {
+        let level = self.level(volume) as f32;
         let blocks: Vec<Voxel> =
             self.sealed.iter().filter(|(_, own)| own.0 == volume).map(|(block, _)| *block).collect();
         for block in blocks {
             if let Some((_, cells)) = self.sealed.remove(&block) {
-                self.domain.set_block(block, &cells);
+                self.domain.open_block(block, &cells, level);
                 self.touched.insert(block, self.solutions);
             }
         }
@@ -315,7 +340,7 @@ impl Isovolumes {
 
     /// The blocks that may be sealed, each with the least and the largest ψ in it.
     fn candidates(&self) -> BTreeMap<Voxel, [f32; 2]> {
-        let near: BTreeSet<Voxel> = self.fixed.iter().flat_map(|block| block.neighbours().chain([*block])).collect();
+        let near = self.near_fixed();
         let is_calm = |block: &Voxel| self.touched.get(block).is_some_and(|at| at + CALM < self.solutions);
         let is_open = |block: &Voxel| !near.contains(block) && !self.sealed.contains_key(block);
         let blocks = self.domain.blocks().filter(|block| is_calm(block) && is_open(block));
@@ -429,7 +454,7 @@ fn grow(seed: Voxel, range: f32, pool: &mut BTreeMap<Voxel, [f32; 2]>) -> Vec<Vo
     let mut blocks = vec![seed];
     let mut next = 0;
     pool.remove(&seed);
-    while let Some(block) = blocks.get(next).copied() {
+    while let Some(block) = blocks.get(next).copied().filter(|_| blocks.len() < MOST_BLOCKS) {
         next += 1;
         for beside in block.face_neighbours() {
             let Some([low, high]) = pool.get(&beside) else { continue };

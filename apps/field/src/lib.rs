@@ -2,7 +2,7 @@
 //! it wants to be that keep away from everything by themselves. Without a bus.
 //!
 //! [`problem`] says what each voxel of a region is, [`laplace`] solves for ψ, [`streamline`] follows −∇ψ; a [`domain`] is kept
-//! while what it is of changes. Sections and
+//! while what it is of changes, and [`isovolume`] leaves out of it what nothing flows in. Sections and
 //! equations are those of the thesis that this reproduces, where they are named so.
 //!
 //! ```

@@ -76,7 +76,11 @@ fn potential(params: &Params) -> Potential {
         tolerance => tolerance,
     };
     let card = (params.text("Solver") == "gpu").then(Card::open).and_then(|card| card.map_err(warn).ok());
-    let potential = Potential::new(start, solver, tolerance).with_isovolumes(params.number("Isovolumes"));
+    let isovolumes = params.number("Isovolumes");
+    if isovolumes > 0.0 && params.text("Solver") != "multigrid" {
+        tell(format_args!("Isovolumes is of no use with Solver {}: only multigrid seals any", params.text("Solver")));
+    }
+    let potential = Potential::new(start, solver, tolerance).with_isovolumes(isovolumes);
     Potential { card, ..potential }
 }
 
@@ -124,6 +128,10 @@ impl Strategy for Potential {
         if let Some(card) = &self.card {
             return format!("{start}; field by {}, residual {:e}", card.name(), self.tolerance);
         }
+        if self.domain.share() > 0.0 && self.solver == Solver::Multigrid {
+            let share = self.domain.share();
+            return format!("{start}; field by multigrid-CG, residual {:e}, isovolumes {share}", self.tolerance);
+        }
         let solver = match self.solver {
             Solver::Multigrid => "multigrid-CG, residual",
             Solver::Jacobi => "Jacobi-CG, residual",
@@ -149,7 +157,8 @@ impl Strategy for Potential {
 }
 
 impl Potential {
-    /// The same, of which multigrid may leave out what less than this `share` of the flow depends on ([`Isovolumes`]).
+    /// The same, of which multigrid may leave out what no more than this `share` of the flow depends on ([`Isovolumes`]). What
+    /// is sealed is not left to a successor: its plans are as good, but not the same to the bit.
     pub fn with_isovolumes(self, share: f64) -> Self {
         Self { domain: Isovolumes::new(share), ..self }
     }

@@ -130,6 +130,18 @@ impl Domain {
         self.resize();
     }
 
+    /// As [`Domain::set_block`]; ψ is `psi` in what was outside.
+    pub(crate) fn open_block(&mut self, position: Voxel, cells: &[Cell; BRICK_CELLS], psi: f32) {
+        let before = *self.block(position).0;
+        self.set_block(position, cells);
+        let slot = self.fine.lattice.slot(position) as usize;
+        for (cell, n) in before.as_flattened().iter().zip(0..).filter(|_| slot != NONE as usize) {
+            if *cell == Cell::Outside && cells[n] != Cell::Outside {
+                self.psi[slot][n / 8][n % 8] = psi;
+            }
+        }
+    }
+
     /// Makes the cells of a block these.
     fn put(&mut self, position: Voxel, cells: Block<Cell>) {
         if cells != self.cells[self.fine.lattice.slot(position) as usize] {
