@@ -3,6 +3,8 @@
 //!
 //! `cargo bench -p elk-explorer --bench missions -- [WORLD… [TYPE…]]`, all by default. A step is from one scan to the next.
 //! Times are CPU times of the thread; the digest is one of all plans: equal digests are equal runs.
+//! `isovolumes=SHARE` has `Potential` seal isovolumes; with `curves`, there follow of each of its plans, separated by commas,
+//! the share of the domain's blocks that is sealed and the time that the field takes (ms).
 
 #[allow(dead_code, reason = "the benchmark of the building uses the rest")]
 mod run;
@@ -41,10 +43,12 @@ fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let is_named = |word: &str| wanted.iter().any(|name| name == word);
     let worlds = MISSIONS.iter().any(|mission| is_named(mission.world));
-    let types = strategies().iter().any(|strategy| is_named(strategy.name()));
+    let share = wanted.iter().find_map(|word| word.strip_prefix("isovolumes="));
+    let share = share.map_or(0.0, |share| share.parse().expect("a share is a number"));
+    let types = strategies(share).iter().any(|strategy| is_named(strategy.name()));
     println!("by step:                  p50      p99  largest            sum");
     for mission in MISSIONS.iter().filter(|mission| !worlds || is_named(mission.world)) {
-        for strategy in strategies().into_iter().filter(|strategy| !types || is_named(strategy.name())) {
+        for strategy in strategies(share).into_iter().filter(|strategy| !types || is_named(strategy.name())) {
             let world = World::load(mission.world, &Placement::default()).expect("it is built in");
             let [yaw, pitch] = mission.heading.map(f64::to_radians);
             let start = Pose::from_yaw_pitch(mission.start.into(), yaw, pitch);
@@ -52,6 +56,9 @@ fn main() {
             let mut run = Run::new(world, start, bounds, strategy);
             run.go(usize::MAX);
             run.print(mission.world);
+            if is_named("curves") {
+                run.curve.iter().for_each(|(sealed, secs)| println!("{sealed:.4},{:.3}", 1e3 * secs));
+            }
         }
     }
 }

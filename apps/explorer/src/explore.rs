@@ -28,6 +28,7 @@ use crate::goals::{Goal, Goals};
 use crate::journal::Journal;
 use crate::policy::looks;
 use crate::sight::Sight;
+use crate::space::Space;
 use crate::strategy::{Route, Strategy, View};
 use crate::target::{Known, Target};
 use memory::Memory;
@@ -235,7 +236,7 @@ impl Explorer {
         if goals.is_empty() {
             return self.stop(StopReason::Explored, scene, known);
         }
-        match self.choose(scene, goals, from) {
+        match self.choose((&scene.space, &mut scene.unseen), goals, from) {
             Some((goal, way)) => {
                 // Whoever goes on has not ended, whatever a predecessor or a request out of turn came to.
                 self.report = None;
@@ -283,16 +284,17 @@ impl Explorer {
     /// The goal to go to and the whole way there.
     fn choose<'a>(
         &mut self,
-        scene: &Scene,
+        (space, unseen): (&Space, &mut Option<BTreeSet<Voxel>>),
         goals: &'a Goals,
         robot: Point3<f64>,
     ) -> Option<(&'a Goal, Vec<Point3<f64>>)> {
-        let space = &scene.space;
         let start = space.start();
-        let backed_off = space.escape.len() > 1;
-        let view = View { space, from: if backed_off { space.center(start) } else { robot }, goals };
         // A robot that stands in a goal looks first: for the field it would be source and sink at once.
-        let here = goals.contains(start).then(|| Route { points: vec![view.from], goal: start });
+        let is_here = goals.contains(start);
+        let changed = if is_here { None } else { unseen.replace(BTreeSet::new()) };
+        let from = if space.escape.len() > 1 { space.center(start) } else { robot };
+        let view = View { space, from, goals, changed: changed.as_ref() };
+        let here = is_here.then(|| Route { points: vec![view.from], goal: start });
         let route = here
             .or_else(|| self.strategy.plan(&view, &mut self.journal))
             .filter(|r| goals.contains(r.goal))

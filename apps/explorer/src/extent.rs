@@ -17,6 +17,8 @@ pub struct Extent {
     pub max: Voxel,
     /// Voxels around it of which nothing is said.
     margin: i32,
+    /// Whether the robot can get to voxels that are not in it.
+    is_cut: bool,
 }
 
 impl Extent {
@@ -27,14 +29,15 @@ impl Extent {
         let fits = |(min, max): (Voxel, Voxel)| voxels(min, max, margin) <= budget as u64;
         let known = corners(robot, space.known().into_iter().flatten());
         if fits(known) {
-            return Self { min: known.0, max: known.1, margin };
+            return Self { min: known.0, max: known.1, margin, is_cut: false };
         }
         let reached = space.reach.bricks().filter(|(_, cells)| **cells != mask::NONE).map(|(brick, _)| brick);
         let around = Voxel::new(margin, margin, margin);
         let (min, max) = corners(robot, reached);
         let (min, max) = (min - around, max + around);
-        let (min, max) = if fits((min, max)) { (min, max) } else { near(robot, (min, max), fits) };
-        Self { min, max, margin }
+        let is_cut = !fits((min, max));
+        let (min, max) = if is_cut { near(robot, (min, max), fits) } else { (min, max) };
+        Self { min, max, margin, is_cut }
     }
 
     /// Its voxels with the margin, numbered.
@@ -42,6 +45,11 @@ impl Extent {
         let around = Voxel::new(self.margin, self.margin, self.margin);
         let dim = (self.max - self.min + around + around).to_array().map(|n| n as usize);
         Region::new(self.min - around, dim, resolution)
+    }
+
+    /// Whether of what the robot can get to the same is in both.
+    pub fn has_the_same_reached(&self, other: &Self) -> bool {
+        self == other || !self.is_cut && !other.is_cut
     }
 
     /// Whether a voxel is in the box.

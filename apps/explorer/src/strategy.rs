@@ -3,6 +3,8 @@
 //! What happens with its route (how far it is followed, where scans are taken) is [`crate::policy`]'s business and the same for
 //! all strategies, so that their results can be compared.
 
+use std::collections::BTreeSet;
+
 use elk_bus::DecodeError;
 use elk_geometry::Voxel;
 use elk_mission::type_name;
@@ -23,6 +25,9 @@ pub struct View<'a> {
     pub from: Point3<f64>,
     /// Where to go; at least one, and none where the route starts.
     pub goals: &'a Goals,
+    /// Bricks in which the robot can get to other voxels than when the strategy was asked last, and perhaps others; `None`: it
+    /// was not asked yet.
+    pub changed: Option<&'a BTreeSet<Voxel>>,
 }
 
 /// A way to a goal.

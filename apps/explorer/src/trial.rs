@@ -48,7 +48,7 @@ impl Room {
 
     /// What a strategy sees there.
     pub fn view(&self) -> View<'_> {
-        View { space: &self.space, from: self.robot, goals: &self.goals }
+        View { space: &self.space, from: self.robot, goals: &self.goals, changed: None }
     }
 
     /// Which of the goals, by their place in the list that the room was made with, a strategy goes to.

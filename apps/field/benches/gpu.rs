@@ -7,7 +7,7 @@
 
 use elk_field::gpu::{Domain, Gpu};
 use elk_field::{Cell, Problem, Solver, solve};
-use elk_geometry::{Component, Region, Voxel};
+use elk_geometry::{Region, Voxel};
 use rustix::time::{ClockId, clock_gettime};
 
 const SIZES: [usize; 6] = [51, 100, 200, 300, 400, 512];
@@ -104,9 +104,5 @@ fn walled(size: usize) -> Problem {
     }
     cells[at(2, 2, 2)] = Cell::Source;
     let region = Region::new(Voxel::new(0, 0, 0), [dim; 3], 0.1);
-    let reach = Component::of(&region, &|i: usize| cells[i] != Cell::Outside, at(2, 2, 2));
-    for (cell, _) in cells.iter_mut().zip(reach.iter()).filter(|(_, is_reached)| !**is_reached) {
-        *cell = Cell::Outside;
-    }
-    Problem::new(region, cells).expect("all faces are outside")
+    Problem::new(region, cells).expect("all faces are outside").connected()
 }

@@ -7,7 +7,7 @@
 //! largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1.
 
 use elk_field::{Cell, Domain, Problem, Solution, Solver, solve};
-use elk_geometry::{Component, Region, Voxel};
+use elk_geometry::{Region, Voxel};
 use rustix::time::{ClockId, clock_gettime};
 
 /// Edges of the cubes (voxels).
@@ -206,12 +206,7 @@ impl Furniture {
     fn problem(mut self) -> Problem {
         self.fill(self.inner.map(|n| 1.min(n - 1)), [1, 1, 1], Cell::Source);
         let region = Region::new(Voxel::new(0, 0, 0), self.inner.map(|n| n + 2), 0.1);
-        let start = self.cells.iter().position(|cell| *cell == Cell::Source).expect("it has just been put there");
-        let reach = Component::of(&region, &|i: usize| self.cells[i] != Cell::Outside, start);
-        for (cell, _) in self.cells.iter_mut().zip(reach.iter()).filter(|(_, is_reached)| !**is_reached) {
-            *cell = Cell::Outside;
-        }
-        Problem::new(region, self.cells).expect("all faces are outside")
+        Problem::new(region, self.cells).expect("all faces are outside").connected()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Around a corner: the field in an L-shaped corridor, and the streamline from one end to the other.
 
-use elk_field::{Cell, Field, Problem, Solver, Termination, solve};
-use elk_geometry::{Polyline, Region, Voxel};
+use elk_field::{Cell, Domain, Field, Problem, Termination};
+use elk_geometry::{Region, Voxel};
 
 /// Edge of a voxel (m).
 const RESOLUTION: f64 = 0.1;
@@ -23,16 +23,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cells = (0..region.len()).map(|i| cell(region.voxel(i))).collect();
     let problem = Problem::new(region, cells)?;
 
-    let solution = solve(&problem, Solver::Multigrid, 1e-6);
-    println!("{} iterations, residual {:.1e}", solution.iterations, solution.residual);
-    assert!(solution.residual < 1e-5);
+    let mut domain = Domain::of(&problem);
+    let convergence = domain.solve(1e-6, || false);
+    println!("{} iterations, residual {:.1e}", convergence.iterations, convergence.residual);
+    assert!(convergence.residual < 1e-5);
 
-    // From beside the source down to the sink, in the middle of the corridor all the way.
-    let field = Field { problem: &problem, psi: &solution.psi };
-    let (points, end) = field.trace((source + Voxel::new(1, 0, 0)).center(RESOLUTION), 100.0);
-    assert!(matches!(end, Termination::Goal(_)), "{end:?}");
-    let way = Polyline::new(points).ok_or("a streamline has its first point")?;
-    println!("a way of {:.2} m through {} points", way.length(), way.points().len());
-    assert!((4.0..5.0).contains(&way.length()), "{}", way.length());
+    // From the source through the voxel beside it down to the sink, in the middle of the corridor all the way.
+    let seed = (source + Voxel::new(1, 0, 0)).center(RESOLUTION);
+    let lines = Field::of(&domain, RESOLUTION).trace(source.center(RESOLUTION), &[seed], 100.0);
+    let line = lines.first().ok_or("a streamline for each seed")?;
+    assert!(matches!(line.end, Termination::Goal(_)), "{:?}", line.end);
+    println!("a way of {:.2} m through {} points", line.length, line.points.len());
+    assert!((4.0..5.0).contains(&line.length), "{}", line.length);
     Ok(())
 }

@@ -2,7 +2,7 @@
 //! it wants to be that keep away from everything by themselves. Without a bus.
 //!
 //! [`problem`] says what each voxel of a region is, [`laplace`] solves for ψ, [`streamline`] follows −∇ψ; a [`domain`] is kept
-//! while what it is of changes. Sections and
+//! while what it is of changes, and [`isovolume`] leaves out of it what nothing flows in. Sections and
 //! equations are those of the thesis that this reproduces, where they are named so.
 //!
 //! ```
@@ -12,14 +12,17 @@
 pub mod domain;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod isovolume;
 pub mod laplace;
+mod patch;
 pub mod problem;
 pub mod streamline;
 
 pub use domain::{Convergence, Domain};
+pub use isovolume::{Bound, Isovolumes};
 pub use laplace::{Solution, Solver, solve, solve_unless};
 pub use problem::{Cell, Problem, ProblemError};
-pub use streamline::{Field, Termination};
+pub use streamline::{Field, Streamline, Termination};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -1,6 +1,6 @@
 //! What is to be solved: a box of voxels, each with what it is to the equation.
 
-use elk_geometry::{Region, Voxel};
+use elk_geometry::{Component, Region, Voxel, VoxelSet};
 
 /// What a voxel is to the equation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -73,6 +73,31 @@ impl Problem {
             Some(i) => Err(ProblemError::Margin(region.voxel(i))),
             None => Ok(Self { region, cells }),
         }
+    }
+
+    /// Of this problem what is connected with a source over faces: elsewhere no value is determined.
+    #[must_use]
+    pub fn connected(mut self) -> Self {
+        let those = |is: fn(Cell) -> bool| {
+            let cells = self.cells.iter().enumerate().filter(move |(_, cell)| is(**cell));
+            cells.map(|(i, _)| self.region.voxel(i))
+        };
+        let open: VoxelSet = those(|cell| cell != Cell::Outside).collect();
+        let sources: Vec<Voxel> = those(|cell| cell == Cell::Source).collect();
+        let mut reached = VoxelSet::new();
+        for source in sources {
+            if !reached.contains(source) {
+                Component::of(&open, source).iter().for_each(|voxel| {
+                    reached.insert(voxel);
+                });
+            }
+        }
+        for (i, cell) in self.cells.iter_mut().enumerate() {
+            if !reached.contains(self.region.voxel(i)) {
+                *cell = Cell::Outside;
+            }
+        }
+        self
     }
 
     /// The voxels.

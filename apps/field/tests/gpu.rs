@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use elk_field::gpu::{Domain, Gpu, GpuError, NoGpu};
 use elk_field::{Cell, Problem, Solution, Solver, solve};
-use elk_geometry::{Component, Region, Voxel};
+use elk_geometry::{Region, Voxel};
 use proptest::prelude::*;
 use skip::skip;
 
@@ -45,16 +45,6 @@ fn rooms(inner: [usize; 3]) -> Problem {
             _ => Cell::Inside,
         }
     })
-}
-
-/// The part of a problem that its source is connected with: in any other, no value is determined.
-fn connected(problem: &Problem) -> Problem {
-    let (region, cells) = (problem.region(), problem.cells());
-    let source = cells.iter().position(|cell| *cell == Cell::Source).unwrap();
-    let reach = Component::of(region, &|i: usize| cells[i] != Cell::Outside, source);
-    let reached =
-        cells.iter().zip(reach.iter()).map(|(cell, is_reached)| if *is_reached { *cell } else { Cell::Outside });
-    Problem::new(region.clone(), reached.collect()).unwrap()
 }
 
 fn furthest(a: &Solution, b: &Solution) -> f32 {
@@ -196,7 +186,7 @@ proptest! {
                 _ => Cell::Inside,
             }
         });
-        let apart = apart(gpu, &connected(&problem));
+        let apart = apart(gpu, &problem.connected());
         prop_assert!(apart < 2e-5, "{apart}");
     }
 }

@@ -78,6 +78,8 @@ pub struct Run {
     follower: Follower,
     steps: usize,
     pub record: Record,
+    /// Of each plan that solved for a field the share of its blocks that is sealed, and what it took (s).
+    pub curve: Vec<(f64, f64)>,
 }
 
 impl Run {
@@ -93,6 +95,7 @@ impl Run {
             follower: Follower::default(),
             steps: 0,
             record: Record::default(),
+            curve: Vec::new(),
         }
     }
 
@@ -157,12 +160,19 @@ impl Run {
 
     fn plan(&mut self, request: &PlanRequest) -> Vec<Action> {
         let step = self.steps;
-        let Self { grid, explorer, follower, record, .. } = self;
-        let phases = |explorer: &Explorer| explorer.journal().phases().to_vec();
-        let before = phases(explorer);
+        let Self { grid, explorer, follower, record, curve, .. } = self;
+        let noted =
+            |explorer: &Explorer| (explorer.journal().phases().to_vec(), explorer.journal().counters().to_vec());
+        let (before, counted) = noted(explorer);
         let plan = record.time("plan", step, || explorer.plan(grid, request));
-        for (n, (phase, secs)) in phases(explorer).into_iter().enumerate() {
+        let (now, counts) = noted(explorer);
+        for (n, (phase, secs)) in now.iter().enumerate() {
             record.add(&format!("plan: {phase}"), secs - before.get(n).map_or(0.0, |(_, before)| *before), step);
+        }
+        let secs = more(&now, &before, "field");
+        if secs > 0.0 {
+            let count = |what: &str| more(&counts, &counted, what) as f64;
+            curve.push((count("sealed blocks") / count("blocks"), secs));
         }
         record.time("plan: memory", step, || explorer.memory(&plan));
         record.hash(&plan);
@@ -186,6 +196,12 @@ impl Run {
     }
 }
 
+/// How much more there is of something.
+fn more<T: Copy + Default + std::ops::Sub<Output = T>>(now: &[(String, T)], before: &[(String, T)], what: &str) -> T {
+    let of = |all: &[(String, T)]| all.iter().find(|(name, _)| name == what).map_or(T::default(), |(_, much)| *much);
+    of(now) - of(before)
+}
+
 fn config() -> MapConfig {
     MapConfig { max_range: 30.0, max_bricks: MAX_BRICKS, ..MapConfig::default() }
 }
@@ -205,8 +221,8 @@ fn settings(bounds: Bounds) -> Settings {
     }
 }
 
-/// Those that missions name.
-pub fn strategies() -> [Box<dyn Strategy>; 2] {
-    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6);
+/// Those that missions name, the one with a field with isovolumes of this share.
+pub fn strategies(isovolumes: f64) -> [Box<dyn Strategy>; 2] {
+    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6).with_isovolumes(isovolumes);
     [Box::new(ClosestFrontier), Box::new(potential)]
 }

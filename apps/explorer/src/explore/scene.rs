@@ -22,6 +22,9 @@ pub struct Scene {
     pub left: FrontiersLeft,
     /// Bricks in which something has changed that the agenda has not heard of.
     changed: BTreeSet<Voxel>,
+    /// Bricks in which the robot can get to other voxels than the strategy has seen, and perhaps others; `None`: it has seen
+    /// nothing of it.
+    pub unseen: Option<BTreeSet<Voxel>>,
 }
 
 impl Scene {
@@ -44,15 +47,21 @@ impl Scene {
     fn anew(known: Known, robot: Voxel, memory: &Memory, settings: &Settings) -> Self {
         let space = Space::around(known.grid, robot, &settings.clearance, memory.trail());
         let (verdicts, agenda, changed) = (Verdicts::default(), Agenda::default(), BTreeSet::new());
-        Self { space, verdicts, agenda, left: FrontiersLeft::default(), changed }
+        Self { space, verdicts, agenda, left: FrontiersLeft::default(), changed, unseen: None }
     }
 
     fn follow(mut self, known: Known, robot: Voxel, bricks: BTreeSet<Voxel>, memory: &Memory) -> Self {
         self.changed = self.space.follow(known.grid, robot, bricks.iter().copied(), memory.trail_turned());
-        self.verdicts.hear_of(self.changed.iter().copied());
+        self.hear_of_space();
         // What was unknown and is occupied now is free neither way.
         self.changed.extend(bricks);
         self
+    }
+
+    /// The space has changed.
+    fn hear_of_space(&mut self) {
+        self.verdicts.hear_of(self.changed.iter().copied());
+        self.unseen.iter_mut().for_each(|unseen| unseen.extend(&self.changed));
     }
 
     /// Sorts the frontier into targets and what is left out, by cause, and finds the goals near it; of the targets `learned`
@@ -68,7 +77,7 @@ impl Scene {
         let changed = self.space.back_off();
         let moved = changed.is_some();
         self.changed = changed.unwrap_or_default();
-        self.verdicts.hear_of(self.changed.iter().copied());
+        self.hear_of_space();
         moved
     }
 

@@ -1,7 +1,10 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
+use std::collections::BTreeSet;
+
 use elk_bus::tell;
-use elk_field::{Cell, Convergence, Domain, Field, Problem, ProblemError, Solution, Solver, Termination, solve_unless};
+use elk_field::{Cell, Field, Isovolumes, Problem, Solution, Solver, Streamline, Termination, solve_unless};
+use elk_geometry::bricks::{BRICK_CELLS, brick_of, voxel_at};
 use elk_geometry::{Polyline, Voxel, astar};
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
@@ -18,8 +21,7 @@ const SEED_DISTANCE_M: f64 = 0.15;
 const SEED_DIRECTIONS: usize = 20;
 /// Past this a streamline has lost its way (m).
 const LONGEST_M: f64 = 1000.0;
-
-/// Voxels that a field is solved over at most, if nothing is said.
+/// Voxels of the box that a field is solved over at most, if nothing is said.
 const MAX_VOXELS: usize = 8_000_000;
 
 /// Its row in the table of explorers.
@@ -60,6 +62,13 @@ const PARAMS: &[ParamSpec] = &[
         "Voxels of the box that the field is solved over, at about 42 bytes each. Of a larger map it is what the robot can get to, \
          or, if that is too much, what of it is near.",
     ),
+    param(
+        "Isovolumes",
+        Kind::Number { unit: "", min: 0.0, max: 1.0 },
+        "0",
+        "Solver multigrid leaves out volumes in which nothing flows, as long as no more than this share of the flow from the \
+         robot may depend on it; 0: none.",
+    ),
 ];
 
 fn potential(params: &Params) -> Potential {
@@ -77,9 +86,14 @@ fn potential(params: &Params) -> Potential {
         tolerance => tolerance,
     };
     let card = (params.text("Solver") == "gpu").then(Card::open).and_then(|card| card.map_err(warn).ok());
+    let isovolumes = params.number("Isovolumes");
+    if isovolumes > 0.0 && params.text("Solver") != "multigrid" {
+        tell(format_args!("Isovolumes is of no use with Solver {}: only multigrid seals any", params.text("Solver")));
+    }
+    let potential = Potential::new(start, solver, tolerance).with_isovolumes(isovolumes);
     // The table keeps it positive.
     let max_voxels = params.integer("MaxVoxels") as usize;
-    Potential { card, max_voxels, ..Potential::new(start, solver, tolerance) }
+    Potential { card, max_voxels, ..potential }
 }
 
 /// Says why the CPU solves.
@@ -109,8 +123,12 @@ pub struct Potential {
     card: Option<Card>,
     /// Voxels of the box that the field is solved over, at most.
     max_voxels: usize,
-    /// Multigrid's equations, as they were at the plan before.
-    domain: Domain,
+    /// That box, as it was at the plan before.
+    extent: Option<Extent>,
+    /// Where the robot can be in it, with its place and its goals, and ψ.
+    domain: Isovolumes,
+    /// Bricks of `domain` with the robot's place or with goals in them.
+    fixed: BTreeSet<Voxel>,
 }
 
 impl Strategy for Potential {
@@ -126,6 +144,10 @@ impl Strategy for Potential {
         if let Some(card) = &self.card {
             return format!("{start}; field by {}, residual {:e}", card.name(), self.tolerance);
         }
+        if self.domain.share() > 0.0 && self.solver == Solver::Multigrid {
+            let share = self.domain.share();
+            return format!("{start}; field by multigrid-CG, residual {:e}, isovolumes {share}", self.tolerance);
+        }
         let solver = match self.solver {
             Solver::Multigrid => "multigrid-CG, residual",
             Solver::Jacobi => "Jacobi-CG, residual",
@@ -135,66 +157,94 @@ impl Strategy for Potential {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        let extent = Extent::of(view.space, self.max_voxels);
-        // Its region has a margin of what is outside, so this is one.
-        let problem = problem(view, &extent).ok().filter(|problem| problem.cells().contains(&Cell::Sink))?;
         let stopping = journal.stop_signal();
-        let solution = journal.time("field", || self.solve(&problem, stopping));
+        let iterations = journal.time("field", || self.solve(view, stopping))?;
         if journal.is_to_stop() {
             return None;
         }
-        journal.count("iterations", solution.iterations as u64);
-        let field = Field { problem: &problem, psi: &solution.psi };
+        journal.count("iterations", iterations as u64);
+        journal.count("blocks", self.domain.blocks().count() as u64);
+        journal.count("sealed blocks", self.domain.sealed().count() as u64);
         let mut stalls = 0;
-        let route = journal.time("streamline", || self.follow(view, &field, &mut stalls));
+        let route = journal.time("streamline", || self.follow(view, &mut stalls));
         journal.count("stalls", stalls);
         route
     }
 }
 
 impl Potential {
+    /// The same, of which multigrid may leave out what no more than this `share` of the flow depends on ([`Isovolumes`]). What
+    /// is sealed is not left to a successor: its plans are as good, but not the same to the bit.
+    pub fn with_isovolumes(self, share: f64) -> Self {
+        Self { domain: Isovolumes::new(share), ..self }
+    }
+
     /// One that has not planned yet, without a card.
     pub fn new(start: Start, solver: Solver, tolerance: f64) -> Self {
-        Self { start, solver, tolerance, card: None, max_voxels: MAX_VOXELS, domain: Domain::new() }
+        let (domain, fixed) = (Isovolumes::new(0.0), BTreeSet::new());
+        Self { start, solver, tolerance, card: None, max_voxels: MAX_VOXELS, extent: None, domain, fixed }
+    }
+
+    /// Solves for ψ in the domain, and answers in how many iterations; `None`: there is nothing to solve.
+    fn solve(&mut self, view: &View<'_>, stopping: impl Fn() -> bool) -> Option<usize> {
+        let extent = Extent::of(view.space, self.max_voxels);
+        self.update(view, &extent);
+        if !view.goals.iter().any(|goal| extent.contains(goal.voxel)) {
+            return None;
+        }
+        if self.card.is_none() && self.solver == Solver::Multigrid {
+            return Some(self.domain.solve(self.tolerance, stopping).0.iterations);
+        }
+        // The region has a margin of what is outside, so this is a problem.
+        let region = extent.region(view.space.resolution());
+        let cells = (0..region.len()).map(|i| cell(view, &extent, region.voxel(i))).collect();
+        let problem = Problem::new(region.clone(), cells).ok()?;
+        let solution = self.solve_by_card(&problem, &stopping);
+        let solution = solution.unwrap_or_else(|| solve_unless(&problem, self.solver, self.tolerance, stopping));
+        self.domain.take_psi(&region, &solution.psi);
+        Some(solution.iterations)
     }
 
     /// By the card, if there is one that is large enough and does not fail; it is not asked again if not.
-    fn solve(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
-        if let Some(card) = &self.card {
-            match card.solve_unless(problem, self.tolerance, &stopping) {
-                Ok(solution) => return solution,
-                Err(why) => warn(why),
+    fn solve_by_card(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Option<Solution> {
+        match self.card.as_ref()?.solve_unless(problem, self.tolerance, stopping) {
+            Ok(solution) => Some(solution),
+            Err(why) => {
+                warn(why);
+                self.card = None;
+                None
             }
-            self.card = None;
         }
-        self.solve_by_cpu(problem, stopping)
     }
 
-    /// Multigrid keeps its equations from plan to plan, but not the field: a successor, which does not have it, would come to
-    /// other roundings.
-    fn solve_by_cpu(&mut self, problem: &Problem, stopping: impl Fn() -> bool) -> Solution {
-        if self.solver != Solver::Multigrid {
-            return solve_unless(problem, self.solver, self.tolerance, stopping);
+    /// Tells the domain what is other than it was at the plan before.
+    fn update(&mut self, view: &View<'_>, extent: &Extent) {
+        let fixed = view.goals.iter().map(|goal| goal.voxel).chain([view.space.start()]).map(brick_of).collect();
+        let before = std::mem::replace(&mut self.fixed, fixed);
+        let is_as_it_was = self.extent.replace(*extent).is_some_and(|before| before.has_the_same_reached(extent));
+        let bricks: BTreeSet<Voxel> = match view.changed.filter(|_| is_as_it_was) {
+            Some(changed) => changed.iter().chain(&before).chain(&self.fixed).copied().collect(),
+            None => view.space.reach.bricks().map(|(brick, _)| brick).chain(self.domain.blocks()).collect(),
+        };
+        for brick in bricks {
+            let cells: [Cell; BRICK_CELLS] = std::array::from_fn(|n| cell(view, extent, voxel_at(brick, n)));
+            self.domain.set_block(brick, &cells);
         }
-        self.domain.update(problem);
-        self.domain.forget();
-        let Convergence { iterations, residual } = self.domain.solve(self.tolerance, stopping);
-        Solution { psi: self.domain.psi_of(problem.region()), iterations, residual }
     }
 
-    fn follow(&self, view: &View<'_>, field: &Field<'_>, stalls: &mut u64) -> Option<Route> {
+    fn follow(&self, view: &View<'_>, stalls: &mut u64) -> Option<Route> {
+        let mut field = Field::of(self.domain.domain(), view.space.resolution());
         let seeds = match self.start {
-            Start::Flux => largest_flux(view, field).into_iter().collect(),
-            Start::Shortest => seeds(view, field),
+            Start::Flux => largest_flux(view, &field).into_iter().collect(),
+            Start::Shortest => seeds(view, &mut field),
         };
         let mut best: Option<(f64, Route)> = None;
-        for seed in seeds {
-            let longest = best.as_ref().map_or(LONGEST_M, |(length, _)| *length);
-            let Some(route) = flow(view, field, seed, longest, stalls) else {
+        for line in field.trace(view.from, &seeds, LONGEST_M) {
+            let Some(route) = arrive(view, &mut field, line, stalls) else {
                 continue;
             };
             let length = Polyline::new(route.points.iter().copied()).map_or(0.0, |p| p.length());
-            if length < longest {
+            if best.as_ref().is_none_or(|(least, _)| length < *least) {
                 best = Some((length, route));
             }
         }
@@ -203,40 +253,32 @@ impl Potential {
 }
 
 /// ψ is 1 where the route starts, 0 at the goals, and sought wherever else the robot can be.
-fn problem(view: &View<'_>, extent: &Extent) -> Result<Problem, ProblemError> {
-    let region = extent.region(view.space.resolution());
-    let mut cells = vec![Cell::Outside; region.len()];
-    for voxel in view.space.reach.iter().filter(|voxel| extent.contains(*voxel)) {
-        if let Some(i) = region.index(voxel) {
-            cells[i] = match voxel {
-                _ if voxel == view.space.start() => Cell::Source,
-                _ if view.goals.contains(voxel) => Cell::Sink,
-                _ => Cell::Inside,
-            };
-        }
+fn cell(view: &View<'_>, extent: &Extent, voxel: Voxel) -> Cell {
+    match view.space.reach.contains(voxel) && extent.contains(voxel) {
+        _ if voxel == view.space.start() => Cell::Source,
+        false => Cell::Outside,
+        true if view.goals.contains(voxel) => Cell::Sink,
+        true => Cell::Inside,
     }
-    Problem::new(region, cells)
 }
 
 /// The centre of the face neighbour that most flows into.
 fn largest_flux(view: &View<'_>, field: &Field<'_>) -> Option<Point3<f64>> {
-    let mut best: Option<usize> = None;
+    let mut best: Option<Voxel> = None;
     for n in face_neighbours(view, field) {
-        if best.is_none_or(|b| field.psi[n] < field.psi[b]) {
+        if best.is_none_or(|b| field.psi(n) < field.psi(b)) {
             best = Some(n);
         }
     }
-    best.map(|n| field.problem.region().center(n))
+    best.map(|n| view.space.center(n))
 }
 
-fn face_neighbours<'a>(view: &'a View<'_>, field: &'a Field<'_>) -> impl Iterator<Item = usize> + 'a {
-    let region = field.problem.region();
-    let beside = view.space.start().face_neighbours().into_iter().filter_map(|voxel| region.index(voxel));
-    beside.filter(|n| field.problem.cells()[*n] != Cell::Outside)
+fn face_neighbours(view: &View<'_>, field: &Field<'_>) -> impl Iterator<Item = Voxel> {
+    view.space.start().face_neighbours().into_iter().filter(|n| field.cell(*n) != Cell::Outside)
 }
 
 /// The centres of the face neighbours, and points evenly around the start (a Fibonacci lattice on the sphere).
-fn seeds(view: &View<'_>, field: &Field<'_>) -> Vec<Point3<f64>> {
+fn seeds(view: &View<'_>, field: &mut Field<'_>) -> Vec<Point3<f64>> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let around = (0..SEED_DIRECTIONS).map(|k| {
         let z = 1.0 - (2 * k + 1) as f64 / SEED_DIRECTIONS as f64;
@@ -244,20 +286,16 @@ fn seeds(view: &View<'_>, field: &Field<'_>) -> Vec<Point3<f64>> {
         let angle = golden * k as f64;
         view.from + SEED_DISTANCE_M * Vector3::new(r * angle.cos(), r * angle.sin(), z)
     });
-    face_neighbours(view, field)
-        .map(|n| field.problem.region().center(n))
-        .chain(around.filter(|p| field.connected(view.from, *p)))
-        .collect()
+    let mut seeds: Vec<Point3<f64>> = face_neighbours(view, field).map(|n| view.space.center(n)).collect();
+    seeds.extend(around.filter(|p| field.connected(view.from, *p)));
+    seeds
 }
 
-/// The streamline through `seed`. Where it stalls, on by steepest descent over voxels, and if that ends too, by A*.
-fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, stalls: &mut u64) -> Option<Route> {
-    let (line, end) = field.trace(seed, longest);
-    let mut points = vec![view.from];
-    points.extend(line);
-    let region = field.problem.region();
-    let goal = match end {
-        Termination::Goal(goal) => region.voxel(goal),
+/// The route along a streamline. Where it stalls, on by steepest descent over voxels, and if that ends too, by A*.
+fn arrive(view: &View<'_>, field: &mut Field<'_>, line: Streamline, stalls: &mut u64) -> Option<Route> {
+    let mut points = line.points;
+    let goal = match line.end {
+        Termination::Goal(goal) => goal,
         Termination::TooLong => return None,
         Termination::Stalled(at) => {
             *stalls += 1;
@@ -269,8 +307,7 @@ fn flow(view: &View<'_>, field: &Field<'_>, seed: Point3<f64>, longest: f64, sta
     Some(Route { points, goal })
 }
 
-fn rescue(view: &View<'_>, field: &Field<'_>, at: usize) -> Option<Vec<Voxel>> {
-    let region = field.problem.region();
-    let descended = field.descend(at).ok().map(|way| way.into_iter().map(|i| region.voxel(i)).collect());
-    descended.or_else(|| astar::closest(&view.space.reach, region.voxel(at), |voxel| view.goals.contains(voxel)))
+fn rescue(view: &View<'_>, field: &mut Field<'_>, at: Voxel) -> Option<Vec<Voxel>> {
+    let descended = field.descend(at).ok();
+    descended.or_else(|| astar::closest(&view.space.reach, at, |voxel| view.goals.contains(voxel)))
 }

@@ -49,6 +49,11 @@ impl Lattice {
         self.positions[slot as usize]
     }
 
+    /// Where all blocks are, in the order in which they came into being, and where some were.
+    pub fn positions(&self) -> impl Iterator<Item = Voxel> {
+        self.positions.iter().skip(1).copied()
+    }
+
     /// The blocks beside the one in a slot, −x +x −y +y −z +z.
     pub fn neighbours(&self, slot: u32) -> &[u32; 6] {
         &self.neighbours[slot as usize]

@@ -15,13 +15,14 @@ mod stencil;
 
 pub use conjugate_gradients::Convergence;
 
-use elk_geometry::bricks::{BRICK, brick_of, cell_of};
+use elk_geometry::bricks::{BRICK, BRICK_CELLS, brick_of, cell_of};
 use elk_geometry::{Region, Voxel};
 
 use crate::problem::{Cell, Problem};
 use block::{Block, Halo, row};
 use conjugate_gradients::System;
 use direct::{Direct, MOST_CELLS};
+use lattice::NONE;
 use level::Level;
 use stencil::{Counted, SIXTIETHS, Weighted};
 
@@ -122,6 +123,45 @@ impl Domain {
         self.changed.push(slot);
     }
 
+    /// Says what the voxels of a block are from now on, in the order of [`cell_of`]; `position` is that of [`brick_of`].
+    pub fn set_block(&mut self, position: Voxel, cells: &[Cell; BRICK_CELLS]) {
+        let cells = std::array::from_fn(|row| std::array::from_fn(|i| cells[8 * row + i]));
+        self.put(position, cells);
+        self.resize();
+    }
+
+    /// As [`Domain::set_block`]; ψ is `psi` in what was outside.
+    pub(crate) fn open_block(&mut self, position: Voxel, cells: &[Cell; BRICK_CELLS], psi: f32) {
+        let before = *self.block(position).0;
+        self.set_block(position, cells);
+        let slot = self.fine.lattice.slot(position) as usize;
+        for (cell, n) in before.as_flattened().iter().zip(0..).filter(|_| slot != NONE as usize) {
+            if *cell == Cell::Outside && cells[n] != Cell::Outside {
+                self.psi[slot][n / 8][n % 8] = psi;
+            }
+        }
+    }
+
+    /// Makes the cells of a block these.
+    fn put(&mut self, position: Voxel, cells: Block<Cell>) {
+        if cells != self.cells[self.fine.lattice.slot(position) as usize] {
+            let slot = self.slot(position);
+            self.cells[slot as usize] = cells;
+            self.changed.push(slot);
+        }
+    }
+
+    /// The positions of all blocks in which a voxel is not outside, and of some in which all are.
+    pub fn blocks(&self) -> impl Iterator<Item = Voxel> {
+        self.fine.lattice.positions()
+    }
+
+    /// What the voxels of the block at a position are, and their ψ.
+    pub(crate) fn block(&self, position: Voxel) -> (&Block<Cell>, &Block<f32>) {
+        let slot = self.fine.lattice.slot(position) as usize;
+        (&self.cells[slot], &self.psi[slot])
+    }
+
     /// Makes it the domain of a problem. Only blocks that differ are touched.
     pub fn update(&mut self, problem: &Problem) {
         let region = problem.region();
@@ -139,12 +179,7 @@ impl Domain {
             for y in first[1]..=last[1] {
                 for x in first[0]..=last[0] {
                     let position = Voxel::new(x, y, z);
-                    let cells = cells_of(problem, position);
-                    if cells != self.cells[self.fine.lattice.slot(position) as usize] {
-                        let slot = self.slot(position);
-                        self.cells[slot as usize] = cells;
-                        self.changed.push(slot);
-                    }
+                    self.put(position, cells_of(problem, position));
                 }
             }
         }
@@ -154,20 +189,23 @@ impl Domain {
     /// ψ of each voxel of a region, by index; 0 outside the domain.
     pub fn psi_of(&self, region: &Region) -> Vec<f32> {
         let mut psi = vec![0.0; region.len()];
-        let [nx, ny, nz] = region.dim();
-        for (n, into) in psi.chunks_exact_mut(nx.max(1)).enumerate().take(ny * nz) {
-            let start = region.origin() + Voxel::new(0, (n % ny) as i32, (n / ny) as i32);
-            let mut x = 0;
-            while x < nx {
-                let voxel = start + Voxel::new(x as i32, 0, 0);
-                let at = cell_of(voxel);
-                let from = &self.psi[self.fine.lattice.slot(brick_of(voxel)) as usize][at / 8][at % 8..];
-                let length = from.len().min(nx - x);
-                into[x..x + length].copy_from_slice(&from[..length]);
-                x += length;
-            }
+        for (i, voxel, length) in runs(region) {
+            let at = cell_of(voxel);
+            let from = &self.block(brick_of(voxel)).1[at / 8][at % 8..];
+            psi[i..i + length].copy_from_slice(&from[..length]);
         }
         psi
+    }
+
+    /// Takes over ψ of each voxel of a region, by index, as another solver has found it for the same domain.
+    pub fn take_psi(&mut self, region: &Region, psi: &[f32]) {
+        self.settle();
+        for (i, voxel, length) in runs(region) {
+            let (at, slot) = (cell_of(voxel), self.fine.lattice.slot(brick_of(voxel)));
+            if let Some(psi) = psi.get(i..i + length).filter(|_| slot != NONE) {
+                self.psi[slot as usize][at / 8][at % 8..][..length].copy_from_slice(psi);
+            }
+        }
     }
 
     /// As [`Domain::psi_of`], from a domain that is not needed any more: two of its vectors are given back before ψ's memory is
@@ -289,6 +327,19 @@ impl Domain {
             vector.resize(slots, [[0.0; 8]; 64]);
         }
     }
+}
+
+/// The voxels of a region by what of a row of a block each run of them is: the index of the first, the voxel, and how many.
+fn runs(region: &Region) -> impl Iterator<Item = (usize, Voxel, usize)> {
+    let ([nx, ny, nz], origin) = (region.dim(), region.origin());
+    let first = (origin.x & 7) as usize;
+    (0..ny * nz).flat_map(move |row| {
+        let starts = std::iter::once(0).chain((8 - first..nx).step_by(8));
+        starts.map(move |x| {
+            let voxel = origin + Voxel::new(x as i32, (row % ny) as i32, (row / ny) as i32);
+            (row * nx + x, voxel, (8 - (first + x) % 8).min(nx - x))
+        })
+    })
 }
 
 /// What a problem has for the cells of the block at a position; outside of its region all is outside.
