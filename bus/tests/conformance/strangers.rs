@@ -277,6 +277,8 @@ mod growing {
     }
 }
 
+const NOTHING: [&str; 0] = [];
+
 /// What a client was told meanwhile.
 fn told(client: &mut Client) -> Vec<String> {
     settle(client);
@@ -320,7 +322,7 @@ pub fn a_newer_writer_of_an_old_name_is_heard_of_by_who_cannot_read_it<T: Transp
     viewer.comms.register(&NEW).unwrap();
     settle(&mut viewer);
     car.comms.publish(&NEW, &growing::second::Mode::Standby).unwrap();
-    assert_eq!(told(&mut car), [String::new(); 0]);
+    assert_eq!(told(&mut car), NOTHING);
     let is_new = |(key, _, value, _): &crate::hearing::Heard| {
         key == "MODE" && value.as_ref().decode(&NEW).is_ok_and(|mode| mode == growing::second::Mode::Standby)
     };
@@ -365,14 +367,14 @@ pub fn a_reader_of_a_third_version_hears_once_of_the_one_that_it_cannot_read<T: 
     let newer = newer_build::Steering { share: 0.5, angle: 0.25, wheels: Vec::new() };
     for turn in 0..3 {
         car.comms.publish(&STEERING, &steering(0.5, 1)).unwrap();
-        assert_eq!(told(&mut car), [String::new(); 0], "the first version is read");
+        assert_eq!(told(&mut car), NOTHING, "the first version is read");
         new_car.comms.publish(&NEWER, &newer).unwrap();
         let how = "cannot read it (share is f64 in new-car (car 2.0) and u32 in viewer (viewer 3))";
         for client in [&mut new_car, &mut viewer] {
             let told = told(client);
             match turn {
                 0 => assert!(told.len() == 1 && told[0].contains(how), "{told:?}"),
-                _ => assert_eq!(told, [String::new(); 0], "it was said"),
+                _ => assert_eq!(told, NOTHING, "it was said"),
             }
         }
     }
