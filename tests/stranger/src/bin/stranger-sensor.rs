@@ -3,8 +3,8 @@
 use elk_geometry::State;
 use elk_sensor::nalgebra::{Point3, Vector3};
 use elk_sensor::{
-    Accuracy, AppError, Camera, CameraInfo, Capture, DepthSource, Kind, OccupancyGrid, ParamSpec, Pose, Obstruction, Seen,
-    Travel, Truth,
+    Accuracy, AppError, Camera, CameraInfo, Capture, DepthSource, Kind, Obstruction, OccupancyGrid, ParamSpec, Pose,
+    Seen, Travel, Truth,
 };
 
 const PARAMS: &[ParamSpec] = &[
