@@ -84,10 +84,48 @@ fn a_new_app_is_tested_and_heard_in_a_mission_and_so_is_the_readme_s() {
     assert!(said.contains("Greting=hi says nothing to this app; it has Greeting"), "{said}");
 }
 
+/// A strategy that remembers something needs no more than what such a crate has.
+const REMEMBERS: &str = r#"
+use elk_explorer::{DecodeError, Journal, LeaveError, Route, Strategy, StrategyMemory, View, payload};
+
+/// What it leaves.
+#[payload]
+#[derive(Default)]
+struct Made {
+    /// Plans made.
+    #[describe(count)]
+    plans: u64,
+}
+
+struct Remembers(Made);
+
+impl Strategy for Remembers {
+    fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+        self.0.plans += 1;
+        view.cheapest(journal, |_, way_m| way_m)
+    }
+
+    fn memory(&self) -> Result<Option<StrategyMemory>, LeaveError> {
+        StrategyMemory::of::<Made>(&self.0).map(Some)
+    }
+
+    fn recall(&mut self, left: &StrategyMemory) -> Result<(), DecodeError> {
+        self.0 = left.take::<Made>()?;
+        Ok(())
+    }
+}
+
+fn main() -> std::process::ExitCode {
+    elk_explorer::main_with(&[], |_| Remembers(Made::default()))
+}
+"#;
+
 #[test]
 fn a_new_explorer_is_tested_explores_and_is_swapped_in() {
     let elk = Elk::new("level-hello");
     made(&elk, "explorer", "level-hello");
+    std::fs::create_dir(elk.folder().join("level-hello/src/bin")).unwrap();
+    std::fs::write(elk.folder().join("level-hello/src/bin/remembers.rs"), REMEMBERS).unwrap();
     cargo(&elk, "level-hello", &["test"]);
     cargo(&elk, "level-hello", &["build"]);
     // The mission names what `cargo build --release` makes.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use elk_launcher::Request;
+use elk_launcher::Order;
 
 use crate::arguments::{AppArgs, AttachArgs, BrokerArgs, CommunityArgs, LaunchArgs, MissionArgs};
 use crate::compare::{self, CompareArgs};
@@ -74,13 +74,13 @@ commands! {
     Swap(arguments: control::SwapArgs) => control::swap(arguments);
     /// Hold the robot of a running mission before its next pose
     #[command(after_help = "Example: elk pause")]
-    Pause(arguments: CommunityArgs) => control::motion(&arguments.community, &Request::Pause);
+    Pause(arguments: CommunityArgs) => control::motion(&arguments.community, &Order::Pause);
     /// Let the robot of a paused or manual mission run on
     #[command(after_help = "Example: elk pause; elk resume")]
-    Resume(arguments: CommunityArgs) => control::motion(&arguments.community, &Request::Resume);
+    Resume(arguments: CommunityArgs) => control::motion(&arguments.community, &Order::Resume);
     /// Let the robot of a paused or manual mission take one pose
     #[command(after_help = "Example: elk pause; elk step; elk resume")]
-    Step(arguments: CommunityArgs) => control::motion(&arguments.community, &Request::Step);
+    Step(arguments: CommunityArgs) => control::motion(&arguments.community, &Order::Step);
     /// Check a mission file, its world, its start and its executables, and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(arguments: MissionArgs) => commands::check(&arguments);

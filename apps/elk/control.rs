@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use elk_bus::{Community, tell};
-use elk_launcher::{Answer, AppRow, Request, ask};
+use elk_launcher::{Answer, AppRow, Order, ask};
 use elk_mission::split_arguments;
 use elk_outside::{text, time};
 use elk_scope::Table;
@@ -76,13 +76,13 @@ fn limit(said: &str) -> Result<f64, String> {
 
 /// `elk stop`
 pub fn stop(arguments: StopArgs) -> Result<ExitCode> {
-    order(&arguments.community.community, &Request::Stop { app: arguments.app }, Duration::ZERO)
+    order(&arguments.community.community, &Order::Stop { app: arguments.app }, Duration::ZERO)
 }
 
 /// `elk start`
 pub fn start(arguments: StartArgs) -> Result<ExitCode> {
     let StartArgs { app, limit: limit_secs, community } = arguments;
-    order(&community.community, &Request::Start { app, limit_secs }, time::duration(limit_secs))
+    order(&community.community, &Order::Start { app, limit_secs }, time::duration(limit_secs))
 }
 
 /// `elk swap`
@@ -109,16 +109,16 @@ pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
     let args = split_arguments(&args.unwrap_or_default()).map_err(|error| anyhow!("args: {error}"))?;
     let exec = exec.map(|exec| (exec, args));
     let folder = std::env::current_dir().context("files are looked for from the working directory, and it is gone")?;
-    let wanted = Request::Swap { app, type_name, exec, params, folder, limit_secs };
+    let wanted = Order::Swap { app, type_name, exec, params, folder, limit_secs };
     order(&community.community, &wanted, time::duration(limit_secs))
 }
 
 /// `elk pause`, `elk resume`, `elk step`
-pub fn motion(community: &Community, wanted: &Request) -> Result<ExitCode> {
+pub fn motion(community: &Community, wanted: &Order) -> Result<ExitCode> {
     order(community, wanted, Duration::ZERO)
 }
 
-fn order(community: &Community, wanted: &Request, limit: Duration) -> Result<ExitCode> {
+fn order(community: &Community, wanted: &Order, limit: Duration) -> Result<ExitCode> {
     let answer = ask(community, wanted, PATIENCE + limit, |progress| tell(text::printable(progress)))?;
     match answer {
         Answer::Failed { text } => bail!(text),
@@ -131,7 +131,7 @@ fn order(community: &Community, wanted: &Request, limit: Duration) -> Result<Exi
 /// `elk apps`
 pub fn apps(arguments: &AppsArgs) -> Result<ExitCode> {
     let community = &arguments.community.community;
-    match ask(community, &Request::Apps, PATIENCE, |_| {})? {
+    match ask(community, &Order::Apps, PATIENCE, |_| {})? {
         Answer::Apps { rows } if arguments.json => {
             say(&(text::printable_json(&serde_json::to_string_pretty(&rows)?) + "\n"))?
         }

@@ -55,11 +55,11 @@ const CARGO_TOML: &str = include_str!("new/Cargo.toml.txt");
 const APP: &str = include_str!("new/app.rs.txt");
 const APP_MISSION: &str = include_str!("new/app.xml.txt");
 /// The example of the explorer's documentation is what a strategy begins with.
-const EXPLORER: &str = include_str!("../explorer/examples/level.rs");
+const EXPLORER: &str = elk_explorer::EXAMPLE;
 const EXPLORER_TESTS: &str = include_str!("new/explorer_tests.rs.txt");
 const EXPLORER_MISSION: &str = include_str!("new/explorer.xml.txt");
 /// The example of the sensor's documentation is what a depth source begins with.
-const SENSOR: &str = include_str!("../sensor/examples/hall.rs");
+const SENSOR: &str = elk_sensor::EXAMPLE;
 const SENSOR_TESTS: &str = include_str!("new/sensor_tests.rs.txt");
 const SENSOR_MISSION: &str = include_str!("new/sensor.xml.txt");
 
@@ -100,7 +100,10 @@ fn files(kind: Kind, name: &str, checkout: &Path) -> [(&'static str, String); 4]
         Kind::Explorer => ("elk-explorer", "apps/explorer", EXPLORER_MISSION),
         Kind::Sensor => ("elk-sensor", "apps/sensor", SENSOR_MISSION),
     };
-    let dependency = format!("{crate_name} = {}", dependency(checkout, library));
+    let of = |name: &str, library| format!("{name} = {}", dependency(checkout, library));
+    // `#[payload]`, of which a strategy's memory is, or a message of a sensor's own, names `elk-bus`.
+    let bus = (kind != Kind::App).then(|| of("elk-bus", "bus"));
+    let dependency = bus.into_iter().chain([of(crate_name, library)]).collect::<Vec<_>>().join("\n");
     let words = [("NAME", name), (kind.placeholder(), &camel(name)), ("DEPENDENCY", &dependency)];
     [
         ("Cargo.toml", filled(CARGO_TOML, &words)),

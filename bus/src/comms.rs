@@ -328,11 +328,11 @@ impl Comms {
             let introduction = self.introduction();
             let said = self.up.send(&introduction).and_then(|()| {
                 // The introduction is a batch like any other in the broker's count.
-                self.outbox.retain(introduction, false);
+                self.outbox.keep(introduction, false);
                 self.outbox.say_again(&mut *self.up)?;
                 let mut all_is_said = Vec::new();
                 wire::put(&mut all_is_said, &Header::new(FrameKind::Ready), &[], &[]);
-                self.up.send(&all_is_said).map(|()| drop(self.outbox.retain(all_is_said, false)))
+                self.up.send(&all_is_said).map(|()| drop(self.outbox.keep(all_is_said, false)))
             });
             match said {
                 Err(LinkError::BrokerDied(_)) => {}
@@ -454,7 +454,7 @@ impl Comms {
 
     fn batch_is_sent(&mut self, bulk: bool) {
         let sent = std::mem::take(&mut self.batch);
-        self.batch = self.outbox.retain(sent, bulk);
+        self.batch = self.outbox.keep(sent, bulk);
         self.outbox.trim(&mut *self.up);
     }
 

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use elk_proto::host::{Endpoints, Host, Progress};
 
-use crate::broker::{Broker, BrokerConfig, Introduction, Limits, Refusal, Retained, Session};
+use crate::broker::{AdmissionError, Broker, BrokerConfig, Introduction, Limits, Retained, Session};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
 use crate::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
 use crate::wire::{BulkRef, ClientId};
@@ -99,12 +99,12 @@ impl MemoryBroker {
     }
 
     /// Lets a client in.
-    pub fn connect(&self, name: &str) -> Result<Link, Refusal> {
+    pub fn connect(&self, name: &str) -> Result<Link, AdmissionError> {
         self.join(&Introduction::new(name))
     }
 
     /// Lets a client in that has more to say than its name.
-    pub fn join(&self, who: &Introduction<'_>) -> Result<Link, Refusal> {
+    pub fn join(&self, who: &Introduction<'_>) -> Result<Link, AdmissionError> {
         let shared = &self.0;
         let mut state = shared.lock();
         let now = shared.clock.now();

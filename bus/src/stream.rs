@@ -36,7 +36,7 @@ use crate::client::Client;
 use crate::codec::{self, DecodeError};
 use crate::comms::{Comms, CommsError, Origin};
 use crate::key::{Key, Payload};
-use crate::mail::Mail;
+use crate::mail::{self, Mail};
 use crate::types::TypeRef;
 use crate::value::Value;
 
@@ -47,6 +47,10 @@ pub struct OwnedMail {
     pub key: String,
     /// The name of the app that published it.
     pub source: String,
+    /// Which build of which program that is, as it said; empty: it has not said.
+    pub source_build: String,
+    /// The client that was given it, with its build.
+    pub reader: String,
     /// What the publisher said about the source; mostly empty.
     pub source_aux: String,
     /// The community that it was first published in.
@@ -66,6 +70,8 @@ impl OwnedMail {
         Self {
             key: mail.key().to_owned(),
             source: mail.source().to_owned(),
+            source_build: mail.source_build().to_owned(),
+            reader: mail.reader().to_owned(),
             source_aux: mail.source_aux().to_owned(),
             community: mail.community().to_owned(),
             time: mail.time(),
@@ -80,7 +86,7 @@ impl OwnedMail {
     /// # Errors
     /// It is something else.
     pub fn decode<T: Payload>(&self, key: &Key<T>) -> Result<T::View<'_>, DecodeError> {
-        self.value.as_ref().decode(key)
+        self.value.as_ref().decode_as::<T>(key.name(), || mail::ends(&self.source, &self.source_build, &self.reader))
     }
 }
 

@@ -15,6 +15,16 @@ pub struct Count {
     pub count: u64,
 }
 
+mod other_build {
+    /// The same, as somebody else has it.
+    #[elk_bus::payload]
+    #[derive(Debug)]
+    pub struct Count {
+        /// Of something.
+        pub count: u32,
+    }
+}
+
 const COUNT: Key<Count> = Key::new("COUNT");
 const MESSAGES: u64 = 2000;
 
@@ -49,6 +59,11 @@ fn a_stream_hears_all_that_a_sink_says_through_a_brokers_death() {
                 for count in numbers.clone() {
                     let mail = reader.next().await.unwrap().unwrap();
                     assert_eq!(mail.decode(&COUNT).unwrap(), Count { count });
+                    if count == 0 {
+                        let other = mail.decode(&Key::<other_build::Count>::new("COUNT")).unwrap_err().to_string();
+                        let ends = other.contains("in writer (") && other.contains("in reader (");
+                        assert!(ends && other.contains("u32"), "{other}");
+                    }
                 }
             };
             // One of them ends first; the other goes on.

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Handlers, Mail, Rejection, asked_to_stop, number, tell};
+use elk_bus::{App, AppError, Comms, Handlers, Mail, Origin, Rejection, any, asked_to_stop, number, tell};
 use elk_geometry::clearance::Clearance;
 use elk_geometry::limits::RESOLUTIONS_M;
 use elk_geometry::{Bounds, Voxel};
@@ -11,17 +11,18 @@ use elk_mission::{Kind, ParamSpec, Params};
 use elk_spatial::Replica;
 use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
 use elk_spatial::keys::{
-    EXPLORATION_REPORT, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST,
+    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN,
+    PLAN_REQUEST,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, MapStatus, Plan, PlanRequest};
 use nalgebra::Vector3;
 
-use crate::candidates::EXPLORER_GOALS;
 use crate::explore::{Explorer, Settings};
 use crate::policy::Policy;
 use crate::requests::{MOST_ASKERS, Requests};
 use crate::strategy::Strategy;
+use crate::strategy_memory::{self, StrategyMemory};
 
 /// A parameter with a default.
 pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
@@ -133,9 +134,12 @@ pub struct ExplorerApp {
 
 impl ExplorerApp {
     fn on_the_bus(self) -> impl App {
+        let own = strategy_memory::variable(self.explorer.strategy());
         Handlers::<Self>::new()
             .on_start_up(Self::introduce)
             .recall(&EXPLORER_MEMORY, Self::succeed)
+            // Who left it is known by then.
+            .recall(any(own.as_str()), Self::recall_strategy)
             .on(&MAP, Self::on_map)
             .on(&MAP_UPDATE, Self::on_map)
             // It comes with the update, and so before any request that follows from that.
@@ -155,6 +159,14 @@ impl ExplorerApp {
             tell(format_args!("{}: {remark}", comms.name()));
         }
         self.plan = Some(left.plan);
+        Ok(())
+    }
+
+    fn recall_strategy(&mut self, comms: &mut Comms, left: Mail<'_>) -> Result<(), AppError> {
+        let memory = StrategyMemory::left(left.value()).ok_or_else(|| Rejection::new("it has to be a typed value"))?;
+        if let Some(remark) = self.explorer.recall(&memory) {
+            tell(format_args!("{}: {remark}", comms.name()));
+        }
         Ok(())
     }
 
@@ -252,7 +264,12 @@ impl ExplorerApp {
             return Ok(());
         }
         // Before it is said: who has heard a plan can rely on every explorer to come to know it.
-        comms.publish(&EXPLORER_MEMORY, &self.explorer.memory(&plan))?;
+        let (memory, own) = self.explorer.memory(&plan);
+        if let Some(own) = own {
+            let variable = strategy_memory::variable(self.explorer.strategy());
+            comms.publish_value(&variable, own.value(), Origin::default())?;
+        }
+        comms.publish(&EXPLORER_MEMORY, &memory)?;
         if let Some(candidates) = self.explorer.take_candidates(&request, plan.revision) {
             comms.publish(&EXPLORER_GOALS, &candidates)?;
         }

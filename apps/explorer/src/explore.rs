@@ -16,21 +16,23 @@ use elk_bus::tell;
 use elk_geometry::bricks::brick_of;
 use elk_geometry::frontier::Edges;
 use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_spatial::CameraInfo;
+use elk_spatial::candidates::Candidates;
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::messages::{
     Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
-use elk_spatial::{CameraInfo, StrategyMemory};
 use nalgebra::Point3;
 
-use crate::candidates::{Candidates, Weighed};
 use crate::goals::{Goal, Goals};
 use crate::journal::Journal;
 use crate::policy::looks;
 use crate::sight::Sight;
 use crate::space::Space;
 use crate::strategy::{Route, Strategy, View};
+use crate::strategy_memory::StrategyMemory;
 use crate::target::{Known, Target};
+use crate::weighed::Weighed;
 use memory::Memory;
 use scene::Scene;
 use verdict::{StopReason, Verdict};
@@ -38,6 +40,8 @@ use verdict::{StopReason, Verdict};
 /// Plans, remembers what it tried, and knows when it is done.
 pub struct Explorer {
     strategy: Box<dyn Strategy>,
+    /// The explorer before this one had the same strategy, which left a memory of its own.
+    is_heir: bool,
     settings: Settings,
     memory: Memory,
     journal: Journal,
@@ -61,6 +65,7 @@ impl Explorer {
     pub fn new(strategy: Box<dyn Strategy>, settings: Settings) -> Self {
         Self {
             strategy,
+            is_heir: false,
             memory: Memory::default(),
             journal: Journal::new(settings.clock).heeding(settings.is_to_stop),
             frontier: FrontierSet::new(settings.bounds),
@@ -117,7 +122,7 @@ impl Explorer {
     }
 
     /// Goes on where another explorer, of whatever strategy, stopped. Answers why what that one's strategy itself remembered is
-    /// not taken over, if it is not.
+    /// not taken over, if it is another's; if not, [`Explorer::recall`] takes it.
     pub fn succeed(&mut self, left: &ExplorerMemory) -> Option<String> {
         self.memory = Memory::recall(left);
         // It was made with another memory.
@@ -126,26 +131,33 @@ impl Explorer {
         self.journal.recall(left);
         self.plans = left.plans;
         self.report = left.ended.clone();
-        self.recall_strategy(left.strategy.as_ref()?)
+        let name = self.strategy.name();
+        self.is_heir = left.strategy.as_deref() == Some(name);
+        let of = left.strategy.as_deref().filter(|of| *of != name)?;
+        Some(format!("what {of} itself remembered is left aside: it goes on as {name}"))
     }
 
-    fn recall_strategy(&mut self, left: &StrategyMemory) -> Option<String> {
-        let name = self.strategy.name();
-        let why = match left.strategy == name {
-            true => self.strategy.recall(left).err()?.to_string(),
-            false => format!("it goes on as {name}"),
-        };
-        Some(format!("what {} itself remembered is left aside: {why}", left.strategy))
+    /// Goes on with what the strategy of the explorer before this one left, if that had the same one. Answers why it does not,
+    /// if the strategy cannot make use of it.
+    pub fn recall(&mut self, left: &StrategyMemory) -> Option<String> {
+        if !self.is_heir {
+            return None;
+        }
+        let why = self.strategy.recall(left).err()?;
+        Some(format!("what {} itself remembered is left aside: {why}", self.strategy.name()))
+    }
+
+    /// The strategy's name.
+    pub fn strategy(&self) -> &'static str {
+        self.strategy.name()
     }
 
     /// What the strategy itself leaves. What cannot be left is no reason to plan nothing.
     fn strategy_memory(&self) -> Option<StrategyMemory> {
-        let name = self.strategy.name();
-        let left = self.strategy.memory().unwrap_or_else(|error| {
-            tell(format_args!("{name} leaves no memory of its own: {error}"));
+        self.strategy.memory().unwrap_or_else(|error| {
+            tell(format_args!("{} leaves no memory of its own: {error}", self.strategy.name()));
             None
-        })?;
-        Some(StrategyMemory { strategy: name.to_owned(), ..left })
+        })
     }
 
     /// Takes the goals that the strategy weighed for the last plan; `None`: it weighed none, or they were taken.
@@ -155,15 +167,17 @@ impl Explorer {
         (count > 0).then(|| Candidates { request, revision, from, weighed: count, goals: weighed.into_goals() })
     }
 
-    /// What a successor has to know, `plan` being the last one: never more than it believes, whatever this one was left.
-    pub fn memory(&self, plan: &Plan) -> ExplorerMemory {
+    /// What a successor has to know, `plan` being the last one: never more than it believes, whatever this one was left; and
+    /// what the strategy leaves besides.
+    pub fn memory(&self, plan: &Plan) -> (ExplorerMemory, Option<StrategyMemory>) {
+        let own = self.strategy_memory();
         let mut memory = ExplorerMemory {
             plan: plan.clone(),
             ended: self.report.clone(),
             plans: self.plans,
             fallbacks: self.journal.fallbacks.min(MAX_COUNT),
             counters: self.journal.counters().to_vec(),
-            strategy: self.strategy_memory(),
+            strategy: own.is_some().then(|| self.strategy.name().to_owned()),
             cpu_secs: self.journal.phases().to_vec(),
             trail: Vec::new(),
             targets: Vec::new(),
@@ -174,7 +188,7 @@ impl Explorer {
             no_return: 0,
         };
         self.memory.leave(&mut memory);
-        memory
+        (memory, own)
     }
 
     /// Answers a request from a map at the asked revision, all of whose changes it has heard of.

@@ -3,8 +3,8 @@
 use elk_spatial::checks::{LARGEST_SUM, MAX_COUNT, MAX_PHASES};
 use elk_spatial::messages::ExplorerMemory;
 
-use crate::candidates::Weighed;
 use crate::goals::Goal;
+use crate::weighed::Weighed;
 
 /// What planning cost, what was weighed, and what went wrong on the way.
 #[derive(Debug, Clone)]

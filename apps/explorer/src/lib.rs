@@ -18,11 +18,13 @@
 //! [`View::goals`] are the places to choose from, [`View::cheapest`] is the shortest way to the one that costs least, and
 //! [`View::ways`] gives lengths and ways one by one. What it weighs and counts goes into the [`Journal`], and from there to
 //! whoever looks on (`EXPLORER_GOALS`, the report); what the next one of its kind is to know it leaves with
-//! [`Strategy::memory`]. Whatever it chooses, [`Policy`] says how far the way is followed and
+//! [`Strategy::memory`], as a [`payload`] of its own. Whatever it chooses, [`Policy`] says how far the way is followed and
 //! where scans are taken, so that strategies can be compared. [`Room`] is a place to try one in.
 
+/// The text of the example above, with which `elk new explorer` begins.
+pub const EXAMPLE: &str = include_str!("../examples/level.rs");
+
 pub mod app;
-pub mod candidates;
 pub mod explore;
 pub mod extent;
 pub mod goals;
@@ -34,14 +36,17 @@ pub mod sight;
 pub mod space;
 pub mod strategies;
 pub mod strategy;
+pub mod strategy_memory;
 pub mod target;
 mod trial;
 pub mod verdicts;
 pub mod ways;
+pub mod weighed;
 
+/// What a strategy's own memory needs: `#[payload]` makes it of a struct, in a crate that depends on `elk-bus`.
+pub use elk_bus::{DecodeError, payload};
 pub use elk_geometry;
 pub use elk_mission::{Kind, ParamSpec, Params};
-pub use elk_spatial::StrategyMemory;
 pub use explore::{Explorer, Settings};
 pub use goals::{Goal, Goals};
 pub use journal::Journal;
@@ -51,6 +56,7 @@ pub use program::{main, main_with};
 pub use sight::Sight;
 pub use strategies::{ClosestFrontier, Potential, TYPES};
 pub use strategy::{Route, Strategy, View};
+pub use strategy_memory::{LeaveError, StrategyMemory};
 pub use target::Target;
 pub use trial::Room;
 pub use ways::Ways;

@@ -8,13 +8,12 @@ use std::collections::BTreeSet;
 use elk_bus::DecodeError;
 use elk_geometry::Voxel;
 use elk_mission::type_name;
-use elk_spatial::StrategyMemory;
-use elk_spatial::strategy_memory::LeaveError;
 use nalgebra::Point3;
 
 use crate::goals::Goals;
 use crate::journal::Journal;
 use crate::space::Space;
+use crate::strategy_memory::{LeaveError, StrategyMemory};
 
 /// What a strategy sees. [`View::cheapest`] and [`View::ways`] are all that most strategies need of it.
 #[derive(Debug, Clone, Copy)]
@@ -64,8 +63,9 @@ pub trait Strategy: Send {
     /// as a fallback. It is asked after every scan, and may remember what it likes; equal maps should give equal ways.
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route>;
 
-    /// What the next one of its name is to know, after a swap or a death: asked for with every plan, and left with the memory
-    /// that all explorers share. [`StrategyMemory::of`] makes it of a payload type.
+    /// What the next one of its name is to know, after a swap or a death: asked for with every plan, and left beside the
+    /// memory that all explorers share, as a variable's value that everybody can look at. [`StrategyMemory::of`] makes it of a
+    /// payload type.
     ///
     /// # Errors
     /// There is one that cannot be left; the plan is made all the same.
@@ -76,7 +76,8 @@ pub trait Strategy: Send {
     /// Goes on with what one of its name has left: [`StrategyMemory::take`] makes a value of it.
     ///
     /// # Errors
-    /// It is of another type, or of another build's; that is said, and the strategy begins without it.
+    /// It is of another type, or of a version that differs in more than fields with defaults; that is said, and the strategy
+    /// begins without it.
     fn recall(&mut self, _left: &StrategyMemory) -> Result<(), DecodeError> {
         Ok(())
     }

@@ -15,7 +15,7 @@ use crate::backend::Backend;
 use crate::backend::environment::Environment;
 use crate::backend::processes::Processes;
 use crate::backend::threads::Threads;
-use crate::control::{Answer, Request, Server, ask};
+use crate::control::{Answer, Order, Server, ask};
 use crate::error::LaunchError;
 use crate::mission_run::MissionRun;
 use crate::process::leftovers::end_leftovers;
@@ -174,7 +174,7 @@ fn take_over(community: &Community) -> Result<Server, LaunchError> {
     if !matches!(asked, Err(LaunchError::Launched { .. })) {
         return asked;
     }
-    match ask(community, &Request::Leave, RELIEF_PATIENCE, |_| {}) {
+    match ask(community, &Order::Leave, RELIEF_PATIENCE, |_| {}) {
         Ok(Answer::Done { .. }) => waited = Stopwatch::start(),
         Ok(_) => return asked,
         // It may have gone just now.

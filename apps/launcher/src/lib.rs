@@ -26,7 +26,7 @@ mod run;
 mod supervisor;
 mod terminal;
 
-pub use control::{Answer, AppRow, AskError, Request, ask};
+pub use control::{Answer, AppRow, AskError, Order, ask};
 pub use error::LaunchError;
 pub use launch::{AttachOptions, FinishedRun, LaunchOptions, attach, launch};
 pub use process::guard::{StandbyGuard, guard};

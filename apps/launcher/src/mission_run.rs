@@ -13,7 +13,7 @@ use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
 
 use crate::backend::Backend;
-use crate::control::{Answer, AppRow, Request, Server};
+use crate::control::{Answer, AppRow, Order, Server};
 use crate::error::LaunchError;
 use crate::process::usage::Usage;
 use crate::reports::listener::Listener;
@@ -287,21 +287,21 @@ impl MissionRun<'_> {
         let questions = self.server.as_mut().map(Server::questions).unwrap_or_default();
         for (ticket, question) in questions {
             let word = match question {
-                Request::Apps => {
+                Order::Apps => {
                     let rows = self.rows();
                     self.answer(ticket, &Answer::Apps { rows });
                     continue;
                 }
-                Request::Pause => self.pause(true),
-                Request::Resume => self.pause(false),
-                Request::Step => self.step(),
-                Request::Leave if self.background => {
+                Order::Pause => self.pause(true),
+                Order::Resume => self.pause(false),
+                Order::Step => self.step(),
+                Order::Leave if self.background => {
                     if let Some(earlier) = self.leaves.replace(ticket) {
                         self.tell(earlier, Word::Failed("another launcher takes it over".to_owned()));
                     }
                     continue;
                 }
-                Request::Leave => Word::Failed("somebody sits at this mission's launcher".to_owned()),
+                Order::Leave => Word::Failed("somebody sits at this mission's launcher".to_owned()),
                 order => {
                     self.backend.order(ticket, order);
                     continue;

@@ -103,6 +103,7 @@ impl Running {
 }
 
 fn join(broker: &MemoryBroker, name: &str, community: &Community) -> Result<Client, ReplayError> {
-    let refused = |reason: elk_bus::broker::Refusal| ReplayError::App { app: name.into(), reason: reason.to_string() };
+    let refused =
+        |reason: elk_bus::broker::AdmissionError| ReplayError::App { app: name.into(), reason: reason.to_string() };
     Ok(Client::over(broker.connect(name).map_err(refused)?, name, community))
 }

@@ -14,6 +14,9 @@
 //!
 //! A sensor of elk's own is a module here with a `TYPE`, and its row in [`TYPES`].
 
+/// The text of the example above, with which `elk new sensor` begins.
+pub const EXAMPLE: &str = include_str!("../examples/hall.rs");
+
 pub mod app;
 pub mod camera;
 pub mod program;
@@ -30,5 +33,5 @@ pub use elk_spatial::{CameraInfo, Points};
 pub use nalgebra;
 pub use program::main;
 pub use robot::{Robot, ScanError};
-pub use source::{Accuracy, Capture, DepthSource, Refusal, Seen, Travel, Truth};
+pub use source::{Accuracy, Capture, DepthSource, Obstruction, Seen, Travel, Truth};
 pub use types::TYPES;

@@ -6,7 +6,7 @@ use elk_spatial::Scan;
 use elk_spatial::messages::{CameraPose, PoseCommand};
 use nalgebra::Point3;
 
-use crate::source::{Capture, DepthSource, Refusal, Seen, Travel, Truth};
+use crate::source::{Capture, DepthSource, Obstruction, Seen, Travel, Truth};
 
 /// There is no scan.
 #[derive(Debug, thiserror::Error)]
@@ -34,7 +34,7 @@ impl Robot {
     ///
     /// # Errors
     /// It cannot be there, as far as the source knows the true world.
-    pub fn new(source: Box<dyn DepthSource>) -> Result<Self, Refusal> {
+    pub fn new(source: Box<dyn DepthSource>) -> Result<Self, Obstruction> {
         let robot = Self { pose: source.start(), source, command: 0, scans: 0, contacts: 0 };
         robot.free(&robot.pose)?;
         Ok(robot)
@@ -74,7 +74,7 @@ impl Robot {
     ///
     /// # Errors
     /// It cannot be there: the world is another one.
-    pub fn succeed(&mut self, at: &CameraPose, scans: u64, contacts: u64) -> Result<(), Refusal> {
+    pub fn succeed(&mut self, at: &CameraPose, scans: u64, contacts: u64) -> Result<(), Obstruction> {
         self.free(&at.pose)?;
         (self.pose, self.command, self.scans, self.contacts) = (at.pose, at.command, scans, contacts);
         Ok(())
@@ -113,7 +113,7 @@ impl Robot {
         Ok(scan)
     }
 
-    fn free(&self, pose: &Pose) -> Result<(), Refusal> {
+    fn free(&self, pose: &Pose) -> Result<(), Obstruction> {
         self.source.truth().map_or(Ok(()), |truth| truth.free(pose))
     }
 }

@@ -70,7 +70,7 @@ pub trait Truth {
     ///
     /// # Errors
     /// Why not.
-    fn free(&self, pose: &Pose) -> Result<(), Refusal>;
+    fn free(&self, pose: &Pose) -> Result<(), Obstruction>;
 
     /// What comes of going `way` (m, world), the robot's own position first and that of `end` last, in straight lines.
     fn travel(&self, way: &[Point3<f64>], end: &Pose) -> Travel;
@@ -90,7 +90,7 @@ pub struct Travel {
     /// Whether the body touched the world on the way, or would have on the way to a place that it cannot be in.
     pub contact: bool,
     /// Why the robot stayed where it was, if it did.
-    pub refused: Option<Refusal>,
+    pub refused: Option<Obstruction>,
 }
 
 /// How much of a map is true.
@@ -104,7 +104,7 @@ pub struct Accuracy {
 
 /// Why a pose cannot be taken.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Refusal {
+pub enum Obstruction {
     /// The pose is in a solid, or not in the world at all.
     #[error("{} is inside an obstacle or outside the world", Shown(.0))]
     NotFree(Point3<f64>),

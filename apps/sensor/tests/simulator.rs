@@ -2,7 +2,7 @@
 
 use elk_geometry::Pose;
 use elk_sensor::simulator::{Settings, Simulator, StereoNoise, random_start};
-use elk_sensor::{Camera, Refusal, Robot, Travel};
+use elk_sensor::{Camera, Obstruction, Robot, Travel};
 use elk_spatial::Scan;
 use elk_spatial::messages::PoseCommand;
 use elk_world::random::Random;
@@ -126,12 +126,12 @@ fn poses_in_solids_beyond_walls_and_nowhere_are_refused() {
     let not_free = [at(1.5, 4.5, 1.0), at(-0.5, 1.0, 1.0), at(2.0, 3.0, 2.5)];
     for (i, pose) in not_free.into_iter().enumerate() {
         let (travel, scan) = go(&mut s, i as u64 + 1, pose);
-        assert_eq!(travel, Travel { contact: true, refused: Some(Refusal::NotFree(pose.position())) });
+        assert_eq!(travel, Travel { contact: true, refused: Some(Obstruction::NotFree(pose.position())) });
         assert!(scan.pose == start && scan.command == i as u64 + 1);
     }
     go(&mut s, 4, at(0.5, 4.5, 1.0));
     let (through, _) = go(&mut s, 5, at(3.0, 4.5, 1.0));
-    assert!(matches!(through.refused, Some(Refusal::Blocked(..))), "the closet is in the way");
+    assert!(matches!(through.refused, Some(Obstruction::Blocked(..))), "the closet is in the way");
     assert_eq!((s.contacts(), s.scans()), (Some(4), 5));
     let message = Robot::new(Box::new(Simulator::new(room(), Settings::default(), at(1.5, 4.5, 1.0))));
     let message = message.err().unwrap().to_string();
@@ -146,7 +146,7 @@ fn a_way_with_corners_is_judged_segment_by_segment() {
     let (travel, _) = go_by(&mut s, 2, around(3.5), at(2.5, 4.5, 1.0));
     assert!(travel.refused.is_none() && !travel.contact, "around the closet");
     let (travel, _) = go_by(&mut s, 3, around(4.2).into_iter().rev().collect(), at(0.5, 4.5, 1.0));
-    assert_eq!(travel.refused, Some(Refusal::Blocked(Point3::new(2.5, 4.2, 1.0), Point3::new(0.5, 4.2, 1.0))));
+    assert_eq!(travel.refused, Some(Obstruction::Blocked(Point3::new(2.5, 4.2, 1.0), Point3::new(0.5, 4.2, 1.0))));
     let (travel, _) = go_by(&mut s, 4, vec![Point3::new(2.02, 4.5, 1.0)], at(2.5, 4.5, 1.0));
     assert!(travel.contact && travel.refused.is_none(), "there and back, 2 cm from the closet");
 }

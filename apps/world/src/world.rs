@@ -28,12 +28,12 @@ pub const BUILT_IN: [&str; 7] = [CAR_INTERIOR, "apartment", "car", "garage", "ha
 /// The built-in world of this name, as OBJ.
 fn built_in(name: &str) -> Option<&'static str> {
     Some(match name {
-        CAR_INTERIOR | "car" => include_str!("../../../mission-files/worlds/car.obj"),
-        "apartment" => include_str!("../../../mission-files/worlds/apartment.obj"),
-        "garage" => include_str!("../../../mission-files/worlds/garage.obj"),
-        "hall" => include_str!("../../../mission-files/worlds/hall.obj"),
-        "hall-long" => include_str!("../../../mission-files/worlds/hall-long.obj"),
-        "kitchen" => include_str!("../../../mission-files/worlds/kitchen.obj"),
+        CAR_INTERIOR | "car" => include_str!("../worlds/car.obj"),
+        "apartment" => include_str!("../worlds/apartment.obj"),
+        "garage" => include_str!("../worlds/garage.obj"),
+        "hall" => include_str!("../worlds/hall.obj"),
+        "hall-long" => include_str!("../worlds/hall-long.obj"),
+        "kitchen" => include_str!("../worlds/kitchen.obj"),
         _ => return None,
     })
 }

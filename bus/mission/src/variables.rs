@@ -6,7 +6,7 @@ use std::path::Path;
 use elk_bus::Payload;
 use elk_bus::rejection::REJECTED;
 use elk_spatial::Scan;
-use elk_spatial::keys::{self, CAMERA_POSE, MAP_RECALL, MAP_REQUEST, MOTION, STEP};
+use elk_spatial::keys::{self, CAMERA_POSE};
 use elk_spatial::messages::CameraPose;
 
 use crate::draft::Draft;
@@ -14,8 +14,8 @@ use crate::element;
 use crate::kind::Kind;
 use crate::problem::{At, Findings};
 
-/// Variables of an exploration that carry texts and numbers. Those that carry a type [`keys::carried_by`] knows.
-const PLAIN: [&str; 7] = [MOTION, STEP, MAP_REQUEST, MAP_RECALL, "LAUNCH_STATE", "LOGGER_ERROR", REJECTED];
+/// Texts that every run has besides those of the exploration itself ([`keys::PLAIN`]).
+const OF_EVERY_RUN: [&str; 3] = ["LAUNCH_STATE", "LOGGER_ERROR", REJECTED];
 /// What the sensor publishes its scans under, if its type does not say.
 pub(crate) const SCAN: &str = "SCAN";
 /// What every app says of itself is called after it.
@@ -88,7 +88,9 @@ pub(crate) fn check(drafts: &[Draft], problems: &mut Findings) {
 fn may_write(name: &str, carried: &str) -> Result<(), String> {
     let elses = match keys::carried_by(name) {
         Some(other) if other != carried => format!("{other} values"),
-        None if PLAIN.contains(&name) || name.ends_with(STATUS) => "what apps say to each other".to_owned(),
+        None if keys::PLAIN.contains(&name) || OF_EVERY_RUN.contains(&name) || name.ends_with(STATUS) => {
+            "what apps say to each other".to_owned()
+        }
         _ => return Ok(()),
     };
     Err(format!("{name} carries {elses} in every mission; right is a name of its own"))

@@ -21,3 +21,7 @@ pub use owner::{Owner, own_user};
 pub use process_id::ProcessId;
 pub use process_stat::ProcessStat;
 pub use words::tell;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -5,7 +5,7 @@
 //! in the right order: holders of names retire for their successors, whoever waits for a reader that was replaced waits
 //! for the next one, and what the next broker has to find, should this one die, is handed over to be kept.
 
-use crate::broker::{Action, Broker, BrokerConfig, Introduction, Refusal, Retained, Session, Succession};
+use crate::broker::{Action, AdmissionError, Broker, BrokerConfig, Introduction, Retained, Session, Succession};
 use crate::wire::{BulkRef, ClientId, WireError};
 
 /// How long the sessions of the clients of a broker that died are kept (s).
@@ -111,13 +111,13 @@ impl Host {
     /// Lets a client in, or says why not.
     ///
     /// # Errors
-    /// See [`Refusal`].
+    /// See [`AdmissionError`].
     pub fn join(
         &mut self,
         now: f64,
         who: &Introduction<'_>,
         endpoints: &mut impl Endpoints,
-    ) -> Result<ClientId, Refusal> {
+    ) -> Result<ClientId, AdmissionError> {
         let id = self.broker.connect(now, who);
         self.heed(endpoints);
         id

@@ -32,6 +32,11 @@ pub(crate) fn of_build(name: &str, build: &str) -> String {
     if build.is_empty() { name.to_owned() } else { format!("{name} ({build})") }
 }
 
+/// Words for where a value was written, under this name and by this build, and for where it is read.
+pub fn ends(source: &str, build: &str, reader: &str) -> [String; 2] {
+    [format!("in {}", of_build(source, build)), format!("in {reader}")]
+}
+
 impl<'a> Mail<'a> {
     /// The variable's name.
     #[inline]
@@ -49,6 +54,12 @@ impl<'a> Mail<'a> {
     #[inline]
     pub fn source_build(&self) -> &'a str {
         &self.source.build
+    }
+
+    /// The client that is given it, with its build, for people.
+    #[inline]
+    pub fn reader(&self) -> &'a str {
+        self.reader
     }
 
     /// What the publisher said about the source; mostly empty.
@@ -128,8 +139,7 @@ impl<'a> Mail<'a> {
     }
 
     fn decode_from<T: Payload>(&self, key: &str) -> Result<T::View<'a>, DecodeError> {
-        let ends = || [of_build(self.source(), self.source_build()), self.reader.to_owned()];
-        self.value.decode_as::<T>(key, || ends().map(|end| format!("in {end}")))
+        self.value.decode_as::<T>(key, || ends(self.source(), self.source_build(), self.reader))
     }
 
     /// Decodes the value as what `key` carries; bulky parts stay where they lie.

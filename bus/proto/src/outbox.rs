@@ -13,18 +13,18 @@ pub const BATCH_BYTES: usize = 48 << 10;
 
 /// Batches beyond so many bytes are let go of, whether they were handled or not: a registrant that is so far behind
 /// loses mail in the broker, too.
-const RETAINED_BYTES: usize = 4 << 20;
+const KEPT_BYTES: usize = 4 << 20;
 /// The same for batches with a bulk value: these hold shared memory.
-const RETAINED_BULK: usize = 8;
+const KEPT_BULK: usize = 8;
 /// Buffers that are kept for the next batches.
 const SPARE_BUFFERS: usize = 32;
 
 /// What was said.
 #[derive(Default)]
 pub struct Outbox {
-    retained: VecDeque<Retained>,
-    retained_bytes: usize,
-    retained_bulk: usize,
+    kept: VecDeque<SentBatch>,
+    kept_bytes: usize,
+    kept_bulk: usize,
     /// Batches sent over the present link.
     sent: u64,
     /// By key number: the sequence of the latest message, and that message once its batch is let go of.
@@ -34,7 +34,7 @@ pub struct Outbox {
     spare: Vec<Vec<u8>>,
 }
 
-struct Retained {
+struct SentBatch {
     number: u64,
     batch: Vec<u8>,
     bulk: bool,
@@ -68,11 +68,11 @@ impl Outbox {
 
     /// Takes the batch that was just sent, and gives an empty one for the next.
     #[inline]
-    pub fn retain(&mut self, batch: Vec<u8>, bulk: bool) -> Vec<u8> {
+    pub fn keep(&mut self, batch: Vec<u8>, bulk: bool) -> Vec<u8> {
         self.sent += 1;
-        self.retained_bytes += batch.len();
-        self.retained_bulk += usize::from(bulk);
-        self.retained.push_back(Retained { number: self.sent, batch, bulk });
+        self.kept_bytes += batch.len();
+        self.kept_bulk += usize::from(bulk);
+        self.kept.push_back(SentBatch { number: self.sent, batch, bulk });
         self.spare.pop().unwrap_or_default()
     }
 
@@ -86,8 +86,8 @@ impl Outbox {
     pub fn trim(&mut self, up: &mut dyn Uplink) {
         let handled = up.handled();
         let mut bulk = false;
-        while let Some(oldest) = self.retained.front() {
-            let many = self.retained_bytes > RETAINED_BYTES || self.retained_bulk > RETAINED_BULK;
+        while let Some(oldest) = self.kept.front() {
+            let many = self.kept_bytes > KEPT_BYTES || self.kept_bulk > KEPT_BULK;
             if oldest.number > handled && !many {
                 break;
             }
@@ -101,9 +101,9 @@ impl Outbox {
 
     #[inline]
     fn let_go_of_oldest(&mut self) -> bool {
-        let Some(oldest) = self.retained.pop_front() else { return false };
-        self.retained_bytes -= oldest.batch.len();
-        self.retained_bulk -= usize::from(oldest.bulk);
+        let Some(oldest) = self.kept.pop_front() else { return false };
+        self.kept_bytes -= oldest.batch.len();
+        self.kept_bulk -= usize::from(oldest.bulk);
         self.keep_latest(&oldest.batch);
         self.recycle(oldest.batch);
         oldest.bulk
@@ -134,7 +134,7 @@ impl Outbox {
             let frame = wire::first_frame(&latest.frame).ok()?;
             (frame.header.sequence == latest.sequence).then_some(frame)
         });
-        latest.chain(self.retained.iter().flat_map(|retained| messages(&retained.batch)))
+        latest.chain(self.kept.iter().flat_map(|kept| messages(&kept.batch)))
     }
 
     fn wanted_bulk(&self) -> BTreeSet<u64> {
@@ -147,8 +147,8 @@ impl Outbox {
         let recalled: Vec<Again> = self.kept().filter_map(|frame| again(&frame, dead)).collect();
         self.again.extend(recalled);
         self.again.sort_by_key(|message| message.header.sequence);
-        self.retained.clear();
-        (self.retained_bytes, self.retained_bulk, self.sent) = (0, 0, 0);
+        self.kept.clear();
+        (self.kept_bytes, self.kept_bulk, self.sent) = (0, 0, 0);
         self.latest.iter_mut().for_each(|latest| latest.frame.clear());
     }
 
@@ -187,7 +187,7 @@ impl Outbox {
         if !batch.is_empty() {
             up.send(batch)?;
             let sent = std::mem::take(batch);
-            *batch = self.retain(sent, bulk);
+            *batch = self.keep(sent, bulk);
         }
         Ok(())
     }

@@ -57,7 +57,10 @@ impl<'a> ValueRef<'a> {
 
     /// Decodes the value as a `T`; `key` is the variable whose value it is, `whose` the words for where the type is as its
     /// writer has it, and as it is here.
-    pub(crate) fn decode_as<T: Payload>(
+    ///
+    /// # Errors
+    /// As [`ValueRef::decode`].
+    pub fn decode_as<T: Payload>(
         &self,
         key: &str,
         whose: impl FnOnce() -> [String; 2],

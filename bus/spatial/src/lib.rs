@@ -5,17 +5,16 @@
 //! of the map ([`replica`]).
 
 pub mod camera;
+pub mod candidates;
 pub mod checks;
 pub mod keys;
 pub mod map;
 pub mod messages;
 pub mod replica;
-#[doc(hidden)]
+#[cfg(any(test, feature = "samples"))]
 pub mod samples;
 pub mod scan;
-pub mod strategy_memory;
 
 pub use camera::CameraInfo;
 pub use replica::Replica;
 pub use scan::{Points, Scan};
-pub use strategy_memory::StrategyMemory;

@@ -9,7 +9,6 @@ use nalgebra::Point3;
 
 use crate::camera::CameraInfo;
 use crate::checks;
-use crate::strategy_memory::StrategyMemory;
 
 /// Controller to sensor: go there and take a scan.
 #[payload]
@@ -279,8 +278,8 @@ pub struct ExplorerMemory {
     /// What the strategy counted, by name.
     #[describe(longest = checks::MAX_PHASES, check = checks::counters)]
     pub counters: Vec<(String, u64)>,
-    /// What the strategy itself remembers, for the next one of its name.
-    pub strategy: Option<StrategyMemory>,
+    /// The strategy that remembers something itself, for the next one of its name: under this variable's name, and its own.
+    pub strategy: Option<String>,
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,
@@ -597,8 +596,9 @@ fn leg(leg: &Leg) -> checks::Checked {
     way.map(drop).map_err(|inner| inner.within("plan.decision.Go"))
 }
 
-/// There was progress before the plan, not after it.
+/// There was progress before the plan, not after it; and a strategy's name is a text.
 fn explorer_memory(memory: &ExplorerMemory) -> checks::Checked {
     let at = memory.progress_at;
-    checks::holds("progress_at", at <= memory.plan.revision, at, "no later than the plan's revision")
+    checks::holds("progress_at", at <= memory.plan.revision, at, "no later than the plan's revision")?;
+    memory.strategy.as_deref().map_or(Ok(()), checks::text).map_err(|inner| inner.within("strategy"))
 }

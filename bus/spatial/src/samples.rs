@@ -1,9 +1,10 @@
-//! A value of each type that the apps of an exploration exchange, as JSON: for tests, which spoil them.
+//! A value of each type that the apps of an exploration exchange, as JSON, for tests, which spoil them (feature `samples`).
 
 use elk_bus::codec::DecodeError;
 use elk_bus::{Key, Payload, TypeRef, ValueRef};
 use serde_json::Value;
 
+use crate::candidates::Candidates;
 use crate::map::MapUpdate;
 use crate::messages::{
     AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, MapMemory, MapStatus, MotionMemory, MotionReport,
@@ -33,9 +34,7 @@ impl Sample {
 
     /// The value, to be changed.
     pub fn value(&self) -> Value {
-        let value = serde_json::from_str(self.json);
-        debug_assert!(value.is_ok(), "the sample of {} is no JSON: {value:?}", self.name());
-        value.unwrap_or_default()
+        serde_json::from_str(self.json).expect("a sample is JSON")
     }
 
     /// The bytes of a value of the type; `None`: it is none.
@@ -45,9 +44,7 @@ impl Sample {
 
     /// The sample's bytes.
     pub fn bytes(&self) -> Vec<u8> {
-        let bytes = self.bytes_of(&self.value());
-        debug_assert!(bytes.is_some(), "the sample of {} is no value of it", self.name());
-        bytes.unwrap_or_default()
+        self.bytes_of(&self.value()).expect("a sample is a value of its type")
     }
 
     /// Whether a reader would believe a value of the type.
@@ -96,6 +93,9 @@ pub const SAMPLES: &[Sample] = &[
     ),
     Sample::of::<SensorReport>(r#"{"scans":9,"contacts":0,"scan":9,"cpu_secs":0.5}"#),
     Sample::of::<AccuracyReport>(r#"{"revision":9,"accuracy":0.99,"voxels":1000}"#),
+    Sample::of::<Candidates>(
+        r#"{"request":1,"revision":1,"from":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"weighed":1,"goals":[{"position":[1.5,2.0,0.5],"target":{"x":17,"y":20,"z":5},"score":0.5,"chosen":true}]}"#,
+    ),
     Sample::of::<MapMemory>(
         r#"{"revision":1,"scan":1,"resolution":0.1,"bricks":[{"brick":[0,0,-1],"known":[3,0,0,0,0,0,0,0],"ever_hit":[2,0,0,0,0,0,0,0],"log_odds":[-0.5,0.75]}]}"#,
     ),
@@ -103,7 +103,7 @@ pub const SAMPLES: &[Sample] = &[
         r#"{"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"awaited":{"Map":{"id":1,"via":[],"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}},"commands":1,"allowed":1,"steps":0,"requests":1,"path_length_m":2.5,"leg":{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"resolution":0.1,"allowed":[],"done_m":2.5,"step_m":0.5,"blocked":false,"looks":0},"samples":[{"scans":1,"free":8,"path_length_m":0.0}]}"#,
     ),
     Sample::of::<ExplorerMemory>(
-        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"ended":null,"plans":1,"fallbacks":0,"counters":[["iterations",14]],"strategy":{"strategy":"Level","type_name":"Visits","layout":1,"bytes":"70"},"cpu_secs":[["field",0.5]],"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[],"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0,"no_return":0}"#,
+        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"ended":null,"plans":1,"fallbacks":0,"counters":[["iterations",14]],"strategy":"Level","cpu_secs":[["field",0.5]],"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[],"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0,"no_return":0}"#,
     ),
 ];
 

@@ -245,3 +245,139 @@ pub fn versions_of_a_type_that_differ_in_defaults_are_read_by_each_other<T: Tran
     drop((car, old_viewer, new_car, viewer));
     t.stop();
 }
+
+/// Versions of a type of which each can be read as the next, and not the other way round.
+mod growing {
+    /// How it goes.
+    pub mod first {
+        /// How it goes.
+        #[elk_bus::payload]
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Mode {
+            /// Nothing moves.
+            Off,
+            /// It moves.
+            On,
+        }
+    }
+
+    /// One variant more.
+    pub mod second {
+        /// How it goes.
+        #[elk_bus::payload]
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Mode {
+            /// Nothing moves.
+            Off,
+            /// It is about to move.
+            Standby,
+            /// It moves.
+            On,
+        }
+    }
+}
+
+const NOTHING: [&str; 0] = [];
+
+/// What a client was told meanwhile.
+fn told(client: &mut Client) -> Vec<String> {
+    settle(client);
+    client.inbox.take_refusals().into_iter().map(|refused| refused.reason).collect()
+}
+
+pub fn a_newer_writer_of_an_old_name_is_heard_of_by_who_cannot_read_it<T: Transport>() {
+    const OLD: Key<growing::first::Mode> = Key::new("MODE");
+    const NEW: Key<growing::second::Mode> = Key::new("MODE");
+    let t = T::start("growing");
+    let of = |name, build| t.join(&Introduction { build, ..Introduction::new(name) }).unwrap();
+    let mut viewer = of("viewer", "viewer 2.1");
+    viewer.comms.register(&OLD).unwrap();
+    settle(&mut viewer);
+    let mut car = of("car", "car 1.0");
+    car.comms.publish(&OLD, &growing::first::Mode::On).unwrap();
+    settle(&mut car);
+    let left = |viewer: &mut Client| {
+        hear(viewer, |heard| heard.iter().any(|(key, _, value, _)| key == "DB_EVENT" && is_end_of_car(value)))
+    };
+    viewer.comms.register("DB_EVENT").unwrap();
+    settle(&mut viewer);
+    drop(car);
+    left(&mut viewer);
+    let mut car = of("car", "car 2.0");
+    for _ in 0..3 {
+        car.comms.publish(&NEW, &growing::second::Mode::Standby).unwrap();
+    }
+    // The build that wrote what lies there is gone; its name is another build's by now.
+    let how = "(Standby is in car (car 2.0) and not in car (car 1.0))";
+    let of_writer = told(&mut car);
+    assert!(of_writer.len() == 3 && of_writer[0].contains("Mode") && of_writer[0].contains(how), "{of_writer:?}");
+    let of_reader = told(&mut viewer);
+    assert!(of_reader.len() == 1 && of_reader[0].contains(how), "{of_reader:?}");
+    assert!(
+        of_reader[0].contains("MODE carries Mode") && of_reader[0].contains("by car, was refused"),
+        "{of_reader:?}"
+    );
+    // As soon as all who read there can read the new version, nothing holds the variable to the old one.
+    viewer.comms.unregister(&OLD).unwrap();
+    viewer.comms.register(&NEW).unwrap();
+    settle(&mut viewer);
+    car.comms.publish(&NEW, &growing::second::Mode::Standby).unwrap();
+    assert_eq!(told(&mut car), NOTHING);
+    let is_new = |(key, _, value, _): &crate::hearing::Heard| {
+        key == "MODE" && value.as_ref().decode(&NEW).is_ok_and(|mode| mode == growing::second::Mode::Standby)
+    };
+    hear(&mut viewer, |heard| heard.iter().any(is_new));
+    // An old writer beside it is another matter: the one that is there writes on.
+    let mut old = of("old", "car 1.0");
+    old.comms.publish(&OLD, &growing::first::Mode::On).unwrap();
+    let of_old = told(&mut old);
+    let how = "(Standby is in car (car 2.0) and not in old (car 1.0))";
+    assert!(of_old.len() == 1 && of_old[0].contains(how), "{of_old:?}");
+    drop((car, old, viewer));
+    t.stop();
+}
+
+fn is_end_of_car(value: &Value) -> bool {
+    matches!(value, Value::Text(event) if event == "disconnected=car")
+}
+
+mod third_build {
+    /// The same, where what the second build adds is another thing.
+    #[elk_bus::payload]
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Steering {
+        /// How much of the angle is heeded.
+        #[describe(default = 1, range = 0..=1)]
+        pub share: u32,
+        /// Anticlockwise.
+        #[describe(unit = "rad", range = -4.0..=4.0)]
+        pub angle: f64,
+        /// Where each wheel points.
+        pub wheels: Vec<super::Wheel>,
+    }
+}
+
+pub fn a_reader_of_a_third_version_hears_once_of_the_one_that_it_cannot_read<T: Transport>() {
+    const THIRD: Key<third_build::Steering> = Key::new("STEERING");
+    let t = T::start("third");
+    let of = |name, build| t.join(&Introduction { build, ..Introduction::new(name) }).unwrap();
+    let (mut car, mut new_car, mut viewer) = (of("car", "car 1.0"), of("new-car", "car 2.0"), of("viewer", "viewer 3"));
+    viewer.comms.register(&THIRD).unwrap();
+    settle(&mut viewer);
+    let newer = newer_build::Steering { share: 0.5, angle: 0.25, wheels: Vec::new() };
+    for turn in 0..3 {
+        car.comms.publish(&STEERING, &steering(0.5, 1)).unwrap();
+        assert_eq!(told(&mut car), NOTHING, "the first version is read");
+        new_car.comms.publish(&NEWER, &newer).unwrap();
+        let how = "cannot read it (share is f64 in new-car (car 2.0) and u32 in viewer (viewer 3))";
+        for client in [&mut new_car, &mut viewer] {
+            let told = told(client);
+            match turn {
+                0 => assert!(told.len() == 1 && told[0].contains(how), "{told:?}"),
+                _ => assert_eq!(told, NOTHING, "it was said"),
+            }
+        }
+    }
+    drop((car, new_car, viewer));
+    t.stop();
+}

@@ -2,15 +2,14 @@ use super::*;
 use elk_geometry::Bounds;
 use elk_geometry::clearance::Clearance;
 
-use crate::Policy;
 use crate::strategies::{ClosestFrontier, Potential, Start};
+use crate::{LeaveError, Policy};
 use elk_bus::{DecodeError, Describe};
 use elk_field::Solver;
 use elk_geometry::ray::Traversal;
 use elk_geometry::{Pose, State, Voxel};
 use elk_spatial::checks::{LARGEST_SUM, MAX_CORNERS, MAX_PHASES, MAX_REMEMBERED, MAX_TRIES};
 use elk_spatial::messages::{Outcome, TargetRecord};
-use elk_spatial::strategy_memory::LeaveError;
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -101,7 +100,7 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
         let plan = explorer.plan(&grid, &request);
         if let Some(mut next) = successor(id) {
-            next.succeed(&explorer.memory(&plan));
+            next.succeed(&explorer.memory(&plan).0);
             next.hear_of_camera(&camera());
             next.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
             explorer = next;
@@ -352,7 +351,7 @@ fn whatever_is_believed_of_a_memory_the_next_one_is_believed_too() {
         let request = PlanRequest { id: 2, pose: start, revision: grid.revision(), outcome: Outcome::Cut };
         let plan = explorer.plan(&grid, &request);
         assert!(matches!(plan.decision, Decision::Go(_)));
-        ExplorerMemory::check(&explorer.memory(&plan)).unwrap();
+        ExplorerMemory::check(&explorer.memory(&plan).0).unwrap();
     }
 }
 
@@ -364,7 +363,7 @@ fn where_the_map_has_no_voxels_there_is_no_trail() {
     let pose = Pose::looking(Point3::new(9000.0, 0.0, 0.0), Vector3::x());
     let request = PlanRequest { id: 1, pose, revision: 0, outcome: Outcome::First };
     let plan = explorer.plan(&grid, &request);
-    let memory = explorer.memory(&plan);
+    let (memory, _) = explorer.memory(&plan);
     ExplorerMemory::check(&memory).unwrap();
     assert!(memory.trail.is_empty() && plan.decision == Decision::Done, "{plan:?}");
 }
@@ -399,7 +398,7 @@ impl Strategy for Counting {
     }
 
     fn memory(&self) -> Result<Option<StrategyMemory>, LeaveError> {
-        StrategyMemory::of::<Visits>("", &self.0).map(Some)
+        StrategyMemory::of::<Visits>(&self.0).map(Some)
     }
 
     fn recall(&mut self, left: &StrategyMemory) -> Result<(), DecodeError> {
@@ -429,19 +428,23 @@ fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
         })
         .unwrap();
     assert_eq!(candidates.goals.iter().filter(|goal| goal.chosen).count(), 1, "{candidates:?}");
-    let left = explorer.memory(&plan);
+    let (left, own) = explorer.memory(&plan);
+    let own = own.unwrap();
     ExplorerMemory::check(&left).unwrap();
     assert_eq!(left.counters, [("visits".to_owned(), 1)]);
 
     let mut next = Explorer::new(Box::<Counting>::default(), settings(Policy::elk(0.4)));
-    assert_eq!(next.succeed(&left), None);
-    let memory = |explorer: &Explorer| explorer.memory(&plan).strategy.map(|own| own.take::<Visits>().unwrap());
+    assert_eq!(next.recall(&own), None);
+    let memory = |explorer: &Explorer| explorer.memory(&plan).1.map(|own| own.take::<Visits>().unwrap());
+    assert_eq!(memory(&next), Some(Visits { plans: 0 }), "nobody has said that it is the last one's");
+    assert_eq!((next.succeed(&left), next.recall(&own)), (None, None));
     assert_eq!(memory(&next), Some(Visits { plans: 1 }));
 
     let mut other = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
     let said = other.succeed(&left).unwrap();
     assert_eq!(said, "what Counting itself remembered is left aside: it goes on as ClosestFrontier");
-    let of_another_build = StrategyMemory { layout: 7, ..left.strategy.clone().unwrap() };
-    let said = next.succeed(&ExplorerMemory { strategy: Some(of_another_build), ..left }).unwrap();
-    assert!(said.starts_with("what Counting itself remembered is left aside: Counting"), "{said}");
+    assert_eq!(other.recall(&own), None);
+    let of_another_type = StrategyMemory::of::<Plan>(&plan).unwrap();
+    let said = next.recall(&of_another_type).unwrap();
+    assert!(said.starts_with("what Counting itself remembered is left aside: "), "{said}");
 }

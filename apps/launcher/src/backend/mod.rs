@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use rustix::event::PollFd;
 
-use crate::control::{AppRow, Request};
+use crate::control::{AppRow, Order};
 use crate::error::LaunchError;
 use crate::reports::listener::Join;
 use crate::reports::observer::{Losses, News};
@@ -47,7 +47,7 @@ pub(crate) trait Backend {
     fn sayings(&mut self) -> Vec<String>;
 
     /// Takes an order that concerns an app; how it goes is in [`Backend::words`].
-    fn order(&mut self, ticket: Ticket, order: Request);
+    fn order(&mut self, ticket: Ticket, order: Order);
 
     /// How orders go; each thing once.
     fn words(&mut self) -> Vec<(Ticket, Word)>;

@@ -15,7 +15,7 @@ use rustix::process::Pid;
 
 use crate::backend::Backend;
 use crate::backend::environment::{DB, Environment};
-use crate::control::{AppRow, Request};
+use crate::control::{AppRow, Order};
 use crate::error::LaunchError;
 use crate::process::child::{Bond, Process};
 use crate::process::descendants::Descendants;
@@ -480,8 +480,8 @@ impl Backend for Processes {
         std::mem::take(&mut self.sayings)
     }
 
-    fn order(&mut self, ticket: Ticket, order: Request) {
-        let (Request::Stop { app } | Request::Start { app, .. } | Request::Swap { app, .. }) = &order else {
+    fn order(&mut self, ticket: Ticket, order: Order) {
+        let (Order::Stop { app } | Order::Start { app, .. } | Order::Swap { app, .. }) = &order else {
             return;
         };
         let Some(index) = self.supervisor.index_of(app) else {
@@ -491,15 +491,15 @@ impl Backend for Processes {
         };
         let now = self.now();
         match order {
-            Request::Stop { .. } => self.supervisor.order_stop(ticket, index, now),
-            Request::Start { limit_secs, .. } => {
+            Order::Stop { .. } => self.supervisor.order_stop(ticket, index, now),
+            Order::Start { limit_secs, .. } => {
                 self.supervisor.order_start(ticket, index, time::duration(limit_secs), now);
             }
-            Request::Swap { type_name, exec, params, folder, limit_secs, .. } => {
+            Order::Swap { type_name, exec, params, folder, limit_secs, .. } => {
                 let wanted = Exchange { type_name, exec, params, folder };
                 self.swap(ticket, index, &wanted, time::duration(limit_secs));
             }
-            Request::Apps | Request::Pause | Request::Resume | Request::Step | Request::Leave => {}
+            Order::Apps | Order::Pause | Order::Resume | Order::Step | Order::Leave => {}
         }
         self.act_all();
     }

@@ -13,7 +13,7 @@ use elk_mission::{AppSpec, Mission, Program, element};
 use rustix::event::PollFd;
 
 use crate::backend::Backend;
-use crate::control::{AppRow, Request};
+use crate::control::{AppRow, Order};
 use crate::error::LaunchError;
 use crate::reports::listener::Join;
 use crate::reports::observer::{Losses, News};
@@ -84,7 +84,7 @@ fn run_app(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<
 }
 
 fn connect(broker: &MemoryBroker, name: &str, community: &Community) -> Result<Client, ConnectError> {
-    let refused = |reason: elk_bus::broker::Refusal| ConnectError::Refused {
+    let refused = |reason: elk_bus::broker::AdmissionError| ConnectError::Refused {
         community: community.clone(),
         reason: reason.to_string(),
     };
@@ -156,7 +156,7 @@ impl Backend for Threads {
         std::mem::take(&mut self.sayings)
     }
 
-    fn order(&mut self, ticket: Ticket, _: Request) {
+    fn order(&mut self, ticket: Ticket, _: Order) {
         let said = "this mission runs inside one process, where no app can be stopped, started or swapped: \
                     launch it without --in-process";
         self.words.push((ticket, Word::Failed(said.to_owned())));

@@ -8,7 +8,7 @@ use elk_bus::shm::abstract_socket;
 use elk_bus::{Community, Owner, own_user};
 
 use super::socket::{MAX_ANSWER, name};
-use super::words::{Answer, Request};
+use super::words::{Answer, Order};
 
 /// How long a launcher may take to take one more in.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -59,7 +59,7 @@ pub enum AskError {
 /// There is no launcher, or it does not answer. That it cannot do what it was asked is an [`Answer::Failed`].
 pub fn ask(
     community: &Community,
-    question: &Request,
+    question: &Order,
     patience: Duration,
     mut on_progress: impl FnMut(&str),
 ) -> Result<Answer, AskError> {

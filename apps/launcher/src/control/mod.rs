@@ -10,4 +10,4 @@ mod words;
 
 pub use client::{AskError, ask};
 pub(crate) use server::Server;
-pub use words::{Answer, AppRow, Request};
+pub use words::{Answer, AppRow, Order};

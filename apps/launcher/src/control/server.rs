@@ -11,7 +11,7 @@ use elk_bus::{Community, Owner, own_user};
 use rustix::event::{PollFd, PollFlags};
 
 use super::socket::{MAX_ANSWER, MAX_QUESTION, address, name};
-use super::words::{Answer, Request};
+use super::words::{Answer, Order};
 use crate::error::LaunchError;
 use crate::supervisor::Ticket;
 
@@ -85,7 +85,7 @@ impl Server {
     }
 
     /// Questions that have been asked in full.
-    pub fn questions(&mut self) -> Vec<(Ticket, Request)> {
+    pub fn questions(&mut self) -> Vec<(Ticket, Order)> {
         self.accept();
         let mut questions = Vec::new();
         for asker in &mut self.askers {
@@ -144,7 +144,7 @@ impl Asker {
         Self { ticket, stream, heard: Vec::new(), to_say: Vec::new(), waited, phase: Phase::Asking }
     }
 
-    fn question(&mut self) -> Option<Request> {
+    fn question(&mut self) -> Option<Order> {
         if self.phase != Phase::Asking {
             return None;
         }
@@ -235,7 +235,7 @@ mod tests {
     }
 
     /// Serves until `count` questions were asked, and answers each with its own words.
-    fn serve(mut server: Server, count: usize) -> std::thread::JoinHandle<Vec<Request>> {
+    fn serve(mut server: Server, count: usize) -> std::thread::JoinHandle<Vec<Order>> {
         std::thread::spawn(move || {
             let mut asked = Vec::new();
             while asked.len() < count {
@@ -257,10 +257,10 @@ mod tests {
         let served = serve(Server::listen(&community).unwrap(), 1);
         let mut progress = Vec::new();
         let patience = Duration::from_secs(60);
-        let answer = ask(&community, &Request::Pause, patience, |text| progress.push(text.to_owned())).unwrap();
+        let answer = ask(&community, &Order::Pause, patience, |text| progress.push(text.to_owned())).unwrap();
         assert_eq!(answer, Answer::Done { text: "Pause".into() });
         assert_eq!(progress, ["soon"]);
-        assert_eq!(served.join().unwrap(), [Request::Pause]);
+        assert_eq!(served.join().unwrap(), [Order::Pause]);
     }
 
     #[test]
@@ -283,7 +283,7 @@ mod tests {
         let _queue: Vec<_> = std::iter::from_fn(|| abstract_socket::connect_now(&name(&community)).ok()).collect();
         let error = Server::listen(&community).err().unwrap();
         assert!(error.to_string().contains("is launched already, by a launcher that takes nobody in: "), "{error}");
-        let error = ask(&community, &Request::Pause, Duration::from_millis(50), |_| {}).unwrap_err().to_string();
+        let error = ask(&community, &Order::Pause, Duration::from_millis(50), |_| {}).unwrap_err().to_string();
         assert!(error.contains("its queue is full"), "{error}");
     }
 
@@ -331,14 +331,14 @@ mod tests {
             }
         }
         let patience = Duration::from_secs(60);
-        assert!(ask(&community, &Request::Step, patience, |_| {}).is_ok());
-        assert_eq!(served.join().unwrap(), [Request::Step]);
+        assert!(ask(&community, &Order::Step, patience, |_| {}).is_ok());
+        assert_eq!(served.join().unwrap(), [Order::Step]);
     }
 
     #[test]
     fn without_a_launcher_it_is_said_how_to_get_one() {
         let community = community("nobody");
-        let error = ask(&community, &Request::Apps, Duration::from_secs(1), |_| {}).unwrap_err().to_string();
+        let error = ask(&community, &Order::Apps, Duration::from_secs(1), |_| {}).unwrap_err().to_string();
         assert!(error.starts_with(&format!("nobody launches community {community} here:")), "{error}");
     }
 }

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// A question to a launcher.
+/// What a person has a launcher do, or say.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "command", deny_unknown_fields)]
-pub enum Request {
+pub enum Order {
     /// Who runs?
     Apps,
     /// Stop an app.

@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::noise::StereoNoise;
 use crate::camera::Camera;
-use crate::source::{Accuracy, Capture, DepthSource, Refusal, Seen, Travel, Truth};
+use crate::source::{Accuracy, Capture, DepthSource, Obstruction, Seen, Travel, Truth};
 
 /// A randomly drawn start is at least this far from every surface (m).
 pub const START_CLEARANCE_M: f64 = 0.3;
@@ -79,11 +79,11 @@ impl Simulator {
     }
 
     /// Whether the centre of the body can go all the way, and be at its end.
-    fn passable(&self, way: &[Point3<f64>], end: &Pose) -> Result<(), Refusal> {
+    fn passable(&self, way: &[Point3<f64>], end: &Pose) -> Result<(), Obstruction> {
         self.free(end)?;
         let pierced = |a: Point3<f64>, b: Point3<f64>| a != b && self.world.cast(a, b - a).is_some_and(|t| t <= 1.0);
         match way.windows(2).find(|s| pierced(s[0], s[1])) {
-            Some(segment) => Err(Refusal::Blocked(segment[0], segment[1])),
+            Some(segment) => Err(Obstruction::Blocked(segment[0], segment[1])),
             None => Ok(()),
         }
     }
@@ -133,10 +133,10 @@ impl DepthSource for Simulator {
 }
 
 impl Truth for Simulator {
-    fn free(&self, pose: &Pose) -> Result<(), Refusal> {
+    fn free(&self, pose: &Pose) -> Result<(), Obstruction> {
         match self.world.is_free(pose.position()) {
             true => Ok(()),
-            false => Err(Refusal::NotFree(pose.position())),
+            false => Err(Obstruction::NotFree(pose.position())),
         }
     }
 

@@ -4,7 +4,8 @@
 //! what they read there read something else, and one that was first yields to such a reader: a person's slip, or a writer
 //! that was first with a name, does not take the variable from those whose it is. A type that nobody reads yields as soon
 //! as another is written that somebody reads: so neither a writer nor a reader alone can take a variable. Where both types
-//! are read, the first write stands, and both ends are told: that is for people to sort out.
+//! are read, the first write stands, and both ends are told: that is for people to sort out. Of a type's versions, the one
+//! that a writer left who is gone gives way to another that all who read there can read.
 
 use super::state::Broker;
 use super::state::client::{Client, UNDEFINED, Unnumbered};
@@ -54,24 +55,64 @@ impl Broker {
         is_read_as(lock) && !self.variables[key].lock.is_some_and(is_read_as)
     }
 
-    /// A variable was written with a type that it did not have before: those who read something else there are told, and so
-    /// is the writer.
-    pub(super) fn tell_those_who_expect_else(&mut self, key: u32) {
-        let Some(lock) = self.variables[key].lock else { return };
+    /// Whether another version of a type takes a variable over: whoever wrote the one there is gone, and all who read there can
+    /// read the other.
+    pub(super) fn gives_way(&self, key: u32, was: TypeLock, is: TypeLock) -> bool {
+        let name = self.names.keys.name(key);
+        let writes = |client: &Client| client.published.contains(&key) && !client.is_disconnected();
+        self.names.are_of_one_name(was, is)
+            && !self.sessions.clients.values().any(writes)
+            && self.expectations(name).all(|(_, expected)| self.names.can_read(is, expected))
+    }
+
+    /// A client's write was refused because the variable carries another version of its type: those are told who read the
+    /// version that is there and not the other.
+    pub(super) fn tell_readers_of_refused(&mut self, from: ClientId, key: u32, refused: TypeLock) {
+        let Some(lock) = self.variables[key].lock.filter(|lock| self.names.are_of_one_name(*lock, refused)) else {
+            return;
+        };
+        if lock == refused || !self.variables.note_compared(key, from, refused.type_) {
+            return;
+        }
         let name = self.names.keys.name(key).to_owned();
-        let (writer, from) = (self.writer(key), self.variables[key].latest_from);
+        let (is, other) = (self.names.describe(lock), self.names.describe(refused));
+        let writer = self.client_name(from).unwrap_or_default();
+        let how = self.how_they_differ(key, lock, from, refused).unwrap_or_default();
+        let said = format!(
+            "{name} carries {is}; {other}, by {writer}, was refused, since this reader could not read it{how}: build both from \
+             one version, or give one of them another variable"
+        );
+        let reads_this_alone = |(_, expected): &(ClientId, &Expected)| {
+            self.names.can_read(lock, expected) && !self.names.can_read(refused, expected)
+        };
+        let readers: Vec<ClientId> = self.expectations(&name).filter(reads_this_alone).map(|(id, _)| id).collect();
+        for told in readers.into_iter().filter(|id| *id != from) {
+            // Whoever has gone meanwhile need not be told.
+            let _ = self.refuse(told, &name, 0, &said);
+        }
+    }
+
+    /// A client wrote a variable with a type that it did not have before: those who read something else there are told, and
+    /// so is the writer; once of each writer and type, also if two write two versions in turn.
+    pub(super) fn tell_those_who_expect_else(&mut self, key: u32, from: ClientId) {
+        let Some(lock) = self.variables[key].lock else { return };
+        if !self.variables.note_compared(key, from, lock.type_) {
+            return;
+        }
+        let name = self.names.keys.name(key).to_owned();
+        let writer = self.writer(key);
         let is = self.names.describe(lock);
         let words = |(reader, expected)| {
             let how = self.difference(lock, expected, key, reader).unwrap_or_default();
             let to_reader = format!("{name} carries {is}, by {writer}: this reader cannot read it{how}");
             let who = self.client_name(reader).unwrap_or_default();
             let to_writer = format!("{name} carries {is}: {who} reads it as {expected} and cannot read it{how}");
-            [(Some(reader), to_reader), (from, to_writer)]
+            [(reader, to_reader), (from, to_writer)]
         };
         let reads_else = self.expectations(&name).filter(|(_, expected)| !self.names.can_read(lock, expected));
         for (told, said) in reads_else.flat_map(words).collect::<Vec<_>>() {
             // Whoever has gone meanwhile need not be told.
-            let _ = told.map(|told| self.refuse(told, &name, 0, &said));
+            let _ = self.refuse(told, &name, 0, &said);
         }
     }
 
@@ -98,17 +139,15 @@ impl Broker {
     /// Where what was written last to a variable and what a client takes for it differ, and in which builds, if it is one type:
     /// in brackets.
     pub(super) fn how_they_differ(&self, key: u32, was: TypeLock, client: ClientId, is: TypeLock) -> Option<String> {
-        let types = &self.names.types;
-        let is_typed = was.kind == ValueKind::Binary && is.kind == ValueKind::Binary;
-        if !is_typed || types.name(was.type_) != types.name(is.type_) {
+        if !self.names.are_of_one_name(was, is) {
             return None;
         }
-        let (writer, _, build) = self.names.said(Named::Source, self.variables[key].latest_source()?);
+        let writer = self.names.sources.name(self.variables[key].latest_source()?);
+        let build = self.names.build(self.variables[key].latest_build);
         let client = self.sessions.clients.get(&client)?;
-        let difference = types.difference(was.type_, is.type_)?;
         let [there, here] =
             [of_build(writer, build), of_build(&client.name, &client.build)].map(|end| format!("in {end}"));
-        Some(format!(" ({})", difference.in_words([&there, &here])))
+        Some(format!(" ({})", self.names.types.difference(was.type_, is.type_, [&there, &here])?))
     }
 
     /// A client has registered: what it expects is held against what the variable carries.
@@ -116,6 +155,7 @@ impl Broker {
         let Some(expected) = &registration.expects else { return };
         let name = &registration.key_pattern;
         let Some(key) = self.names.keys.known(name) else { return };
+        self.variables.forget_compared(key);
         let Some(lock) = self.variables[key].lock.filter(|lock| !self.names.can_read(*lock, expected)) else { return };
         let is_expected = self.expectations(name).any(|(_, other)| self.names.can_read(lock, other));
         let yields = lock.kind != ValueKind::Binary && !is_expected;

@@ -24,6 +24,7 @@ impl Broker {
             Err(Unnumbered::Undefined) => return Err(UNDEFINED),
         };
         let Header { key, source, .. } = header;
+        let build = client.build_number;
         if client.is_joining() {
             return self.hold(from, header.key, frame);
         }
@@ -42,14 +43,19 @@ impl Broker {
         let is_as_last_time = client.last_published == Some(key);
         if let Some(reason) = self.refusal(from, &header, frame) {
             let name = self.names.keys.name(key).to_owned();
+            self.tell_readers_of_refused(from, key, is);
             return self.refuse(from, &name, header.sequence, &reason);
         }
         if !is_as_last_time {
             self.note_writer(from, key, source);
         }
         self.store_and_deliver(now, Some(from), &Message::new(header, frame));
-        if was != Some(is) && !was.is_some_and(|was| self.names.are_versions(was, is)) {
-            self.tell_those_who_expect_else(key);
+        let variable = &mut self.variables[key];
+        if variable.latest_from == Some(from) {
+            variable.latest_build = build;
+        }
+        if was != Some(is) {
+            self.tell_those_who_expect_else(key, from);
         }
         Ok(())
     }
@@ -96,6 +102,9 @@ impl Broker {
     fn type_conflict(&self, from: ClientId, key: u32, lock: TypeLock) -> Option<String> {
         let is_another = |locked: &TypeLock| *locked != lock && !self.names.are_versions(*locked, lock);
         let locked = self.variables[key].lock.filter(is_another)?;
+        if self.gives_way(key, locked, lock) {
+            return None;
+        }
         let (was, is) = (self.names.describe(locked), self.names.describe(lock));
         let how = self.how_they_differ(key, locked, from, lock).unwrap_or_default();
         Some(format!("{} carries {was} since its first write; {is} was refused{how}", self.names.keys.name(key)))

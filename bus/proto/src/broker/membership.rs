@@ -43,7 +43,7 @@ impl<'a> Introduction<'a> {
 
 /// Why a client was not let in.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
+pub enum AdmissionError {
     /// Another client has the name.
     #[error("a client named {0:?} is already connected: give this one another name, or stop the other first")]
     NameTaken(String),
@@ -95,14 +95,14 @@ impl Broker {
     }
 
     /// Lets a client in, or says why not. One that takes over a session is there once it has said that it is ready.
-    pub fn connect(&mut self, now: f64, who: &Introduction<'_>) -> Result<ClientId, Refusal> {
+    pub fn connect(&mut self, now: f64, who: &Introduction<'_>) -> Result<ClientId, AdmissionError> {
         let name = who.name;
         let printable = |c: char| !c.is_control() && !NAME_SEPARATORS.contains(&c);
         if name.is_empty() || name.chars().count() > 64 || !name.chars().all(printable) {
-            return Err(Refusal::BadName(name.into()));
+            return Err(AdmissionError::BadName(name.into()));
         }
         if self.sessions.clients.len() >= self.config.limits.clients {
-            return Err(Refusal::Full(self.config.limits.clients));
+            return Err(AdmissionError::Full(self.config.limits.clients));
         }
         let holder = self.sessions.names.get(name).copied();
         if let Some(holder) = holder {
@@ -123,15 +123,15 @@ impl Broker {
         Ok(id)
     }
 
-    fn may_succeed(&self, holder: ClientId, who: &Introduction<'_>) -> Result<(), Refusal> {
+    fn may_succeed(&self, holder: ClientId, who: &Introduction<'_>) -> Result<(), AdmissionError> {
         if self.sessions.successor_of(holder).is_some() {
-            return Err(Refusal::SuccessorTaken(who.name.into()));
+            return Err(AdmissionError::SuccessorTaken(who.name.into()));
         }
         let may = match self.sessions.standing(holder) {
             Some(Standing::Disconnected { returns, .. }) => !returns || who.returns,
             _ => who.succeeds,
         };
-        if may { Ok(()) } else { Err(Refusal::NameTaken(who.name.into())) }
+        if may { Ok(()) } else { Err(AdmissionError::NameTaken(who.name.into())) }
     }
 
     fn add_client(&mut self, now: f64, who: &Introduction<'_>) -> ClientId {

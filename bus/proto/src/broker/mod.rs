@@ -23,7 +23,7 @@ mod summary;
 pub mod table;
 
 pub use clock::CLOCK;
-pub use membership::{Introduction, Refusal};
+pub use membership::{AdmissionError, Introduction};
 pub use retained::Retained;
 pub use state::expected::Expected;
 pub use state::reached::{Reached, Succession};

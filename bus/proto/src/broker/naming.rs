@@ -79,10 +79,24 @@ impl Broker {
         let client = self.sessions.clients.get_mut(&id).ok_or("the client is not connected")?;
         client.numbers[Named::Source as usize][0] = number;
         let build = client.build.clone();
-        let build = if self.no_room_for(build.len()).is_none() { build.as_str() } else { "" };
+        let build = self.admit_build(&build);
+        self.sessions.clients.entry(id).and_modify(|client| client.build_number = build);
         if number != REFUSED && self.names.note_build(number, build) {
             self.define_anew(Named::Source, number);
         }
         Ok(())
+    }
+
+    /// The broker's number of a build; `None`: it was not said, or there is no room for it.
+    fn admit_build(&mut self, build: &str) -> Option<u32> {
+        if build.is_empty() {
+            return None;
+        }
+        let has_room =
+            || self.names.builds() < self.config.limits.other_names && self.no_room_for(build.len()).is_none();
+        if self.names.known_build(build).is_none() && !has_room() {
+            return None;
+        }
+        Some(self.names.number_build(build))
     }
 }

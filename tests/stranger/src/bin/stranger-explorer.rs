@@ -1,9 +1,7 @@
 //! A strategy of somebody else's: it prefers what it has not gone for before, and remembers that.
 
-use elk_bus::{DecodeError, payload};
-use elk_explorer::{Journal, Kind, ParamSpec, Route, Strategy, StrategyMemory, View};
-use elk_geometry::{Voxel};
-use elk_spatial::{strategy_memory::LeaveError};
+use elk_explorer::elk_geometry::Voxel;
+use elk_explorer::{DecodeError, Journal, Kind, LeaveError, ParamSpec, Route, Strategy, StrategyMemory, View, payload};
 
 const PARAMS: &[ParamSpec] = &[ParamSpec {
     name: "Boredom",
@@ -52,7 +50,7 @@ impl Strategy for Magpie {
     }
 
     fn memory(&self) -> Result<Option<StrategyMemory>, LeaveError> {
-        StrategyMemory::of::<Been>(self.name(), &self.been).map(Some)
+        StrategyMemory::of::<Been>(&self.been).map(Some)
     }
 
     fn recall(&mut self, left: &StrategyMemory) -> Result<(), DecodeError> {

@@ -1,8 +1,8 @@
 //! An app with message types of its own: it says how much it counts wherever the camera is.
 
 use elk_bus::{App, AppError, Comms, Failure, Key, Mail, RunOptions, payload, run_app};
-use elk_geometry::{Pose};
-use elk_spatial::{keys::{CAMERA_POSE, camera_pose}};
+use elk_geometry::Pose;
+use elk_spatial::keys::{CAMERA_POSE, camera_pose};
 
 /// What was counted.
 #[payload]

@@ -3,8 +3,8 @@
 use elk_geometry::State;
 use elk_sensor::nalgebra::{Point3, Vector3};
 use elk_sensor::{
-    Accuracy, AppError, Camera, CameraInfo, Capture, DepthSource, Kind, OccupancyGrid, ParamSpec, Pose, Refusal, Seen,
-    Travel, Truth,
+    Accuracy, AppError, Camera, CameraInfo, Capture, DepthSource, Kind, Obstruction, OccupancyGrid, ParamSpec, Pose,
+    Seen, Travel, Truth,
 };
 
 const PARAMS: &[ParamSpec] = &[
@@ -79,13 +79,13 @@ impl DepthSource for Hall {
 }
 
 impl Truth for Hall {
-    fn free(&self, pose: &Pose) -> Result<(), Refusal> {
-        if self.distance(pose.position()) > 0.0 { Ok(()) } else { Err(Refusal::NotFree(pose.position())) }
+    fn free(&self, pose: &Pose) -> Result<(), Obstruction> {
+        if self.distance(pose.position()) > 0.0 { Ok(()) } else { Err(Obstruction::NotFree(pose.position())) }
     }
 
     fn travel(&self, way: &[Point3<f64>], end: &Pose) -> Travel {
         let pierced = |step: &&[Point3<f64>]| self.cast(step[0], step[1] - step[0]).is_some_and(|length| length <= 1.0);
-        let blocked = || way.windows(2).find(pierced).map(|step| Refusal::Blocked(step[0], step[1]));
+        let blocked = || way.windows(2).find(pierced).map(|step| Obstruction::Blocked(step[0], step[1]));
         let refused = self.free(end).err().or_else(blocked);
         let places =
             way.windows(2).flat_map(|step| (0..=100).map(|n| step[0] + (step[1] - step[0]) * (f64::from(n) / 100.0)));

@@ -30,6 +30,8 @@ pub struct Client {
     pub name: String,
     /// Which build of which program it is, as it says; empty: it has not said.
     pub build: String,
+    /// The broker's number of the build, once the client has written something and if there was room for it.
+    pub build_number: Option<u32>,
     pub standing: Standing,
     /// How long its session is kept after its death (s).
     pub lease_secs: f64,
@@ -76,6 +78,7 @@ impl Client {
         Self {
             name: name.into(),
             build: String::new(),
+            build_number: None,
             standing: Standing::Present,
             lease_secs,
             numbers: [vec![], vec![UNNAMED], vec![], vec![0]],

@@ -41,9 +41,10 @@ pub struct Names {
     pub sources: Interner,
     pub types: Types,
     pub communities: Interner,
-    /// Which build of which program the client was that began last to write under a source's name, as far as it said.
-    builds: BTreeMap<u32, String>,
-    build_bytes: usize,
+    /// Which builds of which programs clients have said that they are.
+    builds: Interner,
+    /// Of each source, which of them the client was that began last to write under its name.
+    build_of: BTreeMap<u32, u32>,
 }
 
 impl Names {
@@ -72,7 +73,7 @@ impl Names {
     pub fn said(&self, what: Named, number: u32) -> (&str, u64, &str) {
         match what {
             Named::Key => (self.keys.name(number), 0, ""),
-            Named::Source => (self.sources.name(number), 0, self.builds.get(&number).map_or("", String::as_str)),
+            Named::Source => (self.sources.name(number), 0, self.build(self.build_of.get(&number).copied())),
             Named::Type => self.types.said(number),
             Named::Community => (self.communities.name(number), 0, ""),
         }
@@ -88,19 +89,37 @@ impl Names {
         }
     }
 
-    /// Bytes of all of them, of the types' descriptions and of the sources' builds.
+    /// Bytes of all of them, of the types' descriptions and of the builds.
     pub fn bytes(&self) -> usize {
-        self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes() + self.build_bytes
+        self.keys.bytes() + self.sources.bytes() + self.types.bytes() + self.communities.bytes() + self.builds.bytes()
+    }
+
+    /// The number of a build that somebody has said already.
+    pub fn known_build(&self, build: &str) -> Option<u32> {
+        self.builds.known(build)
+    }
+
+    /// The number of a build; a new one is given the next.
+    pub fn number_build(&mut self, build: &str) -> u32 {
+        self.builds.number(build)
+    }
+
+    /// How many builds there are.
+    pub fn builds(&self) -> usize {
+        self.builds.len()
+    }
+
+    /// The build of a number; empty: it was not said.
+    pub fn build(&self, number: Option<u32>) -> &str {
+        number.map_or("", |number| self.builds.name(number))
     }
 
     /// A client of this build begins to write under a source's name; whether that is another build than before.
-    pub fn note_build(&mut self, source: u32, build: &str) -> bool {
+    pub fn note_build(&mut self, source: u32, build: Option<u32>) -> bool {
         let before = match build {
-            "" => self.builds.remove(&source),
-            build => self.builds.insert(source, build.to_owned()),
+            None => self.build_of.remove(&source),
+            Some(build) => self.build_of.insert(source, build),
         };
-        let before = before.unwrap_or_default();
-        self.build_bytes = self.build_bytes + build.len() - before.len();
         before != build
     }
 
@@ -125,6 +144,12 @@ impl Names {
             }
             _ => false,
         }
+    }
+
+    /// Whether two types are versions of one, as their names say, whether or not they can be read as each other.
+    pub fn are_of_one_name(&self, one: TypeLock, other: TypeLock) -> bool {
+        let are_typed = one.kind == ValueKind::Binary && other.kind == ValueKind::Binary;
+        are_typed && self.types.name(one.type_) == self.types.name(other.type_)
     }
 
     /// Whether two types are versions of one, each of which can be read as the other: a variable carries both. A reader of

@@ -69,9 +69,13 @@ impl Types {
         one == other || self.name(one) == self.name(other) && self.look_at(one, other, Result::is_ok)
     }
 
-    /// Where the versions of a type differ so that the one cannot be read as the other, if both are described.
-    pub fn difference(&self, one: u32, other: u32) -> Option<Difference> {
-        self.look_at(one, other, |comparison| comparison.clone().err()?)
+    /// Where the versions of a type differ so that the one cannot be read as the other, or else the other as the one, if both
+    /// are described; `whose` are the words for where the one and the other are.
+    pub fn difference(&self, one: u32, other: u32, whose: [&str; 2]) -> Option<String> {
+        let [there, here] = whose;
+        let towards = |one, other| self.look_at(one, other, |comparison| comparison.clone().err()?);
+        let there_to_here = towards(one, other).map(|difference| difference.in_words([there, here]));
+        there_to_here.or_else(|| towards(other, one).map(|difference| difference.in_words([here, there])))
     }
 
     fn look_at<T>(&self, one: u32, other: u32, look: impl FnOnce(&Comparison) -> T) -> T {

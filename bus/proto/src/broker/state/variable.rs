@@ -75,6 +75,8 @@ pub struct Variable {
     pub latest: Vec<u8>,
     /// The client that published it, unless that was in the time of another broker.
     pub latest_from: Option<ClientId>,
+    /// The build of that client, as far as it said; it may be gone, and another of its name be of another build.
+    pub latest_build: Option<u32>,
     pub writes: u64,
     /// Bytes of all values so far.
     pub bytes: u64,

@@ -23,7 +23,12 @@ pub struct Variables {
     pub pending_bytes: usize,
     /// When the time of these comes: (due, variable, client).
     pub due: BTreeSet<(Due, u32, ClientId)>,
+    /// Whose writes of which type were held against what readers expect: (variable, client, type).
+    compared: BTreeSet<(u32, ClientId, u32)>,
 }
+
+/// So many of these are remembered.
+const COMPARED: usize = 1 << 14;
 
 impl Variables {
     /// Adds the next one.
@@ -110,6 +115,23 @@ impl Variables {
         let (_, frame) = throttle.pending.take()?;
         self.pending_bytes -= frame.len();
         Some((client, frame))
+    }
+
+    /// Notes that a client's write of a type is held against what the readers of a variable expect; `false`: it was before.
+    /// Two clients that write two versions in turn are so looked at once each.
+    pub fn note_compared(&mut self, key: u32, client: ClientId, type_: u32) -> bool {
+        if self.compared.len() >= COMPARED {
+            self.compared.clear();
+        }
+        self.compared.insert((key, client, type_))
+    }
+
+    /// Somebody begins to read a variable: what is written there is looked at again.
+    pub fn forget_compared(&mut self, key: u32) {
+        let of_key = self.compared.range((key, 0, 0)..=(key, ClientId::MAX, u32::MAX));
+        for one in of_key.copied().collect::<Vec<_>>() {
+            self.compared.remove(&one);
+        }
     }
 
     /// When the next of these is due (s).

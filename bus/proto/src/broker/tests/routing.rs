@@ -68,9 +68,9 @@ fn a_write_of_the_wrong_type_is_answered_to_the_writer() {
 fn a_name_is_unique_and_free_when_its_holder_is_gone() {
     let b = &mut broker();
     let a = Speaker::new(b, 0.0, "a");
-    assert_eq!(b.connect(0.0, &Introduction::new("a")), Err(Refusal::NameTaken("a".into())));
+    assert_eq!(b.connect(0.0, &Introduction::new("a")), Err(AdmissionError::NameTaken("a".into())));
     for bad in ["", "a,b", "a*", "a\n"] {
-        assert_eq!(b.connect(0.0, &Introduction::new(bad)), Err(Refusal::BadName(bad.into())));
+        assert_eq!(b.connect(0.0, &Introduction::new(bad)), Err(AdmissionError::BadName(bad.into())));
     }
     b.disconnect(0.0, a.id, 0, true);
     assert!(b.connect(0.0, &Introduction::new("a")).is_ok());

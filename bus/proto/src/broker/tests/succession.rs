@@ -67,10 +67,10 @@ fn who_comes_for_a_dead_ones_place_waits_until_the_living_have_said_again_what_t
 fn a_name_has_one_holder_and_one_successor_and_only_a_successor_may_come_for_it() {
     let b = &mut broker();
     let holder = join_ready(b, 0.0, &leased("c", 5.0));
-    assert_eq!(b.connect(0.0, &leased("c", 0.0)), Err(Refusal::NameTaken("c".into())));
+    assert_eq!(b.connect(0.0, &leased("c", 0.0)), Err(AdmissionError::NameTaken("c".into())));
     let successor = Introduction { succeeds: true, ..Introduction::new("c") };
     let next = b.connect(0.0, &successor).unwrap();
-    assert_eq!(b.connect(0.0, &successor), Err(Refusal::SuccessorTaken("c".into())));
+    assert_eq!(b.connect(0.0, &successor), Err(AdmissionError::SuccessorTaken("c".into())));
     assert!(retiring(b).is_empty() && !b.holds_back(0.0, next));
     ready(b, 0.0, next);
     assert_eq!(retiring(b), [holder.id]);
@@ -93,7 +93,7 @@ fn a_recovered_broker_waits_for_those_who_live_and_gives_the_places_of_the_dead_
     let b = &mut Broker::recover(BrokerConfig::new("test"), 100.0, sessions, 10.0);
     let mut a = Speaker::new(b, 100.0, "a");
     a.text(b, 100.0, "X", "before they are back");
-    assert_eq!(b.connect(100.0, &Introduction::new("lives")), Err(Refusal::NameTaken("lives".into())));
+    assert_eq!(b.connect(100.0, &Introduction::new("lives")), Err(AdmissionError::NameTaken("lives".into())));
     let back = Introduction { returns: true, ..Introduction::new("lives") };
     for who in [back, Introduction::new("dead")] {
         let mut one = join_ready(b, 101.0, &who);
