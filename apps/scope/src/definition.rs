@@ -16,7 +16,8 @@ fn put_inner(kind: &Kind, depth: usize, lines: &mut Vec<String>) {
         Kind::Option(inner) | Kind::List(inner) | Kind::Packed(inner) | Kind::Array { of: inner, .. } => {
             put_inner(inner, depth, lines);
         }
-        Kind::Tuple(all) => all.iter().for_each(|kind| put_inner(kind, depth, lines)),
+        Kind::Tuple(all) => put_all(all, depth, lines),
+        Kind::Unnamed(one) => put_unnamed("", one, depth, lines),
         Kind::Struct(one) => one.fields.iter().for_each(|field| put_field(field, depth, lines)),
         Kind::Enum(one) => {
             for variant in &one.variants {
@@ -30,7 +31,7 @@ fn put_inner(kind: &Kind, depth: usize, lines: &mut Vec<String>) {
                 match &variant.content {
                     Content::Unit => {}
                     Content::One(kind) => put_inner(kind, depth + 1, lines),
-                    Content::Tuple(kinds) => kinds.iter().for_each(|kind| put_inner(kind, depth + 1, lines)),
+                    Content::Tuple(kinds) => put_all(kinds, depth + 1, lines),
                     Content::Fields(fields) => fields.iter().for_each(|field| put_field(field, depth + 1, lines)),
                 }
             }
@@ -39,14 +40,62 @@ fn put_inner(kind: &Kind, depth: usize, lines: &mut Vec<String>) {
     }
 }
 
-fn put_field(field: &Field, depth: usize, lines: &mut Vec<String>) {
+/// Values without names: by their place, where something is said of them.
+fn put_all(all: &[Kind], depth: usize, lines: &mut Vec<String>) {
+    for (i, kind) in all.iter().enumerate() {
+        match kind {
+            Kind::Unnamed(one) => put_unnamed(&format!("[{i}]: "), one, depth, lines),
+            kind => put_inner(kind, depth, lines),
+        }
+    }
+}
+
+fn put_unnamed(place: &str, one: &Field, depth: usize, lines: &mut Vec<String>) {
+    put(depth, &format!("{place}{}", said(one)), &one.docs, lines);
+    put_inner(&one.kind, depth + 1, lines);
+}
+
+/// A field's kind, and what is said of it.
+fn said(field: &Field) -> String {
     let unit = if field.unit.is_empty() { String::new() } else { format!(", {}", field.unit) };
     let default = field.default.as_ref().map(|default| format!(", {default} if left out")).unwrap_or_default();
-    put(depth, &format!("{}: {}{unit}{default}", field.name, field.kind), &field.docs, lines);
+    format!("{}{unit}{default}", field.kind)
+}
+
+fn put_field(field: &Field, depth: usize, lines: &mut Vec<String>) {
+    put(depth, &format!("{}: {}", field.name, said(field)), &field.docs, lines);
     put_inner(&field.kind, depth + 1, lines);
 }
 
 fn put(depth: usize, what: &str, docs: &str, lines: &mut Vec<String>) {
     let line = format!("{:1$}{what:<28} {docs}", "", 2 * depth);
     lines.push(printable(line.trim_end()).into_owned());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elk_bus::describe::Describe;
+
+    #[derive(Describe)]
+    #[describe(crate = elk_bus::describe)]
+    #[allow(dead_code)]
+    enum Event {
+        /// Straight on.
+        Moved(
+            /// How far.
+            #[describe(unit = "m")]
+            f64,
+        ),
+        Turned(#[describe(unit = "rad")] f64, bool),
+    }
+
+    #[test]
+    fn what_is_said_of_values_without_names_is_shown() {
+        let lines: Vec<String> = lines(&Description::of(&Event::SHAPE))
+            .iter()
+            .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
+            .collect();
+        assert_eq!(lines, ["Moved(f64 m) Straight on.", "f64, m How far.", "Turned(f64 rad, bool)", "[0]: f64, rad"]);
+    }
 }

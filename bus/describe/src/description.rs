@@ -28,6 +28,7 @@ pub enum Kind {
     Symbols { bits: u8, letters: String, least: u64 },
     Array { of: Box<Kind>, count: u64 },
     Tuple(Vec<Kind>),
+    Unnamed(Box<Field>),
     Struct(Struct),
     Enum(Enum),
 }
@@ -56,10 +57,11 @@ pub struct Enum {
     pub variants: Vec<Variant>,
 }
 
-/// A field of a struct.
+/// A field of a struct, or of a tuple or a variant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Field {
-    /// Its name.
+    /// Its name; empty if it has none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub name: String,
     /// What it means.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -138,7 +140,7 @@ impl Description {
 
     /// The name of the struct or enum that is described; empty if it is neither.
     pub fn name(&self) -> &str {
-        match &self.0 {
+        match self.0.plain() {
             Kind::Struct(one) => &one.name,
             Kind::Enum(one) => &one.name,
             _ => "",
@@ -147,7 +149,7 @@ impl Description {
 
     /// As what viewers draw the values; empty: as nothing.
     pub fn drawn(&self) -> &str {
-        if let Kind::Struct(one) = &self.0 { &one.drawn } else { "" }
+        if let Kind::Struct(one) = self.0.plain() { &one.drawn } else { "" }
     }
 
     /// The hash of everything that decides what the bytes mean: [`Shape::layout`](crate::Shape::layout) of the shape that it is of.
@@ -160,17 +162,18 @@ impl Description {
         self.0.kept_bytes()
     }
 
-    /// Whether its values are made to be many bytes, and not to be read: packed values, symbols, lists of plain numbers.
+    /// Whether its values are made to be many bytes, and not to be read: packed values and symbols.
     pub fn is_bulky(&self) -> bool {
-        self.0.any(&|kind| match kind {
-            Kind::Packed(_) | Kind::Symbols { .. } => true,
-            Kind::List(inner) => inner.is_number(),
-            _ => false,
-        })
+        self.0.any(&|kind| matches!(kind, Kind::Packed(_) | Kind::Symbols { .. }))
     }
 }
 
 impl Kind {
+    /// What the bytes are, without what is said of them where they have no name.
+    pub fn plain(&self) -> &Self {
+        if let Self::Unnamed(one) = self { one.kind.plain() } else { self }
+    }
+
     /// The hash of everything that decides what the bytes mean.
     pub(crate) fn layout(&self) -> u64 {
         self.hash(Fnv::new()).0
@@ -194,6 +197,8 @@ impl Kind {
             }
             Self::Array { of, count } => of.hash(fnv.text("array").count(*count as usize)),
             Self::Tuple(inner) => hash_all(inner, fnv.text("tuple")),
+            Self::Unnamed(one) if one.unit.is_empty() => one.kind.hash(fnv),
+            Self::Unnamed(one) => one.kind.hash(fnv.text("unnamed").text(&one.unit)),
             Self::Struct(one) => hash_fields(&one.fields, fnv.text("struct").text(&one.name)),
             Self::Enum(one) => {
                 let fnv = fnv.text("enum").text(&one.name).count(one.variants.len());
@@ -217,6 +222,7 @@ impl Kind {
                 Box::new(std::iter::once(&**inner))
             }
             Self::Tuple(all) => Box::new(all.iter()),
+            Self::Unnamed(one) => Box::new(std::iter::once(&one.kind)),
             Self::Struct(one) => Box::new(one.fields.iter().map(|field| &field.kind)),
             Self::Enum(one) => Box::new(one.variants.iter().flat_map(|variant| variant.content.inner())),
             _ => Box::new(std::iter::empty()),
@@ -231,19 +237,12 @@ impl Kind {
             size_of::<Variant>() + one.name.len() + one.docs.len() + fields.iter().map(field).sum::<usize>()
         };
         let words = match self {
+            Self::Unnamed(one) => field(one),
             Self::Struct(one) => one.name.len() + one.docs.len() + one.fields.iter().map(field).sum::<usize>(),
             Self::Enum(one) => one.name.len() + one.variants.iter().map(variant).sum::<usize>(),
             _ => 0,
         };
         size_of::<Self>() + words + self.inner().map(Self::kept_bytes).sum::<usize>()
-    }
-
-    fn is_number(&self) -> bool {
-        match self {
-            Self::Unsigned(_) | Self::Signed(_) | Self::Float(_) => true,
-            Self::Array { of, .. } => of.is_number(),
-            _ => false,
-        }
     }
 
     /// Whether this kind, or one in it, is such a one.
@@ -262,7 +261,7 @@ impl Kind {
             Self::Rotation => 32,
             Self::Text | Self::List(_) | Self::Packed(_) | Self::Symbols { .. } => 8,
             Self::Array { of, count } => of.least_bytes().saturating_mul(*count),
-            Self::Tuple(_) | Self::Struct(_) => sum(self.inner()),
+            Self::Tuple(_) | Self::Unnamed(_) | Self::Struct(_) => sum(self.inner()),
             Self::Enum(one) => 4 + one.variants.iter().map(|variant| sum(variant.content.inner())).min().unwrap_or(0),
         }
     }
@@ -275,7 +274,9 @@ impl Kind {
             Self::Unsigned(bytes) | Self::Signed(bytes) | Self::Float(bytes) => Some(u64::from(*bytes)),
             Self::Rotation => Some(32),
             Self::Array { of, count } => of.width()?.checked_mul(*count),
-            Self::Tuple(_) | Self::Struct(_) => self.inner().try_fold(0u64, |sum, kind| sum.checked_add(kind.width()?)),
+            Self::Tuple(_) | Self::Unnamed(_) | Self::Struct(_) => {
+                self.inner().try_fold(0u64, |sum, kind| sum.checked_add(kind.width()?))
+            }
             _ => None,
         }
     }

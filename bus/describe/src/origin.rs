@@ -73,6 +73,7 @@ impl Kind {
             }
             Shape::Array(inner, count) => Self::Array { of: boxed(inner), count: *count as u64 },
             Shape::Tuple(inner) => Self::Tuple(all(inner)),
+            Shape::Unnamed(one) => Self::Unnamed(Box::new(field_of(one))),
             Shape::Struct(one) => Self::Struct(Struct {
                 name: one.name.to_owned(),
                 docs: one.docs.to_owned(),
@@ -122,6 +123,7 @@ impl Kind {
         }
         match self {
             Self::Struct(one) => check_defaults(&one.fields)?,
+            Self::Unnamed(one) => check_defaults(std::slice::from_ref(one))?,
             Self::Enum(one) => one.variants.iter().try_for_each(|variant| match &variant.content {
                 Content::Fields(fields) => check_defaults(fields),
                 _ => Ok(()),
@@ -144,15 +146,16 @@ fn check_defaults(fields: &[Field]) -> Result<(), String> {
 }
 
 fn fields_of(fields: &[FieldShape]) -> Vec<Field> {
-    let owned = |field: &FieldShape| {
-        let kind = Kind::of(&field.shape);
-        Field {
-            name: field.name.to_owned(),
-            docs: field.docs.to_owned(),
-            unit: field.unit.to_owned(),
-            default: field.default.map(|default| default.to_json().unwrap_or_else(|| example(&kind))),
-            kind,
-        }
-    };
-    fields.iter().map(owned).collect()
+    fields.iter().map(field_of).collect()
+}
+
+fn field_of(field: &FieldShape) -> Field {
+    let kind = Kind::of(&field.shape);
+    Field {
+        name: field.name.to_owned(),
+        docs: field.docs.to_owned(),
+        unit: field.unit.to_owned(),
+        default: field.default.map(|default| default.to_json().unwrap_or_else(|| example(&kind))),
+        kind,
+    }
 }

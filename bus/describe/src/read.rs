@@ -138,6 +138,7 @@ impl<'a> Reader<'a> {
             }
             Kind::Array { of, count } => self.list(of, *count)?,
             Kind::Tuple(inner) => self.tuple(inner)?,
+            Kind::Unnamed(one) => self.value(&one.kind)?,
             Kind::Struct(one) => self.fields(&one.fields)?,
             Kind::Enum(one) => {
                 let number = self.at.unsigned(4)? as usize;

@@ -31,6 +31,8 @@ pub enum Shape {
     Array(&'static Shape, usize),
     /// Values of several types.
     Tuple(&'static [Shape]),
+    /// A value that something is said of where it has no name: in a newtype, a tuple, or a variant.
+    Unnamed(&'static FieldShape),
     /// Fields.
     Struct(&'static StructShape),
     /// One of several variants, behind its number.
@@ -50,10 +52,10 @@ pub struct StructShape {
     pub fields: &'static [FieldShape],
 }
 
-/// A field of a struct.
+/// A field of a struct, or of a tuple or a variant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldShape {
-    /// Its name.
+    /// Its name; empty if it has none.
     pub name: &'static str,
     /// What it means.
     pub docs: &'static str,
@@ -128,6 +130,8 @@ impl Shape {
             Self::Symbols(bits, letters, least) => fnv.text("symbols").byte(*bits).text(letters).count(*least),
             Self::Array(inner, count) => inner.hash(fnv.text("array").count(*count)),
             Self::Tuple(inner) => hash_all(inner, fnv.text("tuple")),
+            Self::Unnamed(one) if one.unit.is_empty() => one.shape.hash(fnv),
+            Self::Unnamed(one) => one.shape.hash(fnv.text("unnamed").text(one.unit)),
             Self::Struct(one) => hash_fields(one.fields, fnv.text("struct").text(one.name)),
             Self::Enum(name, variants) => {
                 let (mut fnv, mut i) = (fnv.text("enum").text(name).count(variants.len()), 0);

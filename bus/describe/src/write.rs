@@ -106,6 +106,7 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
             write_all(kinds.iter(), all, field, bytes)
         }
         (Kind::Tuple(kinds), _) => wrong(&format!("a list of {}", kinds.len())),
+        (Kind::Unnamed(one), _) => write(&one.kind, json, field, bytes),
         (Kind::Struct(one), Value::Object(object)) => write_fields(&one.fields, object, field, bytes),
         (Kind::Struct(one), _) => wrong(&format!("an object with {}", names(&one.fields))),
         (Kind::Enum(one), _) => {
@@ -213,6 +214,7 @@ pub fn example(kind: &Kind) -> Value {
         Kind::List(_) | Kind::Packed(_) => Value::Array(Vec::new()),
         Kind::Array { of, count } => (0..*count).map(|_| example(of)).collect(),
         Kind::Tuple(kinds) => kinds.iter().map(example).collect(),
+        Kind::Unnamed(one) => example(&one.kind),
         Kind::Struct(one) => fields(&one.fields),
         Kind::Enum(one) => {
             let Some(first) = one.variants.first() else { return Value::Null };

@@ -71,7 +71,7 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
             let shape = match (&data.fields, all.as_slice()) {
                 (Fields::Unit, _) => quote! { describing::Shape::Unit },
                 // As serde has it, a struct of one value without a name is that value.
-                (Fields::Unnamed(_), [one]) => one.shape(),
+                (Fields::Unnamed(_), [one]) => one.unnamed(),
                 (Fields::Unnamed(_), all) => tuple(all),
                 (Fields::Named(_), all) => {
                     let fields = fields(all);
@@ -97,11 +97,11 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                 let content = match (&variant.fields, all.as_slice()) {
                     (Fields::Unit, _) => quote! { Unit },
                     (Fields::Unnamed(_), [one]) => {
-                        let shape = one.shape();
+                        let shape = one.unnamed();
                         quote! { One(#shape) }
                     }
                     (Fields::Unnamed(_), all) => {
-                        let shapes = all.iter().map(Members::shape);
+                        let shapes = all.iter().map(Members::unnamed);
                         quote! { Tuple(&[#(#shapes),*]) }
                     }
                     (Fields::Named(_), all) => {
@@ -194,6 +194,31 @@ impl<'a> Members<'a> {
         }
     }
 
+    /// The shape of a field without a name, with what is said of it.
+    fn unnamed(&self) -> TokenStream {
+        match self.docs.is_empty() && self.said.unit.is_none() {
+            true => self.shape(),
+            false => {
+                let field = self.described("");
+                quote! { describing::Shape::Unnamed(&#field) }
+            }
+        }
+    }
+
+    fn described(&self, name: &str) -> TokenStream {
+        let (docs, unit, shape) = (&self.docs, self.said.unit.as_deref().unwrap_or(""), self.shape());
+        let default = match &self.said.default {
+            Some(default) => {
+                let in_range = self.default_in_range();
+                quote! {{ #in_range describing::derived::default_of(&#shape, #default) }}
+            }
+            None => quote! { ::core::option::Option::None },
+        };
+        quote! {
+            describing::FieldShape { name: #name, docs: #docs, unit: #unit, default: #default, shape: #shape }
+        }
+    }
+
     /// A default out of its field's range does not compile, where the range is written out and the field a number.
     fn default_in_range(&self) -> Option<TokenStream> {
         let (Some(number), Some(Expr::Range(range))) = (&self.said.default_number, &self.said.range) else {
@@ -243,24 +268,12 @@ impl<'a> Members<'a> {
 }
 
 fn fields(all: &[Members<'_>]) -> TokenStream {
-    let each = all.iter().map(|one| {
-        let (name, docs, unit, shape) = (&one.name, &one.docs, one.said.unit.as_deref().unwrap_or(""), one.shape());
-        let default = match &one.said.default {
-            Some(default) => {
-                let in_range = one.default_in_range();
-                quote! {{ #in_range describing::derived::default_of(&#shape, #default) }}
-            }
-            None => quote! { ::core::option::Option::None },
-        };
-        quote! {
-            describing::FieldShape { name: #name, docs: #docs, unit: #unit, default: #default, shape: #shape }
-        }
-    });
+    let each = all.iter().map(|one| one.described(&one.name));
     quote! { &[#(#each),*] }
 }
 
 fn tuple(all: &[Members<'_>]) -> TokenStream {
-    let shapes = all.iter().map(Members::shape);
+    let shapes = all.iter().map(Members::unnamed);
     quote! { describing::Shape::Tuple(&[#(#shapes),*]) }
 }
 
