@@ -30,15 +30,64 @@ use crate::{Invalid, Shape};
 /// }
 /// ```
 ///
+/// What no description can say does not compile either: a list of what takes no byte, types more than
+/// [32](crate::Description::DEEPEST) deep in each other, names and docs of more than
+/// [64 KiB](crate::Description::LONGEST), a word that is said twice.
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// struct Marker;
+/// #[derive(elk_describe::Describe)]
+/// struct Status {
+///     seen: Vec<Marker>,
+/// }
+/// ```
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// struct Status {
+///     #[describe(unit = "m", unit = "mm")]
+///     far: f64,
+/// }
+/// ```
+///
 /// On a struct, `check` says a rule for all of it, asked after those of its fields; and `drawn` as what viewers of a log
 /// draw it:
 ///
 /// | `drawn =` | is drawn |
 /// |---|---|
-/// | `"points"` | its last list of packed points (three f32), at its first pose |
-/// | `"pose"` | its first pose |
-/// | `"poses"` | its poses and points, in the order of their bytes |
-/// | `"voxels"` | the occupied voxels of a map |
+/// | `"points"` | its last list of packed points (three f32; `elk_spatial::Points`), at its first pose |
+/// | `"pose"` | its first pose (`Isometry3<f64>`) |
+/// | `"poses"` | its poses and points, in the order of their bytes: each `[f64; 3]` is a point, an extent has fields of its own |
+/// | `"voxels"` | the occupied voxels of its bricks (`elk_geometry`'s `BrickStates`), as large as its first f64 says (m) |
+///
+/// A mark for which there is nothing to draw does not compile.
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// #[describe(drawn = "points")]
+/// struct Sweep {
+///     points: Vec<[f32; 3]>,
+/// }
+/// ```
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// #[describe(drawn = "pose")]
+/// struct Place {
+///     x: f64,
+///     y: f64,
+/// }
+/// ```
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// #[describe(drawn = "voxels")]
+/// struct Room {
+///     resolution: f64,
+///     voxels: Vec<[i32; 3]>,
+/// }
+/// ```
 #[diagnostic::on_unimplemented(note = "derive it: #[derive(elk_describe::Describe)]")]
 pub trait Describe {
     /// What its values are.

@@ -36,12 +36,14 @@ mod default;
 mod describe;
 mod description;
 mod difference;
+mod drawable;
 #[cfg(feature = "nalgebra")]
 mod geometry;
 mod json;
 mod origin;
 mod read;
 mod shape;
+mod sound;
 mod visit;
 mod write;
 
@@ -63,6 +65,7 @@ pub mod derived {
     //! What the derive's code calls.
     pub use crate::check::{count, each, field, longest, range};
     pub use crate::default::default_of;
+    pub use crate::sound::sound;
 }
 
 extern crate self as elk_describe;

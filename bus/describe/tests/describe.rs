@@ -321,3 +321,36 @@ fn a_walk_sees_every_value_with_its_bytes_and_goes_in_where_it_is_let() {
     assert_eq!(texts, [b"name".to_vec()]);
     assert!(description.visit(&bytes[..bytes.len() - 1], &mut |_, _| true).is_err());
 }
+
+macro_rules! nested {
+    ($name:ident: $($inner:ident),*) => {
+        nested!(@ $name, u8, $($inner)*);
+    };
+    (@ $name:ident, $type:ty, $first:ident $($rest:ident)*) => {
+        #[derive(Describe)]
+        #[allow(dead_code)]
+        struct $first {
+            inner: $type,
+        }
+        nested!(@ $name, $first, $($rest)*);
+    };
+    (@ $name:ident, $type:ty,) => {
+        type $name = $type;
+    };
+}
+
+#[test]
+fn what_compiles_at_its_limits_travels() {
+    // 31 structs in each other: four levels of JSON each.
+    nested!(Deep: A, B, C, D, E, F, G, H, I, J, K, L, M, N, O, P, Q, R, S, T, U, V, W, X, Y, Z, A1, B1, C1, D1, E1);
+    Description::from_text(&Description::of(&Deep::SHAPE).to_text()).unwrap();
+    #[derive(Describe)]
+    #[doc = include_str!("../src/describe.rs")]
+    #[allow(dead_code)]
+    struct Long(
+        #[doc = include_str!("../src/description.rs")]
+        #[describe(unit = "\"\\\"")]
+        f64,
+    );
+    Description::from_text(&Description::of(&Long::SHAPE).to_text()).unwrap();
+}

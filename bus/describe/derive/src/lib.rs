@@ -135,13 +135,19 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
         generics.make_where_clause().predicates.push(syn::parse_quote! { #ident: describing::Describe });
     }
     let (implementation, types, bounds) = generics.split_for_impl();
+    // What cannot be described does not compile where it is defined, and not only where it is used.
+    let has_types = generics.type_params().next().is_some() || generics.const_params().next().is_some();
+    let lifetimes = generics.lifetimes().map(|_| quote! { '_ });
+    let at_once = (!has_types).then(|| {
+        quote! { const _: describing::Shape = <#ident<#(#lifetimes),*> as describing::Describe>::SHAPE; }
+    });
     Ok(quote! {
         const _: () = {
             use #krate as describing;
 
             #[automatically_derived]
             impl #implementation describing::Describe for #ident #types #bounds {
-                const SHAPE: describing::Shape = #shape;
+                const SHAPE: describing::Shape = describing::derived::sound(#shape);
 
                 #[allow(clippy::manual_range_contains, clippy::redundant_closure_call)]
                 fn check(&self) -> ::core::result::Result<(), describing::Invalid> {
@@ -150,6 +156,8 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                     ::core::result::Result::Ok(())
                 }
             }
+
+            #at_once
         };
     })
 }
@@ -296,10 +304,14 @@ struct Said {
 
 impl Said {
     fn of(attributes: &[Attribute]) -> Result<Self> {
-        let mut said = Self::default();
+        let (mut said, mut names) = (Self::default(), Vec::new());
         for attribute in attributes.iter().filter(|one| one.path().is_ident("describe")) {
             attribute.parse_nested_meta(|meta| {
                 let name = meta.path.get_ident().map(ToString::to_string).unwrap_or_default();
+                if names.contains(&name) {
+                    return Err(meta.error(format!("`{name}` is said twice")));
+                }
+                names.push(name.clone());
                 match name.as_str() {
                     "unit" => said.unit = Some(meta.value()?.parse::<syn::LitStr>()?.value()),
                     "range" => said.range = Some(meta.value()?.parse()?),
