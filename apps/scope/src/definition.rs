@@ -59,7 +59,8 @@ fn put_unnamed(place: &str, one: &Field, depth: usize, lines: &mut Vec<String>) 
 fn said(field: &Field) -> String {
     let unit = if field.unit.is_empty() { String::new() } else { format!(", {}", field.unit) };
     let default = field.default.as_ref().map(|default| format!(", {default} if left out")).unwrap_or_default();
-    format!("{}{unit}{default}", field.kind)
+    let range = if field.range.is_all() { String::new() } else { format!(", {}", field.range) };
+    format!("{}{unit}{range}{default}", field.kind)
 }
 
 fn put_field(field: &Field, depth: usize, lines: &mut Vec<String>) {
@@ -84,7 +85,7 @@ mod tests {
         /// Straight on.
         Moved(
             /// How far.
-            #[describe(unit = "m")]
+            #[describe(unit = "m", range = 0.0..=9.5)]
             f64,
         ),
         Turned(#[describe(unit = "rad")] f64, bool),
@@ -96,6 +97,9 @@ mod tests {
             .iter()
             .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
             .collect();
-        assert_eq!(lines, ["Moved(f64 m) Straight on.", "f64, m How far.", "Turned(f64 rad, bool)", "[0]: f64, rad"]);
+        assert_eq!(
+            lines,
+            ["Moved(f64 m) Straight on.", "f64, m, 0 to 9.5 How far.", "Turned(f64 rad, bool)", "[0]: f64, rad"]
+        );
     }
 }

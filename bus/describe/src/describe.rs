@@ -8,7 +8,7 @@ use crate::{Invalid, Shape};
 /// | `#[describe(…)]` on a field | says |
 /// |---|---|
 /// | `unit = "m"` | its unit |
-/// | `range = 0.0..=1.0` | what it may be |
+/// | `range = 0.0..=1.0` | what a number may be: written out, of constants, or a constant that is a `RangeInclusive` |
 /// | `longest = 64` | how many entries a list may have, how many bytes a text |
 /// | `count` | that it counts, or is the number of something that is counted: below 2^48 |
 /// | `check = function` | its own rule, `fn(&T) -> Result<(), Invalid>` |
@@ -20,7 +20,7 @@ use crate::{Invalid, Shape};
 /// did not have it, and whoever does not have it passes over it ([`Description::conversion_to`](crate::Description::conversion_to)).
 /// `default` alone is zero, an empty list or text, no option, the first variant; else it is a literal, a variant's name as a
 /// text, or a list of them. What is packed or made of symbols has no default. A default that the field could not have does not
-/// compile: one of another type, or of a number out of a range that is written out.
+/// compile: one of another type, or a number out of the field's range; nor does a range that is empty.
 ///
 /// ```compile_fail
 /// #[derive(elk_describe::Describe)]
@@ -29,6 +29,18 @@ use crate::{Invalid, Shape};
 ///     grip: f64,
 /// }
 /// ```
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// struct Gear {
+///     #[describe(range = 5..=1)]
+///     teeth: u8,
+/// }
+/// ```
+///
+/// Ranges travel with the type (`elk info` shows them, `elk poke` keeps them) and are no part of its layout; what `longest`,
+/// `check` and [`Describe::check`] ask only those know who have the type. Every reader asks it of every value
+/// that it decodes; a writer does not ask it of his own.
 ///
 /// What no description can say does not compile either: a list of what takes no byte, types more than
 /// [32](crate::Description::DEEPEST) deep in each other, names and docs of more than

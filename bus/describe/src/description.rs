@@ -3,6 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
+use crate::range::Range;
 use crate::shape::Fnv;
 
 /// What a type's bytes are, as it travels and is kept in logs: as JSON, in which it reads like the type's definition.
@@ -72,6 +73,9 @@ pub struct Field {
     /// What it is for whoever's version of the type does not have it; `None`: it has to be there.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "said")]
     pub default: Option<Value>,
+    /// What its number may be.
+    #[serde(default, skip_serializing_if = "Range::is_all")]
+    pub range: Range,
     /// What it is.
     pub kind: Kind,
 }

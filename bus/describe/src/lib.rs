@@ -41,6 +41,7 @@ mod drawable;
 mod geometry;
 mod json;
 mod origin;
+mod range;
 mod read;
 mod shape;
 mod sound;
@@ -56,8 +57,9 @@ pub use elk_describe_derive::Describe;
 #[doc(hidden)]
 pub use elk_describe_derive::payload;
 pub use origin::Refused;
+pub use range::Range;
 pub use read::ReadError;
-pub use shape::{DefaultValue, FieldShape, Shape, StructShape, VariantContent, VariantShape};
+pub use shape::{DefaultValue, FieldShape, Limit, RangeShape, Shape, StructShape, VariantContent, VariantShape};
 pub use write::WriteError;
 
 #[doc(hidden)]
@@ -65,6 +67,7 @@ pub mod derived {
     //! What the derive's code calls.
     pub use crate::check::{count, each, field, longest, range};
     pub use crate::default::default_of;
+    pub use crate::range::range_with;
     pub use crate::sound::sound;
 }
 

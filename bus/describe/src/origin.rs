@@ -1,6 +1,7 @@
 //! Where descriptions come from: from a type's shape, or as a text from outside.
 
 use crate::description::{Content, Enum, Field, Struct, Variant};
+use crate::range::Range;
 use crate::shape::{FieldShape, VariantContent};
 use crate::write::{bytes_of, example};
 use crate::{Description, Kind, Shape};
@@ -156,6 +157,7 @@ fn field_of(field: &FieldShape) -> Field {
         docs: field.docs.to_owned(),
         unit: field.unit.to_owned(),
         default: field.default.map(|default| default.to_json().unwrap_or_else(|| example(&kind))),
+        range: Range::of(&field.range, &field.shape),
         kind,
     }
 }

@@ -63,8 +63,35 @@ pub struct FieldShape {
     pub unit: &'static str,
     /// What it is for whoever's version of the type does not have it, if it need not be there.
     pub default: Option<DefaultValue>,
+    /// What its number may be.
+    pub range: RangeShape,
     /// What it is.
     pub shape: Shape,
+}
+
+/// What a number may be, as a constant: what `#[describe(range = …)]` says. It is no part of the layout.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RangeShape {
+    /// The least that it may be.
+    pub least: Option<Limit>,
+    /// The most that it may be.
+    pub most: Option<Limit>,
+    /// What it has to be less than.
+    pub below: Option<Limit>,
+}
+
+impl RangeShape {
+    /// Whatever there is.
+    pub const ALL: Self = Self { least: None, most: None, below: None };
+}
+
+/// An end of a range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Limit {
+    /// Of an integer.
+    Integer(i128),
+    /// Of a floating-point number; finite.
+    Float(f64),
 }
 
 /// A field's default, as a constant: what `#[describe(default = …)]` says.
@@ -109,8 +136,8 @@ pub enum VariantContent {
 }
 
 impl Shape {
-    /// A hash of everything that decides what the bytes mean: names, units and shapes, however deep; not the docs, nor
-    /// defaults. Two definitions that differ do not read each other's bytes as they are.
+    /// A hash of everything that decides what the bytes mean: names, units and shapes, however deep; not the docs,
+    /// defaults, nor ranges. Two definitions that differ do not read each other's bytes as they are.
     pub const fn layout(&self) -> u64 {
         self.hash(Fnv::new()).0
     }

@@ -236,7 +236,7 @@ const fn field(field: &FieldShape) -> usize {
         Some(value) => default(value),
         None => 0,
     };
-    64 + text(field.name) + text(field.docs) + text(field.unit) + default + length(&field.shape)
+    160 + text(field.name) + text(field.docs) + text(field.unit) + default + length(&field.shape)
 }
 
 const fn default(value: &DefaultValue) -> usize {

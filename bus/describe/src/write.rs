@@ -24,9 +24,10 @@ pub struct WriteError {
 
 impl Description {
     /// The bytes of a value that is said as JSON, as [`Description::to_json`] says it. A field with a default may be left out.
+    /// What else a type asks of its values (`longest`, `check`) no description says: only who has the type knows.
     ///
     /// # Errors
-    /// The JSON is no value of the type: a field that is missing, unknown, or of another kind.
+    /// The JSON is no value of the type: a field that is missing, unknown, of another kind, or out of its range.
     pub fn to_bytes(&self, json: &Value) -> Result<Vec<u8>, WriteError> {
         let mut bytes = Vec::new();
         match write(self.kind(), json, "", &mut bytes) {
@@ -61,8 +62,9 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
                 None => wrong(&format!("a number from {} to {most}", -most - 1)),
             }
         }
-        (Kind::Float(4), _) => match json.as_f64() {
-            Some(number) => put(bytes, &(number as f32).to_le_bytes()),
+        (Kind::Float(4), _) => match json.as_f64().map(|number| number as f32) {
+            Some(number) if number.is_finite() => put(bytes, &number.to_le_bytes()),
+            Some(_) => wrong(&format!("a number from {:e} to {:e}", f32::MIN, f32::MAX)),
             None => wrong("a number"),
         },
         (Kind::Float(_), _) => match json.as_f64() {
@@ -106,7 +108,7 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
             write_all(kinds.iter(), all, field, bytes)
         }
         (Kind::Tuple(kinds), _) => wrong(&format!("a list of {}", kinds.len())),
-        (Kind::Unnamed(one), _) => write(&one.kind, json, field, bytes),
+        (Kind::Unnamed(one), _) => write_field(one, json, field, bytes),
         (Kind::Struct(one), Value::Object(object)) => write_fields(&one.fields, object, field, bytes),
         (Kind::Struct(one), _) => wrong(&format!("an object with {}", names(&one.fields))),
         (Kind::Enum(one), _) => {
@@ -158,9 +160,18 @@ fn write_fields(fields: &[Field], object: &Map<String, Value>, field: &str, byte
         return Err(format!("{} has no field {unknown}; it has {}", named(field), names(fields)));
     }
     fields.iter().try_for_each(|one| match object.get(&one.name).or(one.default.as_ref()) {
-        Some(json) => write(&one.kind, json, &joined(field, &one.name), bytes),
+        Some(json) => write_field(one, json, &joined(field, &one.name), bytes),
         None => Err(format!("{} is missing", joined(field, &one.name))),
     })
+}
+
+/// The value of a field, in the field's range.
+fn write_field(one: &Field, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written {
+    if !one.range.holds(&one.kind, json) {
+        let wanted = format!("{} {}", one.range, one.unit);
+        return Err(format!("{} is {}; it has to be {}", named(field), shown(json), wanted.trim_end()));
+    }
+    write(&one.kind, json, field, bytes)
 }
 
 fn symbols(bits: u8, (letters, least): (&str, usize), text: &str, field: &str, bytes: &mut Vec<u8>) -> Written {

@@ -354,3 +354,52 @@ fn what_compiles_at_its_limits_travels() {
     );
     Description::from_text(&Description::of(&Long::SHAPE).to_text()).unwrap();
 }
+
+#[derive(Serialize, Describe)]
+struct Limits {
+    #[describe(unit = "m", range = 0.1..=5.0, default = 0.1)]
+    near: f32,
+    #[describe(range = ..10)]
+    tries: i16,
+    #[describe(range = PORTS)]
+    port: u16,
+    #[describe(count)]
+    revision: Option<u64>,
+    #[describe(range = -1.0..)]
+    least: f64,
+    speed: Speed,
+}
+
+const PORTS: std::ops::RangeInclusive<u16> = 1024..=u16::MAX;
+
+#[derive(Serialize, Describe)]
+struct Speed(#[describe(unit = "m/s", range = 0.0..3.0)] f64);
+
+#[test]
+fn ranges_travel_and_what_is_written_keeps_to_them() {
+    let description = Description::from_text(&Description::of(&Limits::SHAPE).to_text()).unwrap();
+    assert_eq!(description, Description::of(&Limits::SHAPE));
+    let value = |field: &str, value: Value| {
+        let mut json = json!({"near": 0.1, "tries": -3, "port": 1024, "revision": null, "least": -1, "speed": 2.5});
+        json[field] = value;
+        description.to_bytes(&json).map_err(|error| error.reason)
+    };
+    let limits = Limits { near: 0.1, tries: -3, port: 1024, revision: None, least: -1.0, speed: Speed(2.5) };
+    assert_eq!(value("tries", json!(-3)), Ok(bytes_of(&limits)));
+    for (field, json, wanted) in [
+        ("near", json!(0.09), "near is 0.09; it has to be 0.1 to 5 m"),
+        ("near", json!(1e300), "near is 1e+300; it has to be 0.1 to 5 m"),
+        ("tries", json!(10), "tries is 10; it has to be less than 10"),
+        ("port", json!(80), "port is 80; it has to be 1024 to 65535"),
+        ("revision", json!(1u64 << 48), "revision is 281474976710656; it has to be less than 281474976710656"),
+        ("least", json!(-1.5), "least is -1.5; it has to be at least -1"),
+        ("speed", json!(3), "speed is 3; it has to be 0 to less than 3 m/s"),
+    ] {
+        assert_eq!(value(field, json), Err(wanted.to_owned()));
+    }
+    let single = Description::of(&f32::SHAPE).to_bytes(&json!(1e300)).unwrap_err().reason;
+    assert_eq!(single, "the value is 1e+300; it has to be a number from -3.4028235e38 to 3.4028235e38");
+    #[derive(Describe)]
+    struct Unlimited(#[describe(unit = "m/s")] f64);
+    assert_eq!(Unlimited::SHAPE.layout(), Speed::SHAPE.layout());
+}

@@ -204,7 +204,8 @@ impl<'a> Members<'a> {
 
     /// The shape of a field without a name, with what is said of it.
     fn unnamed(&self) -> TokenStream {
-        match self.docs.is_empty() && self.said.unit.is_none() {
+        let says = self.said.unit.is_some() || self.said.range.is_some() || self.said.count;
+        match self.docs.is_empty() && !says {
             true => self.shape(),
             false => {
                 let field = self.described("");
@@ -216,37 +217,47 @@ impl<'a> Members<'a> {
     fn described(&self, name: &str) -> TokenStream {
         let (docs, unit, shape) = (&self.docs, self.said.unit.as_deref().unwrap_or(""), self.shape());
         let default = match &self.said.default {
-            Some(default) => {
-                let in_range = self.default_in_range();
-                quote! {{ #in_range describing::derived::default_of(&#shape, #default) }}
-            }
+            Some(default) => quote! { describing::derived::default_of(&#shape, #default) },
             None => quote! { ::core::option::Option::None },
         };
+        let range = self.range();
+        let range = quote! { describing::derived::range_with(#range, &#shape, &#default) };
         quote! {
-            describing::FieldShape { name: #name, docs: #docs, unit: #unit, default: #default, shape: #shape }
+            describing::FieldShape {
+                name: #name, docs: #docs, unit: #unit, default: #default, range: #range, shape: #shape,
+            }
         }
     }
 
-    /// A default out of its field's range does not compile, where the range is written out and the field a number.
-    fn default_in_range(&self) -> Option<TokenStream> {
-        let (Some(number), Some(Expr::Range(range))) = (&self.said.default_number, &self.said.range) else {
-            return None;
+    /// What the field's number may be, as constants.
+    fn range(&self) -> TokenStream {
+        let (ty, shape) = (&self.field.ty, self.shape());
+        let limit = |end: TokenStream| {
+            quote! {{ const END: #ty = #end; describing::Limit::of(&#shape, END as f64, END as i128) }}
         };
-        let ty = &self.field.ty;
-        let is_number = matches!(ty, syn::Type::Path(path) if path.path.get_ident().is_some_and(is_number));
-        let least = range
-            .start
-            .as_ref()
-            .map(|least| quote! { assert!(#least <= DEFAULT, "the default is below the field's range"); });
-        let most = range.end.as_ref().map(|most| match range.limits {
-            syn::RangeLimits::Closed(_) => {
-                quote! { assert!(DEFAULT <= #most, "the default is above the field's range"); }
+        let none = || quote! { ::core::option::Option::None };
+        let (least, most, below) = match &self.said.range {
+            None if self.said.count => {
+                let end = quote! { ::core::option::Option::Some(describing::Limit::Integer(describing::MAX_COUNT as i128 + 1)) };
+                (none(), none(), end)
             }
-            syn::RangeLimits::HalfOpen(_) => {
-                quote! { assert!(DEFAULT < #most, "the default is above the field's range"); }
+            None => return quote! { describing::RangeShape::ALL },
+            Some(Expr::Range(range)) => {
+                let least = range.start.as_ref().map_or_else(none, |least| limit(quote! { #least }));
+                let end = range.end.as_ref().map_or_else(none, |end| limit(quote! { #end }));
+                match range.limits {
+                    syn::RangeLimits::Closed(_) => (least, end, none()),
+                    syn::RangeLimits::HalfOpen(_) => (least, none(), end),
+                }
             }
-        });
-        is_number.then(|| quote! { const _: () = { const DEFAULT: #ty = (#number) as #ty; #least #most }; })
+            Some(named) => {
+                let end = |end: TokenStream| {
+                    limit(quote! {{ const RANGE: ::core::ops::RangeInclusive<#ty> = #named; *RANGE.#end() }})
+                };
+                (end(quote! { start }), end(quote! { end }), none())
+            }
+        };
+        quote! { describing::RangeShape { least: #least, most: #most, below: #below } }
     }
 
     fn check(&self) -> TokenStream {
@@ -296,8 +307,6 @@ struct Said {
     any: bool,
     count: bool,
     default: Option<TokenStream>,
-    /// The default, if it is a number.
-    default_number: Option<TokenStream>,
     drawn: Option<syn::LitStr>,
     krate: Option<Path>,
 }
@@ -321,12 +330,9 @@ impl Said {
                     "any" => said.any = true,
                     "count" => said.count = true,
                     "default" if meta.input.peek(syn::Token![=]) => {
-                        let value = meta.value()?;
-                        said.default_number = number(&value.fork());
-                        said.default = Some(default(value)?);
+                        said.default = Some(default(meta.value()?)?);
                     }
                     "default" => {
-                        said.default_number = Some(quote! { 0 });
                         said.default = Some(quote! { describing::DefaultValue::Zero });
                     }
                     "drawn" => said.drawn = Some(drawn(&meta.value()?.parse::<syn::LitStr>()?)?),
@@ -353,8 +359,7 @@ impl Said {
 
     /// A whole type has none of a field's rules.
     fn only_of_types(&self, span: proc_macro2::Span) -> Result<()> {
-        let Self { unit, range, longest, check: _, shape, any, count, default, default_number: _, drawn: _, krate: _ } =
-            self;
+        let Self { unit, range, longest, check: _, shape, any, count, default, drawn: _, krate: _ } = self;
         let is_said = unit.is_some() || range.is_some() || longest.is_some() || shape.is_some() || default.is_some();
         match is_said || *any || *count {
             true => {
@@ -388,18 +393,6 @@ fn default(input: syn::parse::ParseStream<'_>) -> Result<TokenStream> {
         }
     };
     Ok(quote! { describing::DefaultValue::#variant(#minus #literal) })
-}
-
-/// A default that is a number.
-fn number(input: syn::parse::ParseStream<'_>) -> Option<TokenStream> {
-    let minus: Option<syn::Token![-]> = input.parse().ok()?;
-    let literal: Lit = input.parse().ok()?;
-    matches!(literal, Lit::Int(_) | Lit::Float(_)).then(|| quote! { #minus #literal })
-}
-
-/// Whether this is a type of numbers.
-fn is_number(ident: &syn::Ident) -> bool {
-    ["f32", "f64", "i8", "i16", "i32", "i64", "u8", "u16", "u32", "u64"].iter().any(|name| ident == name)
 }
 
 /// As what a struct can be drawn.
