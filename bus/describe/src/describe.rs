@@ -3,7 +3,19 @@
 use crate::check::each;
 use crate::{Invalid, Shape};
 
-/// A type that says what its bytes are. Derive it: `#[derive(Describe)]`, beside serde's `Serialize` and `Deserialize`.
+/// A type that says what its bytes are. Derive it: `#[derive(Describe)]`, beside serde's `Serialize` and `Deserialize`; of
+/// what an app of elk publishes and of what lies in that, `#[elk_bus::payload]` derives all three.
+///
+/// | these describe themselves | as |
+/// |---|---|
+/// | `()`, `bool`, `u8` to `u64`, `i8` to `i64`, `f32`, `f64`, `String` | what they are |
+/// | `Option<T>`, `Box<T>`, `Vec<T>`, `[T; N]`, tuples of up to four | what they hold |
+/// | structs and enums of these, nested and generic ones too, that derive it | their fields and variants |
+/// | nalgebra's `Point3`, `Vector3`, `Translation3`, `Quaternion` of numbers, `UnitQuaternion<f64>`, `Isometry3<f64>`, with the feature `nalgebra` of this crate or of `elk-bus` | x, y, z; x, y, z, w; a rotation; a rotation and a translation |
+///
+/// Of others (`u128`, `char`, `usize`, maps, `Cow`, `Duration`, matrices) put what is meant in a field that is one of these: a
+/// map as a list of pairs, a duration as seconds with `unit = "s"`. No type lies in itself: a tree is a list of nodes with the
+/// numbers of their parents.
 ///
 /// | `#[describe(…)]` on a field | says |
 /// |---|---|
@@ -100,7 +112,14 @@ use crate::{Invalid, Shape};
 ///     voxels: Vec<[i32; 3]>,
 /// }
 /// ```
-#[diagnostic::on_unimplemented(note = "derive it: #[derive(elk_describe::Describe)]")]
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` does not say what its bytes are",
+    note = "if it is a struct or an enum of your own: `#[elk_bus::payload]` on it, or `#[derive(Describe)]` of elk_describe",
+    note = "if it is nalgebra's Point3, Vector3, Translation3, Quaternion, UnitQuaternion<f64> or Isometry3<f64>: turn on the \
+            feature `nalgebra` of elk-bus (or of elk-describe)",
+    note = "of others' types, use what describes itself: bool, u8 to u64, i8 to i64, f32, f64, String, Option, Box, Vec, \
+            arrays, tuples of up to four; the documentation of `Describe` has a table"
+)]
 pub trait Describe {
     /// What its values are.
     const SHAPE: Shape;

@@ -29,8 +29,9 @@ fn travelling(arguments: &TokenStream, input: &DeriveInput) -> Result<TokenStrea
         ([], 0) => (quote! { #ident }, quote! { #ident }),
         ([_], 1) => (quote! { #ident<'static> }, quote! { #ident<'a> }),
         _ => {
-            let said =
-                "a payload is one type: at most a lifetime, of what it borrows from the message, can be open in it";
+            let said = "a payload is one type: at most a lifetime, of what it borrows from the message, can be open in it. Of a \
+                 generic type derive `Describe`, `Serialize` and `Deserialize`, and make a payload of a struct with a field \
+                 of the one that is meant";
             return Err(Error::new(input.generics.span(), said));
         }
     };
@@ -52,6 +53,7 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
     plain_serde(&input.attrs)?;
     let said = Said::of(&input.attrs)?;
     said.only_of_types(input.span())?;
+    not_in_itself(input)?;
     let krate = said.krate.clone().unwrap_or_else(|| syn::parse_quote! { ::elk_describe });
     let (name, docs) = (input.ident.to_string(), docs(&input.attrs));
     let has_fields = matches!(&input.data, Data::Struct(data) if matches!(data.fields, Fields::Named(_)));
@@ -162,6 +164,42 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
+/// A type that lies in itself has no description that ends; the compiler would say so of a constant that nobody has seen.
+fn not_in_itself(input: &DeriveInput) -> Result<()> {
+    let fields: Vec<&Field> = match &input.data {
+        Data::Struct(data) => data.fields.iter().collect(),
+        Data::Enum(data) => data.variants.iter().flat_map(|variant| &variant.fields).collect(),
+        Data::Union(_) => Vec::new(),
+    };
+    let ident = input.ident.to_string();
+    let in_itself = fields.into_iter().find(|field| {
+        let ty = &field.ty;
+        let has_shape = Said::of(&field.attrs).is_ok_and(|said| said.shape.is_some());
+        !has_shape && names(quote! { #ty }, &ident)
+    });
+    match in_itself {
+        Some(field) => Err(Error::new(
+            field.ty.span(),
+            "a type that lies in itself cannot be described: of a tree, say a list of nodes, each with the number of its parent",
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Whether a type of this name is named, and not one of another module that is called the same.
+fn names(ty: TokenStream, ident: &str) -> bool {
+    let mut behind_path = false;
+    ty.into_iter().any(|token| {
+        let is_named = match &token {
+            proc_macro2::TokenTree::Ident(one) => !behind_path && (one == ident || one == "Self"),
+            proc_macro2::TokenTree::Group(group) => names(group.stream(), ident),
+            _ => false,
+        };
+        behind_path = matches!(&token, proc_macro2::TokenTree::Punct(punct) if punct.as_char() == ':');
+        is_named
+    })
+}
+
 /// A field, however it is named.
 struct Members<'a> {
     field: &'a Field,
@@ -185,6 +223,7 @@ impl<'a> Members<'a> {
                 None => (format!("[{index}]"), index.into()),
             };
             said.only_of_fields(field.span())?;
+            said.fits(&field.ty)?;
             if said.default.is_some() && field.ident.is_none() {
                 return Err(Error::new(field.span(), "a field with a default has a name"));
             }
@@ -338,15 +377,36 @@ impl Said {
                     "drawn" => said.drawn = Some(drawn(&meta.value()?.parse::<syn::LitStr>()?)?),
                     "crate" => said.krate = Some(meta.value()?.parse()?),
                     _ => {
-                        return Err(
-                            meta.error("right are unit, range, longest, count, check, default, shape, any and drawn")
-                        );
+                        return Err(meta.error(
+                            "right are unit, range, longest, count, check, default, shape, any, drawn and crate",
+                        ));
                     }
                 }
                 Ok(())
             })?;
         }
         Ok(said)
+    }
+
+    /// Whether what is said can be said of a field of this type, as far as the type's name tells.
+    fn fits(&self, ty: &syn::Type) -> Result<()> {
+        let outermost = match ty {
+            syn::Type::Path(path) => path.path.segments.last().map(|last| last.ident.to_string()).unwrap_or_default(),
+            _ => String::new(),
+        };
+        let is = |names: &[&str]| names.contains(&outermost.as_str());
+        if self.range.is_some()
+            && (is(&["Option", "Vec", "Box", "String", "bool"]) || !matches!(ty, syn::Type::Path(_)))
+        {
+            let said = "a range is of a number. Of numbers in an option or a list, make them a type of their own, \
+                        `struct Metres(#[describe(range = …)] f64)`, or say `check = function`";
+            return Err(Error::new(ty.span(), said));
+        }
+        let numbers = ["f32", "f64", "u8", "u16", "u32", "u64", "i8", "i16", "i32", "i64", "bool"];
+        match self.longest.is_some() && (is(&numbers) || is(&["Option"])) {
+            true => Err(Error::new(ty.span(), "`longest` is of a list or a text: of a number say `range`")),
+            false => Ok(()),
+        }
     }
 
     /// A field is drawn with its struct.
@@ -432,4 +492,32 @@ fn plain_serde(attributes: &[Attribute]) -> Result<()> {
         })?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(input: DeriveInput) -> String {
+        describe(&input).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_cannot_be_said_is_refused_in_words() {
+        let range = refused(syn::parse_quote! { struct A { #[describe(range = 0.0..=1.0)] a: Option<f64> } });
+        assert!(range.starts_with("a range is of a number"), "{range}");
+        let longest = refused(syn::parse_quote! { struct A { #[describe(longest = 3)] a: f64 } });
+        assert!(longest.contains("of a number say `range`"), "{longest}");
+        let tree = refused(syn::parse_quote! { enum Tree { Leaf, Node(#[describe(longest = 2)] Vec<Tree>) } });
+        assert!(tree.contains("lies in itself"), "{tree}");
+        assert!(describe(&syn::parse_quote! { struct Tree { other: forest::Tree } }).is_ok());
+        let twice =
+            refused(syn::parse_quote! { struct A { #[describe(unit = "m", count)] #[describe(unit = "s")] a: u64 } });
+        assert_eq!(twice, "`unit` is said twice");
+        let unknown = refused(syn::parse_quote! { struct A { #[describe(unti = "m")] a: f64 } });
+        assert!(unknown.ends_with("drawn and crate"), "{unknown}");
+        let generic =
+            travelling(&TokenStream::new(), &syn::parse_quote! { struct A<T> { a: T } }).unwrap_err().to_string();
+        assert!(generic.contains("make a payload of a struct with a field"), "{generic}");
+    }
 }
