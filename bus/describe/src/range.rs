@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Number, Value};
 
 use crate::description::Kind;
-use crate::json::shortest;
+use crate::json::{float, shortest};
 use crate::shape::{DefaultValue, Limit, RangeShape, Shape};
 
 /// What a field's number may be. Of a field without a range nothing is said.
@@ -36,7 +36,10 @@ impl Range {
 
     /// Whether a number of this kind may be this one. What is no number, as an option without a value, is in any range.
     pub(crate) fn holds(&self, kind: &Kind, value: &Value) -> bool {
-        let Value::Number(number) = value else { return true };
+        let Value::Number(number) = value else {
+            // Infinities and NaN, as texts, are in no range.
+            return self.is_all() || float(value).is_none();
+        };
         let is_single = matches!(innermost(kind), Kind::Float(4));
         let is_at_most = |one: &Number, other: &Number| match (one.as_i128(), other.as_i128()) {
             (Some(one), Some(other)) => one <= other,

@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 
 use crate::Description;
 use crate::description::{Content, Field, Kind};
-use crate::json::joined;
+use crate::json::{float, joined, may_be_null};
 
 /// The bytes of a value of this kind, if that is what the JSON says.
 pub fn bytes_of(kind: &Kind, json: &Value) -> Option<Vec<u8>> {
@@ -62,12 +62,12 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
                 None => wrong(&format!("a number from {} to {most}", -most - 1)),
             }
         }
-        (Kind::Float(4), _) => match json.as_f64().map(|number| number as f32) {
-            Some(number) if number.is_finite() => put(bytes, &number.to_le_bytes()),
+        (Kind::Float(4), _) => match float(json).map(|number| (number as f32, number)) {
+            Some((single, number)) if single.is_finite() == number.is_finite() => put(bytes, &single.to_le_bytes()),
             Some(_) => wrong(&format!("a number from {:e} to {:e}", f32::MIN, f32::MAX)),
             None => wrong("a number"),
         },
-        (Kind::Float(_), _) => match json.as_f64() {
+        (Kind::Float(_), _) => match float(json) {
             Some(number) => put(bytes, &number.to_le_bytes()),
             None => wrong("a number"),
         },
@@ -83,7 +83,11 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
         (Kind::Option(_), Value::Null) => put(bytes, &[0]),
         (Kind::Option(inner), _) => {
             bytes.push(1);
-            write(inner, json, field, bytes)
+            match json.as_array().map(Vec::as_slice) {
+                Some([one]) if may_be_null(inner) => write(inner, one, field, bytes),
+                _ if may_be_null(inner) => wrong("null, or a list of one"),
+                _ => write(inner, json, field, bytes),
+            }
         }
         (Kind::List(inner), Value::Array(all)) => {
             length(bytes, all.len());

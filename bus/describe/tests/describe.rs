@@ -403,3 +403,34 @@ fn ranges_travel_and_what_is_written_keeps_to_them() {
     struct Unlimited(#[describe(unit = "m/s")] f64);
     assert_eq!(Unlimited::SHAPE.layout(), Speed::SHAPE.layout());
 }
+
+#[derive(Debug, PartialEq, Serialize, Deserialize, Describe)]
+#[allow(non_camel_case_types)]
+enum r#Attempt {
+    r#Try(Option<Option<u32>>),
+    r#Done(Option<()>, #[describe(any)] f64, #[describe(any)] f32),
+}
+
+#[test]
+fn what_json_has_no_word_for_comes_back_too() {
+    let description = Description::of(&Attempt::SHAPE);
+    assert_eq!(description.name(), "Attempt");
+    for (value, json) in [
+        (Attempt::Try(Some(None)), json!({"Try": [null]})),
+        (Attempt::Try(None), json!({"Try": null})),
+        (Attempt::Try(Some(Some(3))), json!({"Try": [3]})),
+        (Attempt::Done(Some(()), f64::INFINITY, f32::NEG_INFINITY), json!({"Done": [[null], "inf", "-inf"]})),
+    ] {
+        let bytes = bytes_of(&value);
+        assert_eq!(description.to_json(&bytes, 9).unwrap(), json);
+        assert_eq!(value_of::<Attempt>(&description.to_bytes(&json).unwrap()), value);
+    }
+    let endless = bytes_of(&Attempt::Done(None, f64::NAN, f32::NAN));
+    let json = description.to_json(&endless, 9).unwrap();
+    assert_eq!(json, json!({"Done": [null, "NaN", "NaN"]}));
+    let Attempt::Done(None, double, single) = value_of(&description.to_bytes(&json).unwrap()) else { panic!("{json}") };
+    assert!(double.is_nan() && single.is_nan());
+    assert_eq!(description.to_finite_json(&endless, 9).unwrap(), json!({"Done": [null, null, null]}));
+    let description = Description::of(&Speed::SHAPE);
+    assert!(description.to_bytes(&json!("NaN")).unwrap_err().reason.contains("0 to less than 3 m/s"));
+}

@@ -229,7 +229,7 @@ fn encode_described(
     put_envelope_fields(buffer, record)?;
     buffer.extend_from_slice(b",\"value\":");
     // What is not what its type says has nothing to show, and is stored all the same.
-    let mut fields = description.to_json(bytes, usize::MAX).unwrap_or_else(|_| serde_json::json!({}));
+    let mut fields = description.to_finite_json(bytes, usize::MAX).unwrap_or_else(|_| serde_json::json!({}));
     schema::leave_out_nulls(&mut fields);
     serde_json::to_writer(&mut *buffer, &fields).map_err(|error| error.to_string())?;
     buffer.push(b'}');

@@ -56,6 +56,8 @@ fn like(kind: &Kind) -> Option<Value> {
         Kind::Float(_) => simple("number"),
         Kind::Unsigned(_) | Kind::Signed(_) => simple("integer"),
         Kind::Rotation => Some(json!({"type": "array", "items": {"type": "number"}})),
+        // An option in an option is a list where it is there.
+        Kind::Option(inner) if matches!(inner.plain(), Kind::Option(_) | Kind::Unit) => None,
         Kind::Option(inner) => like(inner),
         Kind::Unnamed(one) => like_field(one),
         Kind::List(inner) | Kind::Packed(inner) | Kind::Array { of: inner, .. } => match like(inner) {

@@ -2,6 +2,7 @@
 
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
+use syn::ext::IdentExt;
 use syn::spanned::Spanned;
 use syn::{Attribute, Data, DeriveInput, Error, Expr, ExprLit, Field, Fields, Lit, Meta, Path, Result};
 
@@ -23,7 +24,7 @@ fn travelling(arguments: &TokenStream, input: &DeriveInput) -> Result<TokenStrea
     if !arguments.is_empty() {
         return Err(Error::new(arguments.span(), "payload has no arguments: #[describe(…)] says what a field may be"));
     }
-    let (ident, name) = (&input.ident, input.ident.to_string());
+    let (ident, name) = (&input.ident, input.ident.unraw().to_string());
     let borrows: Vec<_> = input.generics.lifetimes().collect();
     let (own, view) = match (borrows.as_slice(), input.generics.params.len()) {
         ([], 0) => (quote! { #ident }, quote! { #ident }),
@@ -55,7 +56,8 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
     said.only_of_types(input.span())?;
     not_in_itself(input)?;
     let krate = said.krate.clone().unwrap_or_else(|| syn::parse_quote! { ::elk_describe });
-    let (name, docs) = (input.ident.to_string(), docs(&input.attrs));
+    // A name that is a keyword is the same name to serde.
+    let (name, docs) = (input.ident.unraw().to_string(), docs(&input.attrs));
     let has_fields = matches!(&input.data, Data::Struct(data) if matches!(data.fields, Fields::Named(_)));
     if let Some(word) = said.drawn.as_ref().filter(|_| !has_fields) {
         return Err(Error::new(word.span(), "what is drawn is a struct with named fields"));
@@ -94,7 +96,7 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                     return Err(Error::new(said.span(), "a variant's rules stand at its fields, or at the enum"));
                 }
                 let (ident, docs) = (&variant.ident, self::docs(&variant.attrs));
-                let name = ident.to_string();
+                let name = ident.unraw().to_string();
                 let all = Members::of(&variant.fields)?;
                 let content = match (&variant.fields, all.as_slice()) {
                     (Fields::Unit, _) => quote! { Unit },
@@ -216,8 +218,7 @@ impl<'a> Members<'a> {
             plain_serde(&field.attrs)?;
             let said = Said::of(&field.attrs)?;
             let (name, member) = match &field.ident {
-                // A name that is a keyword is the same name to serde.
-                Some(ident) => (ident.to_string().trim_start_matches("r#").to_owned(), ident.clone().into()),
+                Some(ident) => (ident.unraw().to_string(), ident.clone().into()),
                 // One value without a name has that value's own way.
                 None if fields.len() == 1 => (String::new(), index.into()),
                 None => (format!("[{index}]"), index.into()),
