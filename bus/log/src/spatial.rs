@@ -130,7 +130,7 @@ fn drawn<'a>(type_: TypeRef<'_>, value: &'a [u8]) -> Option<Drawn<'a>> {
 }
 
 /// Whether values are nalgebra's `Isometry3<f64>`: a rotation, and a translation after it.
-fn is_pose(kind: &Kind) -> bool {
+pub(crate) fn is_pose(kind: &Kind) -> bool {
     let Kind::Struct(one) = kind else { return false };
     match one.fields.as_slice() {
         [rotation, translation] => rotation.kind == Kind::Rotation && is_vector(&translation.kind, Kind::Float(8)),
