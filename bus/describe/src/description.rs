@@ -54,6 +54,9 @@ pub struct Struct {
 pub struct Enum {
     /// The type's name.
     pub name: String,
+    /// What it means.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub docs: String,
     /// Its variants, in the order of their numbers.
     pub variants: Vec<Variant>,
 }
@@ -151,6 +154,16 @@ impl Description {
         }
     }
 
+    /// What the type means, if it says so.
+    pub fn docs(&self) -> &str {
+        match &self.0 {
+            Kind::Struct(one) => &one.docs,
+            Kind::Enum(one) => &one.docs,
+            Kind::Unnamed(one) => &one.docs,
+            _ => "",
+        }
+    }
+
     /// As what viewers draw the values; empty: as nothing.
     pub fn drawn(&self) -> &str {
         if let Kind::Struct(one) = self.0.plain() { &one.drawn } else { "" }
@@ -243,7 +256,7 @@ impl Kind {
         let words = match self {
             Self::Unnamed(one) => field(one),
             Self::Struct(one) => one.name.len() + one.docs.len() + one.fields.iter().map(field).sum::<usize>(),
-            Self::Enum(one) => one.name.len() + one.variants.iter().map(variant).sum::<usize>(),
+            Self::Enum(one) => one.name.len() + one.docs.len() + one.variants.iter().map(variant).sum::<usize>(),
             _ => 0,
         };
         size_of::<Self>() + words + self.inner().map(Self::kept_bytes).sum::<usize>()

@@ -1,6 +1,6 @@
 //! Whether there is something to draw in a type that is marked so, asserted by the compiler.
 
-use crate::shape::{FieldShape, Shape, StructShape, VariantContent};
+use crate::shape::{EnumShape, FieldShape, Shape, StructShape, VariantContent};
 
 /// Does not compile for a struct in which nothing is as its mark says.
 pub const fn check(one: &StructShape) {
@@ -42,7 +42,7 @@ const fn has(shape: &Shape, what: What) -> bool {
         Shape::Unnamed(one) => has(&one.shape, what),
         Shape::Tuple(all) => any(all, what),
         Shape::Struct(one) => any_field(one.fields, what),
-        Shape::Enum(_, variants) => {
+        Shape::Enum(EnumShape { variants, .. }) => {
             let (mut found, mut i) = (false, 0);
             while i < variants.len() {
                 found = found

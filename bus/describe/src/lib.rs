@@ -59,7 +59,9 @@ pub use elk_describe_derive::payload;
 pub use origin::Refused;
 pub use range::Range;
 pub use read::ReadError;
-pub use shape::{DefaultValue, FieldShape, Limit, RangeShape, Shape, StructShape, VariantContent, VariantShape};
+pub use shape::{
+    DefaultValue, EnumShape, FieldShape, Limit, RangeShape, Shape, StructShape, VariantContent, VariantShape,
+};
 pub use write::WriteError;
 
 #[doc(hidden)]

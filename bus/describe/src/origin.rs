@@ -2,7 +2,7 @@
 
 use crate::description::{Content, Enum, Field, Struct, Variant};
 use crate::range::Range;
-use crate::shape::{FieldShape, VariantContent};
+use crate::shape::{EnumShape, FieldShape, VariantContent};
 use crate::write::{bytes_of, example};
 use crate::{Description, Kind, Shape};
 
@@ -81,7 +81,7 @@ impl Kind {
                 drawn: one.drawn.to_owned(),
                 fields: fields_of(one.fields),
             }),
-            Shape::Enum(name, variants) => {
+            Shape::Enum(EnumShape { name, docs, variants }) => {
                 let variants = variants.iter().map(|one| Variant {
                     name: one.name.to_owned(),
                     docs: one.docs.to_owned(),
@@ -92,7 +92,7 @@ impl Kind {
                         VariantContent::Fields(fields) => Content::Fields(fields_of(fields)),
                     },
                 });
-                Self::Enum(Enum { name: (*name).to_owned(), variants: variants.collect() })
+                Self::Enum(Enum { name: (*name).to_owned(), docs: (*docs).to_owned(), variants: variants.collect() })
             }
         }
     }

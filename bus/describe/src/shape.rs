@@ -36,7 +36,7 @@ pub enum Shape {
     /// Fields.
     Struct(&'static StructShape),
     /// One of several variants, behind its number.
-    Enum(&'static str, &'static [VariantShape]),
+    Enum(&'static EnumShape),
 }
 
 /// A struct, or a variant with fields.
@@ -111,6 +111,17 @@ pub enum DefaultValue {
     List(&'static [DefaultValue]),
 }
 
+/// An enum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnumShape {
+    /// The type's name.
+    pub name: &'static str,
+    /// What it means.
+    pub docs: &'static str,
+    /// Its variants, in the order of their numbers.
+    pub variants: &'static [VariantShape],
+}
+
 /// A variant of an enum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VariantShape {
@@ -160,7 +171,7 @@ impl Shape {
             Self::Unnamed(one) if one.unit.is_empty() => one.shape.hash(fnv),
             Self::Unnamed(one) => one.shape.hash(fnv.text("unnamed").text(one.unit)),
             Self::Struct(one) => hash_fields(one.fields, fnv.text("struct").text(one.name)),
-            Self::Enum(name, variants) => {
+            Self::Enum(EnumShape { name, variants, .. }) => {
                 let (mut fnv, mut i) = (fnv.text("enum").text(name).count(variants.len()), 0);
                 while i < variants.len() {
                     fnv = fnv.text(variants[i].name);

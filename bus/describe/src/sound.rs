@@ -1,7 +1,7 @@
 //! What a shape has to keep to so that its description can travel, asserted by the compiler: the same that is asked of a
 //! description from outside (see [`Description::from_text`]).
 
-use crate::shape::{DefaultValue, FieldShape, Shape, VariantContent, VariantShape};
+use crate::shape::{DefaultValue, EnumShape, FieldShape, Shape, VariantContent, VariantShape};
 use crate::{Description, drawable};
 
 /// How deep serde_json reads: a struct's field lies four deep in its description.
@@ -42,7 +42,9 @@ const fn check(shape: &Shape) {
             assert!(matches!(bits, 1 | 2 | 4) && letters.len() >= 1 << *bits, "symbols without a letter for each");
             assert!(*least as u64 <= Description::LARGEST, "more than 16 Mi symbols at least");
         }
-        Shape::Enum(_, variants) => assert!(!variants.is_empty(), "an enum without a variant has no value"),
+        Shape::Enum(EnumShape { variants, .. }) => {
+            assert!(!variants.is_empty(), "an enum without a variant has no value")
+        }
         _ => {}
     }
     let (mut i, parts) = (0, parts(shape));
@@ -58,7 +60,7 @@ const fn parts(shape: &Shape) -> usize {
         Shape::Option(_) | Shape::Unnamed(_) => 1,
         Shape::Tuple(all) => all.len(),
         Shape::Struct(one) => one.fields.len(),
-        Shape::Enum(_, variants) => {
+        Shape::Enum(EnumShape { variants, .. }) => {
             let (mut count, mut i) = (0, 0);
             while i < variants.len() {
                 count += held(&variants[i].content);
@@ -76,7 +78,7 @@ const fn part(shape: &Shape, index: usize) -> &Shape {
         Shape::Unnamed(one) => &one.shape,
         Shape::Tuple(all) => &all[index],
         Shape::Struct(one) => &one.fields[index].shape,
-        Shape::Enum(_, variants) => {
+        Shape::Enum(EnumShape { variants, .. }) => {
             let (mut i, mut left) = (0, index);
             while left >= held(&variants[i].content) {
                 left -= held(&variants[i].content);
@@ -138,7 +140,7 @@ const fn least_bytes(shape: &Shape) -> u64 {
         Shape::Text | Shape::List(_) | Shape::Packed(_) | Shape::Symbols(..) => 8,
         Shape::Array(inner, count) => least_bytes(inner).saturating_mul(*count as u64),
         Shape::Unnamed(one) => least_bytes(&one.shape),
-        Shape::Enum(_, variants) => 4 + least_content(variants),
+        Shape::Enum(EnumShape { variants, .. }) => 4 + least_content(variants),
         Shape::Tuple(_) | Shape::Struct(_) => {
             let (mut sum, mut i, parts) = (0u64, 0, parts(shape));
             while i < parts {
@@ -190,8 +192,8 @@ const fn length(shape: &Shape) -> usize {
         Shape::Array(inner, _) => 48 + length(inner),
         Shape::Unnamed(one) => 16 + field(one),
         Shape::Struct(one) => 64 + text(one.name) + text(one.docs) + text(one.drawn) + fields(one.fields),
-        Shape::Enum(name, variants) => {
-            let (mut sum, mut i) = (64 + text(name), 0);
+        Shape::Enum(EnumShape { name, docs, variants }) => {
+            let (mut sum, mut i) = (72 + text(name) + text(docs), 0);
             while i < variants.len() {
                 sum += variant(&variants[i]);
                 i += 1;

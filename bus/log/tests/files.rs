@@ -208,7 +208,7 @@ fn the_index_says_what_is_there_and_reading_through_says_the_same() {
     assert!(whole.whole());
     assert_eq!((whole.messages(), whole.span()), (101, Some((0.0, 9.9))));
     let topics: Vec<_> = whole.topics().into_iter().map(|t| (t.name, t.type_name, t.count)).collect();
-    let expected = [("DEPTH", "double", 50), ("NOTE", "text", 1), ("SPEED", "double", 50)];
+    let expected = [("DEPTH", "number", 50), ("NOTE", "text", 1), ("SPEED", "number", 50)];
     assert_eq!(topics, expected.map(|(name, kind, count)| (name.to_owned(), kind.to_owned(), count)));
     // Without its end.
     let bytes = std::fs::read(&path).unwrap();

@@ -95,8 +95,8 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                 if let Some(said) = variant.attrs.iter().find(|one| one.path().is_ident("describe")) {
                     return Err(Error::new(said.span(), "a variant's rules stand at its fields, or at the enum"));
                 }
-                let (ident, docs) = (&variant.ident, self::docs(&variant.attrs));
-                let name = ident.unraw().to_string();
+                let (ident, said) = (&variant.ident, self::docs(&variant.attrs));
+                let variant_name = ident.unraw().to_string();
                 let all = Members::of(&variant.fields)?;
                 let content = match (&variant.fields, all.as_slice()) {
                     (Fields::Unit, _) => quote! { Unit },
@@ -115,7 +115,7 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                 };
                 variants.push(quote! {
                     describing::VariantShape {
-                        name: #name, docs: #docs, content: describing::VariantContent::#content,
+                        name: #variant_name, docs: #said, content: describing::VariantContent::#content,
                     }
                 });
                 let (members, bindings): (Vec<_>, Vec<_>) = all.iter().map(|one| (&one.member, &one.binding)).unzip();
@@ -123,11 +123,13 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                 let check = quote! { #(#checks)* };
                 let within = quote! {
                     let checked: ::core::result::Result<(), describing::Invalid> = (|| { #check ::core::result::Result::Ok(()) })();
-                    checked.map_err(|inner| inner.within(#name))?;
+                    checked.map_err(|inner| inner.within(#variant_name))?;
                 };
                 arms.push(quote! { Self::#ident { #(#members: #bindings),* } => { #within } });
             }
-            let shape = quote! { describing::Shape::Enum(#name, &[#(#variants),*]) };
+            let shape = quote! { describing::Shape::Enum(&describing::EnumShape {
+                name: #name, docs: #docs, variants: &[#(#variants),*],
+            }) };
             (shape, quote! { match self { #(#arms)* } })
         }
         Data::Union(_) => return Err(Error::new(input.span(), "a union has no bytes that serde knows")),
