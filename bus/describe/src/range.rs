@@ -34,6 +34,19 @@ impl Range {
         *self == Self::default()
     }
 
+    /// This number of this kind, or one that may be, if this one may not.
+    pub(crate) fn or_within(&self, kind: &Kind, value: Value) -> Value {
+        if self.holds(kind, &value) {
+            return value;
+        }
+        let less = |end: &Number| match end.as_i64() {
+            Some(end) => Number::from(end.saturating_sub(1)),
+            None => end.as_f64().and_then(|end| Number::from_f64(end - 1.0)).unwrap_or(end.clone()),
+        };
+        let end = self.least.clone().or_else(|| self.most.clone()).or_else(|| self.below.as_ref().map(less));
+        end.map_or(value, Value::Number)
+    }
+
     /// Whether a number of this kind may be this one. What is no number, as an option without a value, is in any range.
     pub(crate) fn holds(&self, kind: &Kind, value: &Value) -> bool {
         let Value::Number(number) = value else {

@@ -36,7 +36,8 @@ impl Description {
         }
     }
 
-    /// A value of the type, for people who want to say one: defaults, zeros, empty lists, first variants.
+    /// A value of the type, for people who want to say one: defaults, zeros or what is in their range, empty lists, first
+    /// variants.
     pub fn example(&self) -> Value {
         example(self.kind())
     }
@@ -211,13 +212,16 @@ fn shown(json: &Value) -> String {
     }
 }
 
+fn example_of(field: &Field) -> Value {
+    match &field.default {
+        Some(default) => default.clone(),
+        None => field.range.or_within(&field.kind, example(&field.kind)),
+    }
+}
+
 pub fn example(kind: &Kind) -> Value {
     let fields = |fields: &[Field]| -> Value {
-        fields
-            .iter()
-            .map(|field| (field.name.clone(), field.default.clone().unwrap_or_else(|| example(&field.kind))))
-            .collect::<Map<_, _>>()
-            .into()
+        fields.iter().map(|field| (field.name.clone(), example_of(field))).collect::<Map<_, _>>().into()
     };
     match kind {
         Kind::Unit | Kind::Option(_) => Value::Null,
@@ -229,7 +233,7 @@ pub fn example(kind: &Kind) -> Value {
         Kind::List(_) | Kind::Packed(_) => Value::Array(Vec::new()),
         Kind::Array { of, count } => (0..*count).map(|_| example(of)).collect(),
         Kind::Tuple(kinds) => kinds.iter().map(example).collect(),
-        Kind::Unnamed(one) => example(&one.kind),
+        Kind::Unnamed(one) => example_of(one),
         Kind::Struct(one) => fields(&one.fields),
         Kind::Enum(one) => {
             let Some(first) = one.variants.first() else { return Value::Null };

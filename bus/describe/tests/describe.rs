@@ -397,6 +397,9 @@ fn ranges_travel_and_what_is_written_keeps_to_them() {
     ] {
         assert_eq!(value(field, json), Err(wanted.to_owned()));
     }
+    let example = description.example();
+    assert_eq!(example, json!({"near": 0.1, "tries": 0, "port": 1024, "revision": null, "least": 0.0, "speed": 0.0}));
+    description.to_bytes(&example).unwrap();
     let single = Description::of(&f32::SHAPE).to_bytes(&json!(1e300)).unwrap_err().reason;
     assert_eq!(single, "the value is 1e+300; it has to be a number from -3.4028235e38 to 3.4028235e38");
     #[derive(Describe)]
