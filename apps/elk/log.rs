@@ -142,7 +142,7 @@ fn record_json(record: &RecordRef<'_>) -> Json {
 
 fn type_name(value: ValueRef<'_>) -> &str {
     match value {
-        ValueRef::Double(_) => "double",
+        ValueRef::Double(_) => "number",
         ValueRef::Text(_) => "text",
         ValueRef::Binary { type_, .. } => type_.name(),
     }

@@ -87,11 +87,11 @@ pub enum ScopeCommand {
         #[arg(allow_hyphen_values = true)]
         value: String,
         /// It is a text, even if it reads as a number
-        #[arg(long, conflicts_with_all = ["double", "type_name"])]
+        #[arg(long, conflicts_with_all = ["number", "type_name"])]
         text: bool,
         /// It is a number
         #[arg(long, conflicts_with = "type_name")]
-        double: bool,
+        number: bool,
         /// It is JSON of this type, for a variable that nobody has written yet
         #[arg(long = "type", value_name = "TYPE")]
         type_name: Option<String>,
@@ -181,8 +181,8 @@ fn look(command: ScopeCommand, output: &mut Output<'_>) -> Result<(), ScopeError
             let drawing = if look.json { Drawing::Json } else { Drawing::Text };
             graph(&mut join("graph", &look)?, output, if dot { Drawing::Dot } else { drawing })
         }
-        ScopeCommand::Poke { name, value, text, double, type_name, look } => {
-            let said = match (text, double, type_name) {
+        ScopeCommand::Poke { name, value, text, number, type_name, look } => {
+            let said = match (text, number, type_name) {
                 (true, ..) => Said::Text,
                 (_, true, _) => Said::Number,
                 (.., Some(type_name)) => Said::Type(type_name),

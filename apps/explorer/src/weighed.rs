@@ -1,5 +1,6 @@
 //! The goals that a strategy weighs, as it weighs them: what they come to is a message, [`elk_spatial::candidates`].
 
+use elk_geometry::Voxel;
 use elk_spatial::candidates::{Candidate, MOST};
 
 use crate::goals::Goal;

@@ -1,7 +1,8 @@
 //! `elk poke`: a person writes a variable.
 //!
 //! A variable's first write fixes its type for good, so a slip must not: what is written has to be what the variable
-//! carries; or, if nobody has written it, what those who have registered for it read there.
+//! carries; or, if nobody has written it, what those who have registered for it read there. The ranges of its fields are
+//! kept, too; what else its type asks (`longest`, `check`) is in no description, and its readers tell of it.
 
 use std::borrow::Cow;
 
@@ -258,6 +259,10 @@ mod tests {
         );
         assert!(poked(&lab, &poke("DONE", "{", Said::Nothing)).unwrap_err().contains("no JSON: EOF while parsing"));
         assert!(poked(&lab, &poke("DONE", "{}", Said::Nothing)).unwrap_err().contains("scan is missing"));
+        let mut backwards: serde_json::Value = serde_json::from_str(PROGRESS).unwrap();
+        backwards["path_length_m"] = json!(-1);
+        let said = poked(&lab, &poke("DONE", &backwards.to_string(), Said::Nothing)).unwrap_err();
+        assert!(said.contains("path_length_m is -1; it has to be -0.000001 to"), "{said}");
     }
 
     #[test]

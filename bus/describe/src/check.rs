@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::ops::{Bound, RangeBounds};
 
 use crate::Describe;
+use crate::range::words;
 
 /// A field of a value that decodes but cannot be true.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -56,13 +57,14 @@ pub fn range<T: PartialOrd + Display>(
         return Ok(());
     }
     use Bound::{Excluded, Included, Unbounded};
-    let wanted = match (range.start_bound(), range.end_bound()) {
-        (Included(least), Included(most)) => format!("{least} to {most}"),
-        (Included(least), Excluded(end)) => format!("{least} to less than {end}"),
-        (Unbounded, Included(most)) => format!("at most {most}"),
-        (Unbounded, Excluded(end)) => format!("less than {end}"),
-        (Included(least) | Excluded(least), Unbounded) => format!("at least {least}"),
-        _ => "something else".to_owned(),
+    let least = match range.start_bound() {
+        Included(least) | Excluded(least) => Some(least),
+        Unbounded => None,
+    };
+    let wanted = match range.end_bound() {
+        Included(most) => words(least, Some(most), None),
+        Excluded(end) => words(least, None, Some(end)),
+        Unbounded => words(least, None, None),
     };
     Err(Invalid::new(name, value, format!("{wanted} {unit}").trim_end()))
 }

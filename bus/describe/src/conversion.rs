@@ -79,7 +79,11 @@ fn change(field: &str, one: &Kind, other: &Kind) -> Result<Change, Difference> {
         return Ok(Change::Same(one.clone()));
     }
     let inner = |one: &Kind, other: &Kind| change(&format!("{field}[]"), one, other).map(Box::new);
-    match (one, other) {
+    match (measured(one), measured(other)) {
+        (Kind::Unnamed(one), Kind::Unnamed(other)) if one.unit == other.unit => change(field, &one.kind, &other.kind),
+        (Kind::Unnamed(one), Kind::Unnamed(other)) => Err(units_differ(field, &one.unit, &other.unit)),
+        (Kind::Unnamed(one), _) => Err(units_differ(field, &one.unit, "")),
+        (_, Kind::Unnamed(other)) => Err(units_differ(field, "", &other.unit)),
         (Kind::Struct(one), Kind::Struct(other)) if one.name == other.name => fields(field, &one.fields, &other.fields),
         (Kind::Enum(one), Kind::Enum(other)) if one.name == other.name => variants(field, one, other),
         (Kind::Option(one), Kind::Option(other)) => Ok(Change::Option(Box::new(change(field, one, other)?))),
@@ -93,6 +97,19 @@ fn change(field: &str, one: &Kind, other: &Kind) -> Result<Change, Difference> {
         (Kind::Tuple(one), Kind::Tuple(other)) if one.len() == other.len() => values(field, one, other),
         _ => Err(Difference::of(field, one, other)),
     }
+}
+
+/// The kind without what is said of it and changes nothing of what its bytes mean.
+fn measured(kind: &Kind) -> &Kind {
+    match kind {
+        Kind::Unnamed(one) if one.unit.is_empty() => measured(&one.kind),
+        _ => kind,
+    }
+}
+
+fn units_differ(field: &str, one: &str, other: &str) -> Difference {
+    let unit = |unit: &str| if unit.is_empty() { "without a unit".to_owned() } else { format!("in {unit}") };
+    Difference::of(field, unit(one), unit(other))
 }
 
 fn values(field: &str, one: &[Kind], other: &[Kind]) -> Result<Change, Difference> {
@@ -136,10 +153,9 @@ fn same_field(of: &str, i: usize, one: &Field, other: &Field) -> Result<Change, 
         return Err(Difference::of(&place, &one.name, &other.name));
     }
     let field = joined(of, &one.name);
-    let unit = |unit: &str| if unit.is_empty() { "without a unit".to_owned() } else { format!("in {unit}") };
     match one.unit == other.unit {
         true => change(&field, &one.kind, &other.kind),
-        false => Err(Difference::of(&field, unit(&one.unit), unit(&other.unit))),
+        false => Err(units_differ(&field, &one.unit, &other.unit)),
     }
 }
 

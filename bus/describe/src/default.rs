@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::shape::{DefaultValue, Shape, VariantContent, VariantShape};
+use crate::shape::{DefaultValue, EnumShape, Shape, VariantContent, VariantShape};
 
 /// The default of a field of such a shape; one that is none does not compile.
 pub const fn default_of(shape: &Shape, value: DefaultValue) -> Option<DefaultValue> {
@@ -40,7 +40,7 @@ impl Shape {
                 let end = 1i128 << (8 * *bytes as u32 - 1);
                 *number >= -end && *number < end
             }
-            (Self::Enum(_, variants), DefaultValue::Text(name)) => has_unit(variants, name),
+            (Self::Enum(EnumShape { variants, .. }), DefaultValue::Text(name)) => has_unit(variants, name),
             (Self::Option(inner), value) => inner.takes(value),
             (Self::List(inner), DefaultValue::List(all)) => all_are(inner, all),
             (Self::Array(inner, count), DefaultValue::List(all)) => all.len() == *count && all_are(inner, all),

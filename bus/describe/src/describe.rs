@@ -3,12 +3,24 @@
 use crate::check::each;
 use crate::{Invalid, Shape};
 
-/// A type that says what its bytes are. Derive it: `#[derive(Describe)]`, beside serde's `Serialize` and `Deserialize`.
+/// A type that says what its bytes are. Derive it: `#[derive(Describe)]`, beside serde's `Serialize` and `Deserialize`; of
+/// what an app of elk publishes and of what lies in that, `#[elk_bus::payload]` derives all three.
+///
+/// | these describe themselves | as |
+/// |---|---|
+/// | `()`, `bool`, `u8` to `u64`, `i8` to `i64`, `f32`, `f64`, `String` | what they are |
+/// | `Option<T>`, `Box<T>`, `Vec<T>`, `[T; N]`, tuples of up to four | what they hold |
+/// | structs and enums of these, nested and generic ones too, that derive it | their fields and variants |
+/// | nalgebra's `Point3`, `Vector3`, `Translation3`, `Quaternion` of numbers, `UnitQuaternion<f64>`, `Isometry3<f64>`, with the feature `nalgebra` of this crate or of `elk-bus` | x, y, z; x, y, z, w; a rotation; a rotation and a translation |
+///
+/// Of others (`u128`, `char`, `usize`, maps, `Cow`, `Duration`, matrices) put what is meant in a field that is one of these: a
+/// map as a list of pairs, a duration as seconds with `unit = "s"`. No type lies in itself: a tree is a list of nodes with the
+/// numbers of their parents.
 ///
 /// | `#[describe(…)]` on a field | says |
 /// |---|---|
 /// | `unit = "m"` | its unit |
-/// | `range = 0.0..=1.0` | what it may be |
+/// | `range = 0.0..=1.0` | what a number may be: written out, of constants, or a constant that is a `RangeInclusive` |
 /// | `longest = 64` | how many entries a list may have, how many bytes a text |
 /// | `count` | that it counts, or is the number of something that is counted: below 2^48 |
 /// | `check = function` | its own rule, `fn(&T) -> Result<(), Invalid>` |
@@ -20,7 +32,7 @@ use crate::{Invalid, Shape};
 /// did not have it, and whoever does not have it passes over it ([`Description::conversion_to`](crate::Description::conversion_to)).
 /// `default` alone is zero, an empty list or text, no option, the first variant; else it is a literal, a variant's name as a
 /// text, or a list of them. What is packed or made of symbols has no default. A default that the field could not have does not
-/// compile: one of another type, or of a number out of a range that is written out.
+/// compile: one of another type, or a number out of the field's range; nor does a range that is empty.
 ///
 /// ```compile_fail
 /// #[derive(elk_describe::Describe)]
@@ -30,16 +42,84 @@ use crate::{Invalid, Shape};
 /// }
 /// ```
 ///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// struct Gear {
+///     #[describe(range = 5..=1)]
+///     teeth: u8,
+/// }
+/// ```
+///
+/// Ranges travel with the type (`elk info` shows them, `elk poke` keeps them) and are no part of its layout; what `longest`,
+/// `check` and [`Describe::check`] ask only those know who have the type. Every reader asks it of every value
+/// that it decodes; a writer does not ask it of his own.
+///
+/// What no description can say does not compile either: a list of what takes no byte, types more than
+/// [32](crate::Description::DEEPEST) deep in each other, names and docs of more than
+/// [64 KiB](crate::Description::LONGEST), a word that is said twice.
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// struct Marker;
+/// #[derive(elk_describe::Describe)]
+/// struct Status {
+///     seen: Vec<Marker>,
+/// }
+/// ```
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// struct Status {
+///     #[describe(unit = "m", unit = "mm")]
+///     far: f64,
+/// }
+/// ```
+///
 /// On a struct, `check` says a rule for all of it, asked after those of its fields; and `drawn` as what viewers of a log
 /// draw it:
 ///
 /// | `drawn =` | is drawn |
 /// |---|---|
-/// | `"points"` | its last list of packed points (three f32), at its first pose |
-/// | `"pose"` | its first pose |
-/// | `"poses"` | its poses and points, in the order of their bytes |
-/// | `"voxels"` | the occupied voxels of a map |
-#[diagnostic::on_unimplemented(note = "derive it: #[derive(elk_describe::Describe)]")]
+/// | `"points"` | its last list of packed points (three f32; `elk_spatial::Points`), at its first pose |
+/// | `"pose"` | its first pose (`Isometry3<f64>`) |
+/// | `"poses"` | its poses and points, in the order of their bytes: each `[f64; 3]` is a point, an extent has fields of its own |
+/// | `"voxels"` | the occupied voxels of its bricks (`elk_geometry`'s `BrickStates`), as large as its first f64 says (m) |
+///
+/// A mark for which there is nothing to draw does not compile.
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// #[describe(drawn = "points")]
+/// struct Sweep {
+///     points: Vec<[f32; 3]>,
+/// }
+/// ```
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// #[describe(drawn = "pose")]
+/// struct Place {
+///     x: f64,
+///     y: f64,
+/// }
+/// ```
+///
+/// ```compile_fail
+/// #[derive(elk_describe::Describe)]
+/// #[describe(drawn = "voxels")]
+/// struct Room {
+///     resolution: f64,
+///     voxels: Vec<[i32; 3]>,
+/// }
+/// ```
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` does not say what its bytes are",
+    note = "if it is a struct or an enum of your own: `#[elk_bus::payload]` on it, or `#[derive(Describe)]` of elk_describe",
+    note = "if it is nalgebra's Point3, Vector3, Translation3, Quaternion, UnitQuaternion<f64> or Isometry3<f64>: turn on the \
+            feature `nalgebra` of elk-bus (or of elk-describe)",
+    note = "of others' types, use what describes itself: bool, u8 to u64, i8 to i64, f32, f64, String, Option, Box, Vec, \
+            arrays, tuples of up to four; the documentation of `Describe` has a table"
+)]
 pub trait Describe {
     /// What its values are.
     const SHAPE: Shape;

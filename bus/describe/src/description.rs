@@ -3,6 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
+use crate::range::Range;
 use crate::shape::Fnv;
 
 /// What a type's bytes are, as it travels and is kept in logs: as JSON, in which it reads like the type's definition.
@@ -28,6 +29,7 @@ pub enum Kind {
     Symbols { bits: u8, letters: String, least: u64 },
     Array { of: Box<Kind>, count: u64 },
     Tuple(Vec<Kind>),
+    Unnamed(Box<Field>),
     Struct(Struct),
     Enum(Enum),
 }
@@ -52,14 +54,18 @@ pub struct Struct {
 pub struct Enum {
     /// The type's name.
     pub name: String,
+    /// What it means.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub docs: String,
     /// Its variants, in the order of their numbers.
     pub variants: Vec<Variant>,
 }
 
-/// A field of a struct.
+/// A field of a struct, or of a tuple or a variant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Field {
-    /// Its name.
+    /// Its name; empty if it has none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub name: String,
     /// What it means.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -70,6 +76,9 @@ pub struct Field {
     /// What it is for whoever's version of the type does not have it; `None`: it has to be there.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "said")]
     pub default: Option<Value>,
+    /// What its number may be.
+    #[serde(default, skip_serializing_if = "Range::is_all")]
+    pub range: Range,
     /// What it is.
     pub kind: Kind,
 }
@@ -138,16 +147,26 @@ impl Description {
 
     /// The name of the struct or enum that is described; empty if it is neither.
     pub fn name(&self) -> &str {
-        match &self.0 {
+        match self.0.plain() {
             Kind::Struct(one) => &one.name,
             Kind::Enum(one) => &one.name,
             _ => "",
         }
     }
 
+    /// What the type means, if it says so.
+    pub fn docs(&self) -> &str {
+        match &self.0 {
+            Kind::Struct(one) => &one.docs,
+            Kind::Enum(one) => &one.docs,
+            Kind::Unnamed(one) => &one.docs,
+            _ => "",
+        }
+    }
+
     /// As what viewers draw the values; empty: as nothing.
     pub fn drawn(&self) -> &str {
-        if let Kind::Struct(one) = &self.0 { &one.drawn } else { "" }
+        if let Kind::Struct(one) = self.0.plain() { &one.drawn } else { "" }
     }
 
     /// The hash of everything that decides what the bytes mean: [`Shape::layout`](crate::Shape::layout) of the shape that it is of.
@@ -160,17 +179,18 @@ impl Description {
         self.0.kept_bytes()
     }
 
-    /// Whether its values are made to be many bytes, and not to be read: packed values, symbols, lists of plain numbers.
+    /// Whether its values are made to be many bytes, and not to be read: packed values and symbols.
     pub fn is_bulky(&self) -> bool {
-        self.0.any(&|kind| match kind {
-            Kind::Packed(_) | Kind::Symbols { .. } => true,
-            Kind::List(inner) => inner.is_number(),
-            _ => false,
-        })
+        self.0.any(&|kind| matches!(kind, Kind::Packed(_) | Kind::Symbols { .. }))
     }
 }
 
 impl Kind {
+    /// What the bytes are, without what is said of them where they have no name.
+    pub fn plain(&self) -> &Self {
+        if let Self::Unnamed(one) = self { one.kind.plain() } else { self }
+    }
+
     /// The hash of everything that decides what the bytes mean.
     pub(crate) fn layout(&self) -> u64 {
         self.hash(Fnv::new()).0
@@ -194,6 +214,8 @@ impl Kind {
             }
             Self::Array { of, count } => of.hash(fnv.text("array").count(*count as usize)),
             Self::Tuple(inner) => hash_all(inner, fnv.text("tuple")),
+            Self::Unnamed(one) if one.unit.is_empty() => one.kind.hash(fnv),
+            Self::Unnamed(one) => one.kind.hash(fnv.text("unnamed").text(&one.unit)),
             Self::Struct(one) => hash_fields(&one.fields, fnv.text("struct").text(&one.name)),
             Self::Enum(one) => {
                 let fnv = fnv.text("enum").text(&one.name).count(one.variants.len());
@@ -217,6 +239,7 @@ impl Kind {
                 Box::new(std::iter::once(&**inner))
             }
             Self::Tuple(all) => Box::new(all.iter()),
+            Self::Unnamed(one) => Box::new(std::iter::once(&one.kind)),
             Self::Struct(one) => Box::new(one.fields.iter().map(|field| &field.kind)),
             Self::Enum(one) => Box::new(one.variants.iter().flat_map(|variant| variant.content.inner())),
             _ => Box::new(std::iter::empty()),
@@ -231,19 +254,12 @@ impl Kind {
             size_of::<Variant>() + one.name.len() + one.docs.len() + fields.iter().map(field).sum::<usize>()
         };
         let words = match self {
+            Self::Unnamed(one) => field(one),
             Self::Struct(one) => one.name.len() + one.docs.len() + one.fields.iter().map(field).sum::<usize>(),
-            Self::Enum(one) => one.name.len() + one.variants.iter().map(variant).sum::<usize>(),
+            Self::Enum(one) => one.name.len() + one.docs.len() + one.variants.iter().map(variant).sum::<usize>(),
             _ => 0,
         };
         size_of::<Self>() + words + self.inner().map(Self::kept_bytes).sum::<usize>()
-    }
-
-    fn is_number(&self) -> bool {
-        match self {
-            Self::Unsigned(_) | Self::Signed(_) | Self::Float(_) => true,
-            Self::Array { of, .. } => of.is_number(),
-            _ => false,
-        }
     }
 
     /// Whether this kind, or one in it, is such a one.
@@ -262,7 +278,7 @@ impl Kind {
             Self::Rotation => 32,
             Self::Text | Self::List(_) | Self::Packed(_) | Self::Symbols { .. } => 8,
             Self::Array { of, count } => of.least_bytes().saturating_mul(*count),
-            Self::Tuple(_) | Self::Struct(_) => sum(self.inner()),
+            Self::Tuple(_) | Self::Unnamed(_) | Self::Struct(_) => sum(self.inner()),
             Self::Enum(one) => 4 + one.variants.iter().map(|variant| sum(variant.content.inner())).min().unwrap_or(0),
         }
     }
@@ -275,7 +291,9 @@ impl Kind {
             Self::Unsigned(bytes) | Self::Signed(bytes) | Self::Float(bytes) => Some(u64::from(*bytes)),
             Self::Rotation => Some(32),
             Self::Array { of, count } => of.width()?.checked_mul(*count),
-            Self::Tuple(_) | Self::Struct(_) => self.inner().try_fold(0u64, |sum, kind| sum.checked_add(kind.width()?)),
+            Self::Tuple(_) | Self::Unnamed(_) | Self::Struct(_) => {
+                self.inner().try_fold(0u64, |sum, kind| sum.checked_add(kind.width()?))
+            }
             _ => None,
         }
     }

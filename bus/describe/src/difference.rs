@@ -61,6 +61,7 @@ impl fmt::Display for Kind {
                 let all: Vec<String> = all.iter().map(ToString::to_string).collect();
                 write!(f, "({})", all.join(", "))
             }
+            Self::Unnamed(one) => write!(f, "{}{}{}", one.kind, if one.unit.is_empty() { "" } else { " " }, one.unit),
             Self::Struct(one) => f.write_str(&one.name),
             Self::Enum(one) => f.write_str(&one.name),
         }

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::check::each;
-use crate::{Describe, FieldShape, Invalid, Shape, StructShape};
+use crate::{Describe, FieldShape, Invalid, RangeShape, Shape, StructShape};
 
 /// x, y, z.
 impl<T: Describe + nalgebra::Scalar> Describe for Point3<T> {
@@ -68,6 +68,7 @@ impl Describe for Isometry3<f64> {
                 docs: "x, y, z, w.",
                 unit: "",
                 default: None,
+                range: RangeShape::ALL,
                 shape: UnitQuaternion::<f64>::SHAPE,
             },
             FieldShape {
@@ -75,6 +76,7 @@ impl Describe for Isometry3<f64> {
                 docs: "x, y, z.",
                 unit: "m",
                 default: None,
+                range: RangeShape::ALL,
                 shape: Translation3::<f64>::SHAPE,
             },
         ],

@@ -2,6 +2,8 @@
 
 use serde_json::Value;
 
+use crate::description::Kind;
+
 /// A list of `what` that is too long to be shown.
 pub fn counted(count: u64, what: &str) -> Value {
     format!("{count} {what}").into()
@@ -16,4 +18,19 @@ pub fn shortest(single: f32) -> f64 {
 /// A field with its way from the outermost value.
 pub fn joined(field: &str, name: &str) -> String {
     if field.is_empty() { name.to_owned() } else { format!("{field}.{name}") }
+}
+
+/// Whether a value of this kind can be `null`, so that an option of it has to be told from one without a value.
+pub fn may_be_null(kind: &Kind) -> bool {
+    matches!(kind.plain(), Kind::Unit | Kind::Option(_))
+}
+
+/// A number, or what [`Description::to_json`](crate::Description::to_json) says of one that JSON does not have.
+pub fn float(json: &Value) -> Option<f64> {
+    match json.as_str() {
+        Some("inf") => Some(f64::INFINITY),
+        Some("-inf") => Some(f64::NEG_INFINITY),
+        Some("NaN") => Some(f64::NAN),
+        _ => json.as_f64(),
+    }
 }

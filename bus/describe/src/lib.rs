@@ -36,12 +36,15 @@ mod default;
 mod describe;
 mod description;
 mod difference;
+mod drawable;
 #[cfg(feature = "nalgebra")]
 mod geometry;
 mod json;
 mod origin;
+mod range;
 mod read;
 mod shape;
+mod sound;
 mod visit;
 mod write;
 
@@ -54,8 +57,11 @@ pub use elk_describe_derive::Describe;
 #[doc(hidden)]
 pub use elk_describe_derive::payload;
 pub use origin::Refused;
+pub use range::Range;
 pub use read::ReadError;
-pub use shape::{DefaultValue, FieldShape, Shape, StructShape, VariantContent, VariantShape};
+pub use shape::{
+    DefaultValue, EnumShape, FieldShape, Limit, RangeShape, Shape, StructShape, VariantContent, VariantShape,
+};
 pub use write::WriteError;
 
 #[doc(hidden)]
@@ -63,6 +69,8 @@ pub mod derived {
     //! What the derive's code calls.
     pub use crate::check::{count, each, field, longest, range};
     pub use crate::default::default_of;
+    pub use crate::range::range_with;
+    pub use crate::sound::sound;
 }
 
 extern crate self as elk_describe;

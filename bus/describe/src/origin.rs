@@ -1,7 +1,8 @@
 //! Where descriptions come from: from a type's shape, or as a text from outside.
 
 use crate::description::{Content, Enum, Field, Struct, Variant};
-use crate::shape::{FieldShape, VariantContent};
+use crate::range::Range;
+use crate::shape::{EnumShape, FieldShape, VariantContent};
 use crate::write::{bytes_of, example};
 use crate::{Description, Kind, Shape};
 
@@ -73,13 +74,14 @@ impl Kind {
             }
             Shape::Array(inner, count) => Self::Array { of: boxed(inner), count: *count as u64 },
             Shape::Tuple(inner) => Self::Tuple(all(inner)),
+            Shape::Unnamed(one) => Self::Unnamed(Box::new(field_of(one))),
             Shape::Struct(one) => Self::Struct(Struct {
                 name: one.name.to_owned(),
                 docs: one.docs.to_owned(),
                 drawn: one.drawn.to_owned(),
                 fields: fields_of(one.fields),
             }),
-            Shape::Enum(name, variants) => {
+            Shape::Enum(EnumShape { name, docs, variants }) => {
                 let variants = variants.iter().map(|one| Variant {
                     name: one.name.to_owned(),
                     docs: one.docs.to_owned(),
@@ -90,7 +92,7 @@ impl Kind {
                         VariantContent::Fields(fields) => Content::Fields(fields_of(fields)),
                     },
                 });
-                Self::Enum(Enum { name: (*name).to_owned(), variants: variants.collect() })
+                Self::Enum(Enum { name: (*name).to_owned(), docs: (*docs).to_owned(), variants: variants.collect() })
             }
         }
     }
@@ -122,6 +124,7 @@ impl Kind {
         }
         match self {
             Self::Struct(one) => check_defaults(&one.fields)?,
+            Self::Unnamed(one) => check_defaults(std::slice::from_ref(one))?,
             Self::Enum(one) => one.variants.iter().try_for_each(|variant| match &variant.content {
                 Content::Fields(fields) => check_defaults(fields),
                 _ => Ok(()),
@@ -144,15 +147,17 @@ fn check_defaults(fields: &[Field]) -> Result<(), String> {
 }
 
 fn fields_of(fields: &[FieldShape]) -> Vec<Field> {
-    let owned = |field: &FieldShape| {
-        let kind = Kind::of(&field.shape);
-        Field {
-            name: field.name.to_owned(),
-            docs: field.docs.to_owned(),
-            unit: field.unit.to_owned(),
-            default: field.default.map(|default| default.to_json().unwrap_or_else(|| example(&kind))),
-            kind,
-        }
-    };
-    fields.iter().map(owned).collect()
+    fields.iter().map(field_of).collect()
+}
+
+fn field_of(field: &FieldShape) -> Field {
+    let kind = Kind::of(&field.shape);
+    Field {
+        name: field.name.to_owned(),
+        docs: field.docs.to_owned(),
+        unit: field.unit.to_owned(),
+        default: field.default.map(|default| default.to_json().unwrap_or_else(|| example(&kind))),
+        range: Range::of(&field.range, &field.shape),
+        kind,
+    }
 }

@@ -5,7 +5,7 @@ use serde_json::{Map, Number, Value};
 use crate::Description;
 use crate::cursor::Cursor;
 use crate::description::{Content, Field, Kind};
-use crate::json::{counted, shortest};
+use crate::json::{counted, may_be_null, shortest};
 
 /// Why bytes are no value of a type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -28,13 +28,26 @@ impl Description {
     pub const MOST_VALUES: usize = 1 << 24;
 
     /// A value's bytes as JSON: an object for a struct, `null` for an option without a value, a variant's name, or an
-    /// object of it and what it holds. Lists of more than `longest` values are said by their number: `"7312 points"`. JSON has no infinity
-    /// and no NaN: they become `null`.
+    /// object of it and what it holds. An option in an option, or of nothing, is in a list of one where it is there: `[null]`.
+    /// Lists of more than `longest` values are said by their number: `"7312 points"`. JSON has no infinity and no NaN: they are
+    /// the texts `"inf"`, `"-inf"` and `"NaN"`.
     ///
     /// # Errors
     /// The bytes are none of the type, or more than that.
     pub fn to_json(&self, bytes: &[u8], longest: usize) -> Result<Value, ReadError> {
-        let mut reader = Reader { at: Cursor(bytes), longest, left: Self::MOST_VALUES, way: Vec::new() };
+        self.read(bytes, longest, endless)
+    }
+
+    /// As [`Description::to_json`], for who goes by a schema: whatever is a number or not there. Infinities and NaN are `null`.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn to_finite_json(&self, bytes: &[u8], longest: usize) -> Result<Value, ReadError> {
+        self.read(bytes, longest, |_| Value::Null)
+    }
+
+    fn read(&self, bytes: &[u8], longest: usize, endless: fn(f64) -> Value) -> Result<Value, ReadError> {
+        let mut reader = Reader { at: Cursor(bytes), longest, endless, left: Self::MOST_VALUES, way: Vec::new() };
         let read = reader.value(self.kind()).and_then(|value| match reader.at.0.len() {
             0 => Ok(value),
             left => Err(format!("{left} bytes are left over")),
@@ -64,6 +77,8 @@ fn way(steps: &[Step<'_>]) -> String {
 struct Reader<'a> {
     at: Cursor<'a>,
     longest: usize,
+    /// What is said of a number that JSON does not have.
+    endless: fn(f64) -> Value,
     /// How many more values are read.
     left: usize,
     /// Where it is; it stays where an error is found.
@@ -75,6 +90,10 @@ impl<'a> Reader<'a> {
         let mut number = [0; N];
         number.copy_from_slice(self.at.take(N as u64)?);
         Ok(number)
+    }
+
+    fn float(&self, number: f64) -> Value {
+        Number::from_f64(number).map_or_else(|| (self.endless)(number), Value::Number)
     }
 
     fn signed(&mut self, bytes: u8) -> Result<i64, String> {
@@ -95,8 +114,14 @@ impl<'a> Reader<'a> {
             },
             Kind::Unsigned(bytes) => self.at.unsigned(*bytes)?.into(),
             Kind::Signed(bytes) => self.signed(*bytes)?.into(),
-            Kind::Float(4) => number(shortest(f32::from_le_bytes(self.number()?))),
-            Kind::Float(_) => number(f64::from_le_bytes(self.number()?)),
+            Kind::Float(4) => {
+                let number = shortest(f32::from_le_bytes(self.number()?));
+                self.float(number)
+            }
+            Kind::Float(_) => {
+                let number = f64::from_le_bytes(self.number()?);
+                self.float(number)
+            }
             Kind::Rotation => self.list(&Kind::Float(8), 4)?,
             Kind::Text => {
                 let length = self.at.length()?;
@@ -105,6 +130,7 @@ impl<'a> Reader<'a> {
             }
             Kind::Option(inner) => match self.at.unsigned(1)? {
                 0 => Value::Null,
+                1 if may_be_null(inner) => Value::Array(vec![self.value(inner)?]),
                 1 => self.value(inner)?,
                 other => return Err(format!("{other} is neither 0 nor 1")),
             },
@@ -138,6 +164,7 @@ impl<'a> Reader<'a> {
             }
             Kind::Array { of, count } => self.list(of, *count)?,
             Kind::Tuple(inner) => self.tuple(inner)?,
+            Kind::Unnamed(one) => self.value(&one.kind)?,
             Kind::Struct(one) => self.fields(&one.fields)?,
             Kind::Enum(one) => {
                 let number = self.at.unsigned(4)? as usize;
@@ -199,6 +226,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-fn number(number: f64) -> Value {
-    Number::from_f64(number).map_or(Value::Null, Value::Number)
+/// A number that JSON does not have, as Rust writes it.
+fn endless(number: f64) -> Value {
+    number.to_string().into()
 }

@@ -31,10 +31,12 @@ pub enum Shape {
     Array(&'static Shape, usize),
     /// Values of several types.
     Tuple(&'static [Shape]),
+    /// A value that something is said of where it has no name: in a newtype, a tuple, or a variant.
+    Unnamed(&'static FieldShape),
     /// Fields.
     Struct(&'static StructShape),
     /// One of several variants, behind its number.
-    Enum(&'static str, &'static [VariantShape]),
+    Enum(&'static EnumShape),
 }
 
 /// A struct, or a variant with fields.
@@ -50,10 +52,10 @@ pub struct StructShape {
     pub fields: &'static [FieldShape],
 }
 
-/// A field of a struct.
+/// A field of a struct, or of a tuple or a variant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldShape {
-    /// Its name.
+    /// Its name; empty if it has none.
     pub name: &'static str,
     /// What it means.
     pub docs: &'static str,
@@ -61,8 +63,35 @@ pub struct FieldShape {
     pub unit: &'static str,
     /// What it is for whoever's version of the type does not have it, if it need not be there.
     pub default: Option<DefaultValue>,
+    /// What its number may be.
+    pub range: RangeShape,
     /// What it is.
     pub shape: Shape,
+}
+
+/// What a number may be, as a constant: what `#[describe(range = …)]` says. It is no part of the layout.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RangeShape {
+    /// The least that it may be.
+    pub least: Option<Limit>,
+    /// The most that it may be.
+    pub most: Option<Limit>,
+    /// What it has to be less than.
+    pub below: Option<Limit>,
+}
+
+impl RangeShape {
+    /// Whatever there is.
+    pub const ALL: Self = Self { least: None, most: None, below: None };
+}
+
+/// An end of a range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Limit {
+    /// Of an integer.
+    Integer(i128),
+    /// Of a floating-point number; finite.
+    Float(f64),
 }
 
 /// A field's default, as a constant: what `#[describe(default = …)]` says.
@@ -80,6 +109,17 @@ pub enum DefaultValue {
     Text(&'static str),
     /// The entries of a list, an array or a tuple.
     List(&'static [DefaultValue]),
+}
+
+/// An enum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnumShape {
+    /// The type's name.
+    pub name: &'static str,
+    /// What it means.
+    pub docs: &'static str,
+    /// Its variants, in the order of their numbers.
+    pub variants: &'static [VariantShape],
 }
 
 /// A variant of an enum.
@@ -107,8 +147,8 @@ pub enum VariantContent {
 }
 
 impl Shape {
-    /// A hash of everything that decides what the bytes mean: names, units and shapes, however deep; not the docs, nor
-    /// defaults. Two definitions that differ do not read each other's bytes as they are.
+    /// A hash of everything that decides what the bytes mean: names, units and shapes, however deep; not the docs,
+    /// defaults, nor ranges. Two definitions that differ do not read each other's bytes as they are.
     pub const fn layout(&self) -> u64 {
         self.hash(Fnv::new()).0
     }
@@ -128,8 +168,10 @@ impl Shape {
             Self::Symbols(bits, letters, least) => fnv.text("symbols").byte(*bits).text(letters).count(*least),
             Self::Array(inner, count) => inner.hash(fnv.text("array").count(*count)),
             Self::Tuple(inner) => hash_all(inner, fnv.text("tuple")),
+            Self::Unnamed(one) if one.unit.is_empty() => one.shape.hash(fnv),
+            Self::Unnamed(one) => one.shape.hash(fnv.text("unnamed").text(one.unit)),
             Self::Struct(one) => hash_fields(one.fields, fnv.text("struct").text(one.name)),
-            Self::Enum(name, variants) => {
+            Self::Enum(EnumShape { name, variants, .. }) => {
                 let (mut fnv, mut i) = (fnv.text("enum").text(name).count(variants.len()), 0);
                 while i < variants.len() {
                     fnv = fnv.text(variants[i].name);

@@ -36,6 +36,7 @@ struct Walk<'a, 's, S> {
 
 impl<'a, S: FnMut(&Kind, &'a [u8]) -> bool> Walk<'a, '_, S> {
     fn value(&mut self, kind: &Kind) -> Result<(), String> {
+        let kind = kind.plain();
         if let Some(width) = kind.width() {
             let here = self.at.0;
             let bytes = self.at.take(width)?;
@@ -68,7 +69,7 @@ impl<'a, S: FnMut(&Kind, &'a [u8]) -> bool> Walk<'a, '_, S> {
                 (0..count).try_for_each(|_| self.value(inner))
             }
             Kind::Array { of, count } => (0..*count).try_for_each(|_| self.value(of)),
-            Kind::Tuple(_) | Kind::Struct(_) => kind.inner().try_for_each(|kind| self.value(kind)),
+            Kind::Tuple(_) | Kind::Unnamed(_) | Kind::Struct(_) => kind.inner().try_for_each(|kind| self.value(kind)),
             Kind::Enum(one) => {
                 let number = self.at.unsigned(4)? as usize;
                 let variant = one.variants.get(number);

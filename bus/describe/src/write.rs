@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 
 use crate::Description;
 use crate::description::{Content, Field, Kind};
-use crate::json::joined;
+use crate::json::{float, joined, may_be_null};
 
 /// The bytes of a value of this kind, if that is what the JSON says.
 pub fn bytes_of(kind: &Kind, json: &Value) -> Option<Vec<u8>> {
@@ -24,9 +24,10 @@ pub struct WriteError {
 
 impl Description {
     /// The bytes of a value that is said as JSON, as [`Description::to_json`] says it. A field with a default may be left out.
+    /// What else a type asks of its values (`longest`, `check`) no description says: only who has the type knows.
     ///
     /// # Errors
-    /// The JSON is no value of the type: a field that is missing, unknown, or of another kind.
+    /// The JSON is no value of the type: a field that is missing, unknown, of another kind, or out of its range.
     pub fn to_bytes(&self, json: &Value) -> Result<Vec<u8>, WriteError> {
         let mut bytes = Vec::new();
         match write(self.kind(), json, "", &mut bytes) {
@@ -35,7 +36,8 @@ impl Description {
         }
     }
 
-    /// A value of the type, for people who want to say one: defaults, zeros, empty lists, first variants.
+    /// A value of the type, for people who want to say one: defaults, zeros or what is in their range, empty lists, first
+    /// variants.
     pub fn example(&self) -> Value {
         example(self.kind())
     }
@@ -61,11 +63,12 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
                 None => wrong(&format!("a number from {} to {most}", -most - 1)),
             }
         }
-        (Kind::Float(4), _) => match json.as_f64() {
-            Some(number) => put(bytes, &(number as f32).to_le_bytes()),
+        (Kind::Float(4), _) => match float(json).map(|number| (number as f32, number)) {
+            Some((single, number)) if single.is_finite() == number.is_finite() => put(bytes, &single.to_le_bytes()),
+            Some(_) => wrong(&format!("a number from {:e} to {:e}", f32::MIN, f32::MAX)),
             None => wrong("a number"),
         },
-        (Kind::Float(_), _) => match json.as_f64() {
+        (Kind::Float(_), _) => match float(json) {
             Some(number) => put(bytes, &number.to_le_bytes()),
             None => wrong("a number"),
         },
@@ -81,7 +84,11 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
         (Kind::Option(_), Value::Null) => put(bytes, &[0]),
         (Kind::Option(inner), _) => {
             bytes.push(1);
-            write(inner, json, field, bytes)
+            match json.as_array().map(Vec::as_slice) {
+                Some([one]) if may_be_null(inner) => write(inner, one, field, bytes),
+                _ if may_be_null(inner) => wrong("null, or a list of one"),
+                _ => write(inner, json, field, bytes),
+            }
         }
         (Kind::List(inner), Value::Array(all)) => {
             length(bytes, all.len());
@@ -106,6 +113,7 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
             write_all(kinds.iter(), all, field, bytes)
         }
         (Kind::Tuple(kinds), _) => wrong(&format!("a list of {}", kinds.len())),
+        (Kind::Unnamed(one), _) => write_field(one, json, field, bytes),
         (Kind::Struct(one), Value::Object(object)) => write_fields(&one.fields, object, field, bytes),
         (Kind::Struct(one), _) => wrong(&format!("an object with {}", names(&one.fields))),
         (Kind::Enum(one), _) => {
@@ -157,9 +165,18 @@ fn write_fields(fields: &[Field], object: &Map<String, Value>, field: &str, byte
         return Err(format!("{} has no field {unknown}; it has {}", named(field), names(fields)));
     }
     fields.iter().try_for_each(|one| match object.get(&one.name).or(one.default.as_ref()) {
-        Some(json) => write(&one.kind, json, &joined(field, &one.name), bytes),
+        Some(json) => write_field(one, json, &joined(field, &one.name), bytes),
         None => Err(format!("{} is missing", joined(field, &one.name))),
     })
+}
+
+/// The value of a field, in the field's range.
+fn write_field(one: &Field, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written {
+    if !one.range.holds(&one.kind, json) {
+        let wanted = format!("{} {}", one.range, one.unit);
+        return Err(format!("{} is {}; it has to be {}", named(field), shown(json), wanted.trim_end()));
+    }
+    write(&one.kind, json, field, bytes)
 }
 
 fn symbols(bits: u8, (letters, least): (&str, usize), text: &str, field: &str, bytes: &mut Vec<u8>) -> Written {
@@ -195,13 +212,16 @@ fn shown(json: &Value) -> String {
     }
 }
 
+fn example_of(field: &Field) -> Value {
+    match &field.default {
+        Some(default) => default.clone(),
+        None => field.range.or_within(&field.kind, example(&field.kind)),
+    }
+}
+
 pub fn example(kind: &Kind) -> Value {
     let fields = |fields: &[Field]| -> Value {
-        fields
-            .iter()
-            .map(|field| (field.name.clone(), field.default.clone().unwrap_or_else(|| example(&field.kind))))
-            .collect::<Map<_, _>>()
-            .into()
+        fields.iter().map(|field| (field.name.clone(), example_of(field))).collect::<Map<_, _>>().into()
     };
     match kind {
         Kind::Unit | Kind::Option(_) => Value::Null,
@@ -213,6 +233,7 @@ pub fn example(kind: &Kind) -> Value {
         Kind::List(_) | Kind::Packed(_) => Value::Array(Vec::new()),
         Kind::Array { of, count } => (0..*count).map(|_| example(of)).collect(),
         Kind::Tuple(kinds) => kinds.iter().map(example).collect(),
+        Kind::Unnamed(one) => example_of(one),
         Kind::Struct(one) => fields(&one.fields),
         Kind::Enum(one) => {
             let Some(first) = one.variants.first() else { return Value::Null };

@@ -321,3 +321,119 @@ fn a_walk_sees_every_value_with_its_bytes_and_goes_in_where_it_is_let() {
     assert_eq!(texts, [b"name".to_vec()]);
     assert!(description.visit(&bytes[..bytes.len() - 1], &mut |_, _| true).is_err());
 }
+
+macro_rules! nested {
+    ($name:ident: $($inner:ident),*) => {
+        nested!(@ $name, u8, $($inner)*);
+    };
+    (@ $name:ident, $type:ty, $first:ident $($rest:ident)*) => {
+        #[derive(Describe)]
+        #[allow(dead_code)]
+        struct $first {
+            inner: $type,
+        }
+        nested!(@ $name, $first, $($rest)*);
+    };
+    (@ $name:ident, $type:ty,) => {
+        type $name = $type;
+    };
+}
+
+#[test]
+fn what_compiles_at_its_limits_travels() {
+    // 31 structs in each other: four levels of JSON each.
+    nested!(Deep: A, B, C, D, E, F, G, H, I, J, K, L, M, N, O, P, Q, R, S, T, U, V, W, X, Y, Z, A1, B1, C1, D1, E1);
+    Description::from_text(&Description::of(&Deep::SHAPE).to_text()).unwrap();
+    #[derive(Describe)]
+    #[doc = include_str!("../src/describe.rs")]
+    #[allow(dead_code)]
+    struct Long(
+        #[doc = include_str!("../src/description.rs")]
+        #[describe(unit = "\"\\\"")]
+        f64,
+    );
+    Description::from_text(&Description::of(&Long::SHAPE).to_text()).unwrap();
+}
+
+#[derive(Serialize, Describe)]
+struct Limits {
+    #[describe(unit = "m", range = 0.1..=5.0, default = 0.1)]
+    near: f32,
+    #[describe(range = ..10)]
+    tries: i16,
+    #[describe(range = PORTS)]
+    port: u16,
+    #[describe(count)]
+    revision: Option<u64>,
+    #[describe(range = -1.0..)]
+    least: f64,
+    speed: Speed,
+}
+
+const PORTS: std::ops::RangeInclusive<u16> = 1024..=u16::MAX;
+
+#[derive(Serialize, Describe)]
+struct Speed(#[describe(unit = "m/s", range = 0.0..3.0)] f64);
+
+#[test]
+fn ranges_travel_and_what_is_written_keeps_to_them() {
+    let description = Description::from_text(&Description::of(&Limits::SHAPE).to_text()).unwrap();
+    assert_eq!(description, Description::of(&Limits::SHAPE));
+    let value = |field: &str, value: Value| {
+        let mut json = json!({"near": 0.1, "tries": -3, "port": 1024, "revision": null, "least": -1, "speed": 2.5});
+        json[field] = value;
+        description.to_bytes(&json).map_err(|error| error.reason)
+    };
+    let limits = Limits { near: 0.1, tries: -3, port: 1024, revision: None, least: -1.0, speed: Speed(2.5) };
+    assert_eq!(value("tries", json!(-3)), Ok(bytes_of(&limits)));
+    for (field, json, wanted) in [
+        ("near", json!(0.09), "near is 0.09; it has to be 0.1 to 5 m"),
+        ("near", json!(1e300), "near is 1e+300; it has to be 0.1 to 5 m"),
+        ("tries", json!(10), "tries is 10; it has to be less than 10"),
+        ("port", json!(80), "port is 80; it has to be 1024 to 65535"),
+        ("revision", json!(1u64 << 48), "revision is 281474976710656; it has to be less than 281474976710656"),
+        ("least", json!(-1.5), "least is -1.5; it has to be at least -1"),
+        ("speed", json!(3), "speed is 3; it has to be 0 to less than 3 m/s"),
+    ] {
+        assert_eq!(value(field, json), Err(wanted.to_owned()));
+    }
+    let example = description.example();
+    assert_eq!(example, json!({"near": 0.1, "tries": 0, "port": 1024, "revision": null, "least": 0.0, "speed": 0.0}));
+    description.to_bytes(&example).unwrap();
+    let single = Description::of(&f32::SHAPE).to_bytes(&json!(1e300)).unwrap_err().reason;
+    assert_eq!(single, "the value is 1e+300; it has to be a number from -3.4028235e38 to 3.4028235e38");
+    #[derive(Describe)]
+    struct Unlimited(#[describe(unit = "m/s")] f64);
+    assert_eq!(Unlimited::SHAPE.layout(), Speed::SHAPE.layout());
+}
+
+#[derive(Debug, PartialEq, Serialize, Deserialize, Describe)]
+#[allow(non_camel_case_types)]
+enum r#Attempt {
+    r#Try(Option<Option<u32>>),
+    r#Done(Option<()>, #[describe(any)] f64, #[describe(any)] f32),
+}
+
+#[test]
+fn what_json_has_no_word_for_comes_back_too() {
+    let description = Description::of(&Attempt::SHAPE);
+    assert_eq!(description.name(), "Attempt");
+    for (value, json) in [
+        (Attempt::Try(Some(None)), json!({"Try": [null]})),
+        (Attempt::Try(None), json!({"Try": null})),
+        (Attempt::Try(Some(Some(3))), json!({"Try": [3]})),
+        (Attempt::Done(Some(()), f64::INFINITY, f32::NEG_INFINITY), json!({"Done": [[null], "inf", "-inf"]})),
+    ] {
+        let bytes = bytes_of(&value);
+        assert_eq!(description.to_json(&bytes, 9).unwrap(), json);
+        assert_eq!(value_of::<Attempt>(&description.to_bytes(&json).unwrap()), value);
+    }
+    let endless = bytes_of(&Attempt::Done(None, f64::NAN, f32::NAN));
+    let json = description.to_json(&endless, 9).unwrap();
+    assert_eq!(json, json!({"Done": [null, "NaN", "NaN"]}));
+    let Attempt::Done(None, double, single) = value_of(&description.to_bytes(&json).unwrap()) else { panic!("{json}") };
+    assert!(double.is_nan() && single.is_nan());
+    assert_eq!(description.to_finite_json(&endless, 9).unwrap(), json!({"Done": [null, null, null]}));
+    let description = Description::of(&Speed::SHAPE);
+    assert!(description.to_bytes(&json!("NaN")).unwrap_err().reason.contains("0 to less than 3 m/s"));
+}

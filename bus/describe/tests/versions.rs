@@ -288,3 +288,69 @@ fn a_default_that_is_none_is_refused() {
         assert!(refused(kind, default).contains("the default of odd is no value of its kind"));
     }
 }
+
+/// What is said of values without names, in the unit of one version and of another.
+#[allow(dead_code)]
+mod unnamed {
+    pub mod metres {
+        use elk_describe::Describe;
+        #[derive(Describe)]
+        pub struct Status(#[describe(unit = "m")] f64, #[describe(unit = "s")] f64);
+        #[derive(Describe)]
+        pub struct Length(#[describe(unit = "m")] f64);
+        #[derive(Describe)]
+        pub enum Event {
+            Moved(#[describe(unit = "m")] f64),
+            Turned(#[describe(unit = "rad")] f64, bool),
+        }
+        #[derive(Describe)]
+        pub struct Path {
+            length: Length,
+        }
+    }
+    pub mod others {
+        use elk_describe::Describe;
+        #[derive(Describe)]
+        pub struct Status(#[describe(unit = "m")] f64, #[describe(unit = "min")] f64);
+        #[derive(Describe)]
+        pub struct Length(f64);
+        #[derive(Describe)]
+        pub enum Event {
+            Moved(#[describe(unit = "m")] f64),
+            Turned(#[describe(unit = "deg")] f64, bool),
+        }
+        #[derive(Describe)]
+        pub struct Path {
+            length: Length,
+        }
+    }
+    pub mod plain {
+        use elk_describe::Describe;
+        #[derive(Describe)]
+        pub struct Status(
+            /// How far.
+            f64,
+            f64,
+        );
+    }
+}
+
+#[test]
+fn units_of_values_without_names_keep_versions_apart_and_travel() {
+    use unnamed::{metres, others, plain};
+    assert_eq!(differ::<metres::Status, others::Status>(), "[1] is in s there and in min here");
+    assert_eq!(differ::<metres::Length, others::Length>(), "it is in m there and without a unit here");
+    assert_eq!(differ::<others::Path, metres::Path>(), "length is without a unit there and in m here");
+    assert_eq!(differ::<metres::Event, others::Event>(), "Turned[0] is in rad there and in deg here");
+    assert_ne!(metres::Status::SHAPE.layout(), others::Status::SHAPE.layout());
+    assert_eq!(described::<metres::Status>().layout(), metres::Status::SHAPE.layout());
+    assert_eq!(described::<metres::Status>().kind().to_string(), "(f64 m, f64 s)");
+    // Without units, layouts are what they were before anything could be said there, and logs of then are read.
+    assert_eq!(plain::Status::SHAPE.layout(), <(f64, f64)>::SHAPE.layout());
+    assert!(described::<plain::Status>().to_text().contains("How far."));
+    let json = json!([1.0, 2.0]);
+    let bytes = described::<metres::Status>().to_bytes(&json).unwrap();
+    assert_eq!(bytes, bytes_of(&(1.0, 2.0)));
+    assert_eq!(described::<metres::Status>().to_json(&bytes, 9).unwrap(), json);
+    assert_eq!(described::<metres::Event>().example(), json!({"Moved": 0.0}));
+}

@@ -66,10 +66,10 @@ impl Channel {
         [key, source, community, schema].map(String::len).iter().sum::<usize>() + self.type_name().len() + foreign
     }
 
-    /// What its values are, as the bus calls it: `double`, `text`, or the type's name.
+    /// What its values are, as people call it: `number`, `text`, or the type's name.
     pub fn type_name(&self) -> &str {
         match &self.kind {
-            ChannelKind::Value(Kind::Double) => "double",
+            ChannelKind::Value(Kind::Double) => "number",
             ChannelKind::Value(Kind::Text) => "text",
             ChannelKind::Value(kind) => kind.type_().map_or("", |type_| type_.as_ref().name()),
             ChannelKind::Foreign(foreign) => foreign.type_name(),

@@ -13,7 +13,8 @@
 //! more. The envelope of a binary value, little endian: time (f64), received (f64), sequence (u64), order (u64), length
 //! of the source's auxiliary name (u32), that name (UTF-8). Which values are spatial, and how these are stored, the
 //! module `spatial` says. The values of other types that describe themselves have their fields there to be plotted, unless
-//! they are bulky, and `elk` holds the value's bytes in hexadecimal digits. Epoch, source, community, and a binary value's
+//! they are bulky (see [`LONGEST_SHOWN`]), and `elk` holds the value's bytes in hexadecimal digits. A variable whose values
+//! are of both kinds has a channel for each. Epoch, source, community, and a binary value's
 //! type, layout and description stand in the channel's metadata. Before viewers were tried, other values had an encoding of their own,
 //! `elk`: envelope, then value. Such logs are read.
 
@@ -98,7 +99,7 @@ impl Announcement {
         match *value {
             ValueRef::Double(_) => Self::json(DOUBLE, schema::double()),
             ValueRef::Text(_) => Self::json(TEXT, schema::text()),
-            ValueRef::Binary { type_, .. } => match Form::of(type_) {
+            ValueRef::Binary { type_, bytes } => match Form::of(type_, bytes) {
                 Form::Drawn(shape) => Self::protobuf(shape.message_type()),
                 Form::Fields(description) => Self::json(type_.name(), schema::described(&description)),
                 Form::Bytes => Self::protobuf(&foxglove::BINARY),
@@ -169,7 +170,7 @@ pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(),
         ValueRef::Double(number) => encode_json(buffer, record, |buffer| put_number(buffer, number)),
         ValueRef::Text(text) => encode_json(buffer, record, |buffer| put_text(buffer, text)),
         ValueRef::Binary { type_, bytes } => {
-            let form = Form::of(type_);
+            let form = Form::of(type_, bytes);
             if let Form::Fields(description) = &form {
                 return encode_described(buffer, record, description, bytes);
             }
@@ -189,24 +190,30 @@ pub(crate) fn encode(record: &RecordRef<'_>, buffer: &mut Vec<u8>) -> Result<(),
 enum Form<'a> {
     /// As what viewers draw.
     Drawn(Shape),
-    /// With their fields: those that are not bulky.
+    /// With their fields: those of types that are not bulky, and short.
     Fields(Cow<'a, Description>),
     /// As they are.
     Bytes,
 }
 
 impl<'a> Form<'a> {
-    fn of(type_: TypeRef<'a>) -> Self {
-        match (Shape::of(type_), type_.description().filter(|description| !description.is_bulky())) {
-            (Some(shape), _) => Self::Drawn(shape),
-            (None, Some(description)) => Self::Fields(description),
-            (None, None) => Self::Bytes,
+    fn of(type_: TypeRef<'a>, value: &[u8]) -> Self {
+        if let Some(shape) = Shape::of(type_) {
+            return Self::Drawn(shape);
         }
+        let shown = if value.len() <= LONGEST_SHOWN { type_.description() } else { None };
+        shown.filter(|description| !description.is_bulky()).map_or(Self::Bytes, Self::Fields)
     }
 }
 
-/// Values are stored with their fields up to this length (bytes).
-const LONGEST_SHOWN: usize = 4 << 20;
+/// Whether a value that is not drawn is stored with its fields.
+pub(crate) fn has_fields(type_: TypeRef<'_>, value: &[u8]) -> bool {
+    matches!(Form::of(type_, value), Form::Fields(_))
+}
+
+/// Values are stored with their fields up to this length (bytes). A longer one is an image or its like: nobody looks at its
+/// numbers one by one, and as JSON it would take many times the room.
+const LONGEST_SHOWN: usize = 256 << 10;
 
 fn encode_described(
     buffer: &mut Vec<u8>,
@@ -221,10 +228,8 @@ fn encode_described(
     buffer.push(b'"');
     put_envelope_fields(buffer, record)?;
     buffer.extend_from_slice(b",\"value\":");
-    // What is not what its type says has nothing to show, and what is very long nothing that anybody looks at, for many
-    // times its memory; both are stored all the same.
-    let shown = (bytes.len() <= LONGEST_SHOWN).then(|| description.to_json(bytes, usize::MAX).ok()).flatten();
-    let mut fields = shown.unwrap_or_else(|| serde_json::json!({}));
+    // What is not what its type says has nothing to show, and is stored all the same.
+    let mut fields = description.to_finite_json(bytes, usize::MAX).unwrap_or_else(|_| serde_json::json!({}));
     schema::leave_out_nulls(&mut fields);
     serde_json::to_writer(&mut *buffer, &fields).map_err(|error| error.to_string())?;
     buffer.push(b'}');

@@ -56,7 +56,10 @@ fn like(kind: &Kind) -> Option<Value> {
         Kind::Float(_) => simple("number"),
         Kind::Unsigned(_) | Kind::Signed(_) => simple("integer"),
         Kind::Rotation => Some(json!({"type": "array", "items": {"type": "number"}})),
+        // An option in an option is a list where it is there.
+        Kind::Option(inner) if matches!(inner.plain(), Kind::Option(_) | Kind::Unit) => None,
         Kind::Option(inner) => like(inner),
+        Kind::Unnamed(one) => like_field(one),
         Kind::List(inner) | Kind::Packed(inner) | Kind::Array { of: inner, .. } => match like(inner) {
             Some(items) if items["type"] != "array" => Some(json!({"type": "array", "items": items})),
             _ => None,
@@ -71,15 +74,19 @@ fn like(kind: &Kind) -> Option<Value> {
     }
 }
 
-/// A field's schema, with its unit and what it means.
 fn property(field: &Field) -> Option<(String, Value)> {
+    like_field(field).map(|schema| (field.name.clone(), schema))
+}
+
+/// A field's schema, with its unit and what it means.
+fn like_field(field: &Field) -> Option<Value> {
     let mut schema = like(&field.kind)?;
     let unit = if field.unit.is_empty() { String::new() } else { format!(" ({})", field.unit) };
     let words = format!("{}{unit}", field.docs.trim_end_matches('.'));
     if !words.is_empty() {
         schema["description"] = words.trim().into();
     }
-    Some((field.name.clone(), schema))
+    Some(schema)
 }
 
 /// Takes out of a value what is not there: `null` is of no type that a schema gives.

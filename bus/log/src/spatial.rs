@@ -12,12 +12,11 @@
 //! A second copy costs little where values are small. A scan is not, and its points are packed just as a point cloud
 //! wants them: they are stored once, in the cloud's `data`, and the unnamed field holds only what stood before them.
 
+use elk_bus::TypeRef;
 use elk_bus::describe::Kind;
-use elk_bus::{TypeRef, codec};
 use elk_geometry::bricks::{BRICK_CELLS, voxel_at};
 use elk_geometry::mask;
 use elk_geometry::state::BrickStates;
-use elk_spatial::map::MapUpdate;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::foxglove::{self, DATA, MessageType};
@@ -46,7 +45,7 @@ impl Shape {
             "points" => Some(Shape::Points),
             "pose" => Some(Shape::Pose),
             "poses" => Some(Shape::Poses),
-            "voxels" if type_.is::<MapUpdate>() => Some(Shape::Map),
+            "voxels" => Some(Shape::Map),
             _ => None,
         }
     }
@@ -74,7 +73,7 @@ pub(crate) fn put(
     foxglove::put_head(&mut out, nanoseconds);
     let stored_in_data = match shape {
         Shape::Points => put_points(&mut out, type_, value),
-        Shape::Map => put_map(&mut out, value),
+        Shape::Map => put_map(&mut out, type_, value),
         Shape::Pose => put_pose(&mut out, type_, value),
         Shape::Poses => put_poses(&mut out, type_, value),
     };
@@ -132,7 +131,7 @@ fn drawn<'a>(type_: TypeRef<'_>, value: &'a [u8]) -> Option<Drawn<'a>> {
 }
 
 /// Whether values are nalgebra's `Isometry3<f64>`: a rotation, and a translation after it.
-fn is_pose(kind: &Kind) -> bool {
+pub(crate) fn is_pose(kind: &Kind) -> bool {
     let Kind::Struct(one) = kind else { return false };
     match one.fields.as_slice() {
         [rotation, translation] => rotation.kind == Kind::Rotation && is_vector(&translation.kind, Kind::Float(8)),
@@ -166,13 +165,40 @@ fn put_points(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<
     value.ends_with(points).then_some(points.len())
 }
 
-fn put_map(out: &mut Fields<'_>, value: &[u8]) -> Option<usize> {
-    let update = codec::decode::<MapUpdate>(value).ok()?;
+fn put_map(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<usize> {
+    let (resolution, bricks) = bricks(type_, value)?;
     foxglove::put_pose(out, &Isometry3::identity());
     foxglove::put_point_fields(out);
-    let centers = update.bricks.iter().flat_map(|brick| occupied_centers(brick, update.resolution));
+    let centers = bricks.iter().flat_map(|brick| occupied_centers(brick, resolution));
     out.bytes(DATA, &centers.take(MOST_SHOWN).flatten().collect::<Vec<u8>>());
     None
+}
+
+/// The edge of a voxel (m), which is the first double, and the bricks of a value; `None`: it is not what its type says.
+fn bricks(type_: TypeRef<'_>, value: &[u8]) -> Option<(f64, Vec<BrickStates>)> {
+    let (mut resolution, mut position, mut bricks) = (None, None, Vec::new());
+    type_
+        .description()?
+        .visit(value, &mut |kind, bytes| {
+            match kind {
+                Kind::Float(8) => {
+                    resolution.get_or_insert(f64_at(bytes, 0));
+                }
+                Kind::Array { of, count: 3 } if **of == Kind::Signed(2) => position = position_of(bytes),
+                Kind::Symbols { bits: 2, .. } => {
+                    bricks.extend(position.take().map(|brick| BrickStates { brick, cells: bytes.to_vec() }));
+                }
+                _ => return false,
+            }
+            true
+        })
+        .ok()?;
+    Some((resolution?, bricks))
+}
+
+fn position_of(bytes: &[u8]) -> Option<[i16; 3]> {
+    let mut axes = bytes.chunks_exact(2).map(|axis| axis.first_chunk().map(|axis| i16::from_le_bytes(*axis)));
+    Some([axes.next()??, axes.next()??, axes.next()??])
 }
 
 /// Voxels or poses of one value that a viewer is shown; the value itself is stored whole.
@@ -197,8 +223,10 @@ fn put_poses(out: &mut Fields<'_>, type_: TypeRef<'_>, value: &[u8]) -> Option<u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elk_bus::codec;
     use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
     use elk_spatial::Scan;
+    use elk_spatial::map::MapUpdate;
     use elk_spatial::messages::{Plan, PoseCommand};
     use nalgebra::Point3;
     use proptest::prelude::*;
@@ -281,6 +309,31 @@ mod tests {
         let [data] = find_bytes(&message, [DATA]).unwrap();
         assert_eq!(data.unwrap(), foxglove::packed(Voxel::new(3, -4, 5).center(0.1)));
         assert_eq!(back(MAP, &value), value);
+    }
+
+    /// What another version of the map, or somebody else, says of voxels.
+    #[elk_bus::payload]
+    #[describe(drawn = "voxels")]
+    struct Room {
+        name: String,
+        #[describe(unit = "m")]
+        edge: f64,
+        height: f64,
+        walls: Option<Vec<BrickStates>>,
+    }
+
+    #[test]
+    fn voxels_of_anybody_are_drawn() {
+        let mut map = OccupancyGrid::new(0.2);
+        map.set(Voxel::new(3, -4, 5), State::Occupied);
+        let walls = Some(map.whole().bricks.into_owned());
+        let value = encoded(&Room { name: "hall".into(), edge: 0.2, height: 3.0, walls });
+        let mut message = Vec::new();
+        let room = TypeRef::of::<Room>();
+        put((Shape::of(room).unwrap(), room), 1, b"", &value, &mut message);
+        let [data] = find_bytes(&message, [DATA]).unwrap();
+        assert_eq!(data.unwrap(), foxglove::packed(Voxel::new(3, -4, 5).center(0.2)));
+        assert_eq!(back(room, &value), value);
     }
 
     proptest! {

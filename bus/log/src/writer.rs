@@ -121,11 +121,13 @@ struct Channel {
 enum ChannelKind {
     Double,
     Text,
-    /// Values of a type, as it is said to be: who describes it, or has it drawn as something else, has another channel.
+    /// Values of a type, as it is said to be: who describes it, or has it drawn as something else, has another channel; so
+    /// has what is too long to be stored with its fields.
     Binary {
         type_: Type,
         is_described: bool,
         drawn: Option<Shape>,
+        has_fields: bool,
     },
 }
 
@@ -133,8 +135,12 @@ impl Channel {
     fn carries(&self, record: &RecordRef<'_>) -> bool {
         let same_kind = match (&self.kind, record.value) {
             (ChannelKind::Double, ValueRef::Double(_)) | (ChannelKind::Text, ValueRef::Text(_)) => true,
-            (ChannelKind::Binary { type_: carried, is_described, drawn }, ValueRef::Binary { type_, .. }) => {
-                carried.as_ref() == type_ && *is_described == type_.is_described() && *drawn == Shape::of(type_)
+            (
+                ChannelKind::Binary { type_: carried, is_described, drawn, has_fields },
+                ValueRef::Binary { type_, bytes },
+            ) => {
+                let is_said_so = *is_described == type_.is_described() && *drawn == Shape::of(type_);
+                carried.as_ref() == type_ && is_said_so && *has_fields == encoding::has_fields(type_, bytes)
             }
             _ => false,
         };
@@ -464,15 +470,19 @@ impl Segment {
         let carried = match record.value {
             ValueRef::Double(_) => ChannelKind::Double,
             ValueRef::Text(_) => ChannelKind::Text,
-            ValueRef::Binary { type_, .. } => {
+            ValueRef::Binary { type_, bytes } => {
                 metadata.insert("type".into(), type_.name().into());
                 metadata.insert("layout".into(), format!("{:016x}", type_.layout()));
                 if let Some(description) = type_.description() {
                     metadata.insert("description".into(), description.to_text());
                 }
                 // Which type it is, name and layout say: its description need not be kept once more.
-                let (is_described, drawn) = (type_.is_described(), Shape::of(type_));
-                ChannelKind::Binary { type_: Type::undescribed(type_.name(), type_.layout()), is_described, drawn }
+                ChannelKind::Binary {
+                    type_: Type::undescribed(type_.name(), type_.layout()),
+                    is_described: type_.is_described(),
+                    drawn: Shape::of(type_),
+                    has_fields: encoding::has_fields(type_, bytes),
+                }
             }
         };
         let id = self.format.add_channel(schema, record.key, said.message_encoding, &metadata)?;

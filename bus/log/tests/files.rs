@@ -83,6 +83,36 @@ fn a_type_that_is_described_later_is_read_before_and_after() {
     assert_eq!(read.iter().map(described).collect::<Vec<_>>(), [false, false, true, true]);
 }
 
+/// What a lidar says in one sweep, or a microphone in a while.
+#[elk_bus::payload]
+struct Samples {
+    gain: f64,
+    levels: Vec<f32>,
+}
+
+#[test]
+fn a_list_of_numbers_is_there_to_be_plotted_unless_it_is_long() {
+    let folder = tempfile::tempdir().unwrap();
+    let samples = |count: usize| binary::<Samples>(&Samples { gain: 0.5, levels: vec![1.5; count] });
+    let counts = [3, 200_000, 7];
+    let said: Vec<_> = (0..).zip(counts).map(|(i, count)| record("SAMPLES", i, samples(count))).collect();
+    let path = folder.path().join("log.mcap");
+    write(&path, &said, LogOptions::default());
+    let described = |record: Record| {
+        let Value::Binary { type_, bytes } = record.value else { panic!("a number") };
+        assert!(type_.as_ref().is::<Samples>());
+        (record.key, bytes)
+    };
+    let plain = |all: Vec<Record>| all.into_iter().map(described).collect::<Vec<_>>();
+    assert_eq!(plain(read(&path)), plain(said));
+    let file = std::fs::read(&path).unwrap();
+    let summary = mcap::Summary::read(&file).unwrap().unwrap();
+    let mut schemas: Vec<&str> =
+        summary.channels.values().filter_map(|channel| Some(channel.schema.as_ref()?.name.as_str())).collect();
+    schemas.sort_unstable();
+    assert_eq!(schemas, ["Samples", "elk.Binary"]);
+}
+
 #[test]
 fn every_compression_gives_back_the_same_whole_or_cut() {
     let folder = tempfile::tempdir().unwrap();
@@ -178,7 +208,7 @@ fn the_index_says_what_is_there_and_reading_through_says_the_same() {
     assert!(whole.whole());
     assert_eq!((whole.messages(), whole.span()), (101, Some((0.0, 9.9))));
     let topics: Vec<_> = whole.topics().into_iter().map(|t| (t.name, t.type_name, t.count)).collect();
-    let expected = [("DEPTH", "double", 50), ("NOTE", "text", 1), ("SPEED", "double", 50)];
+    let expected = [("DEPTH", "number", 50), ("NOTE", "text", 1), ("SPEED", "number", 50)];
     assert_eq!(topics, expected.map(|(name, kind, count)| (name.to_owned(), kind.to_owned(), count)));
     // Without its end.
     let bytes = std::fs::read(&path).unwrap();

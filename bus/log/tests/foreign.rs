@@ -142,7 +142,7 @@ fn what_the_end_of_a_file_leaves_out_its_data_say() {
         written_by_another(&own, &path, options(WriteOptions::new()));
         let index = Index::read(&path, &mut |_, _| {}).unwrap();
         let topics: Vec<_> = index.topics().into_iter().map(|t| (t.name, t.type_name, t.count)).collect();
-        let expected = [("NUMBER", "double", 40), ("TEXT", "text", 20)];
+        let expected = [("NUMBER", "number", 40), ("TEXT", "text", 20)];
         assert_eq!(topics, expected.map(|(key, of, count)| (key.to_owned(), of.to_owned(), count)), "without {what}");
         assert_eq!((index.messages(), index.dropped(), index.whole()), (60, 7, true), "without {what}");
         let checked = check(&path, &mut |_, _| {}).unwrap();

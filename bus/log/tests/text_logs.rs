@@ -143,6 +143,36 @@ fn poses_are_what_moos_calls_so_and_small_values_are_json() {
     assert!(said("PROGRESS")[0].contains("\"path_length_m\":0.1") && !folder.path().join("run.blog").exists());
 }
 
+/// What anybody says of a drive.
+#[elk_bus::payload]
+struct Drive {
+    mode: Mode,
+    /// Not a pose, whatever it is called.
+    rotation: [f64; 4],
+    translation: [f64; 3],
+    last: Option<Option<u8>>,
+}
+
+#[elk_bus::payload]
+enum Mode {
+    Off,
+    Cruise { speed: f64 },
+}
+
+#[test]
+fn the_variant_of_an_enum_has_a_number_and_only_a_pose_is_one() {
+    let csv = |mode| {
+        let drive = Drive { mode, rotation: [1.0; 4], translation: [2.0; 3], last: Some(Some(7)) };
+        let mut out = Vec::new();
+        put_csv(&mut out, 0.5, &record(0, "DRIVE", typed::<Drive>(&drive)).as_ref()).unwrap();
+        String::from_utf8(out).unwrap().replace("0.500000,DRIVE.", "").replace(",app,", " ")
+    };
+    let rest = "rotation[0] 1\nrotation[1] 1\nrotation[2] 1\nrotation[3] 1\n\
+                translation[0] 2\ntranslation[1] 2\ntranslation[2] 2\nlast 7\n";
+    assert_eq!(csv(Mode::Off), format!("mode 0\n{rest}"));
+    assert_eq!(csv(Mode::Cruise { speed: 1.5 }), format!("mode 1\nmode.Cruise.speed 1.5\n{rest}"));
+}
+
 #[test]
 fn numbers_of_poses_lists_and_flags_have_names_of_their_own() {
     let csv = |record: &Record| {

@@ -2,6 +2,7 @@
 
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
+use syn::ext::IdentExt;
 use syn::spanned::Spanned;
 use syn::{Attribute, Data, DeriveInput, Error, Expr, ExprLit, Field, Fields, Lit, Meta, Path, Result};
 
@@ -23,14 +24,15 @@ fn travelling(arguments: &TokenStream, input: &DeriveInput) -> Result<TokenStrea
     if !arguments.is_empty() {
         return Err(Error::new(arguments.span(), "payload has no arguments: #[describe(…)] says what a field may be"));
     }
-    let (ident, name) = (&input.ident, input.ident.to_string());
+    let (ident, name) = (&input.ident, input.ident.unraw().to_string());
     let borrows: Vec<_> = input.generics.lifetimes().collect();
     let (own, view) = match (borrows.as_slice(), input.generics.params.len()) {
         ([], 0) => (quote! { #ident }, quote! { #ident }),
         ([_], 1) => (quote! { #ident<'static> }, quote! { #ident<'a> }),
         _ => {
-            let said =
-                "a payload is one type: at most a lifetime, of what it borrows from the message, can be open in it";
+            let said = "a payload is one type: at most a lifetime, of what it borrows from the message, can be open in it. Of a \
+                 generic type derive `Describe`, `Serialize` and `Deserialize`, and make a payload of a struct with a field \
+                 of the one that is meant";
             return Err(Error::new(input.generics.span(), said));
         }
     };
@@ -52,8 +54,10 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
     plain_serde(&input.attrs)?;
     let said = Said::of(&input.attrs)?;
     said.only_of_types(input.span())?;
+    not_in_itself(input)?;
     let krate = said.krate.clone().unwrap_or_else(|| syn::parse_quote! { ::elk_describe });
-    let (name, docs) = (input.ident.to_string(), docs(&input.attrs));
+    // A name that is a keyword is the same name to serde.
+    let (name, docs) = (input.ident.unraw().to_string(), docs(&input.attrs));
     let has_fields = matches!(&input.data, Data::Struct(data) if matches!(data.fields, Fields::Named(_)));
     if let Some(word) = said.drawn.as_ref().filter(|_| !has_fields) {
         return Err(Error::new(word.span(), "what is drawn is a struct with named fields"));
@@ -71,7 +75,7 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
             let shape = match (&data.fields, all.as_slice()) {
                 (Fields::Unit, _) => quote! { describing::Shape::Unit },
                 // As serde has it, a struct of one value without a name is that value.
-                (Fields::Unnamed(_), [one]) => one.shape(),
+                (Fields::Unnamed(_), [one]) => one.unnamed(),
                 (Fields::Unnamed(_), all) => tuple(all),
                 (Fields::Named(_), all) => {
                     let fields = fields(all);
@@ -91,17 +95,17 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                 if let Some(said) = variant.attrs.iter().find(|one| one.path().is_ident("describe")) {
                     return Err(Error::new(said.span(), "a variant's rules stand at its fields, or at the enum"));
                 }
-                let (ident, docs) = (&variant.ident, self::docs(&variant.attrs));
-                let name = ident.to_string();
+                let (ident, said) = (&variant.ident, self::docs(&variant.attrs));
+                let variant_name = ident.unraw().to_string();
                 let all = Members::of(&variant.fields)?;
                 let content = match (&variant.fields, all.as_slice()) {
                     (Fields::Unit, _) => quote! { Unit },
                     (Fields::Unnamed(_), [one]) => {
-                        let shape = one.shape();
+                        let shape = one.unnamed();
                         quote! { One(#shape) }
                     }
                     (Fields::Unnamed(_), all) => {
-                        let shapes = all.iter().map(Members::shape);
+                        let shapes = all.iter().map(Members::unnamed);
                         quote! { Tuple(&[#(#shapes),*]) }
                     }
                     (Fields::Named(_), all) => {
@@ -111,7 +115,7 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                 };
                 variants.push(quote! {
                     describing::VariantShape {
-                        name: #name, docs: #docs, content: describing::VariantContent::#content,
+                        name: #variant_name, docs: #said, content: describing::VariantContent::#content,
                     }
                 });
                 let (members, bindings): (Vec<_>, Vec<_>) = all.iter().map(|one| (&one.member, &one.binding)).unzip();
@@ -119,11 +123,13 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                 let check = quote! { #(#checks)* };
                 let within = quote! {
                     let checked: ::core::result::Result<(), describing::Invalid> = (|| { #check ::core::result::Result::Ok(()) })();
-                    checked.map_err(|inner| inner.within(#name))?;
+                    checked.map_err(|inner| inner.within(#variant_name))?;
                 };
                 arms.push(quote! { Self::#ident { #(#members: #bindings),* } => { #within } });
             }
-            let shape = quote! { describing::Shape::Enum(#name, &[#(#variants),*]) };
+            let shape = quote! { describing::Shape::Enum(&describing::EnumShape {
+                name: #name, docs: #docs, variants: &[#(#variants),*],
+            }) };
             (shape, quote! { match self { #(#arms)* } })
         }
         Data::Union(_) => return Err(Error::new(input.span(), "a union has no bytes that serde knows")),
@@ -135,13 +141,19 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
         generics.make_where_clause().predicates.push(syn::parse_quote! { #ident: describing::Describe });
     }
     let (implementation, types, bounds) = generics.split_for_impl();
+    // What cannot be described does not compile where it is defined, and not only where it is used.
+    let has_types = generics.type_params().next().is_some() || generics.const_params().next().is_some();
+    let lifetimes = generics.lifetimes().map(|_| quote! { '_ });
+    let at_once = (!has_types).then(|| {
+        quote! { const _: describing::Shape = <#ident<#(#lifetimes),*> as describing::Describe>::SHAPE; }
+    });
     Ok(quote! {
         const _: () = {
             use #krate as describing;
 
             #[automatically_derived]
             impl #implementation describing::Describe for #ident #types #bounds {
-                const SHAPE: describing::Shape = #shape;
+                const SHAPE: describing::Shape = describing::derived::sound(#shape);
 
                 #[allow(clippy::manual_range_contains, clippy::redundant_closure_call)]
                 fn check(&self) -> ::core::result::Result<(), describing::Invalid> {
@@ -150,7 +162,45 @@ fn describe(input: &DeriveInput) -> Result<TokenStream> {
                     ::core::result::Result::Ok(())
                 }
             }
+
+            #at_once
         };
+    })
+}
+
+/// A type that lies in itself has no description that ends; the compiler would say so of a constant that nobody has seen.
+fn not_in_itself(input: &DeriveInput) -> Result<()> {
+    let fields: Vec<&Field> = match &input.data {
+        Data::Struct(data) => data.fields.iter().collect(),
+        Data::Enum(data) => data.variants.iter().flat_map(|variant| &variant.fields).collect(),
+        Data::Union(_) => Vec::new(),
+    };
+    let ident = input.ident.to_string();
+    let in_itself = fields.into_iter().find(|field| {
+        let ty = &field.ty;
+        let has_shape = Said::of(&field.attrs).is_ok_and(|said| said.shape.is_some());
+        !has_shape && names(quote! { #ty }, &ident)
+    });
+    match in_itself {
+        Some(field) => Err(Error::new(
+            field.ty.span(),
+            "a type that lies in itself cannot be described: of a tree, say a list of nodes, each with the number of its parent",
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Whether a type of this name is named, and not one of another module that is called the same.
+fn names(ty: TokenStream, ident: &str) -> bool {
+    let mut behind_path = false;
+    ty.into_iter().any(|token| {
+        let is_named = match &token {
+            proc_macro2::TokenTree::Ident(one) => !behind_path && (one == ident || one == "Self"),
+            proc_macro2::TokenTree::Group(group) => names(group.stream(), ident),
+            _ => false,
+        };
+        behind_path = matches!(&token, proc_macro2::TokenTree::Punct(punct) if punct.as_char() == ':');
+        is_named
     })
 }
 
@@ -170,13 +220,13 @@ impl<'a> Members<'a> {
             plain_serde(&field.attrs)?;
             let said = Said::of(&field.attrs)?;
             let (name, member) = match &field.ident {
-                // A name that is a keyword is the same name to serde.
-                Some(ident) => (ident.to_string().trim_start_matches("r#").to_owned(), ident.clone().into()),
+                Some(ident) => (ident.unraw().to_string(), ident.clone().into()),
                 // One value without a name has that value's own way.
                 None if fields.len() == 1 => (String::new(), index.into()),
                 None => (format!("[{index}]"), index.into()),
             };
             said.only_of_fields(field.span())?;
+            said.fits(&field.ty)?;
             if said.default.is_some() && field.ident.is_none() {
                 return Err(Error::new(field.span(), "a field with a default has a name"));
             }
@@ -194,26 +244,62 @@ impl<'a> Members<'a> {
         }
     }
 
-    /// A default out of its field's range does not compile, where the range is written out and the field a number.
-    fn default_in_range(&self) -> Option<TokenStream> {
-        let (Some(number), Some(Expr::Range(range))) = (&self.said.default_number, &self.said.range) else {
-            return None;
+    /// The shape of a field without a name, with what is said of it.
+    fn unnamed(&self) -> TokenStream {
+        let says = self.said.unit.is_some() || self.said.range.is_some() || self.said.count;
+        match self.docs.is_empty() && !says {
+            true => self.shape(),
+            false => {
+                let field = self.described("");
+                quote! { describing::Shape::Unnamed(&#field) }
+            }
+        }
+    }
+
+    fn described(&self, name: &str) -> TokenStream {
+        let (docs, unit, shape) = (&self.docs, self.said.unit.as_deref().unwrap_or(""), self.shape());
+        let default = match &self.said.default {
+            Some(default) => quote! { describing::derived::default_of(&#shape, #default) },
+            None => quote! { ::core::option::Option::None },
         };
-        let ty = &self.field.ty;
-        let is_number = matches!(ty, syn::Type::Path(path) if path.path.get_ident().is_some_and(is_number));
-        let least = range
-            .start
-            .as_ref()
-            .map(|least| quote! { assert!(#least <= DEFAULT, "the default is below the field's range"); });
-        let most = range.end.as_ref().map(|most| match range.limits {
-            syn::RangeLimits::Closed(_) => {
-                quote! { assert!(DEFAULT <= #most, "the default is above the field's range"); }
+        let range = self.range();
+        let range = quote! { describing::derived::range_with(#range, &#shape, &#default) };
+        quote! {
+            describing::FieldShape {
+                name: #name, docs: #docs, unit: #unit, default: #default, range: #range, shape: #shape,
             }
-            syn::RangeLimits::HalfOpen(_) => {
-                quote! { assert!(DEFAULT < #most, "the default is above the field's range"); }
+        }
+    }
+
+    /// What the field's number may be, as constants.
+    fn range(&self) -> TokenStream {
+        let (ty, shape) = (&self.field.ty, self.shape());
+        let limit = |end: TokenStream| {
+            quote! {{ const END: #ty = #end; describing::Limit::of(&#shape, END as f64, END as i128) }}
+        };
+        let none = || quote! { ::core::option::Option::None };
+        let (least, most, below) = match &self.said.range {
+            None if self.said.count => {
+                let end = quote! { ::core::option::Option::Some(describing::Limit::Integer(describing::MAX_COUNT as i128 + 1)) };
+                (none(), none(), end)
             }
-        });
-        is_number.then(|| quote! { const _: () = { const DEFAULT: #ty = (#number) as #ty; #least #most }; })
+            None => return quote! { describing::RangeShape::ALL },
+            Some(Expr::Range(range)) => {
+                let least = range.start.as_ref().map_or_else(none, |least| limit(quote! { #least }));
+                let end = range.end.as_ref().map_or_else(none, |end| limit(quote! { #end }));
+                match range.limits {
+                    syn::RangeLimits::Closed(_) => (least, end, none()),
+                    syn::RangeLimits::HalfOpen(_) => (least, none(), end),
+                }
+            }
+            Some(named) => {
+                let end = |end: TokenStream| {
+                    limit(quote! {{ const RANGE: ::core::ops::RangeInclusive<#ty> = #named; *RANGE.#end() }})
+                };
+                (end(quote! { start }), end(quote! { end }), none())
+            }
+        };
+        quote! { describing::RangeShape { least: #least, most: #most, below: #below } }
     }
 
     fn check(&self) -> TokenStream {
@@ -243,24 +329,12 @@ impl<'a> Members<'a> {
 }
 
 fn fields(all: &[Members<'_>]) -> TokenStream {
-    let each = all.iter().map(|one| {
-        let (name, docs, unit, shape) = (&one.name, &one.docs, one.said.unit.as_deref().unwrap_or(""), one.shape());
-        let default = match &one.said.default {
-            Some(default) => {
-                let in_range = one.default_in_range();
-                quote! {{ #in_range describing::derived::default_of(&#shape, #default) }}
-            }
-            None => quote! { ::core::option::Option::None },
-        };
-        quote! {
-            describing::FieldShape { name: #name, docs: #docs, unit: #unit, default: #default, shape: #shape }
-        }
-    });
+    let each = all.iter().map(|one| one.described(&one.name));
     quote! { &[#(#each),*] }
 }
 
 fn tuple(all: &[Members<'_>]) -> TokenStream {
-    let shapes = all.iter().map(Members::shape);
+    let shapes = all.iter().map(Members::unnamed);
     quote! { describing::Shape::Tuple(&[#(#shapes),*]) }
 }
 
@@ -275,18 +349,20 @@ struct Said {
     any: bool,
     count: bool,
     default: Option<TokenStream>,
-    /// The default, if it is a number.
-    default_number: Option<TokenStream>,
     drawn: Option<syn::LitStr>,
     krate: Option<Path>,
 }
 
 impl Said {
     fn of(attributes: &[Attribute]) -> Result<Self> {
-        let mut said = Self::default();
+        let (mut said, mut names) = (Self::default(), Vec::new());
         for attribute in attributes.iter().filter(|one| one.path().is_ident("describe")) {
             attribute.parse_nested_meta(|meta| {
                 let name = meta.path.get_ident().map(ToString::to_string).unwrap_or_default();
+                if names.contains(&name) {
+                    return Err(meta.error(format!("`{name}` is said twice")));
+                }
+                names.push(name.clone());
                 match name.as_str() {
                     "unit" => said.unit = Some(meta.value()?.parse::<syn::LitStr>()?.value()),
                     "range" => said.range = Some(meta.value()?.parse()?),
@@ -296,26 +372,44 @@ impl Said {
                     "any" => said.any = true,
                     "count" => said.count = true,
                     "default" if meta.input.peek(syn::Token![=]) => {
-                        let value = meta.value()?;
-                        said.default_number = number(&value.fork());
-                        said.default = Some(default(value)?);
+                        said.default = Some(default(meta.value()?)?);
                     }
                     "default" => {
-                        said.default_number = Some(quote! { 0 });
                         said.default = Some(quote! { describing::DefaultValue::Zero });
                     }
                     "drawn" => said.drawn = Some(drawn(&meta.value()?.parse::<syn::LitStr>()?)?),
                     "crate" => said.krate = Some(meta.value()?.parse()?),
                     _ => {
-                        return Err(
-                            meta.error("right are unit, range, longest, count, check, default, shape, any and drawn")
-                        );
+                        return Err(meta.error(
+                            "right are unit, range, longest, count, check, default, shape, any, drawn and crate",
+                        ));
                     }
                 }
                 Ok(())
             })?;
         }
         Ok(said)
+    }
+
+    /// Whether what is said can be said of a field of this type, as far as the type's name tells.
+    fn fits(&self, ty: &syn::Type) -> Result<()> {
+        let outermost = match ty {
+            syn::Type::Path(path) => path.path.segments.last().map(|last| last.ident.to_string()).unwrap_or_default(),
+            _ => String::new(),
+        };
+        let is = |names: &[&str]| names.contains(&outermost.as_str());
+        if self.range.is_some()
+            && (is(&["Option", "Vec", "Box", "String", "bool"]) || !matches!(ty, syn::Type::Path(_)))
+        {
+            let said = "a range is of a number. Of numbers in an option or a list, make them a type of their own, \
+                        `struct Metres(#[describe(range = …)] f64)`, or say `check = function`";
+            return Err(Error::new(ty.span(), said));
+        }
+        let numbers = ["f32", "f64", "u8", "u16", "u32", "u64", "i8", "i16", "i32", "i64", "bool"];
+        match self.longest.is_some() && (is(&numbers) || is(&["Option"])) {
+            true => Err(Error::new(ty.span(), "`longest` is of a list or a text: of a number say `range`")),
+            false => Ok(()),
+        }
     }
 
     /// A field is drawn with its struct.
@@ -328,8 +422,7 @@ impl Said {
 
     /// A whole type has none of a field's rules.
     fn only_of_types(&self, span: proc_macro2::Span) -> Result<()> {
-        let Self { unit, range, longest, check: _, shape, any, count, default, default_number: _, drawn: _, krate: _ } =
-            self;
+        let Self { unit, range, longest, check: _, shape, any, count, default, drawn: _, krate: _ } = self;
         let is_said = unit.is_some() || range.is_some() || longest.is_some() || shape.is_some() || default.is_some();
         match is_said || *any || *count {
             true => {
@@ -363,18 +456,6 @@ fn default(input: syn::parse::ParseStream<'_>) -> Result<TokenStream> {
         }
     };
     Ok(quote! { describing::DefaultValue::#variant(#minus #literal) })
-}
-
-/// A default that is a number.
-fn number(input: syn::parse::ParseStream<'_>) -> Option<TokenStream> {
-    let minus: Option<syn::Token![-]> = input.parse().ok()?;
-    let literal: Lit = input.parse().ok()?;
-    matches!(literal, Lit::Int(_) | Lit::Float(_)).then(|| quote! { #minus #literal })
-}
-
-/// Whether this is a type of numbers.
-fn is_number(ident: &syn::Ident) -> bool {
-    ["f32", "f64", "i8", "i16", "i32", "i64", "u8", "u16", "u32", "u64"].iter().any(|name| ident == name)
 }
 
 /// As what a struct can be drawn.
@@ -414,4 +495,32 @@ fn plain_serde(attributes: &[Attribute]) -> Result<()> {
         })?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(input: DeriveInput) -> String {
+        describe(&input).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_cannot_be_said_is_refused_in_words() {
+        let range = refused(syn::parse_quote! { struct A { #[describe(range = 0.0..=1.0)] a: Option<f64> } });
+        assert!(range.starts_with("a range is of a number"), "{range}");
+        let longest = refused(syn::parse_quote! { struct A { #[describe(longest = 3)] a: f64 } });
+        assert!(longest.contains("of a number say `range`"), "{longest}");
+        let tree = refused(syn::parse_quote! { enum Tree { Leaf, Node(#[describe(longest = 2)] Vec<Tree>) } });
+        assert!(tree.contains("lies in itself"), "{tree}");
+        assert!(describe(&syn::parse_quote! { struct Tree { other: forest::Tree } }).is_ok());
+        let twice =
+            refused(syn::parse_quote! { struct A { #[describe(unit = "m", count)] #[describe(unit = "s")] a: u64 } });
+        assert_eq!(twice, "`unit` is said twice");
+        let unknown = refused(syn::parse_quote! { struct A { #[describe(unti = "m")] a: f64 } });
+        assert!(unknown.ends_with("drawn and crate"), "{unknown}");
+        let generic =
+            travelling(&TokenStream::new(), &syn::parse_quote! { struct A<T> { a: T } }).unwrap_err().to_string();
+        assert!(generic.contains("make a payload of a struct with a field"), "{generic}");
+    }
 }
