@@ -4,12 +4,12 @@
 //! closes, all that lay around it is searched from at once, until the searches have met, or one has nowhere left to go and is
 //! what was cut off: at the cost of the smaller part (after Even and Shiloach, *An On-Line Edge-Deletion Problem*, 1981).
 
-use std::collections::{BTreeSet, HashMap, VecDeque};
-use std::hash::BuildHasherDefault;
+use std::collections::BTreeSet;
 use std::ops::Deref;
 
-use crate::bricks::{BrickHasher, brick_of, cell_of, voxel_at};
+use crate::bricks::{brick_of, cell_of, voxel_at};
 use crate::mask::{self, Mask};
+use crate::searches::Searches;
 use crate::set::VoxelSet;
 use crate::voxel::{FACES, Voxel};
 
@@ -158,7 +158,11 @@ impl Component {
         let mut hole = connected(first, gone);
         loop {
             let border: BTreeSet<Voxel> = beside(&hole).filter(|voxel| self.inside.contains(*voxel)).collect();
-            let Some(cut) = Searches::from(border).smallest(&self.inside) else { return true };
+            let mut inside = self.inside.near();
+            let mut near = |voxel: Voxel| voxel.face_neighbours().map(|n| Some(n).filter(|n| inside.contains(*n)));
+            let Some(cut) = Searches::from(border).next_cut_off(|voxel| near(voxel).into_iter().flatten()) else {
+                return true;
+            };
             if cut.contains(&self.start) {
                 return false;
             }
@@ -188,77 +192,6 @@ fn connected(first: Voxel, among: &mut BTreeSet<Voxel>) -> Vec<Voxel> {
         found.extend(voxel.face_neighbours().into_iter().filter(|n| among.remove(n)));
     }
     found
-}
-
-/// Searches from several voxels at once, which are one when they meet.
-struct Searches {
-    /// Which search has been to a voxel.
-    been: HashMap<Voxel, usize, BuildHasherDefault<BrickHasher>>,
-    /// What each search has still to go on from, in the order in which it came there.
-    fronts: Vec<VecDeque<Voxel>>,
-    /// Which search each has become a part of; its own number if none.
-    joined: Vec<usize>,
-    /// Searches that have not become a part of another one.
-    left: usize,
-}
-
-impl Searches {
-    fn from(starts: BTreeSet<Voxel>) -> Self {
-        let count = starts.len();
-        let been = starts.iter().copied().enumerate().map(|(search, voxel)| (voxel, search)).collect();
-        let fronts = starts.into_iter().map(|voxel| VecDeque::from([voxel])).collect();
-        Self { been, fronts, joined: (0..count).collect(), left: count }
-    }
-
-    /// Searches until all are one; or one of several has been everywhere that it can: all voxels where it was.
-    fn smallest(mut self, inside: &VoxelSet) -> Option<Vec<Voxel>> {
-        let mut inside = inside.near();
-        while self.left > 1 {
-            for search in 0..self.fronts.len() {
-                if self.joined[search] != search || self.left == 1 {
-                    continue;
-                }
-                let Some(voxel) = self.fronts[search].pop_front() else {
-                    return Some(self.voxels_of(search));
-                };
-                for n in voxel.face_neighbours() {
-                    if inside.contains(n) {
-                        self.come_to(n, search);
-                    }
-                }
-            }
-        }
-        None
-    }
-
-    fn come_to(&mut self, voxel: Voxel, search: usize) {
-        let own = self.root(search);
-        let Some(other) = self.been.insert(voxel, own) else {
-            return self.fronts[own].push_back(voxel);
-        };
-        let other = self.root(other);
-        if other != own {
-            self.joined[other] = own;
-            let mut front = std::mem::take(&mut self.fronts[other]);
-            self.fronts[own].append(&mut front);
-            self.left -= 1;
-        }
-    }
-
-    fn root(&self, mut search: usize) -> usize {
-        while self.joined[search] != search {
-            search = self.joined[search];
-        }
-        search
-    }
-
-    /// In order.
-    fn voxels_of(&self, search: usize) -> Vec<Voxel> {
-        let mut voxels: Vec<Voxel> =
-            self.been.iter().filter(|(_, other)| self.root(**other) == search).map(|(voxel, _)| *voxel).collect();
-        voxels.sort_unstable();
-        voxels
-    }
 }
 
 #[cfg(test)]

@@ -38,7 +38,7 @@ impl<N: Copy + Ord + Hash> Searches<N> {
 
     /// Searches until one of several has nowhere left to go: all nodes where it was, in order. `None`: all others are one. May
     /// be asked again, until it is.
-    pub fn next_cut_off<I: IntoIterator<Item = N>>(&mut self, neighbours: impl Fn(N) -> I) -> Option<Vec<N>> {
+    pub fn next_cut_off<I: IntoIterator<Item = N>>(&mut self, mut neighbours: impl FnMut(N) -> I) -> Option<Vec<N>> {
         while self.going > 1 {
             for search in 0..self.searches.len() {
                 let Search::Going(front) = &mut self.searches[search] else { continue };
