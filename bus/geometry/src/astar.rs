@@ -180,12 +180,14 @@ fn search(
         if estimate > cost + bound(voxel) {
             continue;
         }
-        let near = reached.pages[own].near(cell);
-        for Move { by, offset, length, .. } in moves.iter().filter(|one| near & one.needs == one.needs) {
+        let (near, place) = (reached.pages[own].near(cell), Place::of(cell));
+        for Move { by, offset, step, length, .. } in moves.iter().filter(|one| near & one.needs == one.needs) {
             let n = voxel + *offset;
-            let beside = brick_of(n);
-            let page = if beside == brick { own } else { reached.page_beside(passable, (own, brick), beside) };
-            let (page, cell) = (&mut reached.pages[page], cell_of(n));
+            let (page, cell) = match place.after(*step) {
+                Some(cell) => (own, cell),
+                None => (reached.page_beside(passable, (own, brick), brick_of(n)), cell_of(n)),
+            };
+            let page = &mut reached.pages[page];
             if page.by[cell] == 0 || cost + length < page.cost[cell] {
                 (page.by[cell], page.cost[cell]) = (*by as u8 + 1, cost + length);
                 open.push(cost + length + bound(n), n);
@@ -199,6 +201,8 @@ fn search(
 struct Move {
     by: usize,
     offset: Voxel,
+    /// The same of a place in a brick.
+    step: Place,
     /// Distance between the centres, in voxels: 1, √2 or √3.
     length: f64,
     /// What has to be passable, by move: where it leads, and what it passes between (no corner is cut).
@@ -213,7 +217,39 @@ fn moves() -> Vec<Move> {
     };
     let needs = |way| (0..MOVES).filter(|by| passes(way, offset(*by))).map(|by| 1 << by).sum();
     let all = (0..MOVES).filter(|by| *by != STAY);
-    all.map(|by| Move { by, offset: offset(by), length: offset(by).distance(zero), needs: needs(offset(by)) }).collect()
+    let to = |by| Move {
+        by,
+        offset: offset(by),
+        step: Place::by(offset(by)),
+        length: offset(by).distance(zero),
+        needs: needs(offset(by)),
+    };
+    all.map(to).collect()
+}
+
+/// Where a cell is in its brick: 8 more than its place along x, y and z, in a byte each, so that a sum says what has left the
+/// brick.
+#[derive(Clone, Copy)]
+struct Place(u32);
+
+impl Place {
+    fn of(cell: usize) -> Self {
+        let cell = cell as u32;
+        Self(0x08_08_08 + (cell & 7 | (cell >> 3 & 7) << 8 | cell >> 6 << 16))
+    }
+
+    /// The step of a move.
+    fn by(offset: Voxel) -> Self {
+        Self(offset.x.wrapping_add(offset.y << 8).wrapping_add(offset.z << 16) as u32)
+    }
+
+    /// The cell that a step leads to; `None`: it is in another brick.
+    #[inline]
+    fn after(self, step: Self) -> Option<usize> {
+        let there = self.0.wrapping_add(step.0);
+        let cell = there & 7 | (there >> 8 & 7) << 3 | (there >> 16 & 7) << 6;
+        (there & 0x18_18_18 == 0x08_08_08).then_some(cell as usize)
+    }
 }
 
 /// Voxels to go on from, those with the smallest estimate first, of equals the first in raster order.
@@ -235,13 +271,14 @@ type Entry = (u64, u64);
 const SHIFT: i32 = 1 << 20;
 const BITS: u32 = 21;
 
+#[inline]
 fn packed(voxel: Voxel) -> u64 {
-    voxel
-        .raster()
-        .into_iter()
-        .fold(0, |packed, c| packed << BITS | u64::from((c + SHIFT) as u32 & (2 * SHIFT - 1) as u32))
+    let bits = |c: i32| u64::from((c + SHIFT) as u32 & (2 * SHIFT - 1) as u32);
+    let [a, b, c] = voxel.raster().map(bits);
+    (a << BITS | b) << BITS | c
 }
 
+#[inline]
 fn unpacked(packed: u64) -> Voxel {
     let index = |place: u32| (packed >> (place * BITS)) as i32 & (2 * SHIFT - 1);
     Voxel::new(index(0) - SHIFT, index(1) - SHIFT, index(2) - SHIFT)
@@ -267,6 +304,7 @@ impl Open {
         }
     }
 
+    #[inline]
     fn pop(&mut self) -> Option<(f64, Voxel)> {
         if self.now.is_empty() {
             let next = (1..RING as u64).find(|k| !self.later[(self.bucket + k) as usize % RING].is_empty())?;

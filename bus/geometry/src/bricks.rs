@@ -23,16 +23,19 @@ pub struct Bricks<T> {
 }
 
 /// The brick that holds a cell: the cell's indices divided by eight, rounded down.
+#[inline]
 pub fn brick_of(voxel: Voxel) -> Voxel {
     Voxel::new(voxel.x >> 3, voxel.y >> 3, voxel.z >> 3)
 }
 
 /// A cell's place inside its brick: x fastest, z slowest.
+#[inline]
 pub fn cell_of(voxel: Voxel) -> usize {
     ((voxel.z & 7) << 6 | (voxel.y & 7) << 3 | voxel.x & 7) as usize
 }
 
 /// The cell at place `cell` of brick `brick`; the inverse of [`brick_of`] and [`cell_of`].
+#[inline]
 pub fn voxel_at(brick: Voxel, cell: usize) -> Voxel {
     let c = cell as i32;
     Voxel::new(brick.x << 3 | c & 7, brick.y << 3 | c >> 3 & 7, brick.z << 3 | c >> 6)
@@ -96,17 +99,21 @@ impl<T: Copy + Default> Bricks<T> {
 pub struct BrickHasher(u64);
 
 impl Hasher for BrickHasher {
+    #[inline]
     fn finish(&self) -> u64 {
         self.0 ^ self.0 >> 32
     }
+    #[inline]
     fn write(&mut self, bytes: &[u8]) {
         for &b in bytes {
             self.write_i32(i32::from(b));
         }
     }
+    #[inline]
     fn write_i32(&mut self, i: i32) {
         self.write_usize(i as u32 as usize);
     }
+    #[inline]
     fn write_usize(&mut self, i: usize) {
         self.0 = (self.0.rotate_left(21) ^ i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }

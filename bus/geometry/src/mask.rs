@@ -31,26 +31,31 @@ pub fn count(mask: &Mask) -> usize {
 }
 
 /// Puts a cell into a set.
+#[inline]
 pub fn set(mask: &mut Mask, cell: usize) {
     mask[cell >> 6] |= 1 << (cell & 63);
 }
 
 /// Takes a cell out of a set.
+#[inline]
 pub fn clear(mask: &mut Mask, cell: usize) {
     mask[cell >> 6] &= !(1 << (cell & 63));
 }
 
 /// Those of two sets that are in both.
+#[inline]
 pub fn and(a: &Mask, b: &Mask) -> Mask {
     std::array::from_fn(|z| a[z] & b[z])
 }
 
 /// Those that are in one of two sets, or in both.
+#[inline]
 pub fn or(a: &Mask, b: &Mask) -> Mask {
     std::array::from_fn(|z| a[z] | b[z])
 }
 
 /// Those of a set that are not in another one.
+#[inline]
 pub fn without(a: &Mask, b: &Mask) -> Mask {
     std::array::from_fn(|z| a[z] & !b[z])
 }
@@ -102,6 +107,7 @@ pub fn beyond(mask: &Mask, face: usize) -> Mask {
 }
 
 /// Whether a cell is in a set.
+#[inline]
 pub fn has(mask: &Mask, cell: usize) -> bool {
     mask[cell >> 6] >> (cell & 63) & 1 == 1
 }

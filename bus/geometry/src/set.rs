@@ -22,11 +22,13 @@ impl VoxelSet {
     }
 
     /// The voxels of a brick (in bricks) that are in it.
+    #[inline]
     pub fn brick(&self, brick: Voxel) -> &Mask {
         self.index.get(&brick).map_or(&mask::NONE, |i| &self.bricks[*i as usize].1)
     }
 
     /// Whether a voxel is in it.
+    #[inline]
     pub fn contains(&self, voxel: Voxel) -> bool {
         mask::has(self.brick(brick_of(voxel)), cell_of(voxel))
     }

@@ -36,44 +36,52 @@ pub const fn reach_m(resolution: f64) -> f64 {
 
 impl Voxel {
     /// The cell with these indices.
+    #[inline]
     pub const fn new(x: i32, y: i32, z: i32) -> Self {
         Self { x, y, z }
     }
 
     /// The cell that holds `point` (m, world) on a lattice of `resolution` (m).
+    #[inline]
     pub fn containing(point: Point3<f64>, resolution: f64) -> Self {
         let index = |c: f64| (c / resolution).floor() as i32;
         Self::new(index(point.x), index(point.y), index(point.z))
     }
 
     /// The cell's centre (m, world).
+    #[inline]
     pub fn center(self, resolution: f64) -> Point3<f64> {
         let c = |k: i32| (f64::from(k) + 0.5) * resolution;
         Point3::new(c(self.x), c(self.y), c(self.z))
     }
 
     /// The six cells that share a face with this one.
+    #[inline]
     pub fn face_neighbours(self) -> [Voxel; 6] {
         FACES.map(|d| self + d)
     }
 
     /// The 26 cells that share a face, an edge or a corner, in lexicographic order.
+    #[inline]
     pub fn neighbours(self) -> impl Iterator<Item = Voxel> {
         (0..27).filter(|&i| i != 13).map(move |i| self + Voxel::new(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1))
     }
 
     /// Distance between the centres of two cells, in cells.
+    #[inline]
     pub fn distance(self, other: Voxel) -> f64 {
         let d = self - other;
         Vector3::new(f64::from(d.x), f64::from(d.y), f64::from(d.z)).norm()
     }
 
     /// The smaller index of two cells along each axis.
+    #[inline]
     pub fn inf(self, other: Self) -> Self {
         Self::new(self.x.min(other.x), self.y.min(other.y), self.z.min(other.z))
     }
 
     /// The larger index of two cells along each axis.
+    #[inline]
     pub fn sup(self, other: Self) -> Self {
         Self::new(self.x.max(other.x), self.y.max(other.y), self.z.max(other.z))
     }
@@ -84,11 +92,13 @@ impl Voxel {
     }
 
     /// Sorts as voxels are numbered in a box: x fastest, z slowest.
+    #[inline]
     pub fn raster(self) -> [i32; 3] {
         [self.z, self.y, self.x]
     }
 
     /// The indices as an array.
+    #[inline]
     pub fn to_array(self) -> [i32; 3] {
         [self.x, self.y, self.z]
     }
@@ -111,6 +121,7 @@ impl From<[i32; 3]> for Voxel {
 
 impl std::ops::Add for Voxel {
     type Output = Voxel;
+    #[inline]
     fn add(self, d: Voxel) -> Voxel {
         Voxel::new(self.x + d.x, self.y + d.y, self.z + d.z)
     }
@@ -118,6 +129,7 @@ impl std::ops::Add for Voxel {
 
 impl std::ops::Sub for Voxel {
     type Output = Voxel;
+    #[inline]
     fn sub(self, d: Voxel) -> Voxel {
         Voxel::new(self.x - d.x, self.y - d.y, self.z - d.z)
     }
