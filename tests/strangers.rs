@@ -134,7 +134,7 @@ fn whoever_looks_in_sees_a_strangers_values_field_by_field() {
     let info = said(&["info", "STEERING"]);
     for line in [
         "carries     Steering (layout",
-        "angle: f64, rad              Anticlockwise.",
+        "angle: f64, rad, -4 to 4     Anticlockwise.",
         "  speed: f32, 1/s              How fast it turns.",
         "  Person(text)                 Somebody, by name.",
         "latest      angle: 0.25, wheels: [{driven: false, speed: 0.5}, {driven: true, speed: 1.5}], who: {Person: Ann}",

@@ -7,8 +7,7 @@ use std::ops::RangeInclusive;
 use elk_geometry::bricks::BRICK;
 use elk_geometry::delta::{Delta, DeltaError};
 use elk_geometry::mask::{self, Mask};
-use elk_geometry::state::{BrickStates, State};
-use elk_geometry::states::Cells;
+use elk_geometry::state::{BrickStates, Cells, State};
 use elk_geometry::voxel::{INDEX_RANGE, Voxel};
 
 use crate::log_odds::Codes;

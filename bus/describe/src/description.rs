@@ -191,6 +191,11 @@ impl Kind {
         if let Self::Unnamed(one) = self { one.kind.plain() } else { self }
     }
 
+    /// Whether a value can be `null`, so that an option of it has to be told from one without a value.
+    pub(crate) fn may_be_null(&self) -> bool {
+        matches!(self.plain(), Kind::Unit | Kind::Option(_))
+    }
+
     /// The hash of everything that decides what the bytes mean.
     pub(crate) fn layout(&self) -> u64 {
         self.hash(Fnv::new()).0

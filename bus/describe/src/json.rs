@@ -2,8 +2,6 @@
 
 use serde_json::Value;
 
-use crate::description::Kind;
-
 /// A list of `what` that is too long to be shown.
 pub fn counted(count: u64, what: &str) -> Value {
     format!("{count} {what}").into()
@@ -18,11 +16,6 @@ pub fn shortest(single: f32) -> f64 {
 /// A field with its way from the outermost value.
 pub fn joined(field: &str, name: &str) -> String {
     if field.is_empty() { name.to_owned() } else { format!("{field}.{name}") }
-}
-
-/// Whether a value of this kind can be `null`, so that an option of it has to be told from one without a value.
-pub fn may_be_null(kind: &Kind) -> bool {
-    matches!(kind.plain(), Kind::Unit | Kind::Option(_))
 }
 
 /// A number, or what [`Description::to_json`](crate::Description::to_json) says of one that JSON does not have.

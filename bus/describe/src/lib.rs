@@ -37,6 +37,7 @@ mod describe;
 mod description;
 mod difference;
 mod drawable;
+mod field_range;
 #[cfg(feature = "nalgebra")]
 mod geometry;
 mod json;

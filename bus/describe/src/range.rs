@@ -3,10 +3,9 @@
 use std::fmt::{self, Display};
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Number, Value};
+use serde_json::Number;
 
-use crate::description::Kind;
-use crate::json::{float, shortest};
+use crate::json::shortest;
 use crate::shape::{DefaultValue, Limit, RangeShape, Shape};
 
 /// What a field's number may be. Of a field without a range nothing is said.
@@ -32,44 +31,6 @@ impl Range {
     /// Whether nothing is said.
     pub fn is_all(&self) -> bool {
         *self == Self::default()
-    }
-
-    /// This number of this kind, or one that may be, if this one may not.
-    pub(crate) fn or_within(&self, kind: &Kind, value: Value) -> Value {
-        if self.holds(kind, &value) {
-            return value;
-        }
-        let less = |end: &Number| match end.as_i64() {
-            Some(end) => Number::from(end.saturating_sub(1)),
-            None => end.as_f64().and_then(|end| Number::from_f64(end - 1.0)).unwrap_or(end.clone()),
-        };
-        let end = self.least.clone().or_else(|| self.most.clone()).or_else(|| self.below.as_ref().map(less));
-        end.map_or(value, Value::Number)
-    }
-
-    /// Whether a number of this kind may be this one. What is no number, as an option without a value, is in any range.
-    pub(crate) fn holds(&self, kind: &Kind, value: &Value) -> bool {
-        let Value::Number(number) = value else {
-            // Infinities and NaN, as texts, are in no range.
-            return self.is_all() || float(value).is_none();
-        };
-        let is_single = matches!(innermost(kind), Kind::Float(4));
-        let is_at_most = |one: &Number, other: &Number| match (one.as_i128(), other.as_i128()) {
-            (Some(one), Some(other)) => one <= other,
-            _ if is_single => one.as_f64().map(|one| one as f32) <= other.as_f64().map(|other| other as f32),
-            _ => one.as_f64() <= other.as_f64(),
-        };
-        self.least.as_ref().is_none_or(|least| is_at_most(least, number))
-            && self.most.as_ref().is_none_or(|most| is_at_most(number, most))
-            && self.below.as_ref().is_none_or(|below| !is_at_most(below, number))
-    }
-}
-
-/// The kind of the number of which a field's range is.
-fn innermost(kind: &Kind) -> &Kind {
-    match kind.plain() {
-        Kind::Option(inner) => innermost(inner),
-        kind => kind,
     }
 }
 

@@ -5,7 +5,7 @@ use serde_json::{Map, Number, Value};
 use crate::Description;
 use crate::cursor::Cursor;
 use crate::description::{Content, Field, Kind};
-use crate::json::{counted, may_be_null, shortest};
+use crate::json::{counted, shortest};
 
 /// Why bytes are no value of a type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -130,7 +130,7 @@ impl<'a> Reader<'a> {
             }
             Kind::Option(inner) => match self.at.unsigned(1)? {
                 0 => Value::Null,
-                1 if may_be_null(inner) => Value::Array(vec![self.value(inner)?]),
+                1 if inner.may_be_null() => Value::Array(vec![self.value(inner)?]),
                 1 => self.value(inner)?,
                 other => return Err(format!("{other} is neither 0 nor 1")),
             },

@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 
 use crate::Description;
 use crate::description::{Content, Field, Kind};
-use crate::json::{float, joined, may_be_null};
+use crate::json::{float, joined};
 
 /// The bytes of a value of this kind, if that is what the JSON says.
 pub fn bytes_of(kind: &Kind, json: &Value) -> Option<Vec<u8>> {
@@ -85,8 +85,8 @@ fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written
         (Kind::Option(inner), _) => {
             bytes.push(1);
             match json.as_array().map(Vec::as_slice) {
-                Some([one]) if may_be_null(inner) => write(inner, one, field, bytes),
-                _ if may_be_null(inner) => wrong("null, or a list of one"),
+                Some([one]) if inner.may_be_null() => write(inner, one, field, bytes),
+                _ if inner.may_be_null() => wrong("null, or a list of one"),
                 _ => write(inner, json, field, bytes),
             }
         }
@@ -172,7 +172,7 @@ fn write_fields(fields: &[Field], object: &Map<String, Value>, field: &str, byte
 
 /// The value of a field, in the field's range.
 fn write_field(one: &Field, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written {
-    if !one.range.holds(&one.kind, json) {
+    if !one.may_be(json) {
         let wanted = format!("{} {}", one.range, one.unit);
         return Err(format!("{} is {}; it has to be {}", named(field), shown(json), wanted.trim_end()));
     }
@@ -215,7 +215,7 @@ fn shown(json: &Value) -> String {
 fn example_of(field: &Field) -> Value {
     match &field.default {
         Some(default) => default.clone(),
-        None => field.range.or_within(&field.kind, example(&field.kind)),
+        None => field.or_within_range(example(&field.kind)),
     }
 }
 

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use crate::bricks::{brick_of, cell_of};
 use crate::delta::{Changes, Delta, DeltaError};
 use crate::mask::{self, Mask};
-use crate::state::{BrickStates, State};
-use crate::states::{Cells, States};
+use crate::state::{BrickStates, Cells, State};
+use crate::states::States;
 use crate::voxel::Voxel;
 
 /// The states of all voxels, and how many there are of each.

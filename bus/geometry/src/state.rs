@@ -4,8 +4,7 @@ use elk_describe::{Describe, Invalid, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::bricks::{BRICK, BRICK_CELLS};
-use crate::mask;
-use crate::states::Cells;
+use crate::mask::{self, Mask};
 use crate::voxel::{INDEX_RANGE, Voxel};
 
 /// What is known of a voxel (thesis 6.3.1).
@@ -24,6 +23,65 @@ pub enum State {
 impl State {
     /// States in two bits each, and the letters that people read for them; there is no fourth state.
     const PACKED: Shape = Shape::Symbols(2, "?.#?", BRICK_CELLS);
+}
+
+/// The states of a brick's cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Cells {
+    known: Mask,
+    occupied: Mask,
+}
+
+impl Cells {
+    /// Of a brick of which nothing is known.
+    pub const UNKNOWN: Self = Self { known: mask::NONE, occupied: mask::NONE };
+
+    /// Occupied where `occupied` has them, else free where `known` has them, else unknown.
+    pub fn new(known: &Mask, occupied: &Mask) -> Self {
+        Self { known: std::array::from_fn(|z| known[z] | occupied[z]), occupied: *occupied }
+    }
+
+    /// The state of a cell.
+    pub fn state(&self, cell: usize) -> State {
+        match (mask::has(&self.occupied, cell), mask::has(&self.known, cell)) {
+            (true, _) => State::Occupied,
+            (false, true) => State::Free,
+            (false, false) => State::Unknown,
+        }
+    }
+
+    /// Sets the state of a cell.
+    pub fn set(&mut self, cell: usize, state: State) {
+        let (layer, bit) = (cell >> 6, 1 << (cell & 63));
+        let put = |word: u64, is_in: bool| word & !bit | if is_in { bit } else { 0 };
+        self.known[layer] = put(self.known[layer], state != State::Unknown);
+        self.occupied[layer] = put(self.occupied[layer], state == State::Occupied);
+    }
+
+    /// The cells of which anything is known.
+    pub fn known(&self) -> &Mask {
+        &self.known
+    }
+
+    /// The occupied cells.
+    pub fn occupied(&self) -> &Mask {
+        &self.occupied
+    }
+
+    /// The free cells.
+    pub fn free(&self) -> Mask {
+        std::array::from_fn(|z| self.known[z] & !self.occupied[z])
+    }
+
+    /// The cells that are other than those of another brick.
+    pub fn differing(&self, other: &Self) -> Mask {
+        std::array::from_fn(|z| (self.known[z] ^ other.known[z]) | (self.occupied[z] ^ other.occupied[z]))
+    }
+
+    /// The states of all cells, one after the other.
+    pub fn unpack(&self) -> [State; BRICK_CELLS] {
+        std::array::from_fn(|cell| self.state(cell))
+    }
 }
 
 /// The states of a brick's 512 cells, two bits each: cell `i` stands in bits `2(i mod 4)` of byte `i / 4`.

@@ -5,8 +5,7 @@ use std::ops::Deref;
 use crate::bricks::{BRICK, voxel_at};
 use crate::grid::OccupancyGrid;
 use crate::region::Region;
-use crate::state::State;
-use crate::states::Cells;
+use crate::state::{Cells, State};
 use crate::voxel::Voxel;
 
 /// A [`Region`] with the state of each of its voxels. Around what is known lies a margin of unknown voxels, so that the
