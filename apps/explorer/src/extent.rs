@@ -3,7 +3,7 @@
 //!
 //! A dense box costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes.
 
-use elk_geometry::volume::corners;
+use elk_geometry::bricks::corners;
 use elk_geometry::{Region, Voxel, mask};
 
 use crate::space::Space;

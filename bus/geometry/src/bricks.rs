@@ -41,6 +41,18 @@ pub fn voxel_at(brick: Voxel, cell: usize) -> Voxel {
     Voxel::new(brick.x << 3 | c & 7, brick.y << 3 | c >> 3 & 7, brick.z << 3 | c >> 6)
 }
 
+/// Smallest corner, and the corner beyond the largest, of bricks and of a voxel.
+pub fn corners(include: Voxel, bricks: impl Iterator<Item = Voxel>) -> (Voxel, Voxel) {
+    let (mut min, mut max) = (include, include + Voxel::new(1, 1, 1));
+    for brick in bricks {
+        let low = voxel_at(brick, 0);
+        min = Voxel::new(min.x.min(low.x), min.y.min(low.y), min.z.min(low.z));
+        let high = low + Voxel::new(BRICK, BRICK, BRICK);
+        max = Voxel::new(max.x.max(high.x), max.y.max(high.y), max.z.max(high.z));
+    }
+    (min, max)
+}
+
 impl<T: Copy + Default> Bricks<T> {
     /// An empty grid.
     pub fn new() -> Self {

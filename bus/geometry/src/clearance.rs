@@ -20,6 +20,8 @@ use crate::voxel::{FACES, Voxel};
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Clearance {
     offsets: Vec<Voxel>,
+    /// The same, and the voxel between them, as rows along x: by y and z, how far the row goes either way.
+    rows: BTreeMap<(i32, i32), i32>,
 }
 
 /// The largest radius, in voxels: 150,000 neighbours, of each voxel that a way passes.
@@ -59,8 +61,9 @@ impl Clearance {
         let range = || -reach..=reach;
         let all = range().flat_map(|z| range().flat_map(move |y| range().map(move |x| Voxel::new(x, y, z))));
         let zero = Voxel::new(0, 0, 0);
-        let offsets = all.filter(|d| *d != zero && (FACES.contains(d) || gap(*d) < radius - 1e-9)).collect();
-        Ok(Self { offsets })
+        let offsets: Vec<Voxel> =
+            all.filter(|d| *d != zero && (FACES.contains(d) || gap(*d) < radius - 1e-9)).collect();
+        Ok(Self { rows: rows(&offsets), offsets })
     }
 
     /// The neighbours that count, relative to the robot's voxel, in lexicographic order of z, y, x.
@@ -138,16 +141,6 @@ impl Window {
 }
 
 impl Clearance {
-    /// The neighbours that count, and the voxel between them, as rows along x: y, z, and how far the row goes either way.
-    fn rows(&self) -> BTreeMap<(i32, i32), i32> {
-        let mut rows = BTreeMap::from([((0, 0), 0)]);
-        for d in &self.offsets {
-            let half = rows.entry((d.y, d.z)).or_default();
-            *half = d.x.max(*half);
-        }
-        rows
-    }
-
     /// The voxels of a brick (in bricks) that a robot can be in which keeps clear of all that is not free: of what is occupied,
     /// and of what is unknown, where something may be.
     pub fn clear(&self, free: &VoxelSet, brick: Voxel) -> Mask {
@@ -158,7 +151,7 @@ impl Clearance {
         let (window, edge) = (Window::around(free, brick, margin), Window::edge(margin));
         let mut eroded: BTreeMap<i32, Vec<u128>> = BTreeMap::new();
         let mut clear = *free.brick(brick);
-        for ((dy, dz), half) in self.rows() {
+        for (&(dy, dz), &half) in &self.rows {
             let rows = eroded.entry(half).or_insert_with(|| window.eroded(half as usize));
             let (dy, dz) = (dy + margin as i32, dz + margin as i32);
             for (z, layer) in clear.iter_mut().enumerate() {
@@ -175,6 +168,15 @@ impl Clearance {
 /// Distance between the nearest faces of two voxels `d` apart, in voxels.
 fn gap(d: Voxel) -> f64 {
     d.to_array().iter().map(|c| f64::from((c.abs() - 1).max(0)).powi(2)).sum::<f64>().sqrt()
+}
+
+fn rows(offsets: &[Voxel]) -> BTreeMap<(i32, i32), i32> {
+    let mut rows = BTreeMap::from([((0, 0), 0)]);
+    for d in offsets {
+        let half = rows.entry((d.y, d.z)).or_default();
+        *half = d.x.max(*half);
+    }
+    rows
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@
 //! | values by voxel, sparse: bricks of 8×8×8 | [`bricks`]; sets of a brick's cells: [`mask`], of voxels: [`set`] |
 //! | what is free, occupied, unknown | [`state`], [`states`], [`grid`]; what changed, for whoever keeps a copy: [`delta`] |
 //! | where what is known ends, and what of it hangs together | [`frontier`], [`clusters`] |
-//! | a dense box of voxels with numbers, and the states of one | [`region`], [`volume`] |
+//! | a dense box of voxels with numbers | [`region`] |
 //! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
 //! | where a body of some size can be, what hangs together, and the shortest way there | [`clearance`], [`component`], [`astar`] |
 //! | ways in straight lines, and where a camera is | [`polyline`], [`pose`] |
@@ -40,7 +40,6 @@ pub mod set;
 pub mod state;
 pub mod states;
 pub mod visibility;
-pub mod volume;
 pub mod voxel;
 
 pub use bricks::Bricks;
@@ -55,7 +54,6 @@ pub use pose::Pose;
 pub use region::Region;
 pub use set::VoxelSet;
 pub use state::State;
-pub use volume::Volume;
 pub use voxel::{Bounds, Voxel};
 
 #[cfg(doctest)]

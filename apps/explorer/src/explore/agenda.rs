@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use elk_geometry::bricks::voxel_at;
-use elk_geometry::{Voxel, VoxelSet, mask};
+use elk_geometry::{Clusters, Voxel, VoxelSet, mask};
 use elk_spatial::messages::FrontiersLeft;
 
 use super::memory::Memory;
@@ -35,6 +35,8 @@ pub struct Agenda {
     standings: BTreeMap<Voxel, Standing>,
     /// The voxels that have one.
     voxels: VoxelSet,
+    /// Those of them that the robot can get to, in clusters, if small ones are left alone.
+    clusters: Clusters,
     /// How many stand so, in the order of [`Standing`].
     counts: [u64; 5],
     goals: Goals,
@@ -56,20 +58,23 @@ impl Agenda {
         if anew {
             *self = Self { range_m: Some(known.sight.range_m), ..Self::default() };
         }
-        // How large a cluster is may change with a voxel far away.
-        let all = anew || settings.min_frontier > 1;
-        let mut stale: Vec<Voxel> = match all {
-            true => known.frontier.iter().chain(self.standings.keys().copied()).collect(),
+        let mut stale: BTreeSet<Voxel> = match anew {
+            true => known.frontier.iter().collect(),
             false => targets.into_iter().chain(self.in_bricks_near(known, bricks)).collect(),
         };
-        stale.sort_unstable();
-        stale.dedup();
-        let small = small_clusters(known, space, settings.min_frontier);
+        if settings.min_frontier > 1 {
+            let is_reached = |voxel| known.frontier.contains(voxel) && space.component.contains(voxel);
+            self.clusters.update(stale.iter().copied(), is_reached);
+            // How large a cluster is may have changed with a voxel far away.
+            stale.extend(known.frontier.iter());
+        }
         let near = NearGoals::new(space, known.sight.range_m);
         for voxel in stale.into_iter().take_while(|_| !(settings.is_to_stop)()) {
             let now = known.frontier.contains(voxel).then(|| match () {
                 () if !space.component.contains(voxel) => Standing::Unreachable,
-                () if small.contains(&voxel) => Standing::TooSmall,
+                () if self.clusters.of(voxel).is_some_and(|cluster| cluster.size() < settings.min_frontier) => {
+                    Standing::TooSmall
+                }
                 () if !memory.gave_up(voxel, settings.attempts) => Standing::Open,
                 () if memory.saw_nothing(voxel) => Standing::Silent,
                 () => Standing::GivenUp,
@@ -127,40 +132,4 @@ impl Agenda {
 
 fn target(known: Known, voxel: Voxel, memory: &Memory) -> Target {
     Target::new(known, voxel, memory.tried(voxel).to_vec())
-}
-
-/// The frontier voxels that the robot can get to in clusters (connected over 26 neighbours) of fewer than `min`.
-fn small_clusters(known: Known, space: &Space, min: usize) -> BTreeSet<Voxel> {
-    if min <= 1 {
-        return BTreeSet::new();
-    }
-    clusters_below(min, known.frontier.iter().filter(|voxel| space.component.contains(*voxel)).collect())
-}
-
-fn clusters_below(min: usize, mut open: BTreeSet<Voxel>) -> BTreeSet<Voxel> {
-    let mut small = BTreeSet::new();
-    while let Some(first) = open.pop_first() {
-        let mut cluster = vec![first];
-        let mut next = 0;
-        while let Some(voxel) = cluster.get(next).copied() {
-            next += 1;
-            cluster.extend(voxel.neighbours().filter(|n| open.remove(n)));
-        }
-        if cluster.len() < min {
-            small.extend(cluster);
-        }
-    }
-    small
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_cluster_hangs_together_over_corners() {
-        let all: BTreeSet<Voxel> = [[0, 0, 0], [1, 1, 1], [9, 9, 9]].map(Voxel::from).into();
-        let below = |min| clusters_below(min, all.clone()).len();
-        assert_eq!([1, 2, 3].map(below), [0, 1, 3]);
-    }
 }
