@@ -65,7 +65,8 @@ fn a_package_has_all_that_its_crate_includes_and_the_licences() {
     assert!(looked_at > 30, "{looked_at}");
 }
 
-/// The worlds that are built in are those beside the missions: a package cannot reach for what lies outside it.
+/// The worlds that are built in are those beside the missions, by links: a package cannot reach for what lies outside it, but
+/// has in it what its links lead to.
 #[test]
 fn the_worlds_that_are_built_in_are_those_of_the_missions() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -78,5 +79,5 @@ fn the_worlds_that_are_built_in_are_those_of_the_missions() {
             .collect::<Vec<_>>()
     });
     assert!(!built_in.is_empty());
-    assert!(of_missions == built_in, "copy mission-files/worlds to apps/world/worlds");
+    assert!(of_missions == built_in, "link each of mission-files/worlds in apps/world/worlds");
 }
