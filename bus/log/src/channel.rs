@@ -9,6 +9,7 @@ use elk_bus::Type;
 
 use crate::encoding::{self, Kind};
 use crate::foreign::{Foreign, Schema};
+use crate::said::{Garbled, text};
 
 /// A channel, as far as a reader has to know it.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,11 +34,12 @@ pub(crate) enum ChannelKind {
 }
 
 impl Channel {
-    /// What `channel` announces, whose messages are made as `schema` says.
-    pub fn announced(channel: records::Channel, schema: Option<&Arc<Schema>>) -> Self {
+    /// What `channel` announces, whose messages are made as `schema` says; what is garbled of it goes into `garbled`.
+    pub fn announced(channel: records::Channel, schema: Option<&Arc<Schema>>, garbled: &mut Garbled) -> Self {
         let said = |name: &str| text(&channel.metadata, name);
         let name = schema.map_or("", |schema| schema.name.as_str());
-        let (source, community, epoch) = (said("source"), said("community"), said("epoch"));
+        let (source, community) = (said("source"), said("community"));
+        let epoch = garbled.number(&channel.metadata, "epoch");
         let kind = match Kind::announced(&channel.message_encoding, name, type_of(&channel.metadata)) {
             Some(kind) => ChannelKind::Value(kind),
             None if name == encoding::DROPPED => ChannelKind::Dropped,
@@ -46,7 +48,6 @@ impl Channel {
                 ChannelKind::Foreign(Foreign::announced(schema, channel.message_encoding, metadata))
             }
         };
-        let epoch = epoch.parse().unwrap_or_default();
         Self { source, community, epoch, schema: name.into(), key: channel.topic, kind }
     }
 
@@ -84,9 +85,4 @@ fn type_of(metadata: &BTreeMap<String, String>) -> Option<Type> {
     let layout = u64::from_str_radix(said("layout"), 16).ok()?;
     let name = Some(said("type")).filter(|name| !name.is_empty())?;
     Some(Type::from_text(name, layout, said("description")).unwrap_or_else(|_| Type::undescribed(name, layout)))
-}
-
-/// What `metadata` says under `name`; empty: nothing.
-pub(crate) fn text(metadata: &BTreeMap<String, String>, name: &str) -> String {
-    metadata.get(name).cloned().unwrap_or_default()
 }

@@ -48,6 +48,7 @@ mod protobuf;
 mod reader;
 mod record;
 mod resync;
+mod said;
 mod salvage;
 mod schema;
 mod segment;

@@ -10,7 +10,7 @@ use mcap::records::{self, ChunkIndex, Record as McapRecord, Statistics, op};
 use elk_outside::file;
 
 use crate::again::{self, SaidChannel};
-use crate::channel::{Channel, ChannelKind, text};
+use crate::channel::{Channel, ChannelKind};
 use crate::container::{self, Container, Found, read_error};
 use crate::encoding::{self, Decoded, Scratch, seconds};
 use crate::error::LogError;
@@ -19,6 +19,7 @@ use crate::foreign::Schema;
 use crate::head::{Head, MESSAGE_HEAD};
 use crate::record::{Metadata, RecordRef};
 use crate::resync::RecordFinder;
+use crate::said::{Garbled, text};
 use crate::salvage::Salvage;
 use crate::summary::Summary;
 
@@ -555,10 +556,12 @@ impl Segment {
         if self.channel(id).is_some() {
             return Ok(());
         }
-        let channel = Channel::announced(channel, schema);
+        let mut garbled = Garbled::default();
+        let channel = Channel::announced(channel, schema, &mut garbled);
         self.keep_names(channel.names_bytes())?;
+        let named = format!("channel {:?}", channel.key);
         self.announce(id, Arc::new(channel));
-        Ok(())
+        garbled.said().map_err(|reason| format!("{named}: {reason}"))
     }
 
     /// The message that was found last as another tool wrote it, if one did.
@@ -605,23 +608,23 @@ impl Segment {
         if newer && matches!(self.records, Records::Right(_)) {
             return Err(LogError::Newer { path: self.path.clone(), found: format, known });
         }
+        let mut garbled = Garbled::default();
         self.number = text("segment").parse().ok();
         self.metadata = Metadata {
             mission_name: text("mission_name"),
             version: text("version"),
-            seed: text("seed").parse().unwrap_or_default(),
-            started: text("started").parse().unwrap_or_default(),
+            seed: garbled.number(&said.metadata, "seed"),
+            started: garbled.number(&said.metadata, "started"),
             world: text("world"),
             world_checksum: text("world_checksum"),
             effective_mission: text("effective_mission"),
             run: text("run"),
             mission: std::mem::take(&mut self.metadata.mission),
         };
-        Ok(if newer {
-            Err(format!("its format is said to be {format:?}; it is read as format {known}"))
-        } else {
-            Ok(())
-        })
+        if newer {
+            garbled.note(format!("its format is said to be {format:?}; it is read as format {known}"));
+        }
+        Ok(garbled.said())
     }
 }
 

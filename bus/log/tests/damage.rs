@@ -214,3 +214,21 @@ fn a_clock_that_runs_backwards_is_no_trouble() {
     assert_eq!(log.next_ref().unwrap().unwrap().order, 6);
     assert!(read_log(&path) == 7);
 }
+
+#[test]
+fn a_number_that_is_none_is_said_to_be_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let said = Metadata { seed: 7, ..Metadata::default() };
+    LogWriter::create_with(&path, &said, LogOptions::default()).unwrap().finish().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let seed = b"seed\x01\0\0\x007";
+    let at = bytes.windows(seed.len()).position(|window| window == seed).unwrap();
+    bytes[at + seed.len() - 1] = b'x';
+    std::fs::write(&path, bytes).unwrap();
+    let mut log = LogReader::open(&path).unwrap();
+    assert_eq!(log.metadata().seed, 0);
+    assert_eq!(log.by_ref().count(), 0);
+    let damage = log.damage().join("\n");
+    assert!(damage.contains("its seed is said to be \"x\", which is no such number; it is read as 0"), "{damage}");
+}
