@@ -24,9 +24,9 @@ use crate::terminal::{draw, progress, say};
 pub const HELP: &str = "Example: elk replay logs/apartment-20261123-224512 --rate 2\n\n\
     On a terminal space pauses, . steps, left and right go 5 s, + and - change the rate, Home begins again, q ends, \
     Ctrl-Z gives the terminal back until fg. The broker's own variables (DB_*) are not played.\n\n\
-    With --into, the apps of a mission that --only names run live in this process, the recording gives them their \
-    input, in its order, and what they say is logged into a new run: elk log diff OLD NEW then says whether it is the \
-    same. Besides --keys, what a live app has registered for is played.\n\
+    With --into, the apps of a mission that --only names are live: elk's own in this process, programs of somebody else's \
+    beside it. The recording gives them their input, in its order, and what they say is logged into a new run: \
+    elk log diff OLD NEW then says whether it is the same. Besides --keys, what a live app has registered for is played.\n\
     Example: elk replay logs/apartment-20261123-224512 --rate max --keys 'SCAN*' \\\n         \
     --into mission-files/apartment.xml --only Map,Explorer";
 

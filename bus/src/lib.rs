@@ -16,7 +16,7 @@
 //! | [`broker`], [`wire`], [`link`] | the broker, what is said to it, and the seam that a transport fills | `elk-proto` |
 //! | [`key`], [`value`], [`types`], [`codec`] | typed keys, the three kinds of value, what a type is, its encoding | `elk-proto` |
 //! | [`community`], [`pattern`] | names of communities, wildcards | `elk-proto` |
-//! | [`clock`], [`stop`] | the one clock, signals that ask a process to stop | `elk-os` |
+//! | [`clock`], [`stop`], [`child`] | the one clock, signals that ask a process to stop, processes that a process starts | `elk-os` |
 
 // `#[payload]` names this crate by its own name, here as everywhere.
 extern crate self as elk_bus;
@@ -67,6 +67,7 @@ pub use elk_describe as describe;
 /// What borrows from a message in shared memory has one lifetime.
 pub use elk_describe::payload;
 pub use elk_describe::{Describe, Description, Invalid};
+pub use elk_os::child;
 pub use elk_os::clock::{self, Clock};
 pub use elk_os::limits::let_owner_in;
 pub use elk_os::stop::{self, asked_to_stop, stop_on_signals, stop_signals};

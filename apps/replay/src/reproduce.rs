@@ -16,7 +16,7 @@ use std::time::Duration;
 use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
 use elk_bus::pattern::matches;
-use elk_bus::{Client, Community, Drive, Mail, any, tell};
+use elk_bus::{Client, Drive, Mail, any, tell};
 use elk_log::diff::VOLATILE_KEYS;
 use elk_log::selection::{Position, Window};
 use elk_log::{LogReader, Selection};
@@ -95,9 +95,7 @@ pub fn reproduce(
     reader.within(&window);
     let folder = make_folder(&options.log_dir, &mission.file)?;
     let (apps, logger) = select_apps(mission, &options.only, &folder, reader.metadata())?;
-    // The community is this process' own; its name only stands in the log.
-    let name = Community::new("replay").map_err(|error| no_app("replay", error.to_string()))?;
-    let mut live = Live::new(name);
+    let mut live = Live::new(&apps, &folder)?;
     let mut reproduction = Reproduction::new(live.join(NAME)?, &apps)?;
     if let Some(logger) = &logger {
         live.start(logger)?;

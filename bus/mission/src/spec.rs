@@ -4,8 +4,10 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
-use elk_bus::{App, AppError};
+use elk_bus::launched::{COMMUNITY, LEASE, NAME, SUCCEED};
+use elk_bus::{App, AppError, Community};
 
 use crate::executable::executable;
 use crate::kind::ParamSpec;
@@ -152,6 +154,27 @@ impl AppSpec {
             Program::Builtin(app_type, _) => app_type.name,
             Program::Foreign { .. } => "exec",
         }
+    }
+
+    /// What starts it as a process of its own in this community: the same line that a person would type. `elk` is elk's own
+    /// program, which has the built-in types.
+    pub fn command(&self, elk: &Path, community: &Community) -> Command {
+        let mut command = match &self.program {
+            Program::Builtin(app_type, _) => {
+                let mut command = Command::new(elk);
+                command.arg(app_type.element.to_lowercase()).args(["--type", app_type.name]);
+                command.args(["--name", &self.name, "--community", community.as_str()]);
+                command
+            }
+            Program::Foreign { exec, args } => {
+                let mut command = Command::new(exec);
+                command.args(args).env(COMMUNITY, community.as_str()).env(NAME, &self.name);
+                command
+            }
+        };
+        command.args(self.settings.iter().map(|(name, text)| format!("{name}={text}")));
+        command.env_remove(SUCCEED).env_remove(LEASE);
+        command
     }
 
     /// The text of a parameter.

@@ -4,11 +4,13 @@
 //! |---|---|
 //! | [`clock`] | the one clock |
 //! | [`stop`] | signals that ask a process to stop |
+//! | [`child`] | what a process inherits, and how it ended |
 //! | [`process_id`], [`process_stat`] | which process is meant, and what the system says of it |
 //! | [`owner`] | whose a process is |
 //! | [`limits`] | limits that are low by habit |
 //! | [`words`] | what processes say to people |
 
+pub mod child;
 pub mod clock;
 pub mod limits;
 pub mod owner;

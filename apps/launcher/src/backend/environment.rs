@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use elk_bus::launched::{COMMUNITY, NAME};
-use elk_bus::{Community, LEASE, SUCCEED};
-use elk_mission::{AppSpec, Program, Registry, Restart};
+use elk_bus::{Community, LEASE};
+use elk_mission::{AppSpec, Registry, Restart};
 
 use crate::run::files::RunFiles;
 
@@ -35,24 +34,9 @@ impl Environment {
         command
     }
 
-    /// What starts an app: the same line that a person would type.
+    /// What starts an app, and says how long its mail is kept should it die.
     pub fn app_command(&self, app: &AppSpec) -> Command {
-        let community = self.community.as_str();
-        let settings = app.settings.iter().map(|(name, text)| format!("{name}={text}"));
-        let mut command = match &app.program {
-            Program::Builtin(app_type, _) => {
-                let mut command = Command::new(&self.program);
-                command.arg(app_type.element.to_lowercase()).args(["--type", app_type.name]);
-                command.args(["--name", &app.name, "--community", community]);
-                command
-            }
-            Program::Foreign { exec, args } => {
-                let mut command = Command::new(exec);
-                command.args(args).env(COMMUNITY, community).env(NAME, &app.name);
-                command
-            }
-        };
-        command.args(settings).env_remove(SUCCEED).env_remove(LEASE);
+        let mut command = app.command(&self.program, &self.community);
         if app.policy.restart != Restart::Never {
             command.env(LEASE, LEASE_SECS.to_string());
         }

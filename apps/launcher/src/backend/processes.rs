@@ -6,6 +6,7 @@ use std::io::Write;
 use std::process::Command;
 use std::time::Duration;
 
+use elk_bus::child::Bond;
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, Clock, Community, ConnectError, ProcessId, SUCCEED};
 use elk_mission::{AppSpec, Exchange, Mission, Program, element, instead};
@@ -17,7 +18,7 @@ use crate::backend::Backend;
 use crate::backend::environment::{DB, Environment};
 use crate::control::{AppRow, Order};
 use crate::error::LaunchError;
-use crate::process::child::{Bond, Process};
+use crate::process::child::Process;
 use crate::process::descendants::Descendants;
 use crate::process::escaped::RunId;
 use crate::process::usage::{Samples, Usage};
@@ -273,7 +274,7 @@ impl Processes {
             // A log without the line is no reason not to start.
             let _ = writeln!(file, "--- a new process of {name}, {} UTC ---", stamp(Clock::new(1.0).now()));
         }
-        let bond = if self.environment.detached { Bond::None } else { Bond::Launcher };
+        let bond = if self.environment.detached { Bond::None } else { Bond::Parent };
         let process = Process::spawn(name, command, &log, bond)?;
         self.descendants.watch(process.pid());
         Ok(process)

@@ -9,7 +9,8 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
 use elk_bus::ProcessId;
-use rustix::process::{Pid, Signal, getppid, kill_process_group};
+use elk_bus::child::{Bond, how, keep_to_itself};
+use rustix::process::{Pid, Signal, kill_process_group};
 
 use crate::error::LaunchError;
 use crate::process::handle;
@@ -34,15 +35,6 @@ pub(crate) struct Process {
     /// Where in the log its own words begin.
     log_from: u64,
     exit: Option<Exit>,
-}
-
-/// Whether a process ends with the launcher.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Bond {
-    /// The kernel sends it SIGTERM when the thread that started it dies: that has to be the launcher's main thread.
-    Launcher,
-    /// It goes on.
-    None,
 }
 
 impl Process {
@@ -172,43 +164,6 @@ fn unseen() -> String {
     "unseen: it was the child of a launcher that is gone".to_owned()
 }
 
-/// In words: `exit code 1`, `signal 9 (SIGKILL)`.
-pub(crate) fn how(status: ExitStatus) -> String {
-    match (status.code(), status.signal()) {
-        (Some(code), _) => format!("exit code {code}"),
-        (None, Some(signal)) => {
-            let name = signal_hook::low_level::signal_name(signal).unwrap_or("unknown");
-            format!("signal {signal} ({name})")
-        }
-        (None, None) => "for an unknown reason".to_owned(),
-    }
-}
-
-/// The child gets no descriptor of ours, and, if it is bound to us, SIGTERM when we are gone.
-///
-/// The launcher is a client of the bus, and iceoryx2's descriptors are not close-on-exec: a child would keep them open for
-/// its whole life, and a dead launcher would look alive.
-fn keep_to_itself(command: &mut Command, bond: Bond) {
-    let launcher = rustix::process::getpid();
-    let before_exec = move || {
-        if bond == Bond::Launcher {
-            rustix::process::set_parent_process_death_signal(Some(Signal::TERM))?;
-            if getppid() != Some(launcher) {
-                // The launcher died before the line above: nobody will tell us any more.
-                return Err(io::Error::from_raw_os_error(libc::ESRCH));
-            }
-        }
-        // SAFETY: no pointer is involved; marking descriptors close-on-exec closes none before exec.
-        match unsafe { libc::close_range(3, libc::c_uint::MAX, libc::CLOSE_RANGE_CLOEXEC as i32) } {
-            0 => Ok(()),
-            _ => Err(io::Error::last_os_error()),
-        }
-    };
-    // SAFETY: between fork and exec only system calls are made: prctl, getppid, close_range. Nothing allocates, nothing
-    // takes a lock (an error made from its number does neither).
-    unsafe { command.pre_exec(before_exec) };
-}
-
 /// The last lines of a log, of those that begin at `from` or later.
 pub(crate) fn tail(log: &Path, from: u64) -> io::Result<Vec<String>> {
     let mut file = File::open(log)?;
@@ -240,7 +195,7 @@ mod tests {
     fn shell(script: &str, log: &Path) -> Process {
         let mut command = Command::new("sh");
         command.args(["-c", script]);
-        Process::spawn("Shell", command, log, Bond::Launcher).unwrap()
+        Process::spawn("Shell", command, log, Bond::Parent).unwrap()
     }
 
     fn logged(script: &str) -> (tempfile::TempDir, Process) {
@@ -320,7 +275,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let command = Command::new("./no-such-program");
         let log = folder.path().join("x.log");
-        let error = Process::spawn("X", command, &log, Bond::Launcher).err().unwrap().to_string();
+        let error = Process::spawn("X", command, &log, Bond::Parent).err().unwrap().to_string();
         assert!(error.starts_with("X cannot be started: ./no-such-program: No such file"), "{error}");
     }
 

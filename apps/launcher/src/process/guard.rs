@@ -189,7 +189,7 @@ mod tests {
         let reaper = std::thread::spawn(move || (left.wait().unwrap(), id));
         guard(said.as_bytes()).unwrap();
         let (status, _) = reaper.join().unwrap();
-        assert_eq!(crate::process::child::how(status), "signal 15 (SIGTERM)");
+        assert_eq!(elk_bus::child::how(status), "signal 15 (SIGTERM)");
         assert!(forgotten.try_wait().unwrap().is_none());
         forgotten.kill().unwrap();
         forgotten.wait().unwrap();

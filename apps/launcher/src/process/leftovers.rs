@@ -113,7 +113,7 @@ mod tests {
         let _input = leftover.stdin.take();
         let reaper = std::thread::spawn(move || leftover.wait().unwrap());
         assert!(end_leftovers(&community).unwrap().contains(&id.pid.to_string()));
-        assert_eq!(crate::process::child::how(reaper.join().unwrap()), "signal 15 (SIGTERM)");
+        assert_eq!(elk_bus::child::how(reaper.join().unwrap()), "signal 15 (SIGTERM)");
         assert_eq!(end_leftovers(&community), None);
         for child in &mut spared {
             assert!(child.try_wait().unwrap().is_none());

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-use crate::process::child::{Bond, Process};
+use elk_bus::child::Bond;
+
+use crate::process::child::Process;
 use crate::supervisor::Exit;
 
 /// How long a picture may take: it is drawn of what a run has known, in seconds.
@@ -19,7 +21,7 @@ pub(crate) fn draw(program: &Path, folder: &Path) -> Result<PathBuf, String> {
 }
 
 fn draw_by(command: Command, log: &Path, patience: Duration) -> Result<(), String> {
-    let spawned = Process::spawn("the picture", command, log, Bond::Launcher);
+    let spawned = Process::spawn("the picture", command, log, Bond::Parent);
     let mut artist = spawned.map_err(|error| error.to_string())?;
     if !artist.wait(patience) {
         artist.kill_and_wait();
