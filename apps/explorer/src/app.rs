@@ -12,7 +12,7 @@ use elk_spatial::Replica;
 use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
 use elk_spatial::keys::{
     EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN,
-    PLAN_REQUEST,
+    PLAN_REQUEST, strategy_memory,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, MapStatus, Plan, PlanRequest};
@@ -22,7 +22,7 @@ use crate::explore::{Explorer, Settings};
 use crate::policy::Policy;
 use crate::requests::{MOST_ASKERS, Requests};
 use crate::strategy::Strategy;
-use crate::strategy_memory::{self, StrategyMemory};
+use crate::strategy_memory::StrategyMemory;
 
 /// A parameter with a default.
 pub(crate) const fn param(name: &'static str, kind: Kind, default: &'static str, doc: &'static str) -> ParamSpec {
@@ -134,7 +134,7 @@ pub struct ExplorerApp {
 
 impl ExplorerApp {
     fn on_the_bus(self) -> impl App {
-        let own = strategy_memory::variable(self.explorer.strategy());
+        let own = strategy_memory(self.explorer.strategy());
         Handlers::<Self>::new()
             .on_start_up(Self::introduce)
             .recall(&EXPLORER_MEMORY, Self::succeed)
@@ -266,7 +266,7 @@ impl ExplorerApp {
         // Before it is said: who has heard a plan can rely on every explorer to come to know it.
         let (memory, own) = self.explorer.memory(&plan);
         if let Some(own) = own {
-            let variable = strategy_memory::variable(self.explorer.strategy());
+            let variable = strategy_memory(self.explorer.strategy());
             comms.publish_value(&variable, own.value(), Origin::default())?;
         }
         comms.publish(&EXPLORER_MEMORY, &memory)?;

@@ -25,11 +25,6 @@ pub enum LeaveError {
     TooLong(usize),
 }
 
-/// The variable of what the strategy of this name remembers.
-pub fn variable(strategy: &str) -> String {
-    format!("{}_{strategy}", EXPLORER_MEMORY.name())
-}
-
 impl StrategyMemory {
     /// The memory that this value is.
     ///

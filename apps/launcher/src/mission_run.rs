@@ -8,6 +8,7 @@ use std::time::Duration;
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Community, ConnectError};
 use elk_mission::element::{self, ELEMENTS};
+use elk_mission::variables::LAUNCH_STATE;
 use elk_spatial::keys::{MAP_REQUEST, MOTION, STEP};
 use rustix::event::{PollFd, Timespec, poll};
 use rustix::process::getpid;
@@ -18,7 +19,7 @@ use crate::error::LaunchError;
 use crate::process::usage::Usage;
 use crate::reports::listener::Listener;
 use crate::reports::observer::News;
-use crate::run::launch_state::{self, LaunchState};
+use crate::run::launch_state::LaunchState;
 use crate::supervisor::{State, Ticket, Word};
 use crate::terminal::keyboard::{self, Keyboard};
 use crate::terminal::progress::Display;
@@ -368,7 +369,7 @@ impl MissionRun<'_> {
             return;
         }
         let kept = self.state.next_text().and_then(|text| {
-            self.listener.say(launch_state::KEY, text.as_str());
+            self.listener.say(LAUNCH_STATE, text.as_str());
             LaunchState::keep(self.community, &text)
         });
         if let Err(error) = kept {

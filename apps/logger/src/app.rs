@@ -6,14 +6,12 @@ use std::time::Duration;
 use elk_bus::clock::{Clock, Stopwatch};
 use elk_bus::{AppError, Comms, Handled, Handlers, Mail, any, tell};
 use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
+use elk_mission::variables::LOGGER_ERROR;
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params};
 use elk_outside::checksum::fnv1a_of_file;
 use elk_outside::file;
 
 use crate::recorder::Recorder;
-
-/// Logger to anyone: why the log cannot be written; empty: it can again.
-pub const LOGGER_ERROR: &str = "LOGGER_ERROR";
 
 /// The logger, as mission files know it.
 pub static TYPES: &[AppType] = &[AppType {

@@ -6,5 +6,5 @@
 mod app;
 mod recorder;
 
-pub use app::{LOGGER_ERROR, Logger, TYPES};
+pub use app::{Logger, TYPES};
 pub use recorder::Recorder;

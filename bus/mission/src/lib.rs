@@ -42,7 +42,7 @@ mod setting;
 mod source;
 mod spec;
 mod value;
-mod variables;
+pub mod variables;
 mod wiring;
 mod xml;
 

@@ -14,8 +14,13 @@ use crate::element;
 use crate::kind::Kind;
 use crate::problem::{At, Findings};
 
+/// Launcher to the next one: all that it takes to pick the mission up (JSON).
+pub const LAUNCH_STATE: &str = "LAUNCH_STATE";
+/// Logger to anyone: why the log cannot be written; empty: it can again.
+pub const LOGGER_ERROR: &str = "LOGGER_ERROR";
+
 /// Texts that every run has besides those of the exploration itself ([`keys::PLAIN`]).
-const OF_EVERY_RUN: [&str; 3] = ["LAUNCH_STATE", "LOGGER_ERROR", REJECTED];
+const OF_EVERY_RUN: [&str; 3] = [LAUNCH_STATE, LOGGER_ERROR, REJECTED];
 /// What the sensor publishes its scans under, if its type does not say.
 pub(crate) const SCAN: &str = "SCAN";
 /// What every app says of itself is called after it.
@@ -88,6 +93,7 @@ pub(crate) fn check(drafts: &[Draft], problems: &mut Findings) {
 fn may_write(name: &str, carried: &str) -> Result<(), String> {
     let elses = match keys::carried_by(name) {
         Some(other) if other != carried => format!("{other} values"),
+        None if keys::is_strategy_memory(name) => "what a strategy remembers".to_owned(),
         None if keys::PLAIN.contains(&name) || OF_EVERY_RUN.contains(&name) || name.ends_with(STATUS) => {
             "what apps say to each other".to_owned()
         }

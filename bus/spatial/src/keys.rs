@@ -85,6 +85,16 @@ pub fn camera_pose(variable: &str) -> Key<CameraPose> {
     Key::named(variable)
 }
 
+/// The variable of what the strategy of this name remembers, a value of a type of its own.
+pub fn strategy_memory(strategy: &str) -> String {
+    format!("{}_{strategy}", EXPLORER_MEMORY.name())
+}
+
+/// Whether a variable is some strategy's memory ([`strategy_memory`]).
+pub fn is_strategy_memory(key: &str) -> bool {
+    key.strip_prefix(EXPLORER_MEMORY.name()).is_some_and(|rest| rest.starts_with('_'))
+}
+
 /// What variables carry whose names are made as a mission is: scans behind filters, and the camera's pose.
 const NAMED_OTHERWISE: &[(&str, &str)] = &[("SCAN_*", <Scan<'_> as Payload>::NAME), (CAMERA_POSE, CameraPose::NAME)];
 
@@ -111,5 +121,7 @@ mod tests {
         }
         let carried = ["SCAN_1", "NAV_X", "EXPLORER_GOALS", "MOTION"].map(carried_by);
         assert_eq!(carried, [Some("Scan"), None, Some("Candidates"), None]);
+        let memories = [&strategy_memory("Magpie"), EXPLORER_MEMORY.name(), "EXPLORER_MEMORYS"].map(is_strategy_memory);
+        assert_eq!(memories, [true, false, false]);
     }
 }

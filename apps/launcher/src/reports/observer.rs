@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use elk_bus::clock::Stopwatch;
 use elk_bus::rejection::REJECTED;
 use elk_bus::{Comms, CommsError, DecodeError, Key, Mail, Payload, text};
+use elk_mission::variables::LOGGER_ERROR;
 use elk_mission::{Mission, element};
 use elk_spatial::keys::{
     ACCURACY_REPORT, EXPLORATION_REPORT, MAP_KNOWN, MAP_UPDATE, MOTION_REPORT, PLAN, PLAN_REQUEST, POSE_COMMAND,
@@ -16,8 +17,6 @@ use crate::reports::steps::StepTimes;
 
 /// The broker's list of clients, each name followed by a comma.
 const DB_CLIENTS: &str = "DB_CLIENTS";
-/// What the logger says when it cannot write; empty when it can again.
-const LOGGER_ERROR: &str = "LOGGER_ERROR";
 
 /// What the broker says of clients that come, go, and take over.
 const DB_EVENT: &str = "DB_EVENT";

@@ -8,14 +8,13 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{Client, Community, ConnectError, FolderError, ProcessId, shm, text};
+use elk_mission::variables::LAUNCH_STATE;
 use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, is_app_name};
 use serde::{Deserialize, Serialize};
 
 use crate::error::LaunchError;
 use crate::process::escaped::RunId;
 
-/// The variable.
-pub(crate) const KEY: &str = "LAUNCH_STATE";
 /// Counts up when the words change.
 const VERSION: u32 = 5;
 /// What it is called in the community's folder.
@@ -140,12 +139,12 @@ impl LaunchState {
     fn said(community: &Community) -> Result<Self, LaunchError> {
         let refused = |why: String| LaunchError::Attach { community: community.clone(), why };
         let mut client = join(community)?;
-        client.comms.register(text(KEY))?;
+        client.comms.register(text(LAUNCH_STATE))?;
         let clock = Stopwatch::start();
         let mut found = None;
         while found.is_none() && clock.elapsed() < PATIENCE {
             client.receive(Duration::from_millis(50), |mail| {
-                found = mail.as_text().filter(|_| mail.key() == KEY).map(str::to_owned);
+                found = mail.as_text().filter(|_| mail.key() == LAUNCH_STATE).map(str::to_owned);
             })?;
         }
         let nothing = "there is a broker, but no launcher left word of a mission; `elk launch --detach` does";
@@ -163,7 +162,7 @@ impl LaunchState {
             .map_err(|error| format!("what its launcher left word of is not understood: {error}"))?;
         match state.version {
             VERSION => Ok(state),
-            other => Err(format!("its launcher spoke version {other} of {KEY}, this one speaks {VERSION}")),
+            other => Err(format!("its launcher spoke version {other} of {LAUNCH_STATE}, this one speaks {VERSION}")),
         }
     }
 

@@ -103,6 +103,8 @@ fn one_variable_carries_one_thing_and_has_one_writer() {
         ("Sensor.Output=MAP_UPDATE", "MapUpdate values"),
         ("Sensor.Output=SIM_SENSOR", "CameraPose values"),
         ("Sensor.Output=EXPLORER_GOALS", "Candidates values"),
+        ("Sensor.Output=EXPLORER_MEMORY_Potential", "what a strategy remembers"),
+        ("Sensor.Output=LOGGER_ERROR", "what apps say to each other"),
         ("Sensor.Output=MOTION", "what apps say to each other"),
         ("Sensor.Output=MAP_STATUS", "what apps say to each other"),
         ("Sensor.MOOSPoseVarName=SCAN_7", "Scan values"),
