@@ -70,6 +70,9 @@ pub struct LaunchArgs {
     /// something to watch; 0: as fast as it can be
     #[arg(long, value_name = "N")]
     pub pace: Option<f64>,
+    /// Show it in the browser meanwhile: the address is printed
+    #[arg(long, conflicts_with = "in_process")]
+    pub view: bool,
     /// Run everything in this one process, over a bus in memory
     #[arg(long)]
     pub in_process: bool,

@@ -15,6 +15,7 @@ use crate::new::{self, NewArgs};
 use crate::replay::{self, ReplayArgs};
 use crate::scope::{self, ScopeCommand};
 use crate::version::VERSION;
+use crate::view::{self, ViewArgs};
 use crate::world::{self, WorldCommand};
 use crate::{commands, control, manual};
 
@@ -81,6 +82,9 @@ commands! {
     /// Let the robot of a paused or manual mission take one pose
     #[command(after_help = "Example: elk pause; elk step; elk resume")]
     Step(arguments: CommunityArgs) => control::motion(&arguments.community, &Order::Step);
+    /// Watch and steer a mission in the browser, or look at a recorded run there
+    #[command(after_help = "Example: elk view\n         elk view logs/apartment-20261123-224512")]
+    View(arguments: ViewArgs) => view::view(arguments);
     /// Check a mission file, its world, its start and its executables, and start nothing
     #[command(after_help = "Example: elk check mission-files/apartment.xml --set Map.Res=0.05")]
     Check(arguments: MissionArgs) => commands::check(&arguments);

@@ -16,6 +16,7 @@ use crate::missions;
 use crate::registry::registry;
 use crate::terminal::{print_table, say, show};
 use crate::version::{BUILD, REVISION};
+use crate::view::Companion;
 
 /// `elk launch`
 pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
@@ -27,8 +28,17 @@ pub fn launch(arguments: LaunchArgs) -> Result<ExitCode> {
     if let Some(pace) = arguments.pace {
         set_pace(&mut mission, pace)?;
     }
+    let program = itself()?;
+    let _companion = match arguments.view {
+        true => {
+            let (companion, address) = Companion::start(&program, &arguments.community.community)?;
+            say(&format!("watch it at {address}\n"))?;
+            Some(companion)
+        }
+        false => None,
+    };
     let options = LaunchOptions {
-        program: itself()?,
+        program,
         revision: REVISION.to_owned(),
         community: arguments.community.community,
         log_dir: arguments.log_dir,

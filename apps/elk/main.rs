@@ -19,6 +19,7 @@ mod scope;
 mod target;
 mod terminal;
 mod version;
+mod view;
 mod world;
 
 use std::process::ExitCode;

@@ -79,6 +79,11 @@ struct PolicyState {
     health_secs: Option<f64>,
 }
 
+/// The folder of the run that a community's launcher has left word of.
+pub fn run_folder(community: &Community) -> Option<PathBuf> {
+    LaunchState::kept(community).map(|state| state.folder)
+}
+
 impl LaunchState {
     /// That of a mission before anything is started.
     pub fn of(mission: &Mission, folder: &Path, manual: bool) -> Self {

@@ -1,0 +1,174 @@
+//! `elk view`: a mission in the browser. Its arguments, and what pages can have done; the rest is `elk_view`.
+
+use std::io::{BufRead, BufReader};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow};
+use clap::Args;
+use elk_bus::child::{Bond, keep_to_itself};
+use elk_bus::{Community, stop_on_signals};
+use elk_launcher::{Answer, Order, ask, run_folder};
+use elk_mission::{Kind, ParamSpec, Registry};
+use elk_scope::{Output, Poke, Said, Scope, yield_to_others};
+use elk_view::{Options, Source, Steering};
+use serde_json::{Value, json};
+
+use crate::arguments::CommunityArgs;
+use crate::registry::registry;
+use crate::terminal::say;
+
+/// The port of a view that is told none; if it is taken, one of the next ones.
+const PORT: u16 = 8080;
+/// How long a launcher may take to answer.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// How long a successor, or an app that is started, may take to be ready (s).
+const LIMIT_SECS: f64 = 20.0;
+
+/// What to show, and to whom.
+#[derive(Debug, Args)]
+pub struct ViewArgs {
+    /// A recorded run, by its folder or its log, instead of a community that runs
+    log: Option<PathBuf>,
+    /// The port; without it 8080, or the next one that is free
+    #[arg(long)]
+    port: Option<u16>,
+    /// Let other machines in, at this address of this one: whoever comes needs the token that is printed
+    #[arg(long, value_name = "ADDRESS")]
+    listen: Option<IpAddr>,
+    /// Pages only look: they order and write nothing
+    #[arg(long)]
+    read_only: bool,
+    /// Which community.
+    #[command(flatten)]
+    community: CommunityArgs,
+}
+
+/// `elk view`
+pub fn view(arguments: ViewArgs) -> Result<ExitCode> {
+    let ip = arguments.listen.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
+    let address = SocketAddr::new(ip, arguments.port.unwrap_or(PORT));
+    let options = Options { address, any_port: arguments.port.is_none(), read_only: arguments.read_only };
+    let community = arguments.community.community;
+    let steering = Hand { community: community.clone(), registry: registry() };
+    let source = arguments.log.map_or(Source::Community(community), Source::Log);
+    let stop = stop_on_signals().context("signals cannot be caught")?;
+    yield_to_others();
+    let ready = |address: &str| {
+        // Who does not read where it is has another way to know.
+        let _ = say(&format!("{address}\n"));
+    };
+    elk_view::serve(source, &options, Some(Arc::new(steering)), ready, &stop)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The view of a mission that this process launches: a process of its own, which ends with this.
+pub struct Companion(Child);
+
+impl Companion {
+    /// Starts it, and answers where it is to be seen.
+    pub fn start(program: &std::path::Path, community: &Community) -> Result<(Self, String)> {
+        let mut command = Command::new(program);
+        command.arg("view").args(["--community", community.as_str()]).stdin(Stdio::null()).stdout(Stdio::piped());
+        keep_to_itself(&mut command, Bond::Parent);
+        let mut child = command.spawn().context("the view cannot be started")?;
+        let out = child.stdout.take();
+        let companion = Self(child);
+        let mut address = String::new();
+        out.map_or(Ok(0), |out| BufReader::new(out).read_line(&mut address)).context("the view does not answer")?;
+        match address.trim() {
+            "" => Err(anyhow!("--view: the view has ended at once; what it said stands above")),
+            address => Ok((companion, address.to_owned())),
+        }
+    }
+}
+
+impl Drop for Companion {
+    fn drop(&mut self) {
+        // It holds nothing that would have to be put away.
+        let _ = self.0.kill().and_then(|()| self.0.wait());
+    }
+}
+
+/// What pages have done, as on the command line.
+struct Hand {
+    community: Community,
+    registry: Registry,
+}
+
+impl Steering for Hand {
+    fn order(&self, order: &elk_view::Order, on_progress: &mut dyn FnMut(&str)) -> Result<String, String> {
+        let limit_secs = LIMIT_SECS;
+        let order = match order.clone() {
+            elk_view::Order::Pause => Order::Pause,
+            elk_view::Order::Resume => Order::Resume,
+            elk_view::Order::Step => Order::Step,
+            elk_view::Order::Stop { app } => Order::Stop { app },
+            elk_view::Order::Start { app } => Order::Start { app, limit_secs },
+            elk_view::Order::Swap { app, type_name, params } => {
+                let folder = std::env::current_dir().map_err(|error| error.to_string())?;
+                Order::Swap { app, type_name, exec: None, params, folder, limit_secs }
+            }
+        };
+        match ask(&self.community, &order, PATIENCE, on_progress).map_err(|error| error.to_string())? {
+            Answer::Done { text } | Answer::Progress { text } => Ok(text),
+            Answer::Failed { text } => Err(text),
+            Answer::Apps { .. } => Err("the launcher answered another question".to_owned()),
+        }
+    }
+
+    fn poke(&self, key: &str, value: &str) -> Result<String, String> {
+        let poke = Poke { name: key.to_owned(), value: value.to_owned(), said: Said::Nothing, json: false };
+        let mut said = Vec::new();
+        let mut scope = Scope::join(&self.community, "view-poke").map_err(|error| error.to_string())?;
+        poke.run(&mut scope, &mut Output::new(&mut said, None)).map_err(|error| error.to_string())?;
+        Ok(String::from_utf8_lossy(&said).trim_end().to_owned())
+    }
+
+    fn apps(&self) -> Option<Value> {
+        match ask(&self.community, &Order::Apps, PATIENCE, |_| {}) {
+            Ok(Answer::Apps { rows }) => serde_json::to_value(rows).ok(),
+            _ => None,
+        }
+    }
+
+    fn types(&self) -> Value {
+        let mut elements: Vec<&str> = self.registry.types().map(|one| one.element).collect();
+        elements.dedup();
+        let types = |element: &str| -> Vec<Value> {
+            let type_ = |one: &elk_mission::AppType| {
+                let params: Vec<Value> = one.params.iter().map(param).collect();
+                json!({"name": one.name, "summary": one.summary, "params": params})
+            };
+            self.registry.of_element(element).map(type_).collect()
+        };
+        elements.iter().map(|element| json!({"element": element, "types": types(element)})).collect()
+    }
+
+    fn log(&self, app: &str) -> Option<PathBuf> {
+        // An app that the mission does not have is no path.
+        let known = self.apps()?.as_array()?.iter().any(|row| row["name"] == app);
+        known.then(|| run_folder(&self.community)).flatten().map(|folder| folder.join(format!("{app}.log")))
+    }
+}
+
+fn param(spec: &ParamSpec) -> Value {
+    let (kind, unit, choices, min, max) = match spec.kind {
+        Kind::Number { unit, min, max } => ("number", unit, None, Some(json!(min)), Some(json!(max))),
+        Kind::Integer { min, max } => ("integer", "", None, Some(json!(min)), Some(json!(max))),
+        Kind::Flag => ("flag", "", None, None, None),
+        Kind::Point { unit } => ("point", unit, None, None, None),
+        Kind::Size { unit } => ("size", unit, None, None, None),
+        Kind::Choice(choices) => ("choice", "", Some(choices), None, None),
+        Kind::Text => ("text", "", None, None, None),
+        Kind::Variable => ("variable", "", None, None, None),
+        Kind::File { builtin } => ("file", "", (!builtin.is_empty()).then_some(builtin), None, None),
+    };
+    json!({
+        "name": spec.name, "kind": kind, "default": spec.default, "unit": Some(unit).filter(|unit| !unit.is_empty()),
+        "summary": spec.doc, "choices": choices, "min": min, "max": max,
+    })
+}

@@ -1,0 +1,172 @@
+//! A mission in the browser: watched live or recorded, and steered.
+//!
+//! | module | one idea |
+//! |---|---|
+//! | `model`, `world`, `journal`, `track` | what pages show, kept so that a late page skips what was overwritten |
+//! | `live`, `recorded` | where it comes from: a community, a log |
+//! | `server`, `page`, `session`, `words`, `tail` | who may come, the page's files, one page, what it says, a text log |
+//! | `steering` | what pages can have done, behind a seam |
+//! | `shared` | what feed and pages have in common |
+//!
+//! What page and server say to each other is written down in `PROTOCOL.md`.
+
+mod error;
+mod journal;
+mod live;
+mod model;
+mod page;
+mod recorded;
+mod server;
+mod session;
+mod shared;
+mod steering;
+mod table;
+mod tail;
+mod track;
+mod words;
+mod world;
+
+use std::io::Read;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+use std::time::Duration;
+
+use elk_bus::Community;
+use serde_json::json;
+
+pub use error::ViewError;
+pub use steering::Steering;
+pub use words::Order;
+
+use recorded::Recording;
+use server::{Door, router};
+use shared::Shared;
+
+/// How often the launcher is asked who runs.
+const APPS_EVERY: Duration = Duration::from_secs(1);
+/// How often it is looked whether the view is to end.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Ports that are tried behind the one that was asked for, if nobody insists on it.
+const PORTS: u16 = 20;
+
+/// What is looked at.
+#[derive(Debug, Clone)]
+pub enum Source {
+    /// A community that runs, or will.
+    Community(Community),
+    /// A recorded run: its folder, or a log.
+    Log(PathBuf),
+}
+
+/// How to show it.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Where to listen. Whoever is let in from other machines needs a token.
+    pub address: SocketAddr,
+    /// Whether another port will do if that one is taken.
+    pub any_port: bool,
+    /// Whether pages only look.
+    pub read_only: bool,
+}
+
+/// Serves pages until `stop` is set; `on_ready` is told the address to open.
+///
+/// # Errors
+/// The port is taken, or the log cannot be read.
+pub fn serve(
+    source: Source,
+    options: &Options,
+    steering: Option<Arc<dyn Steering>>,
+    on_ready: impl FnOnce(&str),
+    stop: &AtomicBool,
+) -> Result<(), ViewError> {
+    let token = if options.address.ip().is_loopback() { None } else { Some(token()?) };
+    let listener = listen(options)?;
+    let address = listener.local_addr().map_err(ViewError::Io)?;
+    let query = token.as_ref().map_or(String::new(), |token| format!("?token={token}"));
+    let (commands, heard) = channel();
+    let (hello, recording, steering) = match &source {
+        Source::Community(community) => {
+            (json!({"live": {"community": community.as_str()}, "recorded": null}), None, steering)
+        }
+        Source::Log(path) => {
+            let recording = Recording::open(path)?;
+            let (start, end) = recording.span();
+            let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+            (json!({"live": null, "recorded": {"log": name, "start": start, "end": end}}), Some(recording), None)
+        }
+    };
+    let mut hello = hello;
+    hello["type"] = "hello".into();
+    hello["version"] = 1.into();
+    hello["read_only"] = (options.read_only || steering.is_none()).into();
+    let shared = Arc::new(Shared::new(hello, steering, options.read_only, commands));
+    std::thread::scope(|threads| {
+        let (feeding, source) = (&shared, &source);
+        let feed = move || match (source, recording) {
+            (Source::Community(community), _) => live::follow(community, feeding, &heard, stop),
+            (Source::Log(_), Some(recording)) => recording.play(feeding, &heard, stop),
+            (Source::Log(_), None) => {}
+        };
+        let named = |name: &str| std::thread::Builder::new().name(name.to_owned());
+        named("feed").spawn_scoped(threads, feed).map_err(ViewError::Io)?;
+        if let Some(steering) = &shared.steering {
+            let ask = || {
+                while !stop.load(Ordering::Relaxed) {
+                    if let Some(rows) = steering.apps() {
+                        shared.change(|model| model.apps(&rows));
+                    }
+                    std::thread::sleep(APPS_EVERY);
+                }
+            };
+            named("apps").spawn_scoped(threads, ask).map_err(ViewError::Io)?;
+        }
+        let door = Arc::new(Door::new(shared.clone(), token));
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ViewError::Io)?;
+        let served = runtime.block_on(async {
+            let listener = tokio::net::TcpListener::from_std(listener).map_err(ViewError::Io)?;
+            on_ready(&format!("http://{address}/{query}"));
+            tokio::select! {
+                served = axum::serve(listener, router(door)) => served.map_err(ViewError::Io),
+                () = stopped(stop) => Ok(()),
+            }
+        });
+        // Whatever this ended with, the feed is not to go on alone.
+        stop.store(true, Ordering::Relaxed);
+        runtime.shutdown_background();
+        served
+    })
+}
+
+async fn stopped(stop: &AtomicBool) {
+    while !stop.load(Ordering::Relaxed) {
+        tokio::time::sleep(LOOK_EVERY).await;
+    }
+}
+
+fn listen(options: &Options) -> Result<std::net::TcpListener, ViewError> {
+    let mut address = options.address;
+    let last = address.port().saturating_add(if options.any_port { PORTS } else { 0 });
+    loop {
+        match std::net::TcpListener::bind(address) {
+            Ok(listener) => {
+                listener.set_nonblocking(true).map_err(ViewError::Io)?;
+                return Ok(listener);
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::AddrInUse && address.port() < last => {
+                address.set_port(address.port() + 1);
+            }
+            Err(source) => return Err(ViewError::Listen { address: options.address, source }),
+        }
+    }
+}
+
+/// 128 bits that nobody can guess.
+fn token() -> Result<String, ViewError> {
+    let mut bytes = [0u8; 16];
+    std::fs::File::open("/dev/urandom").and_then(|mut source| source.read_exact(&mut bytes)).map_err(ViewError::Io)?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}

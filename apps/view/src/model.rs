@@ -1,0 +1,364 @@
+//! What pages show of a mission, kept as they need it: whatever changed is there once, and a page that is late skips what
+//! was overwritten meanwhile.
+//!
+//! Model, View and Controller of the thesis (4.4.1) lie here so: this is the Model; the page in the browser is the View; the
+//! Controller are the page's messages ([`crate::words::Said`]) and whoever does what they say ([`crate::Steering`]).
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use elk_bus::{Key, Payload, ValueRef};
+use elk_geometry::Pose;
+use elk_spatial::keys::{MAP, MAP_UPDATE, PLAN, PROGRESS, camera_pose};
+use elk_spatial::messages::{CameraPose, Decision, Plan, Progress};
+use elk_spatial::{CameraInfo, Scan};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+use serde_json::{Value, json};
+
+use crate::journal::Journal;
+use crate::track::{Read, Track};
+use crate::world::World;
+
+/// The most points of a way or a curve that are kept.
+const MOST_POINTS: usize = 100_000;
+/// The most events, and lines of an app's log, that are kept.
+const MOST_LINES: usize = 2_000;
+/// The most points of a scan that a page is sent.
+const MOST_SCAN_POINTS: usize = 20_000;
+/// Lists of a value that are longer are counted.
+const LONGEST_LIST: usize = 64;
+/// What the broker says of clients that come, go, and take over.
+const EVENTS: &str = "DB_EVENT";
+/// What is said at a run's end.
+const REPORTS: [&str; 3] = ["EXPLORATION_REPORT", "MOTION_REPORT", "ACCURACY_REPORT"];
+/// The first byte of a frame with a scan.
+const SCAN: u8 = 2;
+
+/// Variables that the model always hears: what it shows of them has places of its own.
+pub(crate) fn always() -> BTreeSet<String> {
+    let typed = [MAP_UPDATE.name(), MAP.name(), PLAN.name(), PROGRESS.name()].map(str::to_owned);
+    typed.into_iter().chain([EVENTS].into_iter().chain(REPORTS).map(str::to_owned)).collect()
+}
+
+/// One thing that was said, whoever said it: on the bus or in a log.
+#[derive(Debug, Clone, Copy)]
+pub struct Heard<'a> {
+    /// The variable.
+    pub key: &'a str,
+    /// Who wrote it.
+    pub source: &'a str,
+    /// When (s, the community's time).
+    pub time: f64,
+    /// What.
+    pub value: ValueRef<'a>,
+}
+
+/// What a page is told whole whenever it changes.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Fact {
+    Status,
+    Robot,
+    Plan,
+    Progress,
+    Apps,
+    Variables,
+    Timeline,
+    End,
+    /// The latest value of a variable.
+    Value(String),
+}
+
+/// What is known.
+#[derive(Clone)]
+pub struct Model {
+    /// Counts up when everything is forgotten.
+    generation: u64,
+    world: World,
+    facts: Journal<Fact, Arc<str>>,
+    /// The last scan, as it is sent, and its number.
+    scan: (u64, Arc<[u8]>),
+    camera: CameraInfo,
+    way: Track<[f32; 3]>,
+    coverage: Track<[f64; 2]>,
+    events: Track<(f64, String)>,
+    /// What was said of the run's end, by variable.
+    reports: serde_json::Map<String, Value>,
+    /// Variables whose values somebody watches.
+    watched: BTreeSet<String>,
+}
+
+/// What a page wants of it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Wants {
+    /// Variables whose values it shows.
+    pub values: BTreeSet<String>,
+    /// Whether it shows scans.
+    pub scan: bool,
+}
+
+/// How much of it a page has.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Seen {
+    generation: u64,
+    bricks: u64,
+    facts: u64,
+    scan: u64,
+    way: Read,
+    coverage: Read,
+    events: Read,
+}
+
+/// What is sent to a page.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Message {
+    Text(Arc<str>),
+    Bytes(Arc<[u8]>),
+}
+
+impl Message {
+    pub fn of(value: &Value) -> Self {
+        Self::Text(value.to_string().into())
+    }
+}
+
+impl Default for Model {
+    fn default() -> Self {
+        Self {
+            generation: 1,
+            world: World::new(),
+            facts: Journal::default(),
+            scan: (0, Arc::new([])),
+            camera: CameraInfo::default(),
+            way: Track::new(MOST_POINTS),
+            coverage: Track::new(MOST_POINTS),
+            events: Track::new(MOST_LINES),
+            reports: serde_json::Map::new(),
+            watched: BTreeSet::new(),
+        }
+    }
+}
+
+impl Model {
+    /// Forgets all but what pages watch: another run begins.
+    pub fn reset(&mut self) {
+        self.replace_by(Self::default());
+    }
+
+    /// Becomes what another one is, for pages that have this one.
+    pub fn replace_by(&mut self, other: Self) {
+        let watched = std::mem::take(&mut self.watched);
+        *self = Self { generation: self.generation + 1, watched, ..other };
+    }
+
+    /// Whether the map is to be asked for all it knows.
+    pub fn take_question(&mut self) -> bool {
+        self.world.take_question()
+    }
+
+    /// The variables whose values somebody watches.
+    pub fn watch(&mut self, keys: BTreeSet<String>) {
+        self.facts.retain(|fact| !matches!(fact, Fact::Value(key) if !keys.contains(key)));
+        self.watched = keys;
+    }
+
+    /// Takes what was said; what makes no sense is an event, which names variable and writer.
+    pub fn hear(&mut self, heard: &Heard<'_>) {
+        if let Err(reason) = self.take(heard) {
+            self.note(heard.time, format!("{} by {}: {reason}", heard.key, heard.source));
+        }
+        if self.watched.contains(heard.key) {
+            self.value(heard);
+        }
+    }
+
+    fn take(&mut self, heard: &Heard<'_>) -> Result<(), String> {
+        let is = |name: &str| matches!(heard.value, ValueRef::Binary { type_, .. } if type_.name() == name);
+        let failed = |error: elk_bus::DecodeError| error.to_string();
+        match heard.key {
+            key if key == MAP_UPDATE.name() || key == MAP.name() => {
+                let update = heard.value.decode(&MAP_UPDATE).map_err(failed)?;
+                self.world.take(&update).map_err(|error| error.to_string())?;
+            }
+            key if key == PLAN.name() => {
+                self.plan(&heard.value.decode(&PLAN).map_err(failed)?);
+            }
+            key if key == PROGRESS.name() => {
+                let progress = heard.value.decode(&PROGRESS).map_err(failed)?;
+                self.progress(&progress, heard.time);
+            }
+            key if REPORTS.contains(&key) => {
+                let report = heard.value.to_json(LONGEST_LIST).map_err(|error| error.to_string())?;
+                self.reports.insert(key.to_lowercase(), report);
+                self.tell(Fact::End, &json!({"type": "end", "summary": self.reports}));
+            }
+            EVENTS => {
+                if let ValueRef::Text(text) = heard.value {
+                    self.note(heard.time, text.to_owned());
+                }
+            }
+            _ if is(CameraPose::NAME) => {
+                let at = heard.value.decode(&camera_pose(heard.key)).map_err(failed)?;
+                self.robot(&at.pose, heard.time);
+            }
+            _ if is(<Scan<'_> as Payload>::NAME) => {
+                let scan = heard.value.decode(&Key::<Scan<'_>>::named(heard.key)).map_err(failed)?;
+                self.camera = scan.camera;
+                self.scan = (self.scan.0 + 1, scan_frame(&scan));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Which variables there are ([`crate::table`]).
+    pub fn variables(&mut self, variables: &Value) {
+        self.tell(Fact::Variables, variables);
+    }
+
+    /// Takes what the launcher says of the mission's apps: rows, as `elk apps --json` has them.
+    pub fn apps(&mut self, rows: &Value) {
+        self.tell(Fact::Apps, &json!({"type": "apps", "rows": rows}));
+    }
+
+    /// Whether the community is there; if not, in words why.
+    pub fn status(&mut self, connected: bool, text: &str) {
+        self.tell(Fact::Status, &json!({"type": "status", "connected": connected, "text": text}));
+    }
+
+    /// Where a recorded run is (s).
+    pub fn timeline(&mut self, timeline: &Value) {
+        self.tell(Fact::Timeline, timeline);
+    }
+
+    /// Something that happened at `time` (s).
+    pub fn note(&mut self, time: f64, text: String) {
+        self.events.push((time, text));
+    }
+
+    fn tell(&mut self, fact: Fact, message: &Value) {
+        let text: Arc<str> = message.to_string().into();
+        if self.facts.get(&fact) != Some(&text) {
+            self.facts.put(fact, text);
+        }
+    }
+
+    fn value(&mut self, heard: &Heard<'_>) {
+        let (kind, value) = match heard.value {
+            ValueRef::Double(_) => ("number", heard.value.to_json(LONGEST_LIST)),
+            ValueRef::Text(_) => ("text", heard.value.to_json(LONGEST_LIST)),
+            ValueRef::Binary { type_, .. } => (type_.name(), heard.value.to_json(LONGEST_LIST)),
+        };
+        let (value, text) = match value {
+            Ok(value) => (value, String::new()),
+            Err(error) => (Value::Null, error.to_string()),
+        };
+        let Heard { key, source, time, .. } = heard;
+        let message = json!({
+            "type": "value", "key": key, "source": source, "time": time, "kind": kind, "value": value, "text": text,
+        });
+        self.tell(Fact::Value((*key).to_owned()), &message);
+    }
+
+    fn robot(&mut self, pose: &Pose, time: f64) {
+        let position = single(&pose.position());
+        if self.way.last() != Some(&position) {
+            self.way.push(position);
+        }
+        // Pages have cameras that look along x, with z up.
+        let [x, y, z, w] = forward_left_up(pose).coords.into();
+        let CameraInfo { fov_x, fov_y, range_m, .. } = self.camera;
+        let camera = (fov_x > 0.0).then(|| {
+            let range = (range_m > 0.0).then_some(range_m);
+            json!({"horizontal": fov_x, "vertical": fov_y, "range": range})
+        });
+        let message = json!({
+            "type": "robot", "position": position, "quaternion": [x, y, z, w], "camera": camera, "time": time,
+        });
+        self.tell(Fact::Robot, &message);
+    }
+
+    fn plan(&mut self, plan: &Plan) {
+        let (points, target) = match &plan.decision {
+            Decision::Go(path) => {
+                let target = path.target.center(self.world.grid().resolution());
+                (path.points.iter().map(single).collect(), Some(single(&target)))
+            }
+            Decision::Done => (Vec::new(), None),
+        };
+        self.tell(Fact::Plan, &json!({"type": "plan", "points": points, "target": target}));
+    }
+
+    fn progress(&mut self, progress: &Progress, time: f64) {
+        let Progress { scans, path_length_m, free, finished, .. } = *progress;
+        self.coverage.push([path_length_m, free as f64]);
+        let phase = if finished { "finished" } else { "exploring" };
+        let message = json!({
+            "type": "progress", "scans": scans, "way": path_length_m, "known": free,
+            "frontier": self.world.frontier(), "phase": phase, "time": time,
+        });
+        self.tell(Fact::Progress, &message);
+    }
+
+    /// What a page does not have yet of what it wants, with bricks of at most `most_bytes`; empty: nothing. It has it then.
+    pub(crate) fn news(&self, seen: &mut Seen, wants: &Wants, most_bytes: usize) -> Vec<Message> {
+        let mut news = Vec::new();
+        if seen.generation != self.generation {
+            if seen.generation != 0 {
+                news.push(Message::of(&json!({"type": "reset"})));
+            }
+            *seen = Seen { generation: self.generation, ..Seen::default() };
+        }
+        for (number, fact, text) in self.facts.since(seen.facts) {
+            seen.facts = number;
+            if !matches!(fact, Fact::Value(key) if !wants.values.contains(key)) {
+                news.push(Message::Text(text.clone()));
+            }
+        }
+        if let Some((from, points)) = self.way.next(&mut seen.way) {
+            news.push(Message::of(&json!({"type": "way", "from": from, "points": points})));
+        }
+        if let Some((from, points)) = self.coverage.next(&mut seen.coverage) {
+            news.push(Message::of(&json!({"type": "curve", "name": "coverage", "from": from, "points": points})));
+        }
+        if let Some((_, events)) = self.events.next(&mut seen.events) {
+            let event =
+                |(time, text): &(f64, String)| Message::of(&json!({"type": "event", "time": time, "text": text}));
+            news.extend(events.iter().map(event));
+        }
+        if wants.scan && seen.scan != self.scan.0 {
+            seen.scan = self.scan.0;
+            news.push(Message::Bytes(self.scan.1.clone()));
+        }
+        news.extend(self.world.frame(&mut seen.bricks, most_bytes).map(|frame| Message::Bytes(frame.into())));
+        news
+    }
+
+    /// The values of these variables once more: a page has begun to watch them.
+    pub(crate) fn values(&self, keys: &BTreeSet<String>) -> Vec<Message> {
+        keys.iter().filter_map(|key| Some(Message::Text(self.facts.get(&Fact::Value(key.clone()))?.clone()))).collect()
+    }
+}
+
+fn single(point: &Point3<f64>) -> [f32; 3] {
+    [point.x as f32, point.y as f32, point.z as f32]
+}
+
+/// The rotation that takes (forward, left, up) to the world, of a camera whose own axes are (right, down, forward).
+fn forward_left_up(pose: &Pose) -> UnitQuaternion<f64> {
+    let (forward, right) = (pose.forward(), pose.0.rotation * Vector3::x());
+    let up = pose.0.rotation * -Vector3::y();
+    let axes = nalgebra::Matrix3::from_columns(&[forward, -right, up]);
+    UnitQuaternion::from_matrix(&axes)
+}
+
+fn scan_frame(scan: &Scan<'_>) -> Arc<[u8]> {
+    let step = scan.points.len().div_ceil(MOST_SCAN_POINTS).max(1);
+    let mut frame = vec![SCAN, 0, 0, 0, 0, 0, 0, 0];
+    let mut count = 0u32;
+    for point in scan.world_points().step_by(step) {
+        single(&point).iter().for_each(|value| frame.extend(value.to_le_bytes()));
+        count += 1;
+    }
+    frame[4..8].copy_from_slice(&count.to_le_bytes());
+    frame.into()
+}

@@ -1,0 +1,163 @@
+//! The page's server: files, and a WebSocket a page. It listens where only this machine comes, unless it is told another
+//! address; then whoever comes needs a token.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
+use axum::Router;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{Path, Query, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde::Deserialize;
+
+use crate::page::{FILES, File};
+use crate::session;
+use crate::shared::Shared;
+
+/// Pages at a time.
+const MOST_PAGES: usize = 64;
+/// The longest message that a page says (bytes).
+const MOST_SAID: usize = 64 << 10;
+/// What a page may load: its own files, and nothing from anywhere else.
+const POLICY: &str = "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
+                      frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+
+/// Who may come, and what he is shown.
+pub(crate) struct Door {
+    pub shared: Arc<Shared>,
+    /// What a page has to know; `None`: it has to come from this machine, under one of its own names.
+    pub token: Option<String>,
+    pages: AtomicUsize,
+    numbers: AtomicU64,
+}
+
+#[derive(Deserialize)]
+struct Key {
+    #[serde(default)]
+    token: String,
+}
+
+impl Door {
+    pub fn new(shared: Arc<Shared>, token: Option<String>) -> Self {
+        Self { shared, token, pages: AtomicUsize::new(0), numbers: AtomicU64::new(1) }
+    }
+}
+
+/// The routes of a server.
+pub(crate) fn router(door: Arc<Door>) -> Router {
+    let index = |State(door): State<Arc<Door>>, headers: HeaderMap| async move {
+        admit(&door, &headers).err().unwrap_or_else(|| shown(&FILES[0]))
+    };
+    let file = |State(door): State<Arc<Door>>, headers: HeaderMap, Path(path): Path<String>| async move {
+        let found = FILES.iter().find(|file| file.path == path);
+        admit(&door, &headers).err().unwrap_or_else(|| found.map_or(StatusCode::NOT_FOUND.into_response(), shown))
+    };
+    Router::new().route("/", get(index)).route("/ws", get(connect)).route("/{*path}", get(file)).with_state(door)
+}
+
+fn shown(file: &File) -> Response {
+    let headers = [
+        (header::CONTENT_TYPE, file.media_type),
+        (header::CACHE_CONTROL, "no-cache"),
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+    ];
+    (headers, file.bytes).into_response()
+}
+
+async fn connect(
+    State(door): State<Arc<Door>>,
+    Query(key): Query<Key>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    if let Err(refusal) = admit(&door, &headers) {
+        return refusal;
+    }
+    if let Some(token) = &door.token
+        && !same(token, &key.token)
+    {
+        return refuse("the token is missing or wrong: open the address that `elk view` printed");
+    }
+    if door.pages.fetch_add(1, Ordering::Relaxed) >= MOST_PAGES {
+        door.pages.fetch_sub(1, Ordering::Relaxed);
+        return (StatusCode::SERVICE_UNAVAILABLE, format!("{MOST_PAGES} pages are open already; close one\n"))
+            .into_response();
+    }
+    let number = door.numbers.fetch_add(1, Ordering::Relaxed);
+    let guard = Place(door.clone());
+    upgrade.max_message_size(MOST_SAID).max_frame_size(MOST_SAID).on_upgrade(move |socket| async move {
+        session::serve(number, socket, guard.0.shared.clone()).await;
+        drop(guard);
+    })
+}
+
+/// A page's place among those that may be open; it is free again when this is dropped, also of a page that never came.
+struct Place(Arc<Door>);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.pages.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// A page of somebody else's, or one that reached this machine under another's name, must not steer a robot.
+fn admit(door: &Door, headers: &HeaderMap) -> Result<(), Response> {
+    let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or_default());
+    let host = text(header::HOST).unwrap_or_default();
+    if door.token.is_none() && !is_this_machine(host) {
+        return Err(refuse(&format!("{host:?} is no name of this machine alone: open http://127.0.0.1 with the port")));
+    }
+    match text(header::ORIGIN) {
+        Some(origin) if origin.split_once("://").is_none_or(|(_, from)| from != host) => {
+            Err(refuse(&format!("a page of {origin} may not talk to this one")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether a `Host` is one under which only this machine is reached.
+fn is_this_machine(host: &str) -> bool {
+    if let Ok(address) = host.parse::<SocketAddr>() {
+        return address.ip().is_loopback();
+    }
+    let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
+    name == "localhost" || name.parse::<std::net::Ipv4Addr>().is_ok_and(|ip| ip.is_loopback()) || host == "[::1]"
+}
+
+fn refuse(why: &str) -> Response {
+    (StatusCode::FORBIDDEN, format!("{why}\n")).into_response()
+}
+
+/// Whether two tokens are the same; how long that takes says nothing of where they differ.
+fn same(one: &str, other: &str) -> bool {
+    let differing = one.bytes().zip(other.bytes()).fold(0, |differing, (a, b)| differing | (a ^ b));
+    one.len() == other.len() && differing == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_of_this_machine_are_this_machine() {
+        for host in ["127.0.0.1:8080", "localhost:8080", "localhost", "[::1]:8080", "127.0.0.1", "[::1]"] {
+            assert!(is_this_machine(host), "{host}");
+        }
+        for host in [
+            "",
+            "evil.example:8080",
+            "localhost.evil.example",
+            "10.0.0.1:8080",
+            "127.0.0.1.evil.example:80",
+            "0.0.0.0:80",
+        ] {
+            assert!(!is_this_machine(host), "{host}");
+        }
+        assert!(same("abc", "abc") && !same("abc", "abd") && !same("abc", "ab") && !same("abc", ""));
+    }
+}

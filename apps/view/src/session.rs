@@ -1,0 +1,210 @@
+//! One page: what it is told, what it says. Two frames are on their way to it at most; what comes meanwhile goes into the
+//! next one. So a slow page has fewer and larger frames, and nobody waits for it.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::ws::{Message as Frame, WebSocket};
+use futures_util::stream::SplitSink;
+use futures_util::{SinkExt, StreamExt};
+use serde_json::json;
+use tokio::sync::mpsc;
+use tokio::time::{Instant, interval, sleep_until, timeout};
+
+use crate::model::{Message, Seen, Wants};
+use crate::shared::{Command, Shared};
+use crate::tail::Tail;
+use crate::words::Said;
+
+/// Frames on their way to a page.
+const IN_FLIGHT: u64 = 2;
+/// Bytes of bricks in a frame.
+const FRAME_BYTES: usize = 256 << 10;
+/// The least time between two frames.
+const FRAME_EVERY: Duration = Duration::from_millis(33);
+/// How long a page may take to take a message, before it is given up.
+const SEND_PATIENCE: Duration = Duration::from_secs(30);
+/// How often a text log is read.
+const LOG_EVERY: Duration = Duration::from_millis(500);
+/// Orders of a page that are under way at a time.
+const MOST_ORDERS: usize = 8;
+
+/// A page, told apart from the others by its number.
+pub(crate) struct Session {
+    number: u64,
+    shared: Arc<Shared>,
+    out: SplitSink<WebSocket, Frame>,
+    wants: Wants,
+    seen: Seen,
+    sent: u64,
+    taken: u64,
+    log: Option<Tail>,
+    orders: usize,
+    /// Where what was ordered is answered; `None` at the end of an order.
+    answers: mpsc::Sender<(Message, bool)>,
+}
+
+/// Why a session ends: nobody is there any more.
+struct Gone;
+
+/// Serves a page until it goes.
+pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
+    let (out, mut said) = socket.split();
+    let (answers, mut answered) = mpsc::channel(64);
+    let mut changes = shared.changes();
+    changes.mark_changed();
+    let (wants, seen) = (Wants::default(), Seen::default());
+    let mut session =
+        Session { number, shared: shared.clone(), out, wants, seen, sent: 0, taken: 0, log: None, orders: 0, answers };
+    let mut logs = interval(LOG_EVERY);
+    let mut due = Instant::now();
+    if session.send(Message::of(&shared.hello)).await.is_ok() {
+        loop {
+            let has_room = session.sent - session.taken < IN_FLIGHT;
+            let went_on = tokio::select! {
+                heard = said.next() => match heard {
+                    Some(Ok(Frame::Text(text))) => session.hear(&text).await,
+                    Some(Ok(Frame::Binary(_))) => session.complain("a page says text only").await,
+                    Some(Ok(Frame::Ping(_) | Frame::Pong(_))) => Ok(()),
+                    Some(Ok(Frame::Close(_)) | Err(_)) | None => Err(Gone),
+                },
+                Some((answer, is_last)) = answered.recv() => {
+                    session.orders -= usize::from(is_last);
+                    session.send(answer).await
+                }
+                _ = logs.tick(), if session.log.is_some() => session.read_log().await,
+                changed = async { sleep_until(due).await; changes.changed().await }, if has_room => match changed {
+                    Ok(()) => {
+                        due = Instant::now() + FRAME_EVERY;
+                        session.frame(&mut changes).await
+                    }
+                    Err(_) => Err(Gone),
+                },
+            };
+            if went_on.is_err() {
+                break;
+            }
+        }
+    }
+    shared.want(number, Wants::default());
+}
+
+impl Session {
+    async fn send(&mut self, message: Message) -> Result<(), Gone> {
+        let frame = match message {
+            Message::Text(text) => Frame::text(&*text),
+            Message::Bytes(bytes) => Frame::binary(bytes.to_vec()),
+        };
+        match timeout(SEND_PATIENCE, self.out.send(frame)).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(_)) | Err(_) => Err(Gone),
+        }
+    }
+
+    async fn complain(&mut self, what: &str) -> Result<(), Gone> {
+        self.send(Message::of(&json!({"type": "event", "time": null, "text": format!("not understood: {what}")}))).await
+    }
+
+    /// Sends what is new.
+    async fn frame(&mut self, changes: &mut tokio::sync::watch::Receiver<u64>) -> Result<(), Gone> {
+        let news = self.shared.model().news(&mut self.seen, &self.wants, FRAME_BYTES);
+        if news.is_empty() {
+            return Ok(());
+        }
+        // There may be more bricks than went into it.
+        changes.mark_changed();
+        for message in news {
+            self.send(message).await?;
+        }
+        self.sent += 1;
+        self.send(Message::of(&json!({"type": "frame", "number": self.sent}))).await
+    }
+
+    async fn hear(&mut self, text: &str) -> Result<(), Gone> {
+        match Said::read(text) {
+            Err(why) => self.complain(&why).await,
+            // A page cannot have taken what was not sent.
+            Ok(Said::Ack { number }) => {
+                self.taken = self.taken.max(number.min(self.sent));
+                Ok(())
+            }
+            Ok(Said::Watch { keys }) => {
+                let new: BTreeSet<String> = keys.difference(&self.wants.values).cloned().collect();
+                self.wants.values = keys;
+                self.shared.want(self.number, self.wants.clone());
+                let values = self.shared.model().values(&new);
+                for value in values {
+                    self.send(value).await?;
+                }
+                Ok(())
+            }
+            Ok(Said::Show { layers }) => {
+                self.wants.scan = layers.contains("scan");
+                self.shared.want(self.number, self.wants.clone());
+                Ok(())
+            }
+            Ok(Said::Logs { app }) => {
+                let path = |app: &String| self.shared.steering.as_ref()?.log(app);
+                self.log = app.and_then(|app| path(&app).map(|path| Tail::new(app, path)));
+                Ok(())
+            }
+            Ok(Said::Order { id, order }) => {
+                self.steer(id, move |steering, on_progress| steering.order(&order, on_progress)).await
+            }
+            Ok(Said::Poke { id, key, value }) => self.steer(id, move |steering, _| steering.poke(&key, &value)).await,
+            Ok(Said::Types { id }) => {
+                let elements = self.shared.steering.as_ref().map(|steering| steering.types());
+                self.send(Message::of(&json!({"type": "types", "id": id, "elements": elements}))).await
+            }
+            Ok(Said::Play { playing, rate, looping }) => {
+                self.shared.command(Command::Play { playing, rate, looping });
+                Ok(())
+            }
+            Ok(Said::Seek { time }) => {
+                self.shared.command(Command::Seek(time));
+                Ok(())
+            }
+        }
+    }
+
+    /// Has something done that takes its time, and answers when it is done.
+    async fn steer(
+        &mut self,
+        id: u64,
+        what: impl FnOnce(&dyn crate::Steering, &mut dyn FnMut(&str)) -> Result<String, String> + Send + 'static,
+    ) -> Result<(), Gone> {
+        let refusal = match &self.shared.steering {
+            _ if self.shared.read_only => "this view only looks (--read-only)".to_owned(),
+            None => "nothing can be ordered in a recorded run".to_owned(),
+            Some(_) if self.orders >= MOST_ORDERS => format!("{MOST_ORDERS} orders are under way; try again"),
+            Some(steering) => {
+                let (steering, answers) = (steering.clone(), self.answers.clone());
+                self.orders += 1;
+                tokio::task::spawn_blocking(move || {
+                    let mut progress = |text: &str| {
+                        // A page that has gone hears no answer.
+                        let _ = answers.blocking_send((answer(id, None, text), false));
+                    };
+                    let done = what(&*steering, &mut progress);
+                    let (ok, text) = done.map_or_else(|why| (false, why), |text| (true, text));
+                    let _ = answers.blocking_send((answer(id, Some(ok), &text), true));
+                });
+                return Ok(());
+            }
+        };
+        self.send(answer(id, Some(false), &refusal)).await
+    }
+
+    async fn read_log(&mut self) -> Result<(), Gone> {
+        let lines = self.log.as_mut().and_then(Tail::read);
+        match lines {
+            Some(message) => self.send(Message::of(&message)).await,
+            None => Ok(()),
+        }
+    }
+}
+
+fn answer(id: u64, ok: Option<bool>, text: &str) -> Message {
+    Message::of(&json!({"type": "answer", "id": id, "ok": ok, "text": text}))
+}

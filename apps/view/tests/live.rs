@@ -1,0 +1,381 @@
+//! Pages of a community that runs, over real sockets.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use elk_bus::clock::Stopwatch;
+use elk_bus::{BrokerConfig, Client, Clock, Community, serve_broker};
+use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
+use elk_spatial::keys::{MAP, MAP_UPDATE, camera_pose};
+use elk_spatial::map::MapUpdate;
+use elk_spatial::messages::CameraPose;
+use elk_view::{Options, Order, Source, Steering, serve};
+use nalgebra::{Point3, Vector3};
+use serde_json::{Value, json};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+/// How long anything may take on a machine that has much to do.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Tells this program that it is a broker, and of which community.
+const ROLE: &str = "ELK_VIEW_TEST_BROKER";
+
+/// A community, its view, and what pages had done.
+struct Lab {
+    community: Community,
+    broker: Child,
+    view_stops: Arc<AtomicBool>,
+    view: Option<std::thread::JoinHandle<()>>,
+    address: SocketAddr,
+    orders: Arc<Mutex<Vec<Order>>>,
+}
+
+struct Hand(Arc<Mutex<Vec<Order>>>);
+
+impl Steering for Hand {
+    fn order(&self, order: &Order, on_progress: &mut dyn FnMut(&str)) -> Result<String, String> {
+        on_progress("under way");
+        self.0.lock().unwrap().push(order.clone());
+        match order {
+            Order::Stop { app } => Err(format!("there is no {app}")),
+            _ => Ok("done".into()),
+        }
+    }
+
+    fn poke(&self, key: &str, value: &str) -> Result<String, String> {
+        Ok(format!("{key}={value}"))
+    }
+
+    fn apps(&self) -> Option<Value> {
+        Some(json!([{"name": "Map", "state": "running"}]))
+    }
+
+    fn types(&self) -> Value {
+        json!([])
+    }
+
+    fn log(&self, _: &str) -> Option<PathBuf> {
+        None
+    }
+}
+
+/// A broker as a process of its own: this program once more, in its other role.
+fn broker(community: &Community) -> Child {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", "role"]).env(ROLE, community.as_str()).stdout(Stdio::null()).spawn().unwrap()
+}
+
+/// The broker, if this process was started as one.
+#[test]
+fn role() {
+    if let Ok(name) = std::env::var(ROLE) {
+        let community = Community::new(name).unwrap();
+        serve_broker(community.clone(), BrokerConfig::new(community.as_str()), Clock::new(1.0)).unwrap();
+    }
+}
+
+impl Lab {
+    fn new(name: &str, read_only: bool, listen: &str) -> Self {
+        let community = Community::new(format!("view-{name}-{}", std::process::id())).unwrap();
+        let view_stops = Arc::new(AtomicBool::new(false));
+        let broker = broker(&community);
+        let orders = Arc::new(Mutex::new(Vec::new()));
+        let (ready, address) = channel();
+        let options = Options { address: SocketAddr::new(listen.parse().unwrap(), 0), any_port: false, read_only };
+        let source = Source::Community(community.clone());
+        let (hand, stop) = (Arc::new(Hand(orders.clone())), view_stops.clone());
+        let view = std::thread::spawn(move || {
+            serve(source, &options, Some(hand), |url| ready.send(url.to_owned()).unwrap(), &stop).unwrap();
+        });
+        let url: String = address.recv_timeout(PATIENCE).unwrap();
+        let address = url.trim_start_matches("http://").split('/').next().unwrap().parse().unwrap();
+        Self { community, broker, view_stops, view: Some(view), address, orders }
+    }
+
+    fn client(&self, name: &str) -> Client {
+        let waited = Stopwatch::start();
+        loop {
+            match Client::connect(&self.community, name) {
+                Ok(client) => return client,
+                Err(error) if waited.elapsed() > PATIENCE => panic!("{error}"),
+                Err(_) => std::thread::sleep(Duration::from_millis(20)),
+            }
+        }
+    }
+
+    /// Somebody says a height, which the page comes to know.
+    fn say_height(&self, height: f64, page: &mut Page) {
+        let mut client = self.client(&format!("pilot{height}"));
+        client.comms.notify("HEIGHT", height).unwrap();
+        client.comms.flush().unwrap();
+        while page.last("value")["value"] != height {
+            page.next("value");
+        }
+    }
+
+    fn page(&self) -> Page {
+        let stream = TcpStream::connect(self.address).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let request = format!("ws://{}/ws", self.address).into_client_request().unwrap();
+        let (socket, _) = tungstenite::client(request, stream).unwrap();
+        Page { socket, bricks: BTreeMap::new(), resets: 0, last: BTreeMap::new() }
+    }
+
+    /// The answer to a plain request, head and body.
+    fn get(&self, path: &str, headers: &str) -> String {
+        let mut stream = TcpStream::connect(self.address).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nConnection: close, upgrade\r\n{headers}\r\n").unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+}
+
+impl Drop for Lab {
+    fn drop(&mut self) {
+        self.view_stops.store(true, Ordering::Relaxed);
+        let ended = self.view.take().map(std::thread::JoinHandle::join);
+        self.broker.kill().and_then(|()| self.broker.wait()).unwrap();
+        assert!(std::thread::panicking() || ended.is_none_or(|ended| ended.is_ok()));
+    }
+}
+
+struct Page {
+    socket: WebSocket<TcpStream>,
+    /// Occupied voxels by brick.
+    bricks: BTreeMap<[i16; 3], u32>,
+    resets: u32,
+    /// The last message of each kind.
+    last: BTreeMap<String, Value>,
+}
+
+impl Page {
+    fn say(&mut self, message: &Value) {
+        self.socket.send(Message::text(message.to_string())).unwrap();
+    }
+
+    /// The next message of a kind; frames are taken and acknowledged meanwhile.
+    fn next(&mut self, kind: &str) -> Value {
+        let waited = Stopwatch::start();
+        while waited.elapsed() < PATIENCE {
+            match self.socket.read().unwrap() {
+                Message::Text(text) => {
+                    let message: Value = serde_json::from_str(&text).unwrap();
+                    if message["type"] == "frame" {
+                        self.say(&json!({"type": "ack", "number": message["number"]}));
+                    }
+                    if message["type"] == "reset" {
+                        self.resets += 1;
+                        self.bricks.clear();
+                    }
+                    self.last.insert(message["type"].as_str().unwrap().to_owned(), message.clone());
+                    if message["type"] == kind {
+                        return message;
+                    }
+                }
+                Message::Binary(frame) if frame[0] == 1 => self.take(&frame),
+                _ => {}
+            }
+        }
+        panic!("no {kind} has come");
+    }
+
+    /// The last message of a kind, which may have come already.
+    fn last(&mut self, kind: &str) -> Value {
+        self.last.get(kind).cloned().unwrap_or_else(|| self.next(kind))
+    }
+
+    fn take(&mut self, frame: &[u8]) {
+        let mut rest = &frame[12..];
+        while !rest.is_empty() {
+            let index = |i: usize| i16::from_le_bytes([rest[2 * i], rest[2 * i + 1]]);
+            let (brick, planes) = ([index(0), index(1), index(2)], rest[6]);
+            rest = &rest[8..];
+            let mut occupied = 0;
+            for bit in [1, 2, 4] {
+                if planes & bit != 0 {
+                    let (plane, behind) = rest.split_at(64);
+                    occupied += if bit == 2 { plane.iter().map(|byte| byte.count_ones()).sum() } else { 0 };
+                    rest = behind;
+                }
+            }
+            self.bricks.insert(brick, occupied);
+        }
+    }
+
+    fn occupied(&self) -> u32 {
+        self.bricks.values().sum()
+    }
+}
+
+/// A wall that grows, a row of voxels a scan.
+fn wall(map: &mut OccupancyGrid, scan: i32) -> MapUpdate {
+    let voxels: Vec<Voxel> = (0..40).map(|x| Voxel::new(x, scan, 3)).collect();
+    voxels.iter().for_each(|voxel| {
+        map.set(*voxel, State::Occupied);
+    });
+    MapUpdate::new(map.advance(&voxels), scan as u64)
+}
+
+#[test]
+fn a_page_has_the_map_the_robot_and_what_it_watches_however_late_it_comes() {
+    let lab = Lab::new("map", false, "127.0.0.1");
+    let (mut map, mut client) = (OccupancyGrid::new(0.1), lab.client("Map"));
+    let mut first = lab.page();
+    let hello = first.next("hello");
+    assert_eq!((&hello["live"]["community"], &hello["read_only"]), (&json!(lab.community.as_str()), &json!(false)));
+    first.say(&json!({"type": "watch", "keys": ["HEIGHT"]}));
+    for scan in 1..=20 {
+        client.comms.publish(&MAP_UPDATE, &wall(&mut map, scan)).unwrap();
+        let pose = Pose::looking(Point3::new(f64::from(scan), 0.0, 1.0), Vector3::x());
+        client.comms.publish(&camera_pose("NAV"), &CameraPose { command: scan as u64, pose }).unwrap();
+        client.comms.notify("HEIGHT", f64::from(scan)).unwrap();
+        client.comms.flush().unwrap();
+    }
+    // The map answers as a map does.
+    client.comms.publish(&MAP, &MapUpdate::new(map.whole(), 20)).unwrap();
+    client.comms.flush().unwrap();
+    while first.occupied() < 800 {
+        first.next("frame");
+    }
+    assert_eq!(first.occupied(), 800);
+    let mut late = lab.page();
+    while late.occupied() < 800 {
+        late.next("frame");
+    }
+    assert_eq!((late.occupied(), late.bricks.len()), (800, first.bricks.len()));
+    while first.last("value")["value"] != 20.0 {
+        first.next("value");
+    }
+    // The camera's pose is found by its type, whatever the variable is called.
+    client
+        .comms
+        .publish(
+            &camera_pose("NAV"),
+            &CameraPose { command: 21, pose: Pose::looking(Point3::new(5.0, 6.0, 7.0), Vector3::y()) },
+        )
+        .unwrap();
+    client.comms.flush().unwrap();
+    let robot = loop {
+        let robot = late.next("robot");
+        if robot["position"] == json!([5.0, 6.0, 7.0]) {
+            break robot;
+        }
+    };
+    // Looking along y is a quarter turn from looking along x.
+    let quaternion: Vec<f64> =
+        robot["quaternion"].as_array().unwrap().iter().map(|one| one.as_f64().unwrap()).collect();
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let off = quaternion.iter().zip([0.0, 0.0, half, half]).map(|(one, other)| (one - other).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-9, "{quaternion:?}");
+    assert_eq!(late.last("apps")["rows"][0]["name"], "Map");
+}
+
+#[test]
+fn a_broker_that_is_killed_or_ends_and_comes_back_is_gone_on_with() {
+    let mut lab = Lab::new("back", false, "127.0.0.1");
+    let mut page = lab.page();
+    let wait_for = |page: &mut Page, connected: bool| {
+        while page.last("status")["connected"] != connected {
+            page.next("status");
+        }
+    };
+    wait_for(&mut page, true);
+    let watch = json!({"type": "watch", "keys": ["HEIGHT"]});
+    page.say(&watch);
+    lab.say_height(1.0, &mut page);
+    // One that is killed, and started again at once as a launcher does it, is not even noticed.
+    lab.broker.kill().and_then(|()| lab.broker.wait()).unwrap();
+    lab.broker = broker(&lab.community);
+    lab.say_height(2.0, &mut page);
+    assert_eq!((page.last("status")["connected"].clone(), page.resets), (json!(true), 0));
+    // One that has ended is told; with the next one of its name everything begins anew.
+    rustix::process::kill_process(rustix::process::Pid::from_child(&lab.broker), rustix::process::Signal::TERM)
+        .unwrap();
+    lab.broker.wait().unwrap();
+    wait_for(&mut page, false);
+    lab.broker = broker(&lab.community);
+    wait_for(&mut page, true);
+    assert!(page.resets >= 1, "what was before is forgotten");
+    lab.say_height(3.0, &mut page);
+}
+
+#[test]
+fn orders_are_done_and_answered_unless_pages_only_look() {
+    let lab = Lab::new("orders", false, "127.0.0.1");
+    let mut page = lab.page();
+    page.say(&json!({"type": "order", "id": 1, "order": {"command": "pause"}}));
+    let answers = [page.next("answer"), page.next("answer")];
+    assert_eq!(answers[0], json!({"type": "answer", "id": 1, "ok": null, "text": "under way"}));
+    assert_eq!(answers[1], json!({"type": "answer", "id": 1, "ok": true, "text": "done"}));
+    page.say(&json!({"type": "order", "id": 2, "order": {"command": "stop", "app": "Mapp"}}));
+    page.next("answer");
+    assert_eq!(page.next("answer"), json!({"type": "answer", "id": 2, "ok": false, "text": "there is no Mapp"}));
+    assert_eq!(*lab.orders.lock().unwrap(), [Order::Pause, Order::Stop { app: "Mapp".into() }]);
+    page.say(&json!({"type": "poke", "id": 3, "key": "A", "value": "1"}));
+    assert_eq!(page.next("answer")["text"], "A=1");
+    // What is no message is told, and the page is served on.
+    page.socket.send(Message::text("{}")).unwrap();
+    page.socket.send(Message::binary(vec![1, 2, 3])).unwrap();
+    for _ in 0..2 {
+        assert!(page.next("event")["text"].as_str().unwrap().contains("not understood"));
+    }
+    drop(page);
+
+    let lab = Lab::new("only-look", true, "127.0.0.1");
+    let mut page = lab.page();
+    page.say(&json!({"type": "order", "id": 1, "order": {"command": "pause"}}));
+    page.say(&json!({"type": "poke", "id": 2, "key": "A", "value": "1"}));
+    for id in [1, 2] {
+        let answer = page.next("answer");
+        assert_eq!((&answer["id"], &answer["ok"]), (&json!(id), &json!(false)), "{answer}");
+    }
+    assert_eq!(lab.orders.lock().unwrap().len(), 0);
+}
+
+#[test]
+fn a_page_of_somewhere_else_is_not_served() {
+    let lab = Lab::new("origin", false, "127.0.0.1");
+    let own = format!("Host: {}\r\n", lab.address);
+    assert!(lab.get("/", &own).starts_with("HTTP/1.1 200"));
+    assert!(lab.get("/nothing", &own).starts_with("HTTP/1.1 404"));
+    assert!(lab.get("/../../Cargo.toml", &own).starts_with("HTTP/1.1 404"));
+    assert!(lab.get("/", "Host: evil.example\r\n").starts_with("HTTP/1.1 403"));
+    assert!(lab.get("/", &format!("{own}Origin: http://evil.example\r\n")).starts_with("HTTP/1.1 403"));
+    let upgrade = "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+    let answer = lab.get("/ws", &format!("{own}{upgrade}Origin: http://evil.example\r\n"));
+    assert!(answer.starts_with("HTTP/1.1 403") && answer.contains("evil.example"), "{answer}");
+}
+
+#[test]
+fn fifty_pages_of_which_some_never_read_hold_up_nobody() {
+    let lab = Lab::new("many", false, "127.0.0.1");
+    let mut deaf: Vec<Page> = (0..25).map(|_| lab.page()).collect();
+    let (mut map, mut client) = (OccupancyGrid::new(0.1), lab.client("Map"));
+    let mut pages: Vec<Page> = (0..25).map(|_| lab.page()).collect();
+    for scan in 1..=50 {
+        client.comms.publish(&MAP_UPDATE, &wall(&mut map, scan)).unwrap();
+        client.comms.flush().unwrap();
+    }
+    client.comms.publish(&MAP, &MapUpdate::new(map.whole(), 50)).unwrap();
+    client.comms.flush().unwrap();
+    for page in &mut pages {
+        while page.occupied() < 2_000 {
+            page.next("frame");
+        }
+        assert_eq!(page.occupied(), 2_000);
+    }
+    // One that reads at last has all of it.
+    let page = &mut deaf[7];
+    while page.occupied() < 2_000 {
+        page.next("frame");
+    }
+}
