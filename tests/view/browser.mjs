@@ -11,6 +11,22 @@ const FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", 
 const SOFTWARE = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
 const WITHOUT = ["--disable-3d-apis"];
 
+/** Numbers that Chromium wants of keys without a text. */
+const CODES = { Tab: 9, Escape: 27, ArrowLeft: 37, ArrowRight: 39 };
+/** After this nothing comes any more: a test that waits so long has failed (ms). */
+const WATCHDOG_MS = 20_000;
+
+/** Waits until `look()` gives something, and returns it. */
+export async function until(look, what) {
+    const end = performance.now() + WATCHDOG_MS;
+    for (;;) {
+        const value = await look();
+        if (value) return value;
+        if (performance.now() > end) throw new Error(`never: ${what}`);
+        await new Promise(resolve => setTimeout(resolve, 30));
+    }
+}
+
 export class Browser {
     #number = 0;
     #waiting = new Map();
@@ -100,20 +116,16 @@ class Page {
         return result.value;
     }
 
-    /** Waits until an expression is true, looking at it each time the page has a moment. */
-    async until(expression) {
-        for (;;) {
-            const value = await this.eval(`(() => { try { return ${expression} } catch { return null } })()`).catch(() => null);
-            if (value) return value;
-            await new Promise(resolve => setTimeout(resolve, 50));
-        }
+    /** Waits until an expression is true, and returns its value. */
+    until(expression) {
+        return until(() => this.eval(`(() => { try { return ${expression} } catch { return null } })()`).catch(() => null), expression);
     }
 
     /** Presses a key where the focus is. */
     async press(key, modifiers = 0) {
-        const text = key.length === 1 ? key : undefined;
-        await this.send("Input.dispatchKeyEvent", { type: "keyDown", key, text, modifiers });
-        await this.send("Input.dispatchKeyEvent", { type: "keyUp", key, modifiers });
+        const event = { key, modifiers, text: key.length === 1 ? key : undefined, windowsVirtualKeyCode: CODES[key] };
+        await this.send("Input.dispatchKeyEvent", { type: "keyDown", ...event });
+        await this.send("Input.dispatchKeyEvent", { type: "keyUp", ...event });
     }
 
     async picture(file) {

@@ -136,10 +136,10 @@ export class Run {
         return run;
     }
 
-    /** A building that is known from the start, of about so many occupied voxels; its surfaces are rough, as measured ones are. */
-    static known(occupied) {
-        const side = Math.max(1, Math.round(Math.sqrt(occupied / 10740)));
-        const run = new Run(rooms(side, side, 7, 0.02));
+    /** A building that is known from the start, of about so many occupied voxels, this share of them missing again. */
+    static known(occupied, roughness = 0.02) {
+        const side = Math.max(1, Math.round(Math.sqrt(occupied / 10950 / (1 - roughness))));
+        const run = new Run(rooms(side, side, 7, roughness));
         run.poses = [{ at: [2.55, 2.55, 1.2], yaw: 0.6, pitch: 0.1 }].map(pose => ({ ...pose, quaternion: quaternion(pose) }));
         const { grid } = run;
         for (let z = 0; z < 28; z++) for (let y = 0; y <= side * 50; y++) {

@@ -21,7 +21,8 @@ export function readBinary(buffer) {
 /** `{resolution, bricks: [{x, y, z, planes: [known, occupied, frontier]}]}`; a plane is 64 bytes, or null where it is empty. */
 function readBricks(view) {
     if (view.byteLength < 12) throw new Error(`bricks in ${view.byteLength} bytes`);
-    const resolution = view.getFloat32(4, true);
+    // 0.1 m in 32 bits is a little more than 0.1: the seven digits that they hold are what was meant.
+    const resolution = Number(view.getFloat32(4, true).toPrecision(7));
     const count = view.getUint32(8, true);
     if (!(resolution > 0) || !Number.isFinite(resolution)) throw new Error(`bricks of voxels of ${resolution} m`);
     const bricks = [];

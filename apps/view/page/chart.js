@@ -125,7 +125,8 @@ function range(points, column) {
     }
     if (points.length === 0) return { low: 0, high: 1 };
     if (low >= 0 && low < high / 2) low = 0;
-    return high > low ? { low, high } : { low: low - 0.5, high: high + 0.5 };
+    if (high > low) return { low, high };
+    return high === 0 ? { low: 0, high: 1 } : { low: Math.min(0, low), high: Math.max(0, high) };
 }
 
 /** Some `many` round values of a range. */

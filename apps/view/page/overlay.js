@@ -9,6 +9,7 @@ const BLOCK = 1024;
 export class Overlay {
     #lines = new Map();
     #points = new Map();
+    #body = null;
 
     constructor(stage, world) {
         Object.assign(this, { stage, world });
@@ -18,6 +19,7 @@ export class Overlay {
     restart() {
         this.#lines.clear();
         this.#points.clear();
+        this.#body = null;
     }
 
     drawWay(colours) {
@@ -54,12 +56,12 @@ export class Overlay {
     /** As large as a robot is, but never too small to be found. */
     drawRobot(colours) {
         const { gl, camera } = this.stage;
-        this.body = this.body?.gl === gl ? this.body : new Vertices(gl, floats(3, 1));
+        this.#body ??= new Vertices(gl, floats(3, 1));
         const triangles = dart(this.world.robot, Math.max(0.25, camera.heightAtTarget() / 32));
-        this.body.set(triangles);
+        this.#body.set(triangles);
         this.stage.use("TRIANGLES", { paint: [...colours.robot, 1] });
         gl.disable(gl.CULL_FACE);
-        this.body.draw(gl.TRIANGLES, triangles.length / 4);
+        this.#body.draw(gl.TRIANGLES, triangles.length / 4);
         gl.enable(gl.CULL_FACE);
     }
 

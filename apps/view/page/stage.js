@@ -23,8 +23,10 @@ export class Stage {
     /** Time between two frames that came one after the other (ms). */
     #frameMs = 0;
 
-    /** What it has drawn so far, for whoever measures. */
+    /** For whoever measures: frames so far, and when the first one and the first whole one with voxels were drawn (ms). */
     frames = 0;
+    whenFirst = null;
+    whenWhole = null;
 
     constructor({ link, world, tell }) {
         Object.assign(this, { link, world });
@@ -103,6 +105,7 @@ export class Stage {
         const share = moving && this.#frameMs > SLOW_MS ? 0.5 : 1;
         const more = this.isFlat ? this.flat.draw(this.colours) : this.scene.draw(this.colours, share, this.#frameMs);
         this.frames += 1;
+        if (this.world.voxels.occupied > 0) this.whenFirst ??= performance.now();
         if (!more && this.world.voxels.occupied > 0) this.whenWhole ??= performance.now();
         if (more) this.redraw();
         else if (share < 1) setTimeout(() => this.redraw(), STILL_MS);

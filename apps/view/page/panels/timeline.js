@@ -7,8 +7,8 @@ const RATES = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16];
 const SEEK_MS = 80;
 
 export function timeline(bar, { link }) {
-    let now = null, held = false, pending = 0;
-    const play = make("button", { type: "button", title: "Play or pause (space)", onclick: () => toggle() });
+    let now = null, held = false, asked = 0;
+    const play = make("button", { type: "button", textContent: "Play", title: "Play or pause (space)", onclick: () => toggle() });
     const scrub = make("input", { type: "range", min: 0, max: 1000, step: "any", "aria-label": "Time" });
     const time = make("output");
     const rate = make("select", { "aria-label": "Rate", onchange: () => send({ rate: Number(rate.value) }) },
@@ -28,8 +28,11 @@ export function timeline(bar, { link }) {
         if (now === null) return;
         now.at = Math.max(now.start, Math.min(now.end, to));
         show();
-        clearTimeout(pending);
-        pending = setTimeout(() => link.send({ type: "seek", time: now.at }), SEEK_MS);
+        clearTimeout(asked);
+        asked = setTimeout(() => {
+            asked = 0;
+            link.send({ type: "seek", time: now.at });
+        }, SEEK_MS);
     };
     const show = () => {
         say(play, now.playing ? "Pause" : "Play");
@@ -55,8 +58,8 @@ export function timeline(bar, { link }) {
         element.hidden = recorded === null || recorded === undefined;
     });
     link.on("timeline", message => {
-        // The hand on the slider knows better where it is.
-        now = held ? { ...message, at: now?.at ?? message.at } : message;
+        // A hand on the slider, or one that has just been there, knows better where it is.
+        now = held || asked ? { ...message, at: now?.at ?? message.at } : message;
         show();
     });
     return { isShown: () => !element.hidden, toggle };
