@@ -80,11 +80,17 @@ async function large(browser, words, run) {
     const idle = Math.max(...memory(browser).filter(({ kind }) => kind === "renderer").map(({ rss }) => rss));
     const page = await browser.open(await mock.listen());
     const whole = await page.until("elk.stage.whenWhole");
+    // Reading a pixel waits until all is painted.
+    const painted = await page.eval(`(() => {
+        const { gl } = elk.stage.scene;
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+        return performance.now();
+    })()`);
     const [first, rectangles] = await page.eval("[elk.stage.whenFirst, elk.stage.scene.chunks.rectangles]");
     const processes = memory(browser);
     const most = kind => Math.max(...processes.filter(process => process.kind === kind).map(({ rss }) => rss));
     console.log(`${words}: ${run.marks[0].occupied} occupied of ${run.marks[0].known} known voxels in ${(message / MB).toFixed(1)} MB, ${rectangles} rectangles`);
-    console.log(`  first frame with voxels ${first.toFixed(0)} ms after the page was asked for, the whole map ${whole.toFixed(0)} ms`);
+    console.log(`  first frame with voxels ${first.toFixed(0)} ms after the page was asked for, the whole map ${whole.toFixed(0)} ms, painted ${painted.toFixed(0)} ms`);
     console.log(`  memory of the page's process ${most("renderer").toFixed(0)} MB (empty: ${idle.toFixed(0)} MB), of the drawing process ${most("gpu-process").toFixed(0)} MB`);
     await rate(page, "the whole map", "0");
     await rate(page, "from within", "elk.stage.camera.move({ distance: 12 })");

@@ -83,9 +83,11 @@ for (const [known, occupied] of [[0.9, 0.5], [0.5, 0.1], [1, 0.98], [0.05, 0.5]]
             const isFree = (...at) => voxels.has("known", ...at) && !voxels.has("occupied", ...at);
             assert([...voxels.chunks()].length > 8);
             for (const chunk of voxels.chunks()) {
-                const open = unpacked(chunk, faces(voxels, chunk, "occupied", freeRows));
+                const open = unpacked(chunk, faces(voxels, chunk, "occupied", freeRows).words);
                 assert.deepEqual(open, expected(voxels, chunk, has("occupied"), isFree));
-                const closed = unpacked(chunk, faces(voxels, chunk, "occupied", rowsWithout("occupied")));
+                const { words, ends } = faces(voxels, chunk, "occupied", freeRows);
+                words.forEach((word, i) => assert.equal(ends.findIndex(end => i < end), word >>> 15 & 7));
+                const closed = unpacked(chunk, faces(voxels, chunk, "occupied", rowsWithout("occupied")).words);
                 assert.deepEqual(closed, expected(voxels, chunk, has("occupied"), (...at) => !voxels.has("occupied", ...at)));
                 const cut = unpacked(chunk, section(chunk.occupied, 5));
                 const layer = (x, y, z) => z === 32 * chunk.z + 5 && voxels.has("occupied", x, y, z);
@@ -103,7 +105,7 @@ test("a wall is one rectangle a chunk", () => {
         bricks.push({ x: 0, y, z, planes });
     }
     voxels.take({ resolution: 0.1, bricks });
-    assert.equal(faces(voxels, voxels.chunk(0, 0, 0), "occupied", freeRows).length, 1);
+    assert.equal(faces(voxels, voxels.chunk(0, 0, 0), "occupied", freeRows).words.length, 1);
 });
 
 test("counts, layers and heights are those of a map that is taken apart and put together again", () => {

@@ -51,6 +51,7 @@ class Viewer {
         Object.assign(this, { mock, socket });
         socket.onmessage = text => this.#take(JSON.parse(text));
         this.send(mock.hello());
+        if (mock.summary) this.send({ type: "end", summary: mock.summary });
     }
 
     send(message) {
@@ -127,6 +128,8 @@ export class Mock {
     scan = 0;
     tick = 0;
     paused = false;
+    /** Why nobody is let in, if so. */
+    refusal = null;
     /** Whether acks count; a test that stops them sees a page as a slow one. */
     acks = true;
 
@@ -214,22 +217,24 @@ export class Mock {
         const by = this.timeline ? this.timeline.rate : 1;
         if (plays) this.scan += Math.max(1, Math.round(by * PACE * TICK_MS / 1000));
         if (this.scan > this.run.length - 1) {
-            if (!this.timeline && !this.ended && this.run.length > 1) this.#end();
+            if (!this.timeline && !this.summary && this.run.length > 1) this.#end();
             this.scan = this.timeline?.looping ? 0 : this.run.length - 1;
         }
         for (const viewer of this.viewers) viewer.update();
     }
 
     #end() {
-        this.ended = true;
         const { way, known } = this.run.marks.at(-1);
-        this.send({ type: "end", summary: { mission: "Building", complete: true, reason: "no frontier that can be reached is left", scans: this.run.length,
-            path_length_m: way, known_voxels: known, accuracy: 0.998, contacts: 0, frontiers_left: { unreachable: 3, invisible: 12 }, cpu_seconds: { "map insertion": 1.23 } } });
+        this.summary = { mission: "Building", complete: true, reason: "no frontier that can be reached is left", scans: this.run.length,
+            path_length_m: way, known_voxels: known, accuracy: 0.998, contacts: 0, frontiers_left: { unreachable: 3, invisible: 12 }, cpu_seconds: { "map insertion": 1.23 } };
+        this.send({ type: "end", summary: this.summary });
     }
 
     #upgrade(request, socket) {
         this.lastQuery = new URL(request.url, "http://mock").search;
-        const viewer = new Viewer(this, new WebSocketServerSide(request, socket));
+        const webSocket = new WebSocketServerSide(request, socket);
+        if (this.refusal) return webSocket.close(1008, this.refusal);
+        const viewer = new Viewer(this, webSocket);
         viewer.socket.onclose = () => this.viewers.delete(viewer);
         this.viewers.add(viewer);
     }

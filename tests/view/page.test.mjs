@@ -179,6 +179,15 @@ pageTest("a community that ends is said, and so is its return", {}, async ({ pag
     await page.until("document.querySelector('#notice').hidden && document.querySelector('#badge').dataset.state === 'live'");
 });
 
+pageTest("who is not let in is told why, and gets in later", {}, async ({ page, mock }) => {
+    mock.refusal = "the token is another one";
+    for (const viewer of mock.viewers) viewer.socket.cut();
+    await page.until("/\\(the token is another one\\): trying again/.test(document.querySelector('#notice').textContent)");
+    mock.refusal = null;
+    await page.until("document.querySelector('#notice').hidden && elk.link.state === 'open'");
+    await assertSame(page, run, MIDDLE);
+});
+
 pageTest("messages that are wrong are said and passed over, the next ones taken", {}, async ({ page, mock }) => {
     const brick = bricksMessage(0.1, [{ x: 900, y: 0, z: 0, planes: [0, 1, 2].map(() => new Uint8Array(64).fill(255)) }]);
     const wrong = ["no JSON", "[]", "7", "{}", '{"type":"robot"}', '{"type":"way","from":100000,"points":[]}', '{"type":"frame","number":"1"}',
@@ -279,6 +288,8 @@ pageTest("an app's log is asked for while one reads it, and no longer", {}, asyn
 
 pageTest("the end of a mission is shown with its summary", {}, async ({ page, mock }) => {
     mock.send({ type: "end", summary: { complete: true, path_length_m: 53.7, frontiers_left: { invisible: 12 }, reason: "all is seen", coverage: [{ share: 0.95 }] } });
+    mock.send({ type: "event", time: 61, text: "all is seen" });
+    await page.until("/1:01\\s*all is seen/.test(document.querySelector('#panel-events').textContent)");
     await page.until("/The mission is over.*complete.*yes.*path length \\(m\\).*53.7.*invisible.*12.*all is seen/s.test(document.querySelector('#panel-run').textContent)");
 });
 

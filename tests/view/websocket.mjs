@@ -25,6 +25,14 @@ export class WebSocketServerSide {
         this.#write(isText ? TEXT : BINARY, isText ? Buffer.from(data) : data);
     }
 
+    /** Says good-bye, with a reason. */
+    close(code, reason) {
+        const payload = Buffer.alloc(2 + Buffer.byteLength(reason));
+        payload.writeUInt16BE(code);
+        payload.write(reason, 2);
+        this.#write(CLOSE, payload);
+    }
+
     /** Cuts the connection, without a word. */
     cut() {
         this.socket.destroy();

@@ -65,9 +65,14 @@ export class Chunks {
         const picture = this.#pictures.get(chunk) ?? this.#newPicture(chunk);
         // The back of a wall, which nobody has seen, would hide the room behind it.
         const outside = shown.has("closed") || voxels.known === 0 ? rowsWithout("occupied") : freeRows;
-        picture.occupied.set(faces(voxels, chunk, "occupied", outside));
-        picture.frontier.set(faces(voxels, chunk, "frontier", rowsWithout("frontier")));
+        this.#put(picture.occupied, faces(voxels, chunk, "occupied", outside));
+        this.#put(picture.frontier, faces(voxels, chunk, "frontier", rowsWithout("frontier")));
         picture.cutLayer = null;
+    }
+
+    #put(quads, { words, ends }) {
+        quads.set(words);
+        quads.ends = ends;
     }
 
     #newPicture(chunk) {
@@ -91,7 +96,7 @@ export class Chunks {
         for (const [chunk, picture] of this.#pictures) {
             const middle = this.#middle(chunk);
             if (middle[2] - half > top || !sees(planes, middle.map(x => x - half), middle.map(x => x + half))) continue;
-            this.visible.push({ chunk, picture, far: length(subtract(middle, eye)) });
+            this.visible.push({ chunk, picture, far: length(subtract(middle, eye)), facing: facing(middle, half, eye) });
         }
         this.visible.sort((a, b) => a.far - b.far);
     }
@@ -133,11 +138,27 @@ export class Chunks {
             ground: colours.ground,
         });
         gl.uniform3fv(steps, ramp);
-        for (const { chunk, picture } of this.visible) {
+        for (const { chunk, picture, facing } of this.visible) {
             const quads = quadsOf(picture, chunk);
             if (!quads?.count) continue;
             gl.uniform3f(origin, chunk.x * SIDE, chunk.y * SIDE, chunk.z * SIDE);
-            quads.draw();
+            if (quads.ends) drawFacing(quads, facing);
+            else quads.draw();
         }
     }
+}
+
+/** Which of the six faces of a chunk's voxels may be turned to an eye: half of them never are. */
+function facing(middle, half, eye) {
+    return middle.flatMap((value, axis) => [eye[axis] < value + half, eye[axis] > value - half]);
+}
+
+/** Draws the quads of the faces that may be seen, those of neighbouring faces in one go. */
+function drawFacing(quads, facing) {
+    let from = 0;
+    quads.ends.forEach((end, face) => {
+        if (facing[face] && facing[face + 1]) return;
+        if (facing[face]) quads.draw(from, end);
+        from = end;
+    });
 }

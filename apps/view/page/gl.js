@@ -120,9 +120,10 @@ export class Quads extends Vertices {
         this.gl.bindVertexArray(null);
     }
 
-    draw() {
-        if (this.count === 0) return;
+    /** Draws the quads from one to before another. */
+    draw(from = 0, to = this.count) {
+        if (to <= from) return;
         this.gl.bindVertexArray(this.array);
-        this.gl.drawElements(this.gl.TRIANGLES, 6 * this.count, this.gl.UNSIGNED_INT, 0);
+        this.gl.drawElements(this.gl.TRIANGLES, 6 * (to - from), this.gl.UNSIGNED_INT, 24 * from);
     }
 }

@@ -5,7 +5,7 @@ import { LAYERS } from "./world.js";
 
 const KEYS = [
     ["drag, one finger, arrow keys", "turn the map; move it in 2-D"],
-    ["right or Shift + drag, two fingers, Shift + arrow keys", "move the map"],
+    ["right drag, Shift + drag, two fingers, Shift + arrow keys", "move the map"],
     ["wheel, pinch, + and −", "nearer and farther"],
     ["V", "3-D or 2-D"],
     ["F", "stay with the robot"],

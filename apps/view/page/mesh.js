@@ -16,17 +16,20 @@ let count = 0;
 /**
  * Rectangles of the faces between voxels of a plane and neighbours that are `outside`.
  *
- * `outside` is a function from a chunk (or undefined) to rows. The answer is valid until the next call.
+ * `outside` is a function from a chunk (or undefined) to rows. The answer is `words`, valid until the next call, and where
+ * those of each face end in them: `ends`.
  */
 export function faces(voxels, chunk, plane, outside) {
     const here = chunk[plane];
     const gaps = outside(chunk);
+    const ends = new Array(6);
     count = 0;
     for (let face = 0; face < 6; face++) {
         const beyond = outside(voxels.neighbour(chunk, face));
         if (slice[face >> 1](here, gaps, beyond, face & 1)) merge(face);
+        ends[face] = count;
     }
-    return words.subarray(0, count);
+    return { words: words.subarray(0, count), ends };
 }
 
 /** Rectangles of the tops of a chunk's voxels in one layer, whatever is above: what a cut shows. */

@@ -8,7 +8,7 @@ export class Orders {
     constructor(link, say) {
         Object.assign(this, { link, say, readOnly: true });
         link.on("hello", hello => {
-            this.readOnly = hello.read_only || hello.live === null;
+            this.readOnly = hello.read_only || !hello.live;
             this.#types = null;
         });
         link.on("answer", answer => this.#answered(answer));

@@ -14,8 +14,15 @@ export function ofHeight(share) {
     return mix(RAMP[step], RAMP[step + 1], place - step);
 }
 
+let current = null;
+addEventListener("scheme", () => current = null);
+
 /** The colours of the scheme that is in force, each as red, green, blue (0 to 1). */
 export function scheme() {
+    return current ??= readScheme();
+}
+
+function readScheme() {
     const probe = document.createElement("span");
     document.body.append(probe);
     const colour = name => {

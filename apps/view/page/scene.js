@@ -50,7 +50,7 @@ export class Scene {
         this.matrix = this.camera.matrix(canvas.width / canvas.height);
         chunks.look();
         const { shown, robot } = world;
-        const box = this.bounds();
+        const box = world.voxels.bounds();
         if (shown.has("occupied")) chunks.drawOccupied(colours);
         if (shown.has("grid") && box) overlay.drawGrid(box, colours);
         if (shown.has("scan")) overlay.drawScan(colours);
@@ -82,14 +82,6 @@ export class Scene {
             else gl[`uniform${value.length}f`](uniforms[uniform], ...value);
         }
         return uniforms;
-    }
-
-    /** The map's box, which is not looked for in each frame. */
-    bounds() {
-        const { voxels } = this.world;
-        if (this.boundsOf !== voxels.occupied) this.box = voxels.bounds();
-        this.boundsOf = voxels.occupied;
-        return this.box;
     }
 }
 

@@ -19,6 +19,7 @@ const STILL_MS = 200;
 export class Stage {
     #pending = false;
     #settle = 0;
+    #shownVersion = -1;
     #lastFrame = 0;
     /** Time between two frames that came one after the other (ms). */
     #frameMs = 0;
@@ -101,6 +102,7 @@ export class Stage {
         // A frame that was asked for long after the last one says nothing of how long a frame takes.
         if (now - this.#lastFrame < 1500) this.#frameMs = now - this.#lastFrame;
         this.#lastFrame = now;
+        this.#keepUp();
         const moving = now < this.#settle;
         const share = moving && this.#frameMs > SLOW_MS ? 0.5 : 1;
         const more = this.isFlat ? this.flat.draw(this.colours) : this.scene.draw(this.colours, share, this.#frameMs);
@@ -109,6 +111,15 @@ export class Stage {
         if (!more && this.world.voxels.occupied > 0) this.whenWhole ??= performance.now();
         if (more) this.redraw();
         else if (share < 1) setTimeout(() => this.redraw(), STILL_MS);
+    }
+
+    /** What goes with the size of the map, once a frame however many messages came. */
+    #keepUp() {
+        const { version } = this.world.voxels;
+        if (version === this.#shownVersion) return;
+        this.#shownVersion = version;
+        this.#showHeight();
+        if (!this.camera.touched) this.#fit();
     }
 
     #moved(who) {
@@ -121,9 +132,7 @@ export class Stage {
         if (what === "shown") this.#showLayers();
         if (what === "world") {
             by("empty").hidden = this.world.voxels.known + this.world.voxels.occupied > 0 || this.world.robot !== null;
-            this.#showHeight();
             this.#lookAtRobot();
-            if (!this.camera.touched) this.#fit();
         }
         if (what === "clip") this.#showHeight();
         this.redraw();
@@ -137,9 +146,7 @@ export class Stage {
     }
 
     #fit() {
-        const { voxels } = this.world;
-        if (this.fitOf === voxels.occupied && this.camera.touched) return;
-        const box = voxels.bounds();
+        const box = this.world.voxels.bounds();
         const stage = by("stage");
         if (box) this.camera.fit(box, stage.clientWidth / stage.clientHeight);
     }

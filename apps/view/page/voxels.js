@@ -21,6 +21,9 @@ class Chunk {
     occupied = EMPTY;
     frontier = EMPTY;
 
+    /** Rows and columns (along x and y) in which something is occupied, or null if that has to be looked for. */
+    extent = null;
+
     constructor(x, y, z) {
         Object.assign(this, { x, y, z });
     }
@@ -29,6 +32,11 @@ class Chunk {
 export class Voxels {
     #chunks = new Map();
     #watchers = [];
+    /** What `heights` and `bounds` have found, as long as it holds. */
+    #heights;
+    #bounds;
+    /** Goes up with every change. */
+    version = 0;
 
     constructor() {
         this.clear();
@@ -40,6 +48,7 @@ export class Voxels {
         /** Occupied voxels by layer (index along z). */
         this.layers = new Map();
         this.resolution = null;
+        this.#changed();
         for (const { cleared } of this.#watchers) cleared();
     }
 
@@ -74,6 +83,7 @@ export class Voxels {
         this.resolution = resolution;
         const touched = new Set();
         for (const brick of bricks) this.#takeBrick(brick, touched);
+        this.#changed();
         for (const chunk of touched) for (const { changed } of this.#watchers) changed(chunk);
     }
 
@@ -81,6 +91,7 @@ export class Voxels {
         const chunk = this.#chunkFor(x >> 2, y >> 2, z >> 2);
         const within = [x & 3, y & 3, z & 3];
         PLANES.forEach((name, i) => this.#write(chunk, name, within, planes[i]));
+        chunk.extent = null;
         touched.add(chunk);
         // The faces of a neighbour's outermost voxels depend on ours.
         within.forEach((place, axis) => {
@@ -121,12 +132,21 @@ export class Voxels {
         this[name] += more;
     }
 
+    #changed() {
+        this.version += 1;
+        this.#heights = this.#bounds = undefined;
+    }
+
     #countLayer(layer, more) {
         this.layers.set(layer, (this.layers.get(layer) ?? 0) + more);
     }
 
     /** Lowest and highest height (m) between which all occupied voxels lie but 1 % at either end, or null. */
     heights() {
+        return this.#heights === undefined ? this.#heights = this.#findHeights() : this.#heights;
+    }
+
+    #findHeights() {
         const layers = [...this.layers].filter(([, count]) => count > 0).sort(([a], [b]) => a - b);
         if (layers.length === 0) return null;
         const reach = rows => {
@@ -138,27 +158,33 @@ export class Voxels {
 
     /** The box (m) of the chunks in which something is occupied, cut to the heights of `heights`, or null. */
     bounds() {
+        return this.#bounds === undefined ? this.#bounds = this.#findBounds() : this.#bounds;
+    }
+
+    #findBounds() {
         const heights = this.heights();
         if (heights === null) return null;
         const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-        for (const chunk of this.chunks()) if (chunk.occupied !== EMPTY) widen(chunk, low, high);
+        for (const chunk of this.chunks()) {
+            chunk.extent ??= extent(chunk);
+            chunk.extent.forEach(([first, last], axis) => {
+                low[axis] = Math.min(low[axis], first);
+                high[axis] = Math.max(high[axis], last + 1);
+            });
+        }
         const metres = corner => corner.map(index => index * this.resolution);
         return { low: [...metres(low), heights[0]], high: [...metres(high), heights[1]] };
     }
 }
 
-/** Widens a box along x and y by a chunk's occupied voxels. */
-function widen(chunk, low, high) {
-    let all = 0;
-    for (let y = 0; y < SIDE; y++) {
-        let row = 0;
-        for (let z = 0; z < SIDE; z++) row |= chunk.occupied[y + SIDE * z];
-        if (row === 0) continue;
-        all |= row;
-        low[1] = Math.min(low[1], SIDE * chunk.y + y);
-        high[1] = Math.max(high[1], SIDE * chunk.y + y + 1);
+/** First and last index along x and along y of what is occupied in a chunk; none of either if nothing is. */
+function extent(chunk) {
+    let columns = 0, rows = 0;
+    for (let row = 0; row < ROWS; row++) {
+        columns |= chunk.occupied[row];
+        if (chunk.occupied[row] !== 0) rows |= 1 << (row & 31);
     }
-    if (all === 0) return;
-    low[0] = Math.min(low[0], SIDE * chunk.x + 31 - Math.clz32(all & -all));
-    high[0] = Math.max(high[0], SIDE * chunk.x + 32 - Math.clz32(all));
+    if (columns === 0) return [];
+    const ends = bits => [31 - Math.clz32(bits & -bits), 31 - Math.clz32(bits)];
+    return [ends(columns).map(x => SIDE * chunk.x + x), ends(rows).map(y => SIDE * chunk.y + y)];
 }

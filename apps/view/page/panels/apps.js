@@ -3,11 +3,13 @@
 import { bytes, duration, integer, keep, make, percent, say } from "../dom.js";
 import { parameterFields } from "../parameters.js";
 
+const COLUMNS = [["App", "Name and type"], ["State", "What it is doing"], ["CPU", "Of one core, now"], ["Memory", "Resident"],
+    ["↻", "Restarts"], ["Drops", "Messages missed because it did not keep up"]];
 const STOPPED = ["stopped", "ended"];
 
 export function appsPanel(panel, { link, orders, dialog, showLog }) {
     const open = new Set();
-    const head = make("tr", {}, ...["App", "State", "CPU", "Memory", "Drops"].map(name => make("th", { scope: "col", textContent: name })));
+    const head = make("tr", {}, ...COLUMNS.map(([textContent, title]) => make("th", { scope: "col", textContent, title })));
     const body = make("tbody");
     const quiet = make("p", { class: "quiet", textContent: "No apps have been named yet." });
     panel.append(quiet, make("table", {}, make("thead", {}, head), body));
@@ -29,8 +31,8 @@ export function appsPanel(panel, { link, orders, dialog, showLog }) {
             },
         });
         const state = make("span", { class: "badge" });
-        const [cpu, memory, drops] = [make("td"), make("td"), make("td")];
-        const row = make("tr", {}, make("td", { class: "wrap" }, button, " ", type), make("td", {}, state), cpu, memory, drops);
+        const [cpu, memory, restarts, drops] = [1, 2, 3, 4].map(() => make("td"));
+        const row = make("tr", {}, make("td", { class: "wrap" }, button, " ", type), make("td", {}, state), cpu, memory, restarts, drops);
         row.show = app => {
             button.setAttribute("aria-expanded", open.has(name));
             say(type, app.type && app.type !== name ? app.type : "");
@@ -38,6 +40,8 @@ export function appsPanel(panel, { link, orders, dialog, showLog }) {
             state.dataset.state = app.state;
             say(cpu, percent(app.cpu_percent_now));
             say(memory, bytes(app.resident_bytes));
+            say(restarts, integer(app.restarts));
+            restarts.classList.toggle("alarm", app.restarts > 0);
             say(drops, integer(app.dropped));
             drops.classList.toggle("alarm", app.dropped > 0);
         };
@@ -53,12 +57,12 @@ export function appsPanel(panel, { link, orders, dialog, showLog }) {
             : orders.order({ command: "stop", app: name }, `Stop ${name}`));
         const swap = button("Swap…", () => openSwap(now));
         const actions = make("div", { class: "actions" }, stop, swap, button("Log", () => showLog(name)));
-        const row = make("tr", { class: "detail" }, make("td", { colSpan: 5 }, facts, actions));
+        const row = make("tr", { class: "detail" }, make("td", { colSpan: COLUMNS.length }, facts, actions));
         row.show = app => {
             now = app;
             const texts = {
                 Element: app.element || "–", Process: app.pid === null ? "–" : String(app.pid), Since: duration(app.state_secs),
-                Restarts: integer(app.restarts), Swaps: integer(app.swaps), Rejected: integer(app.rejected), "Last end": app.last_exit ?? "none",
+                Swaps: integer(app.swaps), Rejected: integer(app.rejected), "Last end": app.last_exit ?? "none",
             };
             keep(facts, Object.entries(texts).flatMap(([term, text]) => [["dt", term, term], ["dd", term, text]]),
                 ([tag, term]) => `${tag} ${term}`, ([tag]) => make(tag), (element, [, , text]) => say(element, text));
