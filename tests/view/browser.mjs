@@ -6,8 +6,19 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 
 const NAMES = ["chromium", "chromium-browser", "google-chrome"];
-const FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars", "--remote-debugging-pipe"];
+const FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--remote-debugging-pipe",
+];
 const SOFTWARE = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
 const WITHOUT = ["--disable-3d-apis"];
 
@@ -37,7 +48,7 @@ export class Browser {
     /** Starts the first browser that there is; null if there is none. `webgl: false` is one that cannot draw in three dimensions. */
     static async start({ webgl = true } = {}) {
         const profile = await mkdtemp(join(tmpdir(), "elk-browser-"));
-        const flags = [...FLAGS, ...webgl ? SOFTWARE : WITHOUT, `--user-data-dir=${profile}`];
+        const flags = [...FLAGS, ...(webgl ? SOFTWARE : WITHOUT), `--user-data-dir=${profile}`];
         for (const name of NAMES) {
             const child = spawn(name, flags, { stdio: ["ignore", "ignore", "ignore", "pipe", "pipe"] });
             const started = await new Promise(resolve => {
@@ -90,8 +101,10 @@ export class Browser {
     }
 
     #take({ id, result, error, method, params }) {
-        if (method === "Runtime.exceptionThrown") this.errors.push(params.exceptionDetails.exception?.description ?? params.exceptionDetails.text);
-        if (method === "Runtime.consoleAPICalled" && params.type === "error") this.errors.push(params.args.map(({ value }) => value).join(" "));
+        if (method === "Runtime.exceptionThrown")
+            this.errors.push(params.exceptionDetails.exception?.description ?? params.exceptionDetails.text);
+        if (method === "Runtime.consoleAPICalled" && params.type === "error")
+            this.errors.push(params.args.map(({ value }) => value).join(" "));
         if (method === "Network.requestWillBeSent") (this.requests ??= []).push(params.request.url);
         const waiting = this.#waiting.get(id);
         this.#waiting.delete(id);
@@ -111,14 +124,22 @@ class Page {
 
     /** The value of an expression, or of the promise that it is. */
     async eval(expression) {
-        const { result, exceptionDetails } = await this.send("Runtime.evaluate", { expression, awaitPromise: true, returnByValue: true });
-        if (exceptionDetails) throw new Error(`${expression}: ${exceptionDetails.exception?.description ?? exceptionDetails.text}`);
+        const { result, exceptionDetails } = await this.send("Runtime.evaluate", {
+            expression,
+            awaitPromise: true,
+            returnByValue: true,
+        });
+        if (exceptionDetails)
+            throw new Error(`${expression}: ${exceptionDetails.exception?.description ?? exceptionDetails.text}`);
         return result.value;
     }
 
     /** Waits until an expression is true, and returns its value. */
     until(expression) {
-        return until(() => this.eval(`(() => { try { return ${expression} } catch { return null } })()`).catch(() => null), expression);
+        return until(
+            () => this.eval(`(() => { try { return ${expression} } catch { return null } })()`).catch(() => null),
+            expression,
+        );
     }
 
     /** Presses a key where the focus is. */

@@ -8,10 +8,10 @@ const CAMERA = { horizontal: 1.4, vertical: 1.0, range: 4.5 };
 /** Numbers from 0 to 1, the same for the same seed (mulberry32). */
 function random(seed) {
     return () => {
-        seed = seed + 0x6d2b79f5 | 0;
-        let t = Math.imul(seed ^ seed >>> 15, 1 | seed);
-        t = t + Math.imul(t ^ t >>> 7, 61 | t) ^ t;
-        return ((t ^ t >>> 14) >>> 0) / 2 ** 32;
+        seed = (seed + 0x6d2b79f5) | 0;
+        let t = Math.imul(seed ^ (seed >>> 15), 1 | seed);
+        t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+        return ((t ^ (t >>> 14)) >>> 0) / 2 ** 32;
     };
 }
 
@@ -32,14 +32,16 @@ class Grid {
     }
 
     fill([x0, y0, z0], [x1, y1, z1], solid = 1) {
-        for (let z = z0; z < z1; z++) for (let y = y0; y < y1; y++) this.solid.fill(solid, this.index(x0, y, z), this.index(x1, y, z));
+        for (let z = z0; z < z1; z++)
+            for (let y = y0; y < y1; y++) this.solid.fill(solid, this.index(x0, y, z), this.index(x1, y, z));
     }
 }
 
 /** Rooms of 5 x 5 m in a square, with doors, and boxes that stand about. */
 function rooms(across, along, seed, roughness) {
     const next = random(seed);
-    const side = 50, high = 28;
+    const side = 50,
+        high = 28;
     const round = value => Math.ceil(value / 8) * 8;
     const grid = new Grid([round(across * side + 4), round(along * side + 4), 32]);
     const [w, l] = [across * side + 1, along * side + 1];
@@ -55,7 +57,8 @@ function rooms(across, along, seed, roughness) {
             for (let box = 0; box < 5; box++) furnish(grid, next, x, y);
         }
     }
-    for (let i = 0; i < grid.solid.length && roughness > 0; i++) if (grid.solid[i] && next() < roughness) grid.solid[i] = 0;
+    for (let i = 0; i < grid.solid.length && roughness > 0; i++)
+        if (grid.solid[i] && next() < roughness) grid.solid[i] = 0;
     return grid;
 }
 
@@ -63,7 +66,7 @@ function rooms(across, along, seed, roughness) {
 function furnish(grid, next, x, y) {
     const many = (low, high) => low + Math.floor(next() * (high - low));
     const [wide, deep, tall] = [many(4, 14), many(4, 14), many(4, 20)];
-    const [left, front] = [next() < 0.5, next() < 0.5].map((near, axis) => near ? 2 : 48 - [wide, deep][axis]);
+    const [left, front] = [next() < 0.5, next() < 0.5].map((near, axis) => (near ? 2 : 48 - [wide, deep][axis]));
     const z = next() < 0.25 ? many(8, 12) : 1;
     grid.fill([x + left, y + front, z], [x + left + wide, y + front + deep, Math.min(27, z + tall)]);
 }
@@ -79,11 +82,15 @@ function poses(across, along) {
         const yaw = Math.atan2(stop[1] - from[1], stop[0] - from[0]);
         const steps = Math.round(Math.hypot(stop[0] - from[0], stop[1] - from[1]) / 0.25);
         for (let step = 1; step <= steps; step++) {
-            const at = from.map((value, axis) => value + (stop[axis] - value) * step / steps);
-            all.push({ at: [...at, 1.2 + 0.15 * Math.sin(all.length / 7)], yaw: yaw + 0.3 * Math.sin(step / 2), pitch: 0.1 });
+            const at = from.map((value, axis) => value + ((stop[axis] - value) * step) / steps);
+            all.push({
+                at: [...at, 1.2 + 0.15 * Math.sin(all.length / 7)],
+                yaw: yaw + 0.3 * Math.sin(step / 2),
+                pitch: 0.1,
+            });
         }
         for (let turn = 0; turn < 12; turn++) {
-            all.push({ at: [...stop, 1.2], yaw: yaw + turn * Math.PI / 6, pitch: turn % 2 ? 0.35 : -0.3 });
+            all.push({ at: [...stop, 1.2], yaw: yaw + (turn * Math.PI) / 6, pitch: turn % 2 ? 0.35 : -0.3 });
         }
     });
     return all;
@@ -95,14 +102,15 @@ function look(grid, { at, yaw, pitch }, scan) {
     const [columns, rows] = [72, 52];
     for (let i = 0; i < columns; i++) {
         for (let j = 0; j < rows; j++) {
-            const side = Math.tan(CAMERA.horizontal / 2) * (1 - 2 * i / (columns - 1));
-            const up = Math.tan(CAMERA.vertical / 2) * (1 - 2 * j / (rows - 1));
+            const side = Math.tan(CAMERA.horizontal / 2) * (1 - (2 * i) / (columns - 1));
+            const up = Math.tan(CAMERA.vertical / 2) * (1 - (2 * j) / (rows - 1));
             const [c, s, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
-            const ahead = cp + sp * up, rise = -sp + cp * up;
+            const ahead = cp + sp * up,
+                rise = -sp + cp * up;
             const ray = [c * ahead - s * side, s * ahead + c * side, rise];
             const long = Math.hypot(...ray);
             for (let far = 0; far < CAMERA.range; far += RESOLUTION / 2) {
-                const point = at.map((value, axis) => value + ray[axis] / long * far);
+                const point = at.map((value, axis) => value + (ray[axis] / long) * far);
                 const [x, y, z] = point.map(value => Math.floor(value / RESOLUTION));
                 if (!grid.inside(x, y, z)) break;
                 const index = grid.index(x, y, z);
@@ -140,11 +148,15 @@ export class Run {
     static known(occupied, roughness = 0.02) {
         const side = Math.max(1, Math.round(Math.sqrt(occupied / 10950 / (1 - roughness))));
         const run = new Run(rooms(side, side, 7, roughness));
-        run.poses = [{ at: [2.55, 2.55, 1.2], yaw: 0.6, pitch: 0.1 }].map(pose => ({ ...pose, quaternion: quaternion(pose) }));
+        run.poses = [{ at: [2.55, 2.55, 1.2], yaw: 0.6, pitch: 0.1 }].map(pose => ({
+            ...pose,
+            quaternion: quaternion(pose),
+        }));
         const { grid } = run;
-        for (let z = 0; z < 28; z++) for (let y = 0; y <= side * 50; y++) {
-            grid.seen.fill(0, grid.index(0, y, z), grid.index(side * 50, y, z) + 1);
-        }
+        for (let z = 0; z < 28; z++)
+            for (let y = 0; y <= side * 50; y++) {
+                grid.seen.fill(0, grid.index(0, y, z), grid.index(side * 50, y, z) + 1);
+            }
         run.scans = run.poses.map((pose, scan) => look(grid, pose, scan));
         run.finish();
         return run;
@@ -162,15 +174,18 @@ export class Run {
     finish() {
         const { grid, length } = this;
         this.changes = Array.from({ length }, () => new Set());
-        const known = new Array(length).fill(0), occupied = new Array(length).fill(0);
+        const known = new Array(length).fill(0),
+            occupied = new Array(length).fill(0);
         const [w, l, h] = grid.size;
-        for (let z = 0; z < h; z++) for (let y = 0; y < l; y++) for (let x = 0; x < w; x++) {
-            const scan = grid.seen[grid.index(x, y, z)];
-            if (scan === UNKNOWN) continue;
-            known[scan] += 1;
-            occupied[scan] += grid.solid[grid.index(x, y, z)];
-            this.#mark(this.changes[scan], x, y, z);
-        }
+        for (let z = 0; z < h; z++)
+            for (let y = 0; y < l; y++)
+                for (let x = 0; x < w; x++) {
+                    const scan = grid.seen[grid.index(x, y, z)];
+                    if (scan === UNKNOWN) continue;
+                    known[scan] += 1;
+                    occupied[scan] += grid.solid[grid.index(x, y, z)];
+                    this.#mark(this.changes[scan], x, y, z);
+                }
         let way = 0;
         this.marks = this.poses.map(({ at }, scan) => {
             if (scan > 0) way += Math.hypot(...at.map((value, axis) => value - this.poses[scan - 1].at[axis]));
@@ -186,7 +201,7 @@ export class Run {
         add(x, y, z);
         for (const [axis, value] of [x, y, z].entries()) {
             const step = (value & 7) === 0 ? -1 : (value & 7) === 7 ? 1 : 0;
-            if (step !== 0) add(...[x, y, z].map((value, i) => i === axis ? value + step : value));
+            if (step !== 0) add(...[x, y, z].map((value, i) => (i === axis ? value + step : value)));
         }
     }
 
@@ -200,28 +215,39 @@ export class Run {
 
     isFrontier(x, y, z, scan) {
         if (!this.isKnown(x, y, z, scan) || this.grid.solid[this.grid.index(x, y, z)]) return false;
-        return [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
-            .some(([dx, dy, dz]) => this.grid.inside(x + dx, y + dy, z + dz) && !this.isKnown(x + dx, y + dy, z + dz, scan));
+        return [
+            [1, 0, 0],
+            [-1, 0, 0],
+            [0, 1, 0],
+            [0, -1, 0],
+            [0, 0, 1],
+            [0, 0, -1],
+        ].some(
+            ([dx, dy, dz]) => this.grid.inside(x + dx, y + dy, z + dz) && !this.isKnown(x + dx, y + dy, z + dz, scan),
+        );
     }
 
     /** The binary message of all bricks that changed after scan `from`, up to scan `to`. */
     bricks(from, to) {
         // All of a large building takes seconds to put together, and is the same for everyone who comes.
-        if (from === -1 && this.length === 1) return this.whole ??= this.#bricks(from, to);
+        if (from === -1 && this.length === 1) return (this.whole ??= this.#bricks(from, to));
         return this.#bricks(from, to);
     }
 
     #bricks(from, to) {
         const names = new Set();
         for (let scan = from + 1; scan <= to; scan++) for (const name of this.changes[scan]) names.add(name);
-        return bricksMessage(this.resolution, [...names].map(name => this.#brick(name.split(",").map(Number), to)));
+        return bricksMessage(
+            this.resolution,
+            [...names].map(name => this.#brick(name.split(",").map(Number), to)),
+        );
     }
 
     #brick([x, y, z], scan) {
         const planes = [0, 1, 2].map(() => Buffer.alloc(64));
         const tests = [this.isKnown, this.isOccupied, this.isFrontier];
         for (let bit = 0; bit < 512; bit++) {
-            const at = [8 * x + (bit & 7), 8 * y + (bit >> 3 & 7), 8 * z + (bit >> 6)];
+            const at = [8 * x + (bit & 7), 8 * y + ((bit >> 3) & 7), 8 * z + (bit >> 6)];
             tests.forEach((test, plane) => {
                 if (test.call(this, ...at, scan)) planes[plane][bit >> 3] |= 1 << (bit & 7);
             });
@@ -240,7 +266,7 @@ export function bricksMessage(resolution, bricks) {
         const own = Buffer.alloc(8);
         [x, y, z].forEach((value, axis) => own.writeInt16LE(value, 2 * axis));
         const full = planes.map(plane => plane.some(byte => byte !== 0));
-        own[6] = full.reduce((bits, is, plane) => bits | is << plane, 0);
+        own[6] = full.reduce((bits, is, plane) => bits | (is << plane), 0);
         return [own, ...planes.filter((_, plane) => full[plane])];
     });
     return Buffer.concat([head, ...parts]);

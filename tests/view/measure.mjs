@@ -21,12 +21,16 @@ function sizes() {
     const files = readdirSync(PAGE, { recursive: true }).filter(name => name.includes("."));
     const contents = files.map(name => readFileSync(new URL(name, PAGE)));
     const sum = numbers => numbers.reduce((sum, number) => sum + number);
-    console.log(`files: ${files.length}, ${sum(contents.map(({ length }) => length))} bytes, ${sum(contents.map(content => gzipSync(content).length))} compressed one by one`);
+    console.log(
+        `files: ${files.length}, ${sum(contents.map(({ length }) => length))} bytes, ${sum(contents.map(content => gzipSync(content).length))} compressed one by one`,
+    );
 }
 
 /** First paint of the page, and of a page that is one word. */
 async function paints(browser, url) {
-    const plain = createServer((_, response) => response.writeHead(200, { "content-type": "text/html" }).end("<!doctype html><title>plain</title><p>plain"));
+    const plain = createServer((_, response) =>
+        response.writeHead(200, { "content-type": "text/html" }).end("<!doctype html><title>plain</title><p>plain"),
+    );
     await new Promise(resolve => plain.listen(0, "127.0.0.1", resolve));
     const addresses = [url, `http://127.0.0.1:${plain.address().port}/`];
     const times = [[], []];
@@ -40,23 +44,33 @@ async function paints(browser, url) {
     plain.closeAllConnections();
     plain.close();
     const [ours, theirs] = times.map(median);
-    console.log(`first paint: ${ours.toFixed(0)} ms at the median of ${ROUNDS} (a page of one word: ${theirs.toFixed(0)} ms)`);
+    console.log(
+        `first paint: ${ours.toFixed(0)} ms at the median of ${ROUNDS} (a page of one word: ${theirs.toFixed(0)} ms)`,
+    );
 }
 
 /** Resident memory of the browser's processes (MB), by kind. */
 function memory(browser) {
     const stat = pid => readFileSync(`/proc/${pid}/stat`, "utf8").replace(/.*\) /s, "").split(" ");
     const all = readdirSync("/proc").filter(name => /^\d+$/.test(name));
-    const parent = new Map(all.flatMap(pid => {
-        try { return [[Number(pid), Number(stat(pid)[1])]]; } catch { return []; }
-    }));
-    const ours = pid => pid === browser.child.pid || pid > 1 && parent.has(pid) && ours(parent.get(pid));
+    const parent = new Map(
+        all.flatMap(pid => {
+            try {
+                return [[Number(pid), Number(stat(pid)[1])]];
+            } catch {
+                return [];
+            }
+        }),
+    );
+    const ours = pid => pid === browser.child.pid || (pid > 1 && parent.has(pid) && ours(parent.get(pid)));
     return [...parent.keys()].filter(ours).flatMap(pid => {
         try {
             const kind = /--type=([\w-]+)/.exec(readFileSync(`/proc/${pid}/cmdline`, "utf8"))?.[1] ?? "browser";
             const [, rss] = /VmRSS:\s+(\d+)/.exec(readFileSync(`/proc/${pid}/status`, "utf8")) ?? [0, 0];
             return [{ kind, rss: rss / 1024 }];
-        } catch { return []; }
+        } catch {
+            return [];
+        }
     });
 }
 
@@ -77,7 +91,11 @@ async function rate(page, words, before) {
 async function large(browser, words, run) {
     const mock = new Mock(run);
     const message = run.bricks(-1, 0).length;
-    const idle = Math.max(...memory(browser).filter(({ kind }) => kind === "renderer").map(({ rss }) => rss));
+    const idle = Math.max(
+        ...memory(browser)
+            .filter(({ kind }) => kind === "renderer")
+            .map(({ rss }) => rss),
+    );
     const page = await browser.open(await mock.listen());
     const whole = await page.until("elk.stage.whenWhole");
     // Reading a pixel waits until all is painted.
@@ -89,9 +107,15 @@ async function large(browser, words, run) {
     const [first, rectangles] = await page.eval("[elk.stage.whenFirst, elk.stage.scene.chunks.rectangles]");
     const processes = memory(browser);
     const most = kind => Math.max(...processes.filter(process => process.kind === kind).map(({ rss }) => rss));
-    console.log(`${words}: ${run.marks[0].occupied} occupied of ${run.marks[0].known} known voxels in ${(message / MB).toFixed(1)} MB, ${rectangles} rectangles`);
-    console.log(`  first frame with voxels ${first.toFixed(0)} ms after the page was asked for, the whole map ${whole.toFixed(0)} ms, painted ${painted.toFixed(0)} ms`);
-    console.log(`  memory of the page's process ${most("renderer").toFixed(0)} MB (empty: ${idle.toFixed(0)} MB), of the drawing process ${most("gpu-process").toFixed(0)} MB`);
+    console.log(
+        `${words}: ${run.marks[0].occupied} occupied of ${run.marks[0].known} known voxels in ${(message / MB).toFixed(1)} MB, ${rectangles} rectangles`,
+    );
+    console.log(
+        `  first frame with voxels ${first.toFixed(0)} ms after the page was asked for, the whole map ${whole.toFixed(0)} ms, painted ${painted.toFixed(0)} ms`,
+    );
+    console.log(
+        `  memory of the page's process ${most("renderer").toFixed(0)} MB (empty: ${idle.toFixed(0)} MB), of the drawing process ${most("gpu-process").toFixed(0)} MB`,
+    );
     await rate(page, "the whole map", "0");
     await rate(page, "from within", "elk.stage.camera.move({ distance: 12 })");
     await rate(page, "in 2-D", "elk.stage.showFlat(true), elk.stage.whole()");

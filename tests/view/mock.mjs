@@ -11,30 +11,82 @@ import { Run, scanMessage } from "./building.mjs";
 import { WebSocketServerSide } from "./websocket.mjs";
 
 const PAGE = fileURLToPath(new URL("../../apps/view/page/", import.meta.url));
-const TYPES = { ".html": "text/html; charset=utf-8", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml" };
+const TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+};
 /** Frames that may be on their way to a page. */
 const IN_FLIGHT = 3;
 const TICK_MS = 100;
 /** Scans a second. */
 const PACE = 10;
 
-const parameter = (name, kind, fallback, summary, more = {}) => ({ name, kind, default: fallback, summary, unit: null, choices: null, min: null, max: null, ...more });
+const parameter = (name, kind, fallback, summary, more = {}) => ({
+    name,
+    kind,
+    default: fallback,
+    summary,
+    unit: null,
+    choices: null,
+    min: null,
+    max: null,
+    ...more,
+});
 const ELEMENTS = [
-    { element: "Explorer", types: [
-        { name: "Potential", summary: "Streamlines of a harmonic field lead to every frontier.", params: [
-            parameter("MaxSpeed", "number", "0.5", "How fast the robot goes.", { unit: "m/s", min: 0.05, max: 5 }),
-            parameter("Mid", "point", null, "Middle of the volume to explore.", { unit: "m" }),
-            parameter("MaxVoxels", "integer", "4000000", "The largest field.", { min: 1000, max: 100000000 }),
-            parameter("Isovolumes", "number", "0", "Share of the flow that may be sealed off.", { min: 0, max: 0.5 }),
-            parameter("Policy", "choice", "ScanOnTheWay", "When it scans.", { choices: ["ScanOnTheWay", "ScanAtTarget"] }),
-            parameter("Wide", "flag", "false", "Whether it looks at wide frontiers first.")] },
-        { name: "ClosestFrontier", summary: "Goes to the nearest frontier voxel that can be reached.", params: [
-            parameter("Clearance", "number", "0.3", "From walls.", { unit: "m", min: 0, max: 2 })] }] },
-    { element: "Map", types: [{ name: "OctoMap", summary: "Log-odds voxels.", params: [
-        parameter("Res", "number", "0.1", "Edge of a voxel.", { unit: "m", min: 0.005, max: 10 })] }] },
+    {
+        element: "Explorer",
+        types: [
+            {
+                name: "Potential",
+                summary: "Streamlines of a harmonic field lead to every frontier.",
+                params: [
+                    parameter("MaxSpeed", "number", "0.5", "How fast the robot goes.", {
+                        unit: "m/s",
+                        min: 0.05,
+                        max: 5,
+                    }),
+                    parameter("Mid", "point", null, "Middle of the volume to explore.", { unit: "m" }),
+                    parameter("MaxVoxels", "integer", "4000000", "The largest field.", { min: 1000, max: 100000000 }),
+                    parameter("Isovolumes", "number", "0", "Share of the flow that may be sealed off.", {
+                        min: 0,
+                        max: 0.5,
+                    }),
+                    parameter("Policy", "choice", "ScanOnTheWay", "When it scans.", {
+                        choices: ["ScanOnTheWay", "ScanAtTarget"],
+                    }),
+                    parameter("Wide", "flag", "false", "Whether it looks at wide frontiers first."),
+                ],
+            },
+            {
+                name: "ClosestFrontier",
+                summary: "Goes to the nearest frontier voxel that can be reached.",
+                params: [parameter("Clearance", "number", "0.3", "From walls.", { unit: "m", min: 0, max: 2 })],
+            },
+        ],
+    },
+    {
+        element: "Map",
+        types: [
+            {
+                name: "OctoMap",
+                summary: "Log-odds voxels.",
+                params: [parameter("Res", "number", "0.1", "Edge of a voxel.", { unit: "m", min: 0.005, max: 10 })],
+            },
+        ],
+    },
 ];
-const APPS = [["launcher", "", ""], ["db", "", ""], ["sensor", "Sensor", "Simulator"], ["filter", "Filter", "Distance"], ["map", "Map", "OctoMap"],
-    ["explorer", "Explorer", "Potential"], ["controller", "Controller", "MOOSSim"], ["logger", "Logger", "Mcap"]];
+const APPS = [
+    ["launcher", "", ""],
+    ["db", "", ""],
+    ["sensor", "Sensor", "Simulator"],
+    ["filter", "Filter", "Distance"],
+    ["map", "Map", "OctoMap"],
+    ["explorer", "Explorer", "Potential"],
+    ["controller", "Controller", "MOOSSim"],
+    ["logger", "Logger", "Mcap"],
+];
 
 /** One page that looks on. */
 class Viewer {
@@ -67,8 +119,10 @@ class Viewer {
         if (message.type === "logs") Object.assign(this, { log: message.app, logLines: 0 });
         if (message.type === "types") this.send({ type: "types", id: message.id, elements: ELEMENTS });
         if (message.type === "order") mock.order(this, message);
-        if (message.type === "poke") this.send({ type: "answer", id: message.id, ok: true, text: `${message.key} is ${message.value}` });
-        if (message.type === "play") Object.assign(mock.timeline, { playing: message.playing, rate: message.rate, looping: message.looping });
+        if (message.type === "poke")
+            this.send({ type: "answer", id: message.id, ok: true, text: `${message.key} is ${message.value}` });
+        if (message.type === "play")
+            Object.assign(mock.timeline, { playing: message.playing, rate: message.rate, looping: message.looping });
         if (message.type === "seek") mock.seek(message.time);
     }
 
@@ -86,7 +140,8 @@ class Viewer {
         if (mock.tick % 10 === 0 || this.fresh) this.#tables(to);
         for (const key of this.watched) this.send(mock.value(key));
         if (this.log !== null) this.#lines();
-        if (mock.timeline) this.send({ type: "timeline", ...mock.timeline, start: 0, end: run.length / PACE, at: to / PACE });
+        if (mock.timeline)
+            this.send({ type: "timeline", ...mock.timeline, start: 0, end: run.length / PACE, at: to / PACE });
         this.fresh = false;
         this.send({ type: "frame", number: ++this.frame });
     }
@@ -95,12 +150,23 @@ class Viewer {
         const pose = run.poses[to];
         this.send(run.bricks(this.scan, to));
         if (this.layers.has("scan")) this.send(scanMessage(run.scans[to]));
-        this.send({ type: "robot", position: pose.at, quaternion: pose.quaternion, camera: run.camera, time: to / PACE });
+        this.send({
+            type: "robot",
+            position: pose.at,
+            quaternion: pose.quaternion,
+            camera: run.camera,
+            time: to / PACE,
+        });
         const from = this.scan + 1;
         this.send({ type: "way", from, points: run.poses.slice(from, to + 1).map(({ at }) => at) });
         const ahead = run.poses.slice(to, to + 25).map(({ at }) => at);
         this.send({ type: "plan", points: ahead, target: ahead.length > 1 ? ahead.at(-1) : null });
-        this.send({ type: "curve", name: "coverage", from, points: run.marks.slice(from, to + 1).map(({ way, known }) => [way, known]) });
+        this.send({
+            type: "curve",
+            name: "coverage",
+            from,
+            points: run.marks.slice(from, to + 1).map(({ way, known }) => [way, known]),
+        });
         this.scan = to;
     }
 
@@ -108,14 +174,26 @@ class Viewer {
         const { mock } = this;
         const { way, known } = mock.run.marks[scan];
         const phase = mock.paused ? "paused" : scan === mock.run.length - 1 ? "complete" : "exploring";
-        this.send({ type: "progress", scans: scan + 1, way, known, frontier: 400 + scan % 50 * 7, phase, time: scan / PACE });
+        this.send({
+            type: "progress",
+            scans: scan + 1,
+            way,
+            known,
+            frontier: 400 + (scan % 50) * 7,
+            phase,
+            time: scan / PACE,
+        });
         this.send({ type: "apps", rows: mock.apps() });
         this.send({ type: "variables", rows: mock.variables(), left_out: 0 });
     }
 
     #lines() {
         const all = Math.floor(this.mock.tick / 5) + 3;
-        const lines = Array.from({ length: all - this.logLines }, (_, i) => `[${((this.logLines + i) / 2).toFixed(1)}] ${this.log}: step ${this.logLines + i}, nothing out of the ordinary`);
+        const lines = Array.from(
+            { length: all - this.logLines },
+            (_, i) =>
+                `[${((this.logLines + i) / 2).toFixed(1)}] ${this.log}: step ${this.logLines + i}, nothing out of the ordinary`,
+        );
         if (lines.length > 0) this.send({ type: "log", app: this.log, from: this.logLines, lines });
         this.logLines = all;
     }
@@ -160,8 +238,15 @@ export class Mock {
 
     hello() {
         const recorded = this.timeline && { log: "apartment-20261123-231812", start: 0, end: this.run.length / PACE };
-        return { type: "hello", version: 1, live: this.timeline ? null : { community: "elk" }, recorded, read_only: this.readOnly,
-            mission: "Building", resolution: this.run.resolution };
+        return {
+            type: "hello",
+            version: 1,
+            live: this.timeline ? null : { community: "elk" },
+            recorded,
+            read_only: this.readOnly,
+            mission: "Building",
+            resolution: this.run.resolution,
+        };
     }
 
     /** Sends a message to all pages. */
@@ -180,7 +265,17 @@ export class Mock {
             answer(null, `${order.app} is being started`);
             if (order.type_name) this.swapped.set(order.app, order.type_name);
         }
-        answer(true, { pause: "the robot holds", resume: "it goes on", step: "one pose", stop: "it has stopped", start: "it runs", swap: "it runs in its place" }[order.command]);
+        answer(
+            true,
+            {
+                pause: "the robot holds",
+                resume: "it goes on",
+                step: "one pose",
+                stop: "it has stopped",
+                start: "it runs",
+                swap: "it runs in its place",
+            }[order.command],
+        );
         this.send({ type: "event", time: this.scan / PACE, text: `${order.command} ${order.app ?? ""}`.trim() });
     }
 
@@ -190,24 +285,64 @@ export class Mock {
 
     apps() {
         return APPS.map(([name, element, type], i) => ({
-            name, element, type: this.swapped.get(name) ?? type, pid: this.stopped.has(name) ? null : 4200 + i,
-            state: this.stopped.has(name) ? "stopped" : "running", state_secs: this.tick / 10, cpu_percent_now: 3 + (i * 37 + this.tick) % 60,
-            resident_bytes: 6e6 * (i + 1), dropped: name === "logger" ? 12 : 0, rejected: 0, restarts: name === "filter" ? 1 : 0,
-            swaps: this.swapped.has(name) ? 1 : 0, last_exit: name === "filter" ? "signal 9" : null,
+            name,
+            element,
+            type: this.swapped.get(name) ?? type,
+            pid: this.stopped.has(name) ? null : 4200 + i,
+            state: this.stopped.has(name) ? "stopped" : "running",
+            state_secs: this.tick / 10,
+            cpu_percent_now: 3 + ((i * 37 + this.tick) % 60),
+            resident_bytes: 6e6 * (i + 1),
+            dropped: name === "logger" ? 12 : 0,
+            rejected: 0,
+            restarts: name === "filter" ? 1 : 0,
+            swaps: this.swapped.has(name) ? 1 : 0,
+            last_exit: name === "filter" ? "signal 9" : null,
         }));
     }
 
     variables() {
-        const typed = [["PROGRESS", "Progress", "controller"], ["POSE_COMMAND", "PoseCommand", "controller"], ["SCAN", "Scan", "sensor"], ["SCAN_1", "Scan", "filter"],
-            ["MAP_UPDATE", "MapUpdate", "map"], ["MAP_KNOWN", "MapStatus", "map"], ["PLAN", "Plan", "explorer"], ["PLAN_REQUEST", "PlanRequest", "controller"],
-            ["BATTERY", "number", "sensor"], ["MOTION", "text", "launcher"], ["DB_TIME", "number", "db"], ["EXPLORER_STATUS", "text", "explorer"]];
-        return typed.map(([key, type, writer], i) => ({ key, type, writer, age: 0.03 * (i + 1) ** 2, rate: 10 / (i + 1), bytes: 40 * (i + 1) ** 3, count: this.tick * (i + 1), readers: i % 4 }));
+        const typed = [
+            ["PROGRESS", "Progress", "controller"],
+            ["POSE_COMMAND", "PoseCommand", "controller"],
+            ["SCAN", "Scan", "sensor"],
+            ["SCAN_1", "Scan", "filter"],
+            ["MAP_UPDATE", "MapUpdate", "map"],
+            ["MAP_KNOWN", "MapStatus", "map"],
+            ["PLAN", "Plan", "explorer"],
+            ["PLAN_REQUEST", "PlanRequest", "controller"],
+            ["BATTERY", "number", "sensor"],
+            ["MOTION", "text", "launcher"],
+            ["DB_TIME", "number", "db"],
+            ["EXPLORER_STATUS", "text", "explorer"],
+        ];
+        return typed.map(([key, type, writer], i) => ({
+            key,
+            type,
+            writer,
+            age: 0.03 * (i + 1) ** 2,
+            rate: 10 / (i + 1),
+            bytes: 40 * (i + 1) ** 3,
+            count: this.tick * (i + 1),
+            readers: i % 4,
+        }));
     }
 
     value(key) {
         const base = { type: "value", key, time: this.tick / 10, source: "mock" };
         if (key === "BATTERY") return { ...base, kind: "number", value: 12 + Math.sin(this.tick / 8), text: "12.0" };
-        if (key === "PROGRESS") return { ...base, kind: "Progress", value: { scans: this.scan, path_length_m: this.run.marks[this.scan].way, finished: false, pose: { position: this.run.poses[this.scan].at } }, text: "a progress" };
+        if (key === "PROGRESS")
+            return {
+                ...base,
+                kind: "Progress",
+                value: {
+                    scans: this.scan,
+                    path_length_m: this.run.marks[this.scan].way,
+                    finished: false,
+                    pose: { position: this.run.poses[this.scan].at },
+                },
+                text: "a progress",
+            };
         return { ...base, kind: "text", value: `value ${this.tick} of ${key}`, text: `value ${this.tick} of ${key}` };
     }
 
@@ -215,7 +350,7 @@ export class Mock {
         this.tick += 1;
         const plays = this.timeline ? this.timeline.playing : !this.paused;
         const by = this.timeline ? this.timeline.rate : 1;
-        if (plays) this.scan += Math.max(1, Math.round(by * PACE * TICK_MS / 1000));
+        if (plays) this.scan += Math.max(1, Math.round((by * PACE * TICK_MS) / 1000));
         if (this.scan > this.run.length - 1) {
             if (!this.timeline && !this.summary && this.run.length > 1) this.#end();
             this.scan = this.timeline?.looping ? 0 : this.run.length - 1;
@@ -225,8 +360,18 @@ export class Mock {
 
     #end() {
         const { way, known } = this.run.marks.at(-1);
-        this.summary = { mission: "Building", complete: true, reason: "no frontier that can be reached is left", scans: this.run.length,
-            path_length_m: way, known_voxels: known, accuracy: 0.998, contacts: 0, frontiers_left: { unreachable: 3, invisible: 12 }, cpu_seconds: { "map insertion": 1.23 } };
+        this.summary = {
+            mission: "Building",
+            complete: true,
+            reason: "no frontier that can be reached is left",
+            scans: this.run.length,
+            path_length_m: way,
+            known_voxels: known,
+            accuracy: 0.998,
+            contacts: 0,
+            frontiers_left: { unreachable: 3, invisible: 12 },
+            cpu_seconds: { "map insertion": 1.23 },
+        };
         this.send({ type: "end", summary: this.summary });
     }
 
@@ -243,7 +388,9 @@ export class Mock {
         const name = normalize(new URL(url, "http://mock").pathname).replace(/\/$/, "/index.html");
         try {
             const content = await readFile(join(PAGE, name));
-            response.writeHead(200, { "content-type": TYPES[extname(name)] ?? "application/octet-stream" }).end(content);
+            response
+                .writeHead(200, { "content-type": TYPES[extname(name)] ?? "application/octet-stream" })
+                .end(content);
         } catch {
             response.writeHead(404).end("there is no such file");
         }
@@ -255,5 +402,7 @@ if (process.argv[1] === fileURLToPath(import.meta.url)) {
     const port = has("--port") ? Number(process.argv[process.argv.indexOf("--port") + 1]) : 8090;
     const run = has("--stress") ? Run.known(1_000_000) : Run.explored(3, 2);
     const mock = new Mock(run, { recorded: has("--recorded"), readOnly: has("--read-only") });
-    console.log(`${await mock.listen(port)}  ${run.marks.at(-1).occupied} voxels occupied at the end, ${run.length} scans`);
+    console.log(
+        `${await mock.listen(port)}  ${run.marks.at(-1).occupied} voxels occupied at the end, ${run.length} scans`,
+    );
 }

@@ -1,6 +1,6 @@
 // The page in a real browser, before the mock server. Needs Node and Chromium; skipped by name where Chromium is missing.
 //
-//     node --test tests/view/
+//     node --test tests/view/*.test.mjs
 
 import assert from "node:assert/strict";
 import { readFile, readdir } from "node:fs/promises";
@@ -12,7 +12,7 @@ import { Browser, until } from "./browser.mjs";
 import { Run, bricksMessage } from "./building.mjs";
 import { Mock } from "./mock.mjs";
 
-const NO_SKIPS = (process.env.ELK_NO_SKIPS ?? "").split(/\s+/);
+const NO_SKIPS = (process.env.ELK_NO_SKIPS ?? "").split(/[\s,]+/);
 const PAGE = fileURLToPath(new URL("../../apps/view/page/", import.meta.url));
 /** Where the mission stands when a test begins: a scan in the middle. */
 const MIDDLE = 60;
@@ -56,9 +56,14 @@ function heard(mock, matches) {
     return until(() => mock.received.find(matches), `a message as in ${matches}`);
 }
 
-const order = command => ({ type, order }) => type === "order" && order.command === command;
-const click = (page, selector) => page.until(`(() => { const at = document.querySelector(${JSON.stringify(selector)}); at.click(); return true })()`);
-const clickText = (page, within, text) => page.until(`(() => {
+const order =
+    command =>
+    ({ type, order }) =>
+        type === "order" && order.command === command;
+const click = (page, selector) =>
+    page.until(`(() => { const at = document.querySelector(${JSON.stringify(selector)}); at.click(); return true })()`);
+const clickText = (page, within, text) =>
+    page.until(`(() => {
     [...document.querySelectorAll(${JSON.stringify(within)})].find(at => at.textContent === ${JSON.stringify(text)}).click(); return true })()`);
 
 /** The voxels of a plane, as one sorted text: of the page, and of the run. */
@@ -74,14 +79,20 @@ function voxelsOfPage(page, plane) {
 function voxelsOfRun(run, is, scan) {
     const all = [];
     const [w, l, h] = run.grid.size;
-    for (let z = 0; z < h; z++) for (let y = 0; y < l; y++) for (let x = 0; x < w; x++) if (is.call(run, x, y, z, scan)) all.push([x, y, z].join());
+    for (let z = 0; z < h; z++)
+        for (let y = 0; y < l; y++)
+            for (let x = 0; x < w; x++) if (is.call(run, x, y, z, scan)) all.push([x, y, z].join());
     return all.sort().join(" ");
 }
 
 async function assertSame(page, run, scan) {
     await page.until(`elk.known === ${run.marks[scan].known}`);
-    for (const [plane, is] of [["known", run.isKnown], ["occupied", run.isOccupied], ["frontier", run.isFrontier]]) {
-        assert(await voxelsOfPage(page, plane) === voxelsOfRun(run, is, scan), `${plane} voxels after scan ${scan}`);
+    for (const [plane, is] of [
+        ["known", run.isKnown],
+        ["occupied", run.isOccupied],
+        ["frontier", run.isFrontier],
+    ]) {
+        assert((await voxelsOfPage(page, plane)) === voxelsOfRun(run, is, scan), `${plane} voxels after scan ${scan}`);
     }
 }
 
@@ -93,13 +104,17 @@ pageTest("the voxels on the page are those that were sent, as the map grows", {}
         await assertSame(page, run, scan);
     }
     assert.deepEqual(await page.eval("elk.world.robot.position"), run.poses.at(-1).at);
-    assert.deepEqual(await page.eval("elk.world.way"), run.poses.map(({ at }) => at));
+    assert.deepEqual(
+        await page.eval("elk.world.way"),
+        run.poses.map(({ at }) => at),
+    );
 });
 
 pageTest("what is known is drawn, what is hidden is not, and a cut shows only what is below", {}, async ({ page }) => {
     await page.until("elk.stage.scene.chunks.waiting === 0");
     // Drawn and read in one go: a canvas forgets what it showed once it has been shown.
-    const drawn = () => page.eval(`(() => {
+    const drawn = () =>
+        page.eval(`(() => {
         const { scene, colours } = elk.stage, { gl } = scene;
         scene.draw(colours, 1, 0);
         const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
@@ -109,7 +124,7 @@ pageTest("what is known is drawn, what is hidden is not, and a cut shows only wh
         for (let i = 0; i < pixels.length; i += 4) if (ground.some((part, c) => Math.abs(part - pixels[i + c]) > 2)) other++;
         return other / pixels.length * 4;
     })()`);
-    const layers = Object.keys(await page.eval("elk.stage.boxes"));
+    const layers = await page.eval("[...elk.world.shown]");
     const hide = (layer, shown = false) => page.eval(`elk.world.show("${layer}", ${shown})`);
     for (const layer of layers) await hide(layer);
     assert.equal(await drawn(), 0);
@@ -122,40 +137,55 @@ pageTest("what is known is drawn, what is hidden is not, and a cut shows only wh
     await hide("occupied", false);
     for (const layer of ["frontier", "robot", "way", "plan", "scan", "grid"]) {
         await hide(layer, true);
-        assert(await drawn() > 0, layer);
+        assert((await drawn()) > 0, layer);
         await hide(layer);
     }
 });
 
-pageTest("every frame is acknowledged, and a page that was busy ends up with the same map", {}, async ({ page, mock }) => {
-    await heard(mock, ({ type, number }) => type === "ack" && number === 3);
-    const busy = page.eval("(() => { const end = performance.now() + 1500; while (performance.now() < end); return 1 })()");
-    mock.paused = false;
-    await busy;
-    mock.paused = true;
-    await assertSame(page, run, mock.scan);
-    const acks = mock.received.filter(({ type }) => type === "ack").map(({ number }) => number);
-    assert.deepEqual(acks, acks.map((_, i) => i + 1));
-});
+pageTest(
+    "every frame is acknowledged, and a page that was busy ends up with the same map",
+    {},
+    async ({ page, mock }) => {
+        await heard(mock, ({ type, number }) => type === "ack" && number === 3);
+        const busy = page.eval(
+            "(() => { const end = performance.now() + 1500; while (performance.now() < end); return 1 })()",
+        );
+        mock.paused = false;
+        await busy;
+        mock.paused = true;
+        await assertSame(page, run, mock.scan);
+        const acks = mock.received.filter(({ type }) => type === "ack").map(({ number }) => number);
+        assert.deepEqual(
+            acks,
+            acks.map((_, i) => i + 1),
+        );
+    },
+);
 
-pageTest("a server that takes no ack sends no more, and what it then sends is one larger step", {}, async ({ page, mock }) => {
-    await heard(mock, ({ type }) => type === "ack");
-    mock.acks = false;
-    const [viewer] = mock.viewers;
-    const sent = viewer.acked + 3;
-    await page.until(`elk.occupied === ${run.marks[MIDDLE].occupied}`);
-    mock.scan = MIDDLE + 30;
-    await heard(mock, ({ type, number }) => type === "ack" && number === sent);
-    mock.acks = true;
-    viewer.acked = sent;
-    await assertSame(page, run, MIDDLE + 30);
-});
+pageTest(
+    "a server that takes no ack sends no more, and what it then sends is one larger step",
+    {},
+    async ({ page, mock }) => {
+        await heard(mock, ({ type }) => type === "ack");
+        mock.acks = false;
+        const [viewer] = mock.viewers;
+        const sent = viewer.acked + 3;
+        await page.until(`elk.occupied === ${run.marks[MIDDLE].occupied}`);
+        mock.scan = MIDDLE + 30;
+        await heard(mock, ({ type, number }) => type === "ack" && number === sent);
+        mock.acks = true;
+        viewer.acked = sent;
+        await assertSame(page, run, MIDDLE + 30);
+    },
+);
 
 pageTest("a connection that is lost is said in one line, and comes back by itself", {}, async ({ page, mock, url }) => {
     await click(page, "#tab-variables");
     await clickText(page, "#panel-variables .name", "BATTERY");
     for (const viewer of mock.viewers) viewer.socket.cut();
-    await page.until("!document.querySelector('#notice').hidden && /Connection lost: trying again/.test(document.querySelector('#notice').textContent)");
+    await page.until(
+        "!document.querySelector('#notice').hidden && /Connection lost: trying again/.test(document.querySelector('#notice').textContent)",
+    );
     mock.scan = MIDDLE + 5;
     mock.received.length = 0;
     await page.until("elk.link.state === 'open' && document.querySelector('#notice').hidden");
@@ -176,28 +206,50 @@ pageTest("a community that ends is said, and so is its return", {}, async ({ pag
     await page.until("document.querySelector('#notice').textContent.includes('The broker of elk is gone')");
     assert.equal(await page.eval("document.querySelector('#badge').textContent"), "no community");
     mock.send({ type: "status", connected: true, text: "The broker of elk is back." });
-    await page.until("document.querySelector('#notice').hidden && document.querySelector('#badge').dataset.state === 'live'");
+    await page.until(
+        "document.querySelector('#notice').hidden && document.querySelector('#badge').dataset.state === 'live'",
+    );
 });
 
 pageTest("who is not let in is told why, and gets in later", {}, async ({ page, mock }) => {
     mock.refusal = "the token is another one";
     for (const viewer of mock.viewers) viewer.socket.cut();
-    await page.until("/\\(the token is another one\\): trying again/.test(document.querySelector('#notice').textContent)");
+    await page.until(
+        "/\\(the token is another one\\): trying again/.test(document.querySelector('#notice').textContent)",
+    );
     mock.refusal = null;
     await page.until("document.querySelector('#notice').hidden && elk.link.state === 'open'");
     await assertSame(page, run, MIDDLE);
 });
 
 pageTest("messages that are wrong are said and passed over, the next ones taken", {}, async ({ page, mock }) => {
-    const brick = bricksMessage(0.1, [{ x: 900, y: 0, z: 0, planes: [0, 1, 2].map(() => new Uint8Array(64).fill(255)) }]);
-    const wrong = ["no JSON", "[]", "7", "{}", '{"type":"robot"}', '{"type":"way","from":100000,"points":[]}', '{"type":"frame","number":"1"}',
-        '{"type":"variables","rows":[{}]}', '{"type":"curve","name":"coverage","from":0,"points":[[0,null]]}'];
+    const brick = bricksMessage(0.1, [
+        { x: 900, y: 0, z: 0, planes: [0, 1, 2].map(() => new Uint8Array(64).fill(255)) },
+    ]);
+    const wrong = [
+        "no JSON",
+        "[]",
+        "7",
+        "{}",
+        '{"type":"robot"}',
+        '{"type":"way","from":100000,"points":[]}',
+        '{"type":"frame","number":"1"}',
+        '{"type":"variables","rows":[{}]}',
+        '{"type":"curve","name":"coverage","from":0,"points":[[0,null]]}',
+    ];
     const [viewer] = mock.viewers;
-    const cut = [brick.subarray(0, 30), Buffer.concat([brick, brick]), Buffer.alloc(0), Buffer.of(2, 0, 0, 0, 9, 0, 0, 0)];
+    const cut = [
+        brick.subarray(0, 30),
+        Buffer.concat([brick, brick]),
+        Buffer.alloc(0),
+        Buffer.of(2, 0, 0, 0, 9, 0, 0, 0),
+    ];
     for (const bytes of [...wrong, ...cut]) viewer.socket.send(bytes);
     for (const unknown of ['{"type":"of a later version"}', Buffer.of(77, 1)]) viewer.socket.send(unknown);
     await page.until(`elk.events.problems === ${wrong.length + cut.length}`);
-    await page.until("/passed over: robot.position should be 3 numbers/.test(document.querySelector('#panel-events').textContent)");
+    await page.until(
+        "/passed over: robot.position should be 3 numbers/.test(document.querySelector('#panel-events').textContent)",
+    );
     mock.scan = MIDDLE + 3;
     await assertSame(page, run, MIDDLE + 3);
     assert.equal(await page.eval("elk.events.problems"), wrong.length + cut.length);
@@ -225,7 +277,8 @@ pageTest("a swap asks for type and parameters, and lets nothing wrong out", {}, 
     await clickText(page, "#panel-apps .name", "explorer");
     await clickText(page, "#panel-apps .actions button", "Swap…");
     await page.until("document.querySelector('#form').open");
-    const fill = (name, value) => page.eval(`(() => {
+    const fill = (name, value) =>
+        page.eval(`(() => {
         const label = [...document.querySelectorAll("#form label")].find(label => label.firstChild.textContent === "${name}");
         const input = document.getElementById(label.htmlFor);
         input.value = "${value}";
@@ -238,21 +291,36 @@ pageTest("a swap asks for type and parameters, and lets nothing wrong out", {}, 
     await fill("MaxSpeed", "0.8 m/s");
     await fill("Wide", "true");
     await clickText(page, "#form button", "Swap");
-    assert.deepEqual((await heard(mock, order("swap"))).order,
-        { command: "swap", app: "explorer", type_name: null, params: [["MaxSpeed", "0.8 m/s"], ["Wide", "true"]] });
+    assert.deepEqual((await heard(mock, order("swap"))).order, {
+        command: "swap",
+        app: "explorer",
+        type_name: null,
+        params: [
+            ["MaxSpeed", "0.8 m/s"],
+            ["Wide", "true"],
+        ],
+    });
     mock.received.length = 0;
     await clickText(page, "#panel-apps .actions button", "Swap…");
     await page.until("document.querySelector('#form').open");
     await fill("Type", "ClosestFrontier");
     await clickText(page, "#form button", "Swap");
-    assert.deepEqual((await heard(mock, order("swap"))).order, { command: "swap", app: "explorer", type_name: "ClosestFrontier", params: [] });
+    assert.deepEqual((await heard(mock, order("swap"))).order, {
+        command: "swap",
+        app: "explorer",
+        type_name: "ClosestFrontier",
+        params: [],
+    });
     await page.until("/Swap explorer: it runs in its place/.test(document.querySelector('#toasts').textContent)");
 });
 
 pageTest("who may only read is offered nothing to steer", { readOnly: true }, async ({ page }) => {
     await click(page, "#tab-apps");
     await clickText(page, "#panel-apps .name", "explorer");
-    const visible = selector => page.eval(`[...document.querySelectorAll(${JSON.stringify(selector)})].filter(at => at.checkVisibility()).map(at => at.textContent)`);
+    const visible = selector =>
+        page.eval(
+            `[...document.querySelectorAll(${JSON.stringify(selector)})].filter(at => at.checkVisibility()).map(at => at.textContent)`,
+        );
     await page.until("document.querySelector('#panel-apps .actions')");
     assert.deepEqual(await visible("#bar button"), []);
     assert.deepEqual(await visible("#panel-apps .actions button"), ["Log"]);
@@ -268,7 +336,9 @@ pageTest("variables are found, watched, plotted and poked", {}, async ({ page, m
     assert.deepEqual((await heard(mock, ({ type, keys }) => type === "watch" && keys.length > 0)).keys, ["PROGRESS"]);
     await click(page, "#panel-variables button[aria-label='Plot PROGRESS pose.position[0]']");
     await click(page, "#tab-run");
-    await page.until("/2\\.55/.test(document.querySelector('figure canvas.low').getAttribute('aria-label')) || /at/.test(document.querySelector('figure canvas.low').getAttribute('aria-label'))");
+    await page.until(
+        "/2\\.55/.test(document.querySelector('figure canvas.low').getAttribute('aria-label')) || /at/.test(document.querySelector('figure canvas.low').getAttribute('aria-label'))",
+    );
     await click(page, "#tab-variables");
     assert.equal(await page.eval("document.querySelector('#panel-variables form input').value"), "PROGRESS");
     await page.eval("document.querySelectorAll('#panel-variables form input')[1].value = '12.5'");
@@ -287,16 +357,28 @@ pageTest("an app's log is asked for while one reads it, and no longer", {}, asyn
 });
 
 pageTest("the end of a mission is shown with its summary", {}, async ({ page, mock }) => {
-    mock.send({ type: "end", summary: { complete: true, path_length_m: 53.7, frontiers_left: { invisible: 12 }, reason: "all is seen", coverage: [{ share: 0.95 }] } });
+    mock.send({
+        type: "end",
+        summary: {
+            complete: true,
+            path_length_m: 53.7,
+            frontiers_left: { invisible: 12 },
+            reason: "all is seen",
+            coverage: [{ share: 0.95 }],
+        },
+    });
     mock.send({ type: "event", time: 61, text: "all is seen" });
     await page.until("/1:01\\s*all is seen/.test(document.querySelector('#panel-events').textContent)");
-    await page.until("/The mission is over.*complete.*yes.*path length \\(m\\).*53.7.*invisible.*12.*all is seen/s.test(document.querySelector('#panel-run').textContent)");
+    await page.until(
+        "/The mission is over.*complete.*yes.*path length \\(m\\).*53.7.*invisible.*12.*all is seen/s.test(document.querySelector('#panel-run').textContent)",
+    );
 });
 
 pageTest("a recorded run is sought, forwards and back, and played", { recorded: true }, async ({ page, mock }) => {
     const scrub = "document.querySelector('.timeline input[type=range]')";
     await page.until(`${scrub}.checkVisibility()`);
-    const seek = time => page.eval(`(() => { const at = ${scrub}; at.value = ${time}; at.dispatchEvent(new Event("input")) })()`);
+    const seek = time =>
+        page.eval(`(() => { const at = ${scrub}; at.value = ${time}; at.dispatchEvent(new Event("input")) })()`);
     for (const scan of [100, 20, 70]) {
         await seek(scan / 10);
         await heard(mock, ({ type, time }) => type === "seek" && Math.abs(time - scan / 10) < 1e-6);
@@ -341,46 +423,62 @@ pageTest("all of it works with keys", {}, async ({ page, mock }) => {
     await page.press("ArrowLeft");
     assert.notEqual(await page.eval("elk.stage.camera.yaw"), before);
     // Everything that takes the focus has a name.
-    const nameless = await page.eval(`[...document.querySelectorAll("button, input, select, canvas[tabindex], [role=tabpanel]")].filter(at =>
+    const nameless =
+        await page.eval(`[...document.querySelectorAll("button, input, select, canvas[tabindex], [role=tabpanel]")].filter(at =>
         !(at.getAttribute("aria-label") || at.getAttribute("aria-labelledby") || at.textContent.trim() || at.labels?.length)).map(at => at.outerHTML)`);
     assert.deepEqual(nameless, []);
     await page.eval("document.querySelector('#tab-run').focus()");
     await page.press("ArrowRight");
-    assert.equal(await page.eval("document.activeElement.id + ' ' + document.querySelector('#panel-apps').hidden"), "tab-apps false");
+    assert.equal(
+        await page.eval("document.activeElement.id + ' ' + document.querySelector('#panel-apps').hidden"),
+        "tab-apps false",
+    );
 });
 
 for (const width of [360, 760, 1280]) {
-    pageTest(`nothing is cut off at a width of ${width}`, { page: { width, height: 740, touch: width === 360 } }, async ({ page }) => {
-        for (const tab of ["run", "apps", "variables", "logs", "events"]) {
-            await click(page, `#tab-${tab}`);
-            if (tab === "apps") await clickText(page, "#panel-apps .name", "controller");
-            const wide = await page.eval(`[document.scrollingElement, ...document.querySelectorAll("main, header, [role=tabpanel]:not([hidden]), #bar")]
+    pageTest(
+        `nothing is cut off at a width of ${width}`,
+        { page: { width, height: 740, touch: width === 360 } },
+        async ({ page }) => {
+            for (const tab of ["run", "apps", "variables", "logs", "events"]) {
+                await click(page, `#tab-${tab}`);
+                if (tab === "apps") await clickText(page, "#panel-apps .name", "controller");
+                const wide =
+                    await page.eval(`[document.scrollingElement, ...document.querySelectorAll("main, header, [role=tabpanel]:not([hidden]), #bar")]
                 .filter(at => at.scrollWidth > at.clientWidth + 1).map(at => at.id || at.tagName)`);
-            assert.deepEqual(wide, [], tab);
-        }
-        const outside = await page.eval(`[...document.querySelectorAll("#stage button, #stage .card")].filter(at => at.checkVisibility()).map(at => [at.id || at.textContent, at.getBoundingClientRect()])
+                assert.deepEqual(wide, [], tab);
+            }
+            const outside =
+                await page.eval(`[...document.querySelectorAll("#stage button, #stage .card")].filter(at => at.checkVisibility()).map(at => [at.id || at.textContent, at.getBoundingClientRect()])
             .filter(([, box]) => box.left < 0 || box.right > innerWidth || box.top < 0 || box.bottom > innerHeight).map(([name]) => name)`);
-        assert.deepEqual(outside, []);
-    });
+            assert.deepEqual(outside, []);
+        },
+    );
 }
 
-pageTest("fingers turn, move and pinch the map", { page: { width: 360, height: 740, touch: true } }, async ({ page }) => {
-    const touch = (type, ...points) => page.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
-    const camera = () => page.eval("(({ yaw, distance, target }) => ({ yaw, distance, target }))(elk.stage.camera)");
-    const first = await camera();
-    await touch("touchStart", [150, 250]);
-    await touch("touchMove", [190, 250]);
-    await touch("touchEnd");
-    const turned = await camera();
-    assert.notEqual(turned.yaw, first.yaw);
-    assert.equal(turned.distance, first.distance);
-    await touch("touchStart", [120, 250], [180, 250]);
-    await touch("touchMove", [100, 250], [220, 250]);
-    await touch("touchEnd");
-    const pinched = await camera();
-    assert(pinched.distance < 0.8 * turned.distance, `${pinched.distance} of ${turned.distance}`);
-    assert.equal(pinched.yaw, turned.yaw);
-});
+pageTest(
+    "fingers turn, move and pinch the map",
+    { page: { width: 360, height: 740, touch: true } },
+    async ({ page }) => {
+        const touch = (type, ...points) =>
+            page.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+        const camera = () =>
+            page.eval("(({ yaw, distance, target }) => ({ yaw, distance, target }))(elk.stage.camera)");
+        const first = await camera();
+        await touch("touchStart", [150, 250]);
+        await touch("touchMove", [190, 250]);
+        await touch("touchEnd");
+        const turned = await camera();
+        assert.notEqual(turned.yaw, first.yaw);
+        assert.equal(turned.distance, first.distance);
+        await touch("touchStart", [120, 250], [180, 250]);
+        await touch("touchMove", [100, 250], [220, 250]);
+        await touch("touchEnd");
+        const pinched = await camera();
+        assert(pinched.distance < 0.8 * turned.distance, `${pinched.distance} of ${turned.distance}`);
+        assert.equal(pinched.yaw, turned.yaw);
+    },
+);
 
 test("a browser without WebGL 2 gets the map from above", async t => {
     if (!browser) return t.skip("chromium is missing");
@@ -393,7 +491,9 @@ test("a browser without WebGL 2 gets the map from above", async t => {
         await page.until("elk.occupied > 0 && elk.stage.frames > 1");
         assert.equal(await page.eval("elk.stage.scene"), null);
         await page.until("/this browser has no WebGL 2/.test(document.querySelector('#panel-events').textContent)");
-        assert(await page.eval("document.querySelector('#view-3d').disabled && !document.querySelector('#flat').hidden"));
+        assert(
+            await page.eval("document.querySelector('#view-3d').disabled && !document.querySelector('#flat').hidden"),
+        );
         const colours = await page.eval(`(() => {
             elk.stage.flat.draw(elk.stage.colours);
             const { canvas, context } = elk.stage.flat;

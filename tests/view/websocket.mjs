@@ -12,8 +12,12 @@ export class WebSocketServerSide {
 
     constructor(request, socket) {
         this.socket = socket;
-        const accept = createHash("sha1").update(request.headers["sec-websocket-key"] + MAGIC).digest("base64");
-        socket.write(`HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: ${accept}\r\n\r\n`);
+        const accept = createHash("sha1")
+            .update(request.headers["sec-websocket-key"] + MAGIC)
+            .digest("base64");
+        socket.write(
+            `HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: ${accept}\r\n\r\n`,
+        );
         socket.on("data", data => this.#read(data));
         socket.on("close", () => this.onclose?.());
         socket.on("error", () => socket.destroy());
@@ -64,7 +68,7 @@ export class WebSocketServerSide {
         const start = mask + 4;
         if (rest.length < start + length) return null;
         const payload = Buffer.from(rest.subarray(start, start + length));
-        for (let i = 0; i < length; i++) payload[i] ^= rest[mask + i % 4];
+        for (let i = 0; i < length; i++) payload[i] ^= rest[mask + (i % 4)];
         this.#rest = rest.subarray(start + length);
         return { last: (rest[0] & 0x80) !== 0, opcode: rest[0] & 15, payload };
     }

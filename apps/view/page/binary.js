@@ -12,13 +12,16 @@ export function readBinary(buffer) {
     const view = new DataView(buffer);
     if (view.byteLength === 0) throw new Error("a binary message without a byte");
     switch (view.getUint8(0)) {
-        case BRICKS: return readBricks(view);
-        case SCAN: return readScan(view);
-        default: return null;
+        case BRICKS:
+            return readBricks(view);
+        case SCAN:
+            return readScan(view);
+        default:
+            return null;
     }
 }
 
-/** `{resolution, bricks: [{x, y, z, planes: [known, occupied, frontier]}]}`; a plane is 64 bytes, or null where it is empty. */
+/** `{resolution, bricks: [{x, y, z, planes: [known, occupied, frontier]}]}`; a plane is 64 bytes, or null if it is empty. */
 function readBricks(view) {
     if (view.byteLength < 12) throw new Error(`bricks in ${view.byteLength} bytes`);
     // 0.1 m in 32 bits is a little more than 0.1: the seven digits that they hold are what was meant.
@@ -35,7 +38,7 @@ function readBricks(view) {
         at += 8;
         const planes = [null, null, null];
         for (let plane = 0; plane < PLANES; plane++) {
-            if (!(present >> plane & 1)) continue;
+            if (!((present >> plane) & 1)) continue;
             if (at + PLANE > view.byteLength) throw new Error(`bricks end in ${i} of ${count}`);
             planes[plane] = new Uint8Array(view.buffer, at, PLANE);
             at += PLANE;

@@ -62,7 +62,7 @@ export class Camera {
         const size = high.map((value, i) => value - low[i]);
         const radius = Math.hypot(...size) / 2;
         this.target = low.map((value, i) => value + size[i] / 2);
-        this.distance = Math.max(1, 1.02 * radius / Math.tan(FOV / 2) / Math.min(1, aspect));
+        this.distance = Math.max(1, (1.02 * radius) / Math.tan(FOV / 2) / Math.min(1, aspect));
         this.changed("map");
     }
 

@@ -1,6 +1,6 @@
 // A line of numbers over numbers, on a canvas: axes with round steps, and what lies under finger, mouse or arrow keys.
 
-import { figure, make } from "./dom.js";
+import { figure, make, oncePerFrame } from "./dom.js";
 import { css, scheme } from "./palette.js";
 
 const MARGIN = { left: 46, right: 8, top: 8, bottom: 20 };
@@ -8,8 +8,9 @@ const MARGIN = { left: 46, right: 8, top: 8, bottom: 20 };
 export class Chart {
     points = [];
     #at = null;
-    #pending = false;
     #closed = new AbortController();
+
+    redraw = oncePerFrame(() => this.canvas.clientWidth > 0 && this.#draw());
 
     /** `axes` names x and y, for whoever cannot see the line. */
     constructor({ title, axes, low = false, remove }) {
@@ -17,7 +18,16 @@ export class Chart {
         this.readout = make("output");
         this.canvas = make("canvas", { class: low ? "low" : "", tabIndex: 0, role: "img" });
         const caption = make("figcaption", {}, make("strong", { textContent: title, title }), this.readout);
-        if (remove) caption.append(make("button", { type: "button", class: "small", textContent: "Remove", "aria-label": `Remove ${title}`, onclick: remove }));
+        if (remove)
+            caption.append(
+                make("button", {
+                    type: "button",
+                    class: "small",
+                    textContent: "Remove",
+                    "aria-label": `Remove ${title}`,
+                    onclick: remove,
+                }),
+            );
         this.element = make("figure", {}, caption, this.canvas);
         this.title = title;
         this.canvas.addEventListener("pointermove", event => this.#point(this.#nearest(event.offsetX)));
@@ -31,16 +41,6 @@ export class Chart {
     close() {
         this.#closed.abort();
         this.element.remove();
-    }
-
-    /** Draws before the next picture is shown, however often it is asked to. */
-    redraw() {
-        if (this.#pending) return;
-        this.#pending = true;
-        requestAnimationFrame(() => {
-            this.#pending = false;
-            if (this.canvas.clientWidth > 0) this.#draw();
-        });
     }
 
     #point(index) {
@@ -75,12 +75,15 @@ export class Chart {
         context.scale(ratio, ratio);
         const colours = scheme();
         const shown = points[this.#at] ?? points.at(-1);
-        const words = shown ? `${figure(shown[1])} ${this.axes[1]} at ${figure(shown[0])} ${this.axes[0]}` : "nothing yet";
+        const words = shown
+            ? `${figure(shown[1])} ${this.axes[1]} at ${figure(shown[0])} ${this.axes[0]}`
+            : "nothing yet";
         this.readout.textContent = words;
         canvas.setAttribute("aria-label", `${this.title}: ${words}`);
         const [xs, ys] = [range(points, 0), range(points, 1)];
-        const x = value => MARGIN.left + (value - xs.low) / (xs.high - xs.low) * (width - MARGIN.left - MARGIN.right);
-        const y = value => height - MARGIN.bottom - (value - ys.low) / (ys.high - ys.low) * (height - MARGIN.top - MARGIN.bottom);
+        const x = value => MARGIN.left + ((value - xs.low) / (xs.high - xs.low)) * (width - MARGIN.left - MARGIN.right);
+        const y = value =>
+            height - MARGIN.bottom - ((value - ys.low) / (ys.high - ys.low)) * (height - MARGIN.top - MARGIN.bottom);
         this.scale = { x, y };
         context.font = "11px system-ui, 'DejaVu Sans', sans-serif";
         context.fillStyle = css(colours.soft);
@@ -89,7 +92,10 @@ export class Chart {
         context.textAlign = "right";
         for (const value of ticks(ys, 4)) {
             context.fillText(short(value), MARGIN.left - 6, y(value) + 4);
-            stroke(context, [[MARGIN.left, y(value)], [width - MARGIN.right, y(value)]]);
+            stroke(context, [
+                [MARGIN.left, y(value)],
+                [width - MARGIN.right, y(value)],
+            ]);
         }
         context.textAlign = "center";
         for (const value of ticks(xs, 5)) context.fillText(short(value), Math.min(x(value), width - 14), height - 5);
@@ -118,7 +124,8 @@ function stroke(context, points) {
 
 /** From the smallest to the largest number of a column, and never nothing between. */
 function range(points, column) {
-    let low = Infinity, high = -Infinity;
+    let low = Infinity,
+        high = -Infinity;
     for (const point of points) {
         low = Math.min(low, point[column]);
         high = Math.max(high, point[column]);

@@ -13,15 +13,19 @@ export class Chunks {
     #queue = new Set();
     /** What is drawn of each chunk. */
     #pictures = new Map();
+    /** Whether backs of walls are meshed as well. */
+    #isClosed = false;
 
     constructor(stage, world) {
         Object.assign(this, { stage, world });
         world.voxels.watch({ changed: chunk => this.#queue.add(chunk), cleared: () => this.#forget() });
+        world.watch(what => what === "shown" && this.#isClosed !== world.shown.has("closed") && this.remesh());
         this.remesh();
     }
 
     /** Has every chunk meshed again. */
     remesh() {
+        this.#isClosed = this.world.shown.has("closed");
         for (const chunk of this.world.voxels.chunks()) this.#queue.add(chunk);
     }
 
@@ -38,11 +42,15 @@ export class Chunks {
 
     /** Rectangles on the card. */
     get rectangles() {
-        return [...this.#pictures.values()].reduce((sum, { occupied, frontier }) => sum + occupied.count + frontier.count, 0);
+        return [...this.#pictures.values()].reduce(
+            (sum, { occupied, frontier }) => sum + occupied.count + frontier.count,
+            0,
+        );
     }
 
     #forget() {
-        for (const { occupied, frontier, cut } of this.#pictures.values()) [occupied, frontier, cut].forEach(quads => quads.free());
+        for (const { occupied, frontier, cut } of this.#pictures.values())
+            [occupied, frontier, cut].forEach(quads => quads.free());
         this.#pictures.clear();
         this.#queue.clear();
     }
@@ -61,10 +69,10 @@ export class Chunks {
     }
 
     #mesh(chunk) {
-        const { voxels, shown } = this.world;
+        const { voxels } = this.world;
         const picture = this.#pictures.get(chunk) ?? this.#newPicture(chunk);
         // The back of a wall, which nobody has seen, would hide the room behind it.
-        const outside = shown.has("closed") || voxels.known === 0 ? rowsWithout("occupied") : freeRows;
+        const outside = this.#isClosed || voxels.known === 0 ? rowsWithout("occupied") : freeRows;
         this.#put(picture.occupied, faces(voxels, chunk, "occupied", outside));
         this.#put(picture.frontier, faces(voxels, chunk, "frontier", rowsWithout("frontier")));
         picture.cutLayer = null;
@@ -90,13 +98,26 @@ export class Chunks {
     look() {
         const planes = frustum(this.stage.matrix);
         const eye = this.stage.camera.eye();
-        const half = SIDE / 2 * this.world.voxels.resolution;
+        const half = (SIDE / 2) * this.world.voxels.resolution;
         const top = this.world.clip ?? Infinity;
         this.visible = [];
         for (const [chunk, picture] of this.#pictures) {
             const middle = this.#middle(chunk);
-            if (middle[2] - half > top || !sees(planes, middle.map(x => x - half), middle.map(x => x + half))) continue;
-            this.visible.push({ chunk, picture, far: length(subtract(middle, eye)), facing: facing(middle, half, eye) });
+            if (
+                middle[2] - half > top ||
+                !sees(
+                    planes,
+                    middle.map(x => x - half),
+                    middle.map(x => x + half),
+                )
+            )
+                continue;
+            this.visible.push({
+                chunk,
+                picture,
+                far: length(subtract(middle, eye)),
+                facing: facing(middle, half, eye),
+            });
         }
         this.visible.sort((a, b) => a.far - b.far);
     }
@@ -104,7 +125,8 @@ export class Chunks {
     drawOccupied(colours) {
         this.heights = this.world.voxels.heights() ?? [0, 1];
         this.#draw(colours, [0, 0, 0, 0], 1, picture => picture.occupied);
-        if (this.world.clip !== null) this.#draw(colours, [...colours.cut, 1], 1, (picture, chunk) => this.#cut(picture, chunk));
+        if (this.world.clip !== null)
+            this.#draw(colours, [...colours.cut, 1], 1, (picture, chunk) => this.#cut(picture, chunk));
     }
 
     drawFrontier(colours) {
@@ -133,7 +155,9 @@ export class Chunks {
             resolution: resolution ?? 1,
             // A little more than the height of a face that lies in the plane.
             clip: this.world.clip === null ? 1e9 : (this.world.clipLayer() + 1.01) * resolution,
-            heights: this.heights, tint, alpha,
+            heights: this.heights,
+            tint,
+            alpha,
             eye: [...camera.eye(), 1.6 * camera.distance],
             ground: colours.ground,
         });

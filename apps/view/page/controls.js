@@ -4,7 +4,7 @@ const TURN_PER_PIXEL = 0.006;
 const KEY_TURN = Math.PI / 24;
 const KEY_PAN = 0.08;
 
-/** Lets a canvas move the camera: a drag orbits (pans, if the view is flat), two fingers pan and pinch, keys do all of it. */
+/** Lets a canvas move the camera: a drag orbits (pans, if the view is flat), two fingers pan and pinch, keys do both. */
 export function control(canvas, camera, { flat }) {
     const pointers = new Map();
     const drag = (event, dx, dy) => {
@@ -29,11 +29,15 @@ export function control(canvas, camera, { flat }) {
         canvas.addEventListener(end, event => pointers.delete(event.pointerId));
     }
     canvas.addEventListener("contextmenu", event => event.preventDefault());
-    canvas.addEventListener("wheel", event => {
-        event.preventDefault();
-        const pixels = event.deltaY * [1, 16, 400][event.deltaMode];
-        camera.zoom(Math.exp(Math.max(-300, Math.min(300, pixels)) * 0.0015));
-    }, { passive: false });
+    canvas.addEventListener(
+        "wheel",
+        event => {
+            event.preventDefault();
+            const pixels = event.deltaY * [1, 16, 400][event.deltaMode];
+            camera.zoom(Math.exp(Math.max(-300, Math.min(300, pixels)) * 0.0015));
+        },
+        { passive: false },
+    );
     canvas.addEventListener("keydown", event => {
         if (!event.ctrlKey && !event.metaKey && !event.altKey && key(camera, flat, event)) event.preventDefault();
     });

@@ -6,7 +6,7 @@ export function make(tag, properties = {}, ...children) {
     for (const [name, value] of Object.entries(properties)) {
         if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
         else if (name in element && name !== "list" && name !== "form") element[name] = value;
-        else element.setAttribute(name === "class" ? "class" : name, value);
+        else element.setAttribute(name, value);
     }
     element.append(...children);
     return element;
@@ -18,8 +18,8 @@ export function say(element, text) {
 }
 
 /**
- * Makes `parent` have one child an item, in their order; an item's child stays the same from call to call, with the focus
- * that it may have. `make(item)` returns an element, `update(element, item)` shows it.
+ * Makes `parent` have one child an item, in their order; of items with the same key the first counts. An item's child stays
+ * the same from call to call, with the focus that it may have. `make(item)` returns it, `update(element, item)` shows it.
  */
 export function keep(parent, items, keyOf, make, update) {
     const old = parent.kept ?? new Map();
@@ -27,6 +27,7 @@ export function keep(parent, items, keyOf, make, update) {
     let next = parent.firstElementChild;
     for (const item of items) {
         const key = keyOf(item);
+        if (kept.has(key)) continue;
         const element = old.get(key) ?? make(item);
         old.delete(key);
         kept.set(key, element);
@@ -38,8 +39,21 @@ export function keep(parent, items, keyOf, make, update) {
     parent.kept = kept;
 }
 
+/** Gives what does `action` before the next picture is shown, once, however often it is called until then. */
+export function oncePerFrame(action) {
+    let asked = false;
+    return () => {
+        if (!asked)
+            requestAnimationFrame(() => {
+                asked = false;
+                action();
+            });
+        asked = true;
+    };
+}
+
 const NOT_KNOWN = "–";
-const known = format => value => value === null || value === undefined ? NOT_KNOWN : format(value);
+const known = format => value => (value === null || value === undefined ? NOT_KNOWN : format(value));
 
 export const integer = known(value => Math.round(value).toLocaleString("en").replaceAll(",", "\u202f"));
 export const metres = known(value => `${value.toFixed(Math.abs(value) < 100 ? 2 : 1)} m`);
@@ -53,7 +67,7 @@ export const bytes = known(value => {
 /** A length of time (s): `0.3 s`, `12 s`, `3:07`, `1:02:03`. */
 export const duration = known(value => {
     if (value < 60) return `${value.toFixed(value < 10 ? 1 : 0)} s`;
-    const [hours, minutes, seconds] = [value / 3600, value / 60 % 60, value % 60].map(Math.floor);
+    const [hours, minutes, seconds] = [value / 3600, (value / 60) % 60, value % 60].map(Math.floor);
     const two = part => String(part).padStart(2, "0");
     return hours > 0 ? `${hours}:${two(minutes)}:${two(seconds)}` : `${minutes}:${two(seconds)}`;
 });

@@ -3,7 +3,10 @@
 /** A linked program with its uniforms' places by name. */
 export function program(gl, vertex, fragment, attributes) {
     const linked = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    for (const [kind, source] of [
+        [gl.VERTEX_SHADER, vertex],
+        [gl.FRAGMENT_SHADER, fragment],
+    ]) {
         const shader = gl.createShader(kind);
         gl.shaderSource(shader, `#version 300 es\nprecision highp float;\n${source}`);
         gl.compileShader(shader);
@@ -89,7 +92,10 @@ export class QuadIndices {
         this.#quads = Math.max(quads, 2 * this.#quads, 4096);
         const indices = new Uint32Array(6 * this.#quads);
         for (let quad = 0; quad < this.#quads; quad++) {
-            indices.set([0, 1, 2, 2, 1, 3].map(corner => 4 * quad + corner), 6 * quad);
+            indices.set(
+                [0, 1, 2, 2, 1, 3].map(corner => 4 * quad + corner),
+                6 * quad,
+            );
         }
         gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
     }

@@ -20,12 +20,27 @@ const KEYS = [
 ];
 
 export function help(dialog) {
-    const rows = KEYS.flatMap(([keys, meaning]) => [make("dt", {}, make("kbd", { textContent: keys })), make("dd", { textContent: meaning })]);
-    dialog.replaceChildren(make("div", {},
-        make("h2", { id: "help-title", textContent: "Keys" }),
-        make("p", { class: "quiet", textContent: "Tab goes from one control to the next; the map takes arrow keys once it has the focus." }),
-        make("dl", { class: "keys" }, ...rows),
-        make("form", { method: "dialog", class: "buttons" }, make("button", { type: "submit", class: "primary", textContent: "Close" }))));
+    const rows = KEYS.flatMap(([keys, meaning]) => [
+        make("dt", {}, make("kbd", { textContent: keys })),
+        make("dd", { textContent: meaning }),
+    ]);
+    dialog.replaceChildren(
+        make(
+            "div",
+            {},
+            make("h2", { id: "help-title", textContent: "Keys" }),
+            make("p", {
+                class: "quiet",
+                textContent: "Tab goes from one control to the next; the map takes arrow keys once it has the focus.",
+            }),
+            make("dl", { class: "keys" }, ...rows),
+            make(
+                "form",
+                { method: "dialog", class: "buttons" },
+                make("button", { type: "submit", class: "primary", textContent: "Close" }),
+            ),
+        ),
+    );
     dialog.addEventListener("click", event => {
         if (event.target === dialog) dialog.close();
     });

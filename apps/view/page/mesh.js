@@ -49,7 +49,7 @@ export function freeRows(chunk) {
 
 /** Gives the rows of voxels of a chunk that are not in a plane; where there is no chunk, all. */
 export function rowsWithout(plane) {
-    return chunk => chunk ? chunk[plane].map(row => ~row) : ALL;
+    return chunk => (chunk ? chunk[plane].map(row => ~row) : ALL);
 }
 
 // For each axis: sorts the faces into `slices` and says whether there are any.
@@ -59,8 +59,9 @@ const slice = [
         slices.fill(0);
         for (let row = 0; row < ROWS; row++) {
             if (here[row] === 0) continue;
-            const next = up ? gaps[row] >>> 1 | beyond[row] << 31 : gaps[row] << 1 | beyond[row] >>> 31;
-            const y = 1 << (row & 31), z = row >> 5;
+            const next = up ? (gaps[row] >>> 1) | (beyond[row] << 31) : (gaps[row] << 1) | (beyond[row] >>> 31);
+            const y = 1 << (row & 31),
+                z = row >> 5;
             let found = here[row] & next;
             any |= found;
             for (; found !== 0; found &= found - 1) slices[z + SIDE * (31 - Math.clz32(found & -found))] |= y;
@@ -93,12 +94,12 @@ const slice = [
 
 /** Where a rectangle from bit `b` of row `r` of slice `s` begins, and how its two lengths lie: bits and rows. */
 const place = [
-    (s, r, b, bits, rows) => s | b << 5 | r << 10 | bits << 18 | rows << 23,
-    (s, r, b, bits, rows) => b | s << 5 | r << 10 | rows << 18 | bits << 23,
-    (s, r, b, bits, rows) => b | r << 5 | s << 10 | bits << 18 | rows << 23,
+    (s, r, b, bits, rows) => s | (b << 5) | (r << 10) | (bits << 18) | (rows << 23),
+    (s, r, b, bits, rows) => b | (s << 5) | (r << 10) | (rows << 18) | (bits << 23),
+    (s, r, b, bits, rows) => b | (r << 5) | (s << 10) | (bits << 18) | (rows << 23),
 ];
 
-/** Takes the faces out of `slices`, a rectangle at a time: as long a run of bits as there is, over as many rows as have it. */
+/** Takes the faces out of `slices`, a rectangle at a time: the longest run of bits, over as many rows as have it. */
 function merge(face) {
     const word = place[face >> 1];
     for (let start = 0; start < ROWS; start += SIDE) {
@@ -110,8 +111,9 @@ function merge(face) {
                 const length = ends === 0 ? 32 : 31 - Math.clz32(ends & -ends);
                 const run = (length === 32 ? -1 : (1 << length) - 1) << first;
                 let last = row;
-                do slices[start + last++] &= ~run; while (last < SIDE && (slices[start + last] & run) === run);
-                push(word(start / SIDE, row, first, length - 1, last - row - 1) | face << 15);
+                do slices[start + last++] &= ~run;
+                while (last < SIDE && (slices[start + last] & run) === run);
+                push(word(start / SIDE, row, first, length - 1, last - row - 1) | (face << 15));
             }
         }
     }

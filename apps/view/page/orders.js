@@ -30,7 +30,9 @@ export class Orders {
 
     /** The elements with their types and parameters, asked for once a connection. */
     types() {
-        this.#types ??= new Promise((resolve, reject) => this.#send({ type: "types" }, { words: "Types", resolve, reject }));
+        this.#types ??= new Promise((resolve, reject) =>
+            this.#send({ type: "types" }, { words: "Types", resolve, reject }),
+        );
         return this.#types;
     }
 
@@ -49,7 +51,8 @@ export class Orders {
     }
 
     #giveUp() {
-        for (const waiting of this.#waiting.values()) this.#failed(waiting, "the connection was lost before an answer came");
+        for (const waiting of this.#waiting.values())
+            this.#failed(waiting, "the connection was lost before an answer came");
         this.#waiting.clear();
     }
 

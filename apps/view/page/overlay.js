@@ -35,12 +35,16 @@ export class Overlay {
         const { plan, target } = this.world;
         const dash = this.stage.camera.heightAtTarget() / 60;
         this.#drawLine("plan", plan, () => pairs(plan), { colour: colours.plan, width: 2.5, bias: 4e-4, dash });
-        if (target) this.#drawPoints("target", target, () => new Float32Array(target), { colour: colours.plan, size: 11 });
+        if (target)
+            this.#drawPoints("target", target, () => new Float32Array(target), { colour: colours.plan, size: 11 });
     }
 
     drawScan(colours) {
         const { scan } = this.world;
-        const size = Math.max(1.3, Math.min(4, 0.02 * this.stage.canvas.clientHeight / this.stage.camera.heightAtTarget()));
+        const size = Math.max(
+            1.3,
+            Math.min(4, (0.02 * this.stage.canvas.clientHeight) / this.stage.camera.heightAtTarget()),
+        );
         this.#drawPoints("scan", scan, () => scan, { colour: colours.ink, size });
     }
 
@@ -48,7 +52,10 @@ export class Overlay {
         const { robot } = this.world;
         const segments = () => {
             const { eye, far } = frustumOf(robot);
-            return far.flatMap((corner, i) => [[eye, corner], [corner, far[(i + 1) % 4]]]);
+            return far.flatMap((corner, i) => [
+                [eye, corner],
+                [corner, far[(i + 1) % 4]],
+            ]);
         };
         this.#drawLine("frustum", robot, segments, { colour: colours.robot, alpha: 0.8, width: 1.3 });
     }
@@ -74,8 +81,16 @@ export class Overlay {
         const z = low[2] - 0.02;
         const segments = () => {
             const lines = [];
-            for (let x = left; x <= right; x += step) lines.push([[x, front, z], [x, back, z]]);
-            for (let y = front; y <= back; y += step) lines.push([[left, y, z], [right, y, z]]);
+            for (let x = left; x <= right; x += step)
+                lines.push([
+                    [x, front, z],
+                    [x, back, z],
+                ]);
+            for (let y = front; y <= back; y += step)
+                lines.push([
+                    [left, y, z],
+                    [right, y, z],
+                ]);
             return lines;
         };
         const state = [left, right, front, back, z].join();
@@ -85,10 +100,15 @@ export class Overlay {
     /** Draws segments, `[from, to]` each, that are put on the card only when `state` is not what it was. */
     #drawLine(name, state, segments, { colour, alpha = 1, width, dash = 0, bias = 0 }) {
         const { gl, indices, canvas, pixelRatio } = this.stage;
-        const line = upToDate(this.#lines, name, state, () => new Quads(gl, indices, floats(3, 3), 6),
-            () => new Float32Array(segments().flat(2)));
+        const line = upToDate(
+            this.#lines,
+            name,
+            state,
+            () => new Quads(gl, indices, floats(3, 3), 6),
+            () => new Float32Array(segments().flat(2)),
+        );
         const pixels = [canvas.width / 2, canvas.height / 2];
-        this.stage.use("LINES", { pixels, width: width * pixelRatio / 2, dash, bias, paint: [...colour, alpha] });
+        this.stage.use("LINES", { pixels, width: (width * pixelRatio) / 2, dash, bias, paint: [...colour, alpha] });
         gl.disable(gl.CULL_FACE);
         if (alpha < 1) gl.enable(gl.BLEND);
         line.draw();

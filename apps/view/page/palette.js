@@ -15,11 +15,11 @@ export function ofHeight(share) {
 }
 
 let current = null;
-addEventListener("scheme", () => current = null);
+addEventListener("scheme", () => (current = null));
 
 /** The colours of the scheme that is in force, each as red, green, blue (0 to 1). */
 export function scheme() {
-    return current ??= readScheme();
+    return (current ??= readScheme());
 }
 
 function readScheme() {
@@ -27,7 +27,10 @@ function readScheme() {
     document.body.append(probe);
     const colour = name => {
         probe.style.color = `var(--${name})`;
-        return getComputedStyle(probe).color.match(/[\d.]+/g).slice(0, 3).map(part => part / 255);
+        return getComputedStyle(probe)
+            .color.match(/[\d.]+/g)
+            .slice(0, 3)
+            .map(part => part / 255);
     };
     const colours = Object.fromEntries(NAMES.map(name => [name, colour(name)]));
     probe.remove();

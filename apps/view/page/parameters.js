@@ -9,16 +9,24 @@ export function mistake(parameter, text) {
     const value = text.trim();
     if (value === "") return null;
     switch (parameter.kind) {
-        case "number": return quantity(parameter, value);
-        case "integer": return /^[+-]?\d+$/.test(value) ? outside(parameter, Number(value)) : "a whole number, please";
-        case "flag": return ["true", "false"].includes(value) ? null : "true or false";
-        case "point": case "size": {
+        case "number":
+            return quantity(parameter, value);
+        case "integer":
+            return /^[+-]?\d+$/.test(value) ? outside(parameter, Number(value)) : "a whole number, please";
+        case "flag":
+            return ["true", "false"].includes(value) ? null : "true or false";
+        case "point":
+        case "size": {
             const parts = value.split(";");
             if (parts.length !== 3) return "three numbers, please, as in 1; 2; 0.5";
-            return parts.map(part => quantity({ ...parameter, min: null, max: null }, part.trim())).find(Boolean) ?? null;
+            return (
+                parts.map(part => quantity({ ...parameter, min: null, max: null }, part.trim())).find(Boolean) ?? null
+            );
         }
-        case "choice": return (parameter.choices ?? [value]).includes(value) ? null : `one of ${parameter.choices.join(", ")}`;
-        default: return null;
+        case "choice":
+            return (parameter.choices ?? [value]).includes(value) ? null : `one of ${parameter.choices.join(", ")}`;
+        default:
+            return null;
     }
 }
 
@@ -47,7 +55,9 @@ export function parameterFields(parameters) {
             const wrong = fields.filter(field => !field.check());
             wrong[0]?.input.focus();
             if (wrong.length > 0) return null;
-            return fields.filter(({ input }) => input.value.trim() !== "").map(({ parameter, input }) => [parameter.name, input.value.trim()]);
+            return fields
+                .filter(({ input }) => input.value.trim() !== "")
+                .map(({ parameter, input }) => [parameter.name, input.value.trim()]);
         },
     };
 }
@@ -57,10 +67,16 @@ let numberOfFields = 0;
 function field(parameter) {
     const id = `parameter-${++numberOfFields}`;
     const kind = [parameter.kind, parameter.unit && `in ${parameter.unit}`].filter(Boolean).join(" ");
-    const input = parameter.kind === "flag" || parameter.choices ? choice(parameter) : make("input", {
-        type: "text", placeholder: parameter.default ?? "", autocomplete: "off", spellcheck: false,
-        inputMode: ["number", "integer"].includes(parameter.kind) ? "decimal" : "text",
-    });
+    const input =
+        parameter.kind === "flag" || parameter.choices
+            ? choice(parameter)
+            : make("input", {
+                  type: "text",
+                  placeholder: parameter.default ?? "",
+                  autocomplete: "off",
+                  spellcheck: false,
+                  inputMode: ["number", "integer"].includes(parameter.kind) ? "decimal" : "text",
+              });
     Object.assign(input, { id });
     input.setAttribute("aria-describedby", `${id}-summary ${id}-error`);
     const error = make("p", { id: `${id}-error`, class: "error", hidden: true });
@@ -78,6 +94,9 @@ function field(parameter) {
 
 function choice(parameter) {
     const words = parameter.kind === "flag" ? ["true", "false"] : parameter.choices;
-    const asItIs = make("option", { value: "", textContent: parameter.default ? `as it is (by default ${parameter.default})` : "as it is" });
+    const asItIs = make("option", {
+        value: "",
+        textContent: parameter.default ? `as it is (by default ${parameter.default})` : "as it is",
+    });
     return make("select", {}, asItIs, ...words.map(word => make("option", { value: word, textContent: word })));
 }

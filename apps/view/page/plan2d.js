@@ -76,7 +76,7 @@ export class Plan2d {
         const columns = new Map();
         for (const chunk of this.world.voxels.chunks()) {
             const key = `${chunk.x},${chunk.y}`;
-            if (this.#stale.has(key)) columns.set(key, [...columns.get(key) ?? [], chunk]);
+            if (this.#stale.has(key)) columns.set(key, [...(columns.get(key) ?? []), chunk]);
         }
         const end = performance.now() + TILING_MS;
         for (const [key, [x, y]] of this.#stale) {
@@ -95,12 +95,16 @@ export class Plan2d {
         const image = context.createImageData(SIDE, SIDE);
         const pixels = new Uint32Array(image.data.buffer);
         const [low, high] = voxels.heights() ?? [0, 1];
-        const [cut, free, frontier] = [colours.cut, colours.free, mix(colours.frontier, colours.free, PALE / 2)].map(pack);
+        const [cut, free, frontier] = [colours.cut, colours.free, mix(colours.frontier, colours.free, PALE / 2)].map(
+            pack,
+        );
         const paint = (y, bits, colour) => {
             for (; bits !== 0; bits &= bits - 1) pixels[31 - Math.clz32(bits & -bits) + SIDE * (SIDE - 1 - y)] = colour;
         };
         for (let y = 0; y < SIDE; y++) {
-            let open = -1, known = 0, edge = 0;
+            let open = -1,
+                known = 0,
+                edge = 0;
             for (const chunk of chunks) {
                 for (let z = Math.min(SIDE - 1, layer - SIDE * chunk.z); z >= 0; z--) {
                     const row = y + SIDE * z;
@@ -109,7 +113,10 @@ export class Plan2d {
                     if (shown.has("frontier")) edge |= chunk.frontier[row] & open;
                     if (found === 0) continue;
                     const height = (SIDE * chunk.z + z + 1) * voxels.resolution;
-                    const shade = SIDE * chunk.z + z === layer ? cut : pack(mix(ofHeight((height - low) / (high - low)), colours.free, PALE));
+                    const shade =
+                        SIDE * chunk.z + z === layer
+                            ? cut
+                            : pack(mix(ofHeight((height - low) / (high - low)), colours.free, PALE));
                     paint(y, found, shade);
                     open &= ~found;
                 }
@@ -123,7 +130,7 @@ export class Plan2d {
     #drawTiles() {
         const { context, world, canvas } = this;
         const side = SIDE * (world.voxels.resolution ?? 1);
-        context.imageSmoothingEnabled = context.getTransform().a * side / SIDE < 1;
+        context.imageSmoothingEnabled = (context.getTransform().a * side) / SIDE < 1;
         const { a: metre, e: left, f: bottom } = context.getTransform();
         context.save();
         context.setTransform(1, 0, 0, 1, 0, 0);
@@ -140,27 +147,34 @@ export class Plan2d {
     /** Lines a metre (or ten, or a hundred) apart. */
     #drawGrid(colours) {
         const { context, canvas, camera } = this;
-        const [height, width] = [camera.heightAtTarget(), camera.heightAtTarget() * canvas.width / canvas.height];
+        const [height, width] = [camera.heightAtTarget(), (camera.heightAtTarget() * canvas.width) / canvas.height];
         const step = 10 ** Math.max(0, Math.ceil(Math.log10(width / 40)));
         const [left, bottom] = [camera.target[0] - width / 2, camera.target[1] - height / 2];
         context.beginPath();
-        for (let x = Math.ceil(left / step) * step; x < left + width; x += step) line(context, x, bottom, x, bottom + height);
-        for (let y = Math.ceil(bottom / step) * step; y < bottom + height; y += step) line(context, left, y, left + width, y);
+        for (let x = Math.ceil(left / step) * step; x < left + width; x += step)
+            line(context, x, bottom, x, bottom + height);
+        for (let y = Math.ceil(bottom / step) * step; y < bottom + height; y += step)
+            line(context, left, y, left + width, y);
         context.lineWidth = this.pixel;
         context.strokeStyle = css(colours.line, 0.45);
         context.stroke();
     }
 
     #drawScan(colours) {
-        const { context, pixel, world: { scan } } = this;
+        const {
+            context,
+            pixel,
+            world: { scan },
+        } = this;
         context.fillStyle = css(colours.ink, 0.7);
-        for (let i = 0; i < scan.length; i += 3) context.fillRect(scan[i] - pixel, scan[i + 1] - pixel, 2 * pixel, 2 * pixel);
+        for (let i = 0; i < scan.length; i += 3)
+            context.fillRect(scan[i] - pixel, scan[i + 1] - pixel, 2 * pixel, 2 * pixel);
     }
 
     #stroke(points, colour, width, dash = []) {
         const { context, pixel } = this;
         context.beginPath();
-        points.forEach(([x, y], i) => i === 0 ? context.moveTo(x, y) : context.lineTo(x, y));
+        points.forEach(([x, y], i) => (i === 0 ? context.moveTo(x, y) : context.lineTo(x, y)));
         context.lineWidth = width * pixel;
         context.lineJoin = "round";
         context.setLineDash(dash.map(part => part * pixel));
@@ -170,13 +184,21 @@ export class Plan2d {
     }
 
     #drawPlan(colours) {
-        const { context, pixel, world: { plan, target } } = this;
+        const {
+            context,
+            pixel,
+            world: { plan, target },
+        } = this;
         this.#stroke(plan, colours.plan, 2, [6, 4]);
         if (target) disc(context, target, 5 * pixel, css(colours.plan));
     }
 
     #drawRobot(colours) {
-        const { context, pixel, world: { robot } } = this;
+        const {
+            context,
+            pixel,
+            world: { robot },
+        } = this;
         if (robot.camera) {
             const { eye, far } = frustumOf(robot);
             context.beginPath();
@@ -200,7 +222,7 @@ function newTile() {
 /** A colour as canvases keep it in memory. */
 function pack([red, green, blue]) {
     const [r, g, b] = [red, green, blue].map(part => Math.round(255 * part));
-    return (255 << 24 | b << 16 | g << 8 | r) >>> 0;
+    return ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
 }
 
 function line(context, x0, y0, x1, y1) {
@@ -219,9 +241,12 @@ function disc(context, [x, y], radius, style) {
 function hull(points) {
     const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
     const turn = ([ax, ay], [bx, by], [cx, cy]) => (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
-    const chain = points => points.reduce((chain, point) => {
-        while (chain.length > 1 && turn(chain.at(-2), chain.at(-1), point) <= 0) chain.pop();
-        return [...chain, point];
-    }, []).slice(0, -1);
+    const chain = points =>
+        points
+            .reduce((chain, point) => {
+                while (chain.length > 1 && turn(chain.at(-2), chain.at(-1), point) <= 0) chain.pop();
+                return [...chain, point];
+            }, [])
+            .slice(0, -1);
     return [...chain(sorted), ...chain(sorted.reverse())];
 }

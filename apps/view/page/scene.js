@@ -30,8 +30,12 @@ export class Scene {
 
     #start() {
         const { gl } = this;
-        this.programs = Object.fromEntries(Object.entries(shaders).map(([name, { vertex, fragment, attributes }]) =>
-            [name, program(gl, vertex, fragment, attributes)]));
+        this.programs = Object.fromEntries(
+            Object.entries(shaders).map(([name, { vertex, fragment, attributes }]) => [
+                name,
+                program(gl, vertex, fragment, attributes),
+            ]),
+        );
         this.indices = new QuadIndices(gl);
         gl.enable(gl.DEPTH_TEST);
         gl.enable(gl.CULL_FACE);

@@ -13,10 +13,22 @@ export class Tabs {
     /** Adds a tab and returns its empty panel; `shown(is)` is called when the panel comes and goes. */
     add(id, name, shown = () => {}) {
         const tab = make("button", {
-            type: "button", id: `tab-${id}`, role: "tab", textContent: name, "aria-selected": "false", "aria-controls": `panel-${id}`,
-            tabIndex: -1, onclick: () => this.show(id),
+            type: "button",
+            id: `tab-${id}`,
+            role: "tab",
+            textContent: name,
+            "aria-selected": "false",
+            "aria-controls": `panel-${id}`,
+            tabIndex: -1,
+            onclick: () => this.show(id),
         });
-        const panel = make("section", { id: `panel-${id}`, role: "tabpanel", tabIndex: 0, "aria-labelledby": `tab-${id}`, hidden: true });
+        const panel = make("section", {
+            id: `panel-${id}`,
+            role: "tabpanel",
+            tabIndex: 0,
+            "aria-labelledby": `tab-${id}`,
+            hidden: true,
+        });
         this.list.append(tab);
         this.panels.append(panel);
         this.#shown.set(id, shown);

@@ -17,14 +17,28 @@ export function rotate(q, v) {
 export function perspective(fovY, aspect, near, far) {
     const f = 1 / Math.tan(fovY / 2);
     const depth = far - near;
-    return [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, -(far + near) / depth, -1, 0, 0, -2 * far * near / depth, 0];
+    return [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, -(far + near) / depth, -1, 0, 0, (-2 * far * near) / depth, 0];
 }
 
 /** What takes the world's coordinates to those of an eye with these axes. */
 export function viewFrom(eye, right, up, back) {
     return [
-        right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0,
-        -dot(right, eye), -dot(up, eye), -dot(back, eye), 1,
+        right[0],
+        up[0],
+        back[0],
+        0,
+        right[1],
+        up[1],
+        back[1],
+        0,
+        right[2],
+        up[2],
+        back[2],
+        0,
+        -dot(right, eye),
+        -dot(up, eye),
+        -dot(back, eye),
+        1,
     ];
 }
 
@@ -49,6 +63,8 @@ export function frustum(m) {
 
 /** Whether a box may be seen: it is not wholly beyond one of the planes. */
 export function sees(planes, low, high) {
-    return planes.every(([a, b, c, d]) =>
-        a * (a > 0 ? high[0] : low[0]) + b * (b > 0 ? high[1] : low[1]) + c * (c > 0 ? high[2] : low[2]) + d >= 0);
+    return planes.every(
+        ([a, b, c, d]) =>
+            a * (a > 0 ? high[0] : low[0]) + b * (b > 0 ? high[1] : low[1]) + c * (c > 0 ? high[2] : low[2]) + d >= 0,
+    );
 }

@@ -13,7 +13,14 @@ const ONES = Uint8Array.from({ length: 256 }, (_, byte) => byte.toString(2).repl
 
 const PLANES = ["known", "occupied", "frontier"];
 /** The six neighbours of a chunk, in the order of the faces: -x, +x, -y, +y, -z, +z. */
-export const NEIGHBOURS = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
+export const NEIGHBOURS = [
+    [-1, 0, 0],
+    [1, 0, 0],
+    [0, -1, 0],
+    [0, 1, 0],
+    [0, 0, -1],
+    [0, 0, 1],
+];
 
 /** Row (y, z) of a plane is word `y + 32 z`; voxel x is its bit x. */
 class Chunk {
@@ -74,7 +81,7 @@ export class Voxels {
     /** Whether a voxel, by its indices, is in a plane (`known`, `occupied`, `frontier`). */
     has(plane, x, y, z) {
         const chunk = this.chunk(x >> 5, y >> 5, z >> 5);
-        return chunk !== undefined && (chunk[plane][(y & 31) + SIDE * (z & 31)] >>> (x & 31) & 1) === 1;
+        return chunk !== undefined && ((chunk[plane][(y & 31) + SIDE * (z & 31)] >>> (x & 31)) & 1) === 1;
     }
 
     /** Takes bricks in place of what was known of them. Voxels of another size make another map of it. */
@@ -82,29 +89,38 @@ export class Voxels {
         if (this.resolution !== resolution) this.clear();
         this.resolution = resolution;
         const touched = new Set();
-        for (const brick of bricks) this.#takeBrick(brick, touched);
+        const left = bricks.filter(brick => !this.#takeBrick(brick, touched));
         this.#changed();
         for (const chunk of touched) for (const { changed } of this.#watchers) changed(chunk);
+        if (left.length > 0)
+            throw new Error(`${left.length} bricks have no place: this page shows ${MOST_CHUNKS} chunks of 32³ voxels`);
     }
 
+    /** Whether there was a place for it. */
     #takeBrick({ x, y, z, planes }, touched) {
         const chunk = this.#chunkFor(x >> 2, y >> 2, z >> 2);
+        if (!chunk) return false;
         const within = [x & 3, y & 3, z & 3];
         PLANES.forEach((name, i) => this.#write(chunk, name, within, planes[i]));
         chunk.extent = null;
         touched.add(chunk);
         // The faces of a neighbour's outermost voxels depend on ours.
         within.forEach((place, axis) => {
-            const next = place === 0 ? this.neighbour(chunk, 2 * axis)
-                : place === BRICKS - 1 ? this.neighbour(chunk, 2 * axis + 1) : undefined;
+            const next =
+                place === 0
+                    ? this.neighbour(chunk, 2 * axis)
+                    : place === BRICKS - 1
+                      ? this.neighbour(chunk, 2 * axis + 1)
+                      : undefined;
             if (next) touched.add(next);
         });
+        return true;
     }
 
     #chunkFor(x, y, z) {
         const found = this.chunk(x, y, z);
         if (found) return found;
-        if (this.#chunks.size === MOST_CHUNKS) throw new Error(`the map has more than ${MOST_CHUNKS} chunks of 32³ voxels`);
+        if (this.#chunks.size === MOST_CHUNKS) return undefined;
         const chunk = new Chunk(x, y, z);
         this.#chunks.set(((x + 8192) * 16384 + y + 8192) * 16384 + z + 8192, chunk);
         return chunk;
@@ -143,7 +159,7 @@ export class Voxels {
 
     /** Lowest and highest height (m) between which all occupied voxels lie but 1 % at either end, or null. */
     heights() {
-        return this.#heights === undefined ? this.#heights = this.#findHeights() : this.#heights;
+        return this.#heights === undefined ? (this.#heights = this.#findHeights()) : this.#heights;
     }
 
     #findHeights() {
@@ -158,13 +174,14 @@ export class Voxels {
 
     /** The box (m) of the chunks in which something is occupied, cut to the heights of `heights`, or null. */
     bounds() {
-        return this.#bounds === undefined ? this.#bounds = this.#findBounds() : this.#bounds;
+        return this.#bounds === undefined ? (this.#bounds = this.#findBounds()) : this.#bounds;
     }
 
     #findBounds() {
         const heights = this.heights();
         if (heights === null) return null;
-        const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+        const low = [Infinity, Infinity],
+            high = [-Infinity, -Infinity];
         for (const chunk of this.chunks()) {
             chunk.extent ??= extent(chunk);
             chunk.extent.forEach(([first, last], axis) => {
@@ -179,7 +196,8 @@ export class Voxels {
 
 /** First and last index along x and along y of what is occupied in a chunk; none of either if nothing is. */
 function extent(chunk) {
-    let columns = 0, rows = 0;
+    let columns = 0,
+        rows = 0;
     for (let row = 0; row < ROWS; row++) {
         columns |= chunk.occupied[row];
         if (chunk.occupied[row] !== 0) rows |= 1 << (row & 31);

@@ -2,15 +2,15 @@
 
 import { Voxels } from "./voxels.js";
 
-/** What can be shown and hidden, with its name on the page and the key that switches it. */
+/** What can be shown and hidden: its name on the page, the key that switches it, and its colour, if it has only one. */
 export const LAYERS = {
     occupied: { name: "Occupied", key: "1", shown: true },
-    frontier: { name: "Frontier", key: "2", shown: true },
-    robot: { name: "Robot", key: "3", shown: true },
-    way: { name: "Way", key: "4", shown: true },
-    plan: { name: "Plan", key: "5", shown: true },
-    scan: { name: "Scan", key: "6", shown: true },
-    grid: { name: "Grid", key: "7", shown: true },
+    frontier: { name: "Frontier", key: "2", shown: true, colour: "frontier" },
+    robot: { name: "Robot", key: "3", shown: true, colour: "robot" },
+    way: { name: "Way", key: "4", shown: true, colour: "way" },
+    plan: { name: "Plan", key: "5", shown: true, colour: "plan" },
+    scan: { name: "Scan", key: "6", shown: true, colour: "ink" },
+    grid: { name: "Grid", key: "7", shown: true, colour: "line" },
     closed: { name: "Backs of walls", key: "8", shown: false },
 };
 
@@ -27,8 +27,8 @@ export class World {
         link.on("hello", () => this.forget());
         link.on("reset", () => this.forget());
         link.on("bricks", message => this.#change(() => this.voxels.take(message)));
-        link.on("scan", ({ points }) => this.#change(() => this.scan = points));
-        link.on("robot", robot => this.#change(() => this.robot = robot));
+        link.on("scan", ({ points }) => this.#change(() => (this.scan = points)));
+        link.on("robot", robot => this.#change(() => (this.robot = robot)));
         link.on("way", ({ from, points }) => this.#change(() => replaceFrom(this.way, from, points)));
         link.on("plan", ({ points, target }) => this.#change(() => Object.assign(this, { plan: points, target })));
     }
@@ -71,8 +71,11 @@ export class World {
     }
 
     #change(change) {
-        change();
-        this.#tell("world");
+        try {
+            change();
+        } finally {
+            this.#tell("world");
+        }
     }
 
     #tell(what) {

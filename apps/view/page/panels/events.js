@@ -25,7 +25,9 @@ export class Events {
     /** Tells a person at once, and keeps it among the events. What is said again is counted. */
     say(text, mood = "") {
         this.note(text, mood, "page");
-        const toast = [...this.toasts.children].find(({ textContent }) => textContent === text) ?? make("p", { textContent: text });
+        const toast =
+            [...this.toasts.children].find(({ textContent }) => textContent === text) ??
+            make("p", { textContent: text });
         toast.className = mood;
         clearTimeout(toast.timer);
         toast.timer = setTimeout(() => toast.remove(), TOAST_MS);
@@ -40,7 +42,12 @@ export class Events {
             last.lastChild.textContent = `${text} (${last.times} times)`;
             return;
         }
-        const item = make("li", { class: mood, "data-from": from }, make("time", { textContent: when }), make("span", { class: mood, textContent: text }));
+        const item = make(
+            "li",
+            { class: mood, "data-from": from },
+            make("time", { textContent: when }),
+            make("span", { class: mood, textContent: text }),
+        );
         this.list.prepend(Object.assign(item, { text, times: 1 }));
         if (this.list.children.length > MOST_EVENTS) this.list.lastChild.remove();
     }

@@ -5,7 +5,9 @@ import { keep, make } from "../dom.js";
 const MOST_LINES = 5000;
 
 export function logsPanel(panel, { link }) {
-    let app = null, next = 0, names = [];
+    let app = null,
+        next = 0,
+        names = [];
     const choice = make("select", { onchange: () => choose(choice.value) });
     const text = make("pre", { class: "log", tabIndex: 0, "aria-label": "Log" });
     panel.append(make("div", { class: "row" }, make("label", {}, "App", choice)), text);
@@ -20,7 +22,13 @@ export function logsPanel(panel, { link }) {
     };
     link.on("apps", ({ rows }) => {
         names = rows.map(({ name }) => name);
-        keep(choice, names, name => name, name => make("option", { value: name, textContent: name }), () => {});
+        keep(
+            choice,
+            names,
+            name => name,
+            name => make("option", { value: name, textContent: name }),
+            () => {},
+        );
         if (app === null && names.length > 0) choose(names.at(0));
     });
     link.on("log", message => {

@@ -10,7 +10,8 @@ const MOST_POINTS = 4000;
 export function leaves(value, most, path = "", found = []) {
     if (found.length === most) return found;
     if (value !== null && typeof value === "object") {
-        const entries = Array.isArray(value) ? value.map((item, i) => [`${path}[${i}]`, item])
+        const entries = Array.isArray(value)
+            ? value.map((item, i) => [`${path}[${i}]`, item])
             : Object.entries(value).map(([name, item]) => [path ? `${path}.${name}` : name, item]);
         for (const [below, item] of entries) leaves(item, most, below, found);
     } else {

@@ -5,13 +5,21 @@ import { duration, figure, integer, make, metres, say } from "../dom.js";
 import { replaceFrom } from "../world.js";
 
 const FIGURES = [
-    ["Scans", ({ scans }) => integer(scans)], ["Way", ({ way }) => metres(way)], ["Time", ({ time }) => duration(time)],
-    ["Known", ({ known }) => integer(known)], ["Frontier", ({ frontier }) => integer(frontier)], ["Phase", ({ phase }) => phase || "–"],
+    ["Scans", ({ scans }) => integer(scans)],
+    ["Way", ({ way }) => metres(way)],
+    ["Time", ({ time }) => duration(time)],
+    ["Known", ({ known }) => integer(known)],
+    ["Frontier", ({ frontier }) => integer(frontier)],
+    ["Phase", ({ phase }) => phase || "–"],
 ];
 
 export function runPanel(panel, { link, plots }) {
     const values = FIGURES.map(() => make("dd", { textContent: "–" }));
-    const stats = make("dl", { class: "stats" }, ...FIGURES.map(([name], i) => make("div", {}, make("dt", { textContent: name }), values[i])));
+    const stats = make(
+        "dl",
+        { class: "stats" },
+        ...FIGURES.map(([name], i) => make("div", {}, make("dt", { textContent: name }), values[i])),
+    );
     const summary = make("section", { hidden: true });
     const curves = make("section");
     panel.append(summary, stats, curves, plots.element);
@@ -48,18 +56,19 @@ export function runPanel(panel, { link, plots }) {
 
 /** Any object as a list of names and values, objects in it as lists in it. */
 function factsOf(facts) {
-    const rows = Object.entries(facts).filter(([, value]) => value !== null).flatMap(([name, value]) => [
-        make("dt", { textContent: plainName(name) }),
-        make("dd", {}, worded(value)),
-    ]);
+    const rows = Object.entries(facts)
+        .filter(([, value]) => value !== null)
+        .flatMap(([name, value]) => [make("dt", { textContent: plainName(name) }), make("dd", {}, worded(value))]);
     return make("dl", { class: "facts" }, ...rows);
 }
 
 function worded(value) {
     if (typeof value === "number") return figure(value);
     if (typeof value === "boolean") return value ? "yes" : "no";
-    if (Array.isArray(value)) return value.some(item => item && typeof item === "object")
-        ? make("div", {}, ...value.map(worded)) : value.map(worded).join(", ") || "none";
+    if (Array.isArray(value))
+        return value.some(item => item && typeof item === "object")
+            ? make("div", {}, ...value.map(worded))
+            : value.map(worded).join(", ") || "none";
     return value !== null && typeof value === "object" ? factsOf(value) : String(value ?? "–");
 }
 

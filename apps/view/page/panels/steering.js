@@ -2,11 +2,16 @@
 
 import { make } from "../dom.js";
 
-const COMMANDS = [["pause", "Pause", "Hold the robot before its next pose (space)"],
-    ["step", "Step", "One pose more (N)"], ["resume", "Resume", "Go on (space)"]];
+const COMMANDS = [
+    ["pause", "Pause", "Hold the robot before its next pose (space)"],
+    ["step", "Step", "One pose more (N)"],
+    ["resume", "Resume", "Go on (space)"],
+];
 
 export function steering(bar, { link, orders }) {
-    const buttons = COMMANDS.map(([command, name, title]) => make("button", { type: "button", textContent: name, title, onclick: () => give(command) }));
+    const buttons = COMMANDS.map(([command, name, title]) =>
+        make("button", { type: "button", textContent: name, title, onclick: () => give(command) }),
+    );
     const element = make("div", { class: "card", role: "toolbar", "aria-label": "Steering", hidden: true }, ...buttons);
     bar.append(element);
     let paused = false;
@@ -20,7 +25,7 @@ export function steering(bar, { link, orders }) {
         show(false);
     });
     link.on("progress", ({ phase }) => show(/pause/i.test(phase ?? "")));
-    link.on("end", () => element.hidden = true);
+    link.on("end", () => (element.hidden = true));
     return {
         isShown: () => !element.hidden,
         toggle: () => give(paused ? "resume" : "pause"),

@@ -7,15 +7,32 @@ const RATES = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16];
 const SEEK_MS = 80;
 
 export function timeline(bar, { link }) {
-    let now = null, held = false, asked = 0;
-    const play = make("button", { type: "button", textContent: "Play", title: "Play or pause (space)", onclick: () => toggle() });
+    let now = null,
+        held = false,
+        asked = 0;
+    const play = make("button", {
+        type: "button",
+        textContent: "Play",
+        title: "Play or pause (space)",
+        onclick: () => toggle(),
+    });
     const scrub = make("input", { type: "range", min: 0, max: 1000, step: "any", "aria-label": "Time" });
     const time = make("output");
-    const rate = make("select", { "aria-label": "Rate", onchange: () => send({ rate: Number(rate.value) }) },
-        ...RATES.map(rate => make("option", { value: rate, textContent: `${rate} ×` })));
+    const rate = make(
+        "select",
+        { "aria-label": "Rate", onchange: () => send({ rate: Number(rate.value) }) },
+        ...RATES.map(rate => make("option", { value: rate, textContent: `${rate} ×` })),
+    );
     const loop = make("input", { type: "checkbox", onchange: () => send({ looping: loop.checked }) });
-    const element = make("div", { class: "card timeline", role: "toolbar", "aria-label": "Time line", hidden: true },
-        play, scrub, time, rate, make("label", {}, loop, "Loop"));
+    const element = make(
+        "div",
+        { class: "card timeline", role: "toolbar", "aria-label": "Time line", hidden: true },
+        play,
+        scrub,
+        time,
+        rate,
+        make("label", {}, loop, "Loop"),
+    );
     bar.append(element);
 
     const send = change => {
@@ -45,8 +62,8 @@ export function timeline(bar, { link }) {
         loop.checked = now.looping;
     };
     scrub.addEventListener("input", () => seek(Number(scrub.value)));
-    scrub.addEventListener("pointerdown", () => held = true);
-    for (const end of ["pointerup", "pointercancel"]) scrub.addEventListener(end, () => held = false);
+    scrub.addEventListener("pointerdown", () => (held = true));
+    for (const end of ["pointerup", "pointercancel"]) scrub.addEventListener(end, () => (held = false));
     scrub.addEventListener("keydown", event => {
         const by = { ArrowLeft: -1, ArrowRight: 1, PageUp: -10, PageDown: 10 }[event.key];
         if (!by || now === null) return;
