@@ -9,6 +9,9 @@ import { gzipSync } from "node:zlib";
 import { Browser } from "./browser.mjs";
 import { Run } from "./building.mjs";
 import { Mock } from "./mock.mjs";
+import { readBinary } from "../../apps/view/page/binary.js";
+import { faces, freeRows, rowsWithout } from "../../apps/view/page/mesh.js";
+import { Voxels } from "../../apps/view/page/voxels.js";
 
 const PAGE = new URL("../../apps/view/page/", import.meta.url);
 const ROUNDS = 7;
@@ -88,9 +91,23 @@ async function rate(page, words, before) {
     console.log(`  ${rate.toFixed(1)} frames a second, ${words}`);
 }
 
+/** CPU time (ms) of taking a message of bricks in and meshing all of it, as the page does, in Node. */
+function takingAndMeshing(message) {
+    const buffer = message.buffer.slice(message.byteOffset, message.byteOffset + message.byteLength);
+    const before = process.cpuUsage();
+    const voxels = new Voxels();
+    voxels.take(readBinary(buffer));
+    for (const chunk of voxels.chunks()) {
+        faces(voxels, chunk, "occupied", freeRows);
+        faces(voxels, chunk, "frontier", rowsWithout("frontier"));
+    }
+    const { user, system } = process.cpuUsage(before);
+    return (user + system) / 1000;
+}
+
 async function large(browser, words, run) {
     const mock = new Mock(run);
-    const message = run.bricks(-1, 0).length;
+    const message = run.bricks(-1, 0);
     const idle = Math.max(
         ...memory(browser)
             .filter(({ kind }) => kind === "renderer")
@@ -108,13 +125,16 @@ async function large(browser, words, run) {
     const processes = memory(browser);
     const most = kind => Math.max(...processes.filter(process => process.kind === kind).map(({ rss }) => rss));
     console.log(
-        `${words}: ${run.marks[0].occupied} occupied of ${run.marks[0].known} known voxels in ${(message / MB).toFixed(1)} MB, ${rectangles} rectangles`,
+        `${words}: ${run.marks[0].occupied} occupied of ${run.marks[0].known} known voxels in ${(message.length / MB).toFixed(1)} MB, ${rectangles} rectangles`,
     );
     console.log(
         `  first frame with voxels ${first.toFixed(0)} ms after the page was asked for, the whole map ${whole.toFixed(0)} ms, painted ${painted.toFixed(0)} ms`,
     );
     console.log(
         `  memory of the page's process ${most("renderer").toFixed(0)} MB (empty: ${idle.toFixed(0)} MB), of the drawing process ${most("gpu-process").toFixed(0)} MB`,
+    );
+    console.log(
+        `  of it taking the bricks in and meshing them, CPU time in Node: ${takingAndMeshing(message).toFixed(0)} ms`,
     );
     await rate(page, "the whole map", "0");
     await rate(page, "from within", "elk.stage.camera.move({ distance: 12 })");

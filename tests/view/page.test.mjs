@@ -435,10 +435,15 @@ pageTest("all of it works with keys", {}, async ({ page, mock }) => {
     );
 });
 
-for (const width of [360, 760, 1280]) {
+for (const [width, height] of [
+    [360, 740],
+    [740, 360],
+    [760, 740],
+    [1280, 740],
+]) {
     pageTest(
-        `nothing is cut off at a width of ${width}`,
-        { page: { width, height: 740, touch: width === 360 } },
+        `nothing is cut off at ${width} × ${height}`,
+        { page: { width, height, touch: Math.min(width, height) === 360 } },
         async ({ page }) => {
             for (const tab of ["run", "apps", "variables", "logs", "events"]) {
                 await click(page, `#tab-${tab}`);

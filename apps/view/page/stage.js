@@ -10,6 +10,8 @@ import { heightSlider, layerSwitches, viewButtons } from "./viewbar.js";
 const by = id => document.getElementById(id);
 /** A frame that comes later than this (ms) after it was asked for is slow: while a hand moves, half the resolution does. */
 const SLOW_MS = 60;
+/** How long the picture of a state that is to be forgotten is kept in sight, at most, until the next one is whole (ms). */
+const HOLD_MS = 1000;
 /** After the last movement, until the picture is drawn in full (ms). */
 const STILL_MS = 200;
 
@@ -19,6 +21,7 @@ export class Stage {
     /** Until when a hand is taken to move the camera. */
     #movingUntil = 0;
     #shownVersion = -1;
+    #heldUntil = 0;
 
     /** For whoever measures: frames so far, and when the first one and the first whole one with voxels were drawn (ms). */
     frames = 0;
@@ -41,6 +44,8 @@ export class Stage {
         this.height = heightSlider(world);
         layerSwitches(world, link);
         world.watch(what => this.#worldChanged(what));
+        for (const end of ["hello", "reset"]) link.on(end, () => (this.#heldUntil = performance.now() + HOLD_MS));
+        link.on("frame", () => (this.#heldUntil = 0));
         new ResizeObserver(() => this.redraw()).observe(by("stage"));
         addEventListener("scheme", () => this.#recolour());
         this.#recolour();
@@ -75,6 +80,7 @@ export class Stage {
     #frame(now) {
         const late = now - this.#asked;
         this.#asked = null;
+        if (now < this.#heldUntil) return this.redraw();
         this.#keepUp();
         const share = now < this.#movingUntil && late > SLOW_MS ? 0.5 : 1;
         const more = this.isFlat ? this.flat.draw(this.colours) : this.scene.draw(this.colours, share, late);

@@ -37,7 +37,7 @@ export function layerSwitches(world, link) {
     by("layers")
         .querySelector("div")
         .append(...labels);
-    by("layers").open = matchMedia("(min-width: 761px)").matches;
+    by("layers").open = matchMedia("(min-width: 761px) and (min-height: 561px)").matches;
     const ask = () => link.send({ type: "show", layers: SENT.filter(layer => world.shown.has(layer)) });
     const show = () => Object.entries(boxes).forEach(([layer, box]) => (box.checked = world.shown.has(layer)));
     link.on("hello", ask);
