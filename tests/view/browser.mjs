@@ -25,7 +25,7 @@ const WITHOUT = ["--disable-3d-apis"];
 /** Numbers that Chromium wants of keys without a text. */
 const CODES = { Tab: 9, Escape: 27, ArrowLeft: 37, ArrowRight: 39 };
 /** After this nothing comes any more: a test that waits so long has failed (ms). */
-const WATCHDOG_MS = 20_000;
+const WATCHDOG_MS = 120_000;
 
 /** Waits until `look()` gives something, and returns it. */
 export async function until(look, what) {

@@ -3,6 +3,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { Camera } from "../../apps/view/page/camera.js";
+import { dot, facing, frustum, sees, subtract } from "../../apps/view/page/vectors.js";
 import { readBinary } from "../../apps/view/page/binary.js";
 import { check } from "../../apps/view/page/messages.js";
 import { faces, freeRows, rowsWithout, section } from "../../apps/view/page/mesh.js";
@@ -185,6 +187,43 @@ test("a brick has its neighbours drawn anew, and voxels of another size are anot
     assert.deepEqual(changed.sort(), [0, 1]);
     voxels.take({ resolution: 0.2, bricks: [{ x: 0, y: 0, z: 0, ...full }] });
     assert.deepEqual([cleared, voxels.occupied], [1, 512]);
+});
+
+test("no face that is turned to the eye is left out, and no box that it sees", () => {
+    const next = random(5);
+    const camera = new Camera(() => {});
+    for (let i = 0; i < 300; i++) {
+        camera.move({
+            yaw: 7 * next(),
+            pitch: 3 * next() - 1.5,
+            distance: 1 + 20 * next(),
+            target: [next(), next(), next()],
+        });
+        const eye = camera.eye();
+        const middle = [0, 1, 2].map(() => 20 * next() - 10);
+        const half = 0.2 + 3 * next();
+        const turned = facing(middle, half, eye);
+        const matrix = camera.matrix(1.5);
+        const seen = sees(
+            frustum(matrix),
+            middle.map(value => value - half),
+            middle.map(value => value + half),
+        );
+        for (let j = 0; j < 30; j++) {
+            const point = middle.map(value => value + half * (2 * next() - 1));
+            STEPS.forEach((normal, face) => {
+                if (dot(normal, subtract(eye, point)) > 0) assert(turned[face], `face ${face} of ${point} from ${eye}`);
+            });
+            const [x, y, z, w] = [0, 1, 2, 3].map(
+                row =>
+                    dot(
+                        matrix.filter((_, k) => k % 4 === row),
+                        point,
+                    ) + matrix[12 + row],
+            );
+            if ([x, y, z].every(value => Math.abs(value) <= w)) assert(seen, `${point} from ${eye}`);
+        }
+    }
 });
 
 test("a binary message that is cut or too long is none", () => {

@@ -3,7 +3,7 @@
 import { Quads, word } from "./gl.js";
 import { faces, freeRows, rowsWithout, section } from "./mesh.js";
 import { ramp } from "./palette.js";
-import { frustum, length, sees, subtract } from "./vectors.js";
+import { facing, frustum, length, sees, subtract } from "./vectors.js";
 import { SIDE } from "./voxels.js";
 
 const FRONTIER_ALPHA = 0.42;
@@ -170,11 +170,6 @@ export class Chunks {
             else quads.draw();
         }
     }
-}
-
-/** Which of the six faces of a chunk's voxels may be turned to an eye: half of them never are. */
-function facing(middle, half, eye) {
-    return middle.flatMap((value, axis) => [eye[axis] < value + half, eye[axis] > value - half]);
 }
 
 /** Draws the quads of the faces that may be seen, those of neighbouring faces in one go. */

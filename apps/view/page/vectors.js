@@ -68,3 +68,8 @@ export function sees(planes, low, high) {
             a * (a > 0 ? high[0] : low[0]) + b * (b > 0 ? high[1] : low[1]) + c * (c > 0 ? high[2] : low[2]) + d >= 0,
     );
 }
+
+/** Which of the faces -x, +x, -y, … of cells in a cube may be turned to an eye: there are never all of them, but from within. */
+export function facing(middle, half, eye) {
+    return middle.flatMap((value, axis) => [eye[axis] < value + half, eye[axis] > value - half]);
+}
