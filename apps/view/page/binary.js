@@ -1,0 +1,57 @@
+// The server's binary messages: bricks of voxels, and scans.
+
+const BRICKS = 1;
+const SCAN = 2;
+/** Bytes of one plane of a brick: 8 × 8 × 8 bits. */
+const PLANE = 64;
+/** Planes of a brick, in the order of their bits. */
+const PLANES = 3;
+
+/** The message in a buffer, or null if it is of a kind that this page does not know; throws if it is cut or overlong. */
+export function readBinary(buffer) {
+    const view = new DataView(buffer);
+    if (view.byteLength === 0) throw new Error("a binary message without a byte");
+    switch (view.getUint8(0)) {
+        case BRICKS:
+            return readBricks(view);
+        case SCAN:
+            return readScan(view);
+        default:
+            return null;
+    }
+}
+
+/** `{resolution, bricks: [{x, y, z, planes: [known, occupied, frontier]}]}`; a plane is 64 bytes, or null if it is empty. */
+function readBricks(view) {
+    if (view.byteLength < 12) throw new Error(`bricks in ${view.byteLength} bytes`);
+    // 0.1 m in 32 bits is a little more than 0.1: the seven digits that they hold are what was meant.
+    const resolution = Number(view.getFloat32(4, true).toPrecision(7));
+    const count = view.getUint32(8, true);
+    if (!(resolution > 0) || !Number.isFinite(resolution)) throw new Error(`bricks of voxels of ${resolution} m`);
+    const bricks = [];
+    let at = 12;
+    for (let i = 0; i < count; i++) {
+        if (at + 8 > view.byteLength) throw new Error(`bricks end after ${i} of ${count}`);
+        const [x, y, z] = [0, 2, 4].map(offset => view.getInt16(at + offset, true));
+        const present = view.getUint8(at + 6);
+        if (present >> PLANES) throw new Error(`brick ${i} of ${count} has planes ${present}`);
+        at += 8;
+        const planes = [null, null, null];
+        for (let plane = 0; plane < PLANES; plane++) {
+            if (!((present >> plane) & 1)) continue;
+            if (at + PLANE > view.byteLength) throw new Error(`bricks end in ${i} of ${count}`);
+            planes[plane] = new Uint8Array(view.buffer, at, PLANE);
+            at += PLANE;
+        }
+        bricks.push({ x, y, z, planes });
+    }
+    if (at !== view.byteLength) throw new Error(`${view.byteLength - at} bytes after ${count} bricks`);
+    return { type: "bricks", resolution, bricks };
+}
+
+/** `{points}`: x, y, z of each point in turn (m, world). */
+function readScan(view) {
+    const count = view.byteLength >= 8 ? view.getUint32(4, true) : -1;
+    if (view.byteLength !== 8 + 12 * count) throw new Error(`a scan of ${count} points in ${view.byteLength} bytes`);
+    return { type: "scan", points: new Float32Array(view.buffer.slice(8)) };
+}

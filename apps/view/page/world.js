@@ -1,0 +1,91 @@
+// The model: what the server has said of map and robot, and what of it a person wants to see. Views are told of changes.
+
+import { Voxels } from "./voxels.js";
+
+/** What can be shown and hidden: its name on the page, the key that switches it, and its colour, if it has only one. */
+export const LAYERS = {
+    occupied: { name: "Occupied", key: "1", shown: true },
+    frontier: { name: "Frontier", key: "2", shown: true, colour: "frontier" },
+    robot: { name: "Robot", key: "3", shown: true, colour: "robot" },
+    way: { name: "Way", key: "4", shown: true, colour: "way" },
+    plan: { name: "Plan", key: "5", shown: true, colour: "plan" },
+    scan: { name: "Scan", key: "6", shown: true, colour: "ink" },
+    grid: { name: "Grid", key: "7", shown: true, colour: "line" },
+    closed: { name: "Backs of walls", key: "8", shown: false },
+};
+
+export class World {
+    #watchers = [];
+
+    voxels = new Voxels();
+    shown = new Set(Object.keys(LAYERS).filter(layer => LAYERS[layer].shown));
+    /** Height (m) above which nothing is shown, or null. */
+    clip = null;
+
+    constructor(link) {
+        this.#forget();
+        link.on("hello", () => this.forget());
+        link.on("reset", () => this.forget());
+        link.on("bricks", message => this.#change(() => this.voxels.take(message)));
+        link.on("scan", ({ points }) => this.#change(() => (this.scan = points)));
+        link.on("robot", robot => this.#change(() => (this.robot = robot)));
+        link.on("way", ({ from, points }) => this.#change(() => replaceFrom(this.way, from, points)));
+        link.on("plan", ({ points, target }) => this.#change(() => Object.assign(this, { plan: points, target })));
+    }
+
+    /** Has `watcher(what)` called when anything is other than it was: `world`, `shown` or `clip`. */
+    watch(watcher) {
+        this.#watchers.push(watcher);
+    }
+
+    forget() {
+        this.#change(() => {
+            this.voxels.clear();
+            this.#forget();
+        });
+    }
+
+    show(layer, shown) {
+        if (shown) this.shown.add(layer);
+        else this.shown.delete(layer);
+        this.#tell("shown");
+    }
+
+    clipAt(height) {
+        this.clip = height;
+        this.#tell("clip");
+    }
+
+    /** Index of the uppermost layer of voxels that is shown, or null for all. */
+    clipLayer() {
+        if (this.clip === null || this.voxels.resolution === null) return null;
+        return Math.round(this.clip / this.voxels.resolution) - 1;
+    }
+
+    #forget() {
+        this.robot = null;
+        this.way = [];
+        this.plan = [];
+        this.target = null;
+        this.scan = new Float32Array(0);
+    }
+
+    #change(change) {
+        try {
+            change();
+        } finally {
+            this.#tell("world");
+        }
+    }
+
+    #tell(what) {
+        for (const watcher of this.#watchers) watcher(what);
+    }
+}
+
+/** Puts `points` in place of all that `list` has from index `from` on. */
+export function replaceFrom(list, from, points) {
+    if (from > list.length) throw new Error(`points from ${from} on, but only ${list.length} are known`);
+    list.length = from;
+    for (const point of points) list.push(point);
+}
