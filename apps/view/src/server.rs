@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use axum::Router;
-use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -22,8 +22,9 @@ const MOST_PAGES: usize = 64;
 /// The longest message that a page says (bytes).
 const MOST_SAID: usize = 64 << 10;
 /// What a page may load: its own files, and nothing from anywhere else.
-const POLICY: &str = "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
-                      frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+const POLICY: &str = "default-src 'self'; frame-ancestors 'none'";
+/// Why a page is not let in, as WebSocket says it: it breaks a rule.
+const POLICY_VIOLATION: u16 = 1008;
 
 /// Who may come, and what he is shown.
 pub(crate) struct Door {
@@ -49,18 +50,19 @@ impl Door {
 /// The routes of a server.
 pub(crate) fn router(door: Arc<Door>) -> Router {
     let index = |State(door): State<Arc<Door>>, headers: HeaderMap| async move {
-        admit(&door, &headers).err().unwrap_or_else(|| shown(&FILES[0]))
+        admit(&door, &headers).map_or_else(|why| refuse(&why), |()| shown(&FILES[0]))
     };
     let file = |State(door): State<Arc<Door>>, headers: HeaderMap, Path(path): Path<String>| async move {
         let found = FILES.iter().find(|file| file.path == path);
-        admit(&door, &headers).err().unwrap_or_else(|| found.map_or(StatusCode::NOT_FOUND.into_response(), shown))
+        let answer = || found.map_or_else(|| StatusCode::NOT_FOUND.into_response(), shown);
+        admit(&door, &headers).map_or_else(|why| refuse(&why), |()| answer())
     };
     Router::new().route("/", get(index)).route("/ws", get(connect)).route("/{*path}", get(file)).with_state(door)
 }
 
 fn shown(file: &File) -> Response {
     let headers = [
-        (header::CONTENT_TYPE, file.media_type),
+        (header::CONTENT_TYPE, file.media_type()),
         (header::CACHE_CONTROL, "no-cache"),
         (header::CONTENT_SECURITY_POLICY, POLICY),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -75,24 +77,30 @@ async fn connect(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    if let Err(refusal) = admit(&door, &headers) {
-        return refusal;
+    if let Err(why) = admit(&door, &headers) {
+        return refuse(&why);
     }
-    if let Some(token) = &door.token
-        && !same(token, &key.token)
-    {
-        return refuse("the token is missing or wrong: open the address that `elk view` printed");
+    let upgrade = upgrade.max_message_size(MOST_SAID).max_frame_size(MOST_SAID);
+    if door.token.as_ref().is_some_and(|token| !same(token, &key.token)) {
+        return turn_away(upgrade, "the token is missing or wrong: open the address that `elk view` printed");
     }
+    let place = Place(door.clone());
     if door.pages.fetch_add(1, Ordering::Relaxed) >= MOST_PAGES {
-        door.pages.fetch_sub(1, Ordering::Relaxed);
-        return (StatusCode::SERVICE_UNAVAILABLE, format!("{MOST_PAGES} pages are open already; close one\n"))
-            .into_response();
+        return turn_away(upgrade, "as many pages are open as may be: close one");
     }
     let number = door.numbers.fetch_add(1, Ordering::Relaxed);
-    let guard = Place(door.clone());
-    upgrade.max_message_size(MOST_SAID).max_frame_size(MOST_SAID).on_upgrade(move |socket| async move {
-        session::serve(number, socket, guard.0.shared.clone()).await;
-        drop(guard);
+    upgrade.on_upgrade(move |socket| async move {
+        session::serve(number, socket, place.0.shared.clone()).await;
+        drop(place);
+    })
+}
+
+/// A page is only told what the WebSocket says, so that it has to be let in to be told why it is not.
+fn turn_away(upgrade: WebSocketUpgrade, why: &'static str) -> Response {
+    upgrade.on_upgrade(async move |mut socket: WebSocket| {
+        let frame = CloseFrame { code: POLICY_VIOLATION, reason: Utf8Bytes::from_static(why) };
+        // Who has gone need not be told.
+        let _ = socket.send(Message::Close(Some(frame))).await;
     })
 }
 
@@ -106,15 +114,15 @@ impl Drop for Place {
 }
 
 /// A page of somebody else's, or one that reached this machine under another's name, must not steer a robot.
-fn admit(door: &Door, headers: &HeaderMap) -> Result<(), Response> {
+fn admit(door: &Door, headers: &HeaderMap) -> Result<(), String> {
     let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or_default());
     let host = text(header::HOST).unwrap_or_default();
     if door.token.is_none() && !is_this_machine(host) {
-        return Err(refuse(&format!("{host:?} is no name of this machine alone: open http://127.0.0.1 with the port")));
+        return Err(format!("{host:?} is no name of this machine alone: open http://127.0.0.1 with the port"));
     }
     match text(header::ORIGIN) {
         Some(origin) if origin.split_once("://").is_none_or(|(_, from)| from != host) => {
-            Err(refuse(&format!("a page of {origin} may not talk to this one")))
+            Err(format!("a page of {origin} may not talk to this one"))
         }
         _ => Ok(()),
     }

@@ -54,7 +54,9 @@ pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
     let (answers, mut answered) = mpsc::channel(64);
     let mut changes = shared.changes();
     changes.mark_changed();
-    let (wants, seen) = (Wants::default(), Seen::default());
+    // Until a page says what it shows, it shows all.
+    let (wants, seen) = (Wants { scan: true, ..Wants::default() }, Seen::default());
+    shared.want(number, wants.clone());
     let mut session =
         Session { number, shared: shared.clone(), out, wants, seen, sent: 0, taken: 0, log: None, orders: 0, answers };
     let mut logs = interval(LOG_EVERY);
@@ -103,7 +105,7 @@ impl Session {
     }
 
     async fn complain(&mut self, what: &str) -> Result<(), Gone> {
-        self.send(Message::of(&json!({"type": "event", "time": null, "text": format!("not understood: {what}")}))).await
+        self.send(Message::of(&json!({"type": "answer", "ok": false, "text": format!("not understood: {what}")}))).await
     }
 
     /// Sends what is new.
@@ -145,8 +147,13 @@ impl Session {
                 Ok(())
             }
             Ok(Said::Logs { app }) => {
-                let path = |app: &String| self.shared.steering.as_ref()?.log(app);
-                self.log = app.and_then(|app| path(&app).map(|path| Tail::new(app, path)));
+                let steering = self.shared.steering.clone();
+                let found = tokio::task::spawn_blocking(move || {
+                    let app = app?;
+                    let path = steering?.log(&app)?;
+                    Some(Tail::new(app, path))
+                });
+                self.log = found.await.unwrap_or_default();
                 Ok(())
             }
             Ok(Said::Order { id, order }) => {
@@ -154,7 +161,7 @@ impl Session {
             }
             Ok(Said::Poke { id, key, value }) => self.steer(id, move |steering, _| steering.poke(&key, &value)).await,
             Ok(Said::Types { id }) => {
-                let elements = self.shared.steering.as_ref().map(|steering| steering.types());
+                let elements = self.shared.steering.as_ref().map_or(json!([]), |steering| steering.types());
                 self.send(Message::of(&json!({"type": "types", "id": id, "elements": elements}))).await
             }
             Ok(Said::Play { playing, rate, looping }) => {

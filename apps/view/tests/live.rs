@@ -1,6 +1,7 @@
 //! Pages of a community that runs, over real sockets.
 
-use std::collections::BTreeMap;
+mod common;
+
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
@@ -12,18 +13,16 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::{BrokerConfig, Client, Clock, Community, serve_broker};
-use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
+use elk_geometry::{OccupancyGrid, Pose};
 use elk_spatial::keys::{MAP, MAP_UPDATE, camera_pose};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::CameraPose;
 use elk_view::{Options, Order, Source, Steering, serve};
 use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
-use tungstenite::client::IntoClientRequest;
-use tungstenite::{Message, WebSocket};
+use tungstenite::Message;
 
-/// How long anything may take on a machine that has much to do.
-const PATIENCE: Duration = Duration::from_secs(60);
+use common::{PATIENCE, Page, wall};
 
 /// Tells this program that it is a broker, and of which community.
 const ROLE: &str = "ELK_VIEW_TEST_BROKER";
@@ -122,11 +121,7 @@ impl Lab {
     }
 
     fn page(&self) -> Page {
-        let stream = TcpStream::connect(self.address).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        let request = format!("ws://{}/ws", self.address).into_client_request().unwrap();
-        let (socket, _) = tungstenite::client(request, stream).unwrap();
-        Page { socket, bricks: BTreeMap::new(), resets: 0, last: BTreeMap::new() }
+        Page::open(self.address, "")
     }
 
     /// The answer to a plain request, head and body.
@@ -146,83 +141,6 @@ impl Drop for Lab {
         self.broker.kill().and_then(|()| self.broker.wait()).unwrap();
         assert!(std::thread::panicking() || ended.is_none_or(|ended| ended.is_ok()));
     }
-}
-
-struct Page {
-    socket: WebSocket<TcpStream>,
-    /// Occupied voxels by brick.
-    bricks: BTreeMap<[i16; 3], u32>,
-    resets: u32,
-    /// The last message of each kind.
-    last: BTreeMap<String, Value>,
-}
-
-impl Page {
-    fn say(&mut self, message: &Value) {
-        self.socket.send(Message::text(message.to_string())).unwrap();
-    }
-
-    /// The next message of a kind; frames are taken and acknowledged meanwhile.
-    fn next(&mut self, kind: &str) -> Value {
-        let waited = Stopwatch::start();
-        while waited.elapsed() < PATIENCE {
-            match self.socket.read().unwrap() {
-                Message::Text(text) => {
-                    let message: Value = serde_json::from_str(&text).unwrap();
-                    if message["type"] == "frame" {
-                        self.say(&json!({"type": "ack", "number": message["number"]}));
-                    }
-                    if message["type"] == "reset" {
-                        self.resets += 1;
-                        self.bricks.clear();
-                    }
-                    self.last.insert(message["type"].as_str().unwrap().to_owned(), message.clone());
-                    if message["type"] == kind {
-                        return message;
-                    }
-                }
-                Message::Binary(frame) if frame[0] == 1 => self.take(&frame),
-                _ => {}
-            }
-        }
-        panic!("no {kind} has come");
-    }
-
-    /// The last message of a kind, which may have come already.
-    fn last(&mut self, kind: &str) -> Value {
-        self.last.get(kind).cloned().unwrap_or_else(|| self.next(kind))
-    }
-
-    fn take(&mut self, frame: &[u8]) {
-        let mut rest = &frame[12..];
-        while !rest.is_empty() {
-            let index = |i: usize| i16::from_le_bytes([rest[2 * i], rest[2 * i + 1]]);
-            let (brick, planes) = ([index(0), index(1), index(2)], rest[6]);
-            rest = &rest[8..];
-            let mut occupied = 0;
-            for bit in [1, 2, 4] {
-                if planes & bit != 0 {
-                    let (plane, behind) = rest.split_at(64);
-                    occupied += if bit == 2 { plane.iter().map(|byte| byte.count_ones()).sum() } else { 0 };
-                    rest = behind;
-                }
-            }
-            self.bricks.insert(brick, occupied);
-        }
-    }
-
-    fn occupied(&self) -> u32 {
-        self.bricks.values().sum()
-    }
-}
-
-/// A wall that grows, a row of voxels a scan.
-fn wall(map: &mut OccupancyGrid, scan: i32) -> MapUpdate {
-    let voxels: Vec<Voxel> = (0..40).map(|x| Voxel::new(x, scan, 3)).collect();
-    voxels.iter().for_each(|voxel| {
-        map.set(*voxel, State::Occupied);
-    });
-    MapUpdate::new(map.advance(&voxels), scan as u64)
 }
 
 #[test]
@@ -326,7 +244,7 @@ fn orders_are_done_and_answered_unless_pages_only_look() {
     page.socket.send(Message::text("{}")).unwrap();
     page.socket.send(Message::binary(vec![1, 2, 3])).unwrap();
     for _ in 0..2 {
-        assert!(page.next("event")["text"].as_str().unwrap().contains("not understood"));
+        assert!(page.next("answer")["text"].as_str().unwrap().contains("not understood"));
     }
     drop(page);
 

@@ -1,0 +1,106 @@
+//! Pages of a recorded run.
+
+mod common;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+
+use elk_bus::{Payload, TypeRef, Value as BusValue, codec};
+use elk_geometry::{OccupancyGrid, Pose};
+use elk_log::{LogWriter, Metadata, Record};
+use elk_spatial::keys::{MAP_UPDATE, camera_pose};
+use elk_spatial::messages::CameraPose;
+use elk_view::{Options, Source, ViewError, serve};
+use nalgebra::{Point3, Vector3};
+use serde_json::json;
+
+use common::{Page, wall};
+
+/// Scans of the run, one a second, from second 1000 on; each adds 40 occupied voxels.
+const SCANS: i32 = 3_000;
+
+fn typed<T: Payload>(value: &T::View<'_>) -> BusValue {
+    let mut bytes = Vec::new();
+    codec::encode_onto(value, &mut bytes).unwrap();
+    BusValue::Binary { type_: TypeRef::of::<T>().to_type(), bytes }
+}
+
+fn record(log: &mut LogWriter, order: u64, key: &str, time: f64, value: BusValue) {
+    let [source, source_aux, community] = ["Map", "", "lab"].map(str::to_owned);
+    let (sequence, received) = (order, time);
+    let record =
+        Record { key: key.into(), source, source_aux, community, time, sequence, received, order, epoch: 1, value };
+    log.append(&record.as_ref()).unwrap();
+}
+
+fn recorded(path: &Path) {
+    let mut log = LogWriter::create(path, &Metadata::default()).unwrap();
+    let mut map = OccupancyGrid::new(0.1);
+    for scan in 1..=SCANS {
+        let (time, order) = (1000.0 + f64::from(scan), 2 * scan as u64);
+        record(&mut log, order, MAP_UPDATE.name(), time, typed::<elk_spatial::map::MapUpdate>(&wall(&mut map, scan)));
+        let pose = Pose::looking(Point3::new(f64::from(scan), 0.0, 1.0), Vector3::x());
+        let said = CameraPose { command: scan as u64, pose };
+        record(&mut log, order + 1, camera_pose("NAV").name(), time, typed::<CameraPose>(&said));
+    }
+    log.finish().unwrap();
+}
+
+#[test]
+fn the_state_at_any_time_is_whole_backwards_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.mcap");
+    recorded(&log);
+    let stop = Arc::new(AtomicBool::new(false));
+    let (ready, address) = channel();
+    let options = Options { address: "127.0.0.1:0".parse().unwrap(), any_port: false, read_only: false };
+    let stopped = stop.clone();
+    let view = std::thread::spawn(move || {
+        serve(Source::Log(log), &options, None, |url| ready.send(url.to_owned()).unwrap(), &stopped)
+    });
+    let url: String = address.recv().unwrap();
+    let address = url.trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
+    let mut page = Page::open(address, "");
+    let hello = page.next("hello");
+    assert_eq!(hello["recorded"], json!({"log": "log.mcap", "start": 1001.0, "end": 1000.0 + f64::from(SCANS)}));
+    assert_eq!((&hello["live"], &hello["read_only"]), (&json!(null), &json!(true)));
+    page.say(&json!({"type": "play", "playing": false, "rate": 1.0, "looping": false}));
+    for scan in [2_000, 1_500, 2_999, 7, 1_500, 3_000, 1, 2_500, 600] {
+        let time = 1000.5 + f64::from(scan);
+        page.say(&json!({"type": "seek", "time": time}));
+        // Of where it was before there may be frames on their way.
+        while page.last("timeline")["at"] != json!(time.min(1000.0 + f64::from(SCANS)))
+            || page.occupied() != 40 * scan as u32
+            || page.last("robot")["position"][0] != json!(f64::from(scan))
+        {
+            page.next("frame");
+        }
+    }
+    page.say(&json!({"type": "order", "id": 1, "order": {"command": "pause"}}));
+    assert_eq!(page.next("answer")["ok"], json!(false), "what is over cannot be steered");
+    // Played as fast as it goes, from its beginning, it ends where it ended.
+    page.say(&json!({"type": "seek", "time": 0.0}));
+    page.say(&json!({"type": "play", "playing": true, "rate": 1000.0, "looping": false}));
+    while page.occupied() != 40 * SCANS as u32 || page.last("timeline")["playing"] != json!(false) {
+        page.next("frame");
+    }
+    stop.store(true, Ordering::Relaxed);
+    view.join().unwrap().unwrap();
+}
+
+#[test]
+fn what_is_no_log_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("no.mcap");
+    let options = Options { address: "127.0.0.1:0".parse().unwrap(), any_port: false, read_only: false };
+    let stop = AtomicBool::new(false);
+    let refused = serve(Source::Log(path.clone()), &options, None, |_| {}, &stop).unwrap_err();
+    assert!(matches!(refused, ViewError::Log(_)) && refused.to_string().contains("no.mcap"), "{refused}");
+    // A port that is taken is named, and what to do.
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let options = Options { address: taken.local_addr().unwrap(), ..options };
+    let refused = serve(Source::Log(path), &options, None, |_| {}, &stop).unwrap_err();
+    assert!(refused.to_string().contains("--port"), "{refused}");
+}
