@@ -41,7 +41,7 @@ function pageTest(name, options, body) {
         const page = await browser.open(url, options.page);
         open.push(page);
         try {
-            await page.until("elk.occupied > 0 && elk.stage.frames > 0");
+            await page.until("elk.stage.whenFirst");
             await body({ page, mock, url });
             assert.deepEqual(errors, [], "errors on the page");
         } finally {

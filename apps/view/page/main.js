@@ -88,7 +88,7 @@ for (const [layer, { key }] of Object.entries(LAYERS)) KEYS[key] = () => world.s
 
 addEventListener("keydown", event => {
     const { target, key } = event;
-    const inField = target.closest?.("input:not([type=checkbox]):not([type=range]), select, textarea, dialog");
+    const inField = target.closest?.("input:not([type=checkbox]):not([type=range]), select, textarea, dialog[open]");
     const pressing = key === " " && target.closest?.("button, input, summary");
     const action = KEYS[key.length === 1 ? key.toLowerCase() : key];
     // On some keyboards a bracket is typed with AltGr, which is no command to the browser.
