@@ -142,6 +142,11 @@ impl Goals {
         self.at.contains_key(&voxel)
     }
 
+    /// The voxels that have a goal, in no order.
+    pub(crate) fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
+        self.at.keys().copied()
+    }
+
     /// All goals, always in the same order for the same map.
     pub fn iter(&self) -> impl Iterator<Item = &Goal> {
         let is_first =
