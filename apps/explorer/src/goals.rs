@@ -9,7 +9,6 @@ use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
 use elk_geometry::bricks::BrickHasher;
-use elk_geometry::visibility::Lookout;
 use nalgebra::Point3;
 
 use crate::space::Space;
@@ -109,11 +108,11 @@ impl Goals {
         targets: impl IntoIterator<Item = &'a Target>,
         verdicts: &mut Verdicts,
     ) -> (Self, Far) {
-        let lookout = Lookout::new(LAST_RESORT_M.min(range_m), space.resolution()).from_within(&space.reach);
+        let mut looks = verdicts.looks(space, LAST_RESORT_M.min(range_m));
         let (mut goals, mut far) = (Self::default(), Far::default());
         let mut seen = 0;
         for target in targets {
-            let places = verdicts.views(space, target, &lookout);
+            let places = looks.places(target);
             let mut untried = places.iter().filter(|(voxel, _)| target.untried(*voxel)).peekable();
             if places.is_empty() {
                 far.invisible.push(target.voxel);
@@ -141,6 +140,11 @@ impl Goals {
     /// Whether there is a goal in a voxel.
     pub fn contains(&self, voxel: Voxel) -> bool {
         self.at.contains_key(&voxel)
+    }
+
+    /// The voxels that have a goal, in no order.
+    pub(crate) fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
+        self.at.keys().copied()
     }
 
     /// All goals, always in the same order for the same map.

@@ -21,7 +21,8 @@ impl<'a> View<'a> {
     /// The way to the closest goal; `None`: there is a way to none.
     pub fn closest(&self, journal: &mut Journal) -> Option<Route> {
         let way = journal.time("search", || {
-            astar::closest(&self.space.reach, self.space.start(), |voxel| self.goals.contains(voxel))
+            let is_goal = |voxel| self.goals.contains(voxel);
+            astar::closest_of(&self.space.reach, self.space.start(), is_goal, || self.goals.voxels())
         })?;
         Route::over_voxels(self, &way)
     }
