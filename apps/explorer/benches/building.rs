@@ -7,6 +7,7 @@
 
 mod run;
 
+use elk_field::Solver;
 use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use elk_world::World;
 use elk_world::random::Random;
@@ -98,14 +99,16 @@ fn main() {
         wanted = vec![10, 30, 100, 300, 1000];
     }
     let is_named = |name: &str| words.iter().any(|word| word == name);
-    let types = strategies(0.0).iter().any(|strategy| is_named(strategy.name()));
+    let types = strategies(Solver::Cascade, None, 0.0).iter().any(|strategy| is_named(strategy.name()));
     println!("by step:                  p50      p99  largest            sum");
     for rooms in wanted {
         let building = Building::new(rooms + AHEAD, SEED);
         let known = explored(&building, rooms);
         let bounds = Bounds::from_mid_dim(building.extents().mid(), building.extents().dim() + Vector3::repeat(1.0));
         println!("{rooms} rooms: {} voxels known", known.free() + known.occupied());
-        for strategy in strategies(0.0).into_iter().filter(|strategy| !types || is_named(strategy.name())) {
+        for strategy in
+            strategies(Solver::Cascade, None, 0.0).into_iter().filter(|strategy| !types || is_named(strategy.name()))
+        {
             let world = World::from_triangles("building", building.scenery().triangles()).expect("it is a world");
             let mut run = Run::new(world, building.before(rooms - 1), bounds, strategy).knowing(&known);
             run.go(STEPS);

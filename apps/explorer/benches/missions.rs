@@ -3,12 +3,14 @@
 //!
 //! `cargo bench -p elk-explorer --bench missions -- [WORLD… [TYPE…]]`, all by default. A step is from one scan to the next.
 //! Times are CPU times of the thread; the digest is one of all plans: equal digests are equal runs.
-//! `isovolumes=SHARE` has `Potential` seal isovolumes; with `curves`, there follow of each of its plans, separated by commas,
-//! the share of the domain's blocks that is sealed and the time that the field takes (ms).
+//! `solver=multigrid` has `Potential` solve in full, to `tolerance=RESIDUAL`, and with `isovolumes=SHARE` seal isovolumes; with
+//! `curves`, there follow of each of its plans, separated by commas, the share of the domain's blocks that is sealed and the time
+//! that the field takes (ms).
 
 #[allow(dead_code, reason = "the benchmark of the building uses the rest")]
 mod run;
 
+use elk_field::Solver;
 use elk_geometry::{Bounds, Pose};
 use elk_world::{Placement, World};
 use run::{Run, strategies};
@@ -43,12 +45,19 @@ fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let is_named = |word: &str| wanted.iter().any(|name| name == word);
     let worlds = MISSIONS.iter().any(|mission| is_named(mission.world));
-    let share = wanted.iter().find_map(|word| word.strip_prefix("isovolumes="));
-    let share = share.map_or(0.0, |share| share.parse().expect("a share is a number"));
-    let types = strategies(share).iter().any(|strategy| is_named(strategy.name()));
+    let value = |name: &str| wanted.iter().find_map(|word| word.strip_prefix(name)?.strip_prefix('='));
+    let number = |name: &str| value(name).map(|number| number.parse::<f64>().expect("it is a number"));
+    let solver = match value("solver") {
+        None | Some("cascade") => Solver::Cascade,
+        Some("multigrid") => Solver::Multigrid,
+        Some(other) => panic!("solver={other}: cascade or multigrid"),
+    };
+    let all = || strategies(solver, number("tolerance"), number("isovolumes").unwrap_or(0.0));
+    assert!(value("isovolumes").is_none() || solver == Solver::Multigrid, "isovolumes are of solver=multigrid");
+    let types = all().iter().any(|strategy| is_named(strategy.name()));
     println!("by step:                  p50      p99  largest            sum");
     for mission in MISSIONS.iter().filter(|mission| !worlds || is_named(mission.world)) {
-        for strategy in strategies(share).into_iter().filter(|strategy| !types || is_named(strategy.name())) {
+        for strategy in all().into_iter().filter(|strategy| !types || is_named(strategy.name())) {
             let world = World::load(mission.world, &Placement::default()).expect("it is built in");
             let [yaw, pitch] = mission.heading.map(f64::to_radians);
             let start = Pose::from_yaw_pitch(mission.start.into(), yaw, pitch);

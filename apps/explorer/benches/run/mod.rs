@@ -192,6 +192,7 @@ impl Run {
             self.robot.contacts(),
         );
         self.explorer.report().iter().for_each(|report| println!("    {:?}", report.frontiers_left));
+        println!("    {:?}", self.explorer.journal().counters());
         self.record.print();
     }
 }
@@ -221,8 +222,9 @@ fn settings(bounds: Bounds) -> Settings {
     }
 }
 
-/// Those that missions name, the one with a field with isovolumes of this share.
-pub fn strategies(isovolumes: f64) -> [Box<dyn Strategy>; 2] {
-    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6).with_isovolumes(isovolumes);
+/// Those that missions name, the one with a field by this solver, as near as usual or this near, with isovolumes of this share.
+pub fn strategies(solver: Solver, tolerance: Option<f64>, isovolumes: f64) -> [Box<dyn Strategy>; 2] {
+    let tolerance = tolerance.unwrap_or(solver.usual_tolerance());
+    let potential = Potential::new(Start::Shortest, solver, tolerance).with_isovolumes(isovolumes);
     [Box::new(ClosestFrontier), Box::new(potential)]
 }
