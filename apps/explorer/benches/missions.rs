@@ -3,13 +3,17 @@
 //!
 //! `cargo bench -p elk-explorer --bench missions -- [WORLD… [TYPE…]]`, all by default. A step is from one scan to the next.
 //! Times are CPU times of the thread; the digest is one of all plans: equal digests are equal runs.
+//! `starts=N` has each run from so many places: the mission's, and free ones drawn by lot, the same for all.
 //! `isovolumes=SHARE` has `Potential` seal isovolumes; with `curves`, there follow of each of its plans, separated by commas,
 //! the share of the domain's blocks that is sealed and the time that the field takes (ms).
 
 #[allow(dead_code, reason = "the benchmark of the building uses the rest")]
 mod run;
 
+use std::f64::consts::TAU;
+
 use elk_geometry::{Bounds, Pose};
+use elk_world::random::Random;
 use elk_world::{Placement, World};
 use run::{Run, strategies};
 
@@ -30,6 +34,24 @@ const fn mission(
     Mission { world, start, heading, mid, dim }
 }
 
+impl Mission {
+    /// Where a run begins: as the file has it, or where lot number `number` falls.
+    fn start(&self, number: u64, world: &World) -> Pose {
+        let [yaw, pitch] = self.heading.map(f64::to_radians);
+        let mut random = Random::new(number, 0);
+        match number {
+            0 => Pose::from_yaw_pitch(self.start.into(), yaw, pitch),
+            _ => {
+                let place = world.draw_place(START_CLEARANCE_M, &mut random).expect("there is room");
+                Pose::from_yaw_pitch(place, random.between(0.0, TAU), 0.0)
+            }
+        }
+    }
+}
+
+/// Nothing is nearer to a start that is drawn (m).
+const START_CLEARANCE_M: f64 = 0.3;
+
 const MISSIONS: [Mission; 6] = [
     mission("car", ([0.0, 0.0, 0.8], [0.0, -15.0]), ([0.0, 0.0, 0.0], [5.7, 4.3, 4.5])),
     mission("apartment", ([2.2, 3.2, 1.2], [-120.0, -10.0]), ([3.0, 4.0, 1.0], [6.5, 8.5, 2.5])),
@@ -45,17 +67,19 @@ fn main() {
     let worlds = MISSIONS.iter().any(|mission| is_named(mission.world));
     let share = wanted.iter().find_map(|word| word.strip_prefix("isovolumes="));
     let share = share.map_or(0.0, |share| share.parse().expect("a share is a number"));
+    let starts = wanted.iter().find_map(|word| word.strip_prefix("starts="));
+    let starts = starts.map_or(1, |starts| starts.parse::<u64>().expect("starts are a number"));
     let types = strategies(share).iter().any(|strategy| is_named(strategy.name()));
     println!("by step:                  p50      p99  largest            sum");
     for mission in MISSIONS.iter().filter(|mission| !worlds || is_named(mission.world)) {
-        for strategy in strategies(share).into_iter().filter(|strategy| !types || is_named(strategy.name())) {
+        let all = || strategies(share).into_iter().filter(|strategy| !types || is_named(strategy.name()));
+        for (number, strategy) in (0..starts).flat_map(|number| all().map(move |strategy| (number, strategy))) {
             let world = World::load(mission.world, &Placement::default()).expect("it is built in");
-            let [yaw, pitch] = mission.heading.map(f64::to_radians);
-            let start = Pose::from_yaw_pitch(mission.start.into(), yaw, pitch);
+            let start = mission.start(number, &world);
             let bounds = Bounds::from_mid_dim(mission.mid.into(), mission.dim.into());
             let mut run = Run::new(world, start, bounds, strategy);
             run.go(usize::MAX);
-            run.print(mission.world);
+            run.print(&format!("{} from {number}", mission.world));
             if is_named("curves") {
                 run.curve.iter().for_each(|(sealed, secs)| println!("{sealed:.4},{:.3}", 1e3 * secs));
             }
