@@ -2,7 +2,7 @@ use super::*;
 use elk_geometry::Bounds;
 use elk_geometry::clearance::Clearance;
 
-use crate::strategies::{ClosestFrontier, InformationGain, Potential, Random, Start, WeightedInformationGain};
+use crate::strategies::{ClosestFrontier, InformationGain, Potential, Random, Start, Tour, WeightedInformationGain};
 use crate::{LeaveError, Policy};
 use elk_bus::{DecodeError, Describe};
 use elk_field::Solver;
@@ -153,6 +153,8 @@ fn every_strategy_and_policy_sees_everything_that_can_be_seen() {
         run(Box::new(InformationGain { seed: 1 }), settings(Policy::thesis(0.4))),
         run(weighted(), settings(Policy::elk(0.4))),
         run(weighted(), settings(Policy::thesis(0.4))),
+        run(Box::new(Tour), settings(Policy::elk(0.4))),
+        run(Box::new(Tour), settings(Policy::thesis(0.4))),
     ];
     for Run { report, grid, .. } in &runs {
         assert!(report.complete, "{report:?}");
@@ -388,13 +390,13 @@ fn strategies_hand_over_to_each_other_what_they_tried() {
     assert!(phases.contains(&"field") && phases.contains(&"search"), "{phases:?}");
 }
 
-/// Whoever draws by lot is exchanged after each plan, and draws what it would have drawn: the run is the same.
+/// Whoever is exchanged after each plan goes on as it would have, and draws by lot what it would have drawn: the run is the same.
 #[test]
-fn who_draws_by_lot_goes_on_as_the_one_before_would_have() {
-    let drawers: [fn() -> Box<dyn Strategy>; 3] =
-        [|| Box::new(Random { seed: 3 }), || Box::new(InformationGain { seed: 3 }), weighted];
-    for drawer in drawers {
-        let new = || Explorer::new(drawer(), settings(Policy::elk(0.4)));
+fn who_keeps_nothing_goes_on_as_the_one_before_would_have() {
+    let strategies: [fn() -> Box<dyn Strategy>; 4] =
+        [|| Box::new(Random { seed: 3 }), || Box::new(InformationGain { seed: 3 }), weighted, || Box::new(Tour)];
+    for strategy in strategies {
+        let new = || Explorer::new(strategy(), settings(Policy::elk(0.4)));
         let (alone, exchanged) = (relay(new(), |_| None), relay(new(), |_| Some(new())));
         assert!(alone.report.complete && alone.poses == exchanged.poses, "{:?}", alone.report);
     }
