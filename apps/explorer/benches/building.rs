@@ -106,9 +106,8 @@ fn main() {
         let known = explored(&building, rooms);
         let bounds = Bounds::from_mid_dim(building.extents().mid(), building.extents().dim() + Vector3::repeat(1.0));
         println!("{rooms} rooms: {} voxels known", known.free() + known.occupied());
-        for strategy in
-            strategies(Solver::Cascade, None, 0.0).into_iter().filter(|strategy| !types || is_named(strategy.name()))
-        {
+        let all = strategies(Solver::Cascade, None, 0.0).into_iter();
+        for strategy in all.filter(|one| if types { is_named(one.name()) } else { USUAL.contains(&one.name()) }) {
             let world = World::from_triangles("building", building.scenery().triangles()).expect("it is a world");
             let mut run = Run::new(world, building.before(rooms - 1), bounds, strategy).knowing(&known);
             run.go(STEPS);

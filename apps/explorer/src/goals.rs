@@ -149,9 +149,13 @@ impl Goals {
 
     /// All goals, always in the same order for the same map.
     pub fn iter(&self) -> impl Iterator<Item = &Goal> {
-        let is_first =
-            |(rank, goal): &(&Rank, &Goal)| self.at.get(&goal.voxel).and_then(BTreeSet::first) == Some(*rank);
-        self.list.iter().filter(is_first).map(|(_, goal)| goal)
+        self.iter_all().filter(|(_, is_first)| *is_first).map(|(goal, _)| goal)
+    }
+
+    /// All goals, those that share their voxel with one before them too, each with whether it is the one [`Goals::at`] has.
+    pub fn iter_all(&self) -> impl Iterator<Item = (&Goal, bool)> {
+        let is_first = |rank: &Rank, goal: &Goal| self.at.get(&goal.voxel).and_then(BTreeSet::first) == Some(rank);
+        self.list.iter().map(move |(rank, goal)| (goal, is_first(rank, goal)))
     }
 
     /// Whether there is none.

@@ -1,5 +1,6 @@
 //! The shortest ways from where the robot is to all goals at once.
 
+use elk_geometry::Voxel;
 use elk_geometry::astar::{self, Reached};
 
 use crate::goals::Goal;
@@ -16,6 +17,17 @@ impl<'a> View<'a> {
     /// The shortest ways to all goals: one search, whatever is then asked of it.
     pub fn ways(&self) -> Ways<'a> {
         Ways { view: *self, reached: astar::all(&self.space.reach, self.space.start()) }
+    }
+
+    /// The shortest way to `place`, from where the target of `goal` is seen; `None`: there is none.
+    pub fn route_by(&self, place: Voxel, goal: &Goal) -> Option<Route> {
+        self.way_by(place, goal.voxel)
+    }
+
+    /// The same where the goal, or the target of [`View::open`], is in voxel `goal`.
+    pub fn way_by(&self, place: Voxel, goal: Voxel) -> Option<Route> {
+        let way = astar::shortest(&self.space.reach, self.space.start(), place)?;
+        Some(Route::to_look(self, &way, goal))
     }
 
     /// The way to the closest goal; `None`: there is a way to none.
@@ -41,12 +53,21 @@ impl<'a> View<'a> {
 impl Ways<'_> {
     /// Length of the shortest way to a goal (m), from centre to centre of the voxels; `None`: there is none.
     pub fn length_m(&self, goal: &Goal) -> Option<f64> {
-        let voxels = self.reached.cost(goal.voxel)?;
-        Some(voxels * self.view.space.resolution())
+        self.length_to_m(goal.voxel)
+    }
+
+    /// The same to any place.
+    pub fn length_to_m(&self, place: Voxel) -> Option<f64> {
+        Some(self.reached.cost(place)? * self.view.space.resolution())
     }
 
     /// The shortest way to a goal; `None`: there is none.
     pub fn route(&self, goal: &Goal) -> Option<Route> {
-        Route::over_voxels(&self.view, &self.reached.way_to(goal.voxel)?)
+        self.route_by(goal.voxel, goal)
+    }
+
+    /// The shortest way to `place`, from where the target of `goal` is seen; `None`: there is none.
+    pub fn route_by(&self, place: Voxel, goal: &Goal) -> Option<Route> {
+        Some(Route::to_look(&self.view, &self.reached.way_to(place)?, goal.voxel))
     }
 }
