@@ -75,7 +75,7 @@ pub struct Run {
     no_return: u64,
     pub grid: OccupancyGrid,
     pub explorer: Explorer,
-    follower: Follower,
+    pub follower: Follower,
     steps: usize,
     pub record: Record,
     /// Of each plan that solved for a field the share of its blocks that is sealed, and what it took (s).
