@@ -1,6 +1,6 @@
 //! What a step costs in a building of which more and more is explored already, phase by phase, and what is kept of it.
 //!
-//! `cargo bench -p elk-explorer --bench building -- [ROOMS… [TYPE…] [seed=N]]`, all by default. A whole run over a thousand rooms takes
+//! `cargo bench -p elk-explorer --bench building -- [ROOMS… [TYPE…] [seed=N] [steps=N]]`, all by default. A whole run over a thousand rooms takes
 //! a day, so the early part is not run: the map begins with so many rooms known, voxel by voxel as they are but for places of
 //! which nothing is known, as there are after every run, and the robot explores what lies behind them. Times are CPU times of
 //! the thread. At the end stands what each process has allocated for what it knows.
@@ -148,7 +148,8 @@ fn main() {
     if wanted.is_empty() {
         wanted = vec![10, 30, 100, 300, 1000];
     }
-    let seed = words.iter().find_map(|word| word.strip_prefix("seed=")?.parse().ok()).unwrap_or(1);
+    let number = |name: &str| words.iter().find_map(|word| word.strip_prefix(name)?.parse().ok());
+    let (seed, steps) = (number("seed=").unwrap_or(1), number("steps=").map_or(STEPS, |steps| steps as usize));
     let is_named = |name: &str| words.iter().any(|word| word == name);
     let types = strategies(0.0).iter().any(|strategy| is_named(strategy.name()));
     println!("by step:                  p50      p99  largest            sum");
@@ -160,7 +161,7 @@ fn main() {
         for strategy in strategies(0.0).into_iter().filter(|strategy| !types || is_named(strategy.name())) {
             let world = World::from_triangles("building", building.scenery().triangles()).expect("it is a world");
             let mut run = Run::new(world, building.before(rooms - 1), bounds, strategy).knowing(&known);
-            run.go(STEPS);
+            run.go(steps);
             run.print(&format!("{rooms} rooms"));
             print_memory(run);
         }

@@ -179,7 +179,7 @@ struct MapApp {
     requested: bool,
     /// What is being said of the whole map.
     keyframes: Keyframes,
-    /// Whether parts come back to it.
+    /// Whether a part that it said is to come back to it.
     hears_parts: bool,
     /// Whether no part of it was said since the last look.
     is_behind: bool,
@@ -312,7 +312,7 @@ impl MapApp {
     }
 
     fn look(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        if self.keyframes.is_due() && std::mem::replace(&mut self.is_behind, true) {
+        if self.hears_parts && std::mem::replace(&mut self.is_behind, true) {
             // The part before did not come back.
             self.say_part(comms)?;
         }
@@ -478,28 +478,26 @@ impl MapApp {
     /// Says all of the map once more, part by part. The next part is said when the one before comes back, behind all that has
     /// come meanwhile: between two scans there is one part at most, however many ask, and none waits for a scan.
     fn say_whole(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        if self.keyframes.ask() { self.say_part(comms) } else { Ok(()) }
+        self.keyframes.ask();
+        if self.hears_parts { Ok(()) } else { self.say_part(comms) }
     }
 
     fn on_part(&mut self, comms: &mut Comms, part: Mail<'_>) -> Result<(), AppError> {
-        // What was said before this round began comes back, too.
+        // The last one of the round before comes as well, to who registers anew.
         let is_own = part.source() == comms.name() && !part.is_latest();
-        if is_own && matches!(self.stage, Stage::Here) { self.say_part(comms) } else { Ok(()) }
+        if is_own && self.hears_parts { self.say_part(comms) } else { Ok(()) }
     }
 
+    /// Says the next part, if there is one.
     fn say_part(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        let Some(part) = self.keyframes.part(self.map.grid(), self.last_scan) else {
-            return Ok(());
-        };
-        let (own, more) = (MAP_PART.subscription().as_it_comes(), self.keyframes.is_due());
-        match (more, std::mem::replace(&mut self.hears_parts, more)) {
-            (true, false) => comms.register(own)?,
-            (false, true) => comms.unregister(own)?,
+        let (own, part) = (MAP_PART.subscription().as_it_comes(), self.keyframes.part(self.map.grid(), self.last_scan));
+        match (&part, std::mem::replace(&mut self.hears_parts, part.is_some())) {
+            (Some(_), false) => comms.register(own)?,
+            (None, true) => comms.unregister(own)?,
             _ => {}
         }
         self.is_behind = false;
-        comms.publish(&MAP_PART, &part)?;
-        Ok(())
+        part.map_or(Ok(()), |part| Ok(comms.publish(&MAP_PART, &part)?))
     }
 
     /// Leaves its memory to a successor, and the map to whoever wants it.

@@ -16,14 +16,9 @@ pub struct Keyframes {
 }
 
 impl Keyframes {
-    /// Somebody asks: from here on, all is to be said once more. Whether nothing was being said.
-    pub fn ask(&mut self) -> bool {
-        self.round.replace(Round::from(self.next)).is_none()
-    }
-
-    /// Whether there is more to say.
-    pub fn is_due(&self) -> bool {
-        self.round.is_some()
+    /// Somebody asks: from here on, all is to be said once more.
+    pub fn ask(&mut self) {
+        self.round = Some(Round::from(self.next));
     }
 
     /// The next part, if there is more to say; `scan` is the last one in the map.

@@ -203,6 +203,21 @@ fn between_two_scans_there_is_one_part_however_many_ask() {
 }
 
 #[test]
+fn a_small_map_is_not_said_as_often_as_it_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bench = Bench::new(folder.path());
+    bench.settings.clear();
+    bench.kill();
+    bench.rest(&mut []);
+    bench.scan();
+    bench.rest(&mut []);
+    (0..8).for_each(|_| bench.ask());
+    bench.scan();
+    assert_eq!(parts(&bench.turn()).len(), 1);
+    assert_eq!(parts(&bench.rest(&mut [])).len(), 1, "once more for who asked after it was said");
+}
+
+#[test]
 fn an_answer_needs_no_scan_to_go_on_and_ends() {
     let folder = tempfile::tempdir().unwrap();
     let mut bench = Bench::new(folder.path());
