@@ -59,8 +59,8 @@ const PARAMS: &[ParamSpec] = &[
         "MaxVoxels",
         Kind::Integer { min: 10_000, max: 1_000_000_000 },
         "8000000",
-        "Voxels of the box that the field is solved over, at about 42 bytes each. Of a larger map it is what the robot can get to, \
-         or, if that is too much, what of it is near.",
+        "Voxels of the box that the field is solved over, at about 40 bytes for each free one. Of a larger map it is what the robot \
+         can get to, or, if that is too much, what of it is near.",
     ),
     param(
         "Isovolumes",

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{App, BrokerConfig, Client, Clock, Comms, Community, Mail};
+use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail};
 use elk_geometry::Pose;
 use elk_map::{Format, MapConfig, OccupancyMap};
 use elk_spatial::checks::MAX_BRICKS;
@@ -102,7 +102,9 @@ impl Bench {
         let readers = (0..readers).map(reader).collect();
         let mut bench = Self { app, map, readers, others: join(&broker, "others") };
         bench.app.on_start_up(&mut bench.map.comms).expect("the broker is there");
-        (0..4).for_each(|_| drop(bench.turn()));
+        for _ in 0..4 {
+            bench.turn();
+        }
         bench.read(false);
         bench
     }
@@ -120,7 +122,7 @@ impl Bench {
     /// Lets the readers hear what was said, without the updates if they are to lose them, and ask.
     fn read(&mut self, lose: bool) {
         for (Client { comms, inbox }, replica) in &mut self.readers {
-            let take = |_: &mut Comms, mail: &Mail<'_>| {
+            let take = |_: &mut Comms, mail: &Mail<'_>| -> Result<(), AppError> {
                 match mail.is(&MAP_PART) {
                     true => drop(replica.take_part(&mail.decode(&MAP_PART)?)),
                     false if lose => {}
