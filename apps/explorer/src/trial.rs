@@ -42,8 +42,7 @@ impl Room {
         let clearance = Clearance::new(EDGE_M, EDGE_M).unwrap_or_default();
         let space = Space::around(&grid, voxel(&robot), &clearance, &[]);
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
-        let around = |voxel: &Voxel| Faces::of(*voxel, |_| true);
-        let target = |voxel: &Voxel| Target { voxel: *voxel, faces: around(voxel), tried: Vec::new() };
+        let target = |voxel: &Voxel| Target { voxel: *voxel, faces: Faces::ALL, tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
         let goals = Goals::near(&space, f64::INFINITY, &targets, &mut Verdicts::default());
         Self { space, goals, robot: robot.into(), places }

@@ -66,6 +66,9 @@ impl Edges {
 pub struct Faces(u8);
 
 impl Faces {
+    /// All of them.
+    pub const ALL: Self = Self(0b11_1111);
+
     /// Those of `voxel` of which `which` is true, by their number in [`FACES`].
     fn of(voxel: Voxel, which: impl Fn(usize, Voxel) -> bool) -> Self {
         let bit = |(n, face): (usize, &Voxel)| u8::from(which(n, voxel + *face)) << n;

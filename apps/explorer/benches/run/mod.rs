@@ -78,7 +78,7 @@ pub struct Run {
     no_return: u64,
     pub grid: OccupancyGrid,
     pub explorer: Explorer,
-    follower: Follower,
+    pub follower: Follower,
     /// Way to each share of the free voxels that are known in the end, once it has ended.
     report: Option<MotionReport>,
     steps: usize,

@@ -62,9 +62,9 @@ const PARAMS: &[ParamSpec] = &[
         "MaxVoxels",
         Kind::Integer { min: 10_000, max: 1_000_000_000 },
         "8000000",
-        "Voxels that the field is solved over, at about 42 bytes each: for Solver cascade and multigrid of the bricks that the \
-         robot can get to, or, if that is too much, of the box of what is near; for the others of a box of all that is known, or \
-         of what the robot can get to.",
+        "Voxels that the field is solved over, at about 40 bytes for each free one: for Solver cascade and multigrid of the \
+         bricks that the robot can get to, or, if that is too much, of the box of what is near; for the others of a box of all \
+         that is known, or of what the robot can get to.",
     ),
     param(
         "Isovolumes",
