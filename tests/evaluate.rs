@@ -115,14 +115,23 @@ fn what_cannot_be_run_is_said_by_name_and_the_rest_goes_on() {
     let out = evaluate(&elk, &["suite.xml", "-o", "out"]);
     let words = said(&out);
     assert_eq!(out.status.code(), Some(1), "{words}");
-    assert!(words.contains("none, start 1, pot: failed: there is no world ") && words.contains("no-such.obj"), "{words}");
-    assert!(words.contains("unset, start 1, pot: failed: ") && words.contains("the variable ELK_NO_SUCH is not set"), "{words}");
+    assert!(
+        words.contains("none, start 1, pot: failed: there is no world ") && words.contains("no-such.obj"),
+        "{words}"
+    );
+    assert!(
+        words.contains("unset, start 1, pot: failed: ") && words.contains("the variable ELK_NO_SUCH is not set"),
+        "{words}"
+    );
     let table = text(&elk.folder().join("out"), "table.md");
     assert!(table.contains("| ClosestFrontier | 1 of 1 |"), "{table}");
     assert!(table.contains("| pot | 0 of 1 | – |") && table.contains("no part of any mean: 4"), "{table}");
 
     for (more, right) in [
-        ("<Explorer type=\"Potental\"/>", "suite.xml:5:5: there is no Explorer of type \"Potental\"; did you mean Potential?"),
+        (
+            "<Explorer type=\"Potental\"/>",
+            "suite.xml:5:5: there is no Explorer of type \"Potental\"; did you mean Potential?",
+        ),
         ("<Explorer name=\"x\" type=\"Potential\" Polcy=\"elk\"/>", "suite.xml:5:5: explorer x in world car: "),
         ("<World mission=\"no-such.xml\"/>", "suite.xml:5:5: world no-such: cannot read the mission file no-such.xml"),
         ("<Limits scans=\"many\"/>", "suite.xml:5:20: scans is \"many\""),
