@@ -147,9 +147,8 @@ impl Evaluation {
         let curves = drawing::curves(&self.curves(store, rows), &strategies);
         store.write("curves.svg", &curves)?;
         let mut pictures = curves;
-        for (world, name, svg) in self.ways(store, rows, &strategies) {
+        for (name, svg) in self.ways(store, rows, &strategies) {
             store.write(&format!("paths-{name}.svg"), &svg)?;
-            debug_assert!(world < suite.worlds.len());
             pictures += &svg;
         }
         store.write("report.html", &html(suite, tables, &pictures))
@@ -167,7 +166,7 @@ impl Evaluation {
     }
 
     /// A picture of each world that can be read: the ways from the first start.
-    fn ways(&self, store: &Store, rows: &BTreeMap<Case, Row>, strategies: &[String]) -> Vec<(usize, String, String)> {
+    fn ways(&self, store: &Store, rows: &BTreeMap<Case, Row>, strategies: &[String]) -> Vec<(String, String)> {
         let suite = &self.grounds.suite;
         let of = |world: usize| {
             let own = rows.values().filter(|row| row.case.world == world && row.case.start == 0);
@@ -180,7 +179,7 @@ impl Evaluation {
             }
             let (truth, name) = (&self.grounds.site(world).ok()?.truth, suite.worlds[world].name.clone());
             let svg = drawing::ways(&name, truth.surface(), truth.resolution(), &ways, strategies);
-            Some((world, name.replace(char::is_whitespace, "-"), svg))
+            Some((name.replace(char::is_whitespace, "-"), svg))
         };
         (0..suite.worlds.len()).filter_map(of).collect()
     }

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -153,7 +153,7 @@ pub fn carry_out<E: From<std::io::Error>>(
 ) -> Result<(), E> {
     let answer_secs = grounds.suite.limits.answer_secs;
     let work = Arc::new(Work { grounds: grounds.clone(), cases, next: AtomicUsize::new(0), stop: stop.clone() });
-    let (said, heard): (Sender<(usize, Word)>, Receiver<(usize, Word)>) = channel();
+    let (said, heard) = channel::<(usize, Word)>();
     let mut lanes: Vec<Option<Arc<Lane>>> = Vec::new();
     let start = |lanes: &mut Vec<Option<Arc<Lane>>>| {
         let (lane, name, work, said) = (Arc::<Lane>::default(), lanes.len(), work.clone(), said.clone());
