@@ -34,6 +34,7 @@ const HEARD: &[(&str, Option<&str>)] = &[
     ("SCAN", Some("Scan")),
     ("SCAN_1", Some("Scan")),
     ("MAP_UPDATE", Some("MapUpdate")),
+    ("MAP_PART", Some("MapPart")),
     ("MAP", Some("MapUpdate")),
     ("MAP_KNOWN", Some("MapStatus")),
     ("MAP_MEMORY", Some("MapMemory")),

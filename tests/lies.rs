@@ -42,6 +42,7 @@ const CARRIED: &[(&str, &str)] = &[
     ("SCAN", "Scan"),
     ("SCAN_1", "Scan"),
     ("MAP_UPDATE", "MapUpdate"),
+    ("MAP_PART", "MapPart"),
     ("MAP", "MapUpdate"),
     ("MAP_KNOWN", "MapStatus"),
     ("MAP_MEMORY", "MapMemory"),

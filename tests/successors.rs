@@ -25,8 +25,8 @@ use elk_bus::memory::MemoryBroker;
 use elk_bus::wire::BulkRef;
 use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Community, Mail};
 use elk_mission::{AppSpec, Mission, Program};
-use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_REQUEST, MOTION_REPORT, SENSOR_REPORT};
-use elk_spatial::map::MapUpdate;
+use elk_spatial::keyframe::MapPart;
+use elk_spatial::keys::{EXPLORATION_REPORT, MAP_PART, MAP_REQUEST, MOTION_REPORT, SENSOR_REPORT};
 use elk_spatial::messages::{ExplorationReport, MotionReport, SensorReport};
 use registry::registry;
 
@@ -143,8 +143,8 @@ struct MissionResult {
     exploration: ExplorationReport,
     contacts: u64,
     scans: u64,
-    /// The whole map, its bricks in order.
-    map: MapUpdate,
+    /// The whole map, which is one part, its bricks in order.
+    map: MapPart,
 }
 
 /// A community with a mission in it.
@@ -157,7 +157,7 @@ struct Table {
     motion: Option<MotionReport>,
     exploration: Option<ExplorationReport>,
     sensor: Option<SensorReport>,
-    map: Option<MapUpdate>,
+    map: Option<MapPart>,
 }
 
 fn mission(text: &str) -> Mission {
@@ -179,7 +179,7 @@ impl Table {
         probe.comms.register(&MOTION_REPORT).unwrap();
         probe.comms.register(&EXPLORATION_REPORT).unwrap();
         probe.comms.register(&SENSOR_REPORT).unwrap();
-        probe.comms.register(&MAP).unwrap();
+        probe.comms.register(&MAP_PART).unwrap();
         probe.comms.flush().unwrap();
         let slot = |spec| Slot { spec, instance: None, handled: 0, sent: 0 };
         let slots = mission(MISSION).apps.into_iter().filter(|app| app.element != "Logger").map(slot).collect();
@@ -200,6 +200,7 @@ impl Table {
         self.map = None;
         self.go_on(to_come, |table| table.map.is_some() && table.slots.iter().all(|slot| slot.instance.is_some()));
         let mut map = self.map.take().unwrap();
+        assert_eq!(map.total, map.bricks.len() as u64);
         map.bricks.sort_by_key(|brick| brick.brick);
         let sensor = self.sensor.take().unwrap();
         let mut exploration = self.exploration.take().unwrap();
@@ -339,7 +340,7 @@ impl Table {
             "MOTION_REPORT" => *motion = Some(mail.decode(&MOTION_REPORT).unwrap()),
             "EXPLORATION_REPORT" => *exploration = Some(mail.decode(&EXPLORATION_REPORT).unwrap()),
             "SENSOR_REPORT" => *sensor = Some(mail.decode(&SENSOR_REPORT).unwrap()),
-            _ => *map = Some(mail.decode(&MAP).unwrap()),
+            _ => *map = Some(mail.decode(&MAP_PART).unwrap()),
         };
         probe.receive(Duration::ZERO, note).unwrap() > 0
     }

@@ -9,6 +9,7 @@ use elk_launcher::Order;
 
 use crate::arguments::{AppArgs, AttachArgs, BrokerArgs, CommunityArgs, LaunchArgs, MissionArgs};
 use crate::compare::{self, CompareArgs};
+use crate::evaluate::{self, EvaluateArgs};
 use crate::log::{self, LogCommand};
 use crate::mapfile::{self, MapFileCommand};
 use crate::new::{self, NewArgs};
@@ -95,6 +96,10 @@ commands! {
                             'Potential Start=shortest' car\n\nA run that fails is a row that says why. Ends with 1 if a run is \
                             not complete.")]
     Compare(arguments: CompareArgs) => compare::compare(&arguments);
+    /// Run a suite: strategies × worlds × starts on equal terms, with tables, pictures and a report
+    #[command(after_help = "Example: elk evaluate mission-files/suites/quick.xml\n\nAn evaluation that was stopped goes on \
+                            with the same command. Ends with 1 if a run is not complete.")]
+    Evaluate(arguments: EvaluateArgs) => evaluate::evaluate(&arguments);
     /// Make a crate of your own that builds, runs and is tested: an app, an explorer, or a sensor
     #[command(after_help = "Example: elk new explorer mine --path ../mine")]
     New(arguments: NewArgs) => new::new(&arguments);

@@ -7,6 +7,7 @@ mod cli;
 mod commands;
 mod compare;
 mod control;
+mod evaluate;
 mod log;
 mod manual;
 mod mapfile;

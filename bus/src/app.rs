@@ -120,17 +120,37 @@ pub(crate) fn run(
 ) -> Result<(), RunError> {
     let served = serve(app, client, stop);
     drop(insistence);
-    served.and_then(|()| leave(app, client)).map_err(|source| match source.downcast::<CommsError>() {
+    served.and_then(|()| leave(app, client)).map_err(|source| failed(client, source))
+}
+
+fn failed(client: &Client, source: AppError) -> RunError {
+    match source.downcast::<CommsError>() {
         Ok(comms) => RunError::Comms(*comms),
         Err(source) => RunError::App { app: client.comms.name().to_owned(), source },
-    })
+    }
+}
+
+/// Starts an app that takes turns with others on one thread ([`take_turn`]): so a whole mission is one thread's work, in an
+/// order that no scheduler has a say in.
+pub fn begin_app(app: &mut dyn App, client: &mut Client) -> Result<(), RunError> {
+    let begun = start(app, client).and_then(|()| Ok(client.comms.flush()?));
+    begun.map_err(|source| failed(client, source))
+}
+
+/// Gives an app that was begun the mail that has come, without waiting for more, and sees to it that what it says leaves;
+/// answers about how many bytes it was given. Ticks are not for such an app: it is driven by mail alone.
+pub fn take_turn(app: &mut dyn App, client: &mut Client) -> Result<usize, RunError> {
+    let taken = receive(app, client, Duration::ZERO).and_then(|bytes| {
+        client.inbox.take_refusals().iter().try_for_each(|refused| client.comms.note_refused(refused))?;
+        client.comms.flush()?;
+        Ok(bytes)
+    });
+    taken.map_err(|source| failed(client, source))
 }
 
 /// Starts the app and gives it its mail, until it is to leave.
 fn serve(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<(), AppError> {
-    client.comms.set_starting(true);
-    app.on_start_up(&mut client.comms)?;
-    client.comms.set_starting(false);
+    start(app, client)?;
     let mut beat = Beat::new(&*app, &client.comms);
     let mut gathered = Gathered(0);
     while !stop.load(Ordering::Relaxed) && !client.comms.stopping() && !client.inbox.retiring() {
@@ -147,6 +167,13 @@ fn serve(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<()
         }
         beat.status(&mut client.comms, &client.inbox)?;
     }
+    Ok(())
+}
+
+fn start(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
+    client.comms.set_starting(true);
+    app.on_start_up(&mut client.comms)?;
+    client.comms.set_starting(false);
     Ok(())
 }
 

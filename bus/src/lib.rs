@@ -40,7 +40,7 @@ pub mod subscription;
 
 use std::sync::atomic::AtomicBool;
 
-pub use app::{App, RunError, run_app_on};
+pub use app::{App, RunError, begin_app, run_app_on, take_turn};
 pub use client::Client;
 pub use comms::{Comms, CommsError, Drive, Origin};
 /// What [`payload`] derives besides: a type says what its bytes are, and what every value of it has to keep to.
@@ -71,7 +71,7 @@ pub use elk_os::child;
 pub use elk_os::clock::{self, Clock};
 pub use elk_os::limits::let_owner_in;
 pub use elk_os::stop::{self, asked_to_stop, stop_on_signals, stop_signals};
-pub use elk_os::{Owner, ProcessId, ProcessStat, own_user, tell};
+pub use elk_os::{Overheard, Owner, ProcessId, ProcessStat, own_user, tell};
 pub use elk_proto::broker::{self, BrokerConfig, Introduction};
 pub use elk_proto::codec::{self, DecodeError};
 pub use elk_proto::community::{self, Community};

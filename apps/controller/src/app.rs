@@ -6,14 +6,15 @@ use std::time::Duration;
 use elk_bus::{AppError, Comms, Handled, Handlers, Key, Mail, Rejection, number, tell, text};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::checks::MAX_COUNT;
+use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{
-    CAMERA_POSE, MAP, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN, PLAN_REQUEST,
-    POSE_COMMAND, PROGRESS, STEP, camera_pose,
+    CAMERA_POSE, MAP, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN,
+    PLAN_REQUEST, POSE_COMMAND, PROGRESS, STEP, camera_pose,
 };
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{Awaited, CameraPose, MotionMemory, Plan};
 
-use crate::follower::{Action, Follower};
+use crate::follower::{Action, Follower, Unfit};
 use crate::pace::Pace;
 
 /// The controllers that a mission file can name.
@@ -98,6 +99,7 @@ impl ControllerApp {
             .on(&self.camera_pose, Self::on_camera_pose)
             .on(&MAP, Self::on_map)
             .on(&MAP_UPDATE, Self::on_map)
+            .on(&MAP_PART, Self::on_map_part)
             .on(number(MAP_RECALL), Self::on_map_recall)
             .on(&PLAN, Self::on_plan)
             .caught_up(Self::resume)
@@ -137,6 +139,15 @@ impl ControllerApp {
 
     fn on_map(&mut self, comms: &mut Comms, update: MapUpdate) -> Result<(), AppError> {
         let taken = self.follower.on_map(&update);
+        self.go_on_with(comms, taken)
+    }
+
+    fn on_map_part(&mut self, comms: &mut Comms, part: MapPart) -> Result<(), AppError> {
+        let taken = self.follower.on_map_part(&part);
+        self.go_on_with(comms, taken)
+    }
+
+    fn go_on_with(&mut self, comms: &mut Comms, taken: Result<Vec<Action>, Unfit>) -> Result<(), AppError> {
         if self.follower.take_question() {
             comms.notify(MAP_REQUEST, 1.0)?;
         }

@@ -14,6 +14,7 @@ use elk_geometry::clearance::{Clearance, TooWide};
 use elk_geometry::{OccupancyGrid, Polyline, Pose, State, Voxel};
 use elk_spatial::Replica;
 use elk_spatial::checks::{MAX_BRICKS, MAX_COMMANDS_LOST, MAX_REMEMBERED, MAX_REVISIONS_AHEAD, path_in};
+use elk_spatial::keyframe::MapPart;
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{
     Awaited, CameraPose, Decision, Leg, MotionMemory, MotionReport, Outcome, Path, Plan, PlanRequest, PoseCommand,
@@ -247,13 +248,33 @@ impl Follower {
             let why = UpdateError::Ahead { have: self.commands, update: update.revision };
             return Err(why.into());
         }
-        if self.replica.take(update)?.is_none() {
-            return Ok(vec![]);
+        match self.replica.take(update)? {
+            Some(_) => self.on_knowledge(),
+            None => Ok(vec![]),
         }
+    }
+
+    /// A part of the whole map is here.
+    ///
+    /// # Errors
+    /// It does not fit what is known of the map.
+    pub fn on_map_part(&mut self, part: &MapPart) -> Result<Vec<Action>, Unfit> {
+        if part.revision > self.commands + MAX_REVISIONS_AHEAD {
+            let why = UpdateError::Ahead { have: self.commands, update: part.revision };
+            return Err(why.into());
+        }
+        match self.replica.take_part(part)? {
+            Some(_) => self.on_knowledge(),
+            None => Ok(vec![]),
+        }
+    }
+
+    /// More is known of the map.
+    fn on_knowledge(&mut self) -> Result<Vec<Action>, Unfit> {
         if let Some(plan) = self.early.take_if(|plan| plan.revision <= self.replica.grid().revision()) {
             return self.on_plan(&plan);
         }
-        if !matches!(self.awaited, Awaited::Map(_)) || update.scan < self.commands {
+        if !matches!(self.awaited, Awaited::Map(_)) || self.replica.scan() < self.commands {
             return Ok(vec![]);
         }
         Ok(self.scanned())

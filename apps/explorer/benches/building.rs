@@ -1,18 +1,51 @@
 //! What a step costs in a building of which more and more is explored already, phase by phase, and what is kept of it.
 //!
-//! `cargo bench -p elk-explorer --bench building -- [ROOMS… [TYPE…]]`, all by default. A whole run over a thousand rooms takes
+//! `cargo bench -p elk-explorer --bench building -- [ROOMS… [TYPE…] [seed=N] [steps=N]]`, all by default. A whole run over a thousand rooms takes
 //! a day, so the early part is not run: the map begins with so many rooms known, voxel by voxel as they are but for places of
 //! which nothing is known, as there are after every run, and the robot explores what lies behind them. Times are CPU times of
-//! the thread.
+//! the thread. At the end stands what each process has allocated for what it knows.
 
 mod run;
 
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+use elk_field::Solver;
 use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use elk_world::World;
 use elk_world::random::Random;
 use elk_world::scenery::Building;
 use nalgebra::Vector3;
-use run::{RESOLUTION, Run, strategies};
+use run::{RESOLUTION, Run, USUAL, strategies};
+
+/// Counts the bytes that are allocated.
+struct Counting;
+
+static ALLOCATED: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: the system's allocator, and beside it a number.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATED.fetch_add(layout.size(), Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        ALLOCATED.fetch_add(layout.size(), Relaxed);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATED.fetch_add(size, Relaxed);
+        ALLOCATED.fetch_sub(layout.size(), Relaxed);
+        unsafe { System.realloc(at, layout, size) }
+    }
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        ALLOCATED.fetch_sub(layout.size(), Relaxed);
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
 
 /// Rooms that the robot has still to explore.
 const AHEAD: usize = 20;
@@ -20,7 +53,6 @@ const AHEAD: usize = 20;
 const STEPS: usize = 200;
 /// Voxels a room of which nothing is known: what no scan saw.
 const UNSEEN: usize = 6;
-const SEED: u64 = 1;
 
 /// A box of voxels of which it is said what is solid.
 struct Raster {
@@ -67,7 +99,7 @@ impl Raster {
 }
 
 /// What is known of a building of which the first rooms are explored.
-fn explored(building: &Building, rooms: usize) -> OccupancyGrid {
+fn explored(building: &Building, rooms: usize, seed: u64) -> OccupancyGrid {
     let raster = Raster::of(building);
     let mut grid = OccupancyGrid::new(RESOLUTION);
     let is_seen = |voxel: Voxel| !raster.is_solid(voxel) && building.room_at(voxel.center(RESOLUTION)) < rooms;
@@ -81,7 +113,7 @@ fn explored(building: &Building, rooms: usize) -> OccupancyGrid {
         free[building.room_at(voxel.center(RESOLUTION))].push(voxel);
     }
     for (room, free) in free.iter().enumerate() {
-        let mut random = Random::new(SEED, room as u64);
+        let mut random = Random::new(seed, room as u64);
         for _ in 0..UNSEEN {
             grid.set(free[(random.unit() * free.len() as f64) as usize], State::Unknown);
         }
@@ -91,25 +123,49 @@ fn explored(building: &Building, rooms: usize) -> OccupancyGrid {
     grid
 }
 
+/// What is free when something is gone (bytes).
+fn freed<T>(of: T) -> usize {
+    let before = ALLOCATED.load(Relaxed);
+    drop(of);
+    before - ALLOCATED.load(Relaxed)
+}
+
+/// Says what each process that keeps something of the map has allocated for it: what is free when it is gone.
+fn print_memory(run: Run) {
+    let Run { map, grid, explorer, follower, .. } = run;
+    let known = (grid.free() + grid.occupied()) as f64;
+    let sizes = [freed(map), freed(grid), freed(explorer), freed(follower)];
+    let [map, copy, explorer, controller] = sizes.map(|size| size as f64 / known);
+    let all = map + copy + explorer + controller;
+    println!(
+        "    bytes a known voxel: map {map:.2}, explorer {explorer:.2} and its copy {copy:.2}, controller {controller:.2}, \
+         in all {all:.2}"
+    );
+}
+
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let mut wanted: Vec<usize> = words.iter().filter_map(|word| word.parse().ok()).collect();
     if wanted.is_empty() {
         wanted = vec![10, 30, 100, 300, 1000];
     }
+    let number = |name: &str| words.iter().find_map(|word| word.strip_prefix(name)?.parse().ok());
+    let (seed, steps) = (number("seed=").unwrap_or(1), number("steps=").map_or(STEPS, |steps| steps as usize));
     let is_named = |name: &str| words.iter().any(|word| word == name);
-    let types = strategies(0.0).iter().any(|strategy| is_named(strategy.name()));
+    let types = strategies(Solver::Cascade, None, 0.0).iter().any(|strategy| is_named(strategy.name()));
     println!("by step:                  p50      p99  largest            sum");
     for rooms in wanted {
-        let building = Building::new(rooms + AHEAD, SEED);
-        let known = explored(&building, rooms);
+        let building = Building::new(rooms + AHEAD, seed);
+        let known = explored(&building, rooms, seed);
         let bounds = Bounds::from_mid_dim(building.extents().mid(), building.extents().dim() + Vector3::repeat(1.0));
-        println!("{rooms} rooms: {} voxels known", known.free() + known.occupied());
-        for strategy in strategies(0.0).into_iter().filter(|strategy| !types || is_named(strategy.name())) {
+        println!("{rooms} rooms, seed {seed}: {} voxels known", known.free() + known.occupied());
+        let all = strategies(Solver::Cascade, None, 0.0).into_iter();
+        for strategy in all.filter(|one| if types { is_named(one.name()) } else { USUAL.contains(&one.name()) }) {
             let world = World::from_triangles("building", building.scenery().triangles()).expect("it is a world");
             let mut run = Run::new(world, building.before(rooms - 1), bounds, strategy).knowing(&known);
-            run.go(STEPS);
+            run.go(steps);
             run.print(&format!("{rooms} rooms"));
+            print_memory(run);
         }
     }
 }

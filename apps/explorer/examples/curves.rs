@@ -1,6 +1,6 @@
 //! Two runs of a world drawn over their plans, one with isovolumes and one without: which share of the domain is sealed, and
 //! how long the field takes. `cargo run -p elk-explorer --example curves ON OFF > curves.svg` of what
-//! `cargo bench -p elk-explorer --bench missions -- WORLD Potential curves [isovolumes=SHARE]` said.
+//! `cargo bench -p elk-explorer --bench missions -- WORLD Potential curves solver=multigrid [isovolumes=SHARE]` said.
 
 use std::fmt::Write;
 

@@ -46,7 +46,7 @@ fn status(line: &str) -> f64 {
 fn main() {
     let edge = std::env::args().nth(1).and_then(|edge| edge.parse().ok()).unwrap_or(160);
     let grid = hall(edge);
-    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6);
+    let potential = Potential::new(Start::Shortest, Solver::Cascade, Solver::Cascade.usual_tolerance());
     let strategies: [Box<dyn Strategy>; 2] = [Box::new(ClosestFrontier), Box::new(potential)];
     for strategy in strategies {
         let name = strategy.name();

@@ -5,14 +5,16 @@ use std::ops::RangeInclusive;
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::{App, AppError, Comms, Handlers, Mail, Origin, Rejection, any, asked_to_stop, number, tell};
 use elk_geometry::clearance::Clearance;
+use elk_geometry::delta::Changes;
 use elk_geometry::limits::RESOLUTIONS_M;
 use elk_geometry::{Bounds, Voxel};
 use elk_mission::{Kind, ParamSpec, Params};
 use elk_spatial::Replica;
 use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
+use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{
-    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN,
-    PLAN_REQUEST, strategy_memory,
+    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE,
+    PLAN, PLAN_REQUEST, strategy_memory,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, MapStatus, Plan, PlanRequest};
@@ -142,6 +144,7 @@ impl ExplorerApp {
             .recall(any(own.as_str()), Self::recall_strategy)
             .on(&MAP, Self::on_map)
             .on(&MAP_UPDATE, Self::on_map)
+            .on(&MAP_PART, Self::on_map_part)
             // It comes with the update, and so before any request that follows from that.
             .on(&MAP_KNOWN, Self::on_status)
             .on(number(MAP_RECALL), Self::on_map_recall)
@@ -226,6 +229,15 @@ impl ExplorerApp {
 
     fn on_map(&mut self, comms: &mut Comms, update: MapUpdate) -> Result<(), AppError> {
         let taken = self.replica.take(&update);
+        self.go_on_with(comms, taken)
+    }
+
+    fn on_map_part(&mut self, comms: &mut Comms, part: MapPart) -> Result<(), AppError> {
+        let taken = self.replica.take_part(&part);
+        self.go_on_with(comms, taken)
+    }
+
+    fn go_on_with(&mut self, comms: &mut Comms, taken: Result<Option<Changes>, UpdateError>) -> Result<(), AppError> {
         self.ask_for_map(comms)?;
         if let Some(changes) = taken.map_err(Rejection::new)? {
             self.explorer.hear_of_map(self.replica.grid(), changes.voxels());

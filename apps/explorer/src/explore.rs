@@ -250,11 +250,15 @@ impl Explorer {
         if goals.is_empty() {
             return self.stop(StopReason::Explored, scene, known);
         }
-        match self.choose((&scene.space, &mut scene.unseen), goals, from) {
+        let open = match self.strategy.looks_from_afar() {
+            true => self.journal.time("goals", || scene.agenda.targets(known, &self.memory)),
+            false => Vec::new(),
+        };
+        match self.choose((&scene.space, &mut scene.unseen), (goals, &open), from) {
             Some((goal, way)) => {
                 // Whoever goes on has not ended, whatever a predecessor or a request out of turn came to.
                 self.report = None;
-                Decision::Go(self.path(scene, known, goal, way))
+                Decision::Go(self.path(scene, known, &goal, way))
             }
             None => self.stop(StopReason::NoWay, scene, known),
         }
@@ -296,29 +300,30 @@ impl Explorer {
     }
 
     /// The goal to go to and the whole way there.
-    fn choose<'a>(
+    fn choose(
         &mut self,
         (space, unseen): (&Space, &mut Option<BTreeSet<Voxel>>),
-        goals: &'a Goals,
+        (goals, open): (&Goals, &[Target]),
         robot: Point3<f64>,
-    ) -> Option<(&'a Goal, Vec<Point3<f64>>)> {
+    ) -> Option<(Goal, Vec<Point3<f64>>)> {
         let start = space.start();
         // A robot that stands in a goal looks first: for the field it would be source and sink at once.
         let is_here = goals.contains(start);
         let changed = if is_here { None } else { unseen.replace(BTreeSet::new()) };
         let from = if space.escape.len() > 1 { space.center(start) } else { robot };
-        let view = View { space, from, goals, changed: changed.as_ref() };
+        let view = View { space, from, goals, open, changed: changed.as_ref(), sight: self.sight, plan: self.plans };
         let here = is_here.then(|| Route { points: vec![view.from], goal: start });
         let route = here
             .or_else(|| self.strategy.plan(&view, &mut self.journal))
-            .filter(|r| goals.contains(r.goal))
+            .and_then(|route| Some((goal_of(&view, &route)?, route)))
             .or_else(|| {
                 self.journal.fallbacks += 1;
-                view.closest(&mut self.journal)
-            })?;
+                let route = view.closest(&mut self.journal)?;
+                Some((goal_of(&view, &route)?, route))
+            });
+        let (goal, route) = route?;
         self.weighed = self.journal.take_weighed();
         self.weighed.choose(route.goal);
-        let goal = goals.at(route.goal)?;
         let escape = space.escape.iter().skip(1).map(|voxel| space.center(*voxel));
         let mut way: Vec<Point3<f64>> = std::iter::once(robot).chain(escape).collect();
         way.extend(route.points);
@@ -378,6 +383,17 @@ impl Explorer {
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
+}
+
+/// The goal that a route leads to, if it leads to one: in the goal's voxel, or where its end sees a target from afar.
+fn goal_of(view: &View<'_>, route: &Route) -> Option<Goal> {
+    let afar = || {
+        let at = view.open.binary_search_by_key(&route.goal, |target| target.voxel).ok()?;
+        let (target, position) = (&view.open[at], *route.points.last()?);
+        let voxel = Voxel::containing(position, view.space.resolution());
+        target.seen_from(view.space, position).then(|| Goal { voxel, position, target: target.clone() })
+    };
+    afar().or_else(|| view.goals.at(route.goal).cloned())
 }
 
 #[cfg(test)]

@@ -1,10 +1,12 @@
 //! Which part of the map a field is solved over: all that is known as long as that is not too much, else what the robot can
 //! get to, or what of it is near.
 //!
-//! A dense box costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes.
+//! A dense box costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes. Bricks cost
+//! by their number, so that only where there are too many a box says which.
 
-use elk_geometry::bricks::corners;
-use elk_geometry::{Region, Voxel, mask};
+use elk_geometry::bricks::{BRICK_CELLS, corners, voxel_at};
+use elk_geometry::mask::{self, Mask};
+use elk_geometry::{Region, Voxel};
 
 use crate::space::Space;
 
@@ -38,6 +40,30 @@ impl Extent {
         let is_cut = !fits((min, max));
         let (min, max) = if is_cut { near(robot, (min, max), fits) } else { (min, max) };
         Self { min, max, margin, is_cut }
+    }
+
+    /// For a solver that keeps only the bricks that the robot can get to: all of these as long as they are of at most `budget`
+    /// voxels, wherever they are, else a box.
+    pub fn of_bricks(space: &Space, budget: usize) -> Self {
+        let bricks = space.reach.bricks().filter(|(_, cells)| **cells != mask::NONE).count();
+        if bricks * BRICK_CELLS > budget {
+            return Self::of(space, budget);
+        }
+        let [min, max] = [i32::MIN, i32::MAX].map(|end| Voxel::new(end, end, end));
+        Self { min, max, margin: space.margin(), is_cut: false }
+    }
+
+    /// The cells of a brick that are in the box.
+    pub fn cells(&self, brick: Voxel) -> Mask {
+        let [first, last] = [0, BRICK_CELLS - 1].map(|cell| self.contains(voxel_at(brick, cell)));
+        if first && last {
+            return mask::ALL;
+        }
+        let mut cells = mask::NONE;
+        (0..BRICK_CELLS)
+            .filter(|cell| self.contains(voxel_at(brick, *cell)))
+            .for_each(|cell| mask::set(&mut cells, cell));
+        cells
     }
 
     /// Its voxels with the margin, numbered.
@@ -117,6 +143,25 @@ mod tests {
         for stray in [State::Free, State::Occupied] {
             let extent = Extent::of(&corridor(40, stray, 3), 20_000);
             assert_eq!((extent.min, extent.max), (Voxel::new(-2, -2, -2), Voxel::new(42, 10, 10)));
+        }
+    }
+
+    #[test]
+    fn bricks_are_all_in_it_wherever_they_are_as_long_as_there_are_not_too_many() {
+        // 5 bricks, in a box that is larger than all that may be.
+        let space = corridor(40, State::Free, 3);
+        let extent = Extent::of_bricks(&space, 5 * BRICK_CELLS);
+        assert!(space.reach.iter().all(|voxel| extent.contains(voxel)) && !extent.is_cut);
+        assert_eq!(extent.cells(Voxel::new(4, 0, 0)), mask::ALL);
+        let few = 10_000;
+        let too_many = corridor(30_000, State::Free, 1000);
+        let extent = Extent::of_bricks(&too_many, few);
+        assert_eq!(extent, Extent::of(&too_many, few));
+        assert!(extent.is_cut && !extent.has_the_same_reached(&Extent::of_bricks(&space, few)));
+        for (brick, _) in too_many.reach.bricks() {
+            let is_in = |cell: &usize| extent.contains(voxel_at(brick, *cell));
+            let cells: Vec<usize> = (0..BRICK_CELLS).filter(is_in).collect();
+            assert_eq!(mask::cells(&extent.cells(brick)).collect::<Vec<_>>(), cells);
         }
     }
 

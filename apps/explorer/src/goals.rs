@@ -9,7 +9,6 @@ use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
 use elk_geometry::bricks::BrickHasher;
-use elk_geometry::visibility::Lookout;
 use nalgebra::Point3;
 
 use crate::space::Space;
@@ -109,11 +108,11 @@ impl Goals {
         targets: impl IntoIterator<Item = &'a Target>,
         verdicts: &mut Verdicts,
     ) -> (Self, Far) {
-        let lookout = Lookout::new(LAST_RESORT_M.min(range_m), space.resolution()).from_within(&space.reach);
+        let mut looks = verdicts.looks(space, LAST_RESORT_M.min(range_m));
         let (mut goals, mut far) = (Self::default(), Far::default());
         let mut seen = 0;
         for target in targets {
-            let places = verdicts.views(space, target, &lookout);
+            let places = looks.places(target);
             let mut untried = places.iter().filter(|(voxel, _)| target.untried(*voxel)).peekable();
             if places.is_empty() {
                 far.invisible.push(target.voxel);
@@ -143,11 +142,20 @@ impl Goals {
         self.at.contains_key(&voxel)
     }
 
+    /// The voxels that have a goal, in no order.
+    pub(crate) fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
+        self.at.keys().copied()
+    }
+
     /// All goals, always in the same order for the same map.
     pub fn iter(&self) -> impl Iterator<Item = &Goal> {
-        let is_first =
-            |(rank, goal): &(&Rank, &Goal)| self.at.get(&goal.voxel).and_then(BTreeSet::first) == Some(*rank);
-        self.list.iter().filter(is_first).map(|(_, goal)| goal)
+        self.iter_all().filter(|(_, is_first)| *is_first).map(|(goal, _)| goal)
+    }
+
+    /// All goals, those that share their voxel with one before them too, each with whether it is the one [`Goals::at`] has.
+    pub fn iter_all(&self) -> impl Iterator<Item = (&Goal, bool)> {
+        let is_first = |rank: &Rank, goal: &Goal| self.at.get(&goal.voxel).and_then(BTreeSet::first) == Some(rank);
+        self.list.iter().map(move |(rank, goal)| (goal, is_first(rank, goal)))
     }
 
     /// Whether there is none.

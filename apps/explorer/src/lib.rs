@@ -25,6 +25,7 @@
 pub const EXAMPLE: &str = include_str!("../examples/level.rs");
 
 pub mod app;
+mod chance;
 pub mod explore;
 pub mod extent;
 pub mod goals;
@@ -54,7 +55,7 @@ pub use nalgebra;
 pub use policy::Policy;
 pub use program::{main, main_with};
 pub use sight::Sight;
-pub use strategies::{ClosestFrontier, Potential, TYPES};
+pub use strategies::{ClosestFrontier, InformationGain, Potential, Random, TYPES, Tour, WeightedInformationGain};
 pub use strategy::{Route, Strategy, View};
 pub use strategy_memory::{LeaveError, StrategyMemory};
 pub use target::Target;

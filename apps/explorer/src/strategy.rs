@@ -12,8 +12,10 @@ use nalgebra::Point3;
 
 use crate::goals::Goals;
 use crate::journal::Journal;
+use crate::sight::Sight;
 use crate::space::Space;
 use crate::strategy_memory::{LeaveError, StrategyMemory};
+use crate::target::Target;
 
 /// What a strategy sees. [`View::cheapest`] and [`View::ways`] are all that most strategies need of it.
 #[derive(Debug, Clone, Copy)]
@@ -24,26 +26,38 @@ pub struct View<'a> {
     pub from: Point3<f64>,
     /// Where to go; at least one, and none where the route starts.
     pub goals: &'a Goals,
+    /// All that is to be resolved, for a strategy that [looks from afar](Strategy::looks_from_afar); else nothing. Of some there
+    /// is a goal in [`View::goals`], of others not: those are seen from farther away, or from nowhere.
+    pub open: &'a [Target],
     /// Bricks in which the robot can get to other voxels than when the strategy was asked last, and perhaps others; `None`: it
     /// was not asked yet.
     pub changed: Option<&'a BTreeSet<Voxel>>,
+    /// What the camera sees that looks there.
+    pub sight: Sight,
+    /// The number of the plan, from 1, counted over swaps and deaths: who draws by lot draws anew in each.
+    pub plan: u64,
 }
 
 /// A way to a goal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Route {
-    /// Points to pass in straight lines (m, world), from [`View::from`] to somewhere in the goal's voxel.
+    /// Points to pass in straight lines (m, world), from [`View::from`] to somewhere in the goal's voxel, or to any place that
+    /// sees its target.
     pub points: Vec<Point3<f64>>,
-    /// The goal's voxel.
+    /// The goal's voxel; or, at the end of a way from where it is seen, that of a target of [`View::open`].
     pub goal: Voxel,
 }
 
 impl Route {
     /// From `view.from` through the centres of the voxels of `way`; `None` if it is empty.
     pub fn over_voxels(view: &View<'_>, way: &[Voxel]) -> Option<Self> {
-        let goal = *way.last()?;
+        Some(Self::to_look(view, way, *way.last()?))
+    }
+
+    /// The same to a place that sees the target of the goal in another voxel.
+    pub fn to_look(view: &View<'_>, way: &[Voxel], goal: Voxel) -> Self {
         let rest = way.iter().skip(1).map(|voxel| view.space.center(*voxel));
-        Some(Self { points: std::iter::once(view.from).chain(rest).collect(), goal })
+        Self { points: std::iter::once(view.from).chain(rest).collect(), goal }
     }
 }
 
@@ -57,6 +71,11 @@ pub trait Strategy: Send {
     /// Its settings, for people and for the record.
     fn describe(&self) -> String {
         String::new()
+    }
+
+    /// Whether it chooses among all that is to be resolved, and looks from where it likes: [`View::open`] is for it then.
+    fn looks_from_afar(&self) -> bool {
+        false
     }
 
     /// The way to the goal that it chooses; `None` if it finds none: then the closest goal is taken, and the plan counted

@@ -3,10 +3,12 @@
 use elk_geometry::clearance::Clearance;
 use elk_geometry::frontier::Faces;
 use elk_geometry::{OccupancyGrid, State, Voxel};
+use elk_spatial::CameraInfo;
 use nalgebra::Point3;
 
 use crate::goals::Goals;
 use crate::journal::Journal;
+use crate::sight::Sight;
 use crate::space::Space;
 use crate::strategy::{Strategy, View};
 use crate::target::Target;
@@ -15,7 +17,7 @@ use crate::verdicts::Verdicts;
 /// Edge of the room's voxels, and radius of its robot (m).
 const EDGE_M: f64 = 0.1;
 
-/// A room of free air between walls, with a robot and goals in it.
+/// A room of free air between walls, with a robot and goals in it, around each of which something is to be seen.
 ///
 /// ```
 /// use elk_explorer::{ClosestFrontier, Room};
@@ -40,7 +42,7 @@ impl Room {
         let clearance = Clearance::new(EDGE_M, EDGE_M).unwrap_or_default();
         let space = Space::around(&grid, voxel(&robot), &clearance, &[]);
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
-        let target = |voxel: &Voxel| Target { voxel: *voxel, faces: Faces::default(), tried: Vec::new() };
+        let target = |voxel: &Voxel| Target { voxel: *voxel, faces: Faces::ALL, tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
         let goals = Goals::near(&space, f64::INFINITY, &targets, &mut Verdicts::default());
         Self { space, goals, robot: robot.into(), places }
@@ -48,14 +50,30 @@ impl Room {
 
     /// What a strategy sees there.
     pub fn view(&self) -> View<'_> {
-        View { space: &self.space, from: self.robot, goals: &self.goals, changed: None }
+        self.view_at(1)
+    }
+
+    fn view_at(&self, plan: u64) -> View<'_> {
+        let (space, goals, open) = (&self.space, &self.goals, &[]);
+        View { space, from: self.robot, goals, open, changed: None, sight: sight(), plan }
     }
 
     /// Which of the goals, by their place in the list that the room was made with, a strategy goes to.
     pub fn choice(&self, strategy: &mut dyn Strategy) -> Option<usize> {
-        let route = strategy.plan(&self.view(), &mut Journal::new(|| 0.0))?;
+        self.at_plan(1, strategy)
+    }
+
+    /// The same at the plan of this number.
+    pub fn at_plan(&self, plan: u64, strategy: &mut dyn Strategy) -> Option<usize> {
+        let route = strategy.plan(&self.view_at(plan), &mut Journal::new(|| 0.0))?;
         self.places.iter().position(|place| *place == route.goal)
     }
+}
+
+/// What the camera of most missions sees.
+fn sight() -> Sight {
+    let fov = 75f64.to_radians();
+    Sight::of(&CameraInfo { columns: 100, rows: 100, fov_x: fov, fov_y: fov, range_m: 30.0 })
 }
 
 fn grid(size: [f64; 3]) -> OccupancyGrid {

@@ -6,23 +6,29 @@ use std::hash::BuildHasherDefault;
 use elk_geometry::Voxel;
 use elk_geometry::bricks::{BRICK, BrickHasher, brick_of};
 use elk_geometry::visibility::{Lookout, Place};
-use nalgebra::Point3;
 
 use crate::space::Space;
 use crate::target::Target;
 
-/// Verdicts on targets, and when what they depend on changed.
+/// Verdicts on targets, and what they depend on.
 #[derive(Debug, Clone, Default)]
 pub struct Verdicts {
-    /// When anything in a brick last changed: the state of a voxel, or whether the robot can get to it; and the same of a brick
-    /// and the 26 beside it.
-    changed: ByVoxel<[u64; 2]>,
-    /// Counts the occasions on which something changed.
-    now: u64,
+    changes: Changes,
     standoffs: ByTarget<Option<Voxel>>,
     views: ByTarget<Vec<Place>>,
-    /// Where the robot could be, at most, when the views were looked for.
-    places: Option<[Point3<f64>; 2]>,
+    /// From where the views were looked for: corners of a box, both in it, that the robot could not leave.
+    places: Option<[Voxel; 2]>,
+    /// Looks from there.
+    lookout: Option<Lookout>,
+}
+
+/// When the state of a voxel last changed, or whether the robot can get to it.
+#[derive(Debug, Clone, Default)]
+struct Changes {
+    /// In a brick, and in it and the 26 beside it.
+    in_brick: ByVoxel<[u64; 2]>,
+    /// Counts the occasions on which something changed.
+    now: u64,
 }
 
 /// Never gone through in its order.
@@ -42,27 +48,42 @@ struct Verdict<T> {
     found: T,
 }
 
-impl Verdicts {
-    /// Takes note that in these bricks the state of a voxel has changed, or whether the robot can get to it.
-    pub fn hear_of(&mut self, bricks: impl IntoIterator<Item = Voxel>) {
+impl Changes {
+    fn hear_of(&mut self, bricks: impl IntoIterator<Item = Voxel>) {
         self.now += 1;
         let now = self.now;
         for brick in bricks {
-            *self.changed.entry(brick).or_default() = [now; 2];
-            brick.neighbours().for_each(|near| self.changed.entry(near).or_default()[1] = now);
+            *self.in_brick.entry(brick).or_default() = [now; 2];
+            brick.neighbours().for_each(|near| self.in_brick.entry(near).or_default()[1] = now);
         }
     }
 
     /// Whether nothing has changed less than a brick away from a voxel since then.
     fn is_calm(&self, voxel: Voxel, since: u64) -> bool {
-        self.changed.get(&brick_of(voxel)).is_none_or(|[_, near]| *near <= since)
+        self.in_brick.get(&brick_of(voxel)).is_none_or(|[_, near]| *near <= since)
+    }
+
+    /// Whether a verdict still is as it was found.
+    fn leave<T>(&self, verdict: &Verdict<T>, target: &Target) -> bool {
+        let [least, most] = verdict.within.map(brick_of);
+        let rows = || (least.z..=most.z).flat_map(|z| (least.y..=most.y).map(move |y| (y, z)));
+        let mut bricks = rows().flat_map(|(y, z)| (least.x..=most.x).map(move |x| Voxel::new(x, y, z)));
+        let unchanged = |brick: Voxel| self.in_brick.get(&brick).is_none_or(|[at, _]| *at <= verdict.at);
+        verdict.target == *target && (verdict.at == self.now || bricks.all(unchanged))
+    }
+}
+
+impl Verdicts {
+    /// Takes note that in these bricks the state of a voxel has changed, or whether the robot can get to it.
+    pub fn hear_of(&mut self, bricks: impl IntoIterator<Item = Voxel>) {
+        self.changes.hear_of(bricks);
     }
 
     /// The place of a target that `look` finds within `radius` voxels, or what it found when it last looked there.
     pub fn standoff(&mut self, target: &Target, radius: i32, look: impl FnOnce() -> Option<Voxel>) -> Option<Voxel> {
         let holds = |verdict: &&Verdict<Option<Voxel>>| {
-            let calm = radius <= BRICK && self.is_calm(target.voxel, verdict.at);
-            (calm && verdict.target == *target) || self.holds(verdict, target)
+            let calm = radius <= BRICK && self.changes.is_calm(target.voxel, verdict.at);
+            (calm && verdict.target == *target) || self.changes.leave(verdict, target)
         };
         if let Some(verdict) = self.standoffs.get(&target.voxel).filter(holds) {
             return verdict.found;
@@ -70,37 +91,28 @@ impl Verdicts {
         let around = Voxel::new(radius, radius, radius);
         let within = [target.voxel - around, target.voxel + around];
         let found = look();
-        self.standoffs.insert(target.voxel, Verdict { target: target.clone(), at: self.now, within, found });
+        self.standoffs.insert(target.voxel, Verdict { target: target.clone(), at: self.changes.now, within, found });
         found
     }
 
-    /// The places from which a target is seen.
-    pub fn views(&mut self, space: &Space, target: &Target, lookout: &Lookout) -> &[Place] {
-        if self.places != lookout.places() {
-            self.views.clear();
-            self.places = lookout.places();
+    /// For looks into targets from where the robot can be in `space`, at most `range_m` away.
+    pub fn looks<'a>(&'a mut self, space: &'a Space, range_m: f64) -> Looks<'a> {
+        let Self { changes, views, places, lookout, .. } = self;
+        let start = [space.reach.start(); 2];
+        let [min, max] = space.reach.corners().unwrap_or(start);
+        let [least, most] = places.unwrap_or([min, max]);
+        let wide = [least.inf(min), most.sup(max)];
+        // What comes to it may be seen where nobody looked; what goes from it was looked at in vain.
+        if *places != Some(wide) {
+            views.clear();
+            *places = Some(wide);
         }
-        let known = self.views.get(&target.voxel).is_some_and(|verdict| self.holds(verdict, target));
-        if !known {
-            let mut within = [target.voxel; 2];
-            let looks = target.unknown().flat_map(|unknown| {
-                let (places, [least, most]) = lookout.viewpoints(&space.free, &space.reach, unknown);
-                within = [within[0].inf(least), within[1].sup(most)];
-                places
-            });
-            let found = looks.collect();
-            self.views.insert(target.voxel, Verdict { target: target.clone(), at: self.now, within, found });
-        }
-        self.views.get(&target.voxel).map_or(&[], |verdict| &verdict.found)
-    }
-
-    /// Whether it still is as it was found.
-    fn holds<T>(&self, verdict: &Verdict<T>, target: &Target) -> bool {
-        let [least, most] = verdict.within.map(brick_of);
-        let rows = || (least.z..=most.z).flat_map(|z| (least.y..=most.y).map(move |y| (y, z)));
-        let mut bricks = rows().flat_map(|(y, z)| (least.x..=most.x).map(move |x| Voxel::new(x, y, z)));
-        let unchanged = |brick: Voxel| self.changed.get(&brick).is_none_or(|[at, _]| *at <= verdict.at);
-        verdict.target == *target && bricks.all(unchanged)
+        let kept = lookout.take().filter(|lookout| lookout.is_of(range_m));
+        let new = kept.unwrap_or_else(|| {
+            views.clear();
+            Lookout::new(range_m, space.resolution())
+        });
+        Looks { space, changes, views, lookout: lookout.insert(new.from_within(wide)) }
     }
 
     /// Forgets a target that is none any more.
@@ -110,11 +122,39 @@ impl Verdicts {
     }
 }
 
+/// Looks from afar.
+pub struct Looks<'a> {
+    space: &'a Space,
+    changes: &'a Changes,
+    views: &'a mut ByTarget<Vec<Place>>,
+    lookout: &'a Lookout,
+}
+
+impl Looks<'_> {
+    /// The places from which a target is seen.
+    pub fn places(&mut self, target: &Target) -> &[Place] {
+        let Self { space, changes, views, lookout } = self;
+        let known = views.get(&target.voxel).is_some_and(|verdict| changes.leave(verdict, target));
+        if !known {
+            let mut within = [target.voxel; 2];
+            let looks = target.unknown().flat_map(|unknown| {
+                let (places, [least, most]) = lookout.viewpoints(&space.free, &space.reach, unknown);
+                within = [within[0].inf(least), within[1].sup(most)];
+                places
+            });
+            let found = looks.collect();
+            views.insert(target.voxel, Verdict { target: target.clone(), at: changes.now, within, found });
+        }
+        views.get(&target.voxel).map_or(&[], |verdict| &verdict.found)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
 
     use elk_geometry::{Clearance, FrontierSet, OccupancyGrid, State};
+    use nalgebra::Point3;
     use proptest::prelude::*;
 
     use super::*;

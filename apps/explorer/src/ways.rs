@@ -1,5 +1,6 @@
 //! The shortest ways from where the robot is to all goals at once.
 
+use elk_geometry::Voxel;
 use elk_geometry::astar::{self, Reached};
 
 use crate::goals::Goal;
@@ -18,10 +19,22 @@ impl<'a> View<'a> {
         Ways { view: *self, reached: astar::all(&self.space.reach, self.space.start()) }
     }
 
+    /// The shortest way to `place`, from where the target of `goal` is seen; `None`: there is none.
+    pub fn route_by(&self, place: Voxel, goal: &Goal) -> Option<Route> {
+        self.way_by(place, goal.voxel)
+    }
+
+    /// The same where the goal, or the target of [`View::open`], is in voxel `goal`.
+    pub fn way_by(&self, place: Voxel, goal: Voxel) -> Option<Route> {
+        let way = astar::shortest(&self.space.reach, self.space.start(), place)?;
+        Some(Route::to_look(self, &way, goal))
+    }
+
     /// The way to the closest goal; `None`: there is a way to none.
     pub fn closest(&self, journal: &mut Journal) -> Option<Route> {
         let way = journal.time("search", || {
-            astar::closest(&self.space.reach, self.space.start(), |voxel| self.goals.contains(voxel))
+            let is_goal = |voxel| self.goals.contains(voxel);
+            astar::closest_of(&self.space.reach, self.space.start(), is_goal, || self.goals.voxels())
         })?;
         Route::over_voxels(self, &way)
     }
@@ -40,12 +53,21 @@ impl<'a> View<'a> {
 impl Ways<'_> {
     /// Length of the shortest way to a goal (m), from centre to centre of the voxels; `None`: there is none.
     pub fn length_m(&self, goal: &Goal) -> Option<f64> {
-        let voxels = self.reached.cost(goal.voxel)?;
-        Some(voxels * self.view.space.resolution())
+        self.length_to_m(goal.voxel)
+    }
+
+    /// The same to any place.
+    pub fn length_to_m(&self, place: Voxel) -> Option<f64> {
+        Some(self.reached.cost(place)? * self.view.space.resolution())
     }
 
     /// The shortest way to a goal; `None`: there is none.
     pub fn route(&self, goal: &Goal) -> Option<Route> {
-        Route::over_voxels(&self.view, &self.reached.way_to(goal.voxel)?)
+        self.route_by(goal.voxel, goal)
+    }
+
+    /// The shortest way to `place`, from where the target of `goal` is seen; `None`: there is none.
+    pub fn route_by(&self, place: Voxel, goal: &Goal) -> Option<Route> {
+        Some(Route::to_look(&self.view, &self.reached.way_to(place)?, goal.voxel))
     }
 }

@@ -4,7 +4,8 @@
 //! `cargo bench -p elk-field --bench laplace [-- rooms] [cubes] [flat] [change] [edge…]`: all of it, or what is named; edges
 //! are those of cubes. Bytes are what a process grows by, and mean something for the first box of a process only, and for
 //! larger ones after it. Time is CPU time of the thread, the smallest of a few solves (one for Gauss-Seidel); the error is the
-//! largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1.
+//! largest difference from a multigrid solution of residual 1e-7 on ψ's range of 1; turned is by how much gradients point
+//! elsewhere than those of that, at the median and in the worst hundredth.
 
 use elk_field::{Cell, Domain, Problem, Solution, Solver, solve};
 use elk_geometry::{Region, Voxel};
@@ -46,7 +47,7 @@ fn main() {
 }
 
 /// A cube in which a box of 1 % of the voxels is filled. What it takes to bring the equations into line with that, and the
-/// field that comes of it from there: from the field before, and from nothing.
+/// field that comes of it from there: from the field before, from nothing, and nearly, by a cascade.
 fn change(edge: usize) {
     let problem = scattered([edge; 3]);
     let mut cells = problem.cells().to_vec();
@@ -60,19 +61,21 @@ fn change(edge: usize) {
     let (_, cold) = fastest(3, || solve(&changed, Solver::Multigrid, 1e-6));
     println!("a change of 1 % in {edge}³, shares of a cold solution of {:.1} ms", cold * 1e3);
     println!("from          equations  residual there  iterations  solution");
-    for (name, forgets) in [("the field", false), ("nothing", true)] {
+    for name in ["the field", "nothing", "a cascade"] {
         let mut domain = Domain::of(&problem);
         domain.solve(1e-6, || false);
         // No iteration: the equations are made, and what is left is looked at twice.
         let (left, equations) = timed(|| {
             domain.update(&changed);
-            if forgets {
+            if name == "nothing" {
                 domain.forget();
             }
             domain.solve(f64::INFINITY, || false).residual
         });
-        let (convergence, secs) = timed(|| domain.solve(1e-6, || false));
-        let iterations = convergence.iterations;
+        let (iterations, secs) = timed(|| match name {
+            "a cascade" => domain.cascade(1e-3, || false),
+            _ => domain.solve(1e-6, || false).iterations,
+        });
         println!("{name:12}  {:9.3}  {left:14.1e}  {iterations:10}  {:8.3}", equations / cold, secs / cold);
     }
 }
@@ -85,7 +88,9 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
 }
 
 fn rooms() {
-    println!("unknowns  sinks  solver                 iterations  residual  error    ms        of multigrid");
+    println!(
+        "unknowns  sinks  solver                 iterations  residual  error    turned, °      ms        of multigrid"
+    );
     // The thesis' apartment, kitchen and small hall, in voxels of 0.1 m; the last one late in a run, with few goals left.
     for (inner, sinks) in [([60, 80, 20], 40), ([80, 80, 30], 40), ([80, 80, 30], 1), ([100, 100, 50], 1)] {
         compare(&furnished(inner, sinks));
@@ -132,6 +137,8 @@ fn compare(problem: &Problem) {
     let mut baseline = f64::NAN;
     for (name, solver, tolerance, runs) in [
         ("multigrid-CG 1e-6", Solver::Multigrid, 1e-6, 3),
+        ("multigrid-CG 1e-2", Solver::Multigrid, 1e-2, 3),
+        ("cascade 1e-3", Solver::Cascade, 1e-3, 3),
         ("Jacobi-CG 1e-6", Solver::Jacobi, 1e-6, 3),
         ("thesis' GS, eps 1e-4", Solver::Thesis, 1e-4, 1),
     ] {
@@ -139,13 +146,16 @@ fn compare(problem: &Problem) {
         if baseline.is_nan() {
             baseline = secs;
         }
+        let turned = turned(problem, &solution, &exact);
         println!(
-            "{:8}  {:5}  {name:21}  {:10}  {:8.1e}  {:7.1e}  {:8.1}  {:8.1}",
+            "{:8}  {:5}  {name:21}  {:10}  {:8.1e}  {:7.1e}  {:5.1} {:5.1}  {:8.1}  {:8.2}",
             count(Cell::Inside),
             count(Cell::Sink),
             solution.iterations,
             solution.residual,
             error(&solution, &exact),
+            turned[0],
+            turned[1],
             secs * 1e3,
             secs / baseline
         );
@@ -163,6 +173,25 @@ fn fastest(runs: usize, solve: impl Fn() -> Solution) -> (Solution, f64) {
 
 fn error(a: &Solution, b: &Solution) -> f32 {
     a.psi.iter().zip(&b.psi).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// By how much gradients are turned (degrees), at the median and in the worst hundredth, where all six neighbours are inside.
+fn turned(problem: &Problem, a: &Solution, b: &Solution) -> [f64; 2] {
+    let [nx, ny, _] = problem.dim();
+    let is_inside = |i: usize| problem.cells()[i] == Cell::Inside;
+    let steps = [1, nx, nx * ny];
+    let among = (0..a.psi.len()).filter(|i| is_inside(*i));
+    let slopes = |psi: &[f32], i: usize| steps.map(|step| f64::from(psi[i + step] - psi[i - step]));
+    let product = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let mut angles: Vec<f64> = among
+        .filter(|i| steps.iter().all(|step| is_inside(i + step) && is_inside(i - step)))
+        .map(|i| {
+            let (a, b) = (slopes(&a.psi, i), slopes(&b.psi, i));
+            (product(a, b) / (product(a, a) * product(b, b)).sqrt()).clamp(-1.0, 1.0).acos().to_degrees()
+        })
+        .collect();
+    angles.sort_by(f64::total_cmp);
+    [0.5, 0.99].map(|share| angles[(angles.len() as f64 * share) as usize])
 }
 
 /// A box of `inner` voxels that is being furnished, with a margin of one voxel around it.

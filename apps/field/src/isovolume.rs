@@ -158,6 +158,18 @@ impl Isovolumes {
         }
     }
 
+    /// Nearly solves for ψ from nothing, and answers the iterations ([`Domain::cascade`]). Nothing is sealed or opened by a field
+    /// that is not exact.
+    pub fn cascade(&mut self, tolerance: f64, stopping: impl Fn() -> bool) -> usize {
+        self.solutions += 1;
+        self.domain.cascade(tolerance, stopping)
+    }
+
+    /// Solves on from ψ as it is ([`Domain::solve`]), with what is sealed as it is.
+    pub fn solve_on(&mut self, tolerance: f64, stopping: impl Fn() -> bool) -> Convergence {
+        self.domain.solve(tolerance, stopping)
+    }
+
     /// C′, counted at the sources.
     fn flow(&self) -> f64 {
         let sources = self.fixed.iter().flat_map(|block| {

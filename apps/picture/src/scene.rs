@@ -7,6 +7,7 @@ use elk_bus::{Key, Payload, tell};
 use elk_geometry::{OccupancyGrid, Pose, Voxel, frontier};
 use elk_log::{LogError, LogReader, Record};
 use elk_spatial::checks::MAX_BRICKS;
+use elk_spatial::keyframe::MapPart;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::Decision;
 use elk_spatial::{Replica, Scan, keys};
@@ -99,6 +100,7 @@ impl Collector {
         match record.key.as_str() {
             key if key == keys::MAP_UPDATE.name() => self.map(&decode(record, &keys::MAP_UPDATE)?),
             key if key == keys::MAP.name() => self.map(&decode(record, &keys::MAP)?),
+            key if key == keys::MAP_PART.name() => self.map_part(&decode(record, &keys::MAP_PART)?),
             key if key == keys::SCAN.name() => {
                 let scan: Scan<'_> = record.value.as_ref().decode(&keys::SCAN)?;
                 self.scans.insert(scan.id, scan.pose);
@@ -125,14 +127,25 @@ impl Collector {
 
     /// What does not fit is passed over: the next whole map mends it.
     fn map(&mut self, update: &MapUpdate) {
-        let same = |map: &Map| map.replica.grid().resolution() == update.resolution;
-        let i = self.maps.iter().position(same).unwrap_or(self.maps.len());
-        if i == self.maps.len() && i < MOST_MAPS {
-            self.maps.push(Map { replica: Replica::new(Some(update.resolution), MAX_BRICKS), updates: 0 });
-        }
-        if let Some(map) = self.maps.get_mut(i) {
+        if let Some(map) = self.map_of(update.resolution) {
             map.updates += usize::from(matches!(map.replica.take(update), Ok(Some(_))));
         }
+    }
+
+    fn map_part(&mut self, part: &MapPart) {
+        if let Some(map) = self.map_of(part.resolution) {
+            map.updates += usize::from(matches!(map.replica.take_part(part), Ok(Some(_))));
+        }
+    }
+
+    /// The map with such voxels (m); none: there are too many others.
+    fn map_of(&mut self, resolution: f64) -> Option<&mut Map> {
+        let same = |map: &Map| map.replica.grid().resolution() == resolution;
+        let i = self.maps.iter().position(same).unwrap_or(self.maps.len());
+        if i == self.maps.len() && i < MOST_MAPS {
+            self.maps.push(Map { replica: Replica::new(Some(resolution), MAX_BRICKS), updates: 0 });
+        }
+        self.maps.get_mut(i)
     }
 
     fn finish(self, mission: String) -> Result<Scene, SceneError> {

@@ -6,7 +6,8 @@ use elk_geometry::{OccupancyGrid, Pose};
 use elk_mission::{Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::Scan;
 use elk_spatial::checks::{MAX_COMMANDS_LOST, MAX_REVISIONS_AHEAD};
-use elk_spatial::keys::{ACCURACY_REPORT, MAP, POSE_COMMAND, SENSOR_REPORT, camera_pose};
+use elk_spatial::keyframe::{Keyframe, MapPart, Step};
+use elk_spatial::keys::{ACCURACY_REPORT, MAP, MAP_PART, POSE_COMMAND, SENSOR_REPORT, camera_pose};
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
 use nalgebra::Isometry3;
@@ -51,6 +52,8 @@ struct SensorApp {
     inherited: bool,
     /// The last evaluation of a map.
     evaluated: Option<AccuracyReport>,
+    /// What has come of the whole map.
+    coming: Option<Keyframe>,
 }
 
 /// What is known of a predecessor.
@@ -64,7 +67,16 @@ struct Past {
 
 impl SensorApp {
     fn new(robot: Robot, (scan, camera_pose): (Key<Scan<'static>>, Key<CameraPose>)) -> Self {
-        Self { robot, scan, camera_pose, cpu_secs: 0.0, past: Some(Past::default()), inherited: false, evaluated: None }
+        Self {
+            robot,
+            scan,
+            camera_pose,
+            cpu_secs: 0.0,
+            past: Some(Past::default()),
+            inherited: false,
+            evaluated: None,
+            coming: None,
+        }
     }
 
     fn on_the_bus(self) -> Handled<Self> {
@@ -78,7 +90,11 @@ impl SensorApp {
             // What others say of it.
             .on(self.camera_pose.subscription().as_it_comes(), Self::on_camera_pose);
         match self.robot.truth().is_some() {
-            true => table.recall(&ACCURACY_REPORT, Self::on_accuracy_report).on(&MAP, Self::on_map).with(self),
+            true => table
+                .recall(&ACCURACY_REPORT, Self::on_accuracy_report)
+                .on(&MAP, Self::on_map)
+                .on(&MAP_PART, Self::on_map_part)
+                .with(self),
             false => table.with(self),
         }
     }
@@ -237,6 +253,22 @@ impl SensorApp {
             scan: self.robot.scans(),
             cpu_secs: self.cpu_secs,
         }
+    }
+
+    /// Evaluates a whole map that comes in parts of one revision, as it does when the robot stands still.
+    fn on_map_part(&mut self, comms: &mut Comms, part: MapPart) -> Result<(), AppError> {
+        let fits = self.coming.as_ref().is_some_and(|coming| coming.resolution() == part.resolution);
+        let mut coming = self.coming.take().filter(|_| fits).unwrap_or_else(|| Keyframe::new(part.resolution));
+        match coming.take(&part) {
+            Step::Whole(map) => return self.on_map(comms, map),
+            Step::Taken => {}
+            Step::Apart => {
+                coming = Keyframe::new(part.resolution);
+                coming.take(&part);
+            }
+        }
+        self.coming = Some(coming);
+        Ok(())
     }
 
     /// Evaluates a whole map, or says again how right it was; only who knows the true world is asked.

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use elk_bus::{Key, Payload, ValueRef};
 use elk_geometry::Pose;
-use elk_spatial::keys::{MAP, MAP_UPDATE, PLAN, PROGRESS, camera_pose};
+use elk_spatial::keys::{MAP, MAP_PART, MAP_UPDATE, PLAN, PROGRESS, camera_pose};
 use elk_spatial::messages::{CameraPose, Decision, Plan, Progress};
 use elk_spatial::{CameraInfo, Scan};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -36,7 +36,7 @@ const SCAN: u8 = 2;
 
 /// Variables that the model always hears: what it shows of them has places of its own.
 pub(crate) fn always() -> BTreeSet<String> {
-    let typed = [MAP_UPDATE.name(), MAP.name(), PLAN.name(), PROGRESS.name()].map(str::to_owned);
+    let typed = [MAP_UPDATE.name(), MAP_PART.name(), MAP.name(), PLAN.name(), PROGRESS.name()].map(str::to_owned);
     typed.into_iter().chain([EVENTS].into_iter().chain(REPORTS).map(str::to_owned)).collect()
 }
 
@@ -178,6 +178,10 @@ impl Model {
             key if key == MAP_UPDATE.name() || key == MAP.name() => {
                 let update = heard.value.decode(&MAP_UPDATE).map_err(failed)?;
                 self.world.take(&update).map_err(|error| error.to_string())?;
+            }
+            key if key == MAP_PART.name() => {
+                let part = heard.value.decode(&MAP_PART).map_err(failed)?;
+                self.world.take_part(&part).map_err(|error| error.to_string())?;
             }
             key if key == PLAN.name() => {
                 self.plan(&heard.value.decode(&PLAN).map_err(failed)?);

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeSet;
 
+use elk_geometry::delta::Changes;
 use elk_geometry::frontier::FrontierSet;
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::{OccupancyGrid, Voxel};
 use elk_spatial::checks::MAX_BRICKS;
+use elk_spatial::keyframe::MapPart;
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::replica::Replica;
 
@@ -57,7 +59,22 @@ impl World {
     /// # Errors
     /// It does not fit what is known.
     pub fn take(&mut self, update: &MapUpdate) -> Result<(), UpdateError> {
-        let Some(changes) = self.replica.take(update)? else { return Ok(()) };
+        let changes = self.replica.take(update)?;
+        self.note(&changes.unwrap_or_default());
+        Ok(())
+    }
+
+    /// Takes a part of the whole map.
+    ///
+    /// # Errors
+    /// It does not fit what is known.
+    pub fn take_part(&mut self, part: &MapPart) -> Result<(), UpdateError> {
+        let changes = self.replica.take_part(part)?;
+        self.note(&changes.unwrap_or_default());
+        Ok(())
+    }
+
+    fn note(&mut self, changes: &Changes) {
         // What became known beside a brick may take frontier from it.
         let beside: BTreeSet<Voxel> = changes.bricks().iter().flat_map(|(brick, _)| neighbours(*brick)).collect();
         let before: Vec<(Voxel, Mask)> = beside.iter().map(|brick| (*brick, *self.frontier.brick(*brick))).collect();
@@ -70,7 +87,6 @@ impl World {
                 self.changed.put(brick, ());
             }
         }
-        Ok(())
     }
 
     /// A frame with the bricks that changed after `seen`, the oldest first, of at most `most` bytes; `None`: there are none.

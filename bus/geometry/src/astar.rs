@@ -4,28 +4,47 @@
 //! what it gets to, however large the map is.
 
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::{BTreeMap, BinaryHeap, HashMap};
+use std::f64::consts::SQRT_2;
 use std::hash::BuildHasherDefault;
 
-use crate::bricks::{BRICK, BRICK_CELLS, BrickHasher, brick_of, cell_of};
+use crate::bricks::{BRICK, BRICK_CELLS, BrickHasher, brick_of, cell_of, voxel_at};
+use crate::mask::{self, Mask};
 use crate::set::VoxelSet;
 use crate::voxel::Voxel;
 
 /// The shortest way from `from` to `to` over voxels of `passable`, both ends included.
 pub fn shortest(passable: &VoxelSet, from: Voxel, to: Voxel) -> Option<Vec<Voxel>> {
-    let (reached, end) = search(passable, from, |voxel| voxel == to, |voxel| voxel.distance(to));
-    reached.way_to(end?)
+    closest_of(passable, from, |voxel| voxel == to, || [to])
 }
 
-/// The shortest way from `from` to the closest voxel that is a goal.
+/// The shortest way from `from` to the closest voxel that is a goal; of equals the first in raster order, and to it the way on
+/// which each voxel is come to from the one that is nearer to `from`, of equals the first in raster order.
 pub fn closest(passable: &VoxelSet, from: Voxel, is_goal: impl Fn(Voxel) -> bool) -> Option<Vec<Voxel>> {
-    let (reached, end) = search(passable, from, is_goal, |_| 0.0);
-    reached.way_to(end?)
+    let (reached, end) = search(passable, from, is_goal, &Bound::default(), usize::MAX);
+    reached.way_to(end??)
 }
+
+/// The same way, found sooner by who can say where all goals are. That is asked only if none is near.
+pub fn closest_of<I: IntoIterator<Item = Voxel>>(
+    passable: &VoxelSet,
+    from: Voxel,
+    is_goal: impl Fn(Voxel) -> bool,
+    goals: impl FnOnce() -> I,
+) -> Option<Vec<Voxel>> {
+    let (mut reached, mut end) = search(passable, from, &is_goal, &Bound::default(), NEAR);
+    if end.is_none() {
+        (reached, end) = search(passable, from, is_goal, &Bound::to(goals()), usize::MAX);
+    }
+    reached.way_to(end??)
+}
+
+/// A search over no more bricks than this stays near.
+const NEAR: usize = 32;
 
 /// The shortest ways from `from` to all voxels that can be got to.
 pub fn all(passable: &VoxelSet, from: Voxel) -> Reached {
-    search(passable, from, |_| false, |_| 0.0).0
+    search(passable, from, |_| false, &Bound::default(), usize::MAX).0
 }
 
 /// What a search has got to: shortest ways from one voxel to others.
@@ -39,10 +58,12 @@ pub struct Reached {
 /// What a search knows of a brick.
 #[derive(Debug, Clone)]
 struct Page {
-    /// Lengths of ways, in voxels.
+    /// Lengths of ways, in voxels; infinite where the search has not got to.
     cost: [f64; BRICK_CELLS],
-    /// The move that led there, from 1 as in [`MOVES`]; 0 where the search has not got to.
-    by: [u8; BRICK_CELLS],
+    /// From where the search has gone on, with that length of way.
+    gone_on: Mask,
+    /// Of what is left of the way.
+    bound: Bound,
     /// What is passable in it and around it, as rows by z and y from one before the brick's own, a bit a voxel along x.
     rows: [[u16; EDGE]; EDGE],
     /// One more than the places of the pages of the bricks around it, by move; 0 where that was not looked up yet.
@@ -53,7 +74,7 @@ struct Page {
 const EDGE: usize = BRICK as usize + 2;
 /// Number of moves; the one in their middle is none.
 const MOVES: usize = 27;
-/// The move that stays where it is: that of where a search begins.
+/// The move that stays where it is.
 const STAY: usize = MOVES / 2;
 
 /// The offset of a move: x fastest.
@@ -62,10 +83,11 @@ const fn offset(by: usize) -> Voxel {
 }
 
 impl Page {
-    fn of(passable: &VoxelSet, brick: Voxel) -> Box<Self> {
+    fn of(passable: &VoxelSet, bound: Bound, brick: Voxel) -> Box<Self> {
         let mut page = Box::new(Self {
-            cost: [0.0; BRICK_CELLS],
-            by: [0; BRICK_CELLS],
+            cost: [f64::INFINITY; BRICK_CELLS],
+            gone_on: mask::NONE,
+            bound,
             rows: [[0; EDGE]; EDGE],
             beside: [0; MOVES],
         });
@@ -103,30 +125,30 @@ impl Page {
 }
 
 impl Reached {
-    fn begin(passable: &VoxelSet, from: Voxel) -> Self {
+    fn begin(passable: &VoxelSet, bound: &Bound, from: Voxel) -> Self {
         let mut reached = Self { from, index: HashMap::default(), pages: Vec::new() };
-        let page = reached.page(passable, brick_of(from));
-        reached.pages[page].by[cell_of(from)] = STAY as u8 + 1;
+        let page = reached.page((passable, bound), brick_of(from));
+        reached.pages[page].cost[cell_of(from)] = 0.0;
         reached
     }
 
     #[inline]
-    fn page(&mut self, passable: &VoxelSet, brick: Voxel) -> usize {
+    fn page(&mut self, (passable, bound): (&VoxelSet, &Bound), brick: Voxel) -> usize {
         let next = self.pages.len() as u32;
         let page = *self.index.entry(brick).or_insert(next);
         if page == next {
-            self.pages.push(Page::of(passable, brick));
+            self.pages.push(Page::of(passable, bound.near(brick), brick));
         }
         page as usize
     }
 
     /// The page of a brick beside that of page `own`, which is at `brick`.
     #[inline]
-    fn page_beside(&mut self, passable: &VoxelSet, (own, brick): (usize, Voxel), beside: Voxel) -> usize {
+    fn page_beside(&mut self, within: (&VoxelSet, &Bound), (own, brick): (usize, Voxel), beside: Voxel) -> usize {
         let d = beside - brick;
         let by = ((d.z + 1) * 9 + (d.y + 1) * 3 + d.x + 1) as usize;
         if self.pages[own].beside[by] == 0 {
-            self.pages[own].beside[by] = self.page(passable, beside) as u32 + 1;
+            self.pages[own].beside[by] = self.page(within, beside) as u32 + 1;
         }
         self.pages[own].beside[by] as usize - 1
     }
@@ -135,66 +157,165 @@ impl Reached {
         Some((&self.pages[*self.index.get(&brick_of(voxel))? as usize], cell_of(voxel)))
     }
 
-    /// The move that led to a voxel.
-    fn by(&self, voxel: Voxel) -> Option<usize> {
-        self.at(voxel).and_then(|(page, cell)| usize::from(page.by[cell]).checked_sub(1))
-    }
-
     /// Length of the shortest way to a voxel (in voxels), from centre to centre; `None`: there is none.
     pub fn cost(&self, to: Voxel) -> Option<f64> {
-        self.at(to).filter(|(page, cell)| page.by[*cell] != 0).map(|(page, cell)| page.cost[cell])
+        self.at(to).map(|(page, cell)| page.cost[cell]).filter(|cost| cost.is_finite())
     }
 
     /// The shortest way to a voxel, both ends included; `None`: there is none.
     pub fn way_to(&self, to: Voxel) -> Option<Vec<Voxel>> {
         self.cost(to)?;
+        let moves = moves();
         let mut way = vec![to];
         let mut at = to;
         while at != self.from {
-            at = at - offset(self.by(at)?);
+            at = self.before(at, &moves)?;
             way.push(at);
         }
         way.reverse();
         Some(way)
     }
+
+    /// From where the shortest way comes to a voxel: of several the nearest, of equals the first in raster order.
+    fn before(&self, voxel: Voxel, moves: &[Move]) -> Option<Voxel> {
+        let (page, cell) = self.at(voxel)?;
+        let near = page.near(cell);
+        let comes_from = |back: &Move| {
+            let from = voxel + back.offset;
+            // Where it begins need not be passable.
+            let passes = back.needs & !(1 << back.by);
+            let cost =
+                self.cost(from).filter(|cost| near & passes == passes && cost + back.length == page.cost[cell])?;
+            Some((cost.to_bits(), packed(from), from))
+        };
+        moves.iter().filter_map(comes_from).min().map(|(_, _, from)| from)
+    }
 }
 
-/// Searches until a goal is reached, and answers which; `bound` is a lower bound of what is left of the way, which from a voxel
-/// to its neighbour falls by no more than the way between them.
+/// How long the way to the closest of several goals is at least (Hart, Nilsson and Raphael, *A Formal Basis for the Heuristic
+/// Determination of Minimum Cost Paths*, 1968).
+#[derive(Debug, Clone, Default)]
+struct Bound {
+    /// Corners of a few boxes, both in it, that all goals lie in; none: nobody knows where they are.
+    boxes: Vec<[Voxel; 2]>,
+}
+
+/// √3.
+const SQRT_3: f64 = 1.732_050_807_568_877_2;
+/// The most boxes: each is asked for of each brick that a search comes to.
+const BOXES: usize = 256;
+
+impl Bound {
+    /// That of these goals.
+    fn to(goals: impl IntoIterator<Item = Voxel>) -> Self {
+        let mut boxes: BTreeMap<Voxel, [Voxel; 2]> = BTreeMap::new();
+        let put = |boxes: &mut BTreeMap<_, _>, cube: Voxel, corners: [Voxel; 2]| {
+            let all = boxes.entry(cube).or_insert(corners);
+            *all = around(*all, corners);
+        };
+        goals.into_iter().for_each(|goal| put(&mut boxes, brick_of(goal), [goal; 2]));
+        while boxes.len() > BOXES {
+            let mut coarser = BTreeMap::new();
+            boxes
+                .into_iter()
+                .for_each(|(cube, corners)| put(&mut coarser, Voxel::from(cube.to_array().map(|c| c >> 1)), corners));
+            boxes = coarser;
+        }
+        Self { boxes: boxes.into_values().collect() }
+    }
+
+    /// The same for voxels of a brick: of boxes that none of them is nearest to nothing is asked.
+    fn near(&self, brick: Voxel) -> Self {
+        let (low, high) = (voxel_at(brick, 0), voxel_at(brick, BRICK_CELLS - 1));
+        let least = |corners: &[Voxel; 2]| octile(aside([low, high], *corners));
+        let most = |corners: &[Voxel; 2]| {
+            let [a, b] = [low, high].map(|voxel| aside([voxel; 2], *corners));
+            octile(std::array::from_fn(|axis| a[axis].max(b[axis])))
+        };
+        let nearest = self.boxes.iter().map(most).reduce(f64::min).unwrap_or(0.0);
+        Self { boxes: self.boxes.iter().filter(|corners| least(corners) <= nearest).copied().collect() }
+    }
+
+    /// What it is from a voxel, if nothing is in the way (in voxels). From a voxel to its neighbour it falls by no more than the
+    /// way between them.
+    #[inline]
+    fn of(&self, voxel: Voxel) -> f64 {
+        let ways = self.boxes.iter().map(|corners| octile(aside([voxel; 2], *corners)));
+        ways.reduce(f64::min).unwrap_or(0.0)
+    }
+}
+
+/// How far apart two boxes are along each axis (voxels).
+#[inline]
+fn aside([low, high]: [Voxel; 2], [min, max]: [Voxel; 2]) -> [i32; 3] {
+    let along = |low: i32, high: i32, min: i32, max: i32| (min - high).max(low - max).max(0);
+    [along(low.x, high.x, min.x, max.x), along(low.y, high.y, min.y, max.y), along(low.z, high.z, min.z, max.z)]
+}
+
+/// The shortest way to a voxel so far away along each axis (in voxels): over corners, then over edges, then over faces.
+#[inline]
+fn octile([x, y, z]: [i32; 3]) -> f64 {
+    let (least, most) = (x.min(y).min(z), x.max(y).max(z));
+    let middle = x + y + z - least - most;
+    SQRT_3 * f64::from(least) + SQRT_2 * f64::from(middle - least) + f64::from(most - middle)
+}
+
+/// Corners of the box around two.
+fn around([a, b]: [Voxel; 2], [c, d]: [Voxel; 2]) -> [Voxel; 2] {
+    [a.inf(c), b.sup(d)]
+}
+
+/// So much longer (in voxels) a way may be by rounding alone.
+const ROUNDING: f64 = 1e-6;
+
+/// Searches until no goal can be closer than one that was got to, and answers which that is, of equals the first in raster order:
+/// `Some(None)` if there is a way to none, and `None` if it came to more bricks than `most`, and to no goal.
 fn search(
     passable: &VoxelSet,
     from: Voxel,
     is_goal: impl Fn(Voxel) -> bool,
-    bound: impl Fn(Voxel) -> f64,
-) -> (Reached, Option<Voxel>) {
+    bound: &Bound,
+    most: usize,
+) -> (Reached, Option<Option<Voxel>>) {
     let moves = moves();
-    let mut reached = Reached::begin(passable, from);
-    let mut open = Open::new(bound(from), from);
+    let mut reached = Reached::begin(passable, bound, from);
+    let mut open = Open::new(bound.of(from), from);
+    let mut end: Option<(f64, Voxel)> = None;
     while let Some((estimate, voxel)) = open.pop() {
-        if is_goal(voxel) {
-            return (reached, Some(voxel));
+        if end.is_some_and(|(cost, _)| estimate > cost + ROUNDING) {
+            break;
+        }
+        if end.is_none() && reached.pages.len() > most {
+            return (reached, None);
         }
         let (brick, cell) = (brick_of(voxel), cell_of(voxel));
-        let own = reached.page(passable, brick);
-        let cost = reached.pages[own].cost[cell];
-        if estimate > cost + bound(voxel) {
+        let own = reached.page((passable, bound), brick);
+        let page = &mut reached.pages[own];
+        if mask::has(&page.gone_on, cell) {
             continue;
         }
-        let (near, place) = (reached.pages[own].near(cell), Place::of(cell));
-        for Move { by, offset, step, length, .. } in moves.iter().filter(|one| near & one.needs == one.needs) {
+        mask::set(&mut page.gone_on, cell);
+        let (cost, near, place) = (page.cost[cell], page.near(cell), Place::of(cell));
+        if is_goal(voxel) {
+            let is_closer = |(least, other): &(f64, Voxel)| (cost, voxel.raster()) < (*least, other.raster());
+            end = end.filter(|other| !is_closer(other)).or(Some((cost, voxel)));
+            continue;
+        }
+        for Move { offset, step, length, .. } in moves.iter().filter(|one| near & one.needs == one.needs) {
             let n = voxel + *offset;
             let (page, cell) = match place.after(*step) {
                 Some(cell) => (own, cell),
-                None => (reached.page_beside(passable, (own, brick), brick_of(n)), cell_of(n)),
+                None => (reached.page_beside((passable, bound), (own, brick), brick_of(n)), cell_of(n)),
             };
             let page = &mut reached.pages[page];
-            if page.by[cell] == 0 || cost + length < page.cost[cell] {
-                (page.by[cell], page.cost[cell]) = (*by as u8 + 1, cost + length);
-                open.push(cost + length + bound(n), n);
+            if cost + length < page.cost[cell] {
+                page.cost[cell] = cost + length;
+                mask::clear(&mut page.gone_on, cell);
+                open.push(cost + length + page.bound.of(n), n);
             }
         }
     }
-    (reached, None)
+    (reached, Some(end.map(|(_, voxel)| voxel)))
 }
 
 /// A step from a voxel to one of the 26 around it.
@@ -317,6 +438,10 @@ impl Open {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
     use super::*;
 
     /// Two rooms side by side behind a wall of one voxel at x = 6 with a door at y = 0.
@@ -351,6 +476,64 @@ mod tests {
         assert!(all.iter().all(|voxel| unpacked(packed(*voxel)) == *voxel));
         let is_less = |pair: &[Voxel]| packed(pair[0]) < packed(pair[1]);
         assert!(all.windows(2).all(|pair| is_less(pair) == (pair[0].raster() < pair[1].raster())));
+    }
+
+    /// The same by nothing but the definition of what is first, from an order of all ways by their lengths.
+    fn first_of_all(passable: &VoxelSet, from: Voxel, goals: &[Voxel]) -> Option<Vec<Voxel>> {
+        let mut cost = BTreeMap::from([(from, (0.0f64, from))]);
+        let mut open = BTreeSet::from([(0.0f64.to_bits(), from.raster(), from)]);
+        let end = loop {
+            let (_, _, voxel) = open.pop_first()?;
+            if goals.contains(&voxel) {
+                break voxel;
+            }
+            let far = cost[&voxel].0;
+            let free =
+                |one: &Move| (0..MOVES).all(|by| one.needs >> by & 1 == 0 || passable.contains(voxel + offset(by)));
+            for one in moves().iter().filter(|one| free(one)) {
+                let (n, way) = (voxel + one.offset, far + one.length);
+                if cost.get(&n).is_none_or(|(before, _)| way < *before) {
+                    cost.insert(n, (way, voxel));
+                    open.retain(|(_, _, other)| *other != n);
+                    open.insert((way.to_bits(), n.raster(), n));
+                }
+            }
+        };
+        let mut way = vec![end];
+        while way[way.len() - 1] != from {
+            way.push(cost[&way[way.len() - 1]].1);
+        }
+        way.reverse();
+        Some(way)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(256))]
+        /// However the goals are spread, and whatever is in between, it is the way that Dijkstra's search finds first.
+        #[test]
+        fn bounds_change_no_way(
+            density in 0.5..1.0f64,
+            scattered in prop::collection::vec(0.0..1.0f64, 24 * 12 * 6),
+            from in voxel(),
+            goals in prop::collection::vec(voxel(), 0..30),
+        ) {
+            let voxels = (0..24 * 12 * 6).map(|i| Voxel::new(i % 24 - 5, i / 24 % 12, i / 288));
+            let passable: VoxelSet = voxels.zip(scattered).filter(|(_, share)| *share < density).map(|(v, _)| v).collect();
+            let is_goal = |voxel| goals.contains(&voxel);
+            let way = closest_of(&passable, from, is_goal, || goals.iter().copied());
+            prop_assert_eq!(&way, &first_of_all(&passable, from, &goals));
+            prop_assert_eq!(&way, &closest(&passable, from, is_goal));
+            let bound = Bound::to(goals.iter().copied());
+            let (bounded, end) = search(&passable, from, is_goal, &bound, usize::MAX);
+            prop_assert_eq!(&way, &end.flatten().and_then(|end| bounded.way_to(end)));
+            if let Some(way) = way {
+                prop_assert_eq!(all(&passable, from).way_to(way[way.len() - 1]), Some(way));
+            }
+        }
+    }
+
+    fn voxel() -> impl Strategy<Value = Voxel> {
+        (-5..19i32, 0..12i32, 0..6i32).prop_map(|(x, y, z)| Voxel::new(x, y, z))
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
-use crate::bricks::{Bricks, brick_of, voxel_at};
+use crate::bricks::{brick_of, cell_of, voxel_at};
 use crate::grid::OccupancyGrid;
 use crate::mask::{self, Mask};
 use crate::set::VoxelSet;
@@ -66,9 +66,12 @@ impl Edges {
 pub struct Faces(u8);
 
 impl Faces {
-    /// Those of `voxel` of which `which` is true.
-    pub fn of(voxel: Voxel, which: impl Fn(Voxel) -> bool) -> Self {
-        let bit = |(n, face): (usize, &Voxel)| u8::from(which(voxel + *face)) << n;
+    /// All of them.
+    pub const ALL: Self = Self(0b11_1111);
+
+    /// Those of `voxel` of which `which` is true, by their number in [`FACES`].
+    fn of(voxel: Voxel, which: impl Fn(usize, Voxel) -> bool) -> Self {
+        let bit = |(n, face): (usize, &Voxel)| u8::from(which(n, voxel + *face)) << n;
         Self(FACES.iter().enumerate().map(bit).sum())
     }
 
@@ -81,6 +84,23 @@ impl Faces {
     pub fn beside(self, voxel: Voxel) -> impl Iterator<Item = Voxel> + Clone {
         FACES.into_iter().enumerate().filter(move |(n, _)| self.0 >> n & 1 == 1).map(move |(_, face)| voxel + face)
     }
+}
+
+/// Voxels by brick: of a brick as often as it comes, all of a run of its voxels at once.
+fn by_brick(voxels: impl IntoIterator<Item = impl Borrow<Voxel>>) -> Vec<(Voxel, Mask)> {
+    let mut runs: Vec<(Voxel, Mask)> = Vec::new();
+    for voxel in voxels {
+        let (brick, cell) = (brick_of(*voxel.borrow()), cell_of(*voxel.borrow()));
+        match runs.last_mut() {
+            Some((last, cells)) if *last == brick => mask::set(cells, cell),
+            _ => {
+                let mut cells = mask::NONE;
+                mask::set(&mut cells, cell);
+                runs.push((brick, cells));
+            }
+        }
+    }
+    runs
 }
 
 /// All frontier voxels inside a bounded volume, in lexicographic order, each with what is unknown beside it.
@@ -108,39 +128,57 @@ impl FrontierSet {
         }
         let ends = |brick: &Voxel| FACES.iter().any(|face| grid.bricks().brick(*brick + *face).is_none());
         let rim: Vec<Voxel> = grid.bricks().iter().map(|(brick, _)| brick).filter(ends).collect();
-        for brick in &rim {
-            mask::cells(&grid.free_cells(*brick)).for_each(|cell| self.revise(grid, voxel_at(*brick, cell)));
-        }
+        rim.iter().for_each(|brick| self.revise(grid, *brick, &mask::ALL));
         rim
     }
 
     /// Takes note that these voxels of `grid` changed.
     pub fn update(&mut self, grid: &OccupancyGrid, changed: impl IntoIterator<Item = impl Borrow<Voxel>>) {
         // Each voxel is looked at once, however many of its neighbours changed.
-        let mut touched: Bricks<bool> = Bricks::new();
-        for voxel in changed {
-            let voxel = *voxel.borrow();
-            std::iter::once(voxel).chain(voxel.face_neighbours()).for_each(|near| *touched.get_mut(near) = true);
+        let mut touched: BTreeMap<Voxel, Mask> = BTreeMap::new();
+        let mut touch = |brick: Voxel, cells: &Mask| {
+            let all = touched.entry(brick).or_insert(mask::NONE);
+            *all = mask::or(all, cells);
+        };
+        for (brick, cells) in by_brick(changed) {
+            touch(brick, &mask::or(&cells, &mask::dilated(&cells)));
+            let beyond = FACES.iter().enumerate().map(|(n, face)| (brick + *face, mask::beyond(&cells, n)));
+            beyond.filter(|(_, cells)| *cells != mask::NONE).for_each(|(brick, cells)| touch(brick, &cells));
         }
-        touched.voxels().filter(|(_, touched)| *touched).for_each(|(voxel, _)| self.revise(grid, voxel));
+        touched.iter().for_each(|(brick, cells)| self.revise(grid, *brick, cells));
     }
 
-    fn revise(&mut self, grid: &OccupancyGrid, voxel: Voxel) {
-        let faces = self.unknown(grid, voxel);
-        if !faces.is_empty() {
-            self.voxels.insert(voxel, faces);
-            self.cells.insert(voxel);
-        } else if self.voxels.remove(&voxel).is_some() {
-            self.cells.remove(voxel);
+    /// Looks at these cells of a brick again.
+    fn revise(&mut self, grid: &OccupancyGrid, brick: Voxel, cells: &Mask) {
+        let known = |brick: Voxel| grid.bricks().brick(brick).map_or(mask::NONE, |cells| *cells.known());
+        let (own, free) = (known(brick), mask::and(&grid.free_cells(brick), cells));
+        let beside: [Mask; 6] = std::array::from_fn(|n| {
+            let opposite = n ^ 1;
+            mask::or(&mask::stepped(&own, opposite), &mask::beyond(&known(brick + FACES[n]), opposite))
+        });
+        let all_known = beside.iter().fold(mask::ALL, |all, known| mask::and(&all, known));
+        let mut now = mask::NONE;
+        for cell in mask::cells(&mask::without(&free, &all_known)) {
+            let voxel = voxel_at(brick, cell);
+            let faces = self.unknown(grid, voxel, |n| !mask::has(&beside[n], cell));
+            if !faces.is_empty() {
+                self.voxels.insert(voxel, faces);
+                mask::set(&mut now, cell);
+            }
         }
+        let before = *self.cells.brick(brick);
+        for cell in mask::cells(&mask::without(&mask::and(&before, cells), &now)) {
+            self.voxels.remove(&voxel_at(brick, cell));
+        }
+        self.cells.replace(brick, &mask::or(&mask::without(&before, cells), &now));
     }
 
-    /// What makes `voxel` frontier.
-    fn unknown(&self, grid: &OccupancyGrid, voxel: Voxel) -> Faces {
+    /// What makes a free voxel frontier, of its face neighbours that are unknown.
+    fn unknown(&self, grid: &OccupancyGrid, voxel: Voxel, is_unknown: impl Fn(usize) -> bool) -> Faces {
         let inside = |v: Voxel| counts(v, self.bounds, grid.resolution());
         let knowable = |v: Voxel| !self.full || grid.bricks().brick(brick_of(v)).is_some();
-        match grid.state(voxel) == State::Free && inside(voxel) {
-            true => Faces::of(voxel, |v| grid.state(v) == State::Unknown && inside(v) && knowable(v)),
+        match inside(voxel) {
+            true => Faces::of(voxel, |n, v| is_unknown(n) && inside(v) && knowable(v)),
             false => Faces::default(),
         }
     }

@@ -55,6 +55,11 @@ impl OccupancyGrid {
         std::iter::once(own).chain(own.neighbours()).any(|brick| self.states.brick(brick).is_some())
     }
 
+    /// Whether a brick is as these states say.
+    pub fn knows(&self, packed: &BrickStates) -> bool {
+        packed.unpack() == self.states.brick(packed.position()).copied().unwrap_or_default()
+    }
+
     /// Number of free voxels.
     pub fn free(&self) -> usize {
         self.counts[State::Free as usize]
@@ -137,8 +142,14 @@ impl OccupancyGrid {
 
     /// The whole grid, as any copy can apply it.
     pub fn whole(&self) -> Delta<'static> {
-        let bricks = self.states.iter().map(|(b, cells)| BrickStates::pack(b, cells)).collect();
+        let bricks = self.packed(0, self.states.len());
         Delta { revision: self.revision, since: 0, resolution: self.resolution, bricks: Cow::Owned(bricks) }
+    }
+
+    /// At most so many of its bricks, from the one that so many others come before, in the order of [`States::iter`]. Bricks are
+    /// only ever added to that order, at its end: the number of one never changes.
+    pub fn packed(&self, first: usize, most: usize) -> Vec<BrickStates> {
+        self.states.iter_from(first).take(most).map(|(b, cells)| BrickStates::pack(b, cells)).collect()
     }
 
     /// Advances to the next revision and answers what changed: the bricks that hold `changed` voxels.

@@ -74,6 +74,20 @@ pub fn dilated(mask: &Mask) -> Mask {
     })
 }
 
+/// The cells of a brick that share the face opposite to this one, in the order of [`FACES`](crate::voxel::FACES), with any of a
+/// set: the set, one cell on.
+pub fn stepped(mask: &Mask, face: usize) -> Mask {
+    let layer = |z: usize| mask.get(z).copied().unwrap_or_default();
+    match face {
+        0 => mask.map(|word| word >> 1 & !RIGHT),
+        1 => mask.map(|word| word << 1 & !LEFT),
+        2 => mask.map(|word| word >> 8),
+        3 => mask.map(|word| word << 8),
+        4 => std::array::from_fn(|z| layer(z + 1)),
+        _ => std::array::from_fn(|z| layer(z.wrapping_sub(1))),
+    }
+}
+
 /// All cells of `open` that hang together with any of `seed` over faces, within the brick; of `seed` those that are open.
 pub fn fill(seed: &Mask, open: &Mask) -> Mask {
     let mut filled = and(seed, open);
@@ -162,6 +176,10 @@ mod tests {
                 let mut mask = NONE;
                 expected.for_each(|cell| set(&mut mask, cell));
                 prop_assert_eq!(beyond(&open, n), mask);
+                let moved = cells(&open).map(|cell| voxel(cell) + *face).filter(inside).map(cell_of);
+                let mut mask = NONE;
+                moved.for_each(|cell| set(&mut mask, cell));
+                prop_assert_eq!(stepped(&open, n), mask);
             }
         }
     }

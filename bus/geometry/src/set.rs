@@ -35,8 +35,7 @@ impl VoxelSet {
 
     /// For many questions about voxels that lie near each other.
     pub fn near(&self) -> Near<'_> {
-        let origin = Voxel::new(0, 0, 0);
-        Near { set: self, brick: origin, mask: self.brick(origin) }
+        Near { set: self, bricks: [NOWHERE; 8], masks: [&mask::NONE; 8] }
     }
 
     /// Puts these of a brick's voxels in, and all others of that brick out; answers those that were not as they are now.
@@ -118,23 +117,29 @@ impl FromIterator<Voxel> for VoxelSet {
     }
 }
 
-/// A set that is asked about voxels near each other: while they stay in one brick, nothing is looked up.
+/// A set that is asked about voxels near each other: while they stay in eight bricks that meet in a corner, each is looked up
+/// once.
 #[derive(Debug, Clone)]
 pub struct Near<'a> {
     set: &'a VoxelSet,
-    brick: Voxel,
-    mask: &'a Mask,
+    /// The last brick that was asked for of those that are even and odd alike.
+    bricks: [Voxel; 8],
+    masks: [&'a Mask; 8],
 }
+
+/// No voxel lies in this brick.
+const NOWHERE: Voxel = Voxel::new(i32::MAX, i32::MAX, i32::MAX);
 
 impl Near<'_> {
     /// Whether a voxel is in the set.
     #[inline]
     pub fn contains(&mut self, voxel: Voxel) -> bool {
         let brick = brick_of(voxel);
-        if brick != self.brick {
-            (self.brick, self.mask) = (brick, self.set.brick(brick));
+        let place = (brick.x & 1 | (brick.y & 1) << 1 | (brick.z & 1) << 2) as usize;
+        if brick != self.bricks[place] {
+            (self.bricks[place], self.masks[place]) = (brick, self.set.brick(brick));
         }
-        mask::has(self.mask, cell_of(voxel))
+        mask::has(self.masks[place], cell_of(voxel))
     }
 }
 

@@ -42,7 +42,12 @@ impl States {
 
     /// All bricks with their cells, in the order in which they were first written.
     pub fn iter(&self) -> impl Iterator<Item = (Voxel, &Cells)> {
-        self.bricks.iter().map(|(brick, cells)| (*brick, cells))
+        self.iter_from(0)
+    }
+
+    /// The same without the first so many; none if there are fewer.
+    pub fn iter_from(&self, first: usize) -> impl Iterator<Item = (Voxel, &Cells)> {
+        self.bricks.get(first..).unwrap_or_default().iter().map(|(brick, cells)| (*brick, cells))
     }
 
     /// All voxels of all bricks, in the order of [`States::iter`].

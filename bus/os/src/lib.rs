@@ -22,7 +22,7 @@ pub mod words;
 pub use owner::{Owner, own_user};
 pub use process_id::ProcessId;
 pub use process_stat::ProcessStat;
-pub use words::tell;
+pub use words::{Overheard, tell};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -3,6 +3,7 @@
 use elk_bus::{Key, Payload, pattern};
 
 use crate::candidates::Candidates;
+use crate::keyframe::MapPart;
 use crate::map::MapUpdate;
 use crate::messages::{
     AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, MapMemory, MapStatus, MotionMemory, MotionReport,
@@ -37,7 +38,9 @@ typed! {
     SCAN: Scan<'static>;
     /// Map to its readers: what the last scan changed.
     MAP_UPDATE: MapUpdate;
-    /// Map to its readers: the whole map, on request and at the end. Readers to a map that has lost its memory: their copy.
+    /// Map to its readers, on request: a part of the whole map, part by part between the updates.
+    MAP_PART: MapPart;
+    /// Map to anyone: the whole map, at the end. Readers to a map that has lost its memory: their copy.
     MAP: MapUpdate;
     /// Map to its successor: all that it knows, when it stops.
     MAP_MEMORY: MapMemory;
@@ -73,7 +76,7 @@ plain! {
     MOTION;
     /// Person to a controller that pauses: one more pose command (any double).
     STEP;
-    /// Anyone to the map: publish the whole map (any double).
+    /// Anyone to the map: publish the whole map, in parts (any double).
     MAP_REQUEST;
 }
 

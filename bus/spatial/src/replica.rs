@@ -6,14 +6,21 @@ use elk_geometry::delta::Changes;
 use elk_geometry::state::BrickStates;
 
 use crate::checks::MAX_REVISIONS_AHEAD;
+use crate::keyframe::{Keyframe, MapPart, Step};
 use crate::keys::MAP;
 use crate::map::{MapUpdate, UpdateError};
+
+/// So many updates in a row without a part of the whole map that was asked for: the last part was lost.
+const MOST_BETWEEN_PARTS: u32 = 16;
 
 /// A copy of the map.
 ///
 /// Nobody can tell from an update alone whether it is the map's: anybody may write one, and whoever starts is given the last.
 /// So one that contradicts what is known is not taken, and the map itself is asked; the next whole map is believed then,
 /// whatever it says. If that was wrong as well, the next word of the map contradicts it.
+///
+/// The answer comes in parts (see [`crate::keyframe`]), beside the updates; what is known stays what it was until it is whole.
+/// A part or an update that does not continue what has come begins it anew, and the map is asked again.
 #[derive(Debug, Clone)]
 pub struct Replica {
     grid: OccupancyGrid,
@@ -22,6 +29,10 @@ pub struct Replica {
     max_bricks: usize,
     /// Whether the whole map is on its way.
     asked: bool,
+    /// What has come of it.
+    coming: Option<Keyframe>,
+    /// Updates since its last part.
+    between_parts: u32,
     /// Whether that is still to be asked for.
     question: bool,
     /// Whether that is because something contradicts what is known.
@@ -30,6 +41,8 @@ pub struct Replica {
     scan: u64,
     /// What the last update continued; 0: it was the whole map.
     since: u64,
+    /// Bricks of the last update.
+    said: usize,
 }
 
 impl Replica {
@@ -37,7 +50,19 @@ impl Replica {
     /// voxels the map has.
     pub fn new(resolution: Option<f64>, max_bricks: usize) -> Self {
         let grid = OccupancyGrid::new(resolution.unwrap_or(1.0));
-        Self { grid, given: resolution, max_bricks, asked: false, question: false, doubtful: false, scan: 0, since: 0 }
+        Self {
+            grid,
+            given: resolution,
+            max_bricks,
+            asked: false,
+            coming: None,
+            between_parts: 0,
+            question: false,
+            doubtful: false,
+            scan: 0,
+            since: 0,
+            said: 0,
+        }
     }
 
     /// The map as far as it is known.
@@ -84,13 +109,19 @@ impl Replica {
     }
 
     /// Whether the whole map is to be asked for now ([`crate::keys::MAP_REQUEST`]); look after each update and each word of a
-    /// revision. It is said once: the answer is on its way then.
+    /// revision. It is said once: the answer is on its way then; and again if that does not come through.
     pub fn take_question(&mut self) -> bool {
         std::mem::take(&mut self.question)
     }
 
     fn ask(&mut self) {
         self.question |= !std::mem::replace(&mut self.asked, true);
+    }
+
+    /// Asks although the answer may be on its way: what came of it is of no use.
+    fn ask_again(&mut self) {
+        self.coming = None;
+        (self.asked, self.question) = (true, true);
     }
 
     fn doubt(&mut self) {
@@ -105,15 +136,9 @@ impl Replica {
     /// It does not fit: it is of a map with other voxels, too large, or too far from what is known.
     pub fn take(&mut self, update: &MapUpdate) -> Result<Option<Changes>, UpdateError> {
         self.look_at_size(update)?;
+        self.look_at_resolution(update.resolution)?;
+        self.follow(update);
         let (whole, have) = (update.since == 0, self.grid.revision());
-        let learning = self.given.is_none() && (self.asked || have == 0);
-        if update.resolution != self.given.unwrap_or(self.grid.resolution()) && !learning {
-            let why = UpdateError::Resolution { have: self.grid.resolution(), update: update.resolution };
-            if self.given.is_none() {
-                self.doubt();
-            }
-            return Err(why);
-        }
         match whole {
             true if self.asked || have == 0 => self.believe(update),
             true if update.revision > have + MAX_REVISIONS_AHEAD => {
@@ -136,38 +161,121 @@ impl Replica {
         }
     }
 
+    /// Takes a part of the whole map; what it changed, if it was the last one. `None`: it says nothing that is not known, or
+    /// others are to come.
+    ///
+    /// # Errors
+    /// It does not fit: it is of a map with other voxels, too large, or too far from what is known.
+    pub fn take_part(&mut self, part: &MapPart) -> Result<Option<Changes>, UpdateError> {
+        self.look_at_number(part.total as usize)?;
+        self.look_at_resolution(part.resolution)?;
+        let have = self.grid.revision();
+        if !self.asked && have > 0 {
+            match part.revision {
+                far if far > have + MAX_REVISIONS_AHEAD => {
+                    self.doubt();
+                    return Err(UpdateError::Ahead { have, update: far });
+                }
+                // An answer to others.
+                same if same == have && part.scan == self.scan && self.knows(&part.bricks) => return Ok(None),
+                ahead if ahead > have => self.ask(),
+                _ => self.doubt(),
+            }
+        }
+        self.between_parts = 0;
+        match self.continue_with(part) {
+            Step::Taken => Ok(None),
+            Step::Whole(map) => {
+                (self.asked, self.coming) = (true, None);
+                self.take(&map)
+            }
+            Step::Apart => {
+                self.ask_again();
+                // Any part may be the first.
+                self.continue_with(part);
+                Ok(None)
+            }
+        }
+    }
+
+    fn continue_with(&mut self, part: &MapPart) -> Step {
+        let resolution = self.coming.as_ref().map(Keyframe::resolution);
+        if resolution.is_some_and(|coming| coming != part.resolution) {
+            return Step::Apart;
+        }
+        self.coming.get_or_insert_with(|| Keyframe::new(part.resolution)).take(part)
+    }
+
+    /// Has what comes of the whole map follow an update.
+    fn follow(&mut self, update: &MapUpdate) {
+        if update.since == 0 {
+            return;
+        }
+        self.between_parts += u32::from(self.asked);
+        if self.between_parts >= MOST_BETWEEN_PARTS {
+            (self.between_parts, self.question) = (0, true);
+        }
+        let most = self.max_bricks;
+        let apart = |coming: &mut Keyframe| coming.follow(update) == Step::Apart || coming.len() > most;
+        if self.coming.as_mut().is_some_and(apart) {
+            self.ask_again();
+        }
+    }
+
     fn believe(&mut self, update: &MapUpdate) -> Result<Option<Changes>, UpdateError> {
         if update.resolution != self.grid.resolution() {
             self.grid = OccupancyGrid::new(update.resolution);
         }
         let changes = self.grid.apply(&update.delta())?;
-        (self.scan, self.since) = (update.scan, update.since);
+        (self.scan, self.since, self.said) = (update.scan, update.since, update.bricks.len());
         if update.since == 0 {
             (self.asked, self.question, self.doubtful) = (false, false, false);
+            (self.coming, self.between_parts) = (None, 0);
         }
         Ok(Some(changes))
     }
 
     /// Whether an update of the revision that is known says what is known; the whole map leads where the update before led.
     fn agrees_with(&self, update: &MapUpdate) -> bool {
-        let same_step = update.since == self.since || update.since == 0 || self.since == 0;
-        let known = |packed: &BrickStates| {
-            let cells = self.grid.bricks().brick(packed.position());
-            cells.is_some_and(|cells| packed.unpack() == *cells)
+        let same_step = match update.since == self.since {
+            true => update.bricks.len() == self.said,
+            false => update.since == 0 || self.since == 0,
         };
-        same_step && update.scan == self.scan && update.bricks.iter().all(known)
+        same_step && update.scan == self.scan && self.knows(&update.bricks)
+    }
+
+    /// Whether these bricks are known to be so.
+    fn knows(&self, bricks: &[BrickStates]) -> bool {
+        bricks.iter().all(|brick| self.grid.knows(brick))
     }
 
     fn look_at_size(&self, update: &MapUpdate) -> Result<(), UpdateError> {
         let known = self.grid.bricks();
-        let bricks = match update.since {
+        self.look_at_number(match update.since {
             0 => update.bricks.len(),
             _ => known.len() + update.bricks.iter().filter(|b| known.brick(b.position()).is_none()).count(),
-        };
+        })
+    }
+
+    fn look_at_number(&self, bricks: usize) -> Result<(), UpdateError> {
         match self.max_bricks {
             most if bricks > most => Err(UpdateError::TooMany { bricks, most }),
             _ => Ok(()),
         }
+    }
+
+    /// Whether these are the voxels of the map that is known; they are learned with a whole map that was asked for, if none
+    /// were given.
+    fn look_at_resolution(&mut self, resolution: f64) -> Result<(), UpdateError> {
+        let learning = self.given.is_none() && (self.asked || self.grid.revision() == 0);
+        if resolution == self.given.unwrap_or(self.grid.resolution()) || learning {
+            return Ok(());
+        }
+        let why = UpdateError::Resolution { have: self.grid.resolution(), update: resolution };
+        if self.given.is_none() {
+            self.doubt();
+        }
+        Err(why)
     }
 }
 

@@ -8,7 +8,10 @@ use elk_bus::clock::thread_cpu_secs;
 use elk_bus::codec::{self, encode_onto};
 use elk_controller::{Action, Follower};
 use elk_explorer::strategies::Start;
-use elk_explorer::{ClosestFrontier, Explorer, Policy, Potential, Settings, Strategy};
+use elk_explorer::{
+    ClosestFrontier, Explorer, InformationGain, Policy, Potential, Random, Settings, Strategy, Tour,
+    WeightedInformationGain,
+};
 use elk_field::Solver;
 use elk_filter::filters::distance;
 use elk_geometry::{Bounds, Clearance, OccupancyGrid, Pose};
@@ -17,7 +20,7 @@ use elk_sensor::Robot;
 use elk_sensor::simulator::{self, Simulator};
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::map::MapUpdate;
-use elk_spatial::messages::{CameraPose, Decision, Plan, PlanRequest, PoseCommand};
+use elk_spatial::messages::{CameraPose, Decision, MotionReport, Plan, PlanRequest, PoseCommand};
 use elk_world::World;
 
 pub const RESOLUTION: f64 = 0.1;
@@ -75,7 +78,9 @@ pub struct Run {
     no_return: u64,
     pub grid: OccupancyGrid,
     pub explorer: Explorer,
-    follower: Follower,
+    pub follower: Follower,
+    /// Way to each share of the free voxels that are known in the end, once it has ended.
+    report: Option<MotionReport>,
     steps: usize,
     pub record: Record,
     /// Of each plan that solved for a field the share of its blocks that is sealed, and what it took (s).
@@ -93,6 +98,7 @@ impl Run {
             grid: OccupancyGrid::new(RESOLUTION),
             explorer: Explorer::new(strategy, settings(bounds)),
             follower: Follower::default(),
+            report: None,
             steps: 0,
             record: Record::default(),
             curve: Vec::new(),
@@ -119,7 +125,11 @@ impl Run {
                 waiting.extend(match output {
                     Action::Command(command) => self.step(&command),
                     Action::Request(request) => self.plan(&request),
-                    Action::Progress(_) | Action::Finished(_) => vec![],
+                    Action::Progress(_) => vec![],
+                    Action::Finished(report) => {
+                        self.report = Some(report);
+                        vec![]
+                    }
                 });
             }
         }
@@ -191,7 +201,11 @@ impl Run {
             motion.path_length_m,
             self.robot.contacts(),
         );
+        let marks = self.report.iter().flat_map(|report| &report.marks);
+        let marks: Vec<String> = marks.map(|m| format!("{:.1} m at {} %", m.path_length_m, 100.0 * m.share)).collect();
+        println!("    {}", marks.join(", "));
         self.explorer.report().iter().for_each(|report| println!("    {:?}", report.frontiers_left));
+        println!("    {:?}", self.explorer.journal().counters());
         self.record.print();
     }
 }
@@ -221,8 +235,20 @@ fn settings(bounds: Bounds) -> Settings {
     }
 }
 
-/// Those that missions name, the one with a field with isovolumes of this share.
-pub fn strategies(isovolumes: f64) -> [Box<dyn Strategy>; 2] {
-    let potential = Potential::new(Start::Shortest, Solver::Multigrid, 1e-6).with_isovolumes(isovolumes);
-    [Box::new(ClosestFrontier), Box::new(potential)]
+/// Those that are run if nobody names any: the ones of elk's missions.
+pub const USUAL: [&str; 2] = ["ClosestFrontier", "Potential"];
+
+/// All there are, the one with a field by this solver, as near as usual or this near, with isovolumes of this share.
+pub fn strategies(solver: Solver, tolerance: Option<f64>, isovolumes: f64) -> Vec<Box<dyn Strategy>> {
+    let tolerance = tolerance.unwrap_or(solver.usual_tolerance());
+    let potential = Potential::new(Start::Shortest, solver, tolerance).with_isovolumes(isovolumes);
+    let (seed, lambda) = (0, 0.2);
+    vec![
+        Box::new(ClosestFrontier),
+        Box::new(potential),
+        Box::new(Random { seed }),
+        Box::new(InformationGain { seed }),
+        Box::new(WeightedInformationGain { seed, lambda }),
+        Box::new(Tour),
+    ]
 }

@@ -86,3 +86,86 @@ impl Scene {
         self.space.component.start()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use elk_geometry::bricks::brick_of;
+    use elk_geometry::{FrontierSet, OccupancyGrid, Pose, State};
+    use elk_spatial::messages::{Outcome, Path, PlanRequest};
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::Policy;
+    use crate::sight::Sight;
+
+    /// Edge of a hall of free voxels.
+    const EDGE: i32 = 14;
+
+    fn hall() -> OccupancyGrid {
+        let mut grid = OccupancyGrid::new(0.1);
+        let side = || -1..=EDGE;
+        for voxel in side().flat_map(|x| side().flat_map(move |y| side().map(move |z| Voxel::new(x, y, z)))) {
+            let wall = voxel.to_array().iter().any(|c| [-1, EDGE].contains(c));
+            grid.set(voxel, if wall { State::Occupied } else { State::Free });
+        }
+        grid
+    }
+
+    fn voxel() -> impl Strategy<Value = Voxel> {
+        prop::array::uniform3(-1..=EDGE).prop_map(Voxel::from)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        /// Edit by edit, and target by target that is looked at in vain, the scene that is kept is the one that is made anew: what
+        /// is to be resolved and what is left out, by cause, and the goals.
+        #[test]
+        fn what_is_kept_is_what_is_made_anew(
+            min_frontier in prop_oneof![Just(1usize), Just(5)],
+            edits in prop::collection::vec(
+                (prop::collection::vec((voxel(), 0..6u8), 0..14), prop::option::of(0..200usize), prop::option::of(voxel()), any::<bool>()),
+                2..8,
+            ),
+        ) {
+            let settings = Settings { min_frontier, attempts: 2, ..super::super::tests::settings(Policy::elk(0.4)) };
+            let (mut grid, mut frontier, mut memory) = (hall(), FrontierSet::new(None), Memory::default());
+            let (mut kept, mut robot) = (None, Voxel::new(5, 5, 5));
+            for (cells, target, moved, back_off) in edits {
+                let mut bricks = BTreeSet::new();
+                for (voxel, state) in cells {
+                    if grid.set(voxel, [State::Occupied, State::Free, State::Unknown][usize::from(state.min(2))]) {
+                        frontier.update(&grid, [voxel]);
+                        bricks.insert(brick_of(voxel));
+                    }
+                }
+                robot = moved.filter(|voxel| grid.state(*voxel) == State::Free).unwrap_or(robot);
+                let position = robot.center(0.1);
+                let target = target.and_then(|n| frontier.iter().nth(n));
+                if let Some(target) = target {
+                    memory.remember(&Path { points: vec![position], target, unknown: vec![], looks: vec![] });
+                }
+                let outcome = if target.is_some() { Outcome::Unresolved } else { Outcome::First };
+                let request = PlanRequest { id: 1, pose: Pose::looking(position, Vector3::x()), revision: 1, outcome };
+                let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
+                memory.learn(&request, known, 0);
+                let learned = memory.take_learned();
+                let scene = |before: (Option<Scene>, BTreeSet<Voxel>), learned: &BTreeSet<Voxel>| {
+                    let mut scene = Scene::around(known, position, before, &memory, &settings);
+                    scene.sort_out(known, learned.clone(), &memory, &settings);
+                    if back_off && scene.back_off() {
+                        scene.sort_out(known, BTreeSet::new(), &memory, &settings);
+                    }
+                    scene
+                };
+                let now = scene((kept.take(), bricks), &learned);
+                let anew = scene((None, BTreeSet::new()), &learned);
+                prop_assert_eq!(now.left, anew.left);
+                prop_assert_eq!(now.agenda.targets(known, &memory), anew.agenda.targets(known, &memory));
+                prop_assert!(now.agenda.goals().iter().eq(anew.agenda.goals().iter()));
+                prop_assert!(now.agenda.goals().iter().all(|goal| now.agenda.goals().at(goal.voxel) == Some(goal)));
+                kept = Some(now);
+            }
+        }
+    }
+}

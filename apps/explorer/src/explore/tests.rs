@@ -2,7 +2,7 @@ use super::*;
 use elk_geometry::Bounds;
 use elk_geometry::clearance::Clearance;
 
-use crate::strategies::{ClosestFrontier, Potential, Start};
+use crate::strategies::{ClosestFrontier, InformationGain, Potential, Random, Start, Tour, WeightedInformationGain};
 use crate::{LeaveError, Policy};
 use elk_bus::{DecodeError, Describe};
 use elk_field::Solver;
@@ -127,7 +127,11 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
 }
 
 fn potential(start: Start) -> Box<dyn Strategy> {
-    Box::new(Potential::new(start, Solver::Multigrid, 1e-6))
+    Box::new(Potential::new(start, Solver::Cascade, Solver::Cascade.usual_tolerance()))
+}
+
+fn weighted() -> Box<dyn Strategy> {
+    Box::new(WeightedInformationGain { seed: 1, lambda: 0.2 })
 }
 
 fn free_voxels_in_the_rooms() -> usize {
@@ -143,6 +147,17 @@ fn every_strategy_and_policy_sees_everything_that_can_be_seen() {
         run(Box::new(ClosestFrontier), settings(Policy::thesis(0.4))),
         run(potential(Start::Shortest), settings(Policy::elk(0.4))),
         run(potential(Start::Flux), settings(Policy::thesis(0.4))),
+        run(Box::new(Potential::new(Start::Shortest, Solver::Multigrid, 1e-6)), settings(Policy::elk(0.4))),
+        // So far from a solution that no streamline arrives: all are of what is solved on from there.
+        run(Box::new(Potential::new(Start::Shortest, Solver::Cascade, 1.0)), settings(Policy::elk(0.4))),
+        run(Box::new(Random { seed: 1 }), settings(Policy::elk(0.4))),
+        run(Box::new(Random { seed: 1 }), settings(Policy::thesis(0.4))),
+        run(Box::new(InformationGain { seed: 1 }), settings(Policy::elk(0.4))),
+        run(Box::new(InformationGain { seed: 1 }), settings(Policy::thesis(0.4))),
+        run(weighted(), settings(Policy::elk(0.4))),
+        run(weighted(), settings(Policy::thesis(0.4))),
+        run(Box::new(Tour), settings(Policy::elk(0.4))),
+        run(Box::new(Tour), settings(Policy::thesis(0.4))),
     ];
     for Run { report, grid, .. } in &runs {
         assert!(report.complete, "{report:?}");
@@ -376,6 +391,18 @@ fn strategies_hand_over_to_each_other_what_they_tried() {
     assert!(run.report.complete, "{:?}", run.report);
     let phases: Vec<&str> = run.report.cpu_secs.iter().map(|(phase, _)| phase.as_str()).collect();
     assert!(phases.contains(&"field") && phases.contains(&"search"), "{phases:?}");
+}
+
+/// Whoever is exchanged after each plan goes on as it would have, and draws by lot what it would have drawn: the run is the same.
+#[test]
+fn who_keeps_nothing_goes_on_as_the_one_before_would_have() {
+    let strategies: [fn() -> Box<dyn Strategy>; 4] =
+        [|| Box::new(Random { seed: 3 }), || Box::new(InformationGain { seed: 3 }), weighted, || Box::new(Tour)];
+    for strategy in strategies {
+        let new = || Explorer::new(strategy(), settings(Policy::elk(0.4)));
+        let (alone, exchanged) = (relay(new(), |_| None), relay(new(), |_| Some(new())));
+        assert!(alone.report.complete && alone.poses == exchanged.poses, "{:?}", alone.report);
+    }
 }
 
 /// What a strategy of somebody's remembers.

@@ -1,10 +1,11 @@
 //! The thesis' own method (6.4, 6.5.1.5): follow a streamline of the harmonic potential between robot and frontier.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use elk_bus::tell;
 use elk_field::{Cell, Field, Isovolumes, Problem, Solution, Solver, Streamline, Termination, solve_unless};
-use elk_geometry::bricks::{BRICK_CELLS, brick_of, voxel_at};
+use elk_geometry::bricks::{BRICK_CELLS, brick_of, cell_of};
+use elk_geometry::mask::{self, Mask};
 use elk_geometry::{Polyline, Voxel, astar};
 use elk_mission::{AppType, Kind, ParamSpec, Params, joined};
 use nalgebra::{Point3, Vector3};
@@ -21,7 +22,7 @@ const SEED_DISTANCE_M: f64 = 0.15;
 const SEED_DIRECTIONS: usize = 20;
 /// Past this a streamline has lost its way (m).
 const LONGEST_M: f64 = 1000.0;
-/// Voxels of the box that a field is solved over at most, if nothing is said.
+/// Voxels that a field is solved over at most, if nothing is said.
 const MAX_VOXELS: usize = 8_000_000;
 
 /// Its row in the table of explorers.
@@ -44,23 +45,26 @@ const PARAMS: &[ParamSpec] = &[
     ),
     param(
         "Solver",
-        Kind::Choice(&["multigrid", "jacobi", "thesis", "gpu"]),
-        "multigrid",
+        Kind::Choice(&["cascade", "multigrid", "jacobi", "thesis", "gpu"]),
+        "cascade",
         "How Laplace's equation is solved: conjugate gradients preconditioned by multigrid or by the diagonal, or \
-         Gauss-Seidel as in the thesis; gpu: the first of them on a graphics card, where there is one.",
+         Gauss-Seidel as in the thesis; gpu: the first of them on a graphics card, where there is one; cascade: on voxels of \
+         twice the edge, then smoothed, and by multigrid where a streamline of that leads nowhere.",
     ),
     param(
         "Tolerance",
         Kind::Number { unit: "", min: 0.0, max: 1.0 },
         "0",
-        "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, and 1e-4 for thesis.",
+        "When the solver stops: relative residual, for Solver thesis largest relative change; 0: 1e-6, for cascade 1e-3 (on \
+         the larger voxels) and for thesis 1e-4.",
     ),
     param(
         "MaxVoxels",
         Kind::Integer { min: 10_000, max: 1_000_000_000 },
         "8000000",
-        "Voxels of the box that the field is solved over, at about 42 bytes each. Of a larger map it is what the robot can get to, \
-         or, if that is too much, what of it is near.",
+        "Voxels that the field is solved over, at about 40 bytes for each free one: for Solver cascade and multigrid of the \
+         bricks that the robot can get to, or, if that is too much, of the box of what is near; for the others of a box of all \
+         that is known, or of what the robot can get to.",
     ),
     param(
         "Isovolumes",
@@ -73,6 +77,7 @@ const PARAMS: &[ParamSpec] = &[
 
 fn potential(params: &Params) -> Potential {
     let solver = match params.text("Solver") {
+        "cascade" => Solver::Cascade,
         "thesis" => Solver::Thesis,
         "jacobi" => Solver::Jacobi,
         _ => Solver::Multigrid,
@@ -121,9 +126,9 @@ pub struct Potential {
     pub tolerance: f64,
     /// A card that does what [`Solver::Multigrid`] would.
     card: Option<Card>,
-    /// Voxels of the box that the field is solved over, at most.
+    /// Voxels that the field is solved over, at most.
     max_voxels: usize,
-    /// That box, as it was at the plan before.
+    /// Where they are, as it was at the plan before.
     extent: Option<Extent>,
     /// Where the robot can be in it, with its place and its goals, and ψ.
     domain: Isovolumes,
@@ -149,6 +154,7 @@ impl Strategy for Potential {
             return format!("{start}; field by multigrid-CG, residual {:e}, isovolumes {share}", self.tolerance);
         }
         let solver = match self.solver {
+            Solver::Cascade => "cascade, residual",
             Solver::Multigrid => "multigrid-CG, residual",
             Solver::Jacobi => "Jacobi-CG, residual",
             Solver::Thesis => "Gauss-Seidel, largest relative change",
@@ -159,17 +165,28 @@ impl Strategy for Potential {
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
         let stopping = journal.stop_signal();
         let iterations = journal.time("field", || self.solve(view, stopping))?;
-        if journal.is_to_stop() {
-            return None;
-        }
         journal.count("iterations", iterations as u64);
         journal.count("blocks", self.domain.blocks().count() as u64);
         journal.count("sealed blocks", self.domain.sealed().count() as u64);
-        let mut stalls = 0;
-        let route = journal.time("streamline", || self.follow(view, &mut stalls));
-        journal.count("stalls", stalls);
-        route
+        let mut ways = journal.time("streamline", || self.follow(view));
+        if self.solver == Solver::Cascade && ways.arrived == 0 && !journal.is_to_stop() {
+            // What is nearly solved leads nowhere, so it is solved.
+            let tolerance = Solver::Multigrid.usual_tolerance();
+            let iterations = journal.time("field", || self.domain.solve_on(tolerance, stopping).iterations);
+            journal.count("iterations after a cascade", iterations as u64);
+            ways = journal.time("streamline", || self.follow(view));
+        }
+        journal.count("stalls", ways.stalled);
+        ways.shortest.filter(|_| !journal.is_to_stop()).map(|(_, route)| route)
     }
+}
+
+/// What streamlines lead to: how many arrived, how many stalled, and the shortest route of all, with its length (m).
+#[derive(Default)]
+struct Ways {
+    arrived: u64,
+    stalled: u64,
+    shortest: Option<(f64, Route)>,
 }
 
 impl Potential {
@@ -187,17 +204,23 @@ impl Potential {
 
     /// Solves for ψ in the domain, and answers in how many iterations; `None`: there is nothing to solve.
     fn solve(&mut self, view: &View<'_>, stopping: impl Fn() -> bool) -> Option<usize> {
-        let extent = Extent::of(view.space, self.max_voxels);
+        let is_by_blocks = self.card.is_none() && matches!(self.solver, Solver::Cascade | Solver::Multigrid);
+        let extent = match is_by_blocks {
+            true => Extent::of_bricks(view.space, self.max_voxels),
+            false => Extent::of(view.space, self.max_voxels),
+        };
         self.update(view, &extent);
         if !view.goals.iter().any(|goal| extent.contains(goal.voxel)) {
             return None;
         }
-        if self.card.is_none() && self.solver == Solver::Multigrid {
-            return Some(self.domain.solve(self.tolerance, stopping).0.iterations);
+        match self.solver {
+            Solver::Cascade => return Some(self.domain.cascade(self.tolerance, stopping)),
+            Solver::Multigrid if is_by_blocks => return Some(self.domain.solve(self.tolerance, stopping).0.iterations),
+            _ => {}
         }
         // The region has a margin of what is outside, so this is a problem.
         let region = extent.region(view.space.resolution());
-        let cells = (0..region.len()).map(|i| cell(view, &extent, region.voxel(i))).collect();
+        let cells = (0..region.len()).map(|i| self.domain.cell(region.voxel(i))).collect();
         let problem = Problem::new(region.clone(), cells).ok()?;
         let solution = self.solve_by_card(&problem, &stopping);
         let solution = solution.unwrap_or_else(|| solve_unless(&problem, self.solver, self.tolerance, stopping));
@@ -217,48 +240,56 @@ impl Potential {
         }
     }
 
-    /// Tells the domain what is other than it was at the plan before.
+    /// Tells the domain what is other than it was at the plan before: ψ is 1 where the route starts, 0 at the goals, and sought
+    /// wherever else the robot can be.
     fn update(&mut self, view: &View<'_>, extent: &Extent) {
-        let fixed = view.goals.iter().map(|goal| goal.voxel).chain([view.space.start()]).map(brick_of).collect();
-        let before = std::mem::replace(&mut self.fixed, fixed);
+        let start = view.space.start();
+        let mut goals: BTreeMap<Voxel, Mask> = BTreeMap::from([(brick_of(start), mask::NONE)]);
+        for goal in view.goals.iter() {
+            mask::set(goals.entry(brick_of(goal.voxel)).or_insert(mask::NONE), cell_of(goal.voxel));
+        }
+        let before = std::mem::replace(&mut self.fixed, goals.keys().copied().collect());
         let is_as_it_was = self.extent.replace(*extent).is_some_and(|before| before.has_the_same_reached(extent));
         let bricks: BTreeSet<Voxel> = match view.changed.filter(|_| is_as_it_was) {
             Some(changed) => changed.iter().chain(&before).chain(&self.fixed).copied().collect(),
             None => view.space.reach.bricks().map(|(brick, _)| brick).chain(self.domain.blocks()).collect(),
         };
         for brick in bricks {
-            let cells: [Cell; BRICK_CELLS] = std::array::from_fn(|n| cell(view, extent, voxel_at(brick, n)));
+            let open = mask::and(view.space.reach.brick(brick), &extent.cells(brick));
+            let mut cells = [Cell::Outside; BRICK_CELLS];
+            mask::cells(&open).for_each(|cell| cells[cell] = Cell::Inside);
+            if let Some(goals) = goals.get(&brick) {
+                mask::cells(&mask::and(goals, &open)).for_each(|cell| cells[cell] = Cell::Sink);
+            }
+            if brick == brick_of(start) {
+                cells[cell_of(start)] = Cell::Source;
+            }
             self.domain.set_block(brick, &cells);
         }
     }
 
-    fn follow(&self, view: &View<'_>, stalls: &mut u64) -> Option<Route> {
+    fn follow(&self, view: &View<'_>) -> Ways {
         let mut field = Field::of(self.domain.domain(), view.space.resolution());
         let seeds = match self.start {
             Start::Flux => largest_flux(view, &field).into_iter().collect(),
             Start::Shortest => seeds(view, &mut field),
         };
-        let mut best: Option<(f64, Route)> = None;
+        let mut ways = Ways::default();
         for line in field.trace(view.from, &seeds, LONGEST_M) {
-            let Some(route) = arrive(view, &mut field, line, stalls) else {
+            match line.end {
+                Termination::Goal(_) => ways.arrived += 1,
+                Termination::Stalled(_) => ways.stalled += 1,
+                Termination::TooLong => {}
+            }
+            let Some(route) = arrive(view, &mut field, line) else {
                 continue;
             };
             let length = Polyline::new(route.points.iter().copied()).map_or(0.0, |p| p.length());
-            if best.as_ref().is_none_or(|(least, _)| length < *least) {
-                best = Some((length, route));
+            if ways.shortest.as_ref().is_none_or(|(least, _)| length < *least) {
+                ways.shortest = Some((length, route));
             }
         }
-        best.map(|(_, route)| route)
-    }
-}
-
-/// ψ is 1 where the route starts, 0 at the goals, and sought wherever else the robot can be.
-fn cell(view: &View<'_>, extent: &Extent, voxel: Voxel) -> Cell {
-    match view.space.reach.contains(voxel) && extent.contains(voxel) {
-        _ if voxel == view.space.start() => Cell::Source,
-        false => Cell::Outside,
-        true if view.goals.contains(voxel) => Cell::Sink,
-        true => Cell::Inside,
+        ways
     }
 }
 
@@ -292,13 +323,12 @@ fn seeds(view: &View<'_>, field: &mut Field<'_>) -> Vec<Point3<f64>> {
 }
 
 /// The route along a streamline. Where it stalls, on by steepest descent over voxels, and if that ends too, by A*.
-fn arrive(view: &View<'_>, field: &mut Field<'_>, line: Streamline, stalls: &mut u64) -> Option<Route> {
+fn arrive(view: &View<'_>, field: &mut Field<'_>, line: Streamline) -> Option<Route> {
     let mut points = line.points;
     let goal = match line.end {
         Termination::Goal(goal) => goal,
         Termination::TooLong => return None,
         Termination::Stalled(at) => {
-            *stalls += 1;
             let way = rescue(view, field, at)?;
             points.extend(way.iter().map(|voxel| view.space.center(*voxel)));
             *way.last()?

@@ -12,48 +12,60 @@ use super::stencil::{Counted, Rows, Stencil, Weighted};
 /// Past this something is wrong with the problem, not with the number.
 const MAX_ITERATIONS: usize = 500;
 
-/// What it took to solve.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Convergence {
-    /// Iterations of conjugate gradients.
-    pub iterations: usize,
-    /// ‖b − Aψ‖ / ‖b‖, computed from the field as it is; ‖b − Aψ‖ where b is zero.
-    pub residual: f64,
+/// The vectors of a solution on a level, by slot.
+#[derive(Debug, Clone, Default)]
+pub struct Vectors {
+    /// What is sought.
+    pub psi: Vec<Block<f32>>,
+    direction: Vec<Block<f32>>,
+    image: Vec<Block<f32>>,
 }
 
-/// The equations of all levels, and the vectors of a solution on the finest.
-pub struct System<'a> {
-    /// Sums of squares of the right-hand side, by slot.
-    pub squares: &'a [f32],
-    pub fine: &'a mut Level<Counted>,
-    pub coarse: &'a mut [Level<Weighted>],
-    pub direct: &'a Direct,
-    pub psi: &'a mut [Block<f32>],
-    pub direction: &'a mut [Block<f32>],
-    pub image: &'a mut [Block<f32>],
-}
-
-/// Solves from the ψ that is there.
-pub fn solve(system: System<'_>, tolerance: f64, stopping: impl Fn() -> bool) -> Convergence {
-    let System { squares, fine, coarse, direct, psi, direction, image } = system;
-    let scale = fine.lattice.order().iter().map(|slot| f64::from(squares[*slot as usize])).sum::<f64>().sqrt();
-    let scale = if scale > 0.0 { scale } else { 1.0 };
-    let mut square = residual(fine, psi);
-    let (mut iterations, mut alpha, mut rz) = (0, 0.0, 0.0);
-    while square.sqrt() > tolerance * scale && iterations < MAX_ITERATIONS && !stopping() {
-        let (next, conjugate) = cycle(fine, coarse, 2.0, direct, Some(image));
-        let beta = if iterations == 0 { 0.0 } else { -alpha * conjugate / rz };
-        rz = next;
-        let curvature = turn(fine, beta as f32, direction, image);
-        if curvature <= 0.0 || rz <= 0.0 {
-            // Rounding has used up the precision: nothing more to gain.
-            break;
+impl Vectors {
+    /// Makes room for as many slots, in all.
+    pub fn resize(&mut self, slots: usize) {
+        for vector in [&mut self.psi, &mut self.direction, &mut self.image] {
+            vector.resize(slots, [[0.0; 8]; 64]);
         }
-        alpha = rz / curvature;
-        square = advance(fine, alpha as f32, direction, image, psi);
-        iterations += 1;
     }
-    Convergence { iterations, residual: residual(fine, psi).sqrt() / scale }
+
+    /// Keeps only ψ.
+    pub fn give_back(&mut self) {
+        (self.direction, self.image) = (Vec::new(), Vec::new());
+    }
+}
+
+/// A level with its equations, and those coarser than it; `open` is the weight of a face of the next one that is open all over.
+pub struct System<'a, S> {
+    pub fine: &'a mut Level<S>,
+    pub coarse: &'a mut [Level<Weighted>],
+    pub open: f32,
+    pub direct: &'a Direct,
+}
+
+impl<S: Stencil> System<'_, S> {
+    /// Adds to ψ what solves for the right-hand side, and leaves the residual there; `square` is the square of the first, and
+    /// that of the last is at most `limit`, unless somebody is `stopping`. Answers the iterations.
+    pub fn solve(&mut self, vectors: &mut Vectors, mut square: f64, limit: f64, stopping: impl Fn() -> bool) -> usize {
+        let Self { fine, coarse, open, direct } = self;
+        vectors.resize(fine.lattice.slots());
+        let Vectors { psi, direction, image } = vectors;
+        let (mut iterations, mut alpha, mut rz) = (0, 0.0, 0.0);
+        while square > limit && iterations < MAX_ITERATIONS && !stopping() {
+            let (next, conjugate) = cycle(fine, coarse, *open, direct, Some(image));
+            let beta = if iterations == 0 { 0.0 } else { -alpha * conjugate / rz };
+            rz = next;
+            let curvature = turn(fine, beta as f32, direction, image);
+            if curvature <= 0.0 || rz <= 0.0 {
+                // Rounding has used up the precision: nothing more to gain.
+                break;
+            }
+            alpha = rz / curvature;
+            square = advance(fine, alpha as f32, direction, image, psi);
+            iterations += 1;
+        }
+        iterations
+    }
 }
 
 /// `x ≈ A⁻¹ b` on a level by one V-cycle over the coarser ones; `open` is the weight of a face of the next that is open all
@@ -79,7 +91,7 @@ fn cycle<S: Stencil>(
 
 wide! {
     /// What ψ leaves, into the right-hand side, and its square: fixed values stand in ψ, and flow in as others do.
-    fn residual[L](fine: &mut Level<Counted>, psi: &[Block<f32>]) -> f64 {
+    pub fn residual[L](fine: &mut Level<Counted>, psi: &[Block<f32>]) -> f64 {
         let (mut halo, mut square) = (Halo::new(), 0.0);
         for &slot in fine.lattice.order() {
             halo.gather(psi, slot, fine.lattice.neighbours(slot));
@@ -100,8 +112,8 @@ wide! {
 
 wide! {
     /// The next direction, `p = z + βp`, and its image, `Ap = Az + βAp`; answers the product of the two.
-    fn turn[L](
-        fine: &Level<Counted>,
+    fn turn[L, S: Stencil](
+        fine: &Level<S>,
         beta: f32,
         direction: &mut [Block<f32>],
         image: &mut [Block<f32>],
@@ -131,8 +143,8 @@ wide! {
 
 wide! {
     /// `ψ += αp` and `r −= αAp`; answers the square of `r`.
-    fn advance[L](
-        fine: &mut Level<Counted>,
+    fn advance[L, S: Stencil](
+        fine: &mut Level<S>,
         alpha: f32,
         direction: &[Block<f32>],
         image: &[Block<f32>],

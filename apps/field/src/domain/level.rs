@@ -165,6 +165,18 @@ fn add<L: Lanes>(to: &mut Block<f32>, row: usize, first: usize, lanes: L) {
 }
 
 wide! {
+    /// Smooths from the solution that is there, in the order of [`descend`].
+    pub fn smooth_forwards[L, S: Stencil](level: &mut Level<S>) {
+        let mut halo = Halo::new();
+        for &slot in level.lattice.order() {
+            halo.gather(&level.x, slot, level.lattice.neighbours(slot));
+            sweep::<L>(level.stencil.rows(slot), &level.b[slot as usize], &mut halo, 0);
+            put(&mut level.x[slot as usize], &halo);
+        }
+    }
+}
+
+wide! {
     /// Smooths in the opposite order; answers the products of the solution with the right-hand side and with `other`, where
     /// one is asked for.
     pub fn smooth_backwards[L, S: Stencil](level: &mut Level<S>, other: Option<&[Block<f32>]>) -> (f64, f64) {
@@ -377,7 +389,7 @@ fn every_second<L: Lanes>(lanes: L, first: usize) -> [f32; 4] {
 
 /// The sums of pairs.
 #[inline(always)]
-fn pairs<L: Lanes>(lanes: L) -> [f32; 4] {
+pub fn pairs<L: Lanes>(lanes: L) -> [f32; 4] {
     let mut row = [0.0; 8];
     lanes.to(&mut row);
     std::array::from_fn(|i| row[2 * i] + row[2 * i + 1])

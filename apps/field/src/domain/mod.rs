@@ -2,10 +2,11 @@
 //!
 //! [`Domain::set`] and [`Domain::update`] say what has changed; equations are made anew for the blocks that this concerns
 //! and for those they are merged into. A solution starts from the one before; after [`Domain::forget`] it is the same to the
-//! bit as that of a domain made anew. Blocks are aligned with the world's lattice,
+//! bit as that of a domain made anew, and [`Domain::cascade`] always is. Blocks are aligned with the world's lattice,
 //! so that a domain may grow to any side; where nothing is inside there is no block.
 
 mod block;
+mod cascade;
 mod conjugate_gradients;
 mod direct;
 mod lanes;
@@ -13,18 +14,25 @@ mod lattice;
 mod level;
 mod stencil;
 
-pub use conjugate_gradients::Convergence;
-
 use elk_geometry::bricks::{BRICK, BRICK_CELLS, brick_of, cell_of};
 use elk_geometry::{Region, Voxel};
 
 use crate::problem::{Cell, Problem};
 use block::{Block, Halo, row};
-use conjugate_gradients::System;
+use conjugate_gradients::{System, Vectors, residual};
 use direct::{Direct, MOST_CELLS};
 use lattice::NONE;
 use level::Level;
 use stencil::{Counted, SIXTIETHS, Weighted};
+
+/// What it took to solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Convergence {
+    /// Iterations of conjugate gradients.
+    pub iterations: usize,
+    /// ‖b − Aψ‖ / ‖b‖, computed from the field as it is; ‖b − Aψ‖ where b is zero.
+    pub residual: f64,
+}
 
 /// A domain with its boundary values, and ψ.
 ///
@@ -61,9 +69,10 @@ pub struct Domain {
     fine: Level<Counted>,
     coarse: Vec<Level<Weighted>>,
     direct: Direct,
-    psi: Vec<Block<f32>>,
-    direction: Vec<Block<f32>>,
-    image: Vec<Block<f32>>,
+    /// ψ, and what else a solution keeps of the finest level.
+    vectors: Vectors,
+    /// The same of the next level.
+    coarse_vectors: Vectors,
     /// Blocks of which cells have changed.
     changed: Vec<u32>,
 }
@@ -83,9 +92,8 @@ impl Domain {
             fine: Level::new(),
             coarse: Vec::new(),
             direct: Direct::default(),
-            psi: Vec::new(),
-            direction: Vec::new(),
-            image: Vec::new(),
+            vectors: Vectors::default(),
+            coarse_vectors: Vectors::default(),
             changed: Vec::new(),
         };
         domain.resize();
@@ -108,7 +116,7 @@ impl Domain {
     /// ψ of a voxel, as the last solution has it; 0 outside.
     pub fn psi(&self, voxel: Voxel) -> f32 {
         let cell = cell_of(voxel);
-        self.psi[self.fine.lattice.slot(brick_of(voxel)) as usize][cell / 8][cell % 8]
+        self.vectors.psi[self.fine.lattice.slot(brick_of(voxel)) as usize][cell / 8][cell % 8]
     }
 
     /// Says what a voxel is from now on.
@@ -137,7 +145,7 @@ impl Domain {
         let slot = self.fine.lattice.slot(position) as usize;
         for (cell, n) in before.as_flattened().iter().zip(0..).filter(|_| slot != NONE as usize) {
             if *cell == Cell::Outside && cells[n] != Cell::Outside {
-                self.psi[slot][n / 8][n % 8] = psi;
+                self.vectors.psi[slot][n / 8][n % 8] = psi;
             }
         }
     }
@@ -159,7 +167,7 @@ impl Domain {
     /// What the voxels of the block at a position are, and their ψ.
     pub(crate) fn block(&self, position: Voxel) -> (&Block<Cell>, &Block<f32>) {
         let slot = self.fine.lattice.slot(position) as usize;
-        (&self.cells[slot], &self.psi[slot])
+        (&self.cells[slot], &self.vectors.psi[slot])
     }
 
     /// Makes it the domain of a problem. Only blocks that differ are touched.
@@ -203,7 +211,7 @@ impl Domain {
         for (i, voxel, length) in runs(region) {
             let (at, slot) = (cell_of(voxel), self.fine.lattice.slot(brick_of(voxel)));
             if let Some(psi) = psi.get(i..i + length).filter(|_| slot != NONE) {
-                self.psi[slot as usize][at / 8][at % 8..][..length].copy_from_slice(psi);
+                self.vectors.psi[slot as usize][at / 8][at % 8..][..length].copy_from_slice(psi);
             }
         }
     }
@@ -211,7 +219,7 @@ impl Domain {
     /// As [`Domain::psi_of`], from a domain that is not needed any more: two of its vectors are given back before ψ's memory is
     /// taken.
     pub(crate) fn into_psi_of(mut self, region: &Region) -> Vec<f32> {
-        (self.direction, self.image) = (Vec::new(), Vec::new());
+        self.vectors.give_back();
         self.psi_of(region)
     }
 
@@ -220,7 +228,7 @@ impl Domain {
         self.settle();
         for &slot in self.fine.lattice.order() {
             let cells = self.cells[slot as usize].iter().flatten();
-            for (psi, cell) in self.psi[slot as usize].iter_mut().flatten().zip(cells) {
+            for (psi, cell) in self.vectors.psi[slot as usize].iter_mut().flatten().zip(cells) {
                 *psi = cell.fixed().unwrap_or(0.0);
             }
         }
@@ -237,8 +245,58 @@ impl Domain {
     /// somebody is `stopping`.
     pub fn solve(&mut self, tolerance: f64, stopping: impl Fn() -> bool) -> Convergence {
         self.settle();
-        let Self { squares, fine, coarse, direct, psi, direction, image, .. } = self;
-        conjugate_gradients::solve(System { squares, fine, coarse, direct, psi, direction, image }, tolerance, stopping)
+        let scale = self.scale();
+        let Self { fine, coarse, direct, vectors, .. } = self;
+        let square = residual(fine, &vectors.psi);
+        let mut system = System { fine, coarse, open: 2.0, direct };
+        let iterations = system.solve(vectors, square, (tolerance * scale).powi(2), stopping);
+        Convergence { iterations, residual: self.residual() }
+    }
+
+    /// Nearly solves for ψ, from nothing: in full on cells of twice the edge, until the residual there is at most `tolerance` of
+    /// the right-hand side, or somebody is `stopping`; then interpolated, and smoothed (Bornemann and Deuflhard, 1996). Answers
+    /// the iterations on those cells. Within 0.03 of a solution on the scale 0 to 1 in furnished rooms, for a tenth of its cost;
+    /// [`Domain::solve`] goes on from there.
+    pub fn cascade(&mut self, tolerance: f64, stopping: impl Fn() -> bool) -> usize {
+        self.settle();
+        let slots = self.fine.lattice.order().iter().copied();
+        let given: Vec<u32> = slots.filter(|slot| self.squares[*slot as usize] > 0.0).collect();
+        self.fine.b.fill([[0.0; 8]; 64]);
+        for &slot in &given {
+            self.fine.b[slot as usize] = self.sources_beside(slot);
+        }
+        let Self { fine, coarse, direct, vectors, coarse_vectors, .. } = self;
+        let iterations = cascade::solve(fine, &given, (coarse, &*direct), coarse_vectors, tolerance, stopping);
+        std::mem::swap(&mut fine.x, &mut vectors.psi);
+        for &slot in fine.lattice.order() {
+            let cells =
+                self.cells[slot as usize].as_flattened().iter().zip(vectors.psi[slot as usize].as_flattened_mut());
+            cells.filter(|(cell, _)| **cell == Cell::Source).for_each(|(_, psi)| *psi = 1.0);
+        }
+        iterations
+    }
+
+    /// ‖b − Aψ‖ / ‖b‖, of ψ as it is; ‖b − Aψ‖ where b is zero.
+    pub fn residual(&mut self) -> f64 {
+        self.settle();
+        residual(&mut self.fine, &self.vectors.psi).sqrt() / self.scale()
+    }
+
+    /// The right-hand side of a block: how many sources each cell has beside it.
+    fn sources_beside(&self, slot: u32) -> Block<f32> {
+        let mut halo = Halo::new();
+        halo.gather(&self.cells, slot, self.fine.lattice.neighbours(slot));
+        let sources =
+            |y, z, i: usize| halo.around(y, z).iter().filter(|beside| beside[i] == Cell::Source).count() as f32;
+        let number = |y, z, i| if halo.own(y, z)[i] == Cell::Inside { sources(y, z, i) } else { 0.0 };
+        std::array::from_fn(|row| std::array::from_fn(|i| number(row % 8, row / 8, i)))
+    }
+
+    /// ‖b‖, or 1 where that is zero.
+    fn scale(&self) -> f64 {
+        let squares = self.fine.lattice.order().iter().map(|slot| f64::from(self.squares[*slot as usize]));
+        let scale = squares.sum::<f64>().sqrt();
+        if scale > 0.0 { scale } else { 1.0 }
     }
 
     /// The slot of the block at a position; a new one if there is none.
@@ -286,7 +344,7 @@ impl Domain {
                     cells += u32::from(neighbours > 0);
                     square += sources * sources;
                     if !inside {
-                        self.psi[slot][row][i] = own[i].fixed().unwrap_or(0.0);
+                        self.vectors.psi[slot][row][i] = own[i].fixed().unwrap_or(0.0);
                     }
                 }
             }
@@ -323,9 +381,7 @@ impl Domain {
         let slots = self.fine.lattice.slots();
         self.cells.resize(slots, [[Cell::Outside; 8]; 64]);
         self.squares.resize(slots, 0.0);
-        for vector in [&mut self.psi, &mut self.direction, &mut self.image] {
-            vector.resize(slots, [[0.0; 8]; 64]);
-        }
+        self.vectors.psi.resize(slots, [[0.0; 8]; 64]);
     }
 }
 

@@ -24,6 +24,9 @@ use crate::problem::Problem;
 pub enum Solver {
     /// Conjugate gradients, preconditioned by a multigrid V-cycle.
     Multigrid,
+    /// The same on cells merged 2 × 2 × 2, interpolated and smoothed ([`Domain::cascade`]): nearly a solution, whatever the
+    /// tolerance.
+    Cascade,
     /// Conjugate gradients, preconditioned by the diagonal.
     Jacobi,
     /// The thesis: Gauss-Seidel from the middle value until the largest relative change (6.29) is below the tolerance.
@@ -36,6 +39,7 @@ impl Solver {
     pub fn usual_tolerance(self) -> f64 {
         match self {
             Solver::Multigrid | Solver::Jacobi => 1e-6,
+            Solver::Cascade => 1e-3,
             Solver::Thesis => 1e-4,
         }
     }
@@ -63,9 +67,15 @@ pub fn solve(problem: &Problem, solver: Solver, tolerance: f64) -> Solution {
 /// As [`solve`]; it is given up, and the field is none, once somebody is `stopping`.
 pub fn solve_unless(problem: &Problem, solver: Solver, tolerance: f64, stopping: impl Fn() -> bool) -> Solution {
     match solver {
-        Solver::Multigrid => {
+        Solver::Multigrid | Solver::Cascade => {
             let mut domain = Domain::of(problem);
-            let Convergence { iterations, residual } = domain.solve(tolerance, stopping);
+            let (iterations, residual) = match solver {
+                Solver::Cascade => (domain.cascade(tolerance, stopping), domain.residual()),
+                _ => {
+                    let Convergence { iterations, residual } = domain.solve(tolerance, stopping);
+                    (iterations, residual)
+                }
+            };
             Solution { psi: domain.into_psi_of(problem.region()), iterations, residual }
         }
         Solver::Jacobi => {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_bus::{App, AppError, Comms, Handlers, Key, Rejection, tell};
+use elk_bus::{App, AppError, Comms, Handlers, Key, Mail, Rejection, Subscribe, tell};
 use elk_geometry::Bounds;
 use elk_geometry::delta::Delta;
 use elk_geometry::limits::RESOLUTIONS_M;
@@ -13,13 +13,14 @@ use elk_mission::{AppType, Kind, ParamSpec, Params};
 
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
 use elk_spatial::keys::{
-    MAP, MAP_KNOWN, MAP_MEMORY, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
+    MAP, MAP_KNOWN, MAP_MEMORY, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, PROGRESS,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{MapMemory, MapStatus, RayTally};
 use elk_spatial::{CameraInfo, Scan};
 use nalgebra::Vector3;
 
+use crate::keyframes::Keyframes;
 use crate::memory;
 use crate::recovery::{Past, Stage};
 use crate::saved;
@@ -176,6 +177,12 @@ struct MapApp {
     waiting: Vec<Scan<'static>>,
     /// Whether somebody asked for the whole map before it was there.
     requested: bool,
+    /// What is being said of the whole map.
+    keyframes: Keyframes,
+    /// Whether a part that it said is to come back to it.
+    hears_parts: bool,
+    /// Whether no part of it was said since the last look.
+    is_behind: bool,
     /// Whether readers may have a map that this one does not go on from.
     next_is_whole: bool,
     /// Whether it was said that points lie beyond the largest range.
@@ -202,6 +209,9 @@ impl MapApp {
             stage: Stage::Recalling(Past::default()),
             waiting: Vec::new(),
             requested: false,
+            keyframes: Keyframes::default(),
+            hears_parts: false,
+            is_behind: false,
             next_is_whole: false,
             range_said: false,
             rays: RayTally::default(),
@@ -221,7 +231,8 @@ impl MapApp {
             .on(&self.input, Self::on_scan)
             .on(elk_bus::number(MAP_REQUEST), Self::on_request)
             .when_wanted(&MAP, Self::on_copy)
-            .iterate(LOOK_EVERY, Self::give_up_on_copies)
+            .when_wanted(MAP_PART.subscription().as_it_comes(), Self::on_part)
+            .iterate(LOOK_EVERY, Self::look)
             .on_stop(Self::leave)
             .with(self)
     }
@@ -255,6 +266,8 @@ impl MapApp {
             return Ok(());
         };
         let revision = past.revision();
+        // It may have died in the middle of an answer.
+        self.requested |= revision > 0;
         match past.memory.take() {
             Some((map, scan)) if map.grid().revision() <= revision => (self.map, self.last_scan) = (*map, scan),
             Some((map, _)) => {
@@ -298,6 +311,14 @@ impl MapApp {
         self.begin(comms)
     }
 
+    fn look(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        if self.hears_parts && std::mem::replace(&mut self.is_behind, true) {
+            // The part before did not come back.
+            self.say_part(comms)?;
+        }
+        self.give_up_on_copies(comms)
+    }
+
     /// Goes on with what there is, if a copy was waited for in vain.
     fn give_up_on_copies(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         let Stage::Asking { revision, since, any } = &mut self.stage else {
@@ -329,10 +350,7 @@ impl MapApp {
         // The latest scan comes to every map that starts, whether its predecessor had taken it or not.
         waiting.retain(|scan| scan.id > self.last_scan);
         waiting.iter().try_for_each(|scan| self.insert(comms, scan))?;
-        if std::mem::take(&mut self.requested) {
-            self.publish_whole(comms)?;
-        }
-        Ok(())
+        if std::mem::take(&mut self.requested) { self.say_whole(comms) } else { Ok(()) }
     }
 
     fn on_scan(&mut self, comms: &mut Comms, scan: Scan<'_>) -> Result<(), AppError> {
@@ -449,7 +467,7 @@ impl MapApp {
 
     fn on_request(&mut self, comms: &mut Comms, _: f64) -> Result<(), AppError> {
         match self.stage {
-            Stage::Here => self.publish_whole(comms),
+            Stage::Here => self.say_whole(comms),
             _ => {
                 self.requested = true;
                 Ok(())
@@ -457,9 +475,29 @@ impl MapApp {
         }
     }
 
-    fn publish_whole(&self, comms: &mut Comms) -> Result<(), AppError> {
-        comms.publish(&MAP, &MapUpdate::new(self.map.grid().whole(), self.last_scan))?;
-        Ok(())
+    /// Says all of the map once more, part by part. The next part is said when the one before comes back, behind all that has
+    /// come meanwhile: between two scans there is one part at most, however many ask, and none waits for a scan.
+    fn say_whole(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.keyframes.ask();
+        if self.hears_parts { Ok(()) } else { self.say_part(comms) }
+    }
+
+    fn on_part(&mut self, comms: &mut Comms, part: Mail<'_>) -> Result<(), AppError> {
+        // The last one of the round before comes as well, to who registers anew.
+        let is_own = part.source() == comms.name() && !part.is_latest();
+        if is_own && self.hears_parts { self.say_part(comms) } else { Ok(()) }
+    }
+
+    /// Says the next part, if there is one.
+    fn say_part(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        let (own, part) = (MAP_PART.subscription().as_it_comes(), self.keyframes.part(self.map.grid(), self.last_scan));
+        match (&part, std::mem::replace(&mut self.hears_parts, part.is_some())) {
+            (Some(_), false) => comms.register(own)?,
+            (None, true) => comms.unregister(own)?,
+            _ => {}
+        }
+        self.is_behind = false;
+        part.map_or(Ok(()), |part| Ok(comms.publish(&MAP_PART, &part)?))
     }
 
     /// Leaves its memory to a successor, and the map to whoever wants it.
@@ -475,7 +513,8 @@ impl MapApp {
             return Ok(());
         }
         comms.publish(&MAP_MEMORY, &memory::write(self.map.snapshot(), self.last_scan))?;
-        self.publish_whole(comms)?;
+        // There are no scans any more that could wait.
+        comms.publish(&MAP, &MapUpdate::new(self.map.grid().whole(), self.last_scan))?;
         self.file.as_ref().map_or(Ok(()), |path| saved::write(path, &self.map))
     }
 }

@@ -1,0 +1,30 @@
+//! Runs strategies × worlds × starts on equal terms and says what came of it.
+//!
+//! | module | one idea |
+//! |---|---|
+//! | [`suite`] | what is to be evaluated, as a file says it |
+//! | [`site`] | a world that is ready, and the missions to run in it |
+//! | [`truth`] | what of a world can be known, and how much of that a map has |
+//! | [`stage`], [`observer`] | a mission as one thread's work, and what is measured of it |
+//! | [`outcome`] | what came of a run |
+//! | [`pool`] | runs in parallel |
+//! | [`store`] | the results' folder, and how an evaluation goes on from there |
+//! | [`statistics`], [`table`], [`drawing`], [`evaluation`] | means, tables, pictures, and all of it together |
+
+pub mod drawing;
+pub mod evaluation;
+pub mod observer;
+pub mod outcome;
+pub mod pool;
+pub mod site;
+pub mod stage;
+pub mod statistics;
+pub mod store;
+pub mod suite;
+pub mod table;
+pub mod truth;
+
+pub use evaluation::{Evaluation, EvaluationError, Finished, Step};
+pub use outcome::{End, Outcome};
+pub use site::Missions;
+pub use suite::{Suite, SuiteError};

@@ -1,0 +1,260 @@
+//! What came of a run, and how it is written down.
+
+use nalgebra::Point3;
+
+/// Shares of what is truly visible of which it is said how long the way to them was.
+pub const SHARES: [f64; 4] = [0.9, 0.95, 0.99, 0.999];
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// The strategy says that all is explored that can be, and the robot touched nothing.
+    Complete,
+    /// The strategy gave up, or the robot touched the world.
+    Incomplete,
+    /// It took more than a run may take.
+    Capped,
+    /// It came to no end: an app failed, went silent, or there is no such mission.
+    Failed,
+}
+
+impl End {
+    /// All of them.
+    const ALL: [Self; 4] = [Self::Complete, Self::Incomplete, Self::Capped, Self::Failed];
+
+    /// In a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Complete => "complete",
+            Self::Incomplete => "incomplete",
+            Self::Capped => "capped",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// What came of a run. All of it is the same in every evaluation of the same suite, but for [`Outcome::times`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// How it ended.
+    pub end: End,
+    /// Why, for people.
+    pub reason: String,
+    /// Length of the way (m).
+    pub way_m: f64,
+    /// Rotation of the camera, summed from pose to pose (degrees).
+    pub rotation_deg: f64,
+    /// Scans taken.
+    pub scans: u64,
+    /// Plans made.
+    pub plans: u64,
+    /// Time that the robot would be on its way (s); `None`: its controller has neither speed nor turn rate.
+    pub travel_secs: Option<f64>,
+    /// Length of the way to each of [`SHARES`] (m); `None`: it was not reached.
+    pub marks: [Option<f64>; 4],
+    /// Area above the curve of coverage over way (m): the way after which a visible voxel is known, on the mean.
+    pub area_m: f64,
+    /// Share of what is truly visible that is known at the end (0 to 1).
+    pub coverage: f64,
+    /// Of the surface voxels that can be seen, the share that the map calls occupied; `None`: there are none.
+    pub recall: Option<f64>,
+    /// Of the voxels that the map calls occupied, the share that a surface meets; `None`: there are none.
+    pub precision: Option<f64>,
+    /// Motions on which the robot touched the world.
+    pub contacts: u64,
+    /// Voxels known, and a digest of the map.
+    pub known: u64,
+    /// Digest of the final map (FNV-1a).
+    pub map: u64,
+    /// What it took of the processor: not the same twice.
+    pub times: Times,
+}
+
+/// What a run took of the processor.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Times {
+    /// The whole of it (s).
+    pub cpu_secs: f64,
+    /// Half of the plans took less (s).
+    pub plan_p50_secs: f64,
+    /// All but a hundredth of the plans took less (s).
+    pub plan_p99_secs: f64,
+}
+
+/// What was known after a scan, and where the camera was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TracePoint {
+    /// Length of the way by then (m).
+    pub way_m: f64,
+    /// Share of what is truly visible that is known (0 to 1).
+    pub coverage: f64,
+    /// The camera (m, world).
+    pub position: Point3<f64>,
+}
+
+impl Outcome {
+    /// Of a run that came to nothing.
+    pub fn failed(reason: impl Into<String>) -> Self {
+        Self {
+            end: End::Failed,
+            reason: reason.into(),
+            way_m: 0.0,
+            rotation_deg: 0.0,
+            scans: 0,
+            plans: 0,
+            travel_secs: None,
+            marks: [None; 4],
+            area_m: 0.0,
+            coverage: 0.0,
+            recall: None,
+            precision: None,
+            contacts: 0,
+            known: 0,
+            map: 0,
+            times: Times::default(),
+        }
+    }
+
+    /// Whether it counts where means are taken.
+    pub fn is_complete(&self) -> bool {
+        self.end == End::Complete
+    }
+
+    /// The names of [`Outcome::cells`].
+    pub const HEADS: [&'static str; 18] = [
+        "end",
+        "way_m",
+        "rotation_deg",
+        "scans",
+        "plans",
+        "travel_s",
+        "way_90_m",
+        "way_95_m",
+        "way_99_m",
+        "way_999_m",
+        "area_m",
+        "coverage",
+        "recall",
+        "precision",
+        "contacts",
+        "known_voxels",
+        "map",
+        "reason",
+    ];
+
+    /// As cells of a table: numbers so that they come back as they are, what there is not empty. [`Outcome::times`] are not
+    /// among them.
+    pub fn cells(&self) -> Vec<String> {
+        let number = |number: f64| number.to_string();
+        let perhaps = |number: Option<f64>| number.map_or(String::new(), |number| number.to_string());
+        let mut cells = vec![
+            self.end.word().to_owned(),
+            number(self.way_m),
+            number(self.rotation_deg),
+            self.scans.to_string(),
+            self.plans.to_string(),
+            perhaps(self.travel_secs),
+        ];
+        cells.extend(self.marks.map(perhaps));
+        cells.extend([number(self.area_m), number(self.coverage), perhaps(self.recall), perhaps(self.precision)]);
+        cells.extend([self.contacts.to_string(), self.known.to_string(), format!("{:016x}", self.map)]);
+        cells.push(self.reason.clone());
+        cells
+    }
+
+    /// What [`Outcome::cells`] were made of; `None`: they were made of none.
+    pub fn from_cells(cells: &[String], times: Times) -> Option<Self> {
+        let [end, way, rotation, scans, plans, travel, m90, m95, m99, m999, rest @ ..] = cells else { return None };
+        let [area, coverage, recall, precision, contacts, known, map, reason] = rest else { return None };
+        let perhaps = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
+        Some(Self {
+            end: End::ALL.into_iter().find(|one| one.word() == end)?,
+            reason: reason.clone(),
+            way_m: way.parse().ok()?,
+            rotation_deg: rotation.parse().ok()?,
+            scans: scans.parse().ok()?,
+            plans: plans.parse().ok()?,
+            travel_secs: perhaps(travel)?,
+            marks: [perhaps(m90)?, perhaps(m95)?, perhaps(m99)?, perhaps(m999)?],
+            area_m: area.parse().ok()?,
+            coverage: coverage.parse().ok()?,
+            recall: perhaps(recall)?,
+            precision: perhaps(precision)?,
+            contacts: contacts.parse().ok()?,
+            known: known.parse().ok()?,
+            map: u64::from_str_radix(map, 16).ok()?,
+            times,
+        })
+    }
+}
+
+impl Times {
+    /// The names of [`Times::cells`].
+    pub const HEADS: [&'static str; 3] = ["cpu_s", "plan_p50_s", "plan_p99_s"];
+
+    /// As cells of a table.
+    pub fn cells(&self) -> [String; 3] {
+        [self.cpu_secs, self.plan_p50_secs, self.plan_p99_secs].map(|secs| format!("{secs:.6}"))
+    }
+
+    /// What such cells were made of, to a millionth of a second.
+    pub fn from_cells(cells: &[String]) -> Option<Self> {
+        let [cpu, p50, p99] = cells else { return None };
+        let [cpu_secs, plan_p50_secs, plan_p99_secs] = [cpu.parse().ok()?, p50.parse().ok()?, p99.parse().ok()?];
+        Some(Self { cpu_secs, plan_p50_secs, plan_p99_secs })
+    }
+}
+
+/// Where the curve of coverage over way first comes to `share`.
+pub fn way_to(trace: &[TracePoint], share: f64) -> Option<f64> {
+    trace.iter().find(|point| point.coverage >= share).map(|point| point.way_m)
+}
+
+/// The area above the curve of coverage over way (m): what is found after a scan counts from there on.
+pub fn area_above(trace: &[TracePoint]) -> f64 {
+    trace.windows(2).map(|pair| (1.0 - pair[0].coverage) * (pair[1].way_m - pair[0].way_m)).sum()
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A complete run over such a way.
+    pub(crate) fn complete(way_m: f64) -> Outcome {
+        Outcome { end: End::Complete, way_m, coverage: 1.0, scans: 3, ..Outcome::failed("explored") }
+    }
+
+    #[test]
+    fn an_outcome_comes_back_from_its_cells_bit_for_bit() {
+        let outcome = Outcome {
+            end: End::Capped,
+            reason: "more than 5 scans, \"again\"".into(),
+            way_m: 0.1 + 0.2,
+            travel_secs: Some(1.0 / 3.0),
+            marks: [Some(1.5), None, None, None],
+            recall: Some(0.99),
+            map: u64::MAX,
+            ..complete(1.0)
+        };
+        assert_eq!(outcome.cells().len(), Outcome::HEADS.len());
+        assert_eq!(Outcome::from_cells(&outcome.cells(), outcome.times), Some(outcome.clone()));
+        assert_eq!(Outcome::from_cells(&outcome.cells()[1..], outcome.times), None);
+        let mut torn = outcome.cells();
+        torn[1] = "1.2.3".into();
+        assert_eq!(Outcome::from_cells(&torn, outcome.times), None);
+    }
+
+    #[test]
+    fn marks_and_area_are_those_of_the_curve() {
+        let point = |way_m: f64, coverage: f64| TracePoint { way_m, coverage, position: Point3::origin() };
+        let trace = [point(0.0, 0.5), point(2.0, 0.9), point(3.0, 0.95), point(7.0, 1.0)];
+        assert_eq!(
+            [0.4, 0.9, 0.91, 1.0].map(|share| way_to(&trace, share)),
+            [Some(0.0), Some(2.0), Some(3.0), Some(7.0)]
+        );
+        assert_eq!(way_to(&trace[..3], 0.99), None);
+        // 0.5 × 2 + 0.1 × 1 + 0.05 × 4
+        assert!((area_above(&trace) - 1.3).abs() < 1e-12);
+        assert_eq!(area_above(&[]), 0.0);
+    }
+}

@@ -1,0 +1,304 @@
+//! A world that is ready to be explored: read, checked, its truth known, its starts drawn; and the missions to run in it.
+
+use std::path::{Path, PathBuf};
+
+use elk_bus::clock::Stopwatch;
+use elk_geometry::{Bounds, Pose};
+use elk_mission::{AppSpec, Mission, Override, Params, Program, Registry, element, instead};
+use elk_spatial::messages::PoseCommand;
+use elk_world::random::Random;
+use elk_world::{BUILT_IN, Placement, World};
+use nalgebra::Vector3;
+
+use crate::suite::{Place, Source, StrategyEntry, Suite, SuiteError, WorldEntry};
+use crate::truth::{Start, Terms, Truth};
+
+/// The plainest of missions: a world's file is explored in it.
+const PLAIN: &str = r#"<Scenario name="Evaluation" type="auto" version="1">
+    <Sensor type="Simulator"/>
+    <Filter type="Distance"/>
+    <Map type="OctoMap"/>
+    <Explorer type="ClosestFrontier"/>
+    <Controller type="MOOSSim"/>
+</Scenario>
+"#;
+
+/// Where missions come from.
+pub struct Missions {
+    /// The app types that a mission can name.
+    pub registry: Registry,
+    /// The mission in a file, or the built-in one of that name, changed by what is said otherwise.
+    pub load: Box<Load>,
+}
+
+/// Loads a mission, changed by what is said otherwise; what is wrong with it, in words.
+pub type Load = dyn Fn(&Path, &[Override]) -> Result<Mission, String> + Send + Sync;
+
+/// How fast a robot is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Speed {
+    /// Along the way (m/s).
+    pub along: f64,
+    /// On the spot (rad/s).
+    pub turn: f64,
+}
+
+impl Speed {
+    /// How long the robot is on its way (s): it turns while it goes, as the controller's `Pace` has it.
+    pub fn secs(&self, from: &Pose, command: &PoseCommand) -> f64 {
+        let corners = command.via.iter().copied().chain([command.pose.position()]);
+        let (length, _) = corners.fold((0.0, from.position()), |(sum, last), next| (sum + (next - last).norm(), next));
+        let angle = from.0.rotation.angle_to(&command.pose.0.rotation);
+        (length / self.along).max(angle / self.turn)
+    }
+}
+
+/// A world that is ready.
+pub struct Site {
+    /// The world.
+    pub world: World,
+    /// What of it can be known.
+    pub truth: Truth,
+    /// The starts, the same for all strategies.
+    pub starts: Vec<Start>,
+    /// The variable of the camera's pose.
+    pub pose_variable: String,
+    /// The robot's speed, if its controller says it.
+    pub speed: Option<Speed>,
+    /// How long it took to get ready (s).
+    pub secs: f64,
+}
+
+/// The missions of a world, one a strategy, without a start.
+pub struct Plans {
+    source: Source,
+    folder: PathBuf,
+    /// What is said otherwise, by strategy.
+    sets: Vec<Vec<Override>>,
+    sensor: String,
+    /// What the missions came to, all that is said and all defaults, by strategy.
+    pub effective: Vec<String>,
+    terms: Terms,
+    pose_variable: String,
+    speed: Option<Speed>,
+    world_file: String,
+    placement: Result<Placement, String>,
+}
+
+impl Plans {
+    /// The missions of a world of the suite, each checked.
+    ///
+    /// # Errors
+    /// What is wrong, and where in the suite; `Ok(Err(…))`: the world itself cannot be had, which is its runs' failure.
+    pub fn of(suite: &Suite, entry: &WorldEntry, missions: &Missions) -> Result<Result<Self, String>, SuiteError> {
+        let wrong =
+            |at: Place, what: String| SuiteError::Wrong { file: suite.file.clone(), problems: vec![(at, what)] };
+        let folder = suite.file.parent().unwrap_or(Path::new("")).to_owned();
+        let own = match world_set(&entry.source, &folder) {
+            Ok(set) => set,
+            Err(why) => return Ok(Err(why)),
+        };
+        let base: Vec<Override> = entry.sets.iter().cloned().chain(own).collect();
+        let load = |sets: &[Override]| load(&entry.source, &folder, sets, missions);
+        let plain = load(&base).map_err(|why| wrong(entry.at, format!("world {}: {why}", entry.name)))?;
+        let explorer = only(&plain, element::EXPLORER).map_err(|why| wrong(entry.at, why))?.name.clone();
+        let sensor = only(&plain, element::SENSOR).map_err(|why| wrong(entry.at, why))?.name.clone();
+        let (mut all, mut effective, mut last) = (Vec::new(), Vec::new(), plain);
+        for strategy in &suite.strategies {
+            let sets = with_strategy(&base, &explorer, strategy, &last);
+            let named =
+                |why: String| wrong(strategy.at, format!("explorer {} in world {}: {why}", strategy.name, entry.name));
+            last = load(&sets).map_err(named)?;
+            if let Some(foreign) = last.apps.iter().find(|app| !app.is_builtin()) {
+                return Err(wrong(
+                    entry.at,
+                    format!("{} is a program of its own; all runs are threads of this process", foreign.name),
+                ));
+            }
+            effective.push(last.to_xml(&|app, _| app.element == element::LOGGER));
+            all.push(sets);
+        }
+        let facts = Facts::of(&last).map_err(|why| wrong(entry.at, format!("world {}: {why}", entry.name)))?;
+        let Facts { terms, pose_variable, speed, world_file, placement } = facts;
+        let source = entry.source.clone();
+        Ok(Ok(Self {
+            source,
+            folder,
+            sets: all,
+            sensor,
+            effective,
+            terms,
+            pose_variable,
+            speed,
+            world_file,
+            placement,
+        }))
+    }
+
+    /// Digest of the world's file; 0 of a built-in one.
+    pub fn world_digest(&self) -> u64 {
+        elk_outside::checksum::fnv1a_of_file(Path::new(&self.world_file)).unwrap_or(0)
+    }
+
+    /// Reads the world, and looks for what can be known of it.
+    ///
+    /// # Errors
+    /// It is no world, or one without room for a robot.
+    pub fn site(&self, suite: &Suite, name: &str) -> Result<Site, String> {
+        let took = Stopwatch::start();
+        let placement = self.placement.as_ref().map_err(Clone::clone)?;
+        let world = World::load(&self.world_file, placement).map_err(|error| error.to_string())?;
+        let truth = Truth::of(&world, self.terms).map_err(|error| error.to_string())?;
+        let mut random = Random::new(suite.seed, stream(name));
+        let starts = truth.starts(&world, suite.starts, &mut random).map_err(|error| error.to_string())?;
+        let secs = took.elapsed().as_secs_f64();
+        Ok(Site { world, truth, starts, pose_variable: self.pose_variable.clone(), speed: self.speed, secs })
+    }
+
+    /// What a run says otherwise than its mission's file.
+    pub fn run_sets(&self, strategy: usize, start: &Start) -> Vec<Override> {
+        let set = |param: &str, text: String| Override { app: self.sensor.clone(), param: param.to_owned(), text };
+        let [x, y, z] = [start.position.x, start.position.y, start.position.z];
+        let own = [
+            set("Start", format!("{x}; {y}; {z}")),
+            set("StartYaw", start.yaw_deg.to_string()),
+            set("StartPitch", start.pitch_deg.to_string()),
+            set("RandomStart", "false".to_owned()),
+        ];
+        self.sets[strategy].iter().cloned().chain(own).collect()
+    }
+
+    /// The mission of a run.
+    ///
+    /// # Errors
+    /// There is none: its file has changed.
+    pub fn mission(&self, strategy: usize, start: &Start, missions: &Missions) -> Result<Mission, String> {
+        load(&self.source, &self.folder, &self.run_sets(strategy, start), missions)
+    }
+}
+
+/// What a mission says of world and robot.
+struct Facts {
+    terms: Terms,
+    pose_variable: String,
+    speed: Option<Speed>,
+    world_file: String,
+    placement: Result<Placement, String>,
+}
+
+impl Facts {
+    fn of(mission: &Mission) -> Result<Self, String> {
+        let of = |element: &str| only(mission, element).and_then(|app| params(app).map(|params| (app, params)));
+        let (sensor, seen) = of(element::SENSOR)?;
+        if !sensor.takes("World") {
+            return Err(format!(
+                "{} knows no true world: an evaluation needs a simulated one (type=\"Simulator\")",
+                sensor.name
+            ));
+        }
+        let ((_, map), (_, explorer), (controller, motion)) =
+            (of(element::MAP)?, of(element::EXPLORER)?, of(element::CONTROLLER)?);
+        let dim = Vector3::from(explorer.point("Dim"));
+        let bounds = (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(explorer.point("Mid").into(), dim));
+        let has_speed = controller.takes("Speed") && controller.takes("TurnRate");
+        Ok(Self {
+            terms: Terms { resolution: map.number("Res"), radius_m: explorer.number("Radius"), bounds },
+            pose_variable: seen.text("MOOSPoseVarName").to_owned(),
+            speed: has_speed
+                .then(|| Speed { along: motion.number("Speed"), turn: motion.number("TurnRate").to_radians() }),
+            world_file: seen.text("World").to_owned(),
+            placement: Placement::new(seen.number("Scale"), seen.text("Up")).map_err(|error| error.to_string()),
+        })
+    }
+}
+
+fn params(app: &AppSpec) -> Result<&Params, String> {
+    match &app.program {
+        Program::Builtin(_, params) => Ok(params),
+        Program::Foreign { .. } => Err(format!("{} is a program of its own", app.name)),
+    }
+}
+
+/// The one app of an element.
+fn only<'a>(mission: &'a Mission, element: &str) -> Result<&'a AppSpec, String> {
+    mission.of_element(element).next().ok_or_else(|| format!("the mission {} has no {element}", mission.name))
+}
+
+/// A strategy in place of the mission's own; what it says itself counts. Nobody watches: a robot is not held back.
+fn with_strategy(base: &[Override], explorer: &str, strategy: &StrategyEntry, mission: &Mission) -> Vec<Override> {
+    let set = |app: &str, param: &str, text: &str| Override {
+        app: app.to_owned(),
+        param: param.to_owned(),
+        text: text.to_owned(),
+    };
+    let own = |param: &str| strategy.settings.iter().any(|(name, _)| name.eq_ignore_ascii_case(param));
+    let mut sets: Vec<Override> =
+        base.iter().filter(|said| said.app != explorer || !own(&said.param)).cloned().collect();
+    sets.push(set(explorer, "type", &strategy.type_name));
+    sets.extend(strategy.settings.iter().map(|(param, text)| set(explorer, param, text)));
+    for controller in mission.of_element(element::CONTROLLER) {
+        let held = [("Pace", "0"), ("Manual", "false")].into_iter().filter(|(param, _)| controller.takes(param));
+        let new =
+            held.filter(|(param, _)| !base.iter().any(|said| said.app == controller.name && said.param == *param));
+        sets.extend(new.map(|(param, text)| set(&controller.name, param, text)));
+    }
+    sets
+}
+
+fn load(source: &Source, folder: &Path, sets: &[Override], missions: &Missions) -> Result<Mission, String> {
+    match source {
+        Source::Mission(name) => {
+            let beside = folder.join(name);
+            (missions.load)(if beside.exists() { &beside } else { Path::new(name) }, sets)
+        }
+        Source::World(_) => Mission::parse(PLAIN, &folder.join("evaluation.xml"), &missions.registry, sets)
+            .map_err(|error| error.to_string()),
+    }
+}
+
+/// What says a world's own file to the plain mission.
+fn world_set(source: &Source, folder: &Path) -> Result<Option<Override>, String> {
+    let Source::World(said) = source else { return Ok(None) };
+    let text = match BUILT_IN.contains(&said.as_str()) {
+        true => said.clone(),
+        false => {
+            let path = folder.join(expanded(said)?);
+            let path = std::path::absolute(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+            if !path.is_file() {
+                return Err(format!("there is no world {}", path.display()));
+            }
+            path.to_string_lossy().into_owned()
+        }
+    };
+    Ok(Some(Override { app: element::SENSOR.to_owned(), param: "World".to_owned(), text }))
+}
+
+/// A path that may begin with a variable of the environment: `$ELK_DATA/worlds/house.obj`.
+fn expanded(said: &str) -> Result<String, String> {
+    let Some(rest) = said.strip_prefix('$') else { return Ok(said.to_owned()) };
+    let (name, behind) = rest.split_once('/').map_or((rest, String::new()), |(name, path)| (name, format!("/{path}")));
+    match std::env::var(name) {
+        Ok(value) if !value.is_empty() => Ok(value + &behind),
+        _ => Err(format!("{said}: the variable {name} is not set; set it to the folder that the world lies in")),
+    }
+}
+
+/// The random stream of a world's starts: by its name, so that another world beside it changes nothing.
+fn stream(name: &str) -> u64 {
+    name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// Complains of strategies that there are not.
+///
+/// # Errors
+/// All of them, with their places.
+pub fn check_strategies(suite: &Suite, registry: &Registry) -> Result<(), SuiteError> {
+    let known: Vec<&str> = registry.of_element(element::EXPLORER).map(|one| one.name).collect();
+    let unknown = suite.strategies.iter().filter(|one| !known.contains(&one.type_name.as_str()));
+    let problems: Vec<(Place, String)> = unknown
+        .map(|one| {
+            (one.at, format!("there is no Explorer of type {:?}; {}", one.type_name, instead(&one.type_name, &known)))
+        })
+        .collect();
+    if problems.is_empty() { Ok(()) } else { Err(SuiteError::Wrong { file: suite.file.clone(), problems }) }
+}

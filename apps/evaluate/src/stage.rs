@@ -1,0 +1,193 @@
+//! A mission as one thread's work: its apps take turns around a broker in memory, so that each run is the same run.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use elk_bus::clock::{monotonic_nanos, thread_cpu_secs};
+use elk_bus::memory::MemoryBroker;
+use elk_bus::{App, BrokerConfig, Client, Clock, Community, Overheard, begin_app, take_turn};
+use elk_mission::{AppSpec, Mission, Program, element};
+
+use crate::observer::Observer;
+use crate::outcome::{End, Outcome, Times, TracePoint};
+use crate::site::Site;
+use crate::statistics::percentile;
+use crate::suite::Limits;
+
+/// Rounds of a millisecond in which nobody has anything to do, after which a mission has come to a standstill.
+const STANDSTILL_ROUNDS: usize = 50;
+/// How fast the community's clock runs: who waits for a time to pass does not keep others waiting.
+const WARP: f64 = 1000.0;
+/// Lines of what apps say that are kept for the reason of a failure.
+const LAST_WORDS: usize = 64;
+
+/// What is seen of a run from outside while it goes on.
+#[derive(Debug, Default)]
+pub struct Sign {
+    /// When the present turn began (ns, monotonic); 0: none has.
+    since_nanos: AtomicU64,
+    /// Whose turn it is.
+    turn: AtomicUsize,
+    /// The apps that take turns.
+    players: Mutex<Vec<String>>,
+}
+
+impl Sign {
+    fn begin(&self, players: Vec<String>) {
+        *self.players.lock().unwrap_or_else(PoisonError::into_inner) = players;
+    }
+
+    fn turn(&self, player: usize) {
+        self.turn.store(player, Ordering::Relaxed);
+        self.since_nanos.store(monotonic_nanos(), Ordering::Relaxed);
+    }
+
+    /// Nobody has a turn.
+    pub fn rest(&self) {
+        self.since_nanos.store(0, Ordering::Relaxed);
+    }
+
+    /// Who has been at the same turn for longer than `most_secs`, if anybody has.
+    pub fn stuck(&self, most_secs: f64) -> Option<String> {
+        let since = self.since_nanos.load(Ordering::Relaxed);
+        let secs = monotonic_nanos().saturating_sub(since) as f64 * 1e-9;
+        let players = self.players.lock().unwrap_or_else(PoisonError::into_inner);
+        let player = players.get(self.turn.load(Ordering::Relaxed)).cloned().unwrap_or_default();
+        (since > 0 && secs > most_secs).then_some(player)
+    }
+}
+
+/// A run was asked to stop.
+#[derive(Debug, PartialEq)]
+pub struct Interrupted;
+
+/// An app that takes its turns.
+struct Player {
+    name: String,
+    app: Box<dyn App>,
+    client: Client,
+}
+
+/// Runs a mission to its end, or to where it may go no farther.
+///
+/// # Errors
+/// `stop` was set meanwhile.
+pub fn run(
+    site: &Site,
+    mission: &Mission,
+    limits: &Limits,
+    (sign, stop): (&Sign, &AtomicBool),
+) -> Result<(Outcome, Vec<TracePoint>), Interrupted> {
+    let overheard = Overheard::listen(LAST_WORDS);
+    let begun = thread_cpu_secs();
+    let broker = MemoryBroker::new(BrokerConfig::new("evaluation"), Clock::new(WARP));
+    let mut stage = match Stage::new(site, mission, &broker) {
+        Ok(stage) => stage,
+        Err(why) => return Ok((Outcome::failed(why), Vec::new())),
+    };
+    sign.begin(stage.players.iter().map(|player| player.name.clone()).collect());
+    let why = stage.play(limits, (sign, stop))?;
+    sign.rest();
+    let (mut outcome, plans) = stage.observer.outcome();
+    match why {
+        Over::Ended => {}
+        Over::Capped(why) => (outcome.end, outcome.reason) = (End::Capped, why),
+        Over::Failed(why) => (outcome.end, outcome.reason) = (End::Failed, with_last_words(why, &overheard)),
+    }
+    outcome.times = Times {
+        cpu_secs: thread_cpu_secs() - begun,
+        plan_p50_secs: percentile(&plans, 0.5).unwrap_or(0.0),
+        plan_p99_secs: percentile(&plans, 0.99).unwrap_or(0.0),
+    };
+    Ok((outcome, stage.observer.into_trace()))
+}
+
+/// Why it goes no farther.
+enum Over {
+    /// It came to its end.
+    Ended,
+    Capped(String),
+    Failed(String),
+}
+
+/// Rejections come before a standstill, and say why it stands still.
+fn with_last_words(why: String, overheard: &Overheard) -> String {
+    let words = overheard.words();
+    let telling = words.iter().rev().find(|line| line.contains(" rejects ") || line.contains("no plan for request"));
+    telling.map_or(why.clone(), |line| format!("{why}; before that: {line}"))
+}
+
+struct Stage<'a> {
+    players: Vec<Player>,
+    observer: Observer<'a>,
+}
+
+impl<'a> Stage<'a> {
+    fn new(site: &'a Site, mission: &Mission, broker: &MemoryBroker) -> Result<Self, String> {
+        let community = Community::new("evaluation").map_err(|error| error.to_string())?;
+        let join = |name: &str| {
+            let link = broker.connect(name).map_err(|error| format!("{name}: {error}"))?;
+            Ok::<_, String>(Client::over(link, name, &community))
+        };
+        let observer = Observer::new(site, join("evaluation")?).map_err(|error| error.to_string())?;
+        let mut players = Vec::new();
+        for app in mission.apps.iter().filter(|app| app.element != element::LOGGER) {
+            let made = build(app)?;
+            players.push(Player { name: app.name.clone(), app: made, client: join(&app.name)? });
+        }
+        for Player { app, client, .. } in &mut players {
+            begin_app(&mut **app, client).map_err(|error| error.to_string())?;
+        }
+        Ok(Self { players, observer })
+    }
+
+    fn play(&mut self, limits: &Limits, (sign, stop): (&Sign, &AtomicBool)) -> Result<Over, Interrupted> {
+        let mut idle = 0;
+        loop {
+            if stop.load(Ordering::Relaxed) {
+                return Err(Interrupted);
+            }
+            let moved = match self.round(sign) {
+                Ok(moved) => moved,
+                Err(why) => return Ok(Over::Failed(why)),
+            };
+            if self.observer.has_ended() {
+                return Ok(Over::Ended);
+            }
+            if let Some(why) = self.observer.beyond(limits) {
+                return Ok(Over::Capped(why));
+            }
+            idle = if moved { 0 } else { idle + 1 };
+            if idle > STANDSTILL_ROUNDS {
+                return Ok(Over::Failed(self.observer.standstill()));
+            }
+            if idle > 1 {
+                // Nobody has anything to do: the community's time is all that an app can be waiting for.
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+    }
+
+    /// Everybody takes a turn; whether anybody had anything to do.
+    fn round(&mut self, sign: &Sign) -> Result<bool, String> {
+        let mut moved = false;
+        for (place, Player { app, client, .. }) in self.players.iter_mut().enumerate() {
+            sign.turn(place);
+            moved |= take_turn(&mut **app, client).map_err(|error| error.to_string())? > 0;
+            if client.comms.stopping() {
+                return Err(format!("{} ended by itself", client.comms.name()));
+            }
+        }
+        Ok(moved | self.observer.listen().map_err(|error| error.to_string())?)
+    }
+}
+
+fn build(app: &AppSpec) -> Result<Box<dyn App>, String> {
+    match &app.program {
+        Program::Builtin(app_type, params) => {
+            (app_type.build)(params).map_err(|error| format!("{}: {error}", app.name))
+        }
+        Program::Foreign { .. } => Err(format!("{} is a program of its own, and no thread of this one", app.name)),
+    }
+}

@@ -1,0 +1,196 @@
+//! A tour past all that is left to be seen, planned anew with each plan (after FUEL, Zhou et al., RA-L 2021, and FALCON, Zhang et
+//! al., T-RO 2024).
+//!
+//! As there, the frontier is grouped, each group has viewpoints from which it is seen, and the robot goes on to the first stop of
+//! the shortest tour past all groups. Otherwise than there, groups are the cells of an octree (as in Dai et al., ICRA 2020), as
+//! small as can be afforded: in the end single voxels; a stop is for all groups that are seen from it; and its place is chosen with
+//! the tour, so that what can be seen in passing costs a detour, and no way of its own.
+
+mod itinerary;
+mod roadmap;
+
+use std::collections::BTreeMap;
+
+use elk_geometry::Voxel;
+use elk_mission::AppType;
+use nalgebra::Point3;
+
+use crate::app::{COMMON, app};
+use crate::journal::Journal;
+use crate::strategy::{Route, Strategy, View};
+use crate::target::Target;
+use itinerary::itinerary;
+use roadmap::{LATTICE, Roadmap};
+
+/// Its row in the table of explorers.
+pub const TYPE: AppType = AppType {
+    element: "Explorer",
+    name: "Tour",
+    summary: "Goes along the shortest tour past all that is left to be seen, seeing in passing what it can.",
+    params: COMMON,
+    build: |params| app(params, Box::new(Tour)),
+    preflight: None,
+};
+
+/// Groups of targets that a tour is made of at most, unless they are too far apart for that.
+const MOST_GROUPS: usize = 64;
+/// Cells have an edge of so many powers of two at most (voxels).
+const COARSEST: u32 = 5;
+/// Farther away than this viewpoints lie in a lattice twice as wide (m).
+const NEAR_M: f64 = 2.0;
+/// How far a viewpoint is from what it is for, at most (m): as the policy `elk` trusts a look.
+const VIEW_M: f64 = 5.0;
+
+/// So near what was looked at in vain another look from the same place is in vain as well (m): a surface seen at a grazing angle has
+/// many such voxels.
+const ALIKE_M: f64 = 0.5;
+
+/// Goes to the first stop of the shortest tour that it finds.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Tour;
+
+/// A place to look from.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    voxel: Voxel,
+    position: Point3<f64>,
+    /// Way to it from where the route starts (m).
+    way_m: f64,
+}
+
+/// Targets that lie in one cell of the octree, of which the first stands for all.
+#[derive(Debug)]
+struct Group<'a> {
+    target: &'a Target,
+    /// The goal's voxel, if there is one near.
+    goal: Option<Voxel>,
+}
+
+impl Strategy for Tour {
+    fn name(&self) -> &'static str {
+        "Tour"
+    }
+
+    fn looks_from_afar(&self) -> bool {
+        true
+    }
+
+    fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
+        if let Some(goal) = journal.time("views", || in_sight(view)) {
+            return Some(Route { points: vec![view.from], goal });
+        }
+        let groups = groups(view);
+        let roadmap = journal.time("roadmap", || Roadmap::new(view.space, view.space.start()));
+        let (places, sets) = journal.time("views", || viewpoints(view, &groups, &roadmap));
+        journal.count("groups", groups.len() as u64);
+        // What is seen from here costs no way.
+        let here = sets.iter().position(|set| set.contains(&0)).map(|group| (group, 0));
+        let (group, place) = here.or_else(|| {
+            let stops = journal.time("tour", || itinerary(0, &sets, |a, b| distance(&places[a], &places[b])));
+            let first = stops.first()?;
+            Some((*first.sets.first()?, first.place))
+        })?;
+        let goal = groups[group].goal.unwrap_or(groups[group].target.voxel);
+        journal.time("search", || view.way_by(places[place].voxel, goal))
+    }
+}
+
+/// What is seen from where the route starts, if anything is that does not lie near what was looked at from there in vain: the
+/// nearest.
+fn in_sight(view: &View<'_>) -> Option<Voxel> {
+    let (resolution, range_m) = (view.space.resolution(), VIEW_M.min(view.sight.range_m));
+    let here = Voxel::containing(view.from, resolution);
+    let in_vain: Vec<Voxel> = view.open.iter().filter(|t| !t.untried(here)).map(|t| t.voxel).collect();
+    let hopeful = |target: &&Target| in_vain.iter().all(|v| v.distance(target.voxel) * resolution > ALIKE_M);
+    let away = |target: &Target| (target.voxel.center(resolution) - view.from).norm();
+    let near = view.open.iter().map(|target| (away(target), target)).filter(|(away, _)| *away <= range_m);
+    let mut near: Vec<(f64, &Target)> = near.collect();
+    near.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let mut near = near.into_iter().map(|(_, target)| target);
+    near.find(|target| hopeful(target) && target.seen_from(view.space, view.from)).map(|target| target.voxel)
+}
+
+/// A bound on the way between two places (m): the straight line, and what is left of the one's way at the end of the other's.
+fn distance(one: &Place, other: &Place) -> f64 {
+    (one.position - other.position).norm().max((one.way_m - other.way_m).abs())
+}
+
+/// The targets in groups: those in the cells of the smallest size that are not too many.
+fn groups<'a>(view: &View<'a>) -> Vec<Group<'a>> {
+    let far = view.open.iter().map(|target| Group { target, goal: None });
+    let near = view.goals.iter().map(|goal| Group { target: &goal.target, goal: Some(goal.voxel) });
+    // Of a target with a goal near by, that stands.
+    let all: BTreeMap<Voxel, Group<'a>> = far.chain(near).map(|group| (group.target.voxel, group)).collect();
+    let mut groups: Vec<Group<'a>> = all.into_values().collect();
+    for bits in 1..=COARSEST {
+        if groups.len() <= MOST_GROUPS {
+            break;
+        }
+        let cell = |group: &Group<'_>| group.target.voxel.to_array().map(|c| c >> bits);
+        let mut cells = BTreeMap::new();
+        for group in groups {
+            cells.entry(cell(&group)).or_insert(group);
+        }
+        groups = cells.into_values().collect();
+    }
+    groups
+}
+
+/// Places to look from, the first of them where the route starts, and those from which each group is seen.
+fn viewpoints(view: &View<'_>, groups: &[Group<'_>], roadmap: &Roadmap<'_>) -> (Vec<Place>, Vec<Vec<usize>>) {
+    let (space, resolution) = (view.space, view.space.resolution());
+    let place = |voxel: Voxel| Place { voxel, position: space.center(voxel), way_m: roadmap.length_m(voxel) };
+    let mut places = vec![Place { voxel: space.start(), position: view.from, way_m: 0.0 }];
+    places.extend(roadmap.nodes().iter().copied().map(place));
+    let (lattice, range_m) = (places.len(), VIEW_M.min(view.sight.range_m));
+    let is_wide = |voxel: Voxel| voxel.to_array().iter().all(|c| c.rem_euclid(2 * LATTICE) == 0);
+    let mut sets = Vec::new();
+    for Group { target, goal } in groups {
+        let center = target.voxel.center(resolution);
+        let sees = |place: &Place| {
+            let away = (place.position - center).norm();
+            away <= range_m && (away <= NEAR_M || is_wide(place.voxel)) && target.seen_from(space, place.position)
+        };
+        let mut set: Vec<usize> = (0..lattice).filter(|k| sees(&places[*k])).collect();
+        if let Some(goal) = *goal {
+            set.push(places.len());
+            places.push(place(goal));
+        }
+        sets.push(set);
+    }
+    (places, sets)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ClosestFrontier, Room};
+
+    /// A hall 40 m long, seen along from x = 8 m. To the right the next goal comes into sight after 0.45 m, and more behind it up to
+    /// 34 m; to the left there is one, after 0.6 m. Right first costs 21.4 m there, and as much back.
+    #[test]
+    fn the_short_end_comes_first_though_the_other_is_closer() {
+        let goals = [13.45, 20.05, 27.05, 34.05, 2.45].map(|x| [x, 1.55, 1.25]);
+        let room = Room::new([40.0, 3.0, 2.5], [8.05, 1.55, 1.25], &goals);
+        assert_eq!(room.choice(&mut ClosestFrontier), Some(0));
+        assert_eq!(room.choice(&mut Tour), Some(4));
+    }
+
+    #[test]
+    fn what_is_seen_from_here_is_looked_at_from_here() {
+        let room = Room::new([8.0, 3.0, 2.5], [1.05, 1.55, 1.25], &[[7.55, 1.55, 1.25], [3.05, 1.55, 1.25]]);
+        let route = Tour.plan(&room.view(), &mut Journal::new(|| 0.0)).unwrap();
+        assert_eq!((route.points.len(), room.choice(&mut Tour)), (1, Some(1)));
+    }
+
+    #[test]
+    fn many_targets_are_few_groups_and_few_are_one_each() {
+        let goals = |count: u32| -> Vec<[f64; 3]> {
+            (0..count).map(|k| [0.55 + 0.1 * f64::from(k % 70), 0.55 + 0.1 * f64::from(k / 70), 1.25]).collect()
+        };
+        let groups_of = |count| groups(&Room::new([8.0, 3.0, 2.5], [4.05, 2.55, 1.25], &goals(count)).view()).len();
+        assert_eq!(groups_of(MOST_GROUPS as u32), MOST_GROUPS);
+        let many = groups_of(1000);
+        assert!(many <= MOST_GROUPS && many > MOST_GROUPS / 8, "{many}");
+    }
+}

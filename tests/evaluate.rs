@@ -1,0 +1,171 @@
+//! `elk evaluate`: a suite from its file to its report, as the real program does it.
+
+mod common;
+
+use std::path::Path;
+use std::process::Output;
+
+use common::car::car;
+use common::events::end_of;
+use common::{Elk, kill, summary_of};
+use rustix::process::Signal;
+
+/// Coarse voxels and few pixels, so that a run is over in a moment.
+const COARSE: &str = "Map.Res=\"0.25\" Explorer.Res=\"0.25\" Sensor.Width=\"24\" Sensor.Height=\"24\"";
+
+/// Two strategies in the car, and what else is in the suite.
+fn suite(starts: u32, more: &str) -> String {
+    format!(
+        "<Suite name=\"test\" starts=\"{starts}\" seed=\"5\">\n    <World name=\"car\" mission=\"car.xml\" {COARSE}/>\n    \
+         <Explorer type=\"ClosestFrontier\"/>\n    <Explorer name=\"pot\" type=\"Potential\" Policy=\"elk\"/>\n    {more}\n</Suite>\n"
+    )
+}
+
+fn elk(test: &str, suite: &str) -> Elk {
+    let elk = Elk::new(test);
+    std::fs::write(elk.folder().join("car.xml"), car("auto")).unwrap();
+    std::fs::write(elk.folder().join("suite.xml"), suite).unwrap();
+    elk
+}
+
+fn evaluate(elk: &Elk, arguments: &[&str]) -> Output {
+    elk.command(&[&["evaluate"], arguments].concat()).output().unwrap()
+}
+
+fn said(out: &Output) -> String {
+    String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr)
+}
+
+fn text(folder: &Path, name: &str) -> String {
+    std::fs::read_to_string(folder.join(name)).unwrap()
+}
+
+/// The named cell of a row of a CSV file without quotes.
+fn cell<'a>(csv: &'a str, row: usize, name: &str) -> &'a str {
+    let column = csv.lines().next().unwrap().split(',').position(|head| head == name).unwrap();
+    csv.lines().nth(row).unwrap().split(',').nth(column).unwrap()
+}
+
+#[test]
+fn a_suite_comes_to_the_same_on_one_thread_and_on_two_and_from_where_it_was_cut_off() {
+    let elk = elk("evaluate", &suite(2, ""));
+    let results = |name: &str| elk.folder().join(name);
+    for (jobs, folder) in [("1", "one"), ("2", "two")] {
+        let out = evaluate(&elk, &["suite.xml", "-j", jobs, "-o", folder]);
+        assert!(out.status.success() && said(&out).contains("4 of 4 runs\n"), "{}", said(&out));
+    }
+    let runs = text(&results("one"), "runs.csv");
+    assert_eq!(runs, text(&results("two"), "runs.csv"));
+    assert_eq!(runs.lines().count(), 5, "{runs}");
+    for file in ["table.md", "curves.svg", "paths-car.svg", "report.html", "times.csv", "traces/00004.csv"] {
+        assert!(!text(&results("one"), file).is_empty(), "{file}");
+    }
+    let report = text(&results("one"), "report.html");
+    let outside = report.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+    assert!(!outside.contains("http") && report.contains("<table>") && report.contains("<polyline"), "all by itself");
+
+    // It is killed while it writes its third row.
+    let half: String = runs.split_inclusive('\n').take(4).collect();
+    std::fs::write(results("two").join("runs.csv"), &half[..half.len() - 9]).unwrap();
+    let out = evaluate(&elk, &["suite.xml", "-o", "two"]);
+    assert!(out.status.success() && said(&out).contains("4 of 4 runs, 2 of them from before"), "{}", said(&out));
+    assert!(said(&out).contains("[4/4]") && !said(&out).contains("[2/4]"), "{}", said(&out));
+    assert_eq!(runs, text(&results("two"), "runs.csv"));
+
+    std::fs::write(elk.folder().join("suite.xml"), suite(2, "<Limits scans=\"700\"/>")).unwrap();
+    let out = evaluate(&elk, &["suite.xml", "-o", "two"]);
+    assert_eq!(out.status.code(), Some(1));
+    assert!(said(&out).contains("are of another suite") && said(&out).contains("700"), "{}", said(&out));
+    assert_eq!(runs, text(&results("two"), "runs.csv"));
+}
+
+#[test]
+fn a_run_is_what_the_mission_of_processes_is() {
+    let elk = elk("evaluate-same", &suite(1, ""));
+    let out = evaluate(&elk, &["suite.xml", "-o", "out"]);
+    assert!(out.status.success(), "{}", said(&out));
+    let csv = text(&elk.folder().join("out"), "runs.csv");
+    let row = |name: &str| cell(&csv, 2, name);
+    assert_eq!((row("strategy"), row("end")), ("pot", "complete"), "{csv}");
+    let mut sets: Vec<String> =
+        COARSE.split(' ').map(|set| set.replace('"', "")).chain(["Explorer.type=Potential".to_owned()]).collect();
+    sets.push(format!("Sensor.Start={}; {}; {}", row("x_m"), row("y_m"), row("z_m")));
+    sets.push(format!("Sensor.StartYaw={}", row("yaw_deg")));
+    sets.push(format!("Sensor.StartPitch={}", row("pitch_deg")));
+    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set.as_str()]).collect();
+    let out = elk.command(&[&["launch", "car.xml", "--headless"], &sets[..]].concat()).output().unwrap();
+    assert!(out.status.success(), "{}", said(&out));
+    let summary = summary_of(&elk.run());
+    let number = |name: &str| summary[name].as_f64().unwrap();
+    for (ours, theirs) in [
+        ("scans", "scans"),
+        ("way_m", "path_length_m"),
+        ("plans", "plans"),
+        ("known_voxels", "known_voxels"),
+        ("contacts", "contacts"),
+    ] {
+        assert_eq!(row(ours).parse::<f64>().unwrap(), number(theirs), "{ours}: {csv}\n{summary}");
+    }
+}
+
+#[test]
+fn what_cannot_be_run_is_said_by_name_and_the_rest_goes_on() {
+    let more = "<World name=\"none\" file=\"no-such.obj\"/>\n    <World name=\"unset\" file=\"$ELK_NO_SUCH/a.obj\"/>";
+    let elk = elk("evaluate-wrong", &suite(1, more));
+    let out = evaluate(&elk, &["suite.xml", "-o", "out"]);
+    let words = said(&out);
+    assert_eq!(out.status.code(), Some(1), "{words}");
+    assert!(
+        words.contains("none, start 1, pot: failed: there is no world ") && words.contains("no-such.obj"),
+        "{words}"
+    );
+    assert!(
+        words.contains("unset, start 1, pot: failed: ") && words.contains("the variable ELK_NO_SUCH is not set"),
+        "{words}"
+    );
+    let table = text(&elk.folder().join("out"), "table.md");
+    assert!(table.contains("| ClosestFrontier | 1 of 1 |"), "{table}");
+    assert!(table.contains("| pot | 0 of 1 | – |") && table.contains("no part of any mean: 4"), "{table}");
+
+    for (more, right) in [
+        (
+            "<Explorer type=\"Potental\"/>",
+            "suite.xml:5:5: there is no Explorer of type \"Potental\"; did you mean Potential?",
+        ),
+        ("<Explorer name=\"x\" type=\"Potential\" Polcy=\"elk\"/>", "suite.xml:5:5: explorer x in world car: "),
+        ("<World mission=\"no-such.xml\"/>", "suite.xml:5:5: world no-such: cannot read the mission file no-such.xml"),
+        ("<Limits scans=\"many\"/>", "suite.xml:5:20: scans is \"many\""),
+    ] {
+        std::fs::write(elk.folder().join("suite.xml"), suite(1, more)).unwrap();
+        let out = evaluate(&elk, &["suite.xml", "-o", "wrong"]);
+        assert!(out.status.code() == Some(1) && said(&out).contains(right), "{}", said(&out));
+    }
+    assert!(!elk.folder().join("wrong").exists(), "nothing was started");
+}
+
+#[test]
+fn a_run_that_takes_more_than_it_may_is_capped_and_no_part_of_a_mean() {
+    let elk = elk("evaluate-capped", &suite(1, "<Limits scans=\"3\"/>"));
+    let out = evaluate(&elk, &["suite.xml", "-o", "out"]);
+    assert!(out.status.code() == Some(1) && said(&out).contains("pot: capped: more than 3 scans"), "{}", said(&out));
+    let table = text(&elk.folder().join("out"), "table.md");
+    assert!(table.contains("| ClosestFrontier | 0 of 1 | – |"), "{table}");
+}
+
+#[test]
+fn ctrl_c_stops_it_and_the_same_command_goes_on() {
+    let elk = elk("evaluate-stop", &suite(40, ""));
+    let events = elk.events();
+    let mut command = elk.command(&["evaluate", "suite.xml", "-j", "1", "-o", "out"]);
+    let file = std::fs::File::create(elk.folder().join("said.txt")).unwrap();
+    let mut child = command.stdout(file.try_clone().unwrap()).stderr(file).spawn().unwrap();
+    let words = || text(elk.folder(), "said.txt");
+    events.wait_until("a run that is done", || words().contains("[1/80]"));
+    kill(child.id() as i32, Signal::INT);
+    let status = end_of(&mut child).unwrap();
+    assert_eq!(status.code(), Some(1), "{}", words());
+    assert!(words().contains("of 80 runs are done; the same command goes on from there"), "{}", words());
+    let rows = text(&elk.folder().join("out"), "runs.csv").lines().count() - 1;
+    assert!((1..80).contains(&rows), "{rows} of 80 runs");
+    assert!(!text(&elk.folder().join("out"), "table.md").is_empty(), "what there is is shown");
+}
