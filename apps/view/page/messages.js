@@ -83,7 +83,7 @@ const SHAPES = {
         position: point,
         quaternion: numbers(4),
         time: optional(number),
-        camera: optional(record({ horizontal: number, vertical: number, range: number })),
+        camera: optional(record({ horizontal: number, vertical: number, range: optional(number) })),
     }),
     way: record({ from: index, points: list(point) }),
     plan: record({ points: list(point), target: optional(point) }),

@@ -35,6 +35,9 @@ export function dart({ position, quaternion }, size) {
     );
 }
 
+/** How long the frustum of a camera is drawn that sees as far as there is anything (m). */
+const ENDLESS_M = 1;
+
 /** The four far corners of what the camera sees, from the lower right against the clock as it looks, and its eye. */
 export function frustumOf({ position, quaternion, camera }) {
     const [wide, high] = [Math.tan(camera.horizontal / 2), Math.tan(camera.vertical / 2)].map(Math.abs);
@@ -45,7 +48,7 @@ export function frustumOf({ position, quaternion, camera }) {
         [1, -1],
     ].map(([y, z]) => {
         const ray = [1, y * wide, z * high];
-        return place(position, quaternion, scale(ray, camera.range / length(ray)));
+        return place(position, quaternion, scale(ray, (camera.range ?? ENDLESS_M) / length(ray)));
     });
     return { eye: position, far };
 }

@@ -109,7 +109,10 @@ impl<'a> Following<'a> {
             self.client.comms.notify(MAP_REQUEST, 0.0)?;
         }
         let Some(table) = table else { return Ok(false) };
-        shared.change(|model| model.variables(&variables(&table)));
+        shared.change(|model| {
+            model.began(table.started);
+            model.variables(&variables(&table));
+        });
         Ok(self.look_for_names(&table))
     }
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use elk_bus::{Key, Payload, ValueRef};
 use elk_geometry::Pose;
-use elk_spatial::keys::{MAP, MAP_PART, MAP_UPDATE, PLAN, PROGRESS, camera_pose};
+use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_PART, MAP_UPDATE, MOTION, PLAN, PROGRESS, camera_pose};
 use elk_spatial::messages::{CameraPose, Decision, Plan, Progress};
 use elk_spatial::{CameraInfo, Scan};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -37,7 +37,7 @@ const SCAN: u8 = 2;
 /// Variables that the model always hears: what it shows of them has places of its own.
 pub(crate) fn always() -> BTreeSet<String> {
     let typed = [MAP_UPDATE.name(), MAP_PART.name(), MAP.name(), PLAN.name(), PROGRESS.name()].map(str::to_owned);
-    typed.into_iter().chain([EVENTS].into_iter().chain(REPORTS).map(str::to_owned)).collect()
+    typed.into_iter().chain([EVENTS, MOTION].into_iter().chain(REPORTS).map(str::to_owned)).collect()
 }
 
 /// One thing that was said, whoever said it: on the bus or in a log.
@@ -81,6 +81,12 @@ pub struct Model {
     way: Track<[f32; 3]>,
     coverage: Track<[f64; 2]>,
     events: Track<(f64, String)>,
+    /// The last word of how far the run is, and what its phase follows from.
+    progress: Value,
+    is_over: bool,
+    is_paused: bool,
+    /// When the run began (s).
+    began: f64,
     /// What was said of the run's end, by variable.
     reports: serde_json::Map<String, Value>,
     /// Variables whose values somebody watches.
@@ -132,6 +138,10 @@ impl Default for Model {
             way: Track::new(MOST_POINTS),
             coverage: Track::new(MOST_POINTS),
             events: Track::new(MOST_LINES),
+            progress: json!({"type": "progress"}),
+            is_over: false,
+            is_paused: false,
+            began: 0.0,
             reports: serde_json::Map::new(),
             watched: BTreeSet::new(),
         }
@@ -193,7 +203,16 @@ impl Model {
             key if REPORTS.contains(&key) => {
                 let report = heard.value.to_json(LONGEST_LIST).map_err(|error| error.to_string())?;
                 self.reports.insert(key.to_lowercase(), report);
-                self.tell(Fact::End, &json!({"type": "end", "summary": self.reports}));
+                // The sensor reports on every whole map, also on one that somebody asked for.
+                if self.reports.contains_key(&EXPLORATION_REPORT.name().to_lowercase()) {
+                    self.tell(Fact::End, &json!({"type": "end", "summary": self.reports}));
+                }
+            }
+            MOTION => {
+                if let ValueRef::Text(text) = heard.value {
+                    self.is_paused = text == "pause";
+                    self.tell_progress();
+                }
             }
             EVENTS => {
                 if let ValueRef::Text(text) = heard.value {
@@ -212,6 +231,11 @@ impl Model {
             _ => {}
         }
         Ok(())
+    }
+
+    /// When the run began (s).
+    pub fn began(&mut self, time: f64) {
+        self.began = time;
     }
 
     /// Which variables there are ([`crate::table`]).
@@ -295,12 +319,23 @@ impl Model {
     fn progress(&mut self, progress: &Progress, time: f64) {
         let Progress { scans, path_length_m, free, finished, .. } = *progress;
         self.coverage.push([path_length_m, free as f64]);
-        let phase = if finished { "finished" } else { "exploring" };
-        let message = json!({
+        self.progress = json!({
             "type": "progress", "scans": scans, "way": path_length_m, "known": free,
-            "frontier": self.world.frontier(), "phase": phase, "time": time,
+            "frontier": self.world.frontier(), "time": time - self.began,
         });
-        self.tell(Fact::Progress, &message);
+        self.is_over = finished;
+        self.tell_progress();
+    }
+
+    fn tell_progress(&mut self) {
+        self.progress["phase"] = match (self.is_over, self.is_paused) {
+            (true, _) => "finished",
+            (false, true) => "paused",
+            (false, false) => "exploring",
+        }
+        .into();
+        let progress = self.progress.clone();
+        self.tell(Fact::Progress, &progress);
     }
 
     /// What a page does not have yet of what it wants, with bricks of at most `most_bytes`; empty: nothing. It has it then.

@@ -109,6 +109,7 @@ impl Recording {
     pub fn play(mut self, shared: &Shared, commands: &Receiver<Command>, stop: &AtomicBool) {
         let variables = self.variables();
         shared.change(|model| {
+            model.began(self.start);
             model.status(true, "");
             model.variables(&variables);
         });
@@ -146,6 +147,13 @@ impl Recording {
         }
     }
 
+    /// The state before the first message.
+    fn beginning(&self) -> Model {
+        let mut model = Model::default();
+        model.began(self.start);
+        model
+    }
+
     /// Lets so much time pass (s).
     fn go_on(&mut self, secs: f64, shared: &Shared) {
         self.at = (self.at + secs).min(self.end);
@@ -162,7 +170,7 @@ impl Recording {
     /// Goes to a time (s).
     fn go_to(&mut self, time: f64, shared: &Shared) {
         self.at = time.clamp(self.start, self.end);
-        let (from, model) = self.checkpoints.before(self.at).unwrap_or_else(|| (self.start, Model::default()));
+        let (from, model) = self.checkpoints.before(self.at).unwrap_or_else(|| (self.start, self.beginning()));
         if let Err(error) = self.reader.seek(&self.index, from) {
             self.playing = false;
             return shared.change(|model| model.status(false, &error.to_string()));
