@@ -11,10 +11,17 @@ use serde_json::Value;
 const LIBRARIES: [(&str, &str); 3] =
     [("elk-geometry", "bus/geometry"), ("elk-map", "apps/map"), ("elk-field", "apps/field")];
 
-/// Everything that elk is built of, as cargo knows it.
+/// The machine that elk is built for here, as Rust calls it.
+fn host() -> String {
+    let rustc = Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into())).arg("-vV").output().unwrap();
+    let said = String::from_utf8(rustc.stdout).unwrap();
+    said.lines().find_map(|line| line.strip_prefix("host: ")).unwrap().to_owned()
+}
+
+/// Everything that elk is built of, as cargo knows it. What it is built of on other machines need not be here.
 fn metadata() -> Value {
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["metadata", "--format-version", "1", "--offline", "--locked"]);
+    cargo.args(["metadata", "--format-version", "1", "--offline", "--locked", "--filter-platform", &host()]);
     let output = cargo.current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
