@@ -76,6 +76,7 @@ impl Course {
             ["elk", "hz", ..] => Self::Says("RATE"),
             ["elk", "bw", ..] => Self::Says("BANDWIDTH"),
             ["elk", "top"] => Self::Says("CLIENT"),
+            ["elk", "view", ..] => Self::Says("http://"),
             _ => Self::Ends,
         }
     }
