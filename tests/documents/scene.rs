@@ -26,10 +26,16 @@ if [ "$PWD" = "$SCENE" ]; then
         *) echo "the tests know no cargo $*"; exit 1;;
     esac
 fi
-[ -e target ] || { mkdir target && ln -s "$BUILT" target/release; }
 command=$1; shift
 set -- $(printf '%s\n' "$@" | sed '/^--release$/d')
-CARGO_TARGET_DIR=$(dirname "$BUILT") exec "$REAL_CARGO" "$command" --offline "$@"
+# Another scene builds a crate of the same name in the same place: each takes its own away before the other builds.
+exec 9> "$BUILT/documents.lock" && flock 9
+CARGO_TARGET_DIR=$(dirname "$BUILT") "$REAL_CARGO" "$command" --offline "$@" 9>&-
+code=$?
+name=$(sed -n 's/^name = "\(.*\)"/\1/p' Cargo.toml | head -1)
+mkdir -p target/release
+[ ! -e "$BUILT/$name" ] || { cp "$BUILT/$name" target/release/new && mv target/release/new "target/release/$name"; }
+exit $code
 "#;
 
 /// Graphviz' `dot`, but for the drawing.

@@ -179,7 +179,11 @@ impl Replica {
                 // An answer to others.
                 same if same == have && part.scan == self.scan && self.knows(&part.bricks) => return Ok(None),
                 ahead if ahead > have => self.ask(),
-                _ => self.doubt(),
+                // Said before what is known, and given late; or what is known is not the map. It is no answer.
+                _ => {
+                    self.doubt();
+                    return Ok(None);
+                }
             }
         }
         self.between_parts = 0;
