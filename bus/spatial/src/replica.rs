@@ -169,7 +169,7 @@ impl Replica {
     pub fn take_part(&mut self, part: &MapPart) -> Result<Option<Changes>, UpdateError> {
         self.look_at_number(part.total as usize)?;
         self.look_at_resolution(part.resolution)?;
-        let have = self.grid.revision();
+        let (have, mut is_late) = (self.grid.revision(), false);
         if !self.asked && have > 0 {
             match part.revision {
                 far if far > have + MAX_REVISIONS_AHEAD => {
@@ -179,10 +179,10 @@ impl Replica {
                 // An answer to others.
                 same if same == have && part.scan == self.scan && self.knows(&part.bricks) => return Ok(None),
                 ahead if ahead > have => self.ask(),
-                // Said before what is known, and given late; or what is known is not the map. It is no answer.
+                // Said before what is known, and given late; or what is known is not the map.
                 _ => {
+                    is_late = true;
                     self.doubt();
-                    return Ok(None);
                 }
             }
         }
@@ -191,7 +191,12 @@ impl Replica {
             Step::Taken => Ok(None),
             Step::Whole(map) => {
                 (self.asked, self.coming) = (true, None);
-                self.take(&map)
+                let taken = self.take(&map);
+                // It was said before anybody could answer this reader: the answer is still to come.
+                if is_late {
+                    self.ask();
+                }
+                taken
             }
             Step::Apart => {
                 self.ask_again();
