@@ -113,6 +113,8 @@ pub struct Keyframe {
     order: Vec<Voxel>,
     /// How many of these come before the map's first one.
     before_first: usize,
+    /// All bricks that were said so far, by parts and by updates.
+    said: BTreeSet<Voxel>,
     /// None: nothing has come yet.
     round: Option<Round>,
 }
@@ -138,7 +140,8 @@ pub enum Step {
 impl Keyframe {
     /// One that begins with the next part of a map with such voxels (m), whichever that is.
     pub fn new(resolution: f64) -> Self {
-        Self { grid: OccupancyGrid::new(resolution), scan: 0, order: Vec::new(), before_first: 0, round: None }
+        let (grid, order, said) = (OccupancyGrid::new(resolution), Vec::new(), BTreeSet::new());
+        Self { grid, scan: 0, order, before_first: 0, said, round: None }
     }
 
     /// Takes the next part.
@@ -160,10 +163,16 @@ impl Keyframe {
             return Step::Apart;
         }
         self.order.extend(part.bricks.iter().map(BrickStates::position));
+        self.said.extend(part.bricks.iter().map(BrickStates::position));
         if !turned && round.turned {
             self.before_first = self.order.len();
         }
-        if over { Step::Whole(self.whole()) } else { Step::Taken }
+        match over {
+            false => Step::Taken,
+            // A brick that only somebody else has said is one more than the map has.
+            true if self.said.len() as u64 != part.total => Step::Apart,
+            true => Step::Whole(self.whole()),
+        }
     }
 
     /// Takes what the map says between two parts.
@@ -175,6 +184,7 @@ impl Keyframe {
             return Step::Apart;
         }
         self.scan = update.scan;
+        self.said.extend(update.bricks.iter().map(BrickStates::position));
         Step::Taken
     }
 

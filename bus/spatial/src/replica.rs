@@ -169,7 +169,7 @@ impl Replica {
     pub fn take_part(&mut self, part: &MapPart) -> Result<Option<Changes>, UpdateError> {
         self.look_at_number(part.total as usize)?;
         self.look_at_resolution(part.resolution)?;
-        let (have, mut is_late) = (self.grid.revision(), false);
+        let have = self.grid.revision();
         if !self.asked && have > 0 {
             match part.revision {
                 far if far > have + MAX_REVISIONS_AHEAD => {
@@ -181,8 +181,8 @@ impl Replica {
                 ahead if ahead > have => self.ask(),
                 // Said before what is known, and given late; or what is known is not the map.
                 _ => {
-                    is_late = true;
                     self.doubt();
+                    return Ok(None);
                 }
             }
         }
@@ -191,12 +191,7 @@ impl Replica {
             Step::Taken => Ok(None),
             Step::Whole(map) => {
                 (self.asked, self.coming) = (true, None);
-                let taken = self.take(&map);
-                // It was said before anybody could answer this reader: the answer is still to come.
-                if is_late {
-                    self.ask();
-                }
-                taken
+                self.take(&map)
             }
             Step::Apart => {
                 self.ask_again();

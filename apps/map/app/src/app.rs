@@ -179,8 +179,6 @@ struct MapApp {
     requested: bool,
     /// What is being said of the whole map.
     keyframes: Keyframes,
-    /// When the last part was said (s).
-    part_said: f64,
     /// Whether a part that it said is to come back to it.
     hears_parts: bool,
     /// Whether no part of it was said since the last look.
@@ -212,7 +210,6 @@ impl MapApp {
             waiting: Vec::new(),
             requested: false,
             keyframes: Keyframes::default(),
-            part_said: 0.0,
             hears_parts: false,
             is_behind: false,
             next_is_whole: false,
@@ -486,9 +483,9 @@ impl MapApp {
     }
 
     fn on_part(&mut self, comms: &mut Comms, part: Mail<'_>) -> Result<(), AppError> {
-        // To who registers anew the last one of the round before comes as well, or, if it was said meanwhile, this one.
-        let is_this_one = !part.is_latest() || part.time() >= self.part_said;
-        if part.source() == comms.name() && is_this_one && self.hears_parts { self.say_part(comms) } else { Ok(()) }
+        // The last one of the round before comes as well, to who registers anew.
+        let is_own = part.source() == comms.name() && !part.is_latest();
+        if is_own && self.hears_parts { self.say_part(comms) } else { Ok(()) }
     }
 
     /// Says the next part, if there is one.
@@ -500,7 +497,6 @@ impl MapApp {
             _ => {}
         }
         self.is_behind = false;
-        self.part_said = comms.time();
         part.map_or(Ok(()), |part| Ok(comms.publish(&MAP_PART, &part)?))
     }
 
