@@ -244,14 +244,9 @@ impl Follower {
     /// # Errors
     /// It does not fit what is known of the map.
     pub fn on_map(&mut self, update: &MapUpdate) -> Result<Vec<Action>, Unfit> {
-        if update.revision > self.commands + MAX_REVISIONS_AHEAD {
-            let why = UpdateError::Ahead { have: self.commands, update: update.revision };
-            return Err(why.into());
-        }
-        match self.replica.take(update)? {
-            Some(_) => self.on_knowledge(),
-            None => Ok(vec![]),
-        }
+        self.look_how_far(update.revision)?;
+        let changes = self.replica.take(update)?;
+        changes.map_or(Ok(vec![]), |_| self.on_knowledge())
     }
 
     /// A part of the whole map is here.
@@ -259,14 +254,15 @@ impl Follower {
     /// # Errors
     /// It does not fit what is known of the map.
     pub fn on_map_part(&mut self, part: &MapPart) -> Result<Vec<Action>, Unfit> {
-        if part.revision > self.commands + MAX_REVISIONS_AHEAD {
-            let why = UpdateError::Ahead { have: self.commands, update: part.revision };
-            return Err(why.into());
-        }
-        match self.replica.take_part(part)? {
-            Some(_) => self.on_knowledge(),
-            None => Ok(vec![]),
-        }
+        self.look_how_far(part.revision)?;
+        let changes = self.replica.take_part(part)?;
+        changes.map_or(Ok(vec![]), |_| self.on_knowledge())
+    }
+
+    /// Whether a map of this revision can come of the commands so far.
+    fn look_how_far(&self, update: u64) -> Result<(), UpdateError> {
+        let have = self.commands;
+        if update > have + MAX_REVISIONS_AHEAD { Err(UpdateError::Ahead { have, update }) } else { Ok(()) }
     }
 
     /// More is known of the map.

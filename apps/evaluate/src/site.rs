@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use elk_bus::clock::Stopwatch;
+use elk_geometry::random::Random;
 use elk_geometry::{Bounds, Pose};
 use elk_mission::{AppSpec, Mission, Override, Params, Program, Registry, element, instead};
 use elk_spatial::messages::PoseCommand;
-use elk_world::random::Random;
 use elk_world::{BUILT_IN, Placement, World};
 use nalgebra::Vector3;
 

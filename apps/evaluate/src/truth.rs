@@ -5,15 +5,13 @@ use std::collections::{BTreeMap, VecDeque};
 use elk_geometry::bricks::voxel_at;
 use elk_geometry::delta::Changes;
 use elk_geometry::mask;
+use elk_geometry::random::Random;
 use elk_geometry::set::VoxelSet;
 use elk_geometry::{Bounds, OccupancyGrid, Pose, Voxel};
-use elk_world::World;
-use elk_world::random::Random;
-use elk_world::truth::TOUCH;
-use nalgebra::{Point3, Vector3};
+use elk_world::truth::{Meeting, meeting};
+use elk_world::{START_CLEARANCE_M, World};
+use nalgebra::Point3;
 
-/// A start is at least this far from every surface (m), as the simulator's own random start.
-pub const START_CLEARANCE_M: f64 = 0.3;
 /// Places that are drawn in search of the largest part of a world in which a robot can go about.
 const PLACES: usize = 64;
 /// Places that are drawn for each start before a world counts as too narrow.
@@ -60,24 +58,6 @@ pub struct Truth {
     surface: VoxelSet,
     /// Free voxels of the same space that no place sees.
     hidden: usize,
-}
-
-/// How surfaces meet a voxel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Meeting {
-    None,
-    Touch,
-    Through,
-}
-
-fn meeting(world: &World, voxel: Voxel, resolution: f64) -> Meeting {
-    let cube = |edge: f64| Bounds::from_mid_dim(voxel.center(resolution), Vector3::repeat(resolution * edge));
-    let meets = |edge: f64| world.surfaces().overlaps(&cube(edge));
-    match () {
-        () if !meets(1.0 + 2.0 * TOUCH) => Meeting::None,
-        () if meets(1.0 - 2.0 * TOUCH) => Meeting::Through,
-        () => Meeting::Touch,
-    }
 }
 
 /// Whether nothing lies between two points.
@@ -354,6 +334,8 @@ impl Coverage<'_> {
 mod tests {
     use elk_geometry::State;
     use elk_world::scenery::{Scenery, Solid};
+
+    use nalgebra::Vector3;
 
     use super::*;
 

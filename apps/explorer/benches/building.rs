@@ -11,9 +11,9 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use elk_field::Solver;
+use elk_geometry::random::Random;
 use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use elk_world::World;
-use elk_world::random::Random;
 use elk_world::scenery::Building;
 use nalgebra::Vector3;
 use run::{RESOLUTION, Run, USUAL, strategies};
@@ -115,7 +115,7 @@ fn explored(building: &Building, rooms: usize, seed: u64) -> OccupancyGrid {
     for (room, free) in free.iter().enumerate() {
         let mut random = Random::new(seed, room as u64);
         for _ in 0..UNSEEN {
-            grid.set(free[(random.unit() * free.len() as f64) as usize], State::Unknown);
+            grid.set(free[random.below(free.len())], State::Unknown);
         }
     }
     // Of revision 0 there is nothing to go on from.

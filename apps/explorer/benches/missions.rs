@@ -14,9 +14,9 @@ mod run;
 use std::f64::consts::TAU;
 
 use elk_field::Solver;
+use elk_geometry::random::Random;
 use elk_geometry::{Bounds, Pose};
-use elk_world::random::Random;
-use elk_world::{Placement, World};
+use elk_world::{Placement, START_CLEARANCE_M, World};
 use run::{Run, USUAL, strategies};
 
 /// A mission as its file has it: start (m), yaw and pitch (degrees), middle and size of the volume to explore (m).
@@ -50,9 +50,6 @@ impl Mission {
         }
     }
 }
-
-/// Nothing is nearer to a start that is drawn (m).
-const START_CLEARANCE_M: f64 = 0.3;
 
 const MISSIONS: [Mission; 6] = [
     mission("car", ([0.0, 0.0, 0.8], [0.0, -15.0]), ([0.0, 0.0, 0.0], [5.7, 4.3, 4.5])),

@@ -25,7 +25,6 @@
 pub const EXAMPLE: &str = include_str!("../examples/level.rs");
 
 pub mod app;
-mod chance;
 pub mod explore;
 pub mod extent;
 pub mod goals;

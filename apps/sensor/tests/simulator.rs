@@ -1,11 +1,11 @@
 //! Scans, contacts and refusals, in rooms whose distances can be told by hand.
 
 use elk_geometry::Pose;
+use elk_geometry::random::Random;
 use elk_sensor::simulator::{Settings, Simulator, StereoNoise, random_start};
 use elk_sensor::{Camera, Obstruction, Robot, Travel};
 use elk_spatial::Scan;
 use elk_spatial::messages::PoseCommand;
-use elk_world::random::Random;
 use elk_world::scenery::{SITES, Scenery, Solid};
 use elk_world::triangle::Triangle;
 use elk_world::{World, WorldError};

@@ -116,7 +116,9 @@ pub fn serve(
         if let Some(steering) = &shared.steering {
             let ask = || {
                 while !stop.load(Ordering::Relaxed) {
-                    if let Some(rows) = steering.apps() {
+                    if shared.is_watched()
+                        && let Some(rows) = steering.apps()
+                    {
                         shared.change(|model| model.apps(&rows));
                     }
                     std::thread::sleep(APPS_EVERY);

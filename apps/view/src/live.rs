@@ -83,7 +83,7 @@ impl<'a> Following<'a> {
                 self.shared.change(|model| model.watch(wants.values.clone()));
                 self.register_wanted(wants)?;
             }
-            if asked.elapsed() >= TABLE_EVERY {
+            if asked.elapsed() >= TABLE_EVERY && self.shared.is_watched() {
                 self.client.comms.notify(REQUEST, "")?;
                 asked = Stopwatch::start();
             }

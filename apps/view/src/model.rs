@@ -5,8 +5,9 @@
 //! Controller are the page's messages ([`crate::words::Said`]) and whoever does what they say ([`crate::Steering`]).
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
+use axum::body::Bytes;
+use axum::extract::ws::{Message, Utf8Bytes};
 use elk_bus::{Key, Payload, ValueRef};
 use elk_geometry::Pose;
 use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_PART, MAP_UPDATE, MOTION, PLAN, PROGRESS, camera_pose};
@@ -74,9 +75,9 @@ pub struct Model {
     /// Counts up when everything is forgotten.
     generation: u64,
     world: World,
-    facts: Journal<Fact, Arc<str>>,
+    facts: Journal<Fact, Utf8Bytes>,
     /// The last scan, as it is sent, and its number.
-    scan: (u64, Arc<[u8]>),
+    scan: (u64, Bytes),
     camera: CameraInfo,
     way: Track<[f32; 3]>,
     coverage: Track<[f64; 2]>,
@@ -114,17 +115,9 @@ pub(crate) struct Seen {
     events: Read,
 }
 
-/// What is sent to a page.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Message {
-    Text(Arc<str>),
-    Bytes(Arc<[u8]>),
-}
-
-impl Message {
-    pub fn of(value: &Value) -> Self {
-        Self::Text(value.to_string().into())
-    }
+/// A message to a page, of text.
+pub(crate) fn message(value: &Value) -> Message {
+    Message::text(value.to_string())
 }
 
 impl Default for Model {
@@ -133,7 +126,7 @@ impl Default for Model {
             generation: 1,
             world: World::new(),
             facts: Journal::default(),
-            scan: (0, Arc::new([])),
+            scan: (0, Bytes::new()),
             camera: CameraInfo::default(),
             way: Track::new(MOST_POINTS),
             coverage: Track::new(MOST_POINTS),
@@ -264,7 +257,7 @@ impl Model {
     }
 
     fn tell(&mut self, fact: Fact, message: &Value) {
-        let text: Arc<str> = message.to_string().into();
+        let text = Utf8Bytes::from(message.to_string());
         if self.facts.get(&fact) != Some(&text) {
             self.facts.put(fact, text);
         }
@@ -343,7 +336,7 @@ impl Model {
         let mut news = Vec::new();
         if seen.generation != self.generation {
             if seen.generation != 0 {
-                news.push(Message::of(&json!({"type": "reset"})));
+                news.push(message(&json!({"type": "reset"})));
             }
             *seen = Seen { generation: self.generation, ..Seen::default() };
         }
@@ -354,21 +347,20 @@ impl Model {
             }
         }
         if let Some((from, points)) = self.way.next(&mut seen.way) {
-            news.push(Message::of(&json!({"type": "way", "from": from, "points": points})));
+            news.push(message(&json!({"type": "way", "from": from, "points": points})));
         }
         if let Some((from, points)) = self.coverage.next(&mut seen.coverage) {
-            news.push(Message::of(&json!({"type": "curve", "name": "coverage", "from": from, "points": points})));
+            news.push(message(&json!({"type": "curve", "name": "coverage", "from": from, "points": points})));
         }
         if let Some((_, events)) = self.events.next(&mut seen.events) {
-            let event =
-                |(time, text): &(f64, String)| Message::of(&json!({"type": "event", "time": time, "text": text}));
+            let event = |(time, text): &(f64, String)| message(&json!({"type": "event", "time": time, "text": text}));
             news.extend(events.iter().map(event));
         }
         if wants.scan && seen.scan != self.scan.0 {
             seen.scan = self.scan.0;
-            news.push(Message::Bytes(self.scan.1.clone()));
+            news.push(Message::Binary(self.scan.1.clone()));
         }
-        news.extend(self.world.frame(&mut seen.bricks, most_bytes).map(|frame| Message::Bytes(frame.into())));
+        news.extend(self.world.frame(&mut seen.bricks, most_bytes).map(Message::binary));
         news
     }
 
@@ -390,7 +382,7 @@ fn forward_left_up(pose: &Pose) -> UnitQuaternion<f64> {
     UnitQuaternion::from_matrix(&axes)
 }
 
-fn scan_frame(scan: &Scan<'_>) -> Arc<[u8]> {
+fn scan_frame(scan: &Scan<'_>) -> Bytes {
     let step = scan.points.len().div_ceil(MOST_SCAN_POINTS).max(1);
     let mut frame = vec![SCAN, 0, 0, 0, 0, 0, 0, 0];
     let mut count = 0u32;

@@ -113,7 +113,7 @@ impl Recording {
             model.status(true, "");
             model.variables(&variables);
         });
-        let mut clock = Stopwatch::start();
+        let (mut clock, mut told) = (Stopwatch::start(), Value::Null);
         while !stop.load(Ordering::Relaxed) {
             match commands.recv_timeout(STEP_EVERY) {
                 Ok(Command::Want(wants)) => {
@@ -140,10 +140,13 @@ impl Recording {
                 "rate": self.rate, "looping": self.looping,
             });
             let (at, damage) = (self.at, std::mem::take(&mut self.damage));
-            shared.change(|model| {
-                model.timeline(&timeline);
-                damage.into_iter().for_each(|what| model.note(at, format!("the log is not whole: {what}")));
-            });
+            if timeline != told || !damage.is_empty() {
+                shared.change(|model| {
+                    model.timeline(&timeline);
+                    damage.into_iter().for_each(|what| model.note(at, format!("the log is not whole: {what}")));
+                });
+                told = timeline;
+            }
         }
     }
 

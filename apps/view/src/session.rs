@@ -5,14 +5,14 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::extract::ws::{Message as Frame, WebSocket};
+use axum::extract::ws::{Message, WebSocket};
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use serde_json::json;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, interval, sleep_until, timeout};
 
-use crate::model::{Message, Seen, Wants};
+use crate::model::{Seen, Wants, message};
 use crate::shared::{Command, Shared};
 use crate::tail::Tail;
 use crate::words::Said;
@@ -34,7 +34,7 @@ const MOST_ORDERS: usize = 8;
 pub(crate) struct Session {
     number: u64,
     shared: Arc<Shared>,
-    out: SplitSink<WebSocket, Frame>,
+    out: SplitSink<WebSocket, Message>,
     wants: Wants,
     seen: Seen,
     sent: u64,
@@ -61,15 +61,15 @@ pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
         Session { number, shared: shared.clone(), out, wants, seen, sent: 0, taken: 0, log: None, orders: 0, answers };
     let mut logs = interval(LOG_EVERY);
     let mut due = Instant::now();
-    if session.send(Message::of(&shared.hello)).await.is_ok() {
+    if session.send(message(&shared.hello)).await.is_ok() {
         loop {
             let has_room = session.sent - session.taken < IN_FLIGHT;
             let went_on = tokio::select! {
                 heard = said.next() => match heard {
-                    Some(Ok(Frame::Text(text))) => session.hear(&text).await,
-                    Some(Ok(Frame::Binary(_))) => session.complain("a page says text only").await,
-                    Some(Ok(Frame::Ping(_) | Frame::Pong(_))) => Ok(()),
-                    Some(Ok(Frame::Close(_)) | Err(_)) | None => Err(Gone),
+                    Some(Ok(Message::Text(text))) => session.hear(&text).await,
+                    Some(Ok(Message::Binary(_))) => session.complain("a page says text only").await,
+                    Some(Ok(Message::Ping(_) | Message::Pong(_))) => Ok(()),
+                    Some(Ok(Message::Close(_)) | Err(_)) | None => Err(Gone),
                 },
                 Some((answer, is_last)) = answered.recv() => {
                     session.orders -= usize::from(is_last);
@@ -94,18 +94,14 @@ pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
 
 impl Session {
     async fn send(&mut self, message: Message) -> Result<(), Gone> {
-        let frame = match message {
-            Message::Text(text) => Frame::text(&*text),
-            Message::Bytes(bytes) => Frame::binary(bytes.to_vec()),
-        };
-        match timeout(SEND_PATIENCE, self.out.send(frame)).await {
+        match timeout(SEND_PATIENCE, self.out.send(message)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) | Err(_) => Err(Gone),
         }
     }
 
     async fn complain(&mut self, what: &str) -> Result<(), Gone> {
-        self.send(Message::of(&json!({"type": "answer", "ok": false, "text": format!("not understood: {what}")}))).await
+        self.send(message(&json!({"type": "answer", "ok": false, "text": format!("not understood: {what}")}))).await
     }
 
     /// Sends what is new.
@@ -120,7 +116,7 @@ impl Session {
             self.send(message).await?;
         }
         self.sent += 1;
-        self.send(Message::of(&json!({"type": "frame", "number": self.sent}))).await
+        self.send(message(&json!({"type": "frame", "number": self.sent}))).await
     }
 
     async fn hear(&mut self, text: &str) -> Result<(), Gone> {
@@ -162,7 +158,7 @@ impl Session {
             Ok(Said::Poke { id, key, value }) => self.steer(id, move |steering, _| steering.poke(&key, &value)).await,
             Ok(Said::Types { id }) => {
                 let elements = self.shared.steering.as_ref().map_or(json!([]), |steering| steering.types());
-                self.send(Message::of(&json!({"type": "types", "id": id, "elements": elements}))).await
+                self.send(message(&json!({"type": "types", "id": id, "elements": elements}))).await
             }
             Ok(Said::Play { playing, rate, looping }) => {
                 self.shared.command(Command::Play { playing, rate, looping });
@@ -206,12 +202,12 @@ impl Session {
     async fn read_log(&mut self) -> Result<(), Gone> {
         let lines = self.log.as_mut().and_then(Tail::read);
         match lines {
-            Some(message) => self.send(Message::of(&message)).await,
+            Some(lines) => self.send(message(&lines)).await,
             None => Ok(()),
         }
     }
 }
 
 fn answer(id: u64, ok: Option<bool>, text: &str) -> Message {
-    Message::of(&json!({"type": "answer", "id": id, "ok": ok, "text": text}))
+    message(&json!({"type": "answer", "id": id, "ok": ok, "text": text}))
 }

@@ -65,6 +65,11 @@ impl Shared {
         self.changed.subscribe()
     }
 
+    /// Whether there is a page.
+    pub fn is_watched(&self) -> bool {
+        self.changed.receiver_count() > 0
+    }
+
     /// A page wants this now; what nobody wants need not be heard.
     pub fn want(&self, page: u64, wants: Wants) {
         let mut wanted = self.wanted.lock().unwrap_or_else(PoisonError::into_inner);

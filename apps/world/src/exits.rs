@@ -6,10 +6,10 @@ use elk_geometry::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::openness::{Hole, Openness};
-use crate::random::Random;
 use crate::topology::Rim;
 use crate::triangle::bounds_of;
 use crate::world::World;
+use elk_geometry::random::Random;
 
 /// Places that are looked from, and directions that are looked in from each.
 const PLACES: usize = 64;

@@ -21,7 +21,6 @@ pub mod openness;
 mod partition;
 pub mod placement;
 pub mod polygon;
-pub mod random;
 pub mod ray;
 pub mod read;
 pub mod scenery;
@@ -35,4 +34,4 @@ pub mod world;
 
 pub use placement::Placement;
 pub use read::Format;
-pub use world::{BUILT_IN, CAR_INTERIOR, World, WorldError};
+pub use world::{BUILT_IN, CAR_INTERIOR, START_CLEARANCE_M, World, WorldError};

@@ -58,13 +58,17 @@ impl Truth {
 
 /// How surfaces meet a voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Meeting {
+pub enum Meeting {
+    /// None does.
     None,
+    /// One lies on its faces, or as good as.
     Touch,
+    /// One goes through it.
     Through,
 }
 
-fn meeting(world: &World, voxel: Voxel, resolution: f64) -> Meeting {
+/// How the surfaces of `world` meet a voxel of an edge of `resolution` (m).
+pub fn meeting(world: &World, voxel: Voxel, resolution: f64) -> Meeting {
     let cube = |edge: f64| Bounds::from_mid_dim(voxel.center(resolution), Vector3::repeat(resolution * edge));
     let meets = |edge: f64| world.surfaces().overlaps(&cube(edge));
     match () {

@@ -13,10 +13,10 @@ use elk_geometry::Bounds;
 use nalgebra::{Point3, Vector3};
 
 use crate::bvh::Bvh;
-use crate::random::Random;
 use crate::ray::Ray;
 use crate::topology::{Shell, Topology, bounds_of_shell};
 use crate::triangle::Triangle;
+use elk_geometry::random::Random;
 
 /// Directions in which surfaces are counted; none is along an axis or a diagonal, where worlds have their edges.
 pub(crate) const PROBES: [[f64; 3]; 5] = [

@@ -11,19 +11,22 @@ use crate::bvh::Bvh;
 use crate::openness::Openness;
 use crate::partition::partitions;
 use crate::placement::Placement;
-use crate::random::Random;
 use crate::ray::Ray;
 use crate::read::{self, Fault, Format, MAX_FILE_BYTES, Notice, Soup};
 use crate::topology::{Rim, Topology};
 use crate::triangle::{Triangle, bounds_of};
 use crate::units::{self, shown};
 use crate::winding::{self, PROBES, Winding};
+use elk_geometry::random::Random;
 
 /// The world that is built into the program.
 pub const CAR_INTERIOR: &str = "car-interior";
 
 /// The names of the built-in worlds.
 pub const BUILT_IN: [&str; 7] = [CAR_INTERIOR, "apartment", "car", "garage", "hall", "hall-long", "kitchen"];
+
+/// A start that is drawn by lot is at least this far from every surface (m).
+pub const START_CLEARANCE_M: f64 = 0.3;
 
 /// The built-in world of this name, as OBJ.
 fn built_in(name: &str) -> Option<&'static str> {

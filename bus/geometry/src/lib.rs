@@ -13,6 +13,7 @@
 //! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
 //! | where a body of some size can be, what hangs together, and the shortest way there | [`clearance`], [`component`], [`astar`] |
 //! | ways in straight lines, and where a camera is | [`polyline`], [`pose`] |
+//! | numbers drawn by lot, the same on every machine | [`random`] |
 //!
 //! ```
 #![doc = include_str!("../examples/rooms.rs")]
@@ -33,6 +34,7 @@ pub mod limits;
 pub mod mask;
 pub mod polyline;
 pub mod pose;
+pub mod random;
 pub mod ray;
 pub mod region;
 mod searches;

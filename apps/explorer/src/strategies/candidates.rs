@@ -1,11 +1,11 @@
 //! Poses drawn by lot where the robot can stand, and what the camera would see of the frontier from each (thesis 6.5.1.3).
 
 use elk_geometry::Voxel;
+use elk_geometry::random::Random;
 use elk_mission::{Kind, ParamSpec};
 use nalgebra::Vector3;
 
 use crate::app::param;
-use crate::chance::Chance;
 use crate::goals::Goal;
 use crate::strategy::View;
 
@@ -34,14 +34,12 @@ pub struct Candidate<'a> {
 /// Poses drawn under `seed`, of every [`VOXELS_A_POSE`] voxels in which the robot can be one, in directions evenly over the
 /// sphere: those that see any of the frontier.
 pub fn candidates<'a>(view: &View<'a>, seed: u64) -> Vec<Candidate<'a>> {
-    let chance = Chance::new(seed, view.plan);
+    let mut random = Random::new(seed, view.plan);
     let mut voxels: Vec<Voxel> = view.space.reach.iter().collect();
     // What the set has first is a matter of its past.
     voxels.sort_unstable();
-    let drawn = voxels.chunks(VOXELS_A_POSE).enumerate().map(|(k, run)| {
-        let n = 3 * k as u64;
-        (run[chance.below(n, run.len())], direction(chance.unit(n + 1), chance.unit(n + 2)))
-    });
+    let drawn =
+        voxels.chunks(VOXELS_A_POSE).map(|run| (run[random.below(run.len())], direction(random.unit(), random.unit())));
     let targets: Vec<(&Goal, bool)> = view.goals.iter_all().collect();
     drawn.filter_map(|(place, axis)| candidate(view, &targets, place, axis)).collect()
 }
@@ -83,8 +81,8 @@ mod tests {
 
     #[test]
     fn directions_are_even_over_the_sphere() {
-        let chance = Chance::new(1, 1);
-        let sum: Vector3<f64> = (0..20_000).map(|k| direction(chance.unit(2 * k), chance.unit(2 * k + 1))).sum();
+        let mut random = Random::new(1, 1);
+        let sum: Vector3<f64> = (0..20_000).map(|_| direction(random.unit(), random.unit())).sum();
         // Five standard errors of each component's mean, whose variance is a third.
         assert!((sum / 20_000.0).amax() < 5.0 * (1.0 / 3.0f64 / 20_000.0).sqrt(), "{sum}");
     }

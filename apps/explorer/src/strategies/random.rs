@@ -1,10 +1,10 @@
 //! To a frontier drawn by lot (thesis 6.5.1.1).
 
+use elk_geometry::random::Random as Numbers;
 use elk_mission::{AppType, joined};
 
 use super::candidates::SEED;
 use crate::app::{COMMON, app};
-use crate::chance::Chance;
 use crate::goals::Goal;
 use crate::journal::Journal;
 use crate::strategy::{Route, Strategy, View};
@@ -38,7 +38,7 @@ impl Strategy for Random {
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
         let goals: Vec<&Goal> = view.goals.iter().collect();
-        let drawn = goals.get(Chance::new(self.seed, view.plan).below(0, goals.len()))?;
+        let drawn = goals.get(Numbers::new(self.seed, view.plan).below(goals.len()))?;
         journal.time("search", || view.route_by(drawn.voxel, drawn))
     }
 }

@@ -1,30 +1,27 @@
 //! The map as a process that is asked for all of it: in parts, between scans, to readers that come, miss something and die.
 
+mod common;
+
 use std::path::Path;
 use std::time::Duration;
 
-use elk_bus::memory::MemoryBroker;
-use elk_bus::{App, BrokerConfig, Client, Clock, Comms, Community, Mail, any};
-use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
-use elk_map::{Format, MapConfig, OccupancyMap};
+use elk_bus::Mail;
+use elk_geometry::{OccupancyGrid, State, Voxel};
+use elk_map::{MapConfig, OccupancyMap};
+use elk_spatial::Replica;
 use elk_spatial::keyframe::MapPart;
-use elk_spatial::keys::{MAP, MAP_PART, MAP_REQUEST, MAP_UPDATE, SCAN};
+use elk_spatial::keys::{MAP, MAP_PART, MAP_REQUEST, MAP_UPDATE};
 use elk_spatial::map::MapUpdate;
-use elk_spatial::scan::Points;
-use elk_spatial::{CameraInfo, Replica, Scan};
-use nalgebra::{Point3, Vector3};
+
+use common::Stage;
 
 const MAX_BRICKS: usize = 65536;
 /// Bricks of the map that it begins with: more than three parts.
 const BRICKS: i32 = 7000;
 
-/// A map that is given its mail message by message, and a client that hears all it says.
+/// A large map, and how many scans it was given.
 struct Bench {
-    broker: MemoryBroker,
-    app: Box<dyn App>,
-    client: Client,
-    others: Client,
-    settings: Vec<(String, String)>,
+    stage: Stage,
     scans: u64,
 }
 
@@ -37,15 +34,6 @@ enum Said {
     Recall(f64),
 }
 
-fn join(broker: &MemoryBroker, name: &str) -> Client {
-    Client::over(broker.connect(name).unwrap(), name, &Community::new("keyframes").unwrap())
-}
-
-fn app(settings: &[(String, String)]) -> Box<dyn App> {
-    let map = &elk_map_app::TYPES[0];
-    (map.build)(&map.check(settings, Path::new("")).unwrap()).unwrap()
-}
-
 impl Bench {
     fn new(folder: &Path) -> Self {
         let config = MapConfig { max_bricks: MAX_BRICKS, ..MapConfig::default() };
@@ -54,36 +42,13 @@ impl Bench {
             grid.set(Voxel::new(8 * (brick % 90), 8 * (brick / 90), 80), State::Free);
         }
         grid.skip_to(1);
-        let file = folder.join("large.elkmap");
-        std::fs::write(&file, Format::ElkMap.write(&OccupancyMap::from_states(config, &grid.whole()).unwrap()))
-            .unwrap();
-        let broker = MemoryBroker::new(BrokerConfig::new("keyframes"), Clock::new(1.0));
-        let (client, mut others) = (join(&broker, "Map"), join(&broker, "others"));
-        others.comms.register(any("MAP*").lossless()).unwrap();
-        others.comms.flush().unwrap();
-        let settings =
-            vec![("From".to_owned(), file.display().to_string()), ("MaxBricks".to_owned(), MAX_BRICKS.to_string())];
-        let mut bench = Self { broker, app: app(&settings), client, others, settings, scans: 0 };
-        bench.app.on_start_up(&mut bench.client.comms).unwrap();
-        bench
-    }
-
-    /// The map dies without a word, and another one starts.
-    fn kill(&mut self) {
-        self.client = join(&self.broker, "nobody");
-        self.app = app(&self.settings);
-        self.client = join(&self.broker, "Map");
-        self.app.on_start_up(&mut self.client.comms).unwrap();
+        let map = OccupancyMap::from_states(config, &grid.whole()).unwrap();
+        Self { stage: Stage::new(folder, &map, &[("MaxBricks", MAX_BRICKS.to_string())], "MAP*"), scans: 0 }
     }
 
     /// Lets the map do what it can with the mail that is there now; what it says.
     fn turn(&mut self) -> Vec<Said> {
-        self.others.comms.flush().unwrap();
-        let (app, Client { comms, inbox }) = (&mut self.app, &mut self.client);
-        inbox
-            .receive(comms, Duration::ZERO, |comms: &mut Comms, mail: &Mail<'_>| app.on_new_mail(comms, mail))
-            .unwrap();
-        self.client.comms.flush().unwrap();
+        self.stage.give();
         let mut said = Vec::new();
         let note = |mail: &Mail<'_>| {
             if mail.source() != "Map" {
@@ -97,7 +62,7 @@ impl Bench {
                 _ => None,
             });
         };
-        self.others.receive(Duration::ZERO, note).unwrap();
+        self.stage.others.receive(Duration::ZERO, note).unwrap();
         said
     }
 
@@ -120,7 +85,7 @@ impl Bench {
         match said {
             Said::Update(update) | Said::Whole(update) => drop(reader.take(update).unwrap()),
             Said::Part(part) => drop(reader.take_part(part).unwrap()),
-            Said::Recall(revision) => reader.answer(&mut self.others.comms, *revision).unwrap(),
+            Said::Recall(revision) => reader.answer(&mut self.stage.others.comms, *revision).unwrap(),
         }
         if reader.take_question() {
             self.ask();
@@ -128,17 +93,12 @@ impl Bench {
     }
 
     fn ask(&mut self) {
-        self.others.comms.notify(MAP_REQUEST, 1.0).unwrap();
+        self.stage.others.comms.notify(MAP_REQUEST, 1.0).unwrap();
     }
 
     fn scan(&mut self) {
         self.scans += 1;
-        let id = self.scans;
-        let pose = Pose::looking(Point3::new(0.05, 0.05, 0.05), Vector3::y());
-        let (camera, no_return) = (CameraInfo::default(), Points::default());
-        let points = [Point3::new(0.0, 0.0, 0.3 + 0.1 * id as f32)].into_iter().collect();
-        let scan = Scan { id, command: id, pose, camera, measured: 1, no_return, points };
-        self.others.comms.publish(&SCAN, &scan).unwrap();
+        self.stage.scan(self.scans, 0.3 + 0.1 * self.scans as f32);
     }
 }
 
@@ -156,8 +116,7 @@ fn parts(said: &[Said]) -> Vec<(u64, u64, usize)> {
 
 /// What the map leaves when it stops is what the readers have.
 fn is_copied(bench: &mut Bench, readers: &[&Replica]) {
-    bench.app.on_stop(&mut bench.client.comms).unwrap();
-    bench.client.comms.flush().unwrap();
+    bench.stage.stop();
     let said = bench.turn();
     let Some(Said::Whole(mut whole)) = said.into_iter().rev().find(|said| matches!(said, Said::Whole(_))) else {
         panic!("a map that stops leaves all of it")
@@ -206,8 +165,8 @@ fn between_two_scans_there_is_one_part_however_many_ask() {
 fn a_small_map_is_not_said_as_often_as_it_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let mut bench = Bench::new(folder.path());
-    bench.settings.clear();
-    bench.kill();
+    bench.stage.settings.clear();
+    bench.stage.exchange();
     bench.rest(&mut []);
     bench.scan();
     bench.rest(&mut []);
@@ -264,7 +223,7 @@ fn a_map_that_is_killed_in_the_middle_leaves_nobody_waiting() {
         let said = bench.turn();
         assert_eq!(parts(&said).len(), 1);
         said.iter().for_each(|said| bench.tell(&mut late, said));
-        bench.kill();
+        bench.stage.exchange();
         bench.rest(&mut [&mut ready, &mut late]);
         bench.scan();
         bench.rest(&mut [&mut ready, &mut late]);
@@ -286,7 +245,7 @@ fn a_part_of_somebody_elses_is_no_part_of_the_answer() {
     bench.tell(&mut late, &said[0]);
     // It is the next one, but that it says something else.
     let lie = MapPart { first: 2048, bricks: first.bricks.iter().rev().cloned().collect(), ..first.clone() };
-    bench.others.comms.publish(&MAP_PART, &lie).unwrap();
+    bench.stage.others.comms.publish(&MAP_PART, &lie).unwrap();
     bench.tell(&mut late, &Said::Part(lie));
     let said = bench.turn();
     assert!(parts(&said).len() <= 1);

@@ -6,7 +6,7 @@ mod preflight;
 mod source;
 
 pub use noise::StereoNoise;
-pub use source::{START_CLEARANCE_M, Settings, Simulator, random_start};
+pub use source::{Settings, Simulator, random_start};
 
 use elk_mission::{AppType, joined};
 

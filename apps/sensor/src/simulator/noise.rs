@@ -3,7 +3,7 @@
 use nalgebra::Point3;
 
 use crate::camera::Camera;
-use elk_world::random::Random;
+use elk_geometry::random::Random;
 
 /// A stereo camera's matching error.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,19 +1,16 @@
 //! The depth source: one ray a pixel, and the body that goes where it is sent.
 
 use elk_bus::AppError;
+use elk_geometry::random::Random;
 use elk_geometry::{OccupancyGrid, Pose};
 use elk_spatial::CameraInfo;
-use elk_world::random::Random;
 use elk_world::truth::accuracy;
-use elk_world::{World, WorldError};
+use elk_world::{START_CLEARANCE_M, World, WorldError};
 use nalgebra::{Point3, Vector3};
 
 use super::noise::StereoNoise;
 use crate::camera::Camera;
 use crate::source::{Accuracy, Capture, DepthSource, Obstruction, Seen, Travel, Truth};
-
-/// A randomly drawn start is at least this far from every surface (m).
-pub const START_CLEARANCE_M: f64 = 0.3;
 
 /// Voxels of a map that are held against the true world: more would take minutes.
 const MOST_EVALUATED: usize = 1 << 25;

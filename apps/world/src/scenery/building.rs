@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::solid::OFF_LATTICE;
 use super::{Scenery, Solid};
-use crate::random::Random;
+use elk_geometry::random::Random;
 
 /// Edge of a room (m).
 const ROOM: f64 = 3.4;

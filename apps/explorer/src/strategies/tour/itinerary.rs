@@ -177,7 +177,7 @@ impl<D: Fn(usize, usize) -> f64> Tour<'_, D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chance::Chance;
+    use elk_geometry::random::Random;
 
     /// On a line with a place at 2 and others at 3, 10 and −1: what is near the one end is seen first, whatever lies by the way to the
     /// other end is a stop on it, and a set with a place there needs none of its own.
@@ -197,10 +197,9 @@ mod tests {
     fn it_is_nearly_the_shortest_of_all() {
         let (mut found_m, mut best_m) = (0.0, 0.0);
         for k in 0..300 {
-            let chance = Chance::new(1, k);
-            let at: Vec<(f64, f64)> = (0..8).map(|n| (9.0 * chance.unit(n), 9.0 * chance.unit(n + 8))).collect();
-            let place = |n: u64| 1 + chance.below(n, 7);
-            let sets: Vec<Vec<usize>> = (20..24).map(|n| vec![place(n), place(n + 10)]).collect();
+            let mut random = Random::new(1, k);
+            let at: Vec<(f64, f64)> = (0..8).map(|_| (random.between(0.0, 9.0), random.between(0.0, 9.0))).collect();
+            let sets: Vec<Vec<usize>> = (0..4).map(|_| (0..2).map(|_| 1 + random.below(7)).collect()).collect();
             let distance = |a: usize, b: usize| (at[a].0 - at[b].0).hypot(at[a].1 - at[b].1);
             let stops = itinerary(0, &sets, distance);
             for (k, set) in sets.iter().enumerate() {

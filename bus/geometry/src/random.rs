@@ -28,6 +28,11 @@ impl Random {
         (self.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
+    /// Uniform among the numbers below `count`; 0 if there are none.
+    pub fn below(&mut self, count: usize) -> usize {
+        ((u128::from(self.next_u64()) * count as u128) >> 64) as usize
+    }
+
     /// Uniform in [`low`, `high`).
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
@@ -60,6 +65,15 @@ mod tests {
         assert!((sum / (2.0 * n)).abs() < 5.0 / (2.0 * n).sqrt());
         assert!((squares / (2.0 * n) - 1.0).abs() < 5.0 * (1.0 / n).sqrt());
         assert!((products / n).abs() < 5.0 / n.sqrt());
+    }
+
+    #[test]
+    fn numbers_below_another_are_even() {
+        let (mut random, mut counts) = (Random::new(7, 3), [0u32; 10]);
+        (0..100_000).for_each(|_| counts[random.below(10)] += 1);
+        // Five standard deviations.
+        assert!(counts.iter().all(|count| count.abs_diff(10_000) < 475), "{counts:?}");
+        assert_eq!(random.below(0), 0);
     }
 
     #[test]
