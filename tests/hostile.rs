@@ -13,6 +13,7 @@ use common::events::WATCHDOG;
 use common::spoilt::spoilt;
 use common::{Elk, Launcher};
 use elk_bus::clock::Stopwatch;
+use elk_bus::comms::CommsError;
 use elk_bus::{Client, Mail, Origin, TypeRef, Value, ValueRef};
 use elk_geometry::{Pose, Voxel};
 use elk_spatial::keys::{PLAN, PLAN_REQUEST, POSE_COMMAND};
@@ -86,8 +87,17 @@ impl Attack {
         self.write(key, ValueRef::Binary { type_: sample.type_, bytes });
     }
 
+    /// Hears what there is to hear of a mission that goes on.
+    fn listen(&mut self, patience: Duration, on_mail: impl FnMut(&Mail<'_>)) {
+        let heard = self.try_listen(patience, on_mail);
+        heard.unwrap_or_else(|error| panic!("{error}:\n{}", self.launcher.said()));
+    }
+
     /// Hears what there is to hear.
-    fn listen(&mut self, patience: Duration, mut on_mail: impl FnMut(&Mail<'_>)) {
+    ///
+    /// # Errors
+    /// The broker is gone, as it is when the mission is over.
+    fn try_listen(&mut self, patience: Duration, mut on_mail: impl FnMut(&Mail<'_>)) -> Result<(), CommsError> {
         let said = &mut self.said;
         let note = |mail: &Mail<'_>| {
             if mail.key() == "MAIL_REJECTED" && mail.source() != "hostile" {
@@ -95,8 +105,7 @@ impl Attack {
             }
             on_mail(mail);
         };
-        let heard = self.hostile.receive(patience, note);
-        heard.unwrap_or_else(|error| panic!("{error}:\n{}", self.launcher.said()));
+        self.hostile.receive(patience, note).map(drop)
     }
 
     /// Every app goes on and handles its mail: it says so after this.
@@ -284,25 +293,35 @@ fn lies(request: u64, revision: u64) -> impl Iterator<Item = Plan> {
     .map(move |(path, motion)| Plan { request, revision, decision: Decision::Go(path), motion, cpu_secs: 0.0 })
 }
 
+/// Answers the request for a plan that it hears, if any and not yet answered, with all the lies.
+///
+/// # Errors
+/// The broker is gone, as it is when the mission is over.
+fn answer_with_lies(attack: &mut Attack, answered: &mut BTreeSet<u64>) -> Result<(), CommsError> {
+    let mut asked = None;
+    attack.try_listen(Duration::from_millis(20), |mail| {
+        if mail.is(&PLAN_REQUEST) {
+            asked = mail.decode(&PLAN_REQUEST).ok().map(|request| (request.id, request.revision));
+        }
+    })?;
+    let Some((request, revision)) = asked.filter(|(request, _)| answered.insert(*request)) else { return Ok(()) };
+    for lie in lies(request, revision) {
+        attack.hostile.comms.publish(&PLAN, &lie)?;
+    }
+    attack.hostile.comms.flush()
+}
+
 /// Whoever answers first is believed, unless what it says cannot be.
 #[test]
 fn a_liar_that_answers_first_stops_nobody() {
     let mut attack = Attack::begin("liar", &car("auto"));
     let waited = Stopwatch::start();
     let mut answered = BTreeSet::new();
-    while answered.len() < 12 && !attack.launcher.is_over() && waited.elapsed() < WATCHDOG {
-        let mut asked = None;
-        attack.listen(Duration::from_millis(20), |mail| {
-            if mail.is(&PLAN_REQUEST) {
-                asked = mail.decode(&PLAN_REQUEST).ok().map(|request| (request.id, request.revision));
-            }
-        });
-        let Some((request, revision)) = asked.filter(|(request, _)| answered.insert(*request)) else { continue };
-        for lie in lies(request, revision) {
-            // What cannot even be decoded is written as it is.
-            attack.hostile.comms.publish(&PLAN, &lie).unwrap();
+    while answered.len() < 12 && waited.elapsed() < WATCHDOG {
+        // The broker goes before the launcher's process does. How the mission ended is looked at below.
+        if answer_with_lies(&mut attack, &mut answered).is_err() {
+            break;
         }
-        attack.hostile.comms.flush().unwrap();
     }
     assert!(!answered.is_empty());
     let (code, said) = attack.launcher.end();
