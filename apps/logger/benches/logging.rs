@@ -104,9 +104,11 @@ impl App for Counted {
     }
 }
 
-/// A logger of `BENCH*` on a thread; its end answers the CPU that it took (s).
+/// A logger of `BENCH*` on a thread, which has registered: it has got the first message, of the publisher's. Its end answers
+/// the CPU that it took (s).
 fn start_logger(
     broker: &Broker,
+    publisher: &mut Client,
     path: &Path,
     compression: Compression,
 ) -> (Arc<AtomicBool>, Arc<AtomicU64>, JoinHandle<f64>) {
@@ -120,7 +122,11 @@ fn start_logger(
         run_app_on(&mut app, &mut client, &stopped).expect("a logger");
         thread_cpu_secs()
     });
-    std::thread::sleep(Duration::from_millis(300)); // until it has registered
+    publisher.comms.notify("BENCH_READY", 1.0).expect("published");
+    publisher.comms.flush().expect("flushed");
+    while seen.load(Ordering::Relaxed) == 0 {
+        std::thread::sleep(Duration::from_millis(1));
+    }
     (stop, seen, thread)
 }
 
@@ -129,7 +135,8 @@ fn flat_out(what: &str, name: &str, count: u64, bytes: usize, compression: Compr
     let path = folder.path().join("log.mcap");
     let broker = Broker::start(&format!("{name}-{compression:?}"));
     let mut publisher = broker.join("publisher");
-    let (stop, seen, logger) = start_logger(&broker, &path, compression);
+    let (stop, seen, logger) = start_logger(&broker, &mut publisher, &path, compression);
+    let count = count + 1; // with the logger's first
     // As hard to pack as coordinates are: three bytes of noise, and one that is nearly always the same.
     let mut noise = 1_u32;
     let value: Vec<u8> = (0..bytes)
@@ -139,7 +146,7 @@ fn flat_out(what: &str, name: &str, count: u64, bytes: usize, compression: Compr
         })
         .collect();
     let clock = Stopwatch::start();
-    for _ in 0..count {
+    for _ in 1..count {
         let value = ValueRef::Binary { type_: TypeRef::undescribed("Bench", 1), bytes: &value };
         publisher.comms.publish_value("BENCH", value, Origin::default()).expect("published");
     }
@@ -204,7 +211,8 @@ fn one_way(turn: usize) -> [f64; 2] {
     let folder = tempfile::tempdir().expect("a folder");
     let broker = Broker::start(&format!("turn-{turn}"));
     let mut publisher = broker.join("publisher");
-    let logger = logged.then(|| start_logger(&broker, &folder.path().join("log.mcap"), Compression::Zstd));
+    let logger =
+        logged.then(|| start_logger(&broker, &mut publisher, &folder.path().join("log.mcap"), Compression::Zstd));
     let community = broker.community.clone();
     let ready = Arc::new(AtomicBool::new(false));
     let listening = ready.clone();
