@@ -1,6 +1,6 @@
-//! What logging costs: `cargo bench -p elk-logger --bench logging -- [small bulk latency]`.
+//! What logging costs: `cargo bench -p elk-logger --bench logging -- [small described bulk latency]`.
 //!
-//! `small` and `bulk` hand messages to a logger on a bus in shared memory, whose publisher waits for it, with the disk's
+//! `small`, `described` (64 B of numbers that describe themselves, and so are JSON in the log) and `bulk` hand messages to a logger on a bus in shared memory, whose publisher waits for it, with the disk's
 //! own rate beside it; `latency` is one way from a publisher to a reader at 1 kHz, in turns with and without a logger.
 
 use std::io::Write;
@@ -11,8 +11,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use elk_bus::clock::{Stopwatch, monotonic_nanos, thread_cpu_secs};
+use elk_bus::comms::CommsError;
 use elk_bus::{
-    App, AppError, BrokerConfig, Client, Clock, Comms, Community, Handled, Mail, Origin, TypeRef, ValueRef, run_app_on,
+    App, AppError, BrokerConfig, Client, Clock, Comms, Community, Handled, Key, Mail, Origin, TypeRef, ValueRef,
+    payload, run_app_on,
 };
 use elk_log::{Compression, Index, LogOptions, Metadata};
 use elk_logger::{Logger, Recorder};
@@ -28,16 +30,48 @@ fn main() {
     let run = |name: &str| wanted.is_empty() || wanted.iter().any(|word| word == name);
     for compression in [Compression::None, Compression::Zstd] {
         if run("small") {
-            flat_out("64 B messages", "small", SMALL, 64, compression);
+            let value = noise(64);
+            flat_out("64 B messages", "small", SMALL, compression, |comms, _| publish_bytes(comms, &value));
+        }
+        if run("described") {
+            let publish = |comms: &mut Comms, count: u64| {
+                let numbers = [0.5, 0.25, 0.125, 8.0].map(|factor| count as f64 * factor);
+                comms.publish(&ROW, &Row { numbers: numbers.into(), count, turn: 1.0, name: "row".into() })
+            };
+            flat_out(
+                "described messages of 4 numbers, a count, a turn and a name",
+                "described",
+                SMALL,
+                compression,
+                publish,
+            );
         }
         if run("bulk") {
-            flat_out("1 MB values", "bulk", BULK, BULK_BYTES, compression);
+            let value = noise(BULK_BYTES);
+            flat_out("1 MB values", "bulk", BULK, compression, |comms, _| publish_bytes(comms, &value));
         }
     }
     if run("latency") {
         latency();
     }
 }
+
+/// What describes itself, of 64 bytes.
+#[payload]
+struct Row {
+    /// Where.
+    #[describe(unit = "m")]
+    numbers: Vec<f64>,
+    /// Which.
+    count: u64,
+    /// How far.
+    #[describe(unit = "rad")]
+    turn: f64,
+    /// Whose.
+    name: String,
+}
+
+const ROW: Key<Row> = Key::new("BENCH_ROW");
 
 /// A broker on a thread of its own.
 struct Broker {
@@ -130,25 +164,38 @@ fn start_logger(
     (stop, seen, thread)
 }
 
-fn flat_out(what: &str, name: &str, count: u64, bytes: usize, compression: Compression) {
+/// As hard to pack as coordinates are: three bytes of noise, and one that is nearly always the same.
+fn noise(bytes: usize) -> Vec<u8> {
+    let mut noise = 1_u32;
+    (0..bytes)
+        .map(|at| {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            if at % 4 == 3 { 0x41 } else { (noise >> 24) as u8 }
+        })
+        .collect()
+}
+
+fn publish_bytes(comms: &mut Comms, bytes: &[u8]) -> Result<(), CommsError> {
+    let value = ValueRef::Binary { type_: TypeRef::undescribed("Bench", 1), bytes };
+    comms.publish_value("BENCH", value, Origin::default())
+}
+
+fn flat_out(
+    what: &str,
+    name: &str,
+    count: u64,
+    compression: Compression,
+    publish: impl Fn(&mut Comms, u64) -> Result<(), CommsError>,
+) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("log.mcap");
     let broker = Broker::start(&format!("{name}-{compression:?}"));
     let mut publisher = broker.join("publisher");
     let (stop, seen, logger) = start_logger(&broker, &mut publisher, &path, compression);
     let count = count + 1; // with the logger's first
-    // As hard to pack as coordinates are: three bytes of noise, and one that is nearly always the same.
-    let mut noise = 1_u32;
-    let value: Vec<u8> = (0..bytes)
-        .map(|at| {
-            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            if at % 4 == 3 { 0x41 } else { (noise >> 24) as u8 }
-        })
-        .collect();
     let clock = Stopwatch::start();
-    for _ in 1..count {
-        let value = ValueRef::Binary { type_: TypeRef::undescribed("Bench", 1), bytes: &value };
-        publisher.comms.publish_value("BENCH", value, Origin::default()).expect("published");
+    for count in 1..count {
+        publish(&mut publisher.comms, count).expect("published");
     }
     publisher.comms.flush().expect("flushed");
     while seen.load(Ordering::Relaxed) < count {

@@ -12,6 +12,9 @@ pub fn matches(pattern: &str, text: &str) -> bool {
         match (pattern_rest.next(), text_rest.next()) {
             (None, None) => return true,
             (Some('*'), _) => {
+                if pattern_rest.as_str().is_empty() {
+                    return true;
+                }
                 retry = Some((pattern_rest.clone(), text.clone()));
                 pattern = pattern_rest;
             }
