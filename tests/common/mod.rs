@@ -4,6 +4,7 @@
 #[path = "../../bus/tests/common/events.rs"]
 pub mod events;
 
+pub mod browser;
 pub mod car;
 pub mod lab;
 pub mod running;
