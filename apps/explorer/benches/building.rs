@@ -16,7 +16,7 @@ use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use elk_world::World;
 use elk_world::scenery::Building;
 use nalgebra::Vector3;
-use run::{RESOLUTION, Run, USUAL, strategies};
+use run::{HEADER, RESOLUTION, Run, USUAL, strategies};
 
 /// Counts the bytes that are allocated.
 struct Counting;
@@ -153,7 +153,7 @@ fn main() {
     let (seed, steps) = (number("seed=").unwrap_or(1), number("steps=").map_or(STEPS, |steps| steps as usize));
     let is_named = |name: &str| words.iter().any(|word| word == name);
     let types = strategies(Solver::Cascade, None, 0.0).iter().any(|strategy| is_named(strategy.name()));
-    println!("by step:                  p50      p99  largest            sum");
+    println!("{HEADER}");
     for rooms in wanted {
         let building = Building::new(rooms + AHEAD, seed);
         let known = explored(&building, rooms, seed);

@@ -13,9 +13,8 @@ use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
 use elk_bus::tell;
-use elk_geometry::bricks::brick_of;
 use elk_geometry::frontier::Edges;
-use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel, VoxelSet, mask};
 use elk_spatial::CameraInfo;
 use elk_spatial::candidates::Candidates;
 use elk_spatial::checks::MAX_COUNT;
@@ -56,8 +55,8 @@ pub struct Explorer {
     frontier: FrontierSet,
     /// What the last plan was made over.
     scene: Option<Scene>,
-    /// Bricks in which the map has changed since.
-    changed: BTreeSet<Voxel>,
+    /// Voxels in which the map has changed since.
+    changed: VoxelSet,
 }
 
 impl Explorer {
@@ -76,21 +75,22 @@ impl Explorer {
             sight: Sight::default(),
             weighed: Weighed::default(),
             scene: None,
-            changed: BTreeSet::new(),
+            changed: VoxelSet::new(),
         }
     }
 
     /// The map has changed in these voxels, and is `grid` now. Every change is to be told, the first map as one from nothing:
     /// what a plan is made over is what the last one was, but for them.
     pub fn hear_of_map(&mut self, grid: &OccupancyGrid, changed: impl IntoIterator<Item = impl Borrow<Voxel>>) {
-        let voxels: Vec<Voxel> = changed.into_iter().map(|voxel| *voxel.borrow()).collect();
-        self.changed.extend(voxels.iter().map(|voxel| brick_of(*voxel)));
-        self.frontier.update(grid, voxels);
+        let changed: VoxelSet = changed.into_iter().map(|voxel| *voxel.borrow()).collect();
+        self.frontier.follow(grid, &changed);
+        changed.bricks().for_each(|(brick, cells)| self.changed.unite(brick, cells));
     }
 
     /// Whether the map is full, and comes to know nothing of bricks that it does not have.
     pub fn hear_whether_full(&mut self, full: bool, grid: &OccupancyGrid) {
-        self.changed.extend(self.frontier.set_full(full, grid));
+        let rim = self.frontier.set_full(full, grid);
+        rim.into_iter().for_each(|brick| self.changed.unite(brick, &mask::ALL));
     }
 
     /// The frontier of the volume that it explores.

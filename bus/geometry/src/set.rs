@@ -56,6 +56,12 @@ impl VoxelSet {
         turned
     }
 
+    /// Puts these of a brick's voxels in.
+    pub fn unite(&mut self, brick: Voxel, more: &Mask) {
+        let all = mask::or(self.brick(brick), more);
+        self.replace(brick, &all);
+    }
+
     /// Puts a voxel in; answers whether it was not.
     pub fn insert(&mut self, voxel: Voxel) -> bool {
         let (brick, mut now) = (brick_of(voxel), *self.brick(brick_of(voxel)));
@@ -92,11 +98,8 @@ impl VoxelSet {
 
     /// Smallest and largest corner of the box around all of them, both in it; `None`: there is none.
     pub fn corners(&self) -> Option<[Voxel; 2]> {
-        let corners = |(brick, cells): (Voxel, &Mask)| {
-            let voxels = mask::cells(cells).map(|cell| voxel_at(brick, cell));
-            voxels.fold(None, |found: Option<[Voxel; 2]>, v| Some(found.map_or([v; 2], |[a, b]| [a.inf(v), b.sup(v)])))
-        };
-        self.bricks().filter_map(corners).reduce(|[a, b], [c, d]| [a.inf(c), b.sup(d)])
+        let corners = self.bricks().filter_map(|(brick, cells)| mask::corners(brick, cells));
+        corners.reduce(|[a, b], [c, d]| [a.inf(c), b.sup(d)])
     }
 }
 
@@ -107,12 +110,26 @@ impl PartialEq for VoxelSet {
     }
 }
 
+/// A run of voxels of one brick costs little more than one.
+impl Extend<Voxel> for VoxelSet {
+    fn extend<I: IntoIterator<Item = Voxel>>(&mut self, voxels: I) {
+        let mut run: Option<(Voxel, Mask)> = None;
+        for voxel in voxels {
+            let brick = brick_of(voxel);
+            if let Some((last, cells)) = run.as_mut().filter(|(last, _)| *last != brick) {
+                self.unite(*last, cells);
+                (*last, *cells) = (brick, mask::NONE);
+            }
+            mask::set(&mut run.get_or_insert((brick, mask::NONE)).1, cell_of(voxel));
+        }
+        run.iter().for_each(|(last, cells)| self.unite(*last, cells));
+    }
+}
+
 impl FromIterator<Voxel> for VoxelSet {
     fn from_iter<I: IntoIterator<Item = Voxel>>(voxels: I) -> Self {
         let mut set = Self::new();
-        for voxel in voxels {
-            set.insert(voxel);
-        }
+        set.extend(voxels);
         set
     }
 }

@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use elk_geometry::ray::Traversal;
-use elk_geometry::{FrontierSet, Pose, State, Voxel};
+use elk_geometry::mask::Mask;
+use elk_geometry::{FrontierSet, Pose, State, Voxel, VoxelSet};
 use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
 use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
 use nalgebra::Point3;
@@ -29,6 +30,8 @@ pub struct Memory {
     /// The last path, and the position that it was to end in.
     path: Option<Path>,
     targets: BTreeMap<Voxel, TargetRecord>,
+    /// The voxels of these.
+    remembered: VoxelSet,
     /// Those of which something was learned that nobody was told.
     learned: BTreeSet<Voxel>,
     trail: BTreeSet<Voxel>,
@@ -53,6 +56,7 @@ impl Memory {
         Self {
             path,
             targets: left.targets.iter().map(|record| (record.target, record.clone())).collect(),
+            remembered: left.targets.iter().map(|record| record.target).collect(),
             learned: BTreeSet::new(),
             trail: left.trail.iter().copied().collect(),
             trail_turned: Vec::new(),
@@ -77,6 +81,7 @@ impl Memory {
 
     fn record(&mut self, target: Voxel) -> &mut TargetRecord {
         self.learned.insert(target);
+        self.remembered.insert(target);
         let new = || TargetRecord { target, tried: Vec::new(), cuts: 0, planned: 0, no_return: false };
         self.targets.entry(target).or_insert_with(new)
     }
@@ -126,6 +131,9 @@ impl Memory {
             let (kept, _) = nearest(self.targets.keys().copied().collect(), robot, MAX_REMEMBERED - 1);
             self.learned.extend(self.targets.keys().filter(|target| kept.binary_search(target).is_err()));
             self.targets.retain(|target, _| kept.binary_search(target).is_ok());
+        }
+        if self.targets.len() < self.remembered.len() {
+            self.remembered = self.targets.keys().copied().collect();
         }
     }
 
@@ -227,6 +235,11 @@ impl Memory {
     /// The voxels that came to the trail when the last plan was made (`true`), or left it, in the order in which they did.
     pub fn trail_turned(&self) -> impl Iterator<Item = (Voxel, bool)> + '_ {
         self.trail_turned.iter().copied()
+    }
+
+    /// The targets of a brick (in bricks) of which anything is remembered.
+    pub fn remembered(&self, brick: Voxel) -> &Mask {
+        self.remembered.brick(brick)
     }
 
     /// The voxels from which `target` was looked at in vain.
