@@ -80,21 +80,21 @@ enum Rank {
 impl Goals {
     /// This is the goal near a target now.
     pub(crate) fn set(&mut self, goal: Goal) {
-        let of = goal.target.voxel;
-        match self.near.get_mut(&of) {
-            Some(before) if before.voxel == goal.voxel => *before = goal,
-            _ => {
-                self.remove(of);
-                self.enter(goal.voxel, rank(&goal));
-                self.near.insert(of, goal);
-            }
+        let (voxel, rank) = (goal.voxel, rank(&goal));
+        let before = self.near.insert(goal.target.voxel, goal);
+        if before.as_ref().is_none_or(|before| before.voxel != voxel) {
+            before.iter().for_each(|before| self.leave(before));
+            self.enter(voxel, rank);
         }
     }
 
     /// There is no goal near target `of`, or no longer.
     pub(crate) fn remove(&mut self, of: Voxel) {
-        let Some(goal) = self.near.remove(&of) else { return };
-        let (own, Entry::Occupied(mut entry)) = (rank(&goal), self.at.entry(goal.voxel)) else { return };
+        self.near.remove(&of).iter().for_each(|goal| self.leave(goal));
+    }
+
+    fn leave(&mut self, goal: &Goal) {
+        let (own, Entry::Occupied(mut entry)) = (rank(goal), self.at.entry(goal.voxel)) else { return };
         let Here { first, others } = entry.get_mut();
         let gone = if own == *first { others.iter().min().copied() } else { Some(own) };
         match gone {

@@ -42,24 +42,40 @@ impl Edges {
     /// Those of a map whose frontier this is; no frontier voxel is among them.
     pub fn of(grid: &OccupancyGrid, frontier: &FrontierSet) -> Self {
         let mut edges = Self::default();
-        let free = grid.bricks().voxels().filter(|(_, state)| *state == State::Free).map(|(voxel, _)| voxel);
         let inside = |voxel: Voxel| counts(voxel, frontier.bounds, grid.resolution());
-        for voxel in free.filter(|voxel| inside(*voxel) && !frontier.contains(*voxel)) {
-            let mut unknown = unknown_neighbours(grid, voxel).peekable();
-            if unknown.peek().is_none() {
-                continue;
-            }
-            let beyond: Vec<Voxel> = unknown.collect();
-            if beyond.iter().any(|beyond| !beyond.is_mappable()) {
-                edges.map += 1;
-            } else if beyond.iter().any(|beyond| inside(*beyond)) {
-                edges.no_room += 1;
-            } else {
-                edges.volume += 1;
+        let by_brick = grid.bricks().iter().map(|(brick, cells)| {
+            let beside = known_beside(grid, brick);
+            let all_known = beside.iter().fold(mask::ALL, |all, known| mask::and(&all, known));
+            let ends = mask::without(&mask::without(&cells.free(), &all_known), frontier.brick(brick));
+            (brick, ends, beside)
+        });
+        for (brick, ends, beside) in by_brick {
+            for (cell, voxel) in mask::cells(&ends).map(|cell| (cell, voxel_at(brick, cell))) {
+                if !inside(voxel) {
+                    continue;
+                }
+                let mut beyond = Faces::of(voxel, |n, _| !mask::has(&beside[n], cell)).beside(voxel);
+                if beyond.clone().any(|beyond| !beyond.is_mappable()) {
+                    edges.map += 1;
+                } else if beyond.any(inside) {
+                    edges.no_room += 1;
+                } else {
+                    edges.volume += 1;
+                }
             }
         }
         edges
     }
+}
+
+/// By face, in the order of [`FACES`], the cells of a brick beside which something is known there.
+fn known_beside(grid: &OccupancyGrid, brick: Voxel) -> [Mask; 6] {
+    let known = |brick: Voxel| grid.bricks().brick(brick).map_or(mask::NONE, |cells| *cells.known());
+    let own = known(brick);
+    std::array::from_fn(|n| {
+        let opposite = n ^ 1;
+        mask::or(&mask::stepped(&own, opposite), &mask::beyond(&known(brick + FACES[n]), opposite))
+    })
 }
 
 /// Some of the six face neighbours of a voxel.
@@ -135,12 +151,7 @@ impl FrontierSet {
 
     /// Looks at these cells of a brick again.
     fn revise(&mut self, grid: &OccupancyGrid, brick: Voxel, cells: &Mask) {
-        let known = |brick: Voxel| grid.bricks().brick(brick).map_or(mask::NONE, |cells| *cells.known());
-        let (own, free) = (known(brick), mask::and(&grid.free_cells(brick), cells));
-        let beside: [Mask; 6] = std::array::from_fn(|n| {
-            let opposite = n ^ 1;
-            mask::or(&mask::stepped(&own, opposite), &mask::beyond(&known(brick + FACES[n]), opposite))
-        });
+        let (free, beside) = (mask::and(&grid.free_cells(brick), cells), known_beside(grid, brick));
         let all_known = beside.iter().fold(mask::ALL, |all, known| mask::and(&all, known));
         let before = self.bricks.remove(&brick).unwrap_or_default();
         let mut now = (mask::without(&before.0, cells), Vec::new());

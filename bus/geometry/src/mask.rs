@@ -71,10 +71,11 @@ const RIGHT: u64 = LEFT << 7;
 /// The cells of a brick (in bricks) that lie in the box between two voxels, both in it.
 pub fn within(brick: Voxel, [min, max]: [Voxel; 2]) -> Mask {
     let (low, high) = (voxel_at(brick, 0), voxel_at(brick, BRICK_CELLS - 1));
-    let (min, max) = ((min - low).sup(Voxel::new(0, 0, 0)), max.inf(high) - low);
+    let (min, max) = (min.sup(low), max.inf(high));
     if min.x > max.x || min.y > max.y || min.z > max.z {
         return NONE;
     }
+    let (min, max) = (min - low, max - low);
     let run = |from: i32, to: i32| 0xff_u64 >> (7 - to) & 0xff << from;
     let rows = (min.y..=max.y).fold(0, |rows, y| rows | run(min.x, max.x) << (8 * y));
     std::array::from_fn(|z| if (min.z..=max.z).contains(&(z as i32)) { rows } else { 0 })

@@ -244,7 +244,8 @@ impl Memory {
 
     /// The voxels from which `target` was looked at in vain.
     pub fn tried(&self, target: Voxel) -> &[Voxel] {
-        self.targets.get(&target).map_or(&[], |record| &record.tried)
+        let record = self.remembered.contains(target).then(|| self.targets.get(&target)).flatten();
+        record.map_or(&[], |record| &record.tried)
     }
 
     /// Whether `target` was looked at in vain from `attempts` places, fewer where nothing is to be seen, or came back each time that it was resolved.

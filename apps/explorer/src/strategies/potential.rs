@@ -210,7 +210,7 @@ impl Potential {
             false => Extent::of(view.space, self.max_voxels),
         };
         self.update(view, &extent);
-        if !view.goals.iter().any(|goal| extent.contains(goal.voxel)) {
+        if !view.goals.voxels().any(|goal| extent.contains(goal)) {
             return None;
         }
         match self.solver {
@@ -245,8 +245,8 @@ impl Potential {
     fn update(&mut self, view: &View<'_>, extent: &Extent) {
         let start = view.space.start();
         let mut goals: BTreeMap<Voxel, Mask> = BTreeMap::from([(brick_of(start), mask::NONE)]);
-        for goal in view.goals.iter() {
-            mask::set(goals.entry(brick_of(goal.voxel)).or_insert(mask::NONE), cell_of(goal.voxel));
+        for goal in view.goals.voxels() {
+            mask::set(goals.entry(brick_of(goal)).or_insert(mask::NONE), cell_of(goal));
         }
         let before = std::mem::replace(&mut self.fixed, goals.keys().copied().collect());
         let is_as_it_was = self.extent.replace(*extent).is_some_and(|before| before.has_the_same_reached(extent));
@@ -339,5 +339,6 @@ fn arrive(view: &View<'_>, field: &mut Field<'_>, line: Streamline) -> Option<Ro
 
 fn rescue(view: &View<'_>, field: &mut Field<'_>, at: Voxel) -> Option<Vec<Voxel>> {
     let descended = field.descend(at).ok();
-    descended.or_else(|| astar::closest(&view.space.reach, at, |voxel| view.goals.contains(voxel)))
+    let is_goal = |voxel| view.goals.contains(voxel);
+    descended.or_else(|| astar::closest_of(&view.space.reach, at, is_goal, || view.goals.voxels()))
 }
