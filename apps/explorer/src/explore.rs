@@ -19,7 +19,7 @@ use elk_spatial::CameraInfo;
 use elk_spatial::candidates::Candidates;
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::messages::{
-    Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
+    Decision, ExplorationReport, ExplorerMemory, ExplorerPast, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
 use nalgebra::Point3;
 
@@ -43,6 +43,8 @@ pub struct Explorer {
     is_heir: bool,
     settings: Settings,
     memory: Memory,
+    /// What a predecessor's memory goes on from.
+    past: ExplorerPast,
     journal: Journal,
     plans: u64,
     report: Option<ExplorationReport>,
@@ -66,6 +68,7 @@ impl Explorer {
             strategy,
             is_heir: false,
             memory: Memory::default(),
+            past: ExplorerPast::default(),
             journal: Journal::new(settings.clock).heeding(settings.is_to_stop),
             frontier: FrontierSet::new(settings.bounds),
             settings,
@@ -121,10 +124,15 @@ impl Explorer {
         self.report.as_ref()
     }
 
+    /// What the memory of another explorer goes on from, if that is one that does.
+    pub fn hear_of_past(&mut self, past: ExplorerPast) {
+        self.past = past;
+    }
+
     /// Goes on where another explorer, of whatever strategy, stopped. Answers why what that one's strategy itself remembered is
     /// not taken over, if it is another's; if not, [`Explorer::recall`] takes it.
     pub fn succeed(&mut self, left: &ExplorerMemory) -> Option<String> {
-        self.memory = Memory::recall(left);
+        self.memory = Memory::recall(left, &self.past);
         // It was made with another memory.
         self.scene = None;
         self.no_return = self.no_return.max(left.no_return);
@@ -179,6 +187,7 @@ impl Explorer {
             counters: self.journal.counters().to_vec(),
             strategy: own.is_some().then(|| self.strategy.name().to_owned()),
             cpu_secs: self.journal.phases().to_vec(),
+            goes_on: false,
             trail: Vec::new(),
             targets: Vec::new(),
             hidden: Vec::new(),
@@ -189,6 +198,12 @@ impl Explorer {
         };
         self.memory.leave(&mut memory);
         (memory, own)
+    }
+
+    /// What the memories that come go on from, if that is another past than before: it is that of the last one, and to be said after
+    /// it.
+    pub fn take_past(&mut self) -> Option<ExplorerPast> {
+        self.memory.take_past()
     }
 
     /// Answers a request from a map at the asked revision, all of whose changes it has heard of.

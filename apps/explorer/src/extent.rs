@@ -109,6 +109,7 @@ fn part(middle: Voxel, (min, max): (Voxel, Voxel), reach: i32) -> (Voxel, Voxel)
 
 #[cfg(test)]
 mod tests {
+    use elk_geometry::bricks::voxel_at;
     use elk_geometry::{Clearance, OccupancyGrid, State};
 
     use super::*;

@@ -9,7 +9,8 @@ use std::collections::hash_map::Entry;
 use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
-use elk_geometry::bricks::BrickHasher;
+use elk_geometry::bricks::{BrickHasher, brick_of, cell_of};
+use elk_geometry::mask::{self, Mask};
 use elk_geometry::set::Near;
 use elk_geometry::visibility::in_sight;
 use nalgebra::Point3;
@@ -57,6 +58,8 @@ pub struct Goals {
     far: Vec<Goal>,
     /// What leads to each voxel.
     at: ByVoxel<Here>,
+    /// By brick, these voxels.
+    bricks: ByVoxel<Mask>,
 }
 
 /// Never gone through in its order.
@@ -98,7 +101,14 @@ impl Goals {
         let Here { first, others } = entry.get_mut();
         let gone = if own == *first { others.iter().min().copied() } else { Some(own) };
         match gone {
-            None => drop(entry.remove()),
+            None => {
+                drop(entry.remove());
+                let Entry::Occupied(mut brick) = self.bricks.entry(brick_of(goal.voxel)) else { return };
+                mask::clear(brick.get_mut(), cell_of(goal.voxel));
+                if *brick.get() == mask::NONE {
+                    brick.remove();
+                }
+            }
             Some(gone) => {
                 *first = if own == *first { gone } else { *first };
                 others.retain(|rank| *rank != gone);
@@ -108,7 +118,10 @@ impl Goals {
 
     fn enter(&mut self, voxel: Voxel, rank: Rank) {
         match self.at.entry(voxel) {
-            Entry::Vacant(here) => drop(here.insert(Here { first: rank, others: Vec::new() })),
+            Entry::Vacant(here) => {
+                here.insert(Here { first: rank, others: Vec::new() });
+                mask::set(self.bricks.entry(brick_of(voxel)).or_insert(mask::NONE), cell_of(voxel));
+            }
             Entry::Occupied(mut here) => {
                 let Here { first, others } = here.get_mut();
                 others.push(rank.max(*first));
@@ -174,12 +187,17 @@ impl Goals {
 
     /// Whether there is a goal in a voxel.
     pub fn contains(&self, voxel: Voxel) -> bool {
-        self.at.contains_key(&voxel)
+        self.bricks.get(&brick_of(voxel)).is_some_and(|cells| mask::has(cells, cell_of(voxel)))
     }
 
-    /// The voxels that have a goal, in no order.
-    pub(crate) fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
-        self.at.keys().copied()
+    /// The voxels that have a goal, by brick, in no order.
+    pub(crate) fn bricks(&self) -> impl Iterator<Item = (Voxel, &Mask)> {
+        self.bricks.iter().map(|(brick, cells)| (*brick, cells))
+    }
+
+    /// Corners of boxes, both in it, that all of them are in, in no order.
+    pub(crate) fn boxes(&self) -> impl Iterator<Item = [Voxel; 2]> + '_ {
+        self.bricks().filter_map(|(brick, cells)| mask::corners(brick, cells))
     }
 
     /// All goals, always in the same order for the same map.
@@ -222,6 +240,8 @@ pub(crate) struct NearGoals<'a> {
     space: &'a Space,
     /// Voxels that a standoff may be away from its target, nearest first.
     ball: Vec<Voxel>,
+    /// The largest offset along each axis.
+    around: Voxel,
     reach: Near<'a>,
     free: Near<'a>,
 }
@@ -235,8 +255,9 @@ pub(crate) fn reach_of_goals(space: &Space, range_m: f64) -> i32 {
 impl<'a> NearGoals<'a> {
     /// For a camera that sees `range_m` far.
     pub fn new(space: &'a Space, range_m: f64) -> Self {
-        let ball = ball(STANDOFF_M.min(range_m) / space.resolution());
-        Self { space, ball, reach: space.reach.near(), free: space.free.near() }
+        let radius = STANDOFF_M.min(range_m) / space.resolution();
+        let (ball, most) = (ball(radius), radius.ceil() as i32);
+        Self { space, ball, around: Voxel::new(most, most, most), reach: space.reach.near(), free: space.free.near() }
     }
 
     /// The goal of a target, if it has one: in its own voxel, or at a standoff, the reachable voxel nearest to it from which its
@@ -248,7 +269,10 @@ impl<'a> NearGoals<'a> {
     }
 
     fn standoff(&mut self, target: &Target) -> Option<Voxel> {
-        let Self { space, ball, reach, free } = self;
+        let Self { space, ball, around, reach, free } = self;
+        if !reach.meets([target.voxel - *around, target.voxel + *around]) {
+            return None;
+        }
         let (resolution, mut is_free) = (space.resolution(), |voxel| free.contains(voxel));
         let mut sees = |from: Voxel| {
             let from = from.center(resolution);

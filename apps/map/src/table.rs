@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
-use elk_geometry::bricks::BrickHasher;
+use elk_geometry::bricks::{BrickHasher, push};
 use elk_geometry::voxel::FACES;
 
 /// A neighbour that there is not.
@@ -41,8 +41,8 @@ impl BrickTable {
         }
         let next = self.positions.len();
         self.index.insert(position, next as u32);
-        self.positions.push(position);
-        self.links.push([UNLINKED; 6]);
+        push(&mut self.positions, position);
+        push(&mut self.links, [UNLINKED; 6]);
         for (face, offset) in FACES.into_iter().enumerate() {
             if let Some(other) = self.find(position + offset) {
                 self.links[next][face] = other as u32;

@@ -41,6 +41,15 @@ pub fn voxel_at(brick: Voxel, cell: usize) -> Voxel {
     Voxel::new(brick.x << 3 | c & 7, brick.y << 3 | c >> 3 & 7, brick.z << 3 | c >> 6)
 }
 
+/// Adds to a list of something a brick. Where it is full it grows by an eighth: twice as much would be the largest part of what is
+/// kept.
+pub fn push<T>(list: &mut Vec<T>, one: T) {
+    if list.len() == list.capacity() {
+        list.reserve_exact((list.len() / 8).max(4));
+    }
+    list.push(one);
+}
+
 /// Smallest corner, and the corner beyond the largest, of bricks and of a voxel.
 pub fn corners(include: Voxel, bricks: impl Iterator<Item = Voxel>) -> (Voxel, Voxel) {
     let (mut min, mut max) = (include, include + Voxel::new(1, 1, 1));

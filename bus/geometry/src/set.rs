@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::hash::BuildHasherDefault;
 
-use crate::bricks::{BrickHasher, brick_of, cell_of, voxel_at};
+use crate::bricks::{BrickHasher, brick_of, cell_of, push, voxel_at};
 use crate::mask::{self, Mask};
 use crate::voxel::Voxel;
 
@@ -45,7 +45,7 @@ impl VoxelSet {
             None if *now == mask::NONE => return mask::NONE,
             None => {
                 self.index.insert(brick, self.bricks.len() as u32);
-                self.bricks.push((brick, mask::NONE));
+                push(&mut self.bricks, (brick, mask::NONE));
                 let last = self.bricks.len() - 1;
                 &mut self.bricks[last].1
             }
@@ -151,12 +151,24 @@ impl Near<'_> {
     /// Whether a voxel is in the set.
     #[inline]
     pub fn contains(&mut self, voxel: Voxel) -> bool {
-        let brick = brick_of(voxel);
+        mask::has(self.brick(brick_of(voxel)), cell_of(voxel))
+    }
+
+    /// Whether any voxel of the box between two, both in it, is in the set.
+    pub fn meets(&mut self, [min, max]: [Voxel; 2]) -> bool {
+        let (low, high) = (brick_of(min), brick_of(max));
+        let rows = (low.z..=high.z).flat_map(|z| (low.y..=high.y).map(move |y| (y, z)));
+        let mut bricks = rows.flat_map(|(y, z)| (low.x..=high.x).map(move |x| Voxel::new(x, y, z)));
+        bricks.any(|brick| mask::and(self.brick(brick), &mask::within(brick, [min, max])) != mask::NONE)
+    }
+
+    #[inline]
+    fn brick(&mut self, brick: Voxel) -> &Mask {
         let place = (brick.x & 1 | (brick.y & 1) << 1 | (brick.z & 1) << 2) as usize;
         if brick != self.bricks[place] {
             (self.bricks[place], self.masks[place]) = (brick, self.set.brick(brick));
         }
-        mask::has(self.masks[place], cell_of(voxel))
+        self.masks[place]
     }
 }
 
@@ -190,6 +202,8 @@ mod tests {
             prop_assert_eq!(set.corners(), corner(Voxel::inf).zip(corner(Voxel::sup)).map(|(a, b)| [a, b]));
             let mut near = set.near();
             prop_assert!(set.iter().all(|voxel| set.contains(voxel) && near.contains(voxel)));
+            let (min, max) = (Voxel::new(-9, -2, 3), Voxel::new(1, 7, 5));
+            prop_assert_eq!(near.meets([min, max]), model.iter().any(|v| *v == v.sup(min).inf(max)));
             prop_assert!(set == model.iter().copied().collect());
         }
     }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::hash::BuildHasherDefault;
 
-use crate::bricks::{BRICK_CELLS, BrickHasher, brick_of, cell_of, voxel_at};
+use crate::bricks::{BRICK_CELLS, BrickHasher, brick_of, cell_of, push, voxel_at};
 use crate::state::{Cells, State};
 use crate::voxel::Voxel;
 
@@ -31,11 +31,7 @@ impl States {
         let next = self.bricks.len() as u32;
         let i = *self.index.entry(brick).or_insert(next);
         if i == next {
-            if self.bricks.len() == self.bricks.capacity() {
-                // By an eighth: twice as much would be the largest part of a copy's memory.
-                self.bricks.reserve_exact((self.bricks.len() / 8).max(4));
-            }
-            self.bricks.push((brick, Cells::UNKNOWN));
+            push(&mut self.bricks, (brick, Cells::UNKNOWN));
         }
         &mut self.bricks[i as usize].1
     }

@@ -192,7 +192,11 @@ impl Run {
             let count = |what: &str| more(&counts, &counted, what) as f64;
             curve.push((count("sealed blocks") / count("blocks"), secs));
         }
-        record.time("plan: memory", step, || explorer.memory(&plan));
+        record.time("plan: memory", step, || {
+            let mut bytes = Vec::new();
+            encode_onto(&explorer.memory(&plan).0, &mut bytes).expect("it can be encoded");
+            explorer.take_past().iter().for_each(|past| encode_onto(past, &mut bytes).expect("it can be encoded"));
+        });
         record.hash(&plan);
         record.time("controller", step, || follower.on_plan(&plan).expect("it is a plan of this map"))
     }
