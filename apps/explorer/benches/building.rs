@@ -133,12 +133,12 @@ fn freed<T>(of: T) -> usize {
 /// Says what each process that keeps something of the map has allocated for it: what is free when it is gone.
 fn print_memory(run: Run) {
     let Run { map, grid, explorer, follower, .. } = run;
-    let known = (grid.free() + grid.occupied()) as f64;
+    let (known, bricks) = ((grid.free() + grid.occupied()) as f64, grid.bricks().len());
     let sizes = [freed(map), freed(grid), freed(explorer), freed(follower)];
     let [map, copy, explorer, controller] = sizes.map(|size| size as f64 / known);
     let all = map + copy + explorer + controller;
     println!(
-        "    bytes a known voxel: map {map:.2}, explorer {explorer:.2} and its copy {copy:.2}, controller {controller:.2}, \
+        "    bytes a known voxel, {bricks} bricks: map {map:.2}, explorer {explorer:.2} and its copy {copy:.2}, controller {controller:.2}, \
          in all {all:.2}"
     );
 }

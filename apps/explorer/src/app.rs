@@ -13,8 +13,8 @@ use elk_spatial::Replica;
 use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{
-    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, EXPLORER_PAST, MAP, MAP_KNOWN, MAP_PART, MAP_RECALL, MAP_REQUEST,
-    MAP_UPDATE, PLAN, PLAN_REQUEST, strategy_memory,
+    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, EXPLORER_PAST, MAP, MAP_KNOWN, MAP_PART, MAP_RECALL,
+    MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, strategy_memory,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
 use elk_spatial::messages::{Decision, ExplorerMemory, ExplorerPast, MapStatus, Plan, PlanRequest};

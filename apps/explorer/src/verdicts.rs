@@ -62,6 +62,10 @@ impl Changes {
 impl Verdicts {
     /// Takes note that in these bricks the state of a voxel has changed, or whether the robot can get to it.
     pub fn hear_of(&mut self, bricks: impl IntoIterator<Item = Voxel>) {
+        if self.views.is_empty() {
+            // Nobody asks for what was before the next look.
+            self.changes.in_brick.clear();
+        }
         self.changes.hear_of(bricks);
     }
 

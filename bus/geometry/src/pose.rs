@@ -60,7 +60,8 @@ impl Pose {
     /// each ray of each scan is turned.
     #[inline]
     pub fn turn(&self, direction: Vector3<f64>) -> Vector3<f64> {
-        let cross = |[ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]| [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx];
+        let cross =
+            |[ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]| [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx];
         let [i, j, k, w]: [f64; 4] = self.0.rotation.coords.into();
         let (axis, direction) = ([i, j, k], direction.into());
         let twice = cross(axis, direction).map(|c| c * 2.0);

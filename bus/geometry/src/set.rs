@@ -1,16 +1,13 @@
 //! Sets of voxels, a bit each: sized by what is in them, wherever that is.
 
-use std::collections::HashMap;
-use std::hash::BuildHasherDefault;
-
-use crate::bricks::{BrickHasher, brick_of, cell_of, push, voxel_at};
+use crate::bricks::{BrickIndex, brick_of, cell_of, push, voxel_at};
 use crate::mask::{self, Mask};
 use crate::voxel::Voxel;
 
 /// A set of voxels, kept by brick. A voxel far away from all others costs one brick.
 #[derive(Debug, Clone, Default)]
 pub struct VoxelSet {
-    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    index: BrickIndex,
     bricks: Vec<(Voxel, Mask)>,
     len: usize,
 }
@@ -24,7 +21,12 @@ impl VoxelSet {
     /// The voxels of a brick (in bricks) that are in it.
     #[inline]
     pub fn brick(&self, brick: Voxel) -> &Mask {
-        self.index.get(&brick).map_or(&mask::NONE, |i| &self.bricks[*i as usize].1)
+        self.place(brick).map_or(&mask::NONE, |i| &self.bricks[i].1)
+    }
+
+    #[inline]
+    fn place(&self, brick: Voxel) -> Option<usize> {
+        self.index.find(brick, |i| self.bricks[i].0)
     }
 
     /// Whether a voxel is in it.
@@ -40,16 +42,17 @@ impl VoxelSet {
 
     /// Puts these of a brick's voxels in, and all others of that brick out; answers those that were not as they are now.
     pub fn replace(&mut self, brick: Voxel, now: &Mask) -> Mask {
-        let own = match self.index.get(&brick) {
-            Some(i) => &mut self.bricks[*i as usize].1,
+        let place = match self.place(brick) {
+            Some(place) => place,
             None if *now == mask::NONE => return mask::NONE,
             None => {
-                self.index.insert(brick, self.bricks.len() as u32);
+                let last = self.bricks.len();
                 push(&mut self.bricks, (brick, mask::NONE));
-                let last = self.bricks.len() - 1;
-                &mut self.bricks[last].1
+                self.index.insert(last, |i| self.bricks[i].0);
+                last
             }
         };
+        let own = &mut self.bricks[place].1;
         let turned = std::array::from_fn(|z| own[z] ^ now[z]);
         self.len = self.len + mask::count(now) - mask::count(own);
         *own = *now;

@@ -6,8 +6,8 @@ use crate::candidates::Candidates;
 use crate::keyframe::MapPart;
 use crate::map::MapUpdate;
 use crate::messages::{
-    AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, ExplorerPast, MapMemory, MapStatus, MotionMemory, MotionReport,
-    Plan, PlanRequest, PoseCommand, Progress, SensorReport,
+    AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, ExplorerPast, MapMemory, MapStatus, MotionMemory,
+    MotionReport, Plan, PlanRequest, PoseCommand, Progress, SensorReport,
 };
 use crate::scan::Scan;
 

@@ -98,7 +98,8 @@ impl Agenda {
             false => self.standings.insert(brick, now),
         };
         let before = before.unwrap_or_default();
-        let counts = |left: &FrontiersLeft| [left.unreachable, left.too_small, left.unresolved, left.no_return, left.open];
+        let counts =
+            |left: &FrontiersLeft| [left.unreachable, left.too_small, left.unresolved, left.no_return, left.open];
         let [all, now, gone] = [&self.left, &now.left, &before.left].map(counts);
         let [unreachable, too_small, unresolved, no_return, open] = std::array::from_fn(|n| all[n] + now[n] - gone[n]);
         self.left = FrontiersLeft { unreachable, too_small, unresolved, no_return, open, ..self.left };

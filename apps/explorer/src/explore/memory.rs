@@ -2,11 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use elk_geometry::ray::Traversal;
 use elk_geometry::mask::Mask;
+use elk_geometry::ray::Traversal;
 use elk_geometry::{FrontierSet, Pose, State, Voxel, VoxelSet};
 use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
-use elk_spatial::messages::{Decision, ExplorerMemory, ExplorerPast, Outcome, Path, PlanRequest, Standing, TargetRecord};
+use elk_spatial::messages::{
+    Decision, ExplorerMemory, ExplorerPast, Outcome, Path, PlanRequest, Standing, TargetRecord,
+};
 use nalgebra::Point3;
 
 use super::nearest::nearest;
