@@ -347,8 +347,40 @@ fn tried_from(record: &mut TargetRecord, place: Voxel) {
 #[cfg(test)]
 mod tests {
     use elk_geometry::{OccupancyGrid, State};
+    use proptest::prelude::*;
 
     use super::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// Whether it dies before it has said what the next memories go on from, or after, a successor has all that it had; and what
+        /// is said with a plan does not grow with it.
+        #[test]
+        fn a_successor_has_what_was_said_in_parts(
+            learned in prop::collection::vec((0..40u8, prop::array::uniform3(-9..9i32)), 1..400),
+        ) {
+            let path = Path { points: vec![], target: Voxel::new(0, 0, 0), unknown: vec![], looks: vec![] };
+            let mut left = super::super::tests::fullest_memory(path);
+            let (frontier, mut memory, mut past) = (FrontierSet::new(None), Memory::default(), ExplorerPast::default());
+            for (what, voxel) in learned {
+                let voxel = Voxel::from(voxel);
+                match what {
+                    0 => memory.forget_trail(voxel),
+                    1..15 => memory.extend_trail(None, voxel, 0.1),
+                    15..30 => memory.record(voxel).cuts += 1,
+                    _ => memory.hide([voxel].into_iter(), &frontier),
+                }
+                memory.leave(&mut left);
+                prop_assert_eq!(Memory::recall(&left, &past).whole(), memory.whole());
+                past = memory.take_past().unwrap_or(past);
+                prop_assert_eq!(Memory::recall(&left, &past).whole(), memory.whole());
+                let [said, all] = [(&left.trail, &left.targets, &left.hidden), (&past.trail, &past.targets, &past.hidden)]
+                    .map(|(trail, targets, hidden)| trail.len() + targets.len() + hidden.len());
+                let most = ((PLAN_ENTRIES * (all + PLAN_ENTRIES)) as f64).sqrt() as usize + 1;
+                prop_assert!(!left.goes_on || said <= most, "{said} entries where {all} were said");
+            }
+        }
+    }
 
     /// Regression: more was left to a successor than it believes, so it was refused all of it.
     #[test]

@@ -323,7 +323,7 @@ fn what_is_left_as_too_small_is_said() {
 }
 
 /// A memory in which every list is as long, and every count as high, as anybody believes.
-fn fullest_memory(path: Path) -> ExplorerMemory {
+pub(super) fn fullest_memory(path: Path) -> ExplorerMemory {
     let target = path.target;
     let record = |target, tried| TargetRecord { target, tried, cuts: MAX_TRIES, planned: MAX_TRIES, no_return: false };
     let line = |z| (-20_000..).map(move |x| Voxel::new(x % 32_768, x / 32_768, z)).take(MAX_REMEMBERED - 1);
