@@ -46,6 +46,7 @@ const HEARD: &[(&str, Option<&str>)] = &[
     ("MOTION_MEMORY", Some("MotionMemory")),
     ("EXPLORATION_REPORT", Some("ExplorationReport")),
     ("EXPLORER_MEMORY", Some("ExplorerMemory")),
+    ("EXPLORER_PAST", Some("ExplorerPast")),
     ("MAP_REQUEST", None),
     ("MAP_RECALL", None),
     ("MOTION", None),

@@ -51,6 +51,7 @@ const CARRIED: &[(&str, &str)] = &[
     ("PROGRESS", "Progress"),
     ("MOTION_MEMORY", "MotionMemory"),
     ("EXPLORER_MEMORY", "ExplorerMemory"),
+    ("EXPLORER_PAST", "ExplorerPast"),
     ("SENSOR_REPORT", "SensorReport"),
     ("ACCURACY_REPORT", "AccuracyReport"),
 ];
@@ -379,6 +380,7 @@ fn long_lies() -> Vec<(String, Value)> {
         |i: i16| elk_geometry::state::BrickStates { brick: [i % 90 * 40, i / 90 * 40, 0], cells: vec![0x55; 128] };
     let far = |z: f32| (0..MANY).map(move |i| Point3::new(i as f32 % 1000.0, i as f32 / 1000.0, z)).collect();
     let scan = |id, points| Scan::new(id, 1, at(0.0), points);
+    let far_voxels = || (0..MANY as i32).map(|i| Voxel::new(i % 30_000, i / 30_000, 0)).collect();
     let memory = |trail: Vec<Voxel>| ExplorerMemory {
         plan: plan(vec![here]),
         ended: None,
@@ -387,6 +389,7 @@ fn long_lies() -> Vec<(String, Value)> {
         counters: vec![],
         strategy: None,
         cpu_secs: vec![],
+        goes_on: false,
         hidden: trail.clone(),
         targets: vec![],
         trail,
@@ -419,8 +422,9 @@ fn long_lies() -> Vec<(String, Value)> {
         value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(2, far(3000.0))),
         value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(3, far(f32::NAN))),
         value(&Key::<Scan<'static>>::new("SCAN_1"), &scan(4, [].into_iter().collect())),
-        value(&EXPLORER_MEMORY, &memory((0..MANY as i32).map(|i| Voxel::new(i % 30_000, i / 30_000, 0)).collect())),
+        value(&EXPLORER_MEMORY, &memory(far_voxels())),
         value(&EXPLORER_MEMORY, &memory(vec![])),
+        value(&EXPLORER_PAST, &ExplorerPast { hidden: far_voxels(), trail: far_voxels(), targets: vec![] }),
         value(&MOTION_MEMORY, &over(vec![sample; MANY])),
         value(&MOTION_MEMORY, &over(vec![])),
     ]

@@ -16,7 +16,7 @@ use elk_geometry::{Bounds, OccupancyGrid, State, Voxel};
 use elk_world::World;
 use elk_world::scenery::Building;
 use nalgebra::Vector3;
-use run::{RESOLUTION, Run, USUAL, strategies};
+use run::{HEADER, RESOLUTION, Run, USUAL, strategies};
 
 /// Counts the bytes that are allocated.
 struct Counting;
@@ -133,12 +133,12 @@ fn freed<T>(of: T) -> usize {
 /// Says what each process that keeps something of the map has allocated for it: what is free when it is gone.
 fn print_memory(run: Run) {
     let Run { map, grid, explorer, follower, .. } = run;
-    let known = (grid.free() + grid.occupied()) as f64;
+    let (known, bricks) = ((grid.free() + grid.occupied()) as f64, grid.bricks().len());
     let sizes = [freed(map), freed(grid), freed(explorer), freed(follower)];
     let [map, copy, explorer, controller] = sizes.map(|size| size as f64 / known);
     let all = map + copy + explorer + controller;
     println!(
-        "    bytes a known voxel: map {map:.2}, explorer {explorer:.2} and its copy {copy:.2}, controller {controller:.2}, \
+        "    bytes a known voxel, {bricks} bricks: map {map:.2}, explorer {explorer:.2} and its copy {copy:.2}, controller {controller:.2}, \
          in all {all:.2}"
     );
 }
@@ -153,7 +153,7 @@ fn main() {
     let (seed, steps) = (number("seed=").unwrap_or(1), number("steps=").map_or(STEPS, |steps| steps as usize));
     let is_named = |name: &str| words.iter().any(|word| word == name);
     let types = strategies(Solver::Cascade, None, 0.0).iter().any(|strategy| is_named(strategy.name()));
-    println!("by step:                  p50      p99  largest            sum");
+    println!("{HEADER}");
     for rooms in wanted {
         let building = Building::new(rooms + AHEAD, seed);
         let known = explored(&building, rooms, seed);

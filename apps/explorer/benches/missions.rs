@@ -2,7 +2,8 @@
 //! without a bus.
 //!
 //! `cargo bench -p elk-explorer --bench missions -- [WORLD… [TYPE…]]`, all worlds by default, and the types of elk's missions. A step is from one scan to the next.
-//! Times are CPU times of the thread; the digest is one of all plans: equal digests are equal runs.
+//! Times are CPU times of the thread, of each phase at the median, the 99th percentile and the largest, in the mean of the slowest
+//! hundredth of all steps, and the sum of the run; the digest is one of all plans: equal digests are equal runs.
 //! `solver=multigrid` has `Potential` solve in full, to `tolerance=RESIDUAL`, and with `isovolumes=SHARE` seal isovolumes; with
 //! `curves`, there follow of each of its plans, separated by commas, the share of the domain's blocks that is sealed and the time
 //! that the field takes (ms).
@@ -17,7 +18,7 @@ use elk_field::Solver;
 use elk_geometry::random::Random;
 use elk_geometry::{Bounds, Pose};
 use elk_world::{Placement, START_CLEARANCE_M, World};
-use run::{Run, USUAL, strategies};
+use run::{HEADER, Run, USUAL, strategies};
 
 /// A mission as its file has it: start (m), yaw and pitch (degrees), middle and size of the volume to explore (m).
 struct Mission {
@@ -75,7 +76,7 @@ fn main() {
     assert!(value("isovolumes").is_none() || solver == Solver::Multigrid, "isovolumes are of solver=multigrid");
     let starts = value("starts").map_or(1, |starts| starts.parse::<u64>().expect("starts are a number"));
     let types = all().iter().any(|strategy| is_named(strategy.name()));
-    println!("by step:                  p50      p99  largest            sum");
+    println!("{HEADER}");
     for mission in MISSIONS.iter().filter(|mission| !worlds || is_named(mission.world)) {
         let chosen = || {
             all().into_iter().filter(|strategy| match types {

@@ -13,11 +13,11 @@ use elk_spatial::Replica;
 use elk_spatial::checks::{CLEARANCES_M, MAX_BRICKS, MAX_REVISIONS_AHEAD, SPACINGS_M, path_in};
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{
-    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, MAP, MAP_KNOWN, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE,
-    PLAN, PLAN_REQUEST, strategy_memory,
+    EXPLORATION_REPORT, EXPLORER_GOALS, EXPLORER_MEMORY, EXPLORER_PAST, MAP, MAP_KNOWN, MAP_PART, MAP_RECALL,
+    MAP_REQUEST, MAP_UPDATE, PLAN, PLAN_REQUEST, strategy_memory,
 };
 use elk_spatial::map::{MapUpdate, UpdateError};
-use elk_spatial::messages::{Decision, ExplorerMemory, MapStatus, Plan, PlanRequest};
+use elk_spatial::messages::{Decision, ExplorerMemory, ExplorerPast, MapStatus, Plan, PlanRequest};
 use nalgebra::Vector3;
 
 use crate::explore::{Explorer, Settings};
@@ -139,6 +139,8 @@ impl ExplorerApp {
         let own = strategy_memory(self.explorer.strategy());
         Handlers::<Self>::new()
             .on_start_up(Self::introduce)
+            // What the memory goes on from is known when it comes.
+            .recall(&EXPLORER_PAST, Self::hear_of_past)
             .recall(&EXPLORER_MEMORY, Self::succeed)
             // Who left it is known by then.
             .recall(any(own.as_str()), Self::recall_strategy)
@@ -154,6 +156,11 @@ impl ExplorerApp {
 
     fn introduce(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         tell(format_args!("{}: {}", comms.name(), self.explorer.describe()));
+        Ok(())
+    }
+
+    fn hear_of_past(&mut self, _: &mut Comms, past: ExplorerPast) -> Result<(), AppError> {
+        self.explorer.hear_of_past(past);
         Ok(())
     }
 
@@ -282,6 +289,9 @@ impl ExplorerApp {
             comms.publish_value(&variable, own.value(), Origin::default())?;
         }
         comms.publish(&EXPLORER_MEMORY, &memory)?;
+        if let Some(past) = self.explorer.take_past() {
+            comms.publish(&EXPLORER_PAST, &past)?;
+        }
         if let Some(candidates) = self.explorer.take_candidates(&request, plan.revision) {
             comms.publish(&EXPLORER_GOALS, &candidates)?;
         }

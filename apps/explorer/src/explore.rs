@@ -13,14 +13,13 @@ use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
 use elk_bus::tell;
-use elk_geometry::bricks::brick_of;
 use elk_geometry::frontier::Edges;
-use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel};
+use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel, VoxelSet, mask};
 use elk_spatial::CameraInfo;
 use elk_spatial::candidates::Candidates;
 use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::messages::{
-    Decision, ExplorationReport, ExplorerMemory, FrontiersLeft, Path, Plan, PlanRequest, Standing,
+    Decision, ExplorationReport, ExplorerMemory, ExplorerPast, FrontiersLeft, Path, Plan, PlanRequest, Standing,
 };
 use nalgebra::Point3;
 
@@ -44,6 +43,8 @@ pub struct Explorer {
     is_heir: bool,
     settings: Settings,
     memory: Memory,
+    /// What a predecessor's memory goes on from.
+    past: ExplorerPast,
     journal: Journal,
     plans: u64,
     report: Option<ExplorationReport>,
@@ -56,8 +57,8 @@ pub struct Explorer {
     frontier: FrontierSet,
     /// What the last plan was made over.
     scene: Option<Scene>,
-    /// Bricks in which the map has changed since.
-    changed: BTreeSet<Voxel>,
+    /// Voxels in which the map has changed since.
+    changed: VoxelSet,
 }
 
 impl Explorer {
@@ -67,6 +68,7 @@ impl Explorer {
             strategy,
             is_heir: false,
             memory: Memory::default(),
+            past: ExplorerPast::default(),
             journal: Journal::new(settings.clock).heeding(settings.is_to_stop),
             frontier: FrontierSet::new(settings.bounds),
             settings,
@@ -76,21 +78,22 @@ impl Explorer {
             sight: Sight::default(),
             weighed: Weighed::default(),
             scene: None,
-            changed: BTreeSet::new(),
+            changed: VoxelSet::new(),
         }
     }
 
     /// The map has changed in these voxels, and is `grid` now. Every change is to be told, the first map as one from nothing:
     /// what a plan is made over is what the last one was, but for them.
     pub fn hear_of_map(&mut self, grid: &OccupancyGrid, changed: impl IntoIterator<Item = impl Borrow<Voxel>>) {
-        let voxels: Vec<Voxel> = changed.into_iter().map(|voxel| *voxel.borrow()).collect();
-        self.changed.extend(voxels.iter().map(|voxel| brick_of(*voxel)));
-        self.frontier.update(grid, voxels);
+        let changed: VoxelSet = changed.into_iter().map(|voxel| *voxel.borrow()).collect();
+        self.frontier.follow(grid, &changed);
+        changed.bricks().for_each(|(brick, cells)| self.changed.unite(brick, cells));
     }
 
     /// Whether the map is full, and comes to know nothing of bricks that it does not have.
     pub fn hear_whether_full(&mut self, full: bool, grid: &OccupancyGrid) {
-        self.changed.extend(self.frontier.set_full(full, grid));
+        let rim = self.frontier.set_full(full, grid);
+        rim.into_iter().for_each(|brick| self.changed.unite(brick, &mask::ALL));
     }
 
     /// The frontier of the volume that it explores.
@@ -121,10 +124,15 @@ impl Explorer {
         self.report.as_ref()
     }
 
+    /// What the memory of another explorer goes on from, if that is one that does.
+    pub fn hear_of_past(&mut self, past: ExplorerPast) {
+        self.past = past;
+    }
+
     /// Goes on where another explorer, of whatever strategy, stopped. Answers why what that one's strategy itself remembered is
     /// not taken over, if it is another's; if not, [`Explorer::recall`] takes it.
     pub fn succeed(&mut self, left: &ExplorerMemory) -> Option<String> {
-        self.memory = Memory::recall(left);
+        self.memory = Memory::recall(left, &self.past);
         // It was made with another memory.
         self.scene = None;
         self.no_return = self.no_return.max(left.no_return);
@@ -179,6 +187,7 @@ impl Explorer {
             counters: self.journal.counters().to_vec(),
             strategy: own.is_some().then(|| self.strategy.name().to_owned()),
             cpu_secs: self.journal.phases().to_vec(),
+            goes_on: false,
             trail: Vec::new(),
             targets: Vec::new(),
             hidden: Vec::new(),
@@ -189,6 +198,12 @@ impl Explorer {
         };
         self.memory.leave(&mut memory);
         (memory, own)
+    }
+
+    /// What the memories that come go on from, if that is another past than before: it is that of the last one, and to be said after
+    /// it.
+    pub fn take_past(&mut self) -> Option<ExplorerPast> {
+        self.memory.take_past()
     }
 
     /// Answers a request from a map at the asked revision, all of whose changes it has heard of.

@@ -4,7 +4,7 @@
 //! A dense box costs by its extent, and one stray point far away makes that of the whole map as large as anybody likes. Bricks cost
 //! by their number, so that only where there are too many a box says which.
 
-use elk_geometry::bricks::{BRICK_CELLS, corners, voxel_at};
+use elk_geometry::bricks::{BRICK_CELLS, corners};
 use elk_geometry::mask::{self, Mask};
 use elk_geometry::{Region, Voxel};
 
@@ -55,15 +55,7 @@ impl Extent {
 
     /// The cells of a brick that are in the box.
     pub fn cells(&self, brick: Voxel) -> Mask {
-        let [first, last] = [0, BRICK_CELLS - 1].map(|cell| self.contains(voxel_at(brick, cell)));
-        if first && last {
-            return mask::ALL;
-        }
-        let mut cells = mask::NONE;
-        (0..BRICK_CELLS)
-            .filter(|cell| self.contains(voxel_at(brick, *cell)))
-            .for_each(|cell| mask::set(&mut cells, cell));
-        cells
+        mask::within(brick, [self.min, self.max - Voxel::new(1, 1, 1)])
     }
 
     /// Its voxels with the margin, numbered.
@@ -117,6 +109,7 @@ fn part(middle: Voxel, (min, max): (Voxel, Voxel), reach: i32) -> (Voxel, Voxel)
 
 #[cfg(test)]
 mod tests {
+    use elk_geometry::bricks::voxel_at;
     use elk_geometry::{Clearance, OccupancyGrid, State};
 
     use super::*;

@@ -4,11 +4,15 @@
 //! resolved from a standoff: a voxel close by that looks into what is unknown behind it. Only when no such goal is left,
 //! every place that sees the unknown at all counts.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
-use elk_geometry::bricks::BrickHasher;
+use elk_geometry::bricks::{BrickHasher, brick_of, cell_of};
+use elk_geometry::mask::{self, Mask};
+use elk_geometry::set::Near;
+use elk_geometry::visibility::in_sight;
 use nalgebra::Point3;
 
 use crate::space::Space;
@@ -43,60 +47,98 @@ pub struct Far {
 }
 
 /// The goals of one plan, at most one a voxel: each target's own, of which in each voxel the first one counts.
+///
+/// They have an order: first those in the frontier itself, then those at a standoff, both in the order of their targets; then
+/// those from afar as they were found.
 #[derive(Debug, Clone, Default)]
 pub struct Goals {
-    /// Which there are in each voxel.
-    at: HashMap<Voxel, BTreeSet<Rank>, BuildHasherDefault<BrickHasher>>,
-    list: BTreeMap<Rank, Goal>,
-    /// The goal of each target that has one of its own.
-    of: HashMap<Voxel, Rank, BuildHasherDefault<BrickHasher>>,
+    /// The goal near each target that has one.
+    near: ByVoxel<Goal>,
+    /// Those from afar.
+    far: Vec<Goal>,
+    /// What leads to each voxel.
+    at: ByVoxel<Here>,
+    /// By brick, these voxels.
+    bricks: ByVoxel<Mask>,
 }
 
-/// The order of goals: those in the frontier itself, then those at a standoff, both in the order of their targets; those from
-/// afar as they were found.
-type Rank = (u8, [i32; 3]);
+/// Never gone through in its order.
+type ByVoxel<T> = HashMap<Voxel, T, BuildHasherDefault<BrickHasher>>;
+
+/// The goals in one voxel: mostly one.
+#[derive(Debug, Clone)]
+struct Here {
+    first: Rank,
+    others: Vec<Rank>,
+}
+
+/// The order of goals: the target's voxel, or a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Rank {
+    Own(Voxel),
+    Standoff(Voxel),
+    Far(usize),
+}
 
 impl Goals {
-    /// This is the goal near target `of` now.
-    pub(crate) fn set(&mut self, of: Voxel, goal: Goal) {
-        let rank = (u8::from(goal.voxel != of), of.to_array());
-        if self.list.get(&rank) != Some(&goal) {
-            self.remove(of);
-            self.of.insert(of, rank);
-            self.put(rank, goal);
+    /// This is the goal near a target now.
+    pub(crate) fn set(&mut self, goal: Goal) {
+        let (voxel, rank) = (goal.voxel, rank(&goal));
+        let before = self.near.insert(goal.target.voxel, goal);
+        if before.as_ref().is_none_or(|before| before.voxel != voxel) {
+            before.iter().for_each(|before| self.leave(before));
+            self.enter(voxel, rank);
         }
     }
 
     /// There is no goal near target `of`, or no longer.
     pub(crate) fn remove(&mut self, of: Voxel) {
-        let Some(rank) = self.of.remove(&of) else { return };
-        let Some(goal) = self.list.remove(&rank) else { return };
-        if let Some(here) = self.at.get_mut(&goal.voxel) {
-            here.remove(&rank);
-            if here.is_empty() {
-                self.at.remove(&goal.voxel);
+        self.near.remove(&of).iter().for_each(|goal| self.leave(goal));
+    }
+
+    fn leave(&mut self, goal: &Goal) {
+        let (own, Entry::Occupied(mut entry)) = (rank(goal), self.at.entry(goal.voxel)) else { return };
+        let Here { first, others } = entry.get_mut();
+        let gone = if own == *first { others.iter().min().copied() } else { Some(own) };
+        match gone {
+            None => {
+                drop(entry.remove());
+                let Entry::Occupied(mut brick) = self.bricks.entry(brick_of(goal.voxel)) else { return };
+                mask::clear(brick.get_mut(), cell_of(goal.voxel));
+                if *brick.get() == mask::NONE {
+                    brick.remove();
+                }
+            }
+            Some(gone) => {
+                *first = if own == *first { gone } else { *first };
+                others.retain(|rank| *rank != gone);
             }
         }
     }
 
-    fn put(&mut self, rank: Rank, goal: Goal) {
-        self.at.entry(goal.voxel).or_default().insert(rank);
-        self.list.insert(rank, goal);
+    fn enter(&mut self, voxel: Voxel, rank: Rank) {
+        match self.at.entry(voxel) {
+            Entry::Vacant(here) => {
+                here.insert(Here { first: rank, others: Vec::new() });
+                mask::set(self.bricks.entry(brick_of(voxel)).or_insert(mask::NONE), cell_of(voxel));
+            }
+            Entry::Occupied(mut here) => {
+                let Here { first, others } = here.get_mut();
+                others.push(rank.max(*first));
+                *first = rank.min(*first);
+            }
+        }
+    }
+
+    fn put_far(&mut self, goal: Goal) {
+        self.enter(goal.voxel, Rank::Far(self.far.len()));
+        self.far.push(goal);
     }
 
     /// Goals in the frontier itself, or at a standoff from which a camera that sees `range_m` far sees it.
-    pub fn near<'a>(
-        space: &Space,
-        range_m: f64,
-        targets: impl IntoIterator<Item = &'a Target>,
-        verdicts: &mut Verdicts,
-    ) -> Self {
-        let (mut goals, near) = (Self::default(), NearGoals::new(space, range_m));
-        for target in targets {
-            if let Some(goal) = near.of(target.clone(), verdicts) {
-                goals.set(target.voxel, goal);
-            }
-        }
+    pub fn near<'a>(space: &Space, range_m: f64, targets: impl IntoIterator<Item = &'a Target>) -> Self {
+        let (mut goals, mut near) = (Self::default(), NearGoals::new(space, range_m));
+        targets.into_iter().filter_map(|target| near.of(target.clone())).for_each(|goal| goals.set(goal));
         goals
     }
 
@@ -122,8 +164,7 @@ impl Goals {
                 seen += 1;
             }
             for (voxel, position) in untried {
-                let goal = Goal { voxel: *voxel, position: *position, target: target.clone() };
-                goals.put((FAR, [goals.list.len() as i32, 0, 0]), goal);
+                goals.put_far(Goal { voxel: *voxel, position: *position, target: target.clone() });
             }
             if seen >= ENOUGH_TARGETS {
                 break;
@@ -132,19 +173,31 @@ impl Goals {
         (goals, far)
     }
 
+    fn ranked(&self, rank: Rank) -> Option<&Goal> {
+        match rank {
+            Rank::Own(target) | Rank::Standoff(target) => self.near.get(&target),
+            Rank::Far(number) => self.far.get(number),
+        }
+    }
+
     /// The goal in a voxel.
     pub fn at(&self, voxel: Voxel) -> Option<&Goal> {
-        self.list.get(self.at.get(&voxel)?.first()?)
+        self.ranked(self.at.get(&voxel)?.first)
     }
 
     /// Whether there is a goal in a voxel.
     pub fn contains(&self, voxel: Voxel) -> bool {
-        self.at.contains_key(&voxel)
+        self.bricks.get(&brick_of(voxel)).is_some_and(|cells| mask::has(cells, cell_of(voxel)))
     }
 
-    /// The voxels that have a goal, in no order.
-    pub(crate) fn voxels(&self) -> impl Iterator<Item = Voxel> + '_ {
-        self.at.keys().copied()
+    /// The voxels that have a goal, by brick, in no order.
+    pub(crate) fn bricks(&self) -> impl Iterator<Item = (Voxel, &Mask)> {
+        self.bricks.iter().map(|(brick, cells)| (*brick, cells))
+    }
+
+    /// Corners of boxes, both in it, that all of them are in, in no order.
+    pub(crate) fn boxes(&self) -> impl Iterator<Item = [Voxel; 2]> + '_ {
+        self.bricks().filter_map(|(brick, cells)| mask::corners(brick, cells))
     }
 
     /// All goals, always in the same order for the same map.
@@ -154,13 +207,15 @@ impl Goals {
 
     /// All goals, those that share their voxel with one before them too, each with whether it is the one [`Goals::at`] has.
     pub fn iter_all(&self) -> impl Iterator<Item = (&Goal, bool)> {
-        let is_first = |rank: &Rank, goal: &Goal| self.at.get(&goal.voxel).and_then(BTreeSet::first) == Some(rank);
-        self.list.iter().map(move |(rank, goal)| (goal, is_first(rank, goal)))
+        let ranks = |here: &Here| std::iter::once((here.first, true)).chain(others(here)).collect::<Vec<_>>();
+        let mut ranks: Vec<(Rank, bool)> = self.at.values().flat_map(ranks).collect();
+        ranks.sort_unstable();
+        ranks.into_iter().filter_map(|(rank, is_first)| Some((self.ranked(rank)?, is_first)))
     }
 
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
+        self.at.is_empty()
     }
 
     /// Number of goals.
@@ -169,41 +224,64 @@ impl Goals {
     }
 }
 
-/// The first number of the rank of a goal from afar.
-const FAR: u8 = 2;
+/// Those of a voxel's goals that are not its first.
+fn others(here: &Here) -> impl Iterator<Item = (Rank, bool)> + '_ {
+    here.others.iter().map(|rank| (*rank, false))
+}
+
+/// Of a goal near its target.
+fn rank(goal: &Goal) -> Rank {
+    let of = goal.target.voxel;
+    if goal.voxel == of { Rank::Own(of) } else { Rank::Standoff(of) }
+}
 
 /// Finds the goals near the frontier.
 pub(crate) struct NearGoals<'a> {
     space: &'a Space,
+    /// Voxels that a standoff may be away from its target, nearest first.
     ball: Vec<Voxel>,
-    /// How far from a target it looks (voxels).
-    radius: i32,
+    /// The largest offset along each axis.
+    around: Voxel,
+    reach: Near<'a>,
+    free: Near<'a>,
+}
+
+/// How far from a target that which decides on its goal near by lies at most, for a camera that sees `range_m` far (voxels).
+pub(crate) fn reach_of_goals(space: &Space, range_m: f64) -> i32 {
+    // What is unknown beside a target lies one voxel farther than where it is looked at from.
+    (STANDOFF_M.min(range_m) / space.resolution()).ceil() as i32 + 1
 }
 
 impl<'a> NearGoals<'a> {
     /// For a camera that sees `range_m` far.
     pub fn new(space: &'a Space, range_m: f64) -> Self {
         let radius = STANDOFF_M.min(range_m) / space.resolution();
-        // What is unknown beside a target lies one voxel farther.
-        Self { space, ball: ball(radius), radius: radius.ceil() as i32 + 1 }
+        let (ball, most) = (ball(radius), radius.ceil() as i32);
+        Self { space, ball, around: Voxel::new(most, most, most), reach: space.reach.near(), free: space.free.near() }
     }
 
-    /// The goal of a target, if it has one: in its own voxel, or at a standoff.
-    pub fn of(&self, target: Target, verdicts: &mut Verdicts) -> Option<Goal> {
-        let enterable = target.tried.is_empty() && self.space.reach.contains(target.voxel);
-        let voxel = match enterable {
-            true => target.voxel,
-            false => verdicts.standoff(&target, self.radius, || standoff(self.space, &target, &self.ball))?,
-        };
+    /// The goal of a target, if it has one: in its own voxel, or at a standoff, the reachable voxel nearest to it from which its
+    /// unknown neighbours are seen.
+    pub fn of(&mut self, target: Target) -> Option<Goal> {
+        let enterable = target.tried.is_empty() && self.reach.contains(target.voxel);
+        let voxel = if enterable { target.voxel } else { self.standoff(&target)? };
         Some(Goal { voxel, position: self.space.center(voxel), target })
     }
-}
 
-/// The reachable voxel nearest to a target that sees its unknown neighbours.
-fn standoff(space: &Space, target: &Target, ball: &[Voxel]) -> Option<Voxel> {
-    let mut reach = space.reach.near();
-    let mut reached = ball.iter().map(|d| target.voxel + *d).filter(|voxel| reach.contains(*voxel));
-    reached.find(|voxel| target.seen_from(space, space.center(*voxel)))
+    fn standoff(&mut self, target: &Target) -> Option<Voxel> {
+        let Self { space, ball, around, reach, free } = self;
+        if !reach.meets([target.voxel - *around, target.voxel + *around]) {
+            return None;
+        }
+        let (resolution, mut is_free) = (space.resolution(), |voxel| free.contains(voxel));
+        let mut sees = |from: Voxel| {
+            let from = from.center(resolution);
+            target.unknown().any(|unknown| in_sight(resolution, &mut is_free, from, unknown))
+        };
+        let near = ball.iter().map(|d| target.voxel + *d);
+        let mut reached = near.filter(|voxel| reach.contains(*voxel));
+        reached.find(|voxel| target.untried(*voxel) && sees(*voxel))
+    }
 }
 
 /// The offsets within `radius` (voxels), nearest first.
@@ -268,10 +346,10 @@ mod tests {
         let target = target(&grid, None, vec![]);
         assert!(target.unknown().eq([hole]));
 
-        let entered = Goals::near(&space(&grid, 0), RANGE, [&target], &mut Verdicts::default());
+        let entered = Goals::near(&space(&grid, 0), RANGE, [&target]);
         assert!(entered.contains(frontier));
 
-        let kept_off = Goals::near(&space(&grid, 2), RANGE, [&target], &mut Verdicts::default());
+        let kept_off = Goals::near(&space(&grid, 2), RANGE, [&target]);
         let above = Voxel::new(5, 5, 2);
         assert_eq!(kept_off.len(), 1);
         assert_eq!(kept_off.at(above).map(|g| g.target.voxel), Some(frontier));
@@ -283,7 +361,7 @@ mod tests {
         let grid = room(&[hole]);
         let tried = vec![Voxel::new(5, 5, 0), Voxel::new(5, 5, 2)];
         let target = target(&grid, None, tried.clone());
-        let goals = Goals::near(&space(&grid, 1), RANGE, [&target], &mut Verdicts::default());
+        let goals = Goals::near(&space(&grid, 1), RANGE, [&target]);
         assert_eq!(goals.len(), 1);
         for t in tried {
             assert!(!goals.contains(t));

@@ -12,7 +12,6 @@ use crate::sight::Sight;
 use crate::space::Space;
 use crate::strategy::{Strategy, View};
 use crate::target::Target;
-use crate::verdicts::Verdicts;
 
 /// Edge of the room's voxels, and radius of its robot (m).
 const EDGE_M: f64 = 0.1;
@@ -44,7 +43,7 @@ impl Room {
         let places: Vec<Voxel> = goals.iter().map(voxel).collect();
         let target = |voxel: &Voxel| Target { voxel: *voxel, faces: Faces::ALL, tried: Vec::new() };
         let targets: Vec<Target> = places.iter().map(target).collect();
-        let goals = Goals::near(&space, f64::INFINITY, &targets, &mut Verdicts::default());
+        let goals = Goals::near(&space, f64::INFINITY, &targets);
         Self { space, goals, robot: robot.into(), places }
     }
 

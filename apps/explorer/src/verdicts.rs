@@ -4,18 +4,17 @@ use std::collections::HashMap;
 use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
-use elk_geometry::bricks::{BRICK, BrickHasher, brick_of};
+use elk_geometry::bricks::{BrickHasher, brick_of};
 use elk_geometry::visibility::{Lookout, Place};
 
 use crate::space::Space;
 use crate::target::Target;
 
-/// Verdicts on targets, and what they depend on.
+/// From where targets are seen from afar, and what that depends on.
 #[derive(Debug, Clone, Default)]
 pub struct Verdicts {
     changes: Changes,
-    standoffs: ByTarget<Option<Voxel>>,
-    views: ByTarget<Vec<Place>>,
+    views: ByVoxel<Verdict>,
     /// From where the views were looked for: corners of a box, both in it, that the robot could not leave.
     places: Option<[Voxel; 2]>,
     /// Looks from there.
@@ -25,8 +24,7 @@ pub struct Verdicts {
 /// When the state of a voxel last changed, or whether the robot can get to it.
 #[derive(Debug, Clone, Default)]
 struct Changes {
-    /// In a brick, and in it and the 26 beside it.
-    in_brick: ByVoxel<[u64; 2]>,
+    in_brick: ByVoxel<u64>,
     /// Counts the occasions on which something changed.
     now: u64,
 }
@@ -34,41 +32,29 @@ struct Changes {
 /// Never gone through in its order.
 type ByVoxel<T> = HashMap<Voxel, T, BuildHasherDefault<BrickHasher>>;
 
-/// What was found of each target.
-type ByTarget<T> = ByVoxel<Verdict<T>>;
-
 /// What was found of a target.
 #[derive(Debug, Clone)]
-struct Verdict<T> {
+struct Verdict {
     target: Target,
     /// When it was found.
     at: u64,
     /// Corners of the box that was looked at, both in it.
     within: [Voxel; 2],
-    found: T,
+    places: Vec<Place>,
 }
 
 impl Changes {
     fn hear_of(&mut self, bricks: impl IntoIterator<Item = Voxel>) {
         self.now += 1;
-        let now = self.now;
-        for brick in bricks {
-            *self.in_brick.entry(brick).or_default() = [now; 2];
-            brick.neighbours().for_each(|near| self.in_brick.entry(near).or_default()[1] = now);
-        }
-    }
-
-    /// Whether nothing has changed less than a brick away from a voxel since then.
-    fn is_calm(&self, voxel: Voxel, since: u64) -> bool {
-        self.in_brick.get(&brick_of(voxel)).is_none_or(|[_, near]| *near <= since)
+        self.in_brick.extend(bricks.into_iter().map(|brick| (brick, self.now)));
     }
 
     /// Whether a verdict still is as it was found.
-    fn leave<T>(&self, verdict: &Verdict<T>, target: &Target) -> bool {
+    fn leave(&self, verdict: &Verdict, target: &Target) -> bool {
         let [least, most] = verdict.within.map(brick_of);
         let rows = || (least.z..=most.z).flat_map(|z| (least.y..=most.y).map(move |y| (y, z)));
         let mut bricks = rows().flat_map(|(y, z)| (least.x..=most.x).map(move |x| Voxel::new(x, y, z)));
-        let unchanged = |brick: Voxel| self.in_brick.get(&brick).is_none_or(|[at, _]| *at <= verdict.at);
+        let unchanged = |brick: Voxel| self.in_brick.get(&brick).is_none_or(|at| *at <= verdict.at);
         verdict.target == *target && (verdict.at == self.now || bricks.all(unchanged))
     }
 }
@@ -76,23 +62,11 @@ impl Changes {
 impl Verdicts {
     /// Takes note that in these bricks the state of a voxel has changed, or whether the robot can get to it.
     pub fn hear_of(&mut self, bricks: impl IntoIterator<Item = Voxel>) {
-        self.changes.hear_of(bricks);
-    }
-
-    /// The place of a target that `look` finds within `radius` voxels, or what it found when it last looked there.
-    pub fn standoff(&mut self, target: &Target, radius: i32, look: impl FnOnce() -> Option<Voxel>) -> Option<Voxel> {
-        let holds = |verdict: &&Verdict<Option<Voxel>>| {
-            let calm = radius <= BRICK && self.changes.is_calm(target.voxel, verdict.at);
-            (calm && verdict.target == *target) || self.changes.leave(verdict, target)
-        };
-        if let Some(verdict) = self.standoffs.get(&target.voxel).filter(holds) {
-            return verdict.found;
+        if self.views.is_empty() {
+            // Nobody asks for what was before the next look.
+            self.changes.in_brick.clear();
         }
-        let around = Voxel::new(radius, radius, radius);
-        let within = [target.voxel - around, target.voxel + around];
-        let found = look();
-        self.standoffs.insert(target.voxel, Verdict { target: target.clone(), at: self.changes.now, within, found });
-        found
+        self.changes.hear_of(bricks);
     }
 
     /// For looks into targets from where the robot can be in `space`, at most `range_m` away.
@@ -117,7 +91,6 @@ impl Verdicts {
 
     /// Forgets a target that is none any more.
     pub fn forget(&mut self, target: Voxel) {
-        self.standoffs.remove(&target);
         self.views.remove(&target);
     }
 }
@@ -126,7 +99,7 @@ impl Verdicts {
 pub struct Looks<'a> {
     space: &'a Space,
     changes: &'a Changes,
-    views: &'a mut ByTarget<Vec<Place>>,
+    views: &'a mut ByVoxel<Verdict>,
     lookout: &'a Lookout,
 }
 
@@ -142,10 +115,10 @@ impl Looks<'_> {
                 within = [within[0].inf(least), within[1].sup(most)];
                 places
             });
-            let found = looks.collect();
-            views.insert(target.voxel, Verdict { target: target.clone(), at: changes.now, within, found });
+            let places = looks.collect();
+            views.insert(target.voxel, Verdict { target: target.clone(), at: changes.now, within, places });
         }
-        views.get(&target.voxel).map_or(&[], |verdict| &verdict.found)
+        views.get(&target.voxel).map_or(&[], |verdict| &verdict.places)
     }
 }
 
@@ -207,16 +180,14 @@ mod tests {
                     }
                 }
                 tried.extend(look);
-                kept.hear_of(space.follow(&grid, robot, bricks, []));
+                kept.hear_of(space.follow(&grid, robot, bricks, []).bricks().map(|(brick, _)| brick));
                 let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
                 let target = |voxel| Target::new(known, voxel, tried.iter().copied().collect());
                 let targets: Vec<Target> = frontier.iter().map(target).collect();
-                let near = |verdicts: &mut Verdicts| goals(&Goals::near(&space, 0.4, &targets, verdicts));
                 let far = |verdicts: &mut Verdicts| {
                     let (found, far) = Goals::far(&space, 1.5, &targets, verdicts);
                     (goals(&found), far)
                 };
-                prop_assert_eq!(near(&mut kept), near(&mut Verdicts::default()));
                 prop_assert_eq!(far(&mut kept), far(&mut Verdicts::default()));
             }
         }

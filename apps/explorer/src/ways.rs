@@ -34,7 +34,7 @@ impl<'a> View<'a> {
     pub fn closest(&self, journal: &mut Journal) -> Option<Route> {
         let way = journal.time("search", || {
             let is_goal = |voxel| self.goals.contains(voxel);
-            astar::closest_of(&self.space.reach, self.space.start(), is_goal, || self.goals.voxels())
+            astar::closest_of(&self.space.reach, self.space.start(), is_goal, || self.goals.boxes())
         })?;
         Route::over_voxels(self, &way)
     }

@@ -1,10 +1,7 @@
 //! Where the bricks of a map are: a hash of positions for strangers, direct links for neighbours.
 
-use std::collections::HashMap;
-use std::hash::BuildHasherDefault;
-
 use elk_geometry::Voxel;
-use elk_geometry::bricks::BrickHasher;
+use elk_geometry::bricks::{BrickIndex, push};
 use elk_geometry::voxel::FACES;
 
 /// A neighbour that there is not.
@@ -13,7 +10,7 @@ const UNLINKED: u32 = u32::MAX;
 /// Numbers bricks in the order in which they were added, up to a limit.
 #[derive(Debug, Clone)]
 pub struct BrickTable {
-    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    index: BrickIndex,
     positions: Vec<Voxel>,
     /// The bricks beyond each face.
     links: Vec<[u32; 6]>,
@@ -23,12 +20,12 @@ pub struct BrickTable {
 impl BrickTable {
     /// A table of at most `most` bricks.
     pub fn new(most: usize) -> Self {
-        Self { index: HashMap::default(), positions: Vec::new(), links: Vec::new(), most }
+        Self { index: BrickIndex::default(), positions: Vec::new(), links: Vec::new(), most }
     }
 
     /// The number of the brick at `position` (in bricks), if it has one.
     pub fn find(&self, position: Voxel) -> Option<usize> {
-        self.index.get(&position).map(|&i| i as usize)
+        self.index.find(position, |i| self.positions[i])
     }
 
     /// The number of the brick at `position`; a new one if it had none, `None` if there is no room for it.
@@ -40,9 +37,9 @@ impl BrickTable {
             return None;
         }
         let next = self.positions.len();
-        self.index.insert(position, next as u32);
-        self.positions.push(position);
-        self.links.push([UNLINKED; 6]);
+        push(&mut self.positions, position);
+        self.index.insert(next, |i| self.positions[i]);
+        push(&mut self.links, [UNLINKED; 6]);
         for (face, offset) in FACES.into_iter().enumerate() {
             if let Some(other) = self.find(position + offset) {
                 self.links[next][face] = other as u32;

@@ -78,23 +78,25 @@ impl Bvh {
         nearest.is_finite().then_some(nearest)
     }
 
-    fn descend(&self, node: usize, ray: &Ray, nearest: &mut f64) {
-        match self.nodes[node].content {
-            Content::Triangles { first, count } => {
-                for triangle in self.range(first, count) {
-                    if let Some(hit) = ray.hit(triangle) {
-                        *nearest = nearest.min(hit.t);
-                    }
+    fn descend(&self, mut node: usize, ray: &Ray, nearest: &mut f64) {
+        loop {
+            match self.nodes[node].content {
+                Content::Triangles { first, count } => {
+                    let hits = self.range(first, count).iter().filter_map(|triangle| ray.hit(triangle));
+                    *nearest = hits.fold(*nearest, |nearest, hit| nearest.min(hit.t));
+                    return;
                 }
-            }
-            Content::RightChild(right) => {
-                let enter = |child: usize| (ray.enter(&self.nodes[child].bounds), child);
-                let (left, right) = (enter(node + 1), enter(right as usize));
-                let (near, far) = if left.0 <= right.0 { (left, right) } else { (right, left) };
-                for (t, child) in [near, far] {
-                    if t < *nearest {
-                        self.descend(child, ray, nearest);
+                Content::RightChild(right) => {
+                    let enter = |child: usize| (ray.enter(&self.nodes[child].bounds), child);
+                    let (left, right) = (enter(node + 1), enter(right as usize));
+                    let (near, far) = if left.0 <= right.0 { (left, right) } else { (right, left) };
+                    if near.0 < *nearest {
+                        self.descend(near.1, ray, nearest);
                     }
+                    if far.0 >= *nearest {
+                        return;
+                    }
+                    node = far.1;
                 }
             }
         }

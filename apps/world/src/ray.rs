@@ -10,8 +10,12 @@ use crate::triangle::Triangle;
 pub struct Ray {
     origin: Point3<f64>,
     inverse: Vector3<f64>,
+    /// Whether it runs along none of the planes between the axes.
+    is_oblique: bool,
     /// The axes in the order in which the test uses them, the ray's dominant one last.
     axes: [usize; 3],
+    /// Its origin, in that order.
+    from: [f64; 3],
     shear: [f64; 3],
 }
 
@@ -37,7 +41,9 @@ impl Ray {
         Self {
             origin,
             inverse: direction.map(|c| 1.0 / c),
+            is_oblique: direction.iter().all(|c| (1.0 / c).is_finite()),
             axes: [x, y, z],
+            from: [origin[x], origin[y], origin[z]],
             shear: [direction[x] * scale, direction[y] * scale, scale],
         }
     }
@@ -48,7 +54,9 @@ impl Ray {
     /// The rounded difference of two rounded products has the sign of the exact one or is zero, and zero counts as
     /// inside: of the triangles around an edge or a corner at least one is hit, always.
     pub fn hit(&self, triangle: &Triangle) -> Option<Hit> {
-        let [a, b, c] = triangle.0.map(|corner| self.sheared(corner));
+        // One by one: `map` would call for each.
+        let [a, b, c] = &triangle.0;
+        let [a, b, c] = [self.sheared(a), self.sheared(b), self.sheared(c)];
         let u = c.x * b.y - c.y * b.x;
         let v = a.x * c.y - a.y * c.x;
         let w = b.x * a.y - b.y * a.x;
@@ -64,17 +72,20 @@ impl Ray {
         (t > 0.0).then_some(Hit { t, front })
     }
 
-    fn sheared(&self, corner: Point3<f64>) -> Vector3<f64> {
+    #[inline]
+    fn sheared(&self, corner: &Point3<f64>) -> Vector3<f64> {
         let [x, y, z] = self.axes;
-        let d = corner - self.origin;
-        Vector3::new(d[x] - self.shear[0] * d[z], d[y] - self.shear[1] * d[z], d[z])
+        let depth = corner[z] - self.from[2];
+        let aside = |axis: usize, n: usize| corner[axis] - self.from[n] - self.shear[n] * depth;
+        Vector3::new(aside(x, 0), aside(y, 1), depth)
     }
 
     /// Where the ray enters the box (0 if it starts inside), in lengths of its direction; infinite if it misses it.
+    #[inline]
     pub fn enter(&self, bounds: &Bounds) -> f64 {
         let (mut near, mut far) = (0.0_f64, f64::INFINITY);
         for axis in 0..3 {
-            if self.inverse[axis].is_infinite() {
+            if !self.is_oblique && self.inverse[axis].is_infinite() {
                 // Within the slab for ever or never: the quotients below would be 0 times infinity on a face.
                 match bounds.min[axis] <= self.origin[axis] && self.origin[axis] <= bounds.max[axis] {
                     true => continue,

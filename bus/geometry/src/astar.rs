@@ -15,7 +15,7 @@ use crate::voxel::Voxel;
 
 /// The shortest way from `from` to `to` over voxels of `passable`, both ends included.
 pub fn shortest(passable: &VoxelSet, from: Voxel, to: Voxel) -> Option<Vec<Voxel>> {
-    closest_of(passable, from, |voxel| voxel == to, || [to])
+    closest_of(passable, from, |voxel| voxel == to, || [[to; 2]])
 }
 
 /// The shortest way from `from` to the closest voxel that is a goal; of equals the first in raster order, and to it the way on
@@ -25,8 +25,9 @@ pub fn closest(passable: &VoxelSet, from: Voxel, is_goal: impl Fn(Voxel) -> bool
     reached.way_to(end??)
 }
 
-/// The same way, found sooner by who can say where all goals are. That is asked only if none is near.
-pub fn closest_of<I: IntoIterator<Item = Voxel>>(
+/// The same way, found sooner by who can say in which boxes all goals are: corners, both in it, of one a brick at best. That is
+/// asked only if none is near.
+pub fn closest_of<I: IntoIterator<Item = [Voxel; 2]>>(
     passable: &VoxelSet,
     from: Voxel,
     is_goal: impl Fn(Voxel) -> bool,
@@ -34,7 +35,7 @@ pub fn closest_of<I: IntoIterator<Item = Voxel>>(
 ) -> Option<Vec<Voxel>> {
     let (mut reached, mut end) = search(passable, from, &is_goal, &Bound::default(), NEAR);
     if end.is_none() {
-        (reached, end) = search(passable, from, is_goal, &Bound::to(goals()), usize::MAX);
+        (reached, end) = search(passable, from, is_goal, &Bound::to(goals(), from, BOXES), usize::MAX);
     }
     reached.way_to(end??)
 }
@@ -200,28 +201,57 @@ struct Bound {
     boxes: Vec<[Voxel; 2]>,
 }
 
+/// Boxes by the cube of some edge that they began in.
+type Cubes = BTreeMap<Voxel, [Voxel; 2]>;
+
+/// Adds a box to what is in a cube.
+fn put(cubes: &mut Cubes, cube: Voxel, corners: [Voxel; 2]) {
+    let all = cubes.entry(cube).or_insert(corners);
+    *all = around(*all, corners);
+}
+
+/// What is in cubes put together to larger ones, as long as these are no nearer to `from` than so many of their edges.
+fn merged(by_brick: &Cubes, from: Voxel, edges: i32) -> Vec<[Voxel; 2]> {
+    let (mut near, mut cubes) = (Vec::new(), by_brick.clone());
+    // In the end they are as large as a map's indices reach either way.
+    for edge in (4..16).map(|power| 1 << power) {
+        let mut larger = Cubes::new();
+        for (cube, corners) in cubes {
+            let parent = Voxel::from(cube.to_array().map(|c| c >> 1));
+            let low = Voxel::from(parent.to_array().map(|c| c * edge));
+            let away = aside([from; 2], [low, low + Voxel::new(edge - 1, edge - 1, edge - 1)]);
+            match away.into_iter().max() < Some(edges * edge) {
+                true => near.push(corners),
+                false => put(&mut larger, parent, corners),
+            }
+        }
+        cubes = larger;
+    }
+    near.extend(cubes.into_values());
+    near
+}
+
+/// So many edges away cubes may be put together, tried in turn.
+const NEAR_EDGES: [i32; 4] = [8, 4, 2, 0];
+
 /// √3.
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 /// The most boxes: each is asked for of each brick that a search comes to.
 const BOXES: usize = 256;
 
 impl Bound {
-    /// That of these goals.
-    fn to(goals: impl IntoIterator<Item = Voxel>) -> Self {
-        let mut boxes: BTreeMap<Voxel, [Voxel; 2]> = BTreeMap::new();
-        let put = |boxes: &mut BTreeMap<_, _>, cube: Voxel, corners: [Voxel; 2]| {
-            let all = boxes.entry(cube).or_insert(corners);
-            *all = around(*all, corners);
-        };
-        goals.into_iter().for_each(|goal| put(&mut boxes, brick_of(goal), [goal; 2]));
-        while boxes.len() > BOXES {
-            let mut coarser = BTreeMap::new();
-            boxes
-                .into_iter()
-                .for_each(|(cube, corners)| put(&mut coarser, Voxel::from(cube.to_array().map(|c| c >> 1)), corners));
-            boxes = coarser;
+    /// That of goals in these boxes, by at most about so many boxes: what is far from `from` is put together to larger ones first.
+    fn to(goals: impl IntoIterator<Item = [Voxel; 2]>, from: Voxel, most: usize) -> Self {
+        let mut by_brick = Cubes::new();
+        goals.into_iter().for_each(|corners| put(&mut by_brick, brick_of(corners[0]), corners));
+        let mut boxes = Vec::new();
+        for edges in NEAR_EDGES {
+            boxes = merged(&by_brick, from, edges);
+            if boxes.len() <= most {
+                break;
+            }
         }
-        Self { boxes: boxes.into_values().collect() }
+        Self { boxes }
     }
 
     /// The same for voxels of a brick: of boxes that none of them is nearest to nothing is asked.
@@ -520,12 +550,16 @@ mod tests {
             let voxels = (0..24 * 12 * 6).map(|i| Voxel::new(i % 24 - 5, i / 24 % 12, i / 288));
             let passable: VoxelSet = voxels.zip(scattered).filter(|(_, share)| *share < density).map(|(v, _)| v).collect();
             let is_goal = |voxel| goals.contains(&voxel);
-            let way = closest_of(&passable, from, is_goal, || goals.iter().copied());
+            let boxes = || goals.iter().map(|goal| [*goal; 2]);
+            let way = closest_of(&passable, from, is_goal, boxes);
             prop_assert_eq!(&way, &first_of_all(&passable, from, &goals));
             prop_assert_eq!(&way, &closest(&passable, from, is_goal));
-            let bound = Bound::to(goals.iter().copied());
-            let (bounded, end) = search(&passable, from, is_goal, &bound, usize::MAX);
-            prop_assert_eq!(&way, &end.flatten().and_then(|end| bounded.way_to(end)));
+            for most in [BOXES, 4, 0] {
+                let bound = Bound::to(boxes(), from, most);
+                prop_assert!(bound.boxes.len() <= most.max(8));
+                let (bounded, end) = search(&passable, from, is_goal, &bound, usize::MAX);
+                prop_assert_eq!(&way, &end.flatten().and_then(|end| bounded.way_to(end)));
+            }
             if let Some(way) = way {
                 prop_assert_eq!(all(&passable, from).way_to(way[way.len() - 1]), Some(way));
             }

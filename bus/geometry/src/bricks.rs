@@ -4,8 +4,9 @@
 //! one, see [`Bricks::brick`]), and neighbours share cache lines. Bricks are kept in the order in which they were first
 //! written, so that every walk over the grid is the same on every run.
 
-use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
+use std::hash::{Hash, Hasher};
+
+use hashbrown::HashTable;
 
 use crate::voxel::Voxel;
 
@@ -17,7 +18,7 @@ pub const BRICK_CELLS: usize = 512;
 /// A sparse grid of `T`; cells never written read as `T::default()`.
 #[derive(Debug, Clone, Default)]
 pub struct Bricks<T> {
-    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    index: BrickIndex,
     positions: Vec<Voxel>,
     cells: Vec<Box<[T; BRICK_CELLS]>>,
 }
@@ -39,6 +40,15 @@ pub fn cell_of(voxel: Voxel) -> usize {
 pub fn voxel_at(brick: Voxel, cell: usize) -> Voxel {
     let c = cell as i32;
     Voxel::new(brick.x << 3 | c & 7, brick.y << 3 | c >> 3 & 7, brick.z << 3 | c >> 6)
+}
+
+/// Adds to a list of something a brick. Where it is full it grows by an eighth: twice as much would be the largest part of what is
+/// kept.
+pub fn push<T>(list: &mut Vec<T>, one: T) {
+    if list.len() == list.capacity() {
+        list.reserve_exact((list.len() / 8).max(4));
+    }
+    list.push(one);
 }
 
 /// Smallest corner, and the corner beyond the largest, of bricks and of a voxel.
@@ -71,18 +81,19 @@ impl<T: Copy + Default> Bricks<T> {
 
     /// The cells of the brick at `brick` (in bricks, see [`brick_of`]), if any of them was ever written.
     pub fn brick(&self, brick: Voxel) -> Option<&[T; BRICK_CELLS]> {
-        self.index.get(&brick).map(|&i| &*self.cells[i as usize])
+        self.index.find(brick, |i| self.positions[i]).map(|i| &*self.cells[i])
     }
 
     /// The cells of the brick at `brick`, for writing; comes into being if it was not there.
     pub fn brick_mut(&mut self, brick: Voxel) -> &mut [T; BRICK_CELLS] {
-        let next = self.cells.len() as u32;
-        let i = *self.index.entry(brick).or_insert(next);
-        if i == next {
-            self.positions.push(brick);
-            self.cells.push(Box::new([T::default(); BRICK_CELLS]));
+        let next = self.cells.len();
+        let found = self.index.find(brick, |i| self.positions[i]);
+        if found.is_none() {
+            push(&mut self.positions, brick);
+            push(&mut self.cells, Box::new([T::default(); BRICK_CELLS]));
+            self.index.insert(next, |i| self.positions[i]);
         }
-        &mut self.cells[i as usize]
+        &mut self.cells[found.unwrap_or(next)]
     }
 
     /// All bricks with their cells, in the order in which they were first written.
@@ -104,6 +115,31 @@ impl<T: Copy + Default> Bricks<T> {
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }
+}
+
+/// The numbers of bricks by their positions, in five bytes and some each: positions are kept by who numbers them, and asked for.
+#[derive(Debug, Clone, Default)]
+pub struct BrickIndex(HashTable<u32>);
+
+impl BrickIndex {
+    /// The number of the brick at `brick` (in bricks), if it has one; `position` says where a number is.
+    #[inline]
+    pub fn find(&self, brick: Voxel, position: impl Fn(usize) -> Voxel) -> Option<usize> {
+        let number = self.0.find(hash(brick), |number| position(*number as usize) == brick);
+        number.map(|number| *number as usize)
+    }
+
+    /// Takes in a number whose position has none yet.
+    pub fn insert(&mut self, number: usize, position: impl Fn(usize) -> Voxel) {
+        self.0.insert_unique(hash(position(number)), number as u32, |number| hash(position(*number as usize)));
+    }
+}
+
+#[inline]
+fn hash(brick: Voxel) -> u64 {
+    let mut hasher = BrickHasher::default();
+    brick.hash(&mut hasher);
+    hasher.finish()
 }
 
 /// Mixes the three indices of a brick; the keys are trusted, so no defence against collisions is paid for.

@@ -1,9 +1,10 @@
 //! The frontier: free voxels with an unknown face neighbour (thesis 6.3.1.1), kept up to date as voxels change.
 
 use std::borrow::Borrow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
+use std::hash::BuildHasherDefault;
 
-use crate::bricks::{brick_of, cell_of, voxel_at};
+use crate::bricks::{BrickHasher, brick_of, cell_of, voxel_at};
 use crate::grid::OccupancyGrid;
 use crate::mask::{self, Mask};
 use crate::set::VoxelSet;
@@ -41,24 +42,40 @@ impl Edges {
     /// Those of a map whose frontier this is; no frontier voxel is among them.
     pub fn of(grid: &OccupancyGrid, frontier: &FrontierSet) -> Self {
         let mut edges = Self::default();
-        let free = grid.bricks().voxels().filter(|(_, state)| *state == State::Free).map(|(voxel, _)| voxel);
         let inside = |voxel: Voxel| counts(voxel, frontier.bounds, grid.resolution());
-        for voxel in free.filter(|voxel| inside(*voxel) && !frontier.contains(*voxel)) {
-            let mut unknown = unknown_neighbours(grid, voxel).peekable();
-            if unknown.peek().is_none() {
-                continue;
-            }
-            let beyond: Vec<Voxel> = unknown.collect();
-            if beyond.iter().any(|beyond| !beyond.is_mappable()) {
-                edges.map += 1;
-            } else if beyond.iter().any(|beyond| inside(*beyond)) {
-                edges.no_room += 1;
-            } else {
-                edges.volume += 1;
+        let by_brick = grid.bricks().iter().map(|(brick, cells)| {
+            let beside = known_beside(grid, brick);
+            let all_known = beside.iter().fold(mask::ALL, |all, known| mask::and(&all, known));
+            let ends = mask::without(&mask::without(&cells.free(), &all_known), frontier.brick(brick));
+            (brick, ends, beside)
+        });
+        for (brick, ends, beside) in by_brick {
+            for (cell, voxel) in mask::cells(&ends).map(|cell| (cell, voxel_at(brick, cell))) {
+                if !inside(voxel) {
+                    continue;
+                }
+                let mut beyond = Faces::of(voxel, |n, _| !mask::has(&beside[n], cell)).beside(voxel);
+                if beyond.clone().any(|beyond| !beyond.is_mappable()) {
+                    edges.map += 1;
+                } else if beyond.any(inside) {
+                    edges.no_room += 1;
+                } else {
+                    edges.volume += 1;
+                }
             }
         }
         edges
     }
+}
+
+/// By face, in the order of [`FACES`], the cells of a brick beside which something is known there.
+fn known_beside(grid: &OccupancyGrid, brick: Voxel) -> [Mask; 6] {
+    let known = |brick: Voxel| grid.bricks().brick(brick).map_or(mask::NONE, |cells| *cells.known());
+    let own = known(brick);
+    std::array::from_fn(|n| {
+        let opposite = n ^ 1;
+        mask::or(&mask::stepped(&own, opposite), &mask::beyond(&known(brick + FACES[n]), opposite))
+    })
 }
 
 /// Some of the six face neighbours of a voxel.
@@ -86,29 +103,12 @@ impl Faces {
     }
 }
 
-/// Voxels by brick: of a brick as often as it comes, all of a run of its voxels at once.
-fn by_brick(voxels: impl IntoIterator<Item = impl Borrow<Voxel>>) -> Vec<(Voxel, Mask)> {
-    let mut runs: Vec<(Voxel, Mask)> = Vec::new();
-    for voxel in voxels {
-        let (brick, cell) = (brick_of(*voxel.borrow()), cell_of(*voxel.borrow()));
-        match runs.last_mut() {
-            Some((last, cells)) if *last == brick => mask::set(cells, cell),
-            _ => {
-                let mut cells = mask::NONE;
-                mask::set(&mut cells, cell);
-                runs.push((brick, cells));
-            }
-        }
-    }
-    runs
-}
-
-/// All frontier voxels inside a bounded volume, in lexicographic order, each with what is unknown beside it.
+/// All frontier voxels inside a bounded volume, each with what is unknown beside it: kept by brick.
 #[derive(Debug, Clone, Default)]
 pub struct FrontierSet {
-    voxels: BTreeMap<Voxel, Faces>,
-    /// The same by brick.
-    cells: VoxelSet,
+    /// Those that there are in a brick, and their faces in the order of their cells.
+    bricks: HashMap<Voxel, (Mask, Box<[Faces]>), BuildHasherDefault<BrickHasher>>,
+    len: usize,
     bounds: Option<Bounds>,
     /// The map is full: it comes to know nothing of bricks that it does not have.
     full: bool,
@@ -134,43 +134,42 @@ impl FrontierSet {
 
     /// Takes note that these voxels of `grid` changed.
     pub fn update(&mut self, grid: &OccupancyGrid, changed: impl IntoIterator<Item = impl Borrow<Voxel>>) {
+        self.follow(grid, &changed.into_iter().map(|voxel| *voxel.borrow()).collect());
+    }
+
+    /// The same of a set of voxels.
+    pub fn follow(&mut self, grid: &OccupancyGrid, changed: &VoxelSet) {
         // Each voxel is looked at once, however many of its neighbours changed.
-        let mut touched: BTreeMap<Voxel, Mask> = BTreeMap::new();
-        let mut touch = |brick: Voxel, cells: &Mask| {
-            let all = touched.entry(brick).or_insert(mask::NONE);
-            *all = mask::or(all, cells);
-        };
-        for (brick, cells) in by_brick(changed) {
-            touch(brick, &mask::or(&cells, &mask::dilated(&cells)));
-            let beyond = FACES.iter().enumerate().map(|(n, face)| (brick + *face, mask::beyond(&cells, n)));
-            beyond.filter(|(_, cells)| *cells != mask::NONE).for_each(|(brick, cells)| touch(brick, &cells));
+        let mut touched = VoxelSet::new();
+        for (brick, cells) in changed.bricks() {
+            touched.unite(brick, &mask::or(cells, &mask::dilated(cells)));
+            let beyond = FACES.iter().enumerate().map(|(n, face)| (brick + *face, mask::beyond(cells, n)));
+            beyond.filter(|(_, cells)| *cells != mask::NONE).for_each(|(brick, cells)| touched.unite(brick, &cells));
         }
-        touched.iter().for_each(|(brick, cells)| self.revise(grid, *brick, cells));
+        touched.bricks().for_each(|(brick, cells)| self.revise(grid, brick, cells));
     }
 
     /// Looks at these cells of a brick again.
     fn revise(&mut self, grid: &OccupancyGrid, brick: Voxel, cells: &Mask) {
-        let known = |brick: Voxel| grid.bricks().brick(brick).map_or(mask::NONE, |cells| *cells.known());
-        let (own, free) = (known(brick), mask::and(&grid.free_cells(brick), cells));
-        let beside: [Mask; 6] = std::array::from_fn(|n| {
-            let opposite = n ^ 1;
-            mask::or(&mask::stepped(&own, opposite), &mask::beyond(&known(brick + FACES[n]), opposite))
-        });
+        let (free, beside) = (mask::and(&grid.free_cells(brick), cells), known_beside(grid, brick));
         let all_known = beside.iter().fold(mask::ALL, |all, known| mask::and(&all, known));
-        let mut now = mask::NONE;
-        for cell in mask::cells(&mask::without(&free, &all_known)) {
-            let voxel = voxel_at(brick, cell);
-            let faces = self.unknown(grid, voxel, |n| !mask::has(&beside[n], cell));
+        let before = self.bricks.remove(&brick).unwrap_or_default();
+        let mut now = (mask::without(&before.0, cells), Vec::new());
+        let open = mask::without(&free, &all_known);
+        for cell in mask::cells(&mask::or(&now.0, &open)) {
+            let faces = match mask::has(cells, cell) {
+                true => self.unknown(grid, voxel_at(brick, cell), |n| !mask::has(&beside[n], cell)),
+                false => faces_at(&before, cell),
+            };
             if !faces.is_empty() {
-                self.voxels.insert(voxel, faces);
-                mask::set(&mut now, cell);
+                mask::set(&mut now.0, cell);
+                now.1.push(faces);
             }
         }
-        let before = *self.cells.brick(brick);
-        for cell in mask::cells(&mask::without(&mask::and(&before, cells), &now)) {
-            self.voxels.remove(&voxel_at(brick, cell));
+        self.len = self.len + now.1.len() - before.1.len();
+        if !now.1.is_empty() {
+            self.bricks.insert(brick, (now.0, now.1.into()));
         }
-        self.cells.replace(brick, &mask::or(&mask::without(&before, cells), &now));
     }
 
     /// What makes a free voxel frontier, of its face neighbours that are unknown.
@@ -186,17 +185,22 @@ impl FrontierSet {
     /// What makes `voxel` frontier: its face neighbours that are unknown, in the volume to explore, and that the map can come
     /// to know; none if it is no frontier voxel.
     pub fn unknown_beside(&self, voxel: Voxel) -> Faces {
-        self.voxels.get(&voxel).copied().unwrap_or_default()
+        self.bricks.get(&brick_of(voxel)).map_or(Faces::default(), |own| faces_at(own, cell_of(voxel)))
     }
 
     /// Whether `voxel` is a frontier voxel.
     pub fn contains(&self, voxel: Voxel) -> bool {
-        self.cells.contains(voxel)
+        mask::has(self.brick(brick_of(voxel)), cell_of(voxel))
     }
 
     /// The frontier voxels of a brick (in bricks).
     pub fn brick(&self, brick: Voxel) -> &Mask {
-        self.cells.brick(brick)
+        self.bricks.get(&brick).map_or(&mask::NONE, |(cells, _)| cells)
+    }
+
+    /// The bricks that have frontier voxels, in lexicographic order, each with them.
+    pub fn bricks(&self) -> BTreeMap<Voxel, Mask> {
+        self.bricks.iter().map(|(brick, (cells, _))| (*brick, *cells)).collect()
     }
 
     /// The frontier voxels in the box between two corners, both in it, by brick.
@@ -209,24 +213,38 @@ impl FrontierSet {
     }
 
     /// The frontier voxels in lexicographic order.
-    pub fn iter(&self) -> impl Iterator<Item = Voxel> + '_ {
-        self.voxels.keys().copied()
+    pub fn iter(&self) -> impl Iterator<Item = Voxel> {
+        let all = self.bricks.iter();
+        let voxels = all.flat_map(|(brick, (cells, _))| mask::cells(cells).map(|cell| voxel_at(*brick, cell)));
+        let mut voxels: Vec<Voxel> = voxels.collect();
+        voxels.sort_unstable();
+        voxels.into_iter()
     }
 
     /// Number of frontier voxels.
     pub fn len(&self) -> usize {
-        self.voxels.len()
+        self.len
     }
 
     /// Whether no frontier is left.
     pub fn is_empty(&self) -> bool {
-        self.voxels.is_empty()
+        self.len == 0
     }
 
     /// The volume that counts.
     pub fn bounds(&self) -> Option<Bounds> {
         self.bounds
     }
+}
+
+/// The faces of a cell among those of its brick.
+fn faces_at((cells, faces): &(Mask, Box<[Faces]>), cell: usize) -> Faces {
+    if !mask::has(cells, cell) {
+        return Faces::default();
+    }
+    let before = cells[..cell >> 6].iter().map(|layer| layer.count_ones()).sum::<u32>();
+    let row = cells[cell >> 6] & ((1 << (cell & 63)) - 1);
+    faces[(before + row.count_ones()) as usize]
 }
 
 #[cfg(test)]

@@ -3,6 +3,9 @@
 //! A brick's 512 cells are eight layers of 64: cell `z·64 + y·8 + x` (see [`cell_of`](crate::bricks::cell_of)) is bit
 //! `y·8 + x` of word `z`.
 
+use crate::bricks::{BRICK_CELLS, voxel_at};
+use crate::voxel::Voxel;
+
 /// A set of cells of one brick: eight layers along z, each with 8 rows along y of 8 bits along x.
 pub type Mask = [u64; 8];
 
@@ -64,6 +67,33 @@ pub fn without(a: &Mask, b: &Mask) -> Mask {
 const LEFT: u64 = 0x0101_0101_0101_0101;
 /// Those with x = 7.
 const RIGHT: u64 = LEFT << 7;
+
+/// The cells of a brick (in bricks) that lie in the box between two voxels, both in it.
+pub fn within(brick: Voxel, [min, max]: [Voxel; 2]) -> Mask {
+    let (low, high) = (voxel_at(brick, 0), voxel_at(brick, BRICK_CELLS - 1));
+    let (min, max) = (min.sup(low), max.inf(high));
+    if min.x > max.x || min.y > max.y || min.z > max.z {
+        return NONE;
+    }
+    let (min, max) = (min - low, max - low);
+    let run = |from: i32, to: i32| 0xff_u64 >> (7 - to) & 0xff << from;
+    let rows = (min.y..=max.y).fold(0, |rows, y| rows | run(min.x, max.x) << (8 * y));
+    std::array::from_fn(|z| if (min.z..=max.z).contains(&(z as i32)) { rows } else { 0 })
+}
+
+/// Corners of the box around the cells of a brick (in bricks), both in it; `None`: there is none.
+pub fn corners(brick: Voxel, cells: &Mask) -> Option<[Voxel; 2]> {
+    let all = cells.iter().fold(0, |all, layer| all | layer);
+    if all == 0 {
+        return None;
+    }
+    let row = (0..8).fold(0, |row, y| row | all >> (8 * y) & 0xff);
+    let layers = (0..8).filter(|z| cells[*z] != 0);
+    let z = layers.fold([7, 0], |[low, high]: [usize; 2], z| [low.min(z), high.max(z)]);
+    let corner = |bits: u32, y: u32, z: usize| voxel_at(brick, z << 6 | (y as usize) << 3 | bits as usize);
+    let low = corner(row.trailing_zeros(), all.trailing_zeros() / 8, z[0]);
+    Some([low, corner(63 - row.leading_zeros(), (63 - all.leading_zeros()) / 8, z[1])])
+}
 
 /// The cells of a brick that share a face with any of a set.
 pub fn dilated(mask: &Mask) -> Mask {
@@ -129,8 +159,8 @@ pub fn has(mask: &Mask, cell: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bricks::{brick_of, cell_of, voxel_at};
-    use crate::voxel::{FACES, Voxel};
+    use crate::bricks::{brick_of, cell_of};
+    use crate::voxel::FACES;
     use proptest::prelude::*;
 
     #[test]
@@ -146,6 +176,28 @@ mod tests {
     }
 
     proptest! {
+        /// Cell by cell it is what lies between the corners; and the box around cells is the smallest that has them all.
+        #[test]
+        fn a_box_has_what_lies_between_its_corners(
+            brick in prop::array::uniform3(-3..3i32),
+            corners in prop::array::uniform2(prop::array::uniform3(-30..30i32)),
+            sparse in prop::collection::vec(0..512usize, 0..6),
+        ) {
+            let (brick, [a, b]) = (Voxel::from(brick), corners.map(Voxel::from));
+            let (min, max) = (a.inf(b), a.sup(b));
+            let is_in = |cell: &usize| {
+                let voxel = voxel_at(brick, *cell);
+                voxel == voxel.sup(min).inf(max)
+            };
+            let expected: Vec<usize> = (0..BRICK_CELLS).filter(is_in).collect();
+            prop_assert!(cells(&within(brick, [min, max])).eq(expected));
+            let mut some = NONE;
+            sparse.iter().for_each(|cell| set(&mut some, *cell));
+            let voxels = || sparse.iter().map(|cell| voxel_at(brick, *cell));
+            let around = voxels().reduce(Voxel::inf).zip(voxels().reduce(Voxel::sup)).map(|(low, high)| [low, high]);
+            prop_assert_eq!(super::corners(brick, &some), around);
+        }
+
         /// Word by word it is what a flood from voxel to voxel finds, and beyond a face lies what is beside it.
         #[test]
         fn what_is_filled_hangs_together(seed in 0..512usize, open in prop::array::uniform8(any::<u64>()), more in any::<bool>()) {

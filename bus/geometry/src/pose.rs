@@ -51,8 +51,22 @@ impl Pose {
     }
 
     /// A point of the camera frame in the world.
+    #[inline]
     pub fn to_world(&self, point: Point3<f64>) -> Point3<f64> {
-        self.0 * point
+        self.position() + self.turn(point.coords)
+    }
+
+    /// A direction of the camera frame in the world: as the product with [`Self::0`]'s rotation, to the bit, but inlined, since
+    /// each ray of each scan is turned.
+    #[inline]
+    pub fn turn(&self, direction: Vector3<f64>) -> Vector3<f64> {
+        let cross =
+            |[ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]| [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx];
+        let [i, j, k, w]: [f64; 4] = self.0.rotation.coords.into();
+        let (axis, direction) = ([i, j, k], direction.into());
+        let twice = cross(axis, direction).map(|c| c * 2.0);
+        let again = cross(axis, twice);
+        std::array::from_fn::<f64, 3, _>(|n| twice[n] * w + again[n] + direction[n]).into()
     }
 }
 
@@ -71,6 +85,18 @@ mod tests {
         assert!((pose.to_world(Point3::new(0.0, 0.0, 2.0)) - Point3::new(3.0, 2.0, 3.0)).norm() < 1e-12);
         assert!((pose.to_world(Point3::new(1.0, 0.0, 0.0)) - Point3::new(1.0, 1.0, 3.0)).norm() < 1e-12);
         assert!((pose.to_world(Point3::new(0.0, 1.0, 0.0)) - Point3::new(1.0, 2.0, 2.0)).norm() < 1e-12);
+    }
+
+    /// Written out, the product is the library's.
+    #[test]
+    fn a_turned_direction_is_the_rotations_product_to_the_bit() {
+        for n in 0..200 {
+            let [a, b, c] = [0.7, 1.3, 2.9].map(|f| (f64::from(n) * f).sin());
+            let pose = Pose::from_yaw_pitch(Point3::new(c, a, b), 3.0 * a, 1.5 * b);
+            let (direction, point) = (Vector3::new(b, c, a) * 7.0, Point3::new(c, b, a));
+            assert_eq!(pose.turn(direction), pose.0.rotation * direction);
+            assert_eq!(pose.to_world(point), pose.0 * point);
+        }
     }
 
     #[test]

@@ -1,16 +1,13 @@
 //! Sets of voxels, a bit each: sized by what is in them, wherever that is.
 
-use std::collections::HashMap;
-use std::hash::BuildHasherDefault;
-
-use crate::bricks::{BrickHasher, brick_of, cell_of, voxel_at};
+use crate::bricks::{BrickIndex, brick_of, cell_of, push, voxel_at};
 use crate::mask::{self, Mask};
 use crate::voxel::Voxel;
 
 /// A set of voxels, kept by brick. A voxel far away from all others costs one brick.
 #[derive(Debug, Clone, Default)]
 pub struct VoxelSet {
-    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    index: BrickIndex,
     bricks: Vec<(Voxel, Mask)>,
     len: usize,
 }
@@ -24,7 +21,12 @@ impl VoxelSet {
     /// The voxels of a brick (in bricks) that are in it.
     #[inline]
     pub fn brick(&self, brick: Voxel) -> &Mask {
-        self.index.get(&brick).map_or(&mask::NONE, |i| &self.bricks[*i as usize].1)
+        self.place(brick).map_or(&mask::NONE, |i| &self.bricks[i].1)
+    }
+
+    #[inline]
+    fn place(&self, brick: Voxel) -> Option<usize> {
+        self.index.find(brick, |i| self.bricks[i].0)
     }
 
     /// Whether a voxel is in it.
@@ -40,20 +42,27 @@ impl VoxelSet {
 
     /// Puts these of a brick's voxels in, and all others of that brick out; answers those that were not as they are now.
     pub fn replace(&mut self, brick: Voxel, now: &Mask) -> Mask {
-        let own = match self.index.get(&brick) {
-            Some(i) => &mut self.bricks[*i as usize].1,
+        let place = match self.place(brick) {
+            Some(place) => place,
             None if *now == mask::NONE => return mask::NONE,
             None => {
-                self.index.insert(brick, self.bricks.len() as u32);
-                self.bricks.push((brick, mask::NONE));
-                let last = self.bricks.len() - 1;
-                &mut self.bricks[last].1
+                let last = self.bricks.len();
+                push(&mut self.bricks, (brick, mask::NONE));
+                self.index.insert(last, |i| self.bricks[i].0);
+                last
             }
         };
+        let own = &mut self.bricks[place].1;
         let turned = std::array::from_fn(|z| own[z] ^ now[z]);
         self.len = self.len + mask::count(now) - mask::count(own);
         *own = *now;
         turned
+    }
+
+    /// Puts these of a brick's voxels in.
+    pub fn unite(&mut self, brick: Voxel, more: &Mask) {
+        let all = mask::or(self.brick(brick), more);
+        self.replace(brick, &all);
     }
 
     /// Puts a voxel in; answers whether it was not.
@@ -92,11 +101,8 @@ impl VoxelSet {
 
     /// Smallest and largest corner of the box around all of them, both in it; `None`: there is none.
     pub fn corners(&self) -> Option<[Voxel; 2]> {
-        let corners = |(brick, cells): (Voxel, &Mask)| {
-            let voxels = mask::cells(cells).map(|cell| voxel_at(brick, cell));
-            voxels.fold(None, |found: Option<[Voxel; 2]>, v| Some(found.map_or([v; 2], |[a, b]| [a.inf(v), b.sup(v)])))
-        };
-        self.bricks().filter_map(corners).reduce(|[a, b], [c, d]| [a.inf(c), b.sup(d)])
+        let corners = self.bricks().filter_map(|(brick, cells)| mask::corners(brick, cells));
+        corners.reduce(|[a, b], [c, d]| [a.inf(c), b.sup(d)])
     }
 }
 
@@ -107,12 +113,26 @@ impl PartialEq for VoxelSet {
     }
 }
 
+/// A run of voxels of one brick costs little more than one.
+impl Extend<Voxel> for VoxelSet {
+    fn extend<I: IntoIterator<Item = Voxel>>(&mut self, voxels: I) {
+        let mut run: Option<(Voxel, Mask)> = None;
+        for voxel in voxels {
+            let brick = brick_of(voxel);
+            if let Some((last, cells)) = run.as_mut().filter(|(last, _)| *last != brick) {
+                self.unite(*last, cells);
+                (*last, *cells) = (brick, mask::NONE);
+            }
+            mask::set(&mut run.get_or_insert((brick, mask::NONE)).1, cell_of(voxel));
+        }
+        run.iter().for_each(|(last, cells)| self.unite(*last, cells));
+    }
+}
+
 impl FromIterator<Voxel> for VoxelSet {
     fn from_iter<I: IntoIterator<Item = Voxel>>(voxels: I) -> Self {
         let mut set = Self::new();
-        for voxel in voxels {
-            set.insert(voxel);
-        }
+        set.extend(voxels);
         set
     }
 }
@@ -134,12 +154,24 @@ impl Near<'_> {
     /// Whether a voxel is in the set.
     #[inline]
     pub fn contains(&mut self, voxel: Voxel) -> bool {
-        let brick = brick_of(voxel);
+        mask::has(self.brick(brick_of(voxel)), cell_of(voxel))
+    }
+
+    /// Whether any voxel of the box between two, both in it, is in the set.
+    pub fn meets(&mut self, [min, max]: [Voxel; 2]) -> bool {
+        let (low, high) = (brick_of(min), brick_of(max));
+        let rows = (low.z..=high.z).flat_map(|z| (low.y..=high.y).map(move |y| (y, z)));
+        let mut bricks = rows.flat_map(|(y, z)| (low.x..=high.x).map(move |x| Voxel::new(x, y, z)));
+        bricks.any(|brick| mask::and(self.brick(brick), &mask::within(brick, [min, max])) != mask::NONE)
+    }
+
+    #[inline]
+    fn brick(&mut self, brick: Voxel) -> &Mask {
         let place = (brick.x & 1 | (brick.y & 1) << 1 | (brick.z & 1) << 2) as usize;
         if brick != self.bricks[place] {
             (self.bricks[place], self.masks[place]) = (brick, self.set.brick(brick));
         }
-        mask::has(self.masks[place], cell_of(voxel))
+        self.masks[place]
     }
 }
 
@@ -173,6 +205,8 @@ mod tests {
             prop_assert_eq!(set.corners(), corner(Voxel::inf).zip(corner(Voxel::sup)).map(|(a, b)| [a, b]));
             let mut near = set.near();
             prop_assert!(set.iter().all(|voxel| set.contains(voxel) && near.contains(voxel)));
+            let (min, max) = (Voxel::new(-9, -2, 3), Voxel::new(1, 7, 5));
+            prop_assert_eq!(near.meets([min, max]), model.iter().any(|v| *v == v.sup(min).inf(max)));
             prop_assert!(set == model.iter().copied().collect());
         }
     }

@@ -1,9 +1,6 @@
 //! The states of many voxels, sparse: two bits each, in bricks of 8×8×8 cells that are found through a hash of their position.
 
-use std::collections::HashMap;
-use std::hash::BuildHasherDefault;
-
-use crate::bricks::{BRICK_CELLS, BrickHasher, brick_of, cell_of, voxel_at};
+use crate::bricks::{BRICK_CELLS, BrickIndex, brick_of, cell_of, push, voxel_at};
 use crate::state::{Cells, State};
 use crate::voxel::Voxel;
 
@@ -11,7 +8,7 @@ use crate::voxel::Voxel;
 /// that every walk over them is the same on every run.
 #[derive(Debug, Clone, Default)]
 pub struct States {
-    index: HashMap<Voxel, u32, BuildHasherDefault<BrickHasher>>,
+    index: BrickIndex,
     bricks: Vec<(Voxel, Cells)>,
 }
 
@@ -23,21 +20,18 @@ impl States {
 
     /// The cells of the brick at `brick` (in bricks), if any of them was ever written.
     pub fn brick(&self, brick: Voxel) -> Option<&Cells> {
-        self.index.get(&brick).map(|&i| &self.bricks[i as usize].1)
+        self.index.find(brick, |i| self.bricks[i].0).map(|i| &self.bricks[i].1)
     }
 
     /// The cells of the brick at `brick`, for writing; comes into being if it was not there.
     pub(crate) fn brick_mut(&mut self, brick: Voxel) -> &mut Cells {
-        let next = self.bricks.len() as u32;
-        let i = *self.index.entry(brick).or_insert(next);
-        if i == next {
-            if self.bricks.len() == self.bricks.capacity() {
-                // By an eighth: twice as much would be the largest part of a copy's memory.
-                self.bricks.reserve_exact((self.bricks.len() / 8).max(4));
-            }
-            self.bricks.push((brick, Cells::UNKNOWN));
+        let next = self.bricks.len();
+        let found = self.index.find(brick, |i| self.bricks[i].0);
+        if found.is_none() {
+            push(&mut self.bricks, (brick, Cells::UNKNOWN));
+            self.index.insert(next, |i| self.bricks[i].0);
         }
-        &mut self.bricks[i as usize].1
+        &mut self.bricks[found.unwrap_or(next)].1
     }
 
     /// All bricks with their cells, in the order in which they were first written.

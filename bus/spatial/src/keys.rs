@@ -6,8 +6,8 @@ use crate::candidates::Candidates;
 use crate::keyframe::MapPart;
 use crate::map::MapUpdate;
 use crate::messages::{
-    AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, MapMemory, MapStatus, MotionMemory, MotionReport,
-    Plan, PlanRequest, PoseCommand, Progress, SensorReport,
+    AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, ExplorerPast, MapMemory, MapStatus, MotionMemory,
+    MotionReport, Plan, PlanRequest, PoseCommand, Progress, SensorReport,
 };
 use crate::scan::Scan;
 
@@ -54,6 +54,8 @@ typed! {
     MOTION_MEMORY: MotionMemory;
     /// Explorer to its successor, of whatever type: what it knows, before each plan.
     EXPLORER_MEMORY: ExplorerMemory;
+    /// Explorer to its successor: what memories go on from, after the one that it is of.
+    EXPLORER_PAST: ExplorerPast;
     /// Controller to anyone: how far the run is.
     PROGRESS: Progress;
     /// Controller to anyone, at the end: scans and way, to 95, 99, 99.9 and 100 % of the free voxels.

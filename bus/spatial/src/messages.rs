@@ -283,6 +283,9 @@ pub struct ExplorerMemory {
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,
+    /// Whether of the three lists that follow only what has come since is here, and the rest in the [`ExplorerPast`] that was said
+    /// last: what is in both is as it is here.
+    pub goes_on: bool,
     /// The voxels that the robot went through.
     #[describe(longest = checks::MAX_REMEMBERED)]
     pub trail: Vec<Voxel>,
@@ -303,6 +306,22 @@ pub struct ExplorerMemory {
     /// Rays of all scans that had gone without a return when the last plan was made.
     #[describe(count)]
     pub no_return: u64,
+}
+
+/// Explorer to its successor, of whatever type: the long lists of what it knows, as they were with the memory said before. It is
+/// said now and then, so that a memory need not have all of them each time.
+#[payload]
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ExplorerPast {
+    /// The voxels that the robot went through, in lexicographic order.
+    #[describe(longest = checks::MAX_REMEMBERED)]
+    pub trail: Vec<Voxel>,
+    /// What came of the targets, in lexicographic order.
+    #[describe(longest = checks::MAX_REMEMBERED)]
+    pub targets: Vec<TargetRecord>,
+    /// Targets that no new place saw when they were last looked for, in lexicographic order.
+    #[describe(longest = checks::MAX_REMEMBERED)]
+    pub hidden: Vec<Voxel>,
 }
 
 /// What became of the rays of all scans, on their way from the sensor into the map.

@@ -8,8 +8,8 @@ use crate::candidates::Candidates;
 use crate::keyframe::MapPart;
 use crate::map::MapUpdate;
 use crate::messages::{
-    AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, MapMemory, MapStatus, MotionMemory, MotionReport,
-    Plan, PlanRequest, PoseCommand, Progress, SensorReport,
+    AccuracyReport, CameraPose, ExplorationReport, ExplorerMemory, ExplorerPast, MapMemory, MapStatus, MotionMemory,
+    MotionReport, Plan, PlanRequest, PoseCommand, Progress, SensorReport,
 };
 use crate::scan::Scan;
 
@@ -107,7 +107,10 @@ pub const SAMPLES: &[Sample] = &[
         r#"{"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]},"awaited":{"Map":{"id":1,"via":[],"pose":{"rotation":[0.0,0.0,0.0,1.0],"translation":[1.0,2.0,0.5]}}},"commands":1,"allowed":1,"steps":0,"requests":1,"path_length_m":2.5,"leg":{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"resolution":0.1,"allowed":[],"done_m":2.5,"step_m":0.5,"blocked":false,"looks":0},"samples":[{"scans":1,"free":8,"path_length_m":0.0}]}"#,
     ),
     Sample::of::<ExplorerMemory>(
-        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"ended":null,"plans":1,"fallbacks":0,"counters":[["iterations",14]],"strategy":"Level","cpu_secs":[["field",0.5]],"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[],"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0,"no_return":0}"#,
+        r#"{"plan":{"request":1,"revision":1,"decision":{"Go":{"points":[[1.0,2.0,0.5]],"target":{"x":1,"y":2,"z":3},"unknown":[],"looks":[]}},"motion":{"name":"elk","scan_spacing_m":0.5,"early_stop":true,"look_at_target":true,"clearance_m":0.2},"cpu_secs":0.01},"ended":null,"plans":1,"fallbacks":0,"counters":[["iterations",14]],"strategy":"Level","cpu_secs":[["field",0.5]],"goes_on":false,"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[],"standing":{"free":8,"occupied":2,"frontier":3,"attempts":1},"progress_at":1,"refused":0,"no_return":0}"#,
+    ),
+    Sample::of::<ExplorerPast>(
+        r#"{"trail":[{"x":1,"y":2,"z":3}],"targets":[{"target":{"x":1,"y":2,"z":4},"tried":[{"x":1,"y":2,"z":3}],"cuts":0,"planned":1,"no_return":false}],"hidden":[{"x":1,"y":2,"z":5}]}"#,
     ),
 ];
 

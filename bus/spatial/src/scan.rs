@@ -51,7 +51,14 @@ impl<'a> Points<'a> {
 
 impl FromIterator<Point3<f32>> for Points<'static> {
     fn from_iter<I: IntoIterator<Item = Point3<f32>>>(points: I) -> Self {
-        Points(Cow::Owned(points.into_iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(f32::to_le_bytes).collect()))
+        let points = points.into_iter();
+        let mut bytes = Vec::with_capacity(POINT_BYTES * points.size_hint().0);
+        for point in points {
+            let mut own = [0; POINT_BYTES];
+            own.chunks_exact_mut(4).zip(point.iter()).for_each(|(bytes, c)| bytes.copy_from_slice(&c.to_le_bytes()));
+            bytes.extend_from_slice(&own);
+        }
+        Points(Cow::Owned(bytes))
     }
 }
 
@@ -146,7 +153,7 @@ impl<'a> Scan<'a> {
 
     /// The directions without a return in the world frame (unit vectors).
     pub fn world_no_return(&self) -> impl ExactSizeIterator<Item = Vector3<f64>> + '_ {
-        self.no_return.iter().map(|p| self.pose.0.rotation * p.coords.cast())
+        self.no_return.iter().map(|p| self.pose.turn(p.coords.cast()))
     }
 
     /// The points in the world frame (m).

@@ -24,6 +24,8 @@ use elk_spatial::messages::{CameraPose, Decision, MotionReport, Plan, PlanReques
 use elk_world::World;
 
 pub const RESOLUTION: f64 = 0.1;
+/// What stands in the columns of a record: of the slowest hundredth of the steps each phase's mean.
+pub const HEADER: &str = "by step:                  p50      p99  largest  slowest            sum";
 /// The mission's filter keeps what is nearer (m).
 const THRESHOLD_M: f64 = 10.0;
 
@@ -61,12 +63,18 @@ impl Record {
     }
 
     fn print(&self) {
+        let whole = self.steps.get("step").cloned().unwrap_or_default();
+        let mut slowest: Vec<usize> = (0..whole.len()).collect();
+        slowest.sort_by(|a, b| whole[*b].total_cmp(&whole[*a]));
+        slowest.truncate(whole.len().div_ceil(100));
         for (phase, steps) in &self.steps {
             let mut sorted = steps.clone();
             sorted.sort_by(f64::total_cmp);
             let at = |share: f64| 1e3 * sorted[((sorted.len() - 1) as f64 * share).round() as usize];
             let (sum, largest) = (steps.iter().sum::<f64>(), at(1.0));
-            println!("    {phase:16} {:8.2} {:8.2} {largest:8.2} ms {sum:8.2} s", at(0.5), at(0.99));
+            let of = |step: &usize| steps.get(*step).copied().unwrap_or_default();
+            let worst = 1e3 * slowest.iter().map(of).sum::<f64>() / slowest.len().max(1) as f64;
+            println!("    {phase:16} {:8.2} {:8.2} {largest:8.2} {worst:8.2} ms {sum:8.2} s", at(0.5), at(0.99));
         }
     }
 }
@@ -184,7 +192,11 @@ impl Run {
             let count = |what: &str| more(&counts, &counted, what) as f64;
             curve.push((count("sealed blocks") / count("blocks"), secs));
         }
-        record.time("plan: memory", step, || explorer.memory(&plan));
+        record.time("plan: memory", step, || {
+            let mut bytes = Vec::new();
+            encode_onto(&explorer.memory(&plan).0, &mut bytes).expect("it can be encoded");
+            explorer.take_past().iter().for_each(|past| encode_onto(past, &mut bytes).expect("it can be encoded"));
+        });
         record.hash(&plan);
         record.time("controller", step, || follower.on_plan(&plan).expect("it is a plan of this map"))
     }

@@ -1,55 +1,50 @@
-//! What is to be resolved, and from where: each frontier voxel's standing and its goal near by, kept from plan to plan and looked
-//! at again where something has changed.
+//! What is to be resolved, and from where: how the frontier stands, brick by brick, and the goal near each target, kept from plan
+//! to plan and looked at again where something has changed.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, HashMap};
+use std::hash::BuildHasherDefault;
 
-use elk_geometry::bricks::voxel_at;
-use elk_geometry::{Clusters, Voxel, VoxelSet, mask};
+use elk_geometry::bricks::{BrickHasher, brick_of, cell_of, voxel_at};
+use elk_geometry::mask::{self, Mask};
+use elk_geometry::{Clusters, Voxel, VoxelSet};
 use elk_spatial::messages::FrontiersLeft;
 
 use super::memory::Memory;
 use super::settings::Settings;
-use crate::goals::{Goals, NearGoals};
+use crate::goals::{Goals, NearGoals, reach_of_goals};
 use crate::space::Space;
 use crate::target::{Known, Target};
 use crate::verdicts::Verdicts;
 
-/// How a frontier voxel stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Standing {
-    /// The robot cannot get to it.
-    Unreachable,
-    /// It is one of too few.
-    TooSmall,
-    /// It was looked at in vain.
-    GivenUp,
-    /// The same where rays went without a return.
-    Silent,
-    /// It is a target.
-    Open,
+/// How the frontier voxels of a brick stand.
+#[derive(Debug, Clone, Copy, Default)]
+struct Standing {
+    all: Mask,
+    /// Those that are targets.
+    open: Mask,
+    /// How many there are, by cause.
+    left: FrontiersLeft,
 }
 
 /// The frontier as one plan sees it; the next plan's is made of it.
 #[derive(Debug, Default)]
 pub struct Agenda {
-    standings: BTreeMap<Voxel, Standing>,
-    /// The voxels that have one.
-    voxels: VoxelSet,
-    /// Those of them that the robot can get to, in clusters, if small ones are left alone.
+    /// By brick, where there is any. Never gone through in its order.
+    standings: HashMap<Voxel, Standing, BuildHasherDefault<BrickHasher>>,
+    /// Those that the robot can get to, in clusters, if small ones are left alone.
     clusters: Clusters,
-    /// How many stand so, in the order of [`Standing`].
-    counts: [u64; 5],
+    left: FrontiersLeft,
     goals: Goals,
     /// How far the camera sees that the goals are for (m).
     range_m: Option<f64>,
 }
 
 impl Agenda {
-    /// Takes note that something has changed in these bricks, or was learned of these targets.
+    /// Takes note that something has changed in the voxels `changed`, or was learned of these targets.
     pub fn follow(
         &mut self,
         (known, space): (Known, &Space),
-        bricks: &BTreeSet<Voxel>,
+        changed: &VoxelSet,
         targets: impl IntoIterator<Item = Voxel>,
         (memory, settings): (&Memory, &Settings),
         verdicts: &mut Verdicts,
@@ -58,58 +53,104 @@ impl Agenda {
         if anew {
             *self = Self { range_m: Some(known.sight.range_m), ..Self::default() };
         }
-        let mut stale: BTreeSet<Voxel> = match anew {
-            true => known.frontier.iter().collect(),
-            false => targets.into_iter().chain(self.in_bricks_near(known, bricks)).collect(),
+        let mut stale = match anew {
+            true => known.frontier.bricks(),
+            false => self.near(known, changed, reach_of_goals(space, known.sight.range_m)),
         };
+        for target in targets {
+            mask::set(stale.entry(brick_of(target)).or_insert(mask::NONE), cell_of(target));
+        }
         if settings.min_frontier > 1 {
             let is_reached = |voxel| known.frontier.contains(voxel) && space.component.contains(voxel);
-            self.clusters.update(stale.iter().copied(), is_reached);
+            self.clusters.update(stale.iter().flat_map(|(brick, cells)| voxels_of(*brick, *cells)), is_reached);
             // How large a cluster is may have changed with a voxel far away.
-            stale.extend(known.frontier.iter());
-        }
-        let near = NearGoals::new(space, known.sight.range_m);
-        for voxel in stale.into_iter().take_while(|_| !(settings.is_to_stop)()) {
-            let now = known.frontier.contains(voxel).then(|| match () {
-                () if !space.component.contains(voxel) => Standing::Unreachable,
-                () if self.clusters.of(voxel).is_some_and(|cluster| cluster.size() < settings.min_frontier) => {
-                    Standing::TooSmall
-                }
-                () if !memory.gave_up(voxel, settings.attempts) => Standing::Open,
-                () if memory.saw_nothing(voxel) => Standing::Silent,
-                () => Standing::GivenUp,
-            });
-            self.set(voxel, now);
-            let target = (now == Some(Standing::Open)).then(|| target(known, voxel, memory));
-            match target.and_then(|target| near.of(target, verdicts)) {
-                Some(goal) => self.goals.set(voxel, goal),
-                None => self.goals.remove(voxel),
+            for brick in known.frontier.bricks().into_keys() {
+                stale.entry(brick).or_insert(mask::NONE);
             }
-            if now.is_none() {
+        }
+        let mut near = NearGoals::new(space, known.sight.range_m);
+        for (brick, cells) in stale.iter().take_while(|_| !(settings.is_to_stop)()) {
+            let now = self.sort_out(*brick, (known, space), memory, settings);
+            let before = self.stand(*brick, now);
+            for voxel in voxels_of(*brick, mask::without(&before, &now.open)) {
+                self.goals.remove(voxel);
                 verdicts.forget(voxel);
             }
+            let anew = mask::or(cells, &mask::without(&now.open, &before));
+            for voxel in voxels_of(*brick, mask::and(&now.open, &anew)) {
+                match near.of(target(known, voxel, memory)) {
+                    Some(goal) => self.goals.set(goal),
+                    None => self.goals.remove(voxel),
+                }
+            }
         }
     }
 
-    /// What is, or was, frontier in these bricks and those beside them.
-    fn in_bricks_near(&self, known: Known, bricks: &BTreeSet<Voxel>) -> impl Iterator<Item = Voxel> {
-        let near: BTreeSet<Voxel> = bricks.iter().flat_map(|brick| brick.neighbours().chain([*brick])).collect();
-        let cells = |brick: Voxel| mask::or(known.frontier.brick(brick), self.voxels.brick(brick));
-        let cells = near.into_iter().map(move |brick| (brick, cells(brick))).filter(|(_, cells)| *cells != mask::NONE);
-        let voxels = |(brick, cells)| mask::cells(&cells).map(|cell| voxel_at(brick, cell)).collect::<Vec<_>>();
-        cells.flat_map(voxels)
+    /// How the frontier of a brick stood when it was last looked at.
+    fn standing(&self, brick: Voxel) -> Standing {
+        self.standings.get(&brick).copied().unwrap_or_default()
     }
 
-    fn set(&mut self, voxel: Voxel, now: Option<Standing>) {
-        let before = match now {
-            Some(now) => self.standings.insert(voxel, now),
-            None => self.standings.remove(&voxel),
+    /// It stands so now; answers what was a target before.
+    fn stand(&mut self, brick: Voxel, now: Standing) -> Mask {
+        let before = match now.all == mask::NONE {
+            true => self.standings.remove(&brick),
+            false => self.standings.insert(brick, now),
         };
-        if before.is_some() != now.is_some() {
-            let _ = if now.is_some() { self.voxels.insert(voxel) } else { self.voxels.remove(voxel) };
+        let before = before.unwrap_or_default();
+        let counts =
+            |left: &FrontiersLeft| [left.unreachable, left.too_small, left.unresolved, left.no_return, left.open];
+        let [all, now, gone] = [&self.left, &now.left, &before.left].map(counts);
+        let [unreachable, too_small, unresolved, no_return, open] = std::array::from_fn(|n| all[n] + now[n] - gone[n]);
+        self.left = FrontiersLeft { unreachable, too_small, unresolved, no_return, open, ..self.left };
+        before.open
+    }
+
+    /// What is frontier, or was, at most so many voxels along each axis from what has changed: from the box around that, brick by
+    /// brick.
+    fn near(&self, known: Known, changed: &VoxelSet, reach: i32) -> BTreeMap<Voxel, Mask> {
+        let around = Voxel::new(reach, reach, reach);
+        let boxes = changed.bricks().filter_map(|(brick, cells)| mask::corners(brick, cells));
+        let mut near = BTreeMap::new();
+        for [min, max] in boxes.map(|[min, max]| [min - around, max + around]) {
+            let [low, high] = [brick_of(min), brick_of(max)];
+            let rows = (low.x..=high.x).flat_map(|x| (low.y..=high.y).map(move |y| (x, y)));
+            for brick in rows.flat_map(|(x, y)| (low.z..=high.z).map(move |z| Voxel::new(x, y, z))) {
+                let own = mask::or(known.frontier.brick(brick), &self.standing(brick).all);
+                if own != mask::NONE {
+                    let cells = near.entry(brick).or_insert(mask::NONE);
+                    *cells = mask::or(cells, &mask::and(&own, &mask::within(brick, [min, max])));
+                }
+            }
         }
-        before.iter().for_each(|before| self.counts[*before as usize] -= 1);
-        now.iter().for_each(|now| self.counts[*now as usize] += 1);
+        near
+    }
+
+    /// How the frontier of a brick stands.
+    fn sort_out(
+        &self,
+        brick: Voxel,
+        (known, space): (Known, &Space),
+        memory: &Memory,
+        settings: &Settings,
+    ) -> Standing {
+        let all = *known.frontier.brick(brick);
+        let (mut open, mut left) = (mask::and(&all, space.component.brick(brick)), FrontiersLeft::default());
+        left.unreachable = (mask::count(&all) - mask::count(&open)) as u64;
+        if settings.min_frontier > 1 {
+            let is_small = |voxel: &Voxel| self.clusters.of(*voxel).is_some_and(|c| c.size() < settings.min_frontier);
+            for voxel in voxels_of(brick, open).filter(is_small) {
+                mask::clear(&mut open, cell_of(voxel));
+                left.too_small += 1;
+            }
+        }
+        let remembered = voxels_of(brick, mask::and(&open, memory.remembered(brick)));
+        for voxel in remembered.filter(|voxel| memory.gave_up(*voxel, settings.attempts)) {
+            mask::clear(&mut open, cell_of(voxel));
+            *if memory.saw_nothing(voxel) { &mut left.no_return } else { &mut left.unresolved } += 1;
+        }
+        left.open = mask::count(&open) as u64;
+        Standing { all, open, left }
     }
 
     /// The goals near the frontier.
@@ -119,15 +160,21 @@ impl Agenda {
 
     /// All targets, in order.
     pub fn targets(&self, known: Known, memory: &Memory) -> Vec<Target> {
-        let open = self.standings.iter().filter(|(_, standing)| **standing == Standing::Open);
-        open.map(|(voxel, _)| target(known, *voxel, memory)).collect()
+        let open = self.standings.iter().flat_map(|(brick, standing)| voxels_of(*brick, standing.open));
+        let mut open: Vec<Voxel> = open.collect();
+        open.sort_unstable();
+        open.into_iter().map(|voxel| target(known, voxel, memory)).collect()
     }
 
     /// Frontier voxels, by cause, with the targets as what is open.
     pub fn left(&self) -> FrontiersLeft {
-        let [unreachable, too_small, unresolved, no_return, open] = self.counts;
-        FrontiersLeft { unreachable, too_small, unresolved, no_return, open, ..FrontiersLeft::default() }
+        self.left
     }
+}
+
+fn voxels_of(brick: Voxel, cells: Mask) -> impl Iterator<Item = Voxel> {
+    let cells = cells.into_iter().enumerate().flat_map(|(z, layer)| mask::bits(layer).map(move |bit| z << 6 | bit));
+    cells.map(move |cell| voxel_at(brick, cell))
 }
 
 fn target(known: Known, voxel: Voxel, memory: &Memory) -> Target {

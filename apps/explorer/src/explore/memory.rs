@@ -2,10 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use elk_geometry::mask::Mask;
 use elk_geometry::ray::Traversal;
-use elk_geometry::{FrontierSet, Pose, State, Voxel};
+use elk_geometry::{FrontierSet, Pose, State, Voxel, VoxelSet};
 use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
-use elk_spatial::messages::{Decision, ExplorerMemory, Outcome, Path, PlanRequest, Standing, TargetRecord};
+use elk_spatial::messages::{
+    Decision, ExplorerMemory, ExplorerPast, Outcome, Path, PlanRequest, Standing, TargetRecord,
+};
 use nalgebra::Point3;
 
 use super::nearest::nearest;
@@ -29,12 +32,16 @@ pub struct Memory {
     /// The last path, and the position that it was to end in.
     path: Option<Path>,
     targets: BTreeMap<Voxel, TargetRecord>,
+    /// The voxels of these.
+    remembered: VoxelSet,
     /// Those of which something was learned that nobody was told.
     learned: BTreeSet<Voxel>,
     trail: BTreeSet<Voxel>,
     /// What came to it when the last plan was made (`true`), or left it.
     trail_turned: Vec<(Voxel, bool)>,
     hidden: BTreeSet<Voxel>,
+    /// What has come to trail, targets and hidden since they were said whole; `None`: they have to be, something was forgotten.
+    since: Option<Since>,
     /// How things stood when they last changed, and the revision then.
     standing: Standing,
     progress_at: u64,
@@ -43,20 +50,47 @@ pub struct Memory {
     no_return: u64,
 }
 
+/// What is other than in the past that was said last.
+#[derive(Debug, Default)]
+struct Since {
+    trail: Vec<Voxel>,
+    targets: BTreeSet<Voxel>,
+    hidden: Vec<Voxel>,
+    /// Entries of that past.
+    said: usize,
+}
+
+impl Since {
+    /// Whether to say all anew costs less than to go on: with each plan this is said again, and the past only with some of them.
+    /// What is said with a plan then grows with the square root of what is known.
+    fn is_long(&self) -> bool {
+        let entries = self.trail.len() + self.targets.len() + self.hidden.len();
+        entries * entries > PLAN_ENTRIES * (self.said + PLAN_ENTRIES)
+    }
+}
+
+/// So many entries come with a plan, about.
+const PLAN_ENTRIES: usize = 16;
+
 impl Memory {
-    /// What a predecessor left.
-    pub fn recall(left: &ExplorerMemory) -> Self {
+    /// What a predecessor left, and the past that it went on from.
+    pub fn recall(left: &ExplorerMemory, past: &ExplorerPast) -> Self {
+        let nothing = ExplorerPast::default();
+        let past = if left.goes_on { past } else { &nothing };
+        let records = || past.targets.iter().chain(&left.targets);
         let path = match &left.plan.decision {
             Decision::Go(path) => Some(path.clone()),
             Decision::Done => None,
         };
         Self {
             path,
-            targets: left.targets.iter().map(|record| (record.target, record.clone())).collect(),
+            targets: records().map(|record| (record.target, record.clone())).collect(),
+            remembered: records().map(|record| record.target).collect(),
             learned: BTreeSet::new(),
-            trail: left.trail.iter().copied().collect(),
+            trail: past.trail.iter().chain(&left.trail).copied().collect(),
             trail_turned: Vec::new(),
-            hidden: left.hidden.iter().copied().collect(),
+            hidden: past.hidden.iter().chain(&left.hidden).copied().collect(),
+            since: None,
             standing: left.standing,
             progress_at: left.progress_at,
             refused: left.refused,
@@ -66,17 +100,47 @@ impl Memory {
 
     /// Leaves it to a successor; the path is in the plan there.
     pub fn leave(&self, to: &mut ExplorerMemory) {
-        to.targets = self.targets.values().cloned().collect();
-        to.trail = self.trail.iter().copied().collect();
-        to.hidden = self.hidden.iter().copied().collect();
+        to.goes_on = self.since.is_some();
+        let ExplorerPast { trail, targets, hidden } = match &self.since {
+            None => self.whole(),
+            Some(since) => ExplorerPast {
+                trail: since.trail.clone(),
+                targets: since.targets.iter().filter_map(|target| self.targets.get(target)).cloned().collect(),
+                hidden: since.hidden.clone(),
+            },
+        };
+        (to.trail, to.targets, to.hidden) = (trail, targets, hidden);
         to.standing = self.standing;
         to.progress_at = self.progress_at;
         to.refused = self.refused;
         to.no_return = self.no_return;
     }
 
+    fn whole(&self) -> ExplorerPast {
+        ExplorerPast {
+            trail: self.trail.iter().copied().collect(),
+            targets: self.targets.values().cloned().collect(),
+            hidden: self.hidden.iter().copied().collect(),
+        }
+    }
+
+    /// What was left to a successor, as something that memories go on from from now on; `None`: they still go on from the last.
+    pub fn take_past(&mut self) -> Option<ExplorerPast> {
+        if self.since.as_ref().is_some_and(|since| !since.is_long()) {
+            return None;
+        }
+        let past = self.whole();
+        let said = past.trail.len() + past.targets.len() + past.hidden.len();
+        self.since = Some(Since { said, ..Since::default() });
+        Some(past)
+    }
+
     fn record(&mut self, target: Voxel) -> &mut TargetRecord {
+        if let Some(since) = &mut self.since {
+            since.targets.insert(target);
+        }
         self.learned.insert(target);
+        self.remembered.insert(target);
         let new = || TargetRecord { target, tried: Vec::new(), cuts: 0, planned: 0, no_return: false };
         self.targets.entry(target).or_insert_with(new)
     }
@@ -126,6 +190,10 @@ impl Memory {
             let (kept, _) = nearest(self.targets.keys().copied().collect(), robot, MAX_REMEMBERED - 1);
             self.learned.extend(self.targets.keys().filter(|target| kept.binary_search(target).is_err()));
             self.targets.retain(|target, _| kept.binary_search(target).is_ok());
+        }
+        if self.targets.len() < self.remembered.len() {
+            self.since = None;
+            self.remembered = self.targets.keys().copied().collect();
         }
     }
 
@@ -178,6 +246,8 @@ impl Memory {
         gone.push(robot);
         let come = gone.into_iter().filter(|voxel| voxel.is_mappable() && self.trail.insert(*voxel));
         self.trail_turned = come.map(|voxel| (voxel, true)).collect();
+        let come = self.trail_turned.iter().map(|(voxel, _)| *voxel);
+        self.since.iter_mut().for_each(|since| since.trail.extend(come.clone()));
         if self.trail.len() > MAX_REMEMBERED {
             self.forget_trail(robot);
         }
@@ -188,14 +258,17 @@ impl Memory {
         let (kept, _) = nearest(self.trail.iter().copied().collect(), robot, MAX_REMEMBERED / 8 * 7);
         let before = std::mem::replace(&mut self.trail, kept.into_iter().collect());
         self.trail_turned.extend(before.difference(&self.trail).map(|voxel| (*voxel, false)));
+        self.since = None;
     }
 
     /// No new place sees these targets in the map as it is. What is too much for a successor to be told is looked for again:
     /// first what is no frontier any more, then what was hidden before.
     pub fn hide(&mut self, targets: impl Iterator<Item = Voxel> + Clone, frontier: &FrontierSet) {
-        self.hidden.extend(targets.clone());
+        let come: Vec<Voxel> = targets.clone().filter(|target| self.hidden.insert(*target)).collect();
+        self.since.iter_mut().for_each(|since| since.hidden.extend(&come));
         if self.hidden.len() > MAX_REMEMBERED {
             self.hidden.retain(|target| frontier.contains(*target));
+            self.since = None;
         }
         if self.hidden.len() > MAX_REMEMBERED {
             self.hidden = targets.take(MAX_REMEMBERED).collect();
@@ -229,9 +302,15 @@ impl Memory {
         self.trail_turned.iter().copied()
     }
 
+    /// The targets of a brick (in bricks) of which anything is remembered.
+    pub fn remembered(&self, brick: Voxel) -> &Mask {
+        self.remembered.brick(brick)
+    }
+
     /// The voxels from which `target` was looked at in vain.
     pub fn tried(&self, target: Voxel) -> &[Voxel] {
-        self.targets.get(&target).map_or(&[], |record| &record.tried)
+        let record = self.remembered.contains(target).then(|| self.targets.get(&target)).flatten();
+        record.map_or(&[], |record| &record.tried)
     }
 
     /// Whether `target` was looked at in vain from `attempts` places, fewer where nothing is to be seen, or came back each time that it was resolved.
@@ -268,8 +347,40 @@ fn tried_from(record: &mut TargetRecord, place: Voxel) {
 #[cfg(test)]
 mod tests {
     use elk_geometry::{OccupancyGrid, State};
+    use proptest::prelude::*;
 
     use super::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// Whether it dies before it has said what the next memories go on from, or after, a successor has all that it had; and what
+        /// is said with a plan does not grow with it.
+        #[test]
+        fn a_successor_has_what_was_said_in_parts(
+            learned in prop::collection::vec((0..40u8, prop::array::uniform3(-9..9i32)), 1..400),
+        ) {
+            let path = Path { points: vec![], target: Voxel::new(0, 0, 0), unknown: vec![], looks: vec![] };
+            let mut left = super::super::tests::fullest_memory(path);
+            let (frontier, mut memory, mut past) = (FrontierSet::new(None), Memory::default(), ExplorerPast::default());
+            for (what, voxel) in learned {
+                let voxel = Voxel::from(voxel);
+                match what {
+                    0 => memory.forget_trail(voxel),
+                    1..15 => memory.extend_trail(None, voxel, 0.1),
+                    15..30 => memory.record(voxel).cuts += 1,
+                    _ => memory.hide([voxel].into_iter(), &frontier),
+                }
+                memory.leave(&mut left);
+                prop_assert_eq!(Memory::recall(&left, &past).whole(), memory.whole());
+                past = memory.take_past().unwrap_or(past);
+                prop_assert_eq!(Memory::recall(&left, &past).whole(), memory.whole());
+                let [said, all] = [(&left.trail, &left.targets, &left.hidden), (&past.trail, &past.targets, &past.hidden)]
+                    .map(|(trail, targets, hidden)| trail.len() + targets.len() + hidden.len());
+                let most = ((PLAN_ENTRIES * (all + PLAN_ENTRIES)) as f64).sqrt() as usize + 1;
+                prop_assert!(!left.goes_on || said <= most, "{said} entries where {all} were said");
+            }
+        }
+    }
 
     /// Regression: more was left to a successor than it believes, so it was refused all of it.
     #[test]

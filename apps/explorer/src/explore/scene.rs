@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use elk_geometry::Voxel;
+use elk_geometry::{Voxel, VoxelSet};
 use elk_spatial::messages::FrontiersLeft;
 use nalgebra::Point3;
 
@@ -20,8 +20,8 @@ pub struct Scene {
     pub agenda: Agenda,
     /// Frontier voxels, by cause; what is open are targets.
     pub left: FrontiersLeft,
-    /// Bricks in which something has changed that the agenda has not heard of.
-    changed: BTreeSet<Voxel>,
+    /// Voxels of which something has changed that the agenda has not heard of.
+    changed: VoxelSet,
     /// Bricks in which the robot can get to other voxels than the strategy has seen, and perhaps others; `None`: it has seen
     /// nothing of it.
     pub unseen: Option<BTreeSet<Voxel>>,
@@ -29,39 +29,41 @@ pub struct Scene {
 
 impl Scene {
     /// What is around a robot at `position` (m, world), made of the scene `before` if there was one: since then the map has
-    /// changed in the bricks `changed`, and nowhere else.
+    /// changed in the voxels `changed`, and nowhere else.
     pub fn around(
         known: Known,
         position: Point3<f64>,
-        (before, changed): (Option<Self>, BTreeSet<Voxel>),
+        (before, changed): (Option<Self>, VoxelSet),
         memory: &Memory,
         settings: &Settings,
     ) -> Self {
         let robot = Voxel::containing(position, known.grid.resolution());
         match before {
-            Some(scene) => scene.follow(known, robot, changed, memory),
+            Some(scene) => scene.follow(known, robot, &changed, memory),
             None => Self::anew(known, robot, memory, settings),
         }
     }
 
     fn anew(known: Known, robot: Voxel, memory: &Memory, settings: &Settings) -> Self {
         let space = Space::around(known.grid, robot, &settings.clearance, memory.trail());
-        let (verdicts, agenda, changed) = (Verdicts::default(), Agenda::default(), BTreeSet::new());
+        let (verdicts, agenda, changed) = (Verdicts::default(), Agenda::default(), VoxelSet::new());
         Self { space, verdicts, agenda, left: FrontiersLeft::default(), changed, unseen: None }
     }
 
-    fn follow(mut self, known: Known, robot: Voxel, bricks: BTreeSet<Voxel>, memory: &Memory) -> Self {
-        self.changed = self.space.follow(known.grid, robot, bricks.iter().copied(), memory.trail_turned());
+    fn follow(mut self, known: Known, robot: Voxel, changed: &VoxelSet, memory: &Memory) -> Self {
+        let bricks = changed.bricks().map(|(brick, _)| brick);
+        self.changed = self.space.follow(known.grid, robot, bricks, memory.trail_turned());
         self.hear_of_space();
         // What was unknown and is occupied now is free neither way.
-        self.changed.extend(bricks);
+        changed.bricks().for_each(|(brick, cells)| self.changed.unite(brick, cells));
         self
     }
 
     /// The space has changed.
     fn hear_of_space(&mut self) {
-        self.verdicts.hear_of(self.changed.iter().copied());
-        self.unseen.iter_mut().for_each(|unseen| unseen.extend(&self.changed));
+        let bricks = || self.changed.bricks().map(|(brick, _)| brick);
+        self.verdicts.hear_of(bricks());
+        self.unseen.iter_mut().for_each(|unseen| unseen.extend(bricks()));
     }
 
     /// Sorts the frontier into targets and what is left out, by cause, and finds the goals near it; of the targets `learned`
@@ -89,7 +91,6 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
-    use elk_geometry::bricks::brick_of;
     use elk_geometry::{FrontierSet, OccupancyGrid, Pose, State};
     use elk_spatial::messages::{Outcome, Path, PlanRequest};
     use nalgebra::Vector3;
@@ -132,11 +133,11 @@ mod tests {
             let (mut grid, mut frontier, mut memory) = (hall(), FrontierSet::new(None), Memory::default());
             let (mut kept, mut robot) = (None, Voxel::new(5, 5, 5));
             for (cells, target, moved, back_off) in edits {
-                let mut bricks = BTreeSet::new();
+                let mut changed = VoxelSet::new();
                 for (voxel, state) in cells {
                     if grid.set(voxel, [State::Occupied, State::Free, State::Unknown][usize::from(state.min(2))]) {
                         frontier.update(&grid, [voxel]);
-                        bricks.insert(brick_of(voxel));
+                        changed.insert(voxel);
                     }
                 }
                 robot = moved.filter(|voxel| grid.state(*voxel) == State::Free).unwrap_or(robot);
@@ -150,7 +151,7 @@ mod tests {
                 let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
                 memory.learn(&request, known, 0);
                 let learned = memory.take_learned();
-                let scene = |before: (Option<Scene>, BTreeSet<Voxel>), learned: &BTreeSet<Voxel>| {
+                let scene = |before: (Option<Scene>, VoxelSet), learned: &BTreeSet<Voxel>| {
                     let mut scene = Scene::around(known, position, before, &memory, &settings);
                     scene.sort_out(known, learned.clone(), &memory, &settings);
                     if back_off && scene.back_off() {
@@ -158,8 +159,8 @@ mod tests {
                     }
                     scene
                 };
-                let now = scene((kept.take(), bricks), &learned);
-                let anew = scene((None, BTreeSet::new()), &learned);
+                let now = scene((kept.take(), changed), &learned);
+                let anew = scene((None, VoxelSet::new()), &learned);
                 prop_assert_eq!(now.left, anew.left);
                 prop_assert_eq!(now.agenda.targets(known, &memory), anew.agenda.targets(known, &memory));
                 prop_assert!(now.agenda.goals().iter().eq(anew.agenda.goals().iter()));

@@ -94,13 +94,16 @@ fn relay(mut explorer: Explorer, successor: impl Fn(u64) -> Option<Explorer>) ->
     let start = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
     look(&start, &mut explorer, &mut grid);
     let mut poses = vec![start];
-    let (mut length_m, mut outcome) = (0.0, Outcome::First);
+    let (mut length_m, mut outcome, mut past) = (0.0, Outcome::First, ExplorerPast::default());
     for id in 1.. {
         let pose = poses[poses.len() - 1];
         let request = PlanRequest { id, pose, revision: grid.revision(), outcome };
         let plan = explorer.plan(&grid, &request);
+        let memory = explorer.memory(&plan).0;
+        past = explorer.take_past().unwrap_or(past);
         if let Some(mut next) = successor(id) {
-            next.succeed(&explorer.memory(&plan).0);
+            next.hear_of_past(past.clone());
+            next.succeed(&memory);
             next.hear_of_camera(&camera());
             next.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
             explorer = next;
@@ -320,13 +323,14 @@ fn what_is_left_as_too_small_is_said() {
 }
 
 /// A memory in which every list is as long, and every count as high, as anybody believes.
-fn fullest_memory(path: Path) -> ExplorerMemory {
+pub(super) fn fullest_memory(path: Path) -> ExplorerMemory {
     let target = path.target;
     let record = |target, tried| TargetRecord { target, tried, cuts: MAX_TRIES, planned: MAX_TRIES, no_return: false };
     let line = |z| (-20_000..).map(move |x| Voxel::new(x % 32_768, x / 32_768, z)).take(MAX_REMEMBERED - 1);
     let elsewhere = line(30_000).map(|voxel| record(voxel, vec![]));
     let motion = Policy::elk(0.4).motion(0.1);
     ExplorerMemory {
+        goes_on: false,
         plan: Plan { request: 1, revision: MAX_COUNT, decision: Decision::Go(path), motion, cpu_secs: 0.0 },
         ended: None,
         plans: MAX_COUNT,

@@ -210,7 +210,8 @@ impl Potential {
             false => Extent::of(view.space, self.max_voxels),
         };
         self.update(view, &extent);
-        if !view.goals.iter().any(|goal| extent.contains(goal.voxel)) {
+        let is_in = |(brick, cells): (Voxel, &Mask)| mask::and(cells, &extent.cells(brick)) != mask::NONE;
+        if !view.goals.bricks().any(is_in) {
             return None;
         }
         match self.solver {
@@ -244,10 +245,8 @@ impl Potential {
     /// wherever else the robot can be.
     fn update(&mut self, view: &View<'_>, extent: &Extent) {
         let start = view.space.start();
-        let mut goals: BTreeMap<Voxel, Mask> = BTreeMap::from([(brick_of(start), mask::NONE)]);
-        for goal in view.goals.iter() {
-            mask::set(goals.entry(brick_of(goal.voxel)).or_insert(mask::NONE), cell_of(goal.voxel));
-        }
+        let mut goals: BTreeMap<Voxel, Mask> = view.goals.bricks().map(|(brick, cells)| (brick, *cells)).collect();
+        goals.entry(brick_of(start)).or_insert(mask::NONE);
         let before = std::mem::replace(&mut self.fixed, goals.keys().copied().collect());
         let is_as_it_was = self.extent.replace(*extent).is_some_and(|before| before.has_the_same_reached(extent));
         let bricks: BTreeSet<Voxel> = match view.changed.filter(|_| is_as_it_was) {
@@ -339,5 +338,6 @@ fn arrive(view: &View<'_>, field: &mut Field<'_>, line: Streamline) -> Option<Ro
 
 fn rescue(view: &View<'_>, field: &mut Field<'_>, at: Voxel) -> Option<Vec<Voxel>> {
     let descended = field.descend(at).ok();
-    descended.or_else(|| astar::closest(&view.space.reach, at, |voxel| view.goals.contains(voxel)))
+    let is_goal = |voxel| view.goals.contains(voxel);
+    descended.or_else(|| astar::closest_of(&view.space.reach, at, is_goal, || view.goals.boxes()))
 }

@@ -70,7 +70,7 @@ impl Simulator {
     /// True depth at a pixel (m along the optical axis).
     fn depth(&self, pose: &Pose, u: f64, v: f64) -> Option<f64> {
         let in_camera = self.settings.camera.direction(u, v);
-        let depth = self.world.cast(pose.position(), pose.0.rotation * in_camera)?;
+        let depth = self.world.cast(pose.position(), pose.turn(in_camera))?;
         let near = self.settings.range.is_none_or(|range| depth * in_camera.norm() <= range);
         near.then_some(depth)
     }
