@@ -34,7 +34,7 @@ pub use process::handle;
 pub use process::leftovers::end_leftovers;
 pub use reports::steps::{Spread, StepTimes};
 pub use run::folder::create as create_run_folder;
-pub use run::launch_state::run_folder;
+pub use run::launch_state::{run_folder, running_mission};
 pub use run::provenance::{RerunError, is_run, mission_of_run};
 pub use run::summary::Summary;
 pub use terminal::detach::wait_until_begun;

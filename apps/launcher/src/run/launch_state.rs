@@ -84,6 +84,11 @@ pub fn run_folder(community: &Community) -> Option<PathBuf> {
     LaunchState::kept(community).map(|state| state.folder)
 }
 
+/// The mission of a community as it runs now, swaps included, as far as its launcher has left word of it.
+pub fn running_mission(community: &Community, registry: &Registry) -> Option<Mission> {
+    LaunchState::kept(community).filter(LaunchState::is_alive)?.mission(community, registry).ok()
+}
+
 impl LaunchState {
     /// That of a mission before anything is started.
     pub fn of(mission: &Mission, folder: &Path, manual: bool) -> Self {
