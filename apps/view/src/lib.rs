@@ -1,4 +1,4 @@
-//! A mission in the browser: watched live or recorded, and steered.
+//! A mission in the browser, live or recorded, and in Lichtblick: watched, and steered.
 //!
 //! | module | one idea |
 //! |---|---|
