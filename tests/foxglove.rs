@@ -13,6 +13,8 @@ use common::Elk;
 use common::car::car;
 use common::lab::hear;
 use common::running::Running;
+use elk_bus::Community;
+use elk_launcher::run_folder;
 use elk_spatial::keys::{MOTION, PROGRESS};
 use foxglove::Decode;
 use foxglove::messages::PointCloud;
@@ -66,6 +68,9 @@ fn a_mission_is_watched_and_steered_from_foxgloves_clients() {
     assert_eq!(viewer.answered_parameters("set"), json!({"Filter.Threshold": 4.5}));
     assert_eq!(elk.row("Filter")["swaps"], 1);
     assert!(viewer.parameters(&[]).as_object().unwrap().len() > 20);
+    // Views find the run's folder, where the apps' text logs are, of a mission that was not detached, too.
+    let community = Community::new(elk.community()).unwrap();
+    assert_eq!(run_folder(&community), Some(elk.run()));
     // What is published is written, as `elk poke` writes it.
     listener.comms.register(elk_bus::any("NOTE")).unwrap();
     listener.comms.flush().unwrap();

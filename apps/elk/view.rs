@@ -160,7 +160,7 @@ impl Steering for Hand {
         match ask(&self.community, &order, PATIENCE, on_progress).map_err(|error| error.to_string())? {
             Answer::Done { text } | Answer::Progress { text } => Ok(text),
             Answer::Failed { text } => Err(text),
-            Answer::Apps { .. } => Err("the launcher answered another question".to_owned()),
+            Answer::Apps { .. } | Answer::Mission { .. } => Err("the launcher answered another question".to_owned()),
         }
     }
 

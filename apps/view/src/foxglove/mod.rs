@@ -48,7 +48,7 @@ const MOST_CLIENTS: usize = 32;
 const MOST_SAID: usize = 1 << 20;
 /// How often it is looked whether parameters have changed.
 const PARAMETERS_EVERY: Duration = Duration::from_secs(1);
-/// Where pages come from that are part of a program of this machine: Electron's, as Lichtblick's and Foxglove's are.
+/// Where pages come from that are part of a program of this machine: Electron's, as Lichtblick's are.
 const OF_A_PROGRAM: &str = "file://";
 
 /// Serves clients until `stop` is set; `on_ready` is told the address that they connect to.

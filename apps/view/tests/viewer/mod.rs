@@ -1,5 +1,8 @@
 //! A client of Foxglove's: what it is told is read by Foxglove's own code.
 
+// Each of the tests that have it uses a part of it.
+#![allow(dead_code)]
+
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
