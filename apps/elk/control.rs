@@ -137,7 +137,9 @@ pub fn apps(arguments: &AppsArgs) -> Result<ExitCode> {
         }
         Answer::Apps { rows } => print_table(&table(&rows))?,
         Answer::Failed { text } => bail!(text),
-        Answer::Done { .. } | Answer::Progress { .. } => bail!("the launcher answered another question"),
+        Answer::Done { .. } | Answer::Progress { .. } | Answer::Mission { .. } => {
+            bail!("the launcher answered another question")
+        }
     }
     Ok(ExitCode::SUCCESS)
 }
