@@ -83,7 +83,7 @@ commands! {
     /// Let the robot of a paused or manual mission take one pose
     #[command(after_help = "Example: elk pause; elk step; elk resume")]
     Step(arguments: CommunityArgs) => control::motion(&arguments.community, &Order::Step);
-    /// Watch and steer a mission in the browser, or look at a recorded run there
+    /// Watch and steer a mission in the browser or in Lichtblick, or look at a recorded run
     #[command(after_help = "Example: elk view\n         elk view logs/apartment-20261123-224512")]
     View(arguments: ViewArgs) => view::view(arguments);
     /// Check a mission file, its world, its start and its executables, and start nothing

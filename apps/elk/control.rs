@@ -123,7 +123,7 @@ fn order(community: &Community, wanted: &Order, limit: Duration) -> Result<ExitC
     match answer {
         Answer::Failed { text } => bail!(text),
         Answer::Done { text } | Answer::Progress { text } => say(&format!("{text}\n"))?,
-        Answer::Apps { .. } => bail!("the launcher answered another question"),
+        Answer::Apps { .. } | Answer::Mission { .. } => bail!("the launcher answered another question"),
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -137,7 +137,9 @@ pub fn apps(arguments: &AppsArgs) -> Result<ExitCode> {
         }
         Answer::Apps { rows } => print_table(&table(&rows))?,
         Answer::Failed { text } => bail!(text),
-        Answer::Done { .. } | Answer::Progress { .. } => bail!("the launcher answered another question"),
+        Answer::Done { .. } | Answer::Progress { .. } | Answer::Mission { .. } => {
+            bail!("the launcher answered another question")
+        }
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,20 +1,21 @@
-//! `elk view`: a mission in the browser. Its arguments, and what pages can have done; the rest is `elk_view`.
+//! `elk view`: a mission in the browser, or in Lichtblick. Its arguments, and what pages can have done; the rest is `elk_view`.
 
 use std::io::{BufRead, BufReader};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
 use elk_bus::child::{Bond, keep_to_itself};
 use elk_bus::{Community, stop_on_signals};
-use elk_launcher::{Answer, Order, ask, run_folder};
-use elk_mission::{Kind, ParamSpec, Registry};
+use elk_launcher::{Answer, Order, ask, run_folder, running_mission};
+use elk_mission::{AppSpec, Kind, ParamSpec, Params, Program, Registry};
 use elk_scope::{Output, Poke, Said, Scope, yield_to_others};
-use elk_view::{Options, Source, Steering};
+use elk_view::{FoxgloveOptions, Mission, Options, Parameter, Source, Steering};
 use serde_json::{Value, json};
 
 use crate::arguments::CommunityArgs;
@@ -23,10 +24,15 @@ use crate::terminal::say;
 
 /// The port of a view that is told none; if it is taken, one of the next ones.
 const PORT: u16 = 8080;
+/// Where Foxglove's clients look for a robot.
+const FOXGLOVE: &str = "127.0.0.1:8765";
 /// How long a launcher may take to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// How long a successor, or an app that is started, may take to be ready (s).
 const LIMIT_SECS: f64 = 20.0;
+
+/// How many variables were written.
+static POKES: AtomicU64 = AtomicU64::new(0);
 
 /// What to show, and to whom.
 #[derive(Debug, Args)]
@@ -39,7 +45,14 @@ pub struct ViewArgs {
     /// Let other machines in, at this address of this one: whoever comes needs the token that is printed
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<IpAddr>,
-    /// Pages only look: they order and write nothing
+    /// Serve Lichtblick and Foxglove instead of pages, at this address of this machine
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = FOXGLOVE, value_parser = foxglove_address)]
+    #[arg(conflicts_with_all = ["port", "listen"])]
+    foxglove: Option<SocketAddr>,
+    /// Let pages of this site connect to --foxglove as well, such as https://app.foxglove.dev; repeat for more
+    #[arg(long, value_name = "SITE", requires = "foxglove")]
+    origin: Vec<String>,
+    /// Pages and clients only look: they order and write nothing
     #[arg(long)]
     read_only: bool,
     /// Which community.
@@ -47,8 +60,17 @@ pub struct ViewArgs {
     community: CommunityArgs,
 }
 
+/// Reads the address of `--foxglove`.
+fn foxglove_address(text: &str) -> Result<SocketAddr, String> {
+    let address = text.strip_prefix("ws://").unwrap_or(text).trim_end_matches('/');
+    address.parse().map_err(|_| format!("right is an address with its port, for example {FOXGLOVE}"))
+}
+
 /// `elk view`
 pub fn view(arguments: ViewArgs) -> Result<ExitCode> {
+    if arguments.foxglove.is_some() {
+        return view_in_foxglove(arguments);
+    }
     let ip = arguments.listen.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
     let address = SocketAddr::new(ip, arguments.port.unwrap_or(PORT));
     let options = Options { address, any_port: arguments.port.is_none(), read_only: arguments.read_only };
@@ -62,6 +84,28 @@ pub fn view(arguments: ViewArgs) -> Result<ExitCode> {
         let _ = say(&format!("{address}\n"));
     };
     elk_view::serve(source, &options, Some(Arc::new(steering)), ready, &stop)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn view_in_foxglove(arguments: ViewArgs) -> Result<ExitCode> {
+    let ViewArgs { log, foxglove, origin, read_only, community, .. } = arguments;
+    if let Some(log) = log {
+        return Err(anyhow!(
+            "--foxglove is for a community that runs; Lichtblick and Foxglove open {} as it is",
+            if log.is_dir() { log.join("log.mcap") } else { log }.display()
+        ));
+    }
+    let community = community.community;
+    let address = foxglove.context("--foxglove has no address")?;
+    let options = FoxgloveOptions { address, origins: origin, read_only };
+    let hand = Hand { community: community.clone(), registry: registry() };
+    let stop = stop_on_signals().context("signals cannot be caught")?;
+    yield_to_others();
+    let ready = |address: &str| {
+        // Who does not read where it is has another way to know.
+        let _ = say(&format!("{address}\n"));
+    };
+    elk_view::serve_foxglove(&community, options, Some(Arc::new(hand)), ready, &stop)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -116,14 +160,16 @@ impl Steering for Hand {
         match ask(&self.community, &order, PATIENCE, on_progress).map_err(|error| error.to_string())? {
             Answer::Done { text } | Answer::Progress { text } => Ok(text),
             Answer::Failed { text } => Err(text),
-            Answer::Apps { .. } => Err("the launcher answered another question".to_owned()),
+            Answer::Apps { .. } | Answer::Mission { .. } => Err("the launcher answered another question".to_owned()),
         }
     }
 
     fn poke(&self, key: &str, value: &str) -> Result<String, String> {
         let poke = Poke { name: key.to_owned(), value: value.to_owned(), said: Said::Nothing, json: false };
         let mut said = Vec::new();
-        let mut scope = Scope::join(&self.community, "view-poke").map_err(|error| error.to_string())?;
+        // Several may write at the same time, pages and clients of several views.
+        let name = format!("view-poke-{}-{}", std::process::id(), POKES.fetch_add(1, Ordering::Relaxed));
+        let mut scope = Scope::join(&self.community, &name).map_err(|error| error.to_string())?;
         poke.run(&mut scope, &mut Output::new(&mut said, None)).map_err(|error| error.to_string())?;
         Ok(String::from_utf8_lossy(&said).trim_end().to_owned())
     }
@@ -152,6 +198,34 @@ impl Steering for Hand {
         // An app that the mission does not have is no path.
         let known = self.apps()?.as_array()?.iter().any(|row| row["name"] == app);
         known.then(|| run_folder(&self.community)).flatten().map(|folder| folder.join(format!("{app}.log")))
+    }
+}
+
+impl Mission for Hand {
+    fn parameters(&self) -> Vec<Parameter> {
+        let mission = running_mission(&self.community, &self.registry);
+        mission.iter().flat_map(|mission| &mission.apps).flat_map(parameters).collect()
+    }
+}
+
+/// The parameters of an app; of somebody else's program, what was set of them.
+fn parameters(app: &AppSpec) -> Vec<Parameter> {
+    let named = |name: &str, value: Value| Parameter { name: format!("{}.{name}", app.name), value };
+    match &app.program {
+        Program::Builtin(type_, params) => {
+            type_.params.iter().map(|spec| named(spec.name, value_of(spec, params))).collect()
+        }
+        Program::Foreign { .. } => app.settings.iter().map(|(name, text)| named(name, text.as_str().into())).collect(),
+    }
+}
+
+fn value_of(spec: &ParamSpec, params: &Params) -> Value {
+    match spec.kind {
+        Kind::Number { .. } => params.number(spec.name).into(),
+        Kind::Integer { .. } => params.integer(spec.name).into(),
+        Kind::Flag => params.flag(spec.name).into(),
+        Kind::Point { .. } | Kind::Size { .. } => params.point(spec.name).to_vec().into(),
+        Kind::Choice(_) | Kind::Text | Kind::Variable | Kind::File { .. } => params.text(spec.name).into(),
     }
 }
 

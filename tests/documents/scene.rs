@@ -82,6 +82,7 @@ impl Course {
             ["elk", "hz", ..] => Self::Says("RATE"),
             ["elk", "bw", ..] => Self::Says("BANDWIDTH"),
             ["elk", "top"] => Self::Says("CLIENT"),
+            ["elk", "view", "--foxglove"] => Self::Says("ws://"),
             ["elk", "view", ..] => Self::Says("http://"),
             _ => Self::Ends,
         }

@@ -32,6 +32,8 @@ use crate::terminal::progress::{Display, Shown, put};
 
 /// How long a launcher in the background may take to make room, and how often it is seen whether it has.
 const RELIEF_PATIENCE: Duration = Duration::from_secs(10);
+/// How long a launcher may take to say which mission runs.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
 const ASK_EVERY: Duration = Duration::from_millis(20);
 
 /// How a mission is to be launched.
@@ -250,5 +252,22 @@ impl Launch<'_> {
         });
         let elsewhere = files::elsewhere(mission, folder).collect();
         Ok(FinishedRun { folder: (*folder).to_owned(), elsewhere, summary, error, unwritten, picture })
+    }
+}
+
+/// The folder of the run of a community whose launcher answers.
+pub fn run_folder(community: &Community) -> Option<PathBuf> {
+    launched(community).map(|state| state.folder)
+}
+
+/// The mission of a community whose launcher answers, as it runs now, swaps included.
+pub fn running_mission(community: &Community, registry: &Registry) -> Option<Mission> {
+    launched(community)?.mission(community, registry).ok()
+}
+
+fn launched(community: &Community) -> Option<LaunchState> {
+    match ask(community, &Order::Mission, ANSWER_PATIENCE, |_| {}) {
+        Ok(Answer::Mission { text }) => LaunchState::parse(text.as_bytes()).ok(),
+        _ => None,
     }
 }

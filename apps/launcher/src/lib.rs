@@ -28,13 +28,12 @@ mod terminal;
 
 pub use control::{Answer, AppRow, AskError, Order, ask};
 pub use error::LaunchError;
-pub use launch::{AttachOptions, FinishedRun, LaunchOptions, attach, launch};
+pub use launch::{AttachOptions, FinishedRun, LaunchOptions, attach, launch, run_folder, running_mission};
 pub use process::guard::{StandbyGuard, guard};
 pub use process::handle;
 pub use process::leftovers::end_leftovers;
 pub use reports::steps::{Spread, StepTimes};
 pub use run::folder::create as create_run_folder;
-pub use run::launch_state::run_folder;
 pub use run::provenance::{RerunError, is_run, mission_of_run};
 pub use run::summary::Summary;
 pub use terminal::detach::wait_until_begun;

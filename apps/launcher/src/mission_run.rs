@@ -293,6 +293,11 @@ impl MissionRun<'_> {
                     self.answer(ticket, &Answer::Apps { rows });
                     continue;
                 }
+                Order::Mission => {
+                    let answer = self.mission();
+                    self.answer(ticket, &answer);
+                    continue;
+                }
                 Order::Pause => self.pause(true),
                 Order::Resume => self.pause(false),
                 Order::Step => self.step(),
@@ -328,6 +333,15 @@ impl MissionRun<'_> {
         }
         self.listener.say(STEP, 1.0);
         Word::Done("one step".to_owned())
+    }
+
+    fn mission(&mut self) -> Answer {
+        self.backend.note_state(&mut self.state);
+        // What is said to one need not be said to all.
+        match self.state.clone().next_text() {
+            Ok(text) => Answer::Mission { text },
+            Err(error) => Answer::Failed { text: error.to_string() },
+        }
     }
 
     fn rows(&mut self) -> Vec<AppRow> {

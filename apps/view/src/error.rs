@@ -15,6 +15,14 @@ pub enum ViewError {
         /// Why.
         source: std::io::Error,
     },
+    /// No client of Foxglove's can come there.
+    #[error("cannot listen at {address}: {source}; choose another address, for example --foxglove 127.0.0.1:8766")]
+    ListenFoxglove {
+        /// Where.
+        address: SocketAddr,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The log cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),

@@ -1,16 +1,20 @@
-//! A mission in the browser: watched live or recorded, and steered.
+//! A mission in the browser, live or recorded, and in Lichtblick: watched, and steered.
 //!
 //! | module | one idea |
 //! |---|---|
 //! | `model`, `world`, `journal`, `track` | what pages show, kept so that a late page skips what was overwritten |
 //! | `live`, `recorded` | where it comes from: a community, a log |
-//! | `server`, `page`, `session`, `words`, `tail` | who may come, the page's files, one page, what it says, a text log |
+//! | `admission` | names of this machine, and tokens |
+//! | `server`, `page`, `session`, `words`, `tail` | the page's server, its files, one page, what it says, a text log |
 //! | `steering` | what pages can have done, behind a seam |
 //! | `shared` | what feed and pages have in common |
+//! | `foxglove` | the same community for Lichtblick and Foxglove |
 //!
 //! What page and server say to each other is written down in `PROTOCOL.md`.
 
+mod admission;
 mod error;
+mod foxglove;
 mod journal;
 mod live;
 mod model;
@@ -26,7 +30,6 @@ mod track;
 mod words;
 mod world;
 
-use std::io::Read;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -38,17 +41,17 @@ use elk_bus::Community;
 use serde_json::json;
 
 pub use error::ViewError;
+pub use foxglove::{FoxgloveOptions, Mission, Parameter, serve_foxglove};
 pub use steering::Steering;
 pub use words::Order;
 
+use admission::token;
 use recorded::Recording;
-use server::{Door, router};
+use server::{Door, router, stopped};
 use shared::Shared;
 
 /// How often the launcher is asked who runs.
 const APPS_EVERY: Duration = Duration::from_secs(1);
-/// How often it is looked whether the view is to end.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Ports that are tried behind the one that was asked for, if nobody insists on it.
 const PORTS: u16 = 20;
 
@@ -83,10 +86,10 @@ pub fn serve(
     on_ready: impl FnOnce(&str),
     stop: &AtomicBool,
 ) -> Result<(), ViewError> {
-    let token = if options.address.ip().is_loopback() { None } else { Some(token()?) };
+    let wanted = if options.address.ip().is_loopback() { None } else { Some(token()?) };
     let listener = listen(options)?;
     let address = listener.local_addr().map_err(ViewError::Io)?;
-    let query = token.as_ref().map_or(String::new(), |token| format!("?token={token}"));
+    let query = wanted.as_ref().map_or(String::new(), |token| format!("?token={token}"));
     let (commands, heard) = channel();
     let (hello, recording, steering) = match &source {
         Source::Community(community) => {
@@ -126,7 +129,7 @@ pub fn serve(
             };
             named("apps").spawn_scoped(threads, ask).map_err(ViewError::Io)?;
         }
-        let door = Arc::new(Door::new(shared.clone(), token));
+        let door = Arc::new(Door::new(shared.clone(), wanted));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ViewError::Io)?;
         let served = runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(listener).map_err(ViewError::Io)?;
@@ -141,12 +144,6 @@ pub fn serve(
         runtime.shutdown_background();
         served
     })
-}
-
-async fn stopped(stop: &AtomicBool) {
-    while !stop.load(Ordering::Relaxed) {
-        tokio::time::sleep(LOOK_EVERY).await;
-    }
 }
 
 fn listen(options: &Options) -> Result<std::net::TcpListener, ViewError> {
@@ -164,11 +161,4 @@ fn listen(options: &Options) -> Result<std::net::TcpListener, ViewError> {
             Err(source) => return Err(ViewError::Listen { address: options.address, source }),
         }
     }
-}
-
-/// 128 bits that nobody can guess.
-fn token() -> Result<String, ViewError> {
-    let mut bytes = [0u8; 16];
-    std::fs::File::open("/dev/urandom").and_then(|mut source| source.read_exact(&mut bytes)).map_err(ViewError::Io)?;
-    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -1,9 +1,9 @@
 //! The page's server: files, and a WebSocket a page. It listens where only this machine comes, unless it is told another
 //! address; then whoever comes needs a token.
 
-use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
@@ -11,12 +11,14 @@ use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use serde::Deserialize;
 
+use crate::admission::{Key, is_this_machine, same};
 use crate::page::{FILES, File};
 use crate::session;
 use crate::shared::Shared;
 
+/// How often it is looked whether a server is to end.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Pages at a time.
 const MOST_PAGES: usize = 64;
 /// The longest message that a page says (bytes).
@@ -33,12 +35,6 @@ pub(crate) struct Door {
     pub token: Option<String>,
     pages: AtomicUsize,
     numbers: AtomicU64,
-}
-
-#[derive(Deserialize)]
-struct Key {
-    #[serde(default)]
-    token: String,
 }
 
 impl Door {
@@ -128,44 +124,13 @@ fn admit(door: &Door, headers: &HeaderMap) -> Result<(), String> {
     }
 }
 
-/// Whether a `Host` is one under which only this machine is reached.
-fn is_this_machine(host: &str) -> bool {
-    if let Ok(address) = host.parse::<SocketAddr>() {
-        return address.ip().is_loopback();
-    }
-    let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
-    name == "localhost" || name.parse::<std::net::Ipv4Addr>().is_ok_and(|ip| ip.is_loopback()) || host == "[::1]"
-}
-
 fn refuse(why: &str) -> Response {
     (StatusCode::FORBIDDEN, format!("{why}\n")).into_response()
 }
 
-/// Whether two tokens are the same; how long that takes says nothing of where they differ.
-fn same(one: &str, other: &str) -> bool {
-    let differing = one.bytes().zip(other.bytes()).fold(0, |differing, (a, b)| differing | (a ^ b));
-    one.len() == other.len() && differing == 0
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_names_of_this_machine_are_this_machine() {
-        for host in ["127.0.0.1:8080", "localhost:8080", "localhost", "[::1]:8080", "127.0.0.1", "[::1]"] {
-            assert!(is_this_machine(host), "{host}");
-        }
-        for host in [
-            "",
-            "evil.example:8080",
-            "localhost.evil.example",
-            "10.0.0.1:8080",
-            "127.0.0.1.evil.example:80",
-            "0.0.0.0:80",
-        ] {
-            assert!(!is_this_machine(host), "{host}");
-        }
-        assert!(same("abc", "abc") && !same("abc", "abd") && !same("abc", "ab") && !same("abc", ""));
+/// Comes back when `stop` is set.
+pub(crate) async fn stopped(stop: &AtomicBool) {
+    while !stop.load(Ordering::Relaxed) {
+        tokio::time::sleep(LOOK_EVERY).await;
     }
 }

@@ -86,10 +86,15 @@ pub(crate) fn decode_dropped(bytes: &[u8]) -> Result<u64, String> {
 }
 
 /// What a channel for a value is announced with.
-pub(crate) struct Announcement {
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Announcement {
+    /// What its messages are, for people.
     pub schema_name: String,
+    /// How the schema is written.
     pub schema_encoding: &'static str,
+    /// What viewers have to know to read its messages.
     pub schema: Vec<u8>,
+    /// How its messages are written.
     pub message_encoding: &'static str,
 }
 
@@ -103,6 +108,19 @@ impl Announcement {
                 Form::Drawn(shape) => Self::protobuf(shape.message_type()),
                 Form::Fields(description) => Self::json(type_.name(), schema::described(&description)),
                 Form::Bytes => Self::protobuf(&foxglove::BINARY),
+            },
+        }
+    }
+
+    /// The name of the schema of that channel; values with the same one and of the same type have the same channel.
+    pub fn schema_name(value: &ValueRef<'_>) -> Cow<'static, str> {
+        match *value {
+            ValueRef::Double(_) => DOUBLE.into(),
+            ValueRef::Text(_) => TEXT.into(),
+            ValueRef::Binary { type_, bytes } => match Form::of(type_, bytes) {
+                Form::Drawn(shape) => shape.message_type().full_name().into(),
+                Form::Fields(_) => type_.name().to_owned().into(),
+                Form::Bytes => foxglove::BINARY.full_name().into(),
             },
         }
     }
@@ -477,7 +495,7 @@ impl<'a> Json<'a> {
 }
 
 /// Seconds as MCAP counts them: whole nanoseconds, none before the epoch.
-pub(crate) fn nanoseconds(secs: f64) -> u64 {
+pub fn nanoseconds(secs: f64) -> u64 {
     (secs * 1e9).round() as u64
 }
 

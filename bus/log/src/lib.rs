@@ -20,6 +20,7 @@
 //! | [`selection`], [`mod@copy`], [`mod@check`], [`mod@diff`] | a part of a log; a log mended or shortened; is it whole; two logs compared |
 //! | [`alog`], [`csv`] | MOOS' own text logs, out and in; numbers for spreadsheets |
 //! | `foreign`, `plain` | what other tools have written into a log; JSON that is a number or a text |
+//! | [`shown`] | the same messages for viewers of a run that goes on |
 //! | `encoding`, `channel`, `schema`, `spatial`, `foxglove`, `protobuf` | how a message lies in a file |
 
 mod again;
@@ -54,6 +55,7 @@ mod schema;
 mod segment;
 mod segments;
 pub mod selection;
+pub mod shown;
 mod spatial;
 mod staging;
 mod summary;

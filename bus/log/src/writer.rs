@@ -21,6 +21,7 @@ use crate::head::{MAX_RECORD_BYTES, MESSAGE_HEAD, word};
 use crate::record::{Metadata, RecordRef};
 use crate::schema;
 use crate::segments;
+use crate::shown;
 use crate::spatial::Shape;
 use crate::staging::Staging;
 
@@ -186,15 +187,17 @@ impl LogWriter {
             (self.segment.started, self.segment.bytes) = (None, 0);
         }
         self.segment.has_room()?;
-        let refused =
-            |reason: String| LogError::Record { key: record.key.into(), source_name: record.source.into(), reason };
         self.buffer.clear();
-        encoding::encode(record, &mut self.buffer).map_err(refused)?;
+        shown::encode(record, &mut self.buffer)?;
         let message = std::mem::take(&mut self.buffer);
         let rotated = self.see_that_it_is_believed(&message);
         self.buffer = message;
         rotated?;
-        self.segment.append(record, &self.buffer).map_err(|error| refused(error.to_string()))
+        self.segment.append(record, &self.buffer).map_err(|error| LogError::Record {
+            key: record.key.into(),
+            source_name: record.source.into(),
+            reason: error.to_string(),
+        })
     }
 
     /// Writes a message of another tool as it is: `body` is its record, `channel` what it was announced by.

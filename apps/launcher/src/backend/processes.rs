@@ -500,7 +500,7 @@ impl Backend for Processes {
                 let wanted = Exchange { type_name, exec, params, folder };
                 self.swap(ticket, index, &wanted, time::duration(limit_secs));
             }
-            Order::Apps | Order::Pause | Order::Resume | Order::Step | Order::Leave => {}
+            Order::Apps | Order::Mission | Order::Pause | Order::Resume | Order::Step | Order::Leave => {}
         }
         self.act_all();
     }

@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 pub enum Order {
     /// Who runs?
     Apps,
+    /// Which mission is it, as it runs now?
+    Mission,
     /// Stop an app.
     Stop {
         /// Its name.
@@ -65,6 +67,11 @@ pub enum Answer {
     Apps {
         /// The launcher, the broker, and the apps.
         rows: Vec<AppRow>,
+    },
+    /// The mission, in the words that a launcher leaves for the next one.
+    Mission {
+        /// These words.
+        text: String,
     },
     /// It could not be done.
     Failed {

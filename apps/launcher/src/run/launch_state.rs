@@ -79,11 +79,6 @@ struct PolicyState {
     health_secs: Option<f64>,
 }
 
-/// The folder of the run that a community's launcher has left word of.
-pub fn run_folder(community: &Community) -> Option<PathBuf> {
-    LaunchState::kept(community).map(|state| state.folder)
-}
-
 impl LaunchState {
     /// That of a mission before anything is started.
     pub fn of(mission: &Mission, folder: &Path, manual: bool) -> Self {
@@ -162,7 +157,11 @@ impl LaunchState {
         Self::parse(&shm::kept(community, KEPT).ok()?).ok()
     }
 
-    fn parse(text: &[u8]) -> Result<Self, String> {
+    /// Understands such a text.
+    ///
+    /// # Errors
+    /// It is of another version; in words.
+    pub fn parse(text: &[u8]) -> Result<Self, String> {
         let state: Self = serde_json::from_slice(text)
             .map_err(|error| format!("what its launcher left word of is not understood: {error}"))?;
         match state.version {
