@@ -3,6 +3,7 @@
 //! | module | one idea |
 //! |---|---|
 //! | `model`, `world`, `journal`, `track` | what pages show, kept so that a late page skips what was overwritten |
+//! | `drawings` | what apps draw, as long as it is to be seen |
 //! | `live`, `recorded` | where it comes from: a community, a log |
 //! | `server`, `page`, `session`, `words`, `tail` | who may come, the page's files, one page, what it says, a text log |
 //! | `steering` | what pages can have done, behind a seam |
@@ -10,6 +11,7 @@
 //!
 //! What page and server say to each other is written down in `PROTOCOL.md`.
 
+mod drawings;
 mod error;
 mod journal;
 mod live;
