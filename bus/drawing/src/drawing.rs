@@ -2,7 +2,7 @@
 
 use elk_describe::{Describe, payload};
 
-use crate::limits::{self, Checked, EDGES_M, LIFETIMES_S, MAX_PIXELS, MAX_PRIMITIVES, MAX_VERTICES, SIZES_PX, holds};
+use crate::limits::{self, Checked, EDGES_M, LIFETIMES_S, MAX_PIXELS, MAX_PRIMITIVES, MAX_SIDE, MAX_VERTICES, SIZES_PX, holds};
 
 /// Red, green, blue and opacity, 0 to 255 each.
 pub type Colour = [u8; 4];
@@ -265,9 +265,11 @@ fn fits(primitive: &Primitive) -> Checked {
         | Primitive::Voxels { at, colours, .. } => (at, colours),
         Primitive::Text { .. } => return Ok(()),
         Primitive::Image { columns, pixels, .. } => {
-            let is_whole = *columns > 0 && pixels.len().is_multiple_of(*columns as usize) && !pixels.is_empty();
-            let found = format!("{} pixels in rows of {columns}", pixels.len());
-            return holds("pixels", is_whole, found, "one whole row at least, and whole rows");
+            let (columns, count) = (*columns as usize, pixels.len());
+            let is_whole = count > 0 && (1..=MAX_SIDE).contains(&columns) && count.is_multiple_of(columns);
+            let is = is_whole && count / columns <= MAX_SIDE;
+            let found = format!("{count} pixels in rows of {columns}");
+            return holds("pixels", is, found, "whole rows, 1 to 4096 of them, of 1 to 4096 pixels");
         }
     };
     let count = colours.0.len();

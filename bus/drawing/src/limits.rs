@@ -15,6 +15,8 @@ pub const MAX_PRIMITIVES: usize = 1024;
 pub const MAX_VERTICES: usize = 1 << 18;
 /// Pixels of a drawing, of all its images together (4 bytes each: 4 MB).
 pub const MAX_PIXELS: usize = 1 << 20;
+/// Pixels of an image's side: what every card can hold.
+pub const MAX_SIDE: usize = 4096;
 /// Bytes of a text that is drawn, and of what a key means.
 pub const MAX_TEXT: usize = 1024;
 /// Keys that an app declares.
