@@ -6,6 +6,7 @@ pub mod events;
 
 pub mod car;
 pub mod lab;
+pub mod page;
 pub mod running;
 pub mod skip;
 pub mod small;

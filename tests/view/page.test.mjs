@@ -361,7 +361,7 @@ pageTest("all of it works with keys", {}, async ({ page, mock }) => {
     await page.press("4");
     assert.equal(await page.eval("elk.world.shown.has('way')"), false);
     await page.press("6");
-    await heard(mock, ({ type, layers }) => type === "show" && layers.length === 0);
+    await heard(mock, ({ type, layers }) => type === "show" && !layers.includes("scan"));
     await page.press("[");
     assert(await page.eval("elk.world.clip !== null"));
     await page.press("\\");
