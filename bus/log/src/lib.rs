@@ -50,6 +50,7 @@ mod record;
 mod resync;
 mod said;
 mod salvage;
+mod scene;
 mod schema;
 mod segment;
 mod segments;
