@@ -107,7 +107,8 @@ fn a_stranger_s_sensor_explorer_and_app_run_are_seen_poked_and_swapped() {
     // Whoever looks sees what it draws, with what it means and the keys that it takes; one that is pressed reaches it.
     let mut page = Page::open(&elk);
     let drawn = page.wait_for_drawing("Geiger", "readings");
-    let kinds: Vec<&str> = drawn["primitives"].as_array().unwrap().iter().map(|one| one["kind"].as_str().unwrap()).collect();
+    let kinds: Vec<&str> =
+        drawn["primitives"].as_array().unwrap().iter().map(|one| one["kind"].as_str().unwrap()).collect();
     assert_eq!(kinds, ["points", "text"], "{drawn}");
     let goals = page.wait_for_message(|message| message["type"] == "keys" && message["rows"][0]["app"] == "Geiger");
     assert_eq!(goals["rows"][0]["meaning"], "ten times as much a count", "{goals}");

@@ -24,7 +24,11 @@ pub struct Page {
 impl Page {
     /// Starts a view of the community, and opens its page.
     pub fn open(elk: &Elk) -> Self {
-        let mut view = elk.command(&["view", "--port", "0", "--community", elk.community()]).stdout(Stdio::piped()).spawn().unwrap();
+        let mut view = elk
+            .command(&["view", "--port", "0", "--community", elk.community()])
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
         let mut line = String::new();
         BufReader::new(view.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let address = line.trim().trim_start_matches("http://").trim_end_matches('/');

@@ -2,7 +2,9 @@
 
 use elk_describe::{Describe, payload};
 
-use crate::limits::{self, Checked, EDGES_M, LIFETIMES_S, MAX_PIXELS, MAX_PRIMITIVES, MAX_SIDE, MAX_VERTICES, SIZES_PX, holds};
+use crate::limits::{
+    self, Checked, EDGES_M, LIFETIMES_S, MAX_PIXELS, MAX_PRIMITIVES, MAX_SIDE, MAX_VERTICES, SIZES_PX, holds,
+};
 
 /// Red, green, blue and opacity, 0 to 255 each.
 pub type Colour = [u8; 4];
