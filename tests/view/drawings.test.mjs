@@ -229,6 +229,7 @@ pageTest("keys of apps are in the help, can be pressed there, and a conflict is 
         "/late cannot have the key g \\(go\\): geiger has declared it already/.test(document.querySelector('#toasts').textContent)",
     );
     await page.press("?");
+    assert.equal(await page.eval("document.activeElement.textContent"), "Close", "no key of an app has the focus");
     const words = await page.eval("document.querySelector('#app-keys').textContent");
     assert.match(words, /ggeiger: ten times as much/);
     assert.match(words, /vlate cannot have the key v \(a vault\): the view has declared it already/);

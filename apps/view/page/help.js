@@ -41,7 +41,8 @@ export function help(dialog, appKeys) {
             make(
                 "form",
                 { method: "dialog", class: "buttons" },
-                make("button", { type: "submit", class: "primary", textContent: "Close" }),
+                // What has the focus when the help opens is not to be the first key of an app.
+                make("button", { type: "submit", class: "primary", textContent: "Close", autofocus: true }),
             ),
         ),
     );
