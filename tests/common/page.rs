@@ -1,5 +1,6 @@
 //! A page of `elk view`, as its server sees it.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::process::{Child, Stdio};
@@ -19,6 +20,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub struct Page {
     view: Child,
     socket: WebSocket<TcpStream>,
+    /// The last message of each type, other than frames.
+    last: BTreeMap<String, Value>,
 }
 
 impl Page {
@@ -36,7 +39,7 @@ impl Page {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let request = format!("ws://{address}/ws").into_client_request().unwrap();
         let (socket, _) = tungstenite::client(request, stream).unwrap();
-        Self { view, socket }
+        Self { view, socket, last: BTreeMap::new() }
     }
 
     /// Says something.
@@ -44,8 +47,11 @@ impl Page {
         self.socket.send(Message::text(message.to_string())).unwrap();
     }
 
-    /// The next message that is as wanted; frames are acknowledged meanwhile.
+    /// A message that is as wanted: the last one of its type, or the next; frames are acknowledged meanwhile.
     pub fn wait_for_message(&mut self, is_wanted: impl Fn(&Value) -> bool) -> Value {
+        if let Some(last) = self.last.values().find(|last| is_wanted(last)) {
+            return last.clone();
+        }
         self.wait_for(|message| match message {
             Message::Text(text) => serde_json::from_str(text).ok().filter(&is_wanted),
             _ => None,
@@ -68,11 +74,12 @@ impl Page {
         let waited = Stopwatch::start();
         while waited.elapsed() < PATIENCE {
             let message = self.socket.read().unwrap();
-            if let Message::Text(text) = &message
-                && let Ok(Value::Object(said)) = serde_json::from_str(text)
-                && said["type"] == "frame"
-            {
-                self.say(&json!({"type": "ack", "number": said["number"]}));
+            if let Message::Text(text) = &message {
+                let said: Value = serde_json::from_str(text).unwrap();
+                if said["type"] == "frame" {
+                    self.say(&json!({"type": "ack", "number": said["number"]}));
+                }
+                self.last.insert(said["type"].as_str().unwrap().to_owned(), said);
             }
             if let Some(taken) = take(&message) {
                 return taken;

@@ -44,18 +44,32 @@ pub(crate) fn tour(places: impl IntoIterator<Item = Point3<f64>>) -> Drawing {
     Drawing::new("tour").line_strip(places.iter().copied(), LINE).points(places.iter().skip(1).copied(), CHOSEN)
 }
 
-/// Streamlines (m), as they were followed; of very many corners the first ones.
-pub(crate) fn streamlines(lines: &[Vec<Point3<f64>>]) -> Drawing {
+/// Streamlines (m), with corners `spacing` (m) apart at least: they are followed in steps that nobody sees. Of very many corners
+/// the first ones are drawn.
+pub(crate) fn streamlines(lines: &[Vec<Point3<f64>>], spacing: f64) -> Drawing {
     let mut room = MOST_CORNERS;
     let mut drawing = Drawing::new("streamlines");
-    for line in lines.iter().filter(|line| line.len() > 1) {
-        let taken = line.len().min(room);
-        room -= taken;
-        if taken > 1 {
-            drawing = drawing.line_strip(line.iter().take(taken).map(place), LINE);
+    for line in lines {
+        let mut corners = spaced(line, spacing);
+        corners.truncate(room);
+        room -= corners.len();
+        if corners.len() > 1 {
+            drawing = drawing.line_strip(corners, LINE);
         }
     }
     drawing
+}
+
+/// The first corner of a line, those that are `spacing` (m) from the one before at least, and the last.
+fn spaced(line: &[Point3<f64>], spacing: f64) -> Vec<[f32; 3]> {
+    let mut taken: Vec<&Point3<f64>> = Vec::new();
+    for (i, corner) in line.iter().enumerate() {
+        let is_end = i + 1 == line.len();
+        if is_end || taken.last().is_none_or(|before| (corner - **before).norm() >= spacing) {
+            taken.push(corner);
+        }
+    }
+    taken.into_iter().map(place).collect()
 }
 
 /// ψ in the layer of voxels at the height of `at` (m, world), as an image with a pixel a voxel.
@@ -140,9 +154,12 @@ mod tests {
     #[test]
     fn very_many_corners_are_cut() {
         let line: Vec<Point3<f64>> = (0..15_000).map(|i| Point3::new(f64::from(i), 0.0, 0.0)).collect();
-        let drawing = streamlines(&[line.clone(), line.clone(), line]);
+        let drawing = streamlines(&[line.clone(), line.clone(), line.clone()], 0.1);
         let corners: Vec<usize> = drawing.primitives.iter().map(|one| one.size().0).collect();
         assert_eq!(corners, [15_000, 5_000]);
         drawing.checked().unwrap();
+        // Of those that lie close some do, and the last one.
+        let [Primitive::Lines { at, .. }] = &streamlines(&[line[..12].to_vec()], 5.0).primitives[..] else { panic!() };
+        assert_eq!(at.iter().map(|place| place[0]).collect::<Vec<_>>(), [0.0, 5.0, 10.0, 11.0]);
     }
 }

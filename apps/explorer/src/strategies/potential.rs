@@ -180,7 +180,7 @@ impl Strategy for Potential {
         }
         journal.count("stalls", ways.stalled);
         journal.draw(|| pictures::slice(self.domain.domain(), view.from, view.space.resolution()));
-        journal.draw(|| pictures::streamlines(&ways.lines));
+        journal.draw(|| pictures::streamlines(&ways.lines, view.space.resolution()));
         ways.shortest.filter(|_| !journal.is_to_stop()).map(|(_, route)| route)
     }
 }
