@@ -37,6 +37,7 @@ mod numbering;
 mod recall;
 pub mod rejection;
 pub mod request;
+mod shown;
 #[cfg(feature = "tokio")]
 pub mod stream;
 pub mod subscription;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableKind};
@@ -79,7 +79,7 @@ impl<'a> Following<'a> {
         let mut asked = Stopwatch::start();
         self.register_wanted(wants)?;
         while !stop.load(Ordering::Relaxed) {
-            while let Some(command) = next(commands) {
+            while let Ok(command) = commands.try_recv() {
                 match command {
                     Command::Want(wanted) => {
                         *wants = wanted;
@@ -158,13 +158,5 @@ impl<'a> Following<'a> {
         }
         self.registered = wanted;
         self.client.comms.flush()
-    }
-}
-
-/// What pages want done, if there is anything.
-fn next(commands: &Receiver<Command>) -> Option<Command> {
-    match commands.try_recv() {
-        Ok(command) => Some(command),
-        Err(TryRecvError::Empty | TryRecvError::Disconnected) => None,
     }
 }

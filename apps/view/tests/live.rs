@@ -260,6 +260,15 @@ fn orders_are_done_and_answered_unless_pages_only_look() {
     assert_eq!(lab.orders.lock().unwrap().len(), 0);
 }
 
+/// Takes frames until a page has a drawing, or has not.
+fn wait_for_drawing(page: &mut Page, app: &str, name: &str, is_there: bool) {
+    let (title, waited) = ((app.to_owned(), name.to_owned()), Stopwatch::start());
+    while page.drawings.contains_key(&title) != is_there {
+        assert!(waited.elapsed() < PATIENCE, "{app}/{name} is there: {}; of {:?}", !is_there, page.drawings.keys());
+        page.next("frame");
+    }
+}
+
 fn line(name: &str) -> Drawing {
     Drawing::new(name).line_strip([[0.0; 3], [1.0, 0.0, 0.0]], [255, 0, 0, 255])
 }
@@ -280,21 +289,21 @@ fn what_apps_draw_is_there_however_late_a_page_comes_and_goes_when_it_is_over() 
     painter.comms.draw(&line("before")).unwrap();
     painter.comms.flush().unwrap();
     let mut page = lab.page();
-    page.wait_for_drawing("painter", "before", true);
+    wait_for_drawing(&mut page, "painter", "before", true);
     watched(&mut painter, true);
     painter.comms.draw(&line("mark").text([0.0; 3], "hall", [1; 4])).unwrap();
     painter.comms.draw(&line("brief").lasting(0.3)).unwrap();
     painter.comms.flush().unwrap();
-    page.wait_for_drawing("painter", "mark", true);
+    wait_for_drawing(&mut page, "painter", "mark", true);
     let said = &page.drawings[&("painter".to_owned(), "mark".to_owned())];
     assert_eq!(said["primitives"][1]["text"], "hall", "{said}");
     // One that is brief comes and goes; a page may have missed it.
-    page.wait_for_drawing("painter", "brief", false);
+    wait_for_drawing(&mut page, "painter", "brief", false);
     painter.comms.draw(&Drawing::new("mark")).unwrap();
     painter.comms.flush().unwrap();
-    page.wait_for_drawing("painter", "mark", false);
+    wait_for_drawing(&mut page, "painter", "mark", false);
     let mut late = lab.page();
-    late.wait_for_drawing("painter", "before", true);
+    wait_for_drawing(&mut late, "painter", "before", true);
     // What is no drawing is an event, and the next one is taken.
     painter.comms.notify("DRAWING/painter/odd", "a line").unwrap();
     painter.comms.draw(&line("last")).unwrap();
@@ -302,14 +311,14 @@ fn what_apps_draw_is_there_however_late_a_page_comes_and_goes_when_it_is_over() 
     while !page.last("event")["text"].as_str().unwrap().contains("DRAWING/painter/odd by painter") {
         page.next("event");
     }
-    page.wait_for_drawing("painter", "last", true);
+    wait_for_drawing(&mut page, "painter", "last", true);
     // An app that has gone leaves nothing, but what goes by itself.
     painter.comms.draw(&line("awhile").lasting(3600.0)).unwrap();
     drop(painter);
-    page.wait_for_drawing("painter", "before", false);
-    page.wait_for_drawing("painter", "awhile", true);
+    wait_for_drawing(&mut page, "painter", "before", false);
+    wait_for_drawing(&mut page, "painter", "awhile", true);
     let mut later = lab.page();
-    later.wait_for_drawing("painter", "awhile", true);
+    wait_for_drawing(&mut later, "painter", "awhile", true);
     assert_eq!(later.drawings.len(), 1, "{:?}", later.drawings.keys());
 }
 

@@ -52,8 +52,7 @@ pub(crate) fn text(text: &str) -> Checked {
 
 /// A place, or a vector (m).
 pub(crate) fn place(place: &[f32; 3]) -> Checked {
-    // A comparison with what is no number is false.
-    let far = place.iter().find(|c| !(c.abs() <= FARTHEST_M));
+    let far = place.iter().find(|c| !(-FARTHEST_M..=FARTHEST_M).contains(*c));
     far.map_or(Ok(()), |far| Err(Invalid::new("", far, "a coordinate within 1e5 m")))
 }
 

@@ -103,15 +103,6 @@ impl Page {
         }
     }
 
-    /// Takes frames until it has a drawing, or has not.
-    pub fn wait_for_drawing(&mut self, app: &str, name: &str, is_there: bool) {
-        let (title, waited) = ((app.to_owned(), name.to_owned()), Stopwatch::start());
-        while self.drawings.contains_key(&title) != is_there {
-            assert!(waited.elapsed() < PATIENCE, "{app}/{name} is there: {}; of {:?}", !is_there, self.drawings.keys());
-            self.next("frame");
-        }
-    }
-
     /// Occupied voxels.
     pub fn occupied(&self) -> u32 {
         self.bricks.values().sum()
