@@ -8,6 +8,7 @@ use std::process::Command;
 use std::sync::Once;
 
 use common::lab::hear;
+use common::page::Page;
 use common::{Elk, summary_of};
 use elk_bus::Value as BusValue;
 use serde_json::Value;
@@ -103,6 +104,23 @@ fn a_stranger_s_sensor_explorer_and_app_run_are_seen_poked_and_swapped() {
     let is_tenfold = || (gain(&latest(&elk, "RADIATION")) - 10.0).abs() < 1e-9;
     hear(&mut listener, "readings of ten times as much", |_| is_tenfold().then_some(()));
 
+    // Whoever looks sees what it draws, with what it means and the keys that it takes; one that is pressed reaches it.
+    let mut page = Page::open(&elk);
+    let drawn = page.wait_for_drawing("Geiger", "readings");
+    let kinds: Vec<&str> =
+        drawn["primitives"].as_array().unwrap().iter().map(|one| one["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["points", "text"], "{drawn}");
+    let goals = page.wait_for_message(|message| message["type"] == "keys" && message["rows"][0]["app"] == "Geiger");
+    assert_eq!(goals["rows"][0]["meaning"], "ten times as much a count", "{goals}");
+    page.say(&serde_json::json!({
+        "type": "press", "id": 1, "app": "Geiger", "key": "g", "shift": false, "alt": false,
+    }));
+    let answer = page.wait_for_message(|message| message["type"] == "answer");
+    assert_eq!(answer["ok"], true, "{answer}");
+    let is_hundredfold = || (gain(&latest(&elk, "RADIATION")) - 100.0).abs() < 1e-9;
+    hear(&mut listener, "readings of a hundred times as much", |_| is_hundredfold().then_some(()));
+    drop(page);
+
     // Swapped for one of its kind, the explorer goes on with its own memory; for another it does not, and that is said.
     assert_eq!(latest(&elk, "EXPLORER_MEMORY")["strategy"], "Magpie");
     let remembered = latest(&elk, "EXPLORER_MEMORY_Magpie");
@@ -149,6 +167,8 @@ fn what_a_stranger_says_is_recorded_drawn_exported_and_replayed_to_the_bit() {
     let schema = |name: &str| topics.iter().find(|topic| topic["name"] == name).map(|topic| topic["schema"].clone());
     assert_eq!(schema("RADIATION"), Some("foxglove.PoseInFrame".into()), "{info}");
     assert_eq!(schema("EXPLORER_GOALS"), Some("foxglove.PosesInFrame".into()), "{info}");
+    assert_eq!(schema("DRAWING/Geiger/readings"), Some("foxglove.SceneUpdate".into()), "{info}");
+    assert!(schema("KEYS/Geiger").is_some(), "{info}");
     let csv = told(&["log", "export", &old, "--to", "csv", "-o", "-"]);
     for column in ["RADIATION.rate,Geiger,", "RADIATION.tubes[1].rate,Geiger,", "EXPLORER_GOALS.weighed,Explorer,"] {
         assert!(csv.contains(column), "{column} is not in the table");

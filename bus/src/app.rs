@@ -50,6 +50,12 @@ pub trait App: Send {
         Ok(())
     }
 
+    /// Called when somebody begins to look at what the app draws, if it has ever asked whether anybody does
+    /// ([`Comms::is_watched`]): what there is to see is drawn here ([`Comms::draw`]).
+    fn draw(&mut self, _comms: &mut Comms) -> Result<(), AppError> {
+        Ok(())
+    }
+
     /// Called on the way out, while the bus is still there.
     fn on_stop(&mut self, _comms: &mut Comms) -> Result<(), AppError> {
         Ok(())
@@ -186,6 +192,7 @@ fn leave(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
     };
     app.on_stop(&mut client.comms)?;
     rest?;
+    client.comms.take_down()?;
     Ok(client.comms.say_goodbye()?)
 }
 
@@ -201,6 +208,12 @@ fn receive(app: &mut dyn App, client: &mut Client, pause: Duration) -> Result<us
 
 /// Gives the app a message. One that it cannot use does not end it: the next one may be better.
 fn give(app: &mut dyn App, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
+    if comms.take_newly_watched() {
+        app.draw(comms)?;
+    }
+    if !comms.is_for_app(mail) {
+        return Ok(());
+    }
     app.on_new_mail(comms, mail).or_else(|failure| comms.pass_over(mail, failure))
 }
 

@@ -1,6 +1,6 @@
 //! What a client says: publishes, registers.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::io::Write;
 
 use crate::ClockSetting;
@@ -8,9 +8,13 @@ use crate::clock::{Clock, monotonic_nanos};
 use crate::codec::{self, EncodeError};
 use crate::community::Community;
 use crate::complaints::Complaints;
+use crate::easel::Easel;
 use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
+use crate::mail::Mail;
+use crate::numbering::Numbering;
 use crate::outbox::{BATCH_BYTES, Outbox};
+use crate::pattern;
 use crate::subscription::{Carries, Subscribe, Terms};
 use crate::types::TypeRef;
 use crate::value::{Value, ValueRef};
@@ -115,12 +119,16 @@ pub struct Comms {
     /// What this client's app has rejected, and what of its own the broker has refused.
     pub(crate) rejections: Complaints,
     pub(crate) refusals: Complaints,
+    /// What it draws, and which keys it takes.
+    pub(crate) easel: Easel,
     stopping: bool,
     epoch: u64,
 }
 
 /// A registration.
 struct Asked {
+    /// The client has made it for what it does of itself; its app is not given what comes of it.
+    for_itself: bool,
     /// Its number in the order in which they were made.
     number: u64,
     interval_secs: f64,
@@ -164,6 +172,7 @@ impl Comms {
             dropped: 0,
             rejections: Complaints::default(),
             refusals: Complaints::default(),
+            easel: Easel::default(),
             stopping: false,
             epoch: link.epoch,
         };
@@ -254,6 +263,23 @@ impl Comms {
     }
 
     pub(crate) fn register_for(&mut self, terms: &Terms) -> Result<(), CommsError> {
+        self.ask(terms, false)
+    }
+
+    /// Registers for what the client does of itself: its app is not given what comes of it.
+    pub(crate) fn register_for_itself(&mut self, what: impl Subscribe) -> Result<(), CommsError> {
+        self.ask(&what.subscription().terms, true)
+    }
+
+    /// Whether the app has registered for a message.
+    pub(crate) fn is_registered_for(&self, mail: &Mail<'_>) -> bool {
+        let fits = |(keys, sources): &(String, String)| {
+            pattern::matches(keys, mail.key()) && pattern::matches(sources, mail.source())
+        };
+        self.registrations.iter().any(|(patterns, asked)| !asked.for_itself && fits(patterns))
+    }
+
+    fn ask(&mut self, terms: &Terms, for_itself: bool) -> Result<(), CommsError> {
         short([terms.keys.as_str(), &terms.sources])?;
         let expects = match terms.carries {
             Carries::Anything => Expects::Anything,
@@ -266,7 +292,8 @@ impl Comms {
         };
         self.registered += 1;
         let flags = if terms.lossless { LOSSLESS } else { 0 };
-        let asked = Asked { number: self.registered, interval_secs: terms.interval.as_secs_f64(), flags, expects };
+        let asked =
+            Asked { for_itself, number: self.registered, interval_secs: terms.interval.as_secs_f64(), flags, expects };
         let header = asked.header(FrameKind::Register);
         self.registrations.insert((terms.keys.clone(), terms.sources.clone()), asked);
         self.say_registration(&header, terms)
@@ -556,63 +583,5 @@ impl Asked {
             Expects::Values(type_) => (ValueKind::Binary, type_),
         };
         Header { flags: self.flags | TYPED, value_kind, type_, ..header }
-    }
-}
-
-/// The numbers that names have on this client's way up.
-struct Numbering {
-    what: Named,
-    first: u32,
-    /// In the order of their numbers, each with a type's layout and its description.
-    names: Vec<(String, u64, String)>,
-    known: HashMap<String, Vec<(u64, u32)>>,
-    /// The name of the message before, its layout and its number: mostly the one that is asked for.
-    last: Option<(String, u64, u32)>,
-}
-
-impl Numbering {
-    fn new(what: Named, first: u32) -> Self {
-        Self { what, first, names: Vec::new(), known: HashMap::new(), last: None }
-    }
-
-    /// The number of a name; a new one is introduced to the broker in `batch`.
-    fn number(&mut self, batch: &mut Vec<u8>, name: &str) -> u32 {
-        self.number_of(batch, (name, 0), String::new)
-    }
-
-    /// The number of a name with a layout; with a new one goes what `describe` says of it.
-    fn number_of(
-        &mut self,
-        batch: &mut Vec<u8>,
-        (name, layout): (&str, u64),
-        describe: impl FnOnce() -> String,
-    ) -> u32 {
-        if let Some((last, last_layout, number)) = &self.last
-            && (last.as_str(), *last_layout) == (name, layout)
-        {
-            return *number;
-        }
-        let known = self.known.get(name).and_then(|all| all.iter().find(|(l, _)| *l == layout));
-        let number = match known {
-            Some((_, number)) => *number,
-            None => self.introduce(batch, name, layout, describe()),
-        };
-        self.last = Some((name.to_owned(), layout, number));
-        number
-    }
-
-    fn introduce(&mut self, batch: &mut Vec<u8>, name: &str, layout: u64, description: String) -> u32 {
-        let number = self.first + self.names.len() as u32;
-        wire::put_definition(batch, self.what, number, name, layout, &description);
-        self.names.push((name.to_owned(), layout, description));
-        self.known.entry(name.to_owned()).or_default().push((layout, number));
-        number
-    }
-
-    /// Introduces all names, to a broker that knows none of them.
-    fn introduce_all(&self, batch: &mut Vec<u8>) {
-        for (number, (name, layout, description)) in (self.first..).zip(&self.names) {
-            wire::put_definition(batch, self.what, number, name, *layout, description);
-        }
     }
 }

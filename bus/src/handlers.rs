@@ -51,6 +51,7 @@
 
 use std::time::Duration;
 
+use elk_drawing::{KeyPress, KeyTable, KeyUse, variables};
 use elk_proto::rejection::Rejection;
 
 use crate::app::App;
@@ -70,10 +71,13 @@ pub struct Handlers<S> {
     iterate: Act<S>,
     period: Option<Duration>,
     stop: Act<S>,
+    draw: Option<Act<S>>,
+    keys: Vec<(KeyUse, OnKey<S>)>,
     gathering: Option<Duration>,
 }
 
 type Act<S> = Box<dyn Fn(&mut S, &mut Comms) -> Result<(), AppError> + Send>;
+type OnKey<S> = Box<dyn Fn(&mut S, &mut Comms, &KeyPress) -> Result<(), AppError> + Send>;
 type React<S> = Box<dyn Fn(&mut S, &mut Comms, &Mail<'_>) -> Result<(), AppError> + Send>;
 
 struct Row<S> {
@@ -112,6 +116,8 @@ impl<S> Default for Handlers<S> {
             iterate: nothing(),
             period: None,
             stop: nothing(),
+            draw: None,
+            keys: Vec::new(),
             gathering: None,
         }
     }
@@ -227,6 +233,29 @@ impl<S> Handlers<S> {
         self
     }
 
+    /// Calls `then` when somebody begins to look at what the app draws (see [`App::draw`]).
+    pub fn draw<E: Into<AppError>>(
+        mut self,
+        then: impl Fn(&mut S, &mut Comms) -> Result<(), E> + Send + 'static,
+    ) -> Self {
+        self.draw = Some(act(then));
+        self
+    }
+
+    /// Takes a key, and calls `then` when it is pressed; `meaning` is what people are shown (see [`Comms::take_keys`]).
+    pub fn on_key<E: Into<AppError>>(
+        mut self,
+        key: &str,
+        meaning: &str,
+        then: impl Fn(&mut S, &mut Comms, &KeyPress) -> Result<(), E> + Send + 'static,
+    ) -> Self {
+        let declared = KeyUse { key: key.to_owned(), meaning: meaning.to_owned() };
+        let on_key =
+            move |app: &mut S, comms: &mut Comms, press: &KeyPress| then(app, comms, press).map_err(Into::into);
+        self.keys.push((declared, Box::new(on_key)));
+        self
+    }
+
     /// Lets mail gather for so long (see [`App::gathering`]).
     pub fn gathering(mut self, time: Duration) -> Self {
         self.gathering = Some(time);
@@ -307,13 +336,30 @@ impl<S: Send> App for Handled<S> {
         for terms in self.table.of(When::Always).filter(|terms| !self.recall.is_for(terms)) {
             comms.register_for(terms)?;
         }
-        if self.waits_for_mark { Ok(recall::ask_for_mark(comms)?) } else { Ok(()) }
+        if self.waits_for_mark {
+            recall::ask_for_mark(comms)?;
+        }
+        if !self.table.keys.is_empty() {
+            comms.take_keys(&KeyTable { keys: self.table.keys.iter().map(|(key, _)| key.clone()).collect() })?;
+        }
+        if self.table.draw.is_some() {
+            comms.is_watched()?;
+        }
+        Ok(())
     }
 
     fn on_new_mail(&mut self, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
         self.end_recall(comms, mail)?;
         if self.waits_for_mark && recall::is_mark(mail) {
             self.catch_up(comms)?;
+        }
+        if !self.table.keys.is_empty() && mail.is(&variables::key_press(comms.name())) {
+            let press = mail.decode(&variables::key_press(comms.name()))?;
+            let Some((_, then)) = self.table.keys.iter().find(|(key, _)| key.key == press.key) else {
+                return Err(Rejection::new(format_args!("{:?} is no key of this app's", press.key)).into());
+            };
+            then(&mut self.state, comms, &press)?;
+            return (self.table.after_each)(&mut self.state, comms);
         }
         let Some(row) = self.table.row(&self.recall, mail) else {
             let unheard_of = || Rejection::new("it is registered for, but no row of the app's table is for it");
@@ -329,6 +375,10 @@ impl<S: Send> App for Handled<S> {
 
     fn on_stop(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         (self.table.stop)(&mut self.state, comms)
+    }
+
+    fn draw(&mut self, comms: &mut Comms) -> Result<(), AppError> {
+        self.table.draw.as_ref().map_or(Ok(()), |then| then(&mut self.state, comms))
     }
 
     fn tick_period(&self) -> Option<Duration> {

@@ -211,6 +211,7 @@ impl Inbox {
         match self.names.mail(&mut *self.down, frame) {
             Ok(mail) => {
                 self.seen.note(&frame.header, mail.key(), mail.source());
+                comms.note_word(&mail)?;
                 on_mail(comms, &mail)
             }
             Err(Unreadable::Damaged(why)) => {

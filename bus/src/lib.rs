@@ -7,6 +7,7 @@
 //! | [`comms`], [`inbox`] | what a client says, and what it hears | |
 //! | [`subscription`] | what a client wants to hear, and how | |
 //! | [`client`], [`app`] | both ends together; MOOS' three callbacks | |
+//! | [`drawing`] | what apps draw, and the keys that they take | `elk-drawing` |
 //! | [`handlers`] | an app as one table: what it hears, does and remembers | |
 //! | [`request`] | questions and answers: two variables, told apart by who asked which | |
 //! | [`event_loop`] | a client in somebody's event loop: a descriptor that is readable when mail waits | |
@@ -25,15 +26,18 @@ pub mod app;
 pub mod client;
 pub mod comms;
 mod complaints;
+mod easel;
 pub mod event_loop;
 mod failure;
 pub mod handlers;
 pub mod inbox;
 pub mod launched;
 pub mod memory;
+mod numbering;
 mod recall;
 pub mod rejection;
 pub mod request;
+mod shown;
 #[cfg(feature = "tokio")]
 pub mod stream;
 pub mod subscription;
@@ -43,6 +47,7 @@ use std::sync::atomic::AtomicBool;
 pub use app::{App, RunError, begin_app, run_app_on, take_turn};
 pub use client::Client;
 pub use comms::{Comms, CommsError, Drive, Origin};
+pub use easel::MAX_DRAWINGS;
 /// What [`payload`] derives besides: a type says what its bytes are, and what every value of it has to keep to.
 pub use elk_describe as describe;
 /// Makes a struct or an enum travel: as the value of a [`Key`], or as a field of one.
@@ -67,6 +72,8 @@ pub use elk_describe as describe;
 /// What borrows from a message in shared memory has one lifetime.
 pub use elk_describe::payload;
 pub use elk_describe::{Describe, Description, Invalid};
+/// What apps draw ([`Comms::draw`]), and the keys that they take ([`Comms::take_keys`]).
+pub use elk_drawing as drawing;
 pub use elk_os::child;
 pub use elk_os::clock::{self, Clock};
 pub use elk_os::limits::let_owner_in;

@@ -1,5 +1,7 @@
 //! The examples run, and come to what they say.
 
+#[path = "../examples/beacon.rs"]
+mod beacon;
 #[path = "../examples/described.rs"]
 mod described;
 #[path = "../examples/event_loop.rs"]
@@ -10,6 +12,11 @@ mod hello;
 mod question;
 #[path = "../examples/successor.rs"]
 mod successor;
+
+#[test]
+fn an_app_draws_and_takes_a_key() {
+    beacon::main().unwrap();
+}
 
 #[test]
 fn one_says_where_it_is_and_the_other_hears_it() {

@@ -7,6 +7,7 @@ pub mod events;
 pub mod browser;
 pub mod car;
 pub mod lab;
+pub mod page;
 pub mod running;
 pub mod skip;
 pub mod small;

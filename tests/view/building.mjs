@@ -272,6 +272,22 @@ export function bricksMessage(resolution, bricks) {
     return Buffer.concat([head, ...parts]);
 }
 
+/** A drawing: primitives of `{kind, at: [[x, y, z] …], colours: [[r, g, b, a] …], …}`. */
+export function drawingMessage(app, name, primitives, frame = "world") {
+    const said = primitives.map(({ at, colours, ...rest }) => ({ ...rest, places: at.length, colours: colours.length }));
+    const words = Buffer.from(JSON.stringify({ app, name, frame, primitives: said }));
+    const head = Buffer.alloc(8 + 4 * Math.ceil(words.length / 4), " ");
+    head.fill(0, 0, 8);
+    head[0] = 3;
+    head.writeUInt32LE(words.length, 4);
+    words.copy(head, 8);
+    const data = primitives.flatMap(({ at, colours }) => [
+        Buffer.from(new Float32Array(at.flat()).buffer),
+        Buffer.from(colours.flat()),
+    ]);
+    return Buffer.concat([head, ...data]);
+}
+
 export function scanMessage(points) {
     const head = Buffer.alloc(8);
     head[0] = 2;

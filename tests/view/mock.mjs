@@ -104,6 +104,7 @@ class Viewer {
         socket.onmessage = text => this.#take(JSON.parse(text));
         this.send(mock.hello());
         if (mock.summary) this.send({ type: "end", summary: mock.summary });
+        for (const message of mock.shown) this.send(message);
     }
 
     send(message) {
@@ -119,6 +120,8 @@ class Viewer {
         if (message.type === "logs") Object.assign(this, { log: message.app, logLines: 0 });
         if (message.type === "types") this.send({ type: "types", id: message.id, elements: ELEMENTS });
         if (message.type === "order") mock.order(this, message);
+        if (message.type === "press")
+            this.send({ type: "answer", id: message.id, ok: true, text: `${message.app} is told of ${message.key}` });
         if (message.type === "poke")
             this.send({ type: "answer", id: message.id, ok: true, text: `${message.key} is ${message.value}` });
         if (message.type === "play")
@@ -202,6 +205,8 @@ class Viewer {
 export class Mock {
     /** All that pages have sent, in order. */
     received = [];
+    /** Drawings and keys, which a page is sent when it comes. */
+    shown = [];
     viewers = new Set();
     scan = 0;
     tick = 0;

@@ -4,67 +4,21 @@
 
 import assert from "node:assert/strict";
 import { readFile, readdir } from "node:fs/promises";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { gzipSync } from "node:zlib";
 
-import { Browser, until } from "./browser.mjs";
+import { Browser } from "./browser.mjs";
 import { Run, bricksMessage } from "./building.mjs";
+import { MIDDLE, browser, click, clickText, heard, pageTest, run } from "./harness.mjs";
 import { Mock } from "./mock.mjs";
 
-const NO_SKIPS = (process.env.ELK_NO_SKIPS ?? "").split(/[\s,]+/);
 const PAGE = fileURLToPath(new URL("../../apps/view/page/", import.meta.url));
-/** Where the mission stands when a test begins: a scan in the middle. */
-const MIDDLE = 60;
-
-const run = Run.explored(2, 2);
-let browser;
-const open = [];
-
-before(async () => {
-    browser = await Browser.start();
-    if (!browser && NO_SKIPS.some(need => ["1", "chromium"].includes(need))) throw new Error("chromium is missing");
-});
-after(() => browser?.close());
-
-/** A test with a mock mission that stands still, and a page that looks at it. */
-function pageTest(name, options, body) {
-    test(name, async t => {
-        if (!browser) return t.skip("chromium is missing");
-        const mock = new Mock(options.run ?? run, options);
-        mock.scan = Math.min(MIDDLE, mock.run.length - 1);
-        mock.paused = true;
-        if (mock.timeline) mock.timeline.playing = false;
-        const url = await mock.listen();
-        const { errors } = browser;
-        errors.length = 0;
-        const page = await browser.open(url, options.page);
-        open.push(page);
-        try {
-            await page.until("elk.stage.whenFirst");
-            await body({ page, mock, url });
-            assert.deepEqual(errors, [], "errors on the page");
-        } finally {
-            await page.close();
-            await mock.close();
-        }
-    });
-}
-
-/** Waits for the mock to have heard what `matches`. */
-function heard(mock, matches) {
-    return until(() => mock.received.find(matches), `a message as in ${matches}`);
-}
 
 const order =
     command =>
     ({ type, order }) =>
         type === "order" && order.command === command;
-const click = (page, selector) =>
-    page.until(`(() => { const at = document.querySelector(${JSON.stringify(selector)}); at.click(); return true })()`);
-const clickText = (page, within, text) =>
-    page.until(`(() => {
-    [...document.querySelectorAll(${JSON.stringify(within)})].find(at => at.textContent === ${JSON.stringify(text)}).click(); return true })()`);
 
 /** The voxels of a plane, as one sorted text: of the page, and of the run. */
 function voxelsOfPage(page, plane) {
@@ -407,7 +361,7 @@ pageTest("all of it works with keys", {}, async ({ page, mock }) => {
     await page.press("4");
     assert.equal(await page.eval("elk.world.shown.has('way')"), false);
     await page.press("6");
-    await heard(mock, ({ type, layers }) => type === "show" && layers.length === 0);
+    await heard(mock, ({ type, layers }) => type === "show" && !layers.includes("scan"));
     await page.press("[");
     assert(await page.eval("elk.world.clip !== null"));
     await page.press("\\");

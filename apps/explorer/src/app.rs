@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use elk_bus::clock::thread_cpu_secs;
+use elk_bus::drawing::Drawing;
 use elk_bus::{App, AppError, Comms, Handlers, Mail, Origin, Rejection, any, asked_to_stop, number, tell};
 use elk_geometry::clearance::Clearance;
 use elk_geometry::delta::Changes;
@@ -90,6 +91,7 @@ pub fn app(params: &Params, strategy: Box<dyn Strategy>) -> Result<Box<dyn App>,
         said_full: false,
         requests: Requests::default(),
         plan: None,
+        drawn: Vec::new(),
     };
     Ok(Box::new(app.on_the_bus()))
 }
@@ -132,6 +134,8 @@ pub struct ExplorerApp {
     requests: Requests,
     /// The last plan, to be given again if it is asked for again.
     plan: Option<Plan>,
+    /// Names of what the strategy has drawn of it.
+    drawn: Vec<String>,
 }
 
 impl ExplorerApp {
@@ -156,6 +160,8 @@ impl ExplorerApp {
 
     fn introduce(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         tell(format_args!("{}: {}", comms.name(), self.explorer.describe()));
+        // Asked now, so that the answer is there before the first plan.
+        comms.is_watched()?;
         Ok(())
     }
 
@@ -277,7 +283,9 @@ impl ExplorerApp {
         if self.plan.as_ref().is_some_and(|plan| self.answers(plan, &request)) {
             return self.say(comms);
         }
+        self.explorer.watch(comms.is_watched()?);
         let plan = self.explorer.plan(self.replica.grid(), &request);
+        let drawings = self.explorer.take_drawings();
         if asked_to_stop() {
             // It was perhaps given up half-way.
             return Ok(());
@@ -296,7 +304,17 @@ impl ExplorerApp {
             comms.publish(&EXPLORER_GOALS, &candidates)?;
         }
         self.plan = Some(plan);
-        self.say(comms)
+        self.say(comms)?;
+        self.draw(comms, drawings)
+    }
+
+    /// Shows what the strategy has drawn, and no longer what it had drawn before.
+    fn draw(&mut self, comms: &mut Comms, drawings: Vec<Drawing>) -> Result<(), AppError> {
+        let names: Vec<String> = drawings.iter().map(|drawing| drawing.name.clone()).collect();
+        for over in std::mem::replace(&mut self.drawn, names).into_iter().filter(|name| !self.drawn.contains(name)) {
+            comms.draw(&Drawing::new(over))?;
+        }
+        drawings.iter().try_for_each(|drawing| Ok(comms.draw(drawing)?))
     }
 
     /// Whether a plan is an answer to a request. One that was answered already comes again if one of the two, who asks and

@@ -12,6 +12,7 @@ pub use settings::Settings;
 use std::borrow::Borrow;
 use std::collections::BTreeSet;
 
+use elk_bus::drawing::Drawing;
 use elk_bus::tell;
 use elk_geometry::frontier::Edges;
 use elk_geometry::{FrontierSet, OccupancyGrid, Polyline, Voxel, VoxelSet, mask};
@@ -173,6 +174,16 @@ impl Explorer {
         let weighed = std::mem::take(&mut self.weighed);
         let (request, from, count) = (request.id, request.pose, weighed.count);
         (count > 0).then(|| Candidates { request, revision, from, weighed: count, goals: weighed.into_goals() })
+    }
+
+    /// Whether anybody looks at what the strategy draws.
+    pub fn watch(&mut self, is_watched: bool) {
+        self.journal.watch(is_watched);
+    }
+
+    /// What the strategy has drawn of the last plan.
+    pub fn take_drawings(&mut self) -> Vec<Drawing> {
+        self.journal.take_drawings()
     }
 
     /// What a successor has to know, `plan` being the last one: never more than it believes, whatever this one was left; and

@@ -1,5 +1,7 @@
 //! What is booked while plans are made: seconds by phase, counters, and what was weighed.
 
+use elk_bus::MAX_DRAWINGS;
+use elk_bus::drawing::Drawing;
 use elk_spatial::checks::{LARGEST_SUM, MAX_COUNT, MAX_PHASES};
 use elk_spatial::messages::ExplorerMemory;
 
@@ -14,6 +16,9 @@ pub struct Journal {
     phases: Vec<(String, f64)>,
     counters: Vec<(String, u64)>,
     weighed: Weighed,
+    /// Whether anybody looks at what strategies draw.
+    is_watched: bool,
+    drawings: Vec<Drawing>,
     /// Plans for which the strategy had no answer and the closest goal was taken.
     pub fallbacks: u64,
 }
@@ -22,7 +27,8 @@ impl Journal {
     /// An empty one; `clock` gives the seconds of CPU that the thread has used.
     pub fn new(clock: fn() -> f64) -> Self {
         let (phases, counters) = (Vec::new(), Vec::new());
-        Self { clock, is_to_stop: || false, phases, counters, weighed: Weighed::default(), fallbacks: 0 }
+        let (weighed, drawings) = (Weighed::default(), Vec::new());
+        Self { clock, is_to_stop: || false, phases, counters, weighed, is_watched: false, drawings, fallbacks: 0 }
     }
 
     /// `is_to_stop` says whether the process is asked to stop.
@@ -84,6 +90,29 @@ impl Journal {
     /// The goals that were weighed since they were last taken.
     pub fn take_weighed(&mut self) -> Weighed {
         std::mem::take(&mut self.weighed)
+    }
+
+    /// Whether anybody looks at what strategies draw.
+    pub fn watch(&mut self, is_watched: bool) {
+        self.is_watched = is_watched;
+    }
+
+    /// Whether anybody looks: what is only to be drawn need not be kept for nobody.
+    pub fn is_watched(&self) -> bool {
+        self.is_watched
+    }
+
+    /// Shows what the strategy weighs, if anybody looks; what it draws under other names than before is gone with the next plan.
+    /// A plan is the same with and without.
+    pub fn draw(&mut self, drawing: impl FnOnce() -> Drawing) {
+        if self.is_watched && self.drawings.len() < MAX_DRAWINGS {
+            self.drawings.push(drawing());
+        }
+    }
+
+    /// What was drawn since this was last taken.
+    pub fn take_drawings(&mut self) -> Vec<Drawing> {
+        std::mem::take(&mut self.drawings)
     }
 
     /// Seconds of CPU by phase, in the order in which they first came.

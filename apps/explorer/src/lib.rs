@@ -29,6 +29,7 @@ pub mod explore;
 pub mod extent;
 pub mod goals;
 pub mod journal;
+mod pictures;
 pub mod policy;
 pub mod program;
 mod requests;

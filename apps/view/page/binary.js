@@ -1,7 +1,8 @@
-// The server's binary messages: bricks of voxels, and scans.
+// The server's binary messages: bricks of voxels, scans, and what apps draw.
 
 const BRICKS = 1;
 const SCAN = 2;
+const DRAWING = 3;
 /** Bytes of one plane of a brick: 8 × 8 × 8 bits. */
 const PLANE = 64;
 /** Planes of a brick, in the order of their bits. */
@@ -16,6 +17,8 @@ export function readBinary(buffer) {
             return readBricks(view);
         case SCAN:
             return readScan(view);
+        case DRAWING:
+            return readDrawing(view);
         default:
             return null;
     }
@@ -54,4 +57,40 @@ function readScan(view) {
     const count = view.byteLength >= 8 ? view.getUint32(4, true) : -1;
     if (view.byteLength !== 8 + 12 * count) throw new Error(`a scan of ${count} points in ${view.byteLength} bytes`);
     return { type: "scan", points: new Float32Array(view.buffer.slice(8)) };
+}
+
+/** Places that a kind of primitive has, if that is settled, and the numbers that are said of it. */
+const KINDS = {
+    points: { numbers: ["size"] },
+    lines: { numbers: ["width"] },
+    triangles: { numbers: [] },
+    voxels: { numbers: ["edge"] },
+    text: { numbers: ["size"], places: 1 },
+    image: { numbers: ["columns"], places: 3 },
+};
+
+/** `{app, name, frame, primitives: [{kind, at, colours, …}]}`: `at` has x, y, z of each place, `colours` four bytes each. */
+function readDrawing(view) {
+    const words = view.byteLength >= 8 ? view.getUint32(4, true) : Infinity;
+    if (8 + words > view.byteLength) throw new Error(`a drawing of ${words} bytes of words in ${view.byteLength}`);
+    const drawing = JSON.parse(new TextDecoder().decode(new Uint8Array(view.buffer, 8, words)));
+    const { app, name, frame, primitives } = drawing;
+    if (![app, name].every(text => typeof text === "string") || !["world", "robot"].includes(frame))
+        throw new Error("a drawing without app, name or frame");
+    let at = 8 + 4 * Math.ceil(words / 4);
+    const take = (Numbers, count) => {
+        const bytes = count * Numbers.BYTES_PER_ELEMENT;
+        if (!Number.isSafeInteger(count) || count < 0 || at + bytes > view.byteLength)
+            throw new Error(`${app}'s drawing ${name} ends before its numbers`);
+        at += bytes;
+        return new Numbers(view.buffer, at - bytes, count);
+    };
+    drawing.primitives = primitives.map(one => {
+        const kind = Object.hasOwn(KINDS, one.kind) ? KINDS[one.kind] : null;
+        if (!kind?.numbers.every(number => one[number] > 0) || one.places !== (kind.places ?? one.places))
+            throw new Error(`${app}'s drawing ${name} has a primitive that is none: ${one.kind}`);
+        return { ...one, at: take(Float32Array, 3 * one.places), colours: take(Uint8Array, 4 * one.colours) };
+    });
+    if (at !== view.byteLength) throw new Error(`${view.byteLength - at} bytes after ${app}'s drawing ${name}`);
+    return { ...drawing, type: "drawing" };
 }

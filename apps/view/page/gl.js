@@ -74,6 +74,22 @@ export class Vertices {
     }
 }
 
+/** As many times the same `vertices`, which the shader makes of `gl_VertexID`, as there is data: one piece each. */
+export class Instances extends Vertices {
+    constructor(gl, layout, vertices) {
+        super(gl, gl => {
+            layout(gl);
+            for (const place of [0, 1]) gl.vertexAttribDivisor(place, 1);
+        });
+        Object.assign(this, { vertices });
+    }
+
+    draw(count) {
+        this.gl.bindVertexArray(this.array);
+        this.gl.drawArraysInstanced(this.gl.TRIANGLES, 0, this.vertices, count);
+    }
+}
+
 /** The indices of any number of quads, of whose corners 0 to 3 the triangles are 0 1 2 and 2 1 3: one buffer for all. */
 export class QuadIndices {
     #gl;

@@ -19,7 +19,9 @@ const KEYS = [
     ["?", "this help"],
 ];
 
-export function help(dialog) {
+/** What opens the help; `appKeys` are those of the apps. */
+export function help(dialog, appKeys) {
+    const ofApps = make("dl", { class: "keys", id: "app-keys" });
     const rows = KEYS.flatMap(([keys, meaning]) => [
         make("dt", {}, make("kbd", { textContent: keys })),
         make("dd", { textContent: meaning }),
@@ -34,15 +36,27 @@ export function help(dialog) {
                 textContent: "Tab goes from one control to the next; the map takes arrow keys once it has the focus.",
             }),
             make("dl", { class: "keys" }, ...rows),
+            make("h2", { textContent: "Keys of the apps" }),
+            ofApps,
             make(
                 "form",
                 { method: "dialog", class: "buttons" },
-                make("button", { type: "submit", class: "primary", textContent: "Close" }),
+                // What has the focus when the help opens is not to be the first key of an app.
+                make("button", { type: "submit", class: "primary", textContent: "Close", autofocus: true }),
             ),
         ),
     );
     dialog.addEventListener("click", event => {
         if (event.target === dialog) dialog.close();
     });
-    return () => dialog.showModal();
+    const showKeys = () => {
+        const keys = appKeys.list();
+        ofApps.replaceChildren(...keys);
+        ofApps.previousElementSibling.hidden = keys.length === 0;
+    };
+    appKeys.watch(() => dialog.open && showKeys());
+    return () => {
+        showKeys();
+        dialog.showModal();
+    };
 }

@@ -1,5 +1,6 @@
 // The page: makes its parts, and gives keys and connection something to do.
 
+import { AppKeys } from "./appkeys.js";
 import { connection } from "./connection.js";
 import { help } from "./help.js";
 import { Link } from "./link.js";
@@ -38,6 +39,7 @@ const panels = Object.fromEntries(
 const events = new Events(panels.events, by("toasts"), link);
 const tell = (text, mood) => events.say(text, mood);
 const orders = new Orders(link, tell);
+const appKeys = new AppKeys(link, orders, tell);
 const plots = new Plots(link);
 const logs = logsPanel(panels.logs, { link });
 const variables = variablesPanel(panels.variables, { link, orders, plots, say: tell });
@@ -59,7 +61,7 @@ const steer = steering(bar, { link, orders });
 const line = timeline(bar, { link });
 const stage = new Stage({ link, world, tell });
 const nextTheme = theme(by("theme"));
-const openHelp = help(by("help"));
+const openHelp = help(by("help"), appKeys);
 by("help-button").addEventListener("click", openHelp);
 connection(link, events);
 
@@ -90,12 +92,17 @@ addEventListener("keydown", event => {
     const { target, key } = event;
     const inField = target.closest?.("input:not([type=checkbox]):not([type=range]), select, textarea, dialog[open]");
     const pressing = key === " " && target.closest?.("button, input, summary");
-    const action = KEYS[key.length === 1 ? key.toLowerCase() : key];
+    const named = key.length === 1 ? key.toLowerCase() : key;
+    const action = KEYS[named];
     // On some keyboards a bracket is typed with AltGr, which is no command to the browser.
-    const command = (event.ctrlKey || event.metaKey || event.altKey) && !event.getModifierState("AltGraph");
-    if (inField || pressing || !action || command) return;
+    const isTyped = event.getModifierState("AltGraph");
+    const command = (event.ctrlKey || event.metaKey) && !isTyped;
+    const alt = event.altKey && !isTyped;
+    if (inField || pressing || command) return;
+    if (action && alt) return;
+    if (!action && !appKeys.press(named, { shift: event.shiftKey, alt })) return;
     event.preventDefault();
-    action();
+    action?.();
 });
 
 /** What tests and measurements read. */
@@ -103,6 +110,8 @@ window.elk = {
     link,
     world,
     stage,
+    appKeys,
+    keys: Object.keys(KEYS),
     events,
     get occupied() {
         return world.voxels.occupied;

@@ -105,6 +105,8 @@ const SHAPES = {
     types: record({ id: index, elements: list(record({ element: text, types: list(appType) })) }),
     answer: record({ id: optional(index), ok: optional(flag), text }),
     timeline: record({ start: number, end: number, at: number, playing: flag, rate: number, looping: flag }),
+    drawings: record({ rows: list(record({ app: text, name: text })) }),
+    keys: record({ rows: list(record({ app: text, key: text, meaning: text, taken_by: optional(text) })) }),
     frame: record({ number: index }),
 };
 

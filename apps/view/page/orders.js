@@ -28,6 +28,11 @@ export class Orders {
         this.#send({ type: "poke", key, value }, { words: `Poke ${key}` });
     }
 
+    /** Presses a key that an app has declared; only that this failed is said. */
+    press({ app, key, meaning }, modifiers) {
+        this.#send({ type: "press", app, key, ...modifiers }, { words: `${app}, ${meaning}`, quiet: true });
+    }
+
     /** The elements with their types and parameters, asked for once a connection. */
     types() {
         this.#types ??= new Promise((resolve, reject) =>
@@ -47,7 +52,7 @@ export class Orders {
         if (ok !== null && ok !== undefined) this.#waiting.delete(id);
         const words = waiting ? `${waiting.words}: ${text}` : text;
         if (ok === false && waiting?.reject) this.#failed(waiting, text);
-        else this.say(words, ok === false ? "bad" : ok ? "good" : "");
+        else if (ok === false || !waiting?.quiet) this.say(words, ok === false ? "bad" : ok ? "good" : "");
     }
 
     #giveUp() {

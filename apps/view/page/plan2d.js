@@ -1,5 +1,6 @@
 // The 2-D view: the map from above, cut at a height, on a plain canvas. It is also what a browser without WebGL 2 gets.
 
+import { drawFlat } from "./drawnflat.js";
 import { css, mix, ofHeight } from "./palette.js";
 import { frustumOf } from "./robot.js";
 import { SIDE } from "./voxels.js";
@@ -45,6 +46,7 @@ export class Plan2d {
         if (shown.has("scan")) this.#drawScan(colours);
         if (shown.has("way")) this.#stroke(world.way, colours.way, 2);
         if (shown.has("plan")) this.#drawPlan(colours);
+        if (shown.has("drawings")) drawFlat(context, this.pixel, world);
         if (shown.has("robot") && world.robot) this.#drawRobot(colours);
         return this.#stale.size > 0;
     }

@@ -1,6 +1,7 @@
 // The 3-D view: a canvas with WebGL 2, and in which order what is drawn on it.
 
 import { Chunks } from "./chunks.js";
+import { Drawn } from "./drawn.js";
 import { QuadIndices, program } from "./gl.js";
 import { Overlay } from "./overlay.js";
 import * as shaders from "./shaders.js";
@@ -19,11 +20,13 @@ export class Scene {
         this.#start();
         this.chunks = new Chunks(this, world);
         this.overlay = new Overlay(this, world);
+        this.drawn = new Drawn(this, world);
         canvas.addEventListener("webglcontextlost", event => event.preventDefault());
         canvas.addEventListener("webglcontextrestored", () => {
             this.#start();
             this.chunks.restart();
             this.overlay.restart();
+            this.drawn.restart();
             camera.changed();
         });
     }
@@ -37,6 +40,8 @@ export class Scene {
             ]),
         );
         this.indices = new QuadIndices(gl);
+        // Where vertices have no tint of their own, the paint is as it is.
+        for (const place of [1, 2]) gl.vertexAttrib4f(place, 1, 1, 1, 1);
         gl.enable(gl.DEPTH_TEST);
         gl.enable(gl.CULL_FACE);
         gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
@@ -61,6 +66,7 @@ export class Scene {
         if (shown.has("way")) overlay.drawWay(colours);
         if (shown.has("plan")) overlay.drawPlan(colours);
         if (shown.has("robot") && robot) overlay.drawRobot(colours);
+        if (shown.has("drawings")) this.drawn.draw();
         if (shown.has("frontier")) chunks.drawFrontier(colours);
         if (shown.has("robot") && robot?.camera) overlay.drawFrustum(colours);
         return chunks.waiting > 0;

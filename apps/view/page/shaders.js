@@ -1,4 +1,4 @@
-// The shaders: faces of voxels, lines of some width, round points, and plain triangles.
+// The shaders: faces of voxels, lines of some width, round points, plain triangles, cubes, labels and images.
 
 import { RAMP_STEPS } from "./palette.js";
 
@@ -71,15 +71,18 @@ void main() {
 
 /** A line from `from` to `to` (m) of some pixels' width. */
 export const LINES = {
-    attributes: ["from", "to"],
+    attributes: ["from", "to", "tint"],
     vertex: `${CAMERA}
 in vec3 from;
 in vec3 to;
+in vec4 tint;
+flat out vec4 tinted;
 uniform vec2 pixels;
 uniform float width, bias;
 out float along;
 
 void main() {
+    tinted = tint;
     vec4 a = camera * vec4(from, 1.0), b = camera * vec4(to, 1.0);
     // What is behind the eye is cut off, lest it comes out on the other side.
     float near = 1e-4;
@@ -97,49 +100,124 @@ void main() {
 }`,
     fragment: `
 in float along;
+flat in vec4 tinted;
 uniform vec4 paint;
 uniform float dash;      // its length (m), or 0
 out vec4 colour;
 void main() {
     if (dash > 0.0 && fract(along / dash) > 0.6) discard;
-    colour = paint;
+    colour = paint * tinted;
 }`,
 };
 
 /** A disc of some pixels' size at each point. */
 export const POINTS = {
-    attributes: ["at"],
+    attributes: ["at", "tint"],
     vertex: `${CAMERA}
 in vec3 at;
+in vec4 tint;
+flat out vec4 tinted;
 uniform float size, bias;
 void main() {
+    tinted = tint;
     gl_Position = camera * vec4(at, 1.0);
     gl_Position.z -= bias * gl_Position.w;
     gl_PointSize = size;
 }`,
     fragment: `
+flat in vec4 tinted;
 uniform vec4 paint;
 out vec4 colour;
 void main() {
     if (distance(gl_PointCoord, vec2(0.5)) > 0.5) discard;
-    colour = paint;
+    colour = paint * tinted;
 }`,
 };
 
 /** Triangles with a shade each. */
 export const TRIANGLES = {
-    attributes: ["at", "shade"],
+    attributes: ["at", "shade", "tint"],
     vertex: `${CAMERA}
 in vec3 at;
 in float shade;
+in vec4 tint;
+flat out vec4 tinted;
 flat out float light;
 void main() {
+    tinted = tint;
     gl_Position = camera * vec4(at, 1.0);
     light = shade;
 }`,
     fragment: `
+flat in vec4 tinted;
 flat in float light;
 uniform vec4 paint;
 out vec4 colour;
-void main() { colour = vec4(paint.rgb * light, paint.a); }`,
+void main() { colour = paint * tinted * vec4(vec3(light), 1.0); }`,
+};
+
+/** A cube along the axes around each place, of 36 vertices. */
+export const CUBES = {
+    attributes: ["at", "tint"],
+    vertex: `${CAMERA}
+in vec3 at;
+in vec4 tint;
+uniform float edge;
+flat out vec4 tinted;
+
+void main() {
+    int face = gl_VertexID / 6, corner = (int[6](0, 1, 2, 2, 1, 3))[gl_VertexID % 6];
+    int axis = face >> 1;
+    bool up = (face & 1) == 1;
+    vec3 off = vec3(-0.5);
+    off[axis] += up ? 1.0 : 0.0;
+    off[(axis + 1) % 3] += float(corner & 1);
+    off[(axis + 2) % 3] += float(corner >> 1);
+    float light = axis == 2 ? (up ? 1.0 : 0.62) : axis == 1 ? 0.83 : 0.72;
+    tinted = vec4(tint.rgb * light, tint.a);
+    gl_Position = camera * vec4(at + off * edge, 1.0);
+}`,
+    fragment: `
+flat in vec4 tinted;
+out vec4 colour;
+void main() { colour = tinted; }`,
+};
+
+const PICTURE = `
+in vec2 on;
+uniform sampler2D picture;
+out vec4 colour;
+void main() {
+    colour = texture(picture, on);
+    if (colour.a < 0.004) discard;
+}`;
+
+/** A picture of some pixels' size that faces the eye, around a place: a strip of four vertices. */
+export const LABELS = {
+    attributes: [],
+    vertex: `${CAMERA}
+uniform vec3 at;
+uniform vec2 size, pixels;
+uniform float bias;
+out vec2 on;
+void main() {
+    on = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+    gl_Position = camera * vec4(at, 1.0);
+    gl_Position.xy += (on - 0.5) * vec2(1.0, -1.0) * size / pixels * gl_Position.w;
+    gl_Position.z -= bias * gl_Position.w;
+}`,
+    fragment: PICTURE,
+};
+
+/** A picture on a parallelogram: a strip of four vertices. */
+export const IMAGES = {
+    attributes: [],
+    vertex: `${CAMERA}
+uniform vec3 corner, along, across;
+out vec2 on;
+void main() {
+    on = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+    gl_Position = camera * vec4(corner + on.x * along + on.y * across, 1.0);
+}`,
+    fragment: PICTURE,
 };

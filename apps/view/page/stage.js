@@ -2,6 +2,7 @@
 
 import { Camera } from "./camera.js";
 import { control } from "./controls.js";
+import { drawingList } from "./drawings.js";
 import { scheme } from "./palette.js";
 import { Plan2d } from "./plan2d.js";
 import { Scene } from "./scene.js";
@@ -43,6 +44,7 @@ export class Stage {
         this.buttons = viewButtons(this);
         this.height = heightSlider(world);
         layerSwitches(world, link);
+        drawingList(world);
         world.watch(what => this.#worldChanged(what));
         for (const end of ["hello", "reset"]) link.on(end, () => (this.#heldUntil = performance.now() + HOLD_MS));
         link.on("frame", () => (this.#heldUntil = 0));

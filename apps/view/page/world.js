@@ -1,5 +1,6 @@
 // The model: what the server has said of map and robot, and what of it a person wants to see. Views are told of changes.
 
+import { Drawings } from "./drawings.js";
 import { Voxels } from "./voxels.js";
 
 /** What can be shown and hidden: its name on the page, the key that switches it, and its colour, if it has only one. */
@@ -11,6 +12,7 @@ export const LAYERS = {
     plan: { name: "Plan", key: "5", shown: true, colour: "plan" },
     scan: { name: "Scan", key: "6", shown: true, colour: "ink" },
     grid: { name: "Grid", key: "7", shown: true, colour: "line" },
+    drawings: { name: "Drawings", key: "9", shown: true },
     closed: { name: "Backs of walls", key: "8", shown: false },
 };
 
@@ -18,6 +20,7 @@ export class World {
     #watchers = [];
 
     voxels = new Voxels();
+    drawings = new Drawings();
     shown = new Set(Object.keys(LAYERS).filter(layer => LAYERS[layer].shown));
     /** Height (m) above which nothing is shown, or null. */
     clip = null;
@@ -30,10 +33,12 @@ export class World {
         link.on("scan", ({ points }) => this.#change(() => (this.scan = points)));
         link.on("robot", robot => this.#change(() => (this.robot = robot)));
         link.on("way", ({ from, points }) => this.#change(() => replaceFrom(this.way, from, points)));
+        link.on("drawing", drawing => this.#change(() => this.drawings.take(drawing), "drawings"));
+        link.on("drawings", ({ rows }) => this.#change(() => this.drawings.keepListed(rows), "drawings"));
         link.on("plan", ({ points, target }) => this.#change(() => Object.assign(this, { plan: points, target })));
     }
 
-    /** Has `watcher(what)` called when anything is other than it was: `world`, `shown` or `clip`. */
+    /** Has `watcher(what)` called when anything is other than it was: `world`, `drawings`, `shown` or `clip`. */
     watch(watcher) {
         this.#watchers.push(watcher);
     }
@@ -43,6 +48,12 @@ export class World {
             this.voxels.clear();
             this.#forget();
         });
+        this.#change(() => this.drawings.clear(), "drawings");
+    }
+
+    /** Shows or hides some drawings. */
+    showDrawings(drawings, shown) {
+        this.#change(() => drawings.forEach(one => this.drawings.show(one, shown)), "drawings");
     }
 
     show(layer, shown) {
@@ -70,11 +81,11 @@ export class World {
         this.scan = new Float32Array(0);
     }
 
-    #change(change) {
+    #change(change, what = "world") {
         try {
             change();
         } finally {
-            this.#tell("world");
+            this.#tell(what);
         }
     }
 

@@ -40,6 +40,18 @@ impl<K: Ord + Clone, V> Journal<K, V> {
         self.order.range(seen + 1..).filter_map(move |(&number, key)| Some((number, key, value(key)?)))
     }
 
+    /// Takes the value of `key` out.
+    pub fn remove(&mut self, key: &K) -> Option<V> {
+        let (number, value) = self.entries.remove(key)?;
+        self.order.remove(&number);
+        Some(value)
+    }
+
+    /// How many keys there are.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
     /// Keeps only the keys of which `keep` is true.
     pub fn retain(&mut self, keep: impl Fn(&K) -> bool) {
         let order = &mut self.order;

@@ -3,6 +3,7 @@
 //! | module | one idea |
 //! |---|---|
 //! | `model`, `world`, `journal`, `track` | what pages show, kept so that a late page skips what was overwritten |
+//! | `drawings` | what apps draw, as long as it is to be seen |
 //! | `live`, `recorded` | where it comes from: a community, a log |
 //! | `admission` | names of this machine, and tokens |
 //! | `server`, `page`, `session`, `words`, `tail` | the page's server, its files, one page, what it says, a text log |
@@ -13,6 +14,7 @@
 //! What page and server say to each other is written down in `PROTOCOL.md`.
 
 mod admission;
+mod drawings;
 mod error;
 mod foxglove;
 mod journal;

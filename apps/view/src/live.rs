@@ -2,11 +2,12 @@
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableKind};
 use elk_bus::clock::Stopwatch;
+use elk_bus::drawing::variables::{self, DRAWINGS};
 use elk_bus::{Client, CommsError, Community, ConnectError, Payload, any};
 use elk_spatial::Scan;
 use elk_spatial::keys::MAP_REQUEST;
@@ -60,7 +61,7 @@ struct Following<'a> {
     poses: BTreeSet<String>,
     /// The variable of the sensor's scans.
     scans: Option<String>,
-    /// What is registered for besides what always is.
+    /// Patterns that are registered for besides what always is.
     registered: BTreeSet<String>,
 }
 
@@ -78,10 +79,19 @@ impl<'a> Following<'a> {
         let mut asked = Stopwatch::start();
         self.register_wanted(wants)?;
         while !stop.load(Ordering::Relaxed) {
-            while let Some(wanted) = next(commands) {
-                *wants = wanted;
-                self.shared.change(|model| model.watch(wants.values.clone()));
-                self.register_wanted(wants)?;
+            while let Ok(command) = commands.try_recv() {
+                match command {
+                    Command::Want(wanted) => {
+                        *wants = wanted;
+                        self.shared.change(|model| model.watch(wants.values.clone()));
+                        self.register_wanted(wants)?;
+                    }
+                    Command::Press(press) => {
+                        self.client.comms.publish(&variables::key_press(&press.app), &press)?;
+                    }
+                    // A robot that runs has no other time than its own.
+                    Command::Play { .. } | Command::Seek(_) => {}
+                }
             }
             if asked.elapsed() >= TABLE_EVERY && self.shared.is_watched() {
                 self.client.comms.notify(REQUEST, "")?;
@@ -105,6 +115,10 @@ impl<'a> Following<'a> {
             let heard = Heard { key: mail.key(), source: mail.source(), time: mail.time(), value: mail.value() };
             shared.change(|model| model.hear(&heard));
         })?;
+        let now = self.client.comms.time();
+        if shared.model().is_over_at(now) {
+            shared.change(|model| model.pass(now));
+        }
         if shared.model().take_question() {
             self.client.comms.notify(MAP_REQUEST, 0.0)?;
         }
@@ -132,9 +146,11 @@ impl<'a> Following<'a> {
     /// Registers for what is wanted now, and no longer for what is not.
     fn register_wanted(&mut self, wants: &Wants) -> Result<(), CommsError> {
         let scans = self.scans.iter().filter(|_| wants.scan);
-        let wanted: BTreeSet<String> = wants.values.iter().chain(&self.poses).chain(scans).cloned().collect();
+        let mut wanted: BTreeSet<String> = wants.values.iter().chain(&self.poses).chain(scans).cloned().collect();
+        wanted.extend(wants.drawings.then(|| DRAWINGS.to_owned()));
         for key in wanted.difference(&self.registered) {
-            let every = if self.poses.contains(key) { Duration::ZERO } else { VALUES_EVERY };
+            let is_rare = self.poses.contains(key) || key == DRAWINGS;
+            let every = if is_rare { Duration::ZERO } else { VALUES_EVERY };
             self.client.comms.register(any(key).every(every))?;
         }
         for key in self.registered.difference(&wanted) {
@@ -142,17 +158,5 @@ impl<'a> Following<'a> {
         }
         self.registered = wanted;
         self.client.comms.flush()
-    }
-}
-
-/// What pages want now, if that has changed.
-fn next(commands: &Receiver<Command>) -> Option<Wants> {
-    loop {
-        match commands.try_recv() {
-            Ok(Command::Want(wants)) => return Some(wants),
-            // A robot that runs has no other time than its own.
-            Ok(Command::Play { .. } | Command::Seek(_)) => {}
-            Err(TryRecvError::Empty | TryRecvError::Disconnected) => return None,
-        }
     }
 }

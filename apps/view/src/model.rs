@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 
 use axum::body::Bytes;
 use axum::extract::ws::{Message, Utf8Bytes};
+use elk_bus::drawing::{Declared, Keyboard, variables};
 use elk_bus::{Key, Payload, ValueRef};
 use elk_geometry::Pose;
 use elk_spatial::keys::{EXPLORATION_REPORT, MAP, MAP_PART, MAP_UPDATE, MOTION, PLAN, PROGRESS, camera_pose};
@@ -16,6 +17,7 @@ use elk_spatial::{CameraInfo, Scan};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
+use crate::drawings::Drawings;
 use crate::journal::Journal;
 use crate::track::{Read, Track};
 use crate::world::World;
@@ -30,6 +32,8 @@ const MOST_SCAN_POINTS: usize = 20_000;
 const LONGEST_LIST: usize = 64;
 /// What the broker says of clients that come, go, and take over.
 const EVENTS: &str = "DB_EVENT";
+/// What the broker says of who is there.
+const CLIENTS: &str = "DB_CLIENTS";
 /// What is said at a run's end.
 const REPORTS: [&str; 3] = ["EXPLORATION_REPORT", "MOTION_REPORT", "ACCURACY_REPORT"];
 /// The first byte of a frame with a scan.
@@ -38,7 +42,10 @@ const SCAN: u8 = 2;
 /// Variables that the model always hears: what it shows of them has places of its own.
 pub(crate) fn always() -> BTreeSet<String> {
     let typed = [MAP_UPDATE.name(), MAP_PART.name(), MAP.name(), PLAN.name(), PROGRESS.name()].map(str::to_owned);
-    typed.into_iter().chain([EVENTS, MOTION].into_iter().chain(REPORTS).map(str::to_owned)).collect()
+    typed
+        .into_iter()
+        .chain([EVENTS, CLIENTS, MOTION, variables::KEYS].into_iter().chain(REPORTS).map(str::to_owned))
+        .collect()
 }
 
 /// One thing that was said, whoever said it: on the bus or in a log.
@@ -65,6 +72,8 @@ pub(crate) enum Fact {
     Variables,
     Timeline,
     End,
+    Drawings,
+    Keys,
     /// The latest value of a variable.
     Value(String),
 }
@@ -90,6 +99,8 @@ pub struct Model {
     began: f64,
     /// What was said of the run's end, by variable.
     reports: serde_json::Map<String, Value>,
+    drawings: Drawings,
+    keyboard: Keyboard,
     /// Variables whose values somebody watches.
     watched: BTreeSet<String>,
 }
@@ -101,6 +112,8 @@ pub(crate) struct Wants {
     pub values: BTreeSet<String>,
     /// Whether it shows scans.
     pub scan: bool,
+    /// Whether it shows what apps draw.
+    pub drawings: bool,
 }
 
 /// How much of it a page has.
@@ -113,6 +126,7 @@ pub(crate) struct Seen {
     way: Read,
     coverage: Read,
     events: Read,
+    drawings: u64,
 }
 
 /// A message to a page, of text.
@@ -136,6 +150,8 @@ impl Default for Model {
             is_paused: false,
             began: 0.0,
             reports: serde_json::Map::new(),
+            drawings: Drawings::default(),
+            keyboard: Keyboard::default(),
             watched: BTreeSet::new(),
         }
     }
@@ -212,6 +228,26 @@ impl Model {
                     self.note(heard.time, text.to_owned());
                 }
             }
+            CLIENTS => {
+                if let ValueRef::Text(names) = heard.value {
+                    self.keyboard.hear_of_clients(names);
+                    self.tell_keys();
+                    if self.drawings.hear_of_clients(names) {
+                        self.tell(Fact::Drawings, &self.drawings.list());
+                    }
+                }
+            }
+            key if variables::is_keys(key) => {
+                let table = heard.value.decode(&variables::keys_of(heard.source)).map_err(failed)?;
+                self.keyboard.declare(heard.source, heard.time, table);
+                self.tell_keys();
+            }
+            key if variables::is_drawing(key) => {
+                let drawing = heard.value.decode(&variables::drawing(heard.source, "")).map_err(failed)?;
+                if self.drawings.take(heard.source, heard.time, &drawing) {
+                    self.tell(Fact::Drawings, &self.drawings.list());
+                }
+            }
             _ if is(CameraPose::NAME) => {
                 let at = heard.value.decode(&camera_pose(heard.key)).map_err(failed)?;
                 self.robot(&at.pose, heard.time);
@@ -254,6 +290,32 @@ impl Model {
     /// Something that happened at `time` (s).
     pub fn note(&mut self, time: f64, text: String) {
         self.events.push((time, text));
+    }
+
+    /// Whether something goes at this time (s).
+    pub fn is_over_at(&self, now: f64) -> bool {
+        self.drawings.is_any_over(now)
+    }
+
+    /// It is this time (s): what has a lifetime goes when that is over.
+    pub fn pass(&mut self, now: f64) {
+        if self.drawings.expire(now) {
+            self.tell(Fact::Drawings, &self.drawings.list());
+        }
+    }
+
+    /// Whose a key is.
+    pub fn owner(&self, key: &str) -> Option<&str> {
+        self.keyboard.owner(key)
+    }
+
+    fn tell_keys(&mut self) {
+        let row = |one: Declared<'_>| {
+            let Declared { app, key, meaning, taken_by } = one;
+            json!({"app": app, "key": key, "meaning": meaning, "taken_by": taken_by})
+        };
+        let rows: Vec<Value> = self.keyboard.declared().map(row).collect();
+        self.tell(Fact::Keys, &json!({"type": "keys", "rows": rows}));
     }
 
     fn tell(&mut self, fact: Fact, message: &Value) {
@@ -359,6 +421,9 @@ impl Model {
         if wants.scan && seen.scan != self.scan.0 {
             seen.scan = self.scan.0;
             news.push(Message::Binary(self.scan.1.clone()));
+        }
+        if wants.drawings {
+            news.extend(self.drawings.news(&mut seen.drawings, most_bytes).into_iter().map(Message::Binary));
         }
         news.extend(self.world.frame(&mut seen.bricks, most_bytes).map(Message::binary));
         news

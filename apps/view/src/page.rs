@@ -33,6 +33,7 @@ macro_rules! files {
 
 files! {
     "index.html",
+    "appkeys.js",
     "binary.js",
     "camera.js",
     "chart.js",
@@ -40,6 +41,9 @@ files! {
     "connection.js",
     "controls.js",
     "dom.js",
+    "drawings.js",
+    "drawn.js",
+    "drawnflat.js",
     "favicon.svg",
     "gl.js",
     "help.js",

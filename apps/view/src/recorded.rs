@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use elk_bus::Payload;
 use elk_bus::clock::Stopwatch;
+use elk_bus::drawing::{Drawing, KeyTable};
 use elk_log::{Index, LogError, LogReader};
 use elk_spatial::Scan;
 use elk_spatial::messages::CameraPose;
@@ -61,7 +62,8 @@ impl Recording {
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let index = Index::read(path, &mut |_, _| {})?;
         let (start, end) = index.span().unwrap_or_default();
-        let is_drawn = |name: &str| name == CameraPose::NAME || name == <Scan<'_> as Payload>::NAME;
+        let types = [CameraPose::NAME, <Scan<'_> as Payload>::NAME, Drawing::NAME, KeyTable::NAME];
+        let is_drawn = |name: &str| types.contains(&name);
         let drawn = index.topics().into_iter().filter(|topic| is_drawn(&topic.type_name)).map(|topic| topic.name);
         let shown = always().into_iter().chain(drawn).collect();
         Ok(Self {
@@ -127,6 +129,8 @@ impl Recording {
                     }
                 }
                 Ok(Command::Seek(time)) => self.go_to(time, shared),
+                // What was recorded has been; nobody hears a key.
+                Ok(Command::Press(_)) => {}
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
@@ -162,6 +166,9 @@ impl Recording {
         self.at = (self.at + secs).min(self.end);
         let at = self.at;
         self.read_to(at, &mut |heard| shared.change(|model| model.hear(heard)), &mut || shared.model().clone());
+        if shared.model().is_over_at(at) {
+            shared.change(|model| model.pass(at));
+        }
         if self.at >= self.end {
             match self.looping {
                 true => self.go_to(self.start, shared),
@@ -182,7 +189,8 @@ impl Recording {
         let (at, variables) = (self.at, self.variables());
         let model = std::cell::RefCell::new(model);
         self.read_to(at, &mut |heard| model.borrow_mut().hear(heard), &mut || model.borrow().clone());
-        let model = model.into_inner();
+        let mut model = model.into_inner();
+        model.pass(at);
         shared.change(|shown| {
             shown.replace_by(model);
             shown.status(true, "");

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::ws::{Message, WebSocket};
+use elk_bus::drawing::KeyPress;
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use serde_json::json;
@@ -55,7 +56,7 @@ pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
     let mut changes = shared.changes();
     changes.mark_changed();
     // Until a page says what it shows, it shows all.
-    let (wants, seen) = (Wants { scan: true, ..Wants::default() }, Seen::default());
+    let (wants, seen) = (Wants { scan: true, drawings: true, ..Wants::default() }, Seen::default());
     shared.want(number, wants.clone());
     let mut session =
         Session { number, shared: shared.clone(), out, wants, seen, sent: 0, taken: 0, log: None, orders: 0, answers };
@@ -138,7 +139,7 @@ impl Session {
                 Ok(())
             }
             Ok(Said::Show { layers }) => {
-                self.wants.scan = layers.contains("scan");
+                (self.wants.scan, self.wants.drawings) = (layers.contains("scan"), layers.contains("drawings"));
                 self.shared.want(self.number, self.wants.clone());
                 Ok(())
             }
@@ -154,6 +155,11 @@ impl Session {
             }
             Ok(Said::Order { id, order }) => {
                 self.steer(id, move |steering, on_progress| steering.order(&order, on_progress)).await
+            }
+            Ok(Said::Press { id, app, key, shift, alt }) => {
+                let pressed = self.press(KeyPress { app, key, shift, alt });
+                let (ok, text) = pressed.map_or_else(|why| (false, why), |text| (true, text));
+                self.send(answer(id, Some(ok), &text)).await
             }
             Ok(Said::Poke { id, key, value }) => self.steer(id, move |steering, _| steering.poke(&key, &value)).await,
             Ok(Said::Types { id }) => {
@@ -171,18 +177,40 @@ impl Session {
         }
     }
 
+    /// Hands a key that was pressed to the app that has declared it; what was done, in words.
+    fn press(&self, press: KeyPress) -> Result<String, String> {
+        if let Some(refusal) = self.refusal() {
+            return Err(refusal.to_owned());
+        }
+        let owner = self.shared.model().owner(&press.key).map(str::to_owned);
+        if owner.as_ref() != Some(&press.app) {
+            let owner = owner.unwrap_or_else(|| "nobody".to_owned());
+            return Err(format!("key {:?} is not {}'s: it is {owner}'s", press.key, press.app));
+        }
+        let told = format!("{} is told of {:?}", press.app, press.key);
+        self.shared.command(Command::Press(press));
+        Ok(told)
+    }
+
+    /// Why nothing can be ordered, if so.
+    fn refusal(&self) -> Option<&'static str> {
+        match &self.shared.steering {
+            _ if self.shared.read_only => Some("this view only looks (--read-only)"),
+            None => Some("nothing can be ordered in a recorded run"),
+            Some(_) => None,
+        }
+    }
+
     /// Has something done that takes its time, and answers when it is done.
     async fn steer(
         &mut self,
         id: u64,
         what: impl FnOnce(&dyn crate::Steering, &mut dyn FnMut(&str)) -> Result<String, String> + Send + 'static,
     ) -> Result<(), Gone> {
-        let refusal = match &self.shared.steering {
-            _ if self.shared.read_only => "this view only looks (--read-only)".to_owned(),
-            None => "nothing can be ordered in a recorded run".to_owned(),
-            Some(_) if self.orders >= MOST_ORDERS => format!("{MOST_ORDERS} orders are under way; try again"),
-            Some(steering) => {
-                let (steering, answers) = (steering.clone(), self.answers.clone());
+        let refusal = match (self.refusal(), self.shared.steering.clone()) {
+            (Some(refusal), _) => refusal.to_owned(),
+            (None, Some(steering)) if self.orders < MOST_ORDERS => {
+                let answers = self.answers.clone();
                 self.orders += 1;
                 tokio::task::spawn_blocking(move || {
                     let mut progress = |text: &str| {
@@ -195,6 +223,7 @@ impl Session {
                 });
                 return Ok(());
             }
+            (None, _) => format!("{MOST_ORDERS} orders are under way; try again"),
         };
         self.send(answer(id, Some(false), &refusal)).await
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use elk_bus::drawing::KeyPress;
 use serde_json::Value;
 use tokio::sync::watch;
 
@@ -19,6 +20,8 @@ pub(crate) enum Command {
     Play { playing: bool, rate: f64, looping: bool },
     /// A recorded run goes on from this time (s).
     Seek(f64),
+    /// A key was pressed that an app has declared.
+    Press(KeyPress),
 }
 
 /// The model, who changes it, and who looks at it.
@@ -78,7 +81,8 @@ impl Shared {
             false => wanted.insert(page, wants),
         };
         let values = wanted.values().flat_map(|one| &one.values).cloned().collect();
-        let all = Wants { values, scan: wanted.values().any(|one| one.scan) };
+        let any = |is: fn(&Wants) -> bool| wanted.values().any(is);
+        let all = Wants { values, scan: any(|one| one.scan), drawings: any(|one| one.drawings) };
         self.command(Command::Want(all));
     }
 

@@ -21,6 +21,8 @@ pub(crate) enum Said {
     Logs { app: Option<String> },
     /// An order to the mission's launcher.
     Order { id: u64, order: Order },
+    /// A key was pressed that an app has declared.
+    Press { id: u64, app: String, key: String, shift: bool, alt: bool },
     /// A variable is to be written.
     Poke { id: u64, key: String, value: String },
     /// Which types of apps are there?

@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
+use elk_bus::drawing::{Drawing, KeyPress, KeyTable, variables};
 use elk_bus::{BrokerConfig, Client, Clock, Community, serve_broker};
 use elk_geometry::{OccupancyGrid, Pose};
 use elk_spatial::keys::{MAP, MAP_UPDATE, camera_pose};
@@ -257,6 +258,131 @@ fn orders_are_done_and_answered_unless_pages_only_look() {
         assert_eq!((&answer["id"], &answer["ok"]), (&json!(id), &json!(false)), "{answer}");
     }
     assert_eq!(lab.orders.lock().unwrap().len(), 0);
+}
+
+/// Takes frames until a page has a drawing, or has not.
+fn wait_for_drawing(page: &mut Page, app: &str, name: &str, is_there: bool) {
+    let (title, waited) = ((app.to_owned(), name.to_owned()), Stopwatch::start());
+    while page.drawings.contains_key(&title) != is_there {
+        assert!(waited.elapsed() < PATIENCE, "{app}/{name} is there: {}; of {:?}", !is_there, page.drawings.keys());
+        page.next("frame");
+    }
+}
+
+fn line(name: &str) -> Drawing {
+    Drawing::new(name).line_strip([[0.0; 3], [1.0, 0.0, 0.0]], [255, 0, 0, 255])
+}
+
+#[test]
+fn what_apps_draw_is_there_however_late_a_page_comes_and_goes_when_it_is_over() {
+    let lab = Lab::new("draw", false, "127.0.0.1");
+    let mut painter = lab.client("painter");
+    // Whether anybody looks depends on whether there is a page.
+    let watched = |painter: &mut Client, is: bool| {
+        let waited = Stopwatch::start();
+        while painter.comms.is_watched().unwrap() != is {
+            painter.receive(Duration::from_millis(20), |_| ()).unwrap();
+            assert!(waited.elapsed() < PATIENCE, "watched: {}", !is);
+        }
+    };
+    watched(&mut painter, false);
+    painter.comms.draw(&line("before")).unwrap();
+    painter.comms.flush().unwrap();
+    let mut page = lab.page();
+    wait_for_drawing(&mut page, "painter", "before", true);
+    watched(&mut painter, true);
+    painter.comms.draw(&line("mark").text([0.0; 3], "hall", [1; 4])).unwrap();
+    painter.comms.draw(&line("brief").lasting(0.3)).unwrap();
+    painter.comms.flush().unwrap();
+    wait_for_drawing(&mut page, "painter", "mark", true);
+    let said = &page.drawings[&("painter".to_owned(), "mark".to_owned())];
+    assert_eq!(said["primitives"][1]["text"], "hall", "{said}");
+    // One that is brief comes and goes; a page may have missed it.
+    wait_for_drawing(&mut page, "painter", "brief", false);
+    painter.comms.draw(&Drawing::new("mark")).unwrap();
+    painter.comms.flush().unwrap();
+    wait_for_drawing(&mut page, "painter", "mark", false);
+    let mut late = lab.page();
+    wait_for_drawing(&mut late, "painter", "before", true);
+    // What is no drawing is an event, and the next one is taken.
+    painter.comms.notify("DRAWING/painter/odd", "a line").unwrap();
+    painter.comms.draw(&line("last")).unwrap();
+    painter.comms.flush().unwrap();
+    while !page.last("event")["text"].as_str().unwrap().contains("DRAWING/painter/odd by painter") {
+        page.next("event");
+    }
+    wait_for_drawing(&mut page, "painter", "last", true);
+    // An app that has gone leaves nothing, but what goes by itself.
+    painter.comms.draw(&line("awhile").lasting(3600.0)).unwrap();
+    drop(painter);
+    wait_for_drawing(&mut page, "painter", "before", false);
+    wait_for_drawing(&mut page, "painter", "awhile", true);
+    let mut later = lab.page();
+    wait_for_drawing(&mut later, "painter", "awhile", true);
+    assert_eq!(later.drawings.len(), 1, "{:?}", later.drawings.keys());
+}
+
+#[test]
+fn a_key_goes_to_the_app_that_has_it_and_none_goes_where_pages_only_look() {
+    let lab = Lab::new("keys", false, "127.0.0.1");
+    let (mut first, mut second) = (lab.client("first"), lab.client("second"));
+    first.comms.take_keys(&KeyTable::new([("g", "grow"), ("v", "a vault")])).unwrap();
+    first.comms.flush().unwrap();
+    let mut page = lab.page();
+    while page.last("keys")["rows"].as_array().unwrap().len() != 2 {
+        page.next("keys");
+    }
+    second.comms.take_keys(&KeyTable::new([("g", "go"), ("k", "kneel")])).unwrap();
+    second.comms.flush().unwrap();
+    while page.last("keys")["rows"].as_array().unwrap().len() != 4 {
+        page.next("keys");
+    }
+    let taken = |app: &str, key: &str, meaning: &str, by: Option<&str>| json!({"app": app, "key": key, "meaning": meaning, "taken_by": by});
+    let rows = [
+        taken("first", "g", "grow", None),
+        taken("first", "v", "a vault", Some("the view")),
+        taken("second", "g", "go", Some("first")),
+        taken("second", "k", "kneel", None),
+    ];
+    assert_eq!(page.last("keys")["rows"], json!(rows));
+    let mut press = |app: &str, key: &str| {
+        page.say(&json!({"type": "press", "id": 1, "app": app, "key": key, "shift": true, "alt": false}));
+        page.next("answer")
+    };
+    for (app, key, why) in
+        [("second", "g", "it is first's"), ("first", "v", "it is the view's"), ("first", "x", "it is nobody's")]
+    {
+        let answer = press(app, key);
+        assert!(answer["ok"] == false && answer["text"].as_str().unwrap().contains(why), "{answer}");
+    }
+    assert_eq!(press("first", "g")["ok"], true);
+    let (mut pressed, waited) = (Vec::new(), Stopwatch::start());
+    while pressed.is_empty() && waited.elapsed() < PATIENCE {
+        let key = variables::key_press("first");
+        first
+            .receive(Duration::from_millis(50), |mail| {
+                pressed.extend(mail.is(&key).then(|| mail.decode(&key).unwrap()))
+            })
+            .unwrap();
+    }
+    assert_eq!(pressed, [KeyPress { app: "first".into(), key: "g".into(), shift: true, alt: false }]);
+    // Who has gone has no keys; his are the next one's.
+    drop(first);
+    while page.last("keys")["rows"] != json!([taken("second", "g", "go", None), taken("second", "k", "kneel", None)]) {
+        page.next("keys");
+    }
+
+    let lab = Lab::new("no-keys", true, "127.0.0.1");
+    let mut app = lab.client("app");
+    app.comms.take_keys(&KeyTable::new([("g", "grow")])).unwrap();
+    app.comms.flush().unwrap();
+    let mut page = lab.page();
+    while page.last("keys")["rows"] != json!([taken("app", "g", "grow", None)]) {
+        page.next("keys");
+    }
+    page.say(&json!({"type": "press", "id": 1, "app": "app", "key": "g", "shift": false, "alt": false}));
+    let answer = page.next("answer");
+    assert!(answer["ok"] == false && answer["text"].as_str().unwrap().contains("--read-only"), "{answer}");
 }
 
 #[test]

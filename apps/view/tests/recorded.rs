@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 
+use elk_bus::drawing::{Drawing, variables};
 use elk_bus::{Payload, TypeRef, Value as BusValue, codec};
 use elk_geometry::{OccupancyGrid, Pose};
 use elk_log::{LogWriter, Metadata, Record};
@@ -39,13 +40,31 @@ fn recorded(path: &Path) {
     let mut log = LogWriter::create(path, &Metadata::default()).unwrap();
     let mut map = OccupancyGrid::new(0.1);
     for scan in 1..=SCANS {
-        let (time, order) = (1000.0 + f64::from(scan), 2 * scan as u64);
+        let (time, order) = (1000.0 + f64::from(scan), 3 * scan as u64);
         record(&mut log, order, MAP_UPDATE.name(), time, typed::<elk_spatial::map::MapUpdate>(&wall(&mut map, scan)));
         let pose = Pose::looking(Point3::new(f64::from(scan), 0.0, 1.0), Vector3::x());
         let said = CameraPose { command: scan as u64, pose };
         record(&mut log, order + 1, camera_pose("NAV").name(), time, typed::<CameraPose>(&said));
+        let line = |name: &str| Drawing::new(name).line_strip([[0.0; 3], [1.0; 3]], [255; 4]);
+        let drawn = match scan {
+            1_000 => line("brief").lasting(500.0),
+            1_500 => line("long"),
+            2_500 => Drawing::new("long"),
+            _ => continue,
+        };
+        let key = variables::drawing("Map", &drawn.name);
+        record(&mut log, order + 2, key.name(), time, typed::<Drawing>(&drawn));
     }
     log.finish().unwrap();
+}
+
+/// The names of what is to be seen after a scan.
+fn drawn_at(scan: i32) -> Option<&'static str> {
+    match scan {
+        1_000..1_500 => Some("brief"),
+        1_500..2_500 => Some("long"),
+        _ => None,
+    }
 }
 
 #[test]
@@ -67,13 +86,14 @@ fn the_state_at_any_time_is_whole_backwards_too() {
     assert_eq!(hello["recorded"], json!({"log": "log.mcap", "start": 1001.0, "end": 1000.0 + f64::from(SCANS)}));
     assert_eq!((&hello["live"], &hello["read_only"]), (&json!(null), &json!(true)));
     page.say(&json!({"type": "play", "playing": false, "rate": 1.0, "looping": false}));
-    for scan in [2_000, 1_500, 2_999, 7, 1_500, 3_000, 1, 2_500, 600] {
+    for scan in [2_000, 1_500, 2_999, 7, 1_100, 1_500, 3_000, 1_499, 1, 2_500, 600] {
         let time = 1000.5 + f64::from(scan);
         page.say(&json!({"type": "seek", "time": time}));
         // Of where it was before there may be frames on their way.
         while page.last("timeline")["at"] != json!(time.min(1000.0 + f64::from(SCANS)))
             || page.occupied() != 40 * scan as u32
             || page.last("robot")["position"][0] != json!(f64::from(scan))
+            || page.drawings.keys().map(|(_, name)| name.as_str()).ne(drawn_at(scan))
         {
             page.next("frame");
         }

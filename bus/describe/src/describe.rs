@@ -83,6 +83,7 @@ use crate::{Invalid, Shape};
 /// | `"points"` | its last list of packed points (three f32; `elk_spatial::Points`), at its first pose |
 /// | `"pose"` | its first pose (`Isometry3<f64>`) |
 /// | `"poses"` | its poses and points, in the order of their bytes: each `[f64; 3]` is a point, an extent has fields of its own |
+/// | `"scene"` | its primitives: `elk_drawing`'s `Drawing` alone |
 /// | `"voxels"` | the occupied voxels of its bricks (`elk_geometry`'s `BrickStates`), as large as its first f64 says (m) |
 ///
 /// A mark for which there is nothing to draw does not compile.

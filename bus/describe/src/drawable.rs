@@ -18,8 +18,16 @@ pub const fn check(one: &StructShape) {
             any_field(fields, What::Bricks) && any_field(fields, What::Double),
             "drawn = \"voxels\", and there are no bricks (elk_geometry's BrickStates) or no f64 that says how large voxels are"
         ),
+        b"scene" => assert!(
+            is_drawing(one.name),
+            "drawn = \"scene\" is a mark of elk_drawing's Drawing, which everybody can send"
+        ),
         _ => {}
     }
+}
+
+const fn is_drawing(name: &str) -> bool {
+    matches!(name.as_bytes(), b"Drawing")
 }
 
 /// What is drawn.

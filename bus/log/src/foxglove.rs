@@ -3,24 +3,26 @@
 //!
 //! The field numbers are those of <https://github.com/foxglove/foxglove-sdk/tree/main/schemas/proto>. A log carries the
 //! descriptors of its messages, so that a reader needs no schema of its own. They are built here from the tables below:
-//! a generator and its run time would be forty crates for eight small messages.
+//! a generator and its run time would be forty crates for some small messages.
 
 use nalgebra::{Isometry3, Point3};
 
 use crate::protobuf::Fields;
 
 /// The frame that everything is given in: viewers need no transform to put it together.
-const FRAME: &str = "world";
+pub(crate) const FRAME: &str = "world";
 
 /// A message type with its fields and the types that these are of.
 pub(crate) struct MessageType {
     package: &'static str,
     name: &'static str,
     fields: &'static [Field],
-    /// The values of the enum `NumericType` inside it, from 0; empty: it has none.
-    numeric_types: &'static [&'static str],
+    /// The enum inside it: its name, and its values from 0; no values: it has none.
+    choice: (&'static str, &'static [&'static str]),
     uses: &'static [&'static MessageType],
 }
+
+const NONE: (&str, &[&str]) = ("", &[]);
 
 struct Field {
     name: &'static str,
@@ -35,6 +37,7 @@ enum FieldKind {
     Int64,
     Int32,
     Fixed32,
+    Bool,
     Text,
     Bytes,
     Message(&'static str),
@@ -48,6 +51,7 @@ impl FieldKind {
             FieldKind::Int64 => 3,
             FieldKind::Int32 => 5,
             FieldKind::Fixed32 => 7,
+            FieldKind::Bool => 8,
             FieldKind::Text => 9,
             FieldKind::Message(_) => 11,
             FieldKind::Bytes => 12,
@@ -72,14 +76,14 @@ const fn many(name: &'static str, number: u32, kind: FieldKind) -> Field {
 }
 
 const fn message(name: &'static str, fields: &'static [Field], uses: &'static [&'static MessageType]) -> MessageType {
-    MessageType { package: "foxglove", name, fields, numeric_types: &[], uses }
+    MessageType { package: "foxglove", name, fields, choice: NONE, uses }
 }
 
 static TIMESTAMP: MessageType = MessageType {
     package: "google.protobuf",
     name: "Timestamp",
     fields: &[one("seconds", 1, FieldKind::Int64), one("nanos", 2, FieldKind::Int32)],
-    numeric_types: &[],
+    choice: NONE,
     uses: &[],
 };
 static VECTOR3: MessageType = message(
@@ -113,7 +117,7 @@ static PACKED_ELEMENT_FIELD: MessageType = MessageType {
         one("offset", 2, FieldKind::Fixed32),
         one("type", 3, FieldKind::Enum(".foxglove.PackedElementField.NumericType")),
     ],
-    numeric_types: &["UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64"],
+    choice: ("NumericType", &["UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64"]),
     uses: &[],
 };
 const TIMESTAMP_FIELD: Field = one("timestamp", 1, FieldKind::Message(".google.protobuf.Timestamp"));
@@ -145,12 +149,112 @@ pub(crate) static POSES_IN_FRAME: MessageType = message(
     &[&TIMESTAMP, &POSE],
 );
 
+static DURATION: MessageType = MessageType {
+    package: "google.protobuf",
+    name: "Duration",
+    fields: &[one("seconds", 1, FieldKind::Int64), one("nanos", 2, FieldKind::Int32)],
+    choice: NONE,
+    uses: &[],
+};
+static POINT3: MessageType = message("Point3", VECTOR3.fields, &[]);
+static COLOR: MessageType = message(
+    "Color",
+    &[
+        one("r", 1, FieldKind::Double),
+        one("g", 2, FieldKind::Double),
+        one("b", 3, FieldKind::Double),
+        one("a", 4, FieldKind::Double),
+    ],
+    &[],
+);
+/// A cube, or, under the other name, a ball.
+const SOLID: &[Field] = &[
+    one("pose", 1, FieldKind::Message(".foxglove.Pose")),
+    one("size", 2, FieldKind::Message(".foxglove.Vector3")),
+    one("color", 3, FieldKind::Message(".foxglove.Color")),
+];
+static CUBE: MessageType = message("CubePrimitive", SOLID, &[&POSE, &VECTOR3, &COLOR]);
+static SPHERE: MessageType = message("SpherePrimitive", SOLID, &[&POSE, &VECTOR3, &COLOR]);
+static LINE: MessageType = MessageType {
+    package: "foxglove",
+    name: "LinePrimitive",
+    fields: &[
+        one("type", 1, FieldKind::Enum(".foxglove.LinePrimitive.Type")),
+        one("pose", 2, FieldKind::Message(".foxglove.Pose")),
+        one("thickness", 3, FieldKind::Double),
+        one("scale_invariant", 4, FieldKind::Bool),
+        many("points", 5, FieldKind::Message(".foxglove.Point3")),
+        one("color", 6, FieldKind::Message(".foxglove.Color")),
+        many("colors", 7, FieldKind::Message(".foxglove.Color")),
+    ],
+    choice: ("Type", &["LINE_STRIP", "LINE_LOOP", "LINE_LIST"]),
+    uses: &[&POSE, &POINT3, &COLOR],
+};
+static TRIANGLE_LIST: MessageType = message(
+    "TriangleListPrimitive",
+    &[
+        one("pose", 1, FieldKind::Message(".foxglove.Pose")),
+        many("points", 2, FieldKind::Message(".foxglove.Point3")),
+        one("color", 3, FieldKind::Message(".foxglove.Color")),
+        many("colors", 4, FieldKind::Message(".foxglove.Color")),
+    ],
+    &[&POSE, &POINT3, &COLOR],
+);
+static TEXT: MessageType = message(
+    "TextPrimitive",
+    &[
+        one("pose", 1, FieldKind::Message(".foxglove.Pose")),
+        one("billboard", 2, FieldKind::Bool),
+        one("font_size", 3, FieldKind::Double),
+        one("scale_invariant", 4, FieldKind::Bool),
+        one("color", 5, FieldKind::Message(".foxglove.Color")),
+        one("text", 6, FieldKind::Text),
+    ],
+    &[&POSE, &COLOR],
+);
+static SCENE_ENTITY: MessageType = message(
+    "SceneEntity",
+    &[
+        TIMESTAMP_FIELD,
+        FRAME_FIELD,
+        one("id", 3, FieldKind::Text),
+        one("lifetime", 4, FieldKind::Message(".google.protobuf.Duration")),
+        one("frame_locked", 5, FieldKind::Bool),
+        many("cubes", 8, FieldKind::Message(".foxglove.CubePrimitive")),
+        many("spheres", 9, FieldKind::Message(".foxglove.SpherePrimitive")),
+        many("lines", 11, FieldKind::Message(".foxglove.LinePrimitive")),
+        many("triangles", 12, FieldKind::Message(".foxglove.TriangleListPrimitive")),
+        many("texts", 13, FieldKind::Message(".foxglove.TextPrimitive")),
+    ],
+    &[&TIMESTAMP, &DURATION, &CUBE, &SPHERE, &LINE, &TRIANGLE_LIST, &TEXT],
+);
+static SCENE_ENTITY_DELETION: MessageType = MessageType {
+    package: "foxglove",
+    name: "SceneEntityDeletion",
+    fields: &[
+        TIMESTAMP_FIELD,
+        one("type", 2, FieldKind::Enum(".foxglove.SceneEntityDeletion.Type")),
+        one("id", 3, FieldKind::Text),
+    ],
+    choice: ("Type", &["MATCHING_ID", "ALL"]),
+    uses: &[&TIMESTAMP],
+};
+/// What is drawn, in the place of what was drawn under the same name before.
+pub(crate) static SCENE_UPDATE: MessageType = message(
+    "SceneUpdate",
+    &[
+        many("deletions", 1, FieldKind::Message(".foxglove.SceneEntityDeletion")),
+        many("entities", 2, FieldKind::Message(".foxglove.SceneEntity")),
+    ],
+    &[&SCENE_ENTITY_DELETION, &SCENE_ENTITY],
+);
+
 /// Bytes of a type that only its writer knows.
 pub(crate) static BINARY: MessageType = MessageType {
     package: "elk",
     name: "Binary",
     fields: &[one("data", DATA, FieldKind::Bytes)],
-    numeric_types: &[],
+    choice: NONE,
     uses: &[],
 };
 
@@ -209,10 +313,11 @@ impl MessageType {
                 }
             });
         }
-        if !self.numeric_types.is_empty() {
+        let (choice, values) = self.choice;
+        if !values.is_empty() {
             out.message(4, |out| {
-                out.bytes(1, b"NumericType");
-                for (number, name) in (0..).zip(self.numeric_types) {
+                out.bytes(1, choice.as_bytes());
+                for (number, name) in (0..).zip(values) {
                     out.message(2, |out| {
                         out.bytes(1, name.as_bytes());
                         out.varint(2, number);
@@ -225,11 +330,16 @@ impl MessageType {
 
 /// When, and in which frame: the first two fields of all of them.
 pub(crate) fn put_head(out: &mut Fields<'_>, nanoseconds: u64) {
-    out.message(1, |out| {
+    put_time(out, 1, nanoseconds);
+    out.bytes(2, FRAME.as_bytes());
+}
+
+/// A time, or a span of time.
+pub(crate) fn put_time(out: &mut Fields<'_>, number: u32, nanoseconds: u64) {
+    out.message(number, |out| {
         out.varint(1, nanoseconds / 1_000_000_000);
         out.varint(2, nanoseconds % 1_000_000_000);
     });
-    out.bytes(2, FRAME.as_bytes());
 }
 
 /// A pose, under the number that all of them have it under.

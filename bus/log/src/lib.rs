@@ -51,6 +51,7 @@ mod record;
 mod resync;
 mod said;
 mod salvage;
+mod scene;
 mod schema;
 mod segment;
 mod segments;

@@ -5,6 +5,7 @@
 //! | `points`: a scan | `foxglove.PointCloud` | the points, at the camera's pose |
 //! | `voxels`: a map | `foxglove.PointCloud` | the centres of the occupied voxels in the bricks that changed |
 //! | `pose`: a camera's, a command's | `foxglove.PoseInFrame` | the pose |
+//! | `scene`: a drawing | `foxglove.SceneUpdate` | its primitives, but for images |
 //! | `poses`: a plan | `foxglove.PosesInFrame` | the path, then the poses to look from |
 //!
 //! Each message carries the value as it was sent in a field that the schema does not name ([`ORIGINAL`]): protobuf
@@ -21,6 +22,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::foxglove::{self, DATA, MessageType};
 use crate::protobuf::{Fields, find_bytes};
+use crate::scene;
 
 /// The field that holds envelope and value. Foxglove's own numbers end near 100; protobuf's end at 2²⁹ − 1.
 const ORIGINAL: u32 = 20_000;
@@ -36,6 +38,8 @@ pub(crate) enum Shape {
     Pose,
     /// A way, and where to look from.
     Poses,
+    /// What an app draws.
+    Scene,
 }
 
 impl Shape {
@@ -46,6 +50,7 @@ impl Shape {
             "pose" => Some(Shape::Pose),
             "poses" => Some(Shape::Poses),
             "voxels" => Some(Shape::Map),
+            "scene" => Some(Shape::Scene),
             _ => None,
         }
     }
@@ -56,6 +61,7 @@ impl Shape {
             Shape::Points | Shape::Map => &foxglove::POINT_CLOUD,
             Shape::Pose => &foxglove::POSE_IN_FRAME,
             Shape::Poses => &foxglove::POSES_IN_FRAME,
+            Shape::Scene => &foxglove::SCENE_UPDATE,
         }
     }
 }
@@ -70,12 +76,18 @@ pub(crate) fn put(
     out: &mut Vec<u8>,
 ) {
     let mut out = Fields(out);
-    foxglove::put_head(&mut out, nanoseconds);
+    if shape != Shape::Scene {
+        foxglove::put_head(&mut out, nanoseconds);
+    }
     let stored_in_data = match shape {
         Shape::Points => put_points(&mut out, type_, value),
         Shape::Map => put_map(&mut out, type_, value),
         Shape::Pose => put_pose(&mut out, type_, value),
         Shape::Poses => put_poses(&mut out, type_, value),
+        Shape::Scene => {
+            scene::put(&mut out, nanoseconds, type_, value);
+            None
+        }
     };
     let rest = &value[..value.len() - stored_in_data.unwrap_or(0)];
     out.parts(ORIGINAL, &[&[u8::from(stored_in_data.is_some())], envelope, rest]);
@@ -233,7 +245,8 @@ mod tests {
 
     const SCAN: TypeRef<'static> = TypeRef::of::<Scan<'static>>();
     const MAP: TypeRef<'static> = TypeRef::of::<MapUpdate>();
-    const DRAWN: [TypeRef<'static>; 4] = [SCAN, MAP, TypeRef::of::<PoseCommand>(), TypeRef::of::<Plan>()];
+    const DRAWN: [TypeRef<'static>; 5] =
+        [SCAN, MAP, TypeRef::of::<PoseCommand>(), TypeRef::of::<Plan>(), TypeRef::of::<elk_bus::drawing::Drawing>()];
 
     fn encoded<T: serde::Serialize>(value: &T) -> Vec<u8> {
         let mut bytes = Vec::new();

@@ -32,6 +32,31 @@ pub fn matches(pattern: &str, text: &str) -> bool {
     }
 }
 
+/// Whether there is a string that both patterns match.
+pub fn meet(one: &str, other: &str) -> bool {
+    let (one, other): (Vec<char>, Vec<char>) = (one.chars().collect(), other.chars().collect());
+    // Whether the rest of `one` from the row on meets the rest of `other` from each of its characters on.
+    let mut below = vec![false; other.len() + 1];
+    for i in (0..=one.len()).rev() {
+        let mut row = vec![false; other.len() + 1];
+        for j in (0..=other.len()).rev() {
+            row[j] = match (one.get(i), other.get(j)) {
+                (None, None) => true,
+                // A run of characters is nothing, or one of the other's and what is left of the run.
+                (Some('*'), None) => below[j],
+                (Some('*'), Some(_)) => below[j] || row[j + 1],
+                (None, Some('*')) => row[j + 1],
+                (Some(_), Some('*')) => row[j + 1] || below[j],
+                (Some('?'), Some(_)) | (Some(_), Some('?')) => below[j + 1],
+                (Some(a), Some(b)) => a == b && below[j + 1],
+                (None, Some(_)) | (Some(_), None) => false,
+            };
+        }
+        below = row;
+    }
+    below[0]
+}
+
 /// Whether `pattern` matches one string only.
 pub fn is_literal(pattern: &str) -> bool {
     !pattern.contains(['*', '?'])
@@ -58,6 +83,26 @@ mod tests {
         }
     }
 
+    #[test]
+    fn patterns_that_have_a_string_in_common_meet() {
+        for (one, other, expected) in [
+            ("*", "DRAWING/a/*", true),
+            ("DRAWING/*", "DRAWING/a/*", true),
+            ("DRAWING/*/field", "DRAWING/a/*", true),
+            ("DRAWING/a/field", "DRAWING/a/*", true),
+            ("DRAWING/b/*", "DRAWING/a/*", false),
+            ("DRAWING/a", "DRAWING/a/*", false),
+            ("*_STATUS", "DRAWING/a/*", true),
+            ("SCAN*", "DRAWING/a/*", false),
+            ("a?c", "ab?", true),
+            ("", "*", true),
+            ("", "?", false),
+        ] {
+            assert_eq!(meet(one, other), expected, "{one} {other}");
+            assert_eq!(meet(other, one), expected, "{other} {one}");
+        }
+    }
+
     fn by_the_book(pattern: &[char], text: &[char]) -> bool {
         match (pattern.first(), text.first()) {
             (None, None) => true,
@@ -74,6 +119,16 @@ mod tests {
         fn equals_the_recursive_definition(pattern in "[ab*?]{0,8}", text in "[ab]{0,8}") {
             let (p, t): (Vec<char>, Vec<char>) = (pattern.chars().collect(), text.chars().collect());
             prop_assert_eq!(matches(&pattern, &text), by_the_book(&p, &t));
+        }
+
+        /// The shortest string in common has no more characters than both patterns together.
+        #[test]
+        fn patterns_meet_in_a_string_that_both_match(one in "[ab*?]{0,4}", other in "[ab*?]{0,4}") {
+            let of_length = |length: u32| (0..1u32 << length).map(move |bits| {
+                (0..length).map(|i| if bits >> i & 1 == 1 { 'b' } else { 'a' }).collect::<String>()
+            });
+            let common = (0..=8).flat_map(of_length).any(|text| matches(&one, &text) && matches(&other, &text));
+            prop_assert_eq!(meet(&one, &other), common);
         }
     }
 }

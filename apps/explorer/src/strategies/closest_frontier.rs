@@ -4,6 +4,7 @@ use elk_mission::AppType;
 
 use crate::app::{COMMON, app};
 use crate::journal::Journal;
+use crate::pictures;
 use crate::strategy::{Route, Strategy, View};
 
 /// Its row in the table of explorers.
@@ -26,6 +27,8 @@ impl Strategy for ClosestFrontier {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        view.closest(journal)
+        let route = view.closest(journal);
+        journal.draw(|| pictures::search(view, route.as_ref()));
+        route
     }
 }

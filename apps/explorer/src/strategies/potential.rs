@@ -14,6 +14,7 @@ use super::card::Card;
 use crate::app::{COMMON, app, param};
 use crate::extent::Extent;
 use crate::journal::Journal;
+use crate::pictures;
 use crate::strategy::{Route, Strategy, View};
 
 /// Distance from the robot at which streamlines start, beside those through its face neighbours (m).
@@ -168,15 +169,18 @@ impl Strategy for Potential {
         journal.count("iterations", iterations as u64);
         journal.count("blocks", self.domain.blocks().count() as u64);
         journal.count("sealed blocks", self.domain.sealed().count() as u64);
-        let mut ways = journal.time("streamline", || self.follow(view));
+        let is_watched = journal.is_watched();
+        let mut ways = journal.time("streamline", || self.follow(view, is_watched));
         if self.solver == Solver::Cascade && ways.arrived == 0 && !journal.is_to_stop() {
             // What is nearly solved leads nowhere, so it is solved.
             let tolerance = Solver::Multigrid.usual_tolerance();
             let iterations = journal.time("field", || self.domain.solve_on(tolerance, stopping).iterations);
             journal.count("iterations after a cascade", iterations as u64);
-            ways = journal.time("streamline", || self.follow(view));
+            ways = journal.time("streamline", || self.follow(view, is_watched));
         }
         journal.count("stalls", ways.stalled);
+        journal.draw(|| pictures::slice(self.domain.domain(), view.from, view.space.resolution()));
+        journal.draw(|| pictures::streamlines(&ways.lines, view.space.resolution()));
         ways.shortest.filter(|_| !journal.is_to_stop()).map(|(_, route)| route)
     }
 }
@@ -187,6 +191,8 @@ struct Ways {
     arrived: u64,
     stalled: u64,
     shortest: Option<(f64, Route)>,
+    /// The streamlines themselves (m), if they are to be drawn.
+    lines: Vec<Vec<Point3<f64>>>,
 }
 
 impl Potential {
@@ -267,7 +273,7 @@ impl Potential {
         }
     }
 
-    fn follow(&self, view: &View<'_>) -> Ways {
+    fn follow(&self, view: &View<'_>, is_watched: bool) -> Ways {
         let mut field = Field::of(self.domain.domain(), view.space.resolution());
         let seeds = match self.start {
             Start::Flux => largest_flux(view, &field).into_iter().collect(),
@@ -279,6 +285,9 @@ impl Potential {
                 Termination::Goal(_) => ways.arrived += 1,
                 Termination::Stalled(_) => ways.stalled += 1,
                 Termination::TooLong => {}
+            }
+            if is_watched {
+                ways.lines.push(line.points.clone());
             }
             let Some(route) = arrive(view, &mut field, line) else {
                 continue;

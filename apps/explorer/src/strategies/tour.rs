@@ -17,6 +17,7 @@ use nalgebra::Point3;
 
 use crate::app::{COMMON, app};
 use crate::journal::Journal;
+use crate::pictures;
 use crate::strategy::{Route, Strategy, View};
 use crate::target::Target;
 use itinerary::itinerary;
@@ -87,6 +88,8 @@ impl Strategy for Tour {
         let here = sets.iter().position(|set| set.contains(&0)).map(|group| (group, 0));
         let (group, place) = here.or_else(|| {
             let stops = journal.time("tour", || itinerary(0, &sets, |a, b| distance(&places[a], &places[b])));
+            let place = |place: usize| places[place].position;
+            journal.draw(|| pictures::tour(std::iter::once(0).chain(stops.iter().map(|stop| stop.place)).map(place)));
             let first = stops.first()?;
             Some((*first.sets.first()?, first.place))
         })?;

@@ -22,6 +22,8 @@ pub struct Page {
     pub bricks: BTreeMap<[i16; 3], u32>,
     /// How often it was told to forget all.
     pub resets: u32,
+    /// Drawings by app and name: what was said of each, as far as it is listed.
+    pub drawings: BTreeMap<(String, String), Value>,
     /// The last message of each kind.
     last: BTreeMap<String, Value>,
 }
@@ -33,7 +35,7 @@ impl Page {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let request = format!("ws://{address}/ws{query}").into_client_request().unwrap();
         let (socket, _) = tungstenite::client(request, stream).unwrap();
-        Self { socket, bricks: BTreeMap::new(), resets: 0, last: BTreeMap::new() }
+        Self { socket, bricks: BTreeMap::new(), resets: 0, drawings: BTreeMap::new(), last: BTreeMap::new() }
     }
 
     /// Says something.
@@ -54,6 +56,11 @@ impl Page {
                     if message["type"] == "reset" {
                         self.resets += 1;
                         self.bricks.clear();
+                        self.drawings.clear();
+                    }
+                    if message["type"] == "drawings" {
+                        let rows = message["rows"].as_array().unwrap().clone();
+                        self.drawings.retain(|(app, name), _| rows.contains(&json!({"app": app, "name": name})));
                     }
                     self.last.insert(message["type"].as_str().unwrap().to_owned(), message.clone());
                     if message["type"] == kind {
@@ -61,6 +68,12 @@ impl Page {
                     }
                 }
                 Message::Binary(frame) if frame[0] == 1 => self.take(&frame),
+                Message::Binary(frame) if frame[0] == 3 => {
+                    let words = u32::from_le_bytes(frame[4..8].try_into().unwrap()) as usize;
+                    let said: Value = serde_json::from_slice(&frame[8..8 + words]).unwrap();
+                    let text = |field: &str| said[field].as_str().unwrap().to_owned();
+                    self.drawings.insert((text("app"), text("name")), said);
+                }
                 _ => {}
             }
         }

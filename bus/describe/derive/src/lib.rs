@@ -460,9 +460,9 @@ fn default(input: syn::parse::ParseStream<'_>) -> Result<TokenStream> {
 
 /// As what a struct can be drawn.
 fn drawn(word: &syn::LitStr) -> Result<syn::LitStr> {
-    match ["points", "pose", "poses", "voxels"].contains(&word.value().as_str()) {
+    match ["points", "pose", "poses", "voxels", "scene"].contains(&word.value().as_str()) {
         true => Ok(word.clone()),
-        false => Err(Error::new(word.span(), "right are points, pose, poses and voxels")),
+        false => Err(Error::new(word.span(), "right are points, pose, poses, voxels and scene")),
     }
 }
 

@@ -233,6 +233,7 @@ impl Broker {
             self.actions.resolve.insert(id);
         } else {
             self.forget(id);
+            self.answer_anew(now);
         }
         self.announce(now, &format!("disconnected={name}"));
         if let Some(successor) = successor
@@ -252,7 +253,11 @@ impl Broker {
 
     /// Lets go of the sessions that nobody came for.
     pub(super) fn expire_sessions(&mut self, now: f64) {
-        self.sessions.expired(now).into_iter().for_each(|id| self.forget(id));
+        let expired = self.sessions.expired(now);
+        if !expired.is_empty() {
+            expired.into_iter().for_each(|id| self.forget(id));
+            self.answer_anew(now);
+        }
     }
 
     fn forget(&mut self, id: ClientId) {
@@ -291,6 +296,7 @@ impl Broker {
         for change in changes {
             self.change(now, id, change, &waiting);
         }
+        self.answer_anew(now);
         for message in wanted.iter().filter_map(|frame| Message::stored(frame.bytes)) {
             self.deliver(now, id, &message);
         }

@@ -21,6 +21,7 @@ mod retained;
 mod state;
 mod summary;
 pub mod table;
+mod wanted;
 
 pub use clock::CLOCK;
 pub use membership::{AdmissionError, Introduction};
@@ -30,6 +31,7 @@ pub use state::reached::{Reached, Succession};
 pub use state::registration::Registration;
 pub use state::sessions::Session;
 pub use state::{Action, Broker, BrokerConfig, Limits};
+pub use wanted::WANTED;
 
 use crate::wire::{self, ClientId, Frame, FrameKind, WireError};
 use state::client::Standing;

@@ -48,6 +48,7 @@ impl Broker {
         self.mark_lossless(id);
         match &change {
             Change::Add(registration) => {
+                self.take_up_question(now, registration);
                 self.note_expectation(id, registration);
                 self.carry_out(now, id, registration, waiting);
             }
@@ -57,6 +58,7 @@ impl Broker {
                 }
             }
         }
+        self.answer_anew(now);
     }
 
     /// Why a registration asks for too much, if so.

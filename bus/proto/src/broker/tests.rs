@@ -6,6 +6,7 @@ mod mail;
 mod routing;
 mod succession;
 mod table;
+mod wanted;
 
 use std::collections::BTreeMap;
 

@@ -27,6 +27,8 @@ use sessions::Sessions;
 use time::Time;
 use variables::Variables;
 
+use std::collections::BTreeMap;
+
 use crate::wire::{self, ClientId};
 
 /// The broker's whole state.
@@ -40,6 +42,8 @@ pub struct Broker {
     /// Who got mail from the batch that is being taken in.
     pub(super) reached: Vec<ClientId>,
     pub(super) actions: Actions,
+    /// Whether anybody listens to variables of some beginning, as it was said last.
+    pub(super) answers: BTreeMap<String, bool>,
 }
 
 /// The broker as a source of messages.
@@ -74,6 +78,7 @@ impl Broker {
             own: Own { source, sequence: wire::first_sequence(millis) },
             reached: Vec::new(),
             actions: Actions::default(),
+            answers: BTreeMap::new(),
         }
     }
 }
