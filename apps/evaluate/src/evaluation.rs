@@ -1,6 +1,6 @@
 //! A suite from its file to its report.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -10,6 +10,7 @@ use std::sync::atomic::AtomicBool;
 use elk_bus::clock::Stopwatch;
 
 use crate::drawing::{self, Curves};
+use crate::oracle::{self, Lengths};
 use crate::outcome::{Outcome, TracePoint};
 use crate::pool::{Case, Grounds, carry_out};
 use crate::site::{Missions, Plans, check_strategies};
@@ -121,10 +122,30 @@ impl Evaluation {
             Ok::<(), io::Error>(())
         })?;
         store.sort(suite, rows.values())?;
-        let tables = Rows::new(suite, &rows).tables();
+        let lengths = self.lengths(&store, &rows, (jobs, stop))?;
+        let tables = Rows::new(suite, &rows, &lengths).tables();
         self.report(&store, &rows, &tables)?;
         let incomplete = rows.values().filter(|row| !row.outcome.is_complete()).count();
         Ok(Finished { folder: folder.to_owned(), before, done: rows.len(), all, incomplete, tables })
+    }
+
+    /// The oracle's ways from the starts of all complete runs; those that were not found before are looked for.
+    fn lengths(
+        &self,
+        store: &Store,
+        rows: &BTreeMap<Case, Row>,
+        how: (usize, &Arc<AtomicBool>),
+    ) -> io::Result<Lengths> {
+        let suite = &self.grounds.suite;
+        let mut lengths = store.lengths(suite)?;
+        let complete = rows.values().filter(|row| row.outcome.is_complete());
+        let wanted: BTreeSet<(usize, usize)> = complete.map(|row| (row.case.world, row.case.start)).collect();
+        let missing: BTreeSet<_> = wanted.into_iter().filter(|start| !lengths.contains_key(start)).collect();
+        if !missing.is_empty() {
+            lengths.extend(oracle::lengths(&self.grounds, &missing, (how.0, how.1)));
+            store.keep_lengths(suite, &lengths)?;
+        }
+        Ok(lengths)
     }
 
     fn report(&self, store: &Store, rows: &BTreeMap<Case, Row>, tables: &[Table]) -> io::Result<()> {
