@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use elk_bus::clock::Stopwatch;
+use elk_outside::file;
 
 use crate::drawing::{self, Curves};
 use crate::oracle::{self, Lengths};
@@ -17,6 +18,11 @@ use crate::site::{Missions, Plans, check_strategies};
 use crate::store::{Row, Store, StoreError};
 use crate::suite::{Suite, SuiteError};
 use crate::table::{Rows, Table, escaped};
+
+/// The longest of its files that is read (bytes).
+const LONGEST: u64 = 1 << 30;
+const TABLE: &str = "table.md";
+const CURVES: &str = "curves.svg";
 
 /// Why an evaluation cannot begin, or go on.
 #[derive(Debug, thiserror::Error)]
@@ -148,6 +154,25 @@ impl Evaluation {
         Ok(lengths)
     }
 
+    /// Writes what an evaluation came to as a page that stands by itself, with its pictures in a folder of the page's name beside it.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_page(&self, finished: &Finished, page: &Path) -> io::Result<()> {
+        let suite = &self.grounds.suite;
+        let stem = page.file_stem().unwrap_or_default().to_string_lossy();
+        let folder = page.with_extension("");
+        std::fs::create_dir_all(&folder)?;
+        let mut text = file::read_text(&finished.folder.join(TABLE), LONGEST)?;
+        let names = suite.worlds.iter().map(|world| format!("paths-{}.svg", world.name));
+        for name in std::iter::once(CURVES.to_owned()).chain(names) {
+            let Ok(picture) = file::read_text(&finished.folder.join(&name), LONGEST) else { continue };
+            file::replace(&folder.join(&name), picture.as_bytes())?;
+            let _ = write!(text, "![{}]({stem}/{name})\n\n", name.trim_end_matches(".svg"));
+        }
+        file::replace(page, text.as_bytes())
+    }
+
     fn report(&self, store: &Store, rows: &BTreeMap<Case, Row>, tables: &[Table]) -> io::Result<()> {
         let suite = &self.grounds.suite;
         let mut head = format!("# {}\n\n", suite.name);
@@ -163,10 +188,10 @@ impl Evaluation {
             suite.seed
         );
         let markdown: String = tables.iter().map(Table::markdown).collect();
-        store.write("table.md", &format!("{head}{markdown}"))?;
+        store.write(TABLE, &format!("{head}{markdown}"))?;
         let strategies: Vec<String> = suite.strategies.iter().map(|one| one.name.clone()).collect();
         let curves = drawing::curves(&self.curves(store, rows), &strategies);
-        store.write("curves.svg", &curves)?;
+        store.write(CURVES, &curves)?;
         let mut pictures = curves;
         for (name, svg) in self.ways(store, rows, &strategies) {
             store.write(&format!("paths-{name}.svg"), &svg)?;
