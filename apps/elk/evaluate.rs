@@ -27,6 +27,9 @@ pub struct EvaluateArgs {
     /// The results' folder; one in results/ of the suite's name if not said. What is in it already is not run again
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
+    /// Writes the tables as a page (PAGE.md), too, with the pictures in a folder beside it (PAGE/)
+    #[arg(long, value_name = "PAGE")]
+    table: Option<PathBuf>,
 }
 
 /// Runs a suite, or what is left of it.
@@ -45,6 +48,9 @@ pub fn evaluate(arguments: &EvaluateArgs) -> Result<ExitCode> {
     }
     let finished = finished?;
     conclude(&finished)?;
+    if let Some(page) = &arguments.table {
+        evaluation.write_page(&finished, page).with_context(|| format!("{} cannot be written", page.display()))?;
+    }
     if stop.load(Ordering::Relaxed) && finished.done < finished.all {
         bail!("stopped: {} of {} runs are done; the same command goes on from there", finished.done, finished.all);
     }

@@ -1,6 +1,6 @@
 //! A suite from its file to its report.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,14 +8,21 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use elk_bus::clock::Stopwatch;
+use elk_outside::file;
 
 use crate::drawing::{self, Curves};
+use crate::oracle::{self, Lengths};
 use crate::outcome::{Outcome, TracePoint};
 use crate::pool::{Case, Grounds, carry_out};
 use crate::site::{Missions, Plans, check_strategies};
 use crate::store::{Row, Store, StoreError};
 use crate::suite::{Suite, SuiteError};
 use crate::table::{Rows, Table, escaped};
+
+/// The longest of its files that is read (bytes).
+const LONGEST: u64 = 1 << 30;
+const TABLE: &str = "table.md";
+const CURVES: &str = "curves.svg";
 
 /// Why an evaluation cannot begin, or go on.
 #[derive(Debug, thiserror::Error)]
@@ -121,10 +128,49 @@ impl Evaluation {
             Ok::<(), io::Error>(())
         })?;
         store.sort(suite, rows.values())?;
-        let tables = Rows::new(suite, &rows).tables();
+        let lengths = self.lengths(&store, &rows, (jobs, stop))?;
+        let tables = Rows::new(suite, &rows, &lengths).tables();
         self.report(&store, &rows, &tables)?;
         let incomplete = rows.values().filter(|row| !row.outcome.is_complete()).count();
         Ok(Finished { folder: folder.to_owned(), before, done: rows.len(), all, incomplete, tables })
+    }
+
+    /// The oracle's ways from the starts of all complete runs; those that were not found before are looked for.
+    fn lengths(
+        &self,
+        store: &Store,
+        rows: &BTreeMap<Case, Row>,
+        how: (usize, &Arc<AtomicBool>),
+    ) -> io::Result<Lengths> {
+        let suite = &self.grounds.suite;
+        let mut lengths = store.lengths(suite)?;
+        let complete = rows.values().filter(|row| row.outcome.is_complete());
+        let wanted: BTreeSet<(usize, usize)> = complete.map(|row| (row.case.world, row.case.start)).collect();
+        let missing: BTreeSet<_> = wanted.into_iter().filter(|start| !lengths.contains_key(start)).collect();
+        if !missing.is_empty() {
+            lengths.extend(oracle::lengths(&self.grounds, &missing, (how.0, how.1)));
+            store.keep_lengths(suite, &lengths)?;
+        }
+        Ok(lengths)
+    }
+
+    /// Writes what an evaluation came to as a page that stands by itself, with its pictures in a folder of the page's name beside it.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write_page(&self, finished: &Finished, page: &Path) -> io::Result<()> {
+        let suite = &self.grounds.suite;
+        let stem = page.file_stem().unwrap_or_default().to_string_lossy();
+        let folder = page.with_extension("");
+        std::fs::create_dir_all(&folder)?;
+        let mut text = file::read_text(&finished.folder.join(TABLE), LONGEST)?;
+        let names = suite.worlds.iter().map(|world| format!("paths-{}.svg", world.name));
+        for name in std::iter::once(CURVES.to_owned()).chain(names) {
+            let Ok(picture) = file::read_text(&finished.folder.join(&name), LONGEST) else { continue };
+            file::replace(&folder.join(&name), picture.as_bytes())?;
+            let _ = write!(text, "![{}]({stem}/{name})\n\n", name.trim_end_matches(".svg"));
+        }
+        file::replace(page, text.as_bytes())
     }
 
     fn report(&self, store: &Store, rows: &BTreeMap<Case, Row>, tables: &[Table]) -> io::Result<()> {
@@ -142,10 +188,10 @@ impl Evaluation {
             suite.seed
         );
         let markdown: String = tables.iter().map(Table::markdown).collect();
-        store.write("table.md", &format!("{head}{markdown}"))?;
+        store.write(TABLE, &format!("{head}{markdown}"))?;
         let strategies: Vec<String> = suite.strategies.iter().map(|one| one.name.clone()).collect();
         let curves = drawing::curves(&self.curves(store, rows), &strategies);
-        store.write("curves.svg", &curves)?;
+        store.write(CURVES, &curves)?;
         let mut pictures = curves;
         for (name, svg) in self.ways(store, rows, &strategies) {
             store.write(&format!("paths-{name}.svg"), &svg)?;

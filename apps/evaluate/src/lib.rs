@@ -5,6 +5,7 @@
 //! | [`suite`] | what is to be evaluated, as a file says it |
 //! | [`site`] | a world that is ready, and the missions to run in it |
 //! | [`truth`] | what of a world can be known, and how much of that a map has |
+//! | [`oracle`] | a short way on which a known world is seen: what all others are held against |
 //! | [`stage`], [`observer`] | a mission as one thread's work, and what is measured of it |
 //! | [`outcome`] | what came of a run |
 //! | [`pool`] | runs in parallel |
@@ -14,6 +15,7 @@
 pub mod drawing;
 pub mod evaluation;
 pub mod observer;
+pub mod oracle;
 pub mod outcome;
 pub mod pool;
 pub mod site;

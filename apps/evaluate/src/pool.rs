@@ -27,12 +27,14 @@ pub struct Case {
 }
 
 impl Case {
-    /// All runs of a suite, so that those that are compared lie beside each other.
+    /// All runs of a suite, so that those that are compared lie beside each other, and one that is cut off has had about as many
+    /// starts in each world.
     pub fn all(suite: &Suite) -> Vec<Self> {
         let of = |world: usize, start: usize| {
             (0..suite.strategies.len()).map(move |strategy| Self { world, start, strategy })
         };
-        (0..suite.worlds.len()).flat_map(|world| (0..suite.starts).flat_map(move |start| of(world, start))).collect()
+        let worlds = 0..suite.worlds.len();
+        (0..suite.starts).flat_map(|start| worlds.clone().flat_map(move |world| of(world, start))).collect()
     }
 
     /// Its number among all of them, from 1.

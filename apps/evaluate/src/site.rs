@@ -53,6 +53,15 @@ impl Speed {
     }
 }
 
+/// What the sensor sees that looks around.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Around {
+    /// Angle between neighbouring rays (rad).
+    pub spacing: f64,
+    /// How far it sees (m); infinite: as far as there is anything.
+    pub range_m: f64,
+}
+
 /// A world that is ready.
 pub struct Site {
     /// The world.
@@ -65,6 +74,8 @@ pub struct Site {
     pub pose_variable: String,
     /// The robot's speed, if its controller says it.
     pub speed: Option<Speed>,
+    /// What its sensor sees that looks around, if that says how its rays lie.
+    pub around: Option<Around>,
     /// How long it took to get ready (s).
     pub secs: f64,
 }
@@ -81,6 +92,7 @@ pub struct Plans {
     terms: Terms,
     pose_variable: String,
     speed: Option<Speed>,
+    around: Option<Around>,
     world_file: String,
     placement: Result<Placement, String>,
 }
@@ -119,7 +131,7 @@ impl Plans {
             all.push(sets);
         }
         let facts = Facts::of(&last).map_err(|why| wrong(entry.at, format!("world {}: {why}", entry.name)))?;
-        let Facts { terms, pose_variable, speed, world_file, placement } = facts;
+        let Facts { terms, pose_variable, speed, around, world_file, placement } = facts;
         let source = entry.source.clone();
         Ok(Ok(Self {
             source,
@@ -130,6 +142,7 @@ impl Plans {
             terms,
             pose_variable,
             speed,
+            around,
             world_file,
             placement,
         }))
@@ -152,7 +165,8 @@ impl Plans {
         let mut random = Random::new(suite.seed, stream(name));
         let starts = truth.starts(&world, suite.starts, &mut random).map_err(|error| error.to_string())?;
         let secs = took.elapsed().as_secs_f64();
-        Ok(Site { world, truth, starts, pose_variable: self.pose_variable.clone(), speed: self.speed, secs })
+        let pose_variable = self.pose_variable.clone();
+        Ok(Site { world, truth, starts, pose_variable, speed: self.speed, around: self.around, secs })
     }
 
     /// What a run says otherwise than its mission's file.
@@ -182,6 +196,7 @@ struct Facts {
     terms: Terms,
     pose_variable: String,
     speed: Option<Speed>,
+    around: Option<Around>,
     world_file: String,
     placement: Result<Placement, String>,
 }
@@ -200,12 +215,18 @@ impl Facts {
             (of(element::MAP)?, of(element::EXPLORER)?, of(element::CONTROLLER)?);
         let dim = Vector3::from(explorer.point("Dim"));
         let bounds = (dim != Vector3::zeros()).then(|| Bounds::from_mid_dim(explorer.point("Mid").into(), dim));
+        let has_rays = ["Width", "Fov", "Range"].iter().all(|param| sensor.takes(param));
+        let around = || {
+            let range_m = Some(seen.number("Range")).filter(|range_m| *range_m > 0.0).unwrap_or(f64::INFINITY);
+            Around { spacing: seen.number("Fov").to_radians() / seen.integer("Width") as f64, range_m }
+        };
         let has_speed = controller.takes("Speed") && controller.takes("TurnRate");
         Ok(Self {
             terms: Terms { resolution: map.number("Res"), radius_m: explorer.number("Radius"), bounds },
             pose_variable: seen.text("MOOSPoseVarName").to_owned(),
             speed: has_speed
                 .then(|| Speed { along: motion.number("Speed"), turn: motion.number("TurnRate").to_radians() }),
+            around: has_rays.then(around),
             world_file: seen.text("World").to_owned(),
             placement: Placement::new(seen.number("Scale"), seen.text("Up")).map_err(|error| error.to_string()),
         })

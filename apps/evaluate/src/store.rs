@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use elk_outside::file;
 use nalgebra::Point3;
 
+use crate::oracle::{Length, Lengths};
 use crate::outcome::{Outcome, Times, TracePoint};
 use crate::pool::Case;
 use crate::suite::Suite;
@@ -18,6 +19,8 @@ const LONGEST: u64 = 1 << 30;
 const SUITE: &str = "suite.txt";
 const RUNS: &str = "runs.csv";
 const TIMES: &str = "times.csv";
+const ORACLE: &str = "oracle.csv";
+const ORACLE_HEADS: &str = "world,start,way_m,seen\n";
 /// What a run is, before what came of it.
 const RUN_HEADS: [&str; 9] = ["run", "world", "strategy", "start", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"];
 
@@ -118,6 +121,37 @@ impl Store {
     /// It cannot be written.
     pub fn write(&self, name: &str, text: &str) -> io::Result<()> {
         file::replace(&self.folder.join(name), text.as_bytes())
+    }
+
+    /// The oracle's ways that were found so far.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub fn lengths(&self, suite: &Suite) -> io::Result<Lengths> {
+        let of = |cells: &Vec<String>| {
+            let [world, start, way_m, seen] = &cells[..] else { return None };
+            let world = suite.worlds.iter().position(|one| one.name == *world)?;
+            let start = start.parse::<usize>().ok()?.checked_sub(1).filter(|start| *start < suite.starts)?;
+            let length = match way_m.is_empty() {
+                true => None,
+                false => Some(Length { way_m: way_m.parse().ok()?, seen: seen.parse().ok()? }),
+            };
+            Some(((world, start), length))
+        };
+        Ok(lines(&self.folder, ORACLE)?.iter().filter_map(of).collect())
+    }
+
+    /// Keeps the oracle's ways.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn keep_lengths(&self, suite: &Suite, lengths: &Lengths) -> io::Result<()> {
+        let of = |((world, start), length): (&(usize, usize), &Option<Length>)| {
+            let numbers = length.map(|length| [length.way_m, length.seen].map(|number| number.to_string()));
+            let [way_m, seen] = numbers.unwrap_or_default();
+            line(&[suite.worlds[*world].name.clone(), (start + 1).to_string(), way_m, seen])
+        };
+        self.write(ORACLE, &(ORACLE_HEADS.to_owned() + &lengths.iter().map(of).collect::<String>()))
     }
 
     /// What was known after each scan of a run; empty: it is not there.
@@ -297,6 +331,16 @@ mod tests {
         store.keep(&suite, &capped, &[]).unwrap();
         let (_, rows) = Store::open(folder.path(), &suite, "").unwrap();
         assert_eq!(rows.into_values().collect::<Vec<_>>(), [capped]);
+    }
+
+    #[test]
+    fn ways_of_the_oracle_are_there_again() {
+        let (folder, suite) = (tempfile::tempdir().unwrap(), suite());
+        let (store, _) = Store::open(folder.path(), &suite, "").unwrap();
+        assert!(store.lengths(&suite).unwrap().is_empty());
+        let lengths = Lengths::from([((0, 0), Some(Length { way_m: 0.1 + 0.2, seen: 1.0 / 3.0 })), ((0, 1), None)]);
+        store.keep_lengths(&suite, &lengths).unwrap();
+        assert_eq!(store.lengths(&suite).unwrap(), lengths);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::oracle::{Length, Lengths};
 use crate::outcome::{Outcome, SHARES};
 use crate::pool::Case;
 use crate::statistics::{Paired, Sample};
@@ -48,7 +49,13 @@ pub fn escaped(text: &str) -> String {
 pub struct Rows<'a> {
     suite: &'a Suite,
     rows: &'a BTreeMap<Case, Row>,
+    lengths: &'a Lengths,
 }
+
+/// The name of the reference that knows the world.
+const ORACLE: &str = "Oracle";
+/// The column of the share that is known at the end.
+const SEEN: &str = "seen %";
 
 /// What is measured of a run; `None`: not of this one.
 type Measure = fn(&Outcome) -> Option<f64>;
@@ -57,9 +64,9 @@ const WAY: Measure = |run| Some(run.way_m);
 const WAY_99: Measure = |run| run.marks[2];
 
 impl<'a> Rows<'a> {
-    /// All that is there of a suite.
-    pub fn new(suite: &'a Suite, rows: &'a BTreeMap<Case, Row>) -> Self {
-        Self { suite, rows }
+    /// All that is there of a suite, and what the oracle's ways come to in it.
+    pub fn new(suite: &'a Suite, rows: &'a BTreeMap<Case, Row>, lengths: &'a Lengths) -> Self {
+        Self { suite, rows, lengths }
     }
 
     /// The runs of a strategy in a world that came to their end, by start: others are no part of any mean.
@@ -79,6 +86,19 @@ impl<'a> Rows<'a> {
         self.complete(world, strategy).filter_map(pair).collect()
     }
 
+    /// The oracle's ways in a world, by start.
+    fn oracle(&self, world: usize) -> BTreeMap<usize, Length> {
+        let own = self.lengths.range((world, 0)..(world + 1, 0));
+        own.filter_map(|((_, start), length)| Some((*start, (*length)?))).collect()
+    }
+
+    /// How much longer than the oracle's the complete ways of a strategy are, as logarithms.
+    fn over_oracle(&self, world: usize, strategy: usize) -> Vec<f64> {
+        let oracle = self.oracle(world);
+        let ratio = |(start, run): (usize, &Outcome)| Some((run.way_m / oracle.get(&start)?.way_m).ln());
+        self.complete(world, strategy).filter_map(ratio).filter(|ratio| ratio.is_finite()).collect()
+    }
+
     /// All tables.
     pub fn tables(&self) -> Vec<Table> {
         let worlds = (0..self.suite.worlds.len()).map(|world| self.of_world(world));
@@ -90,7 +110,8 @@ impl<'a> Rows<'a> {
     fn overall(&self) -> Table {
         let first = &self.suite.strategies[0].name;
         let head = ["strategy", "complete", "pairs"].into_iter().map(str::to_owned);
-        let head = head.chain(["way", "way to 99 %"].map(|what| format!("{what} ÷ {first} [95 %], p"))).collect();
+        let head = head.chain(["way", "way to 99 %"].map(|what| format!("{what} ÷ {first} [95 %], p")));
+        let head = head.chain([format!("way ÷ {ORACLE} [95 %]")]).collect();
         let worlds = 0..self.suite.worlds.len();
         let line = |strategy: usize| {
             let ratio = |measure: Measure| {
@@ -107,6 +128,8 @@ impl<'a> Rows<'a> {
             cells.extend(
                 [WAY, WAY_99].map(|measure| if strategy == 0 { "1".to_owned() } else { shown_ratio(&ratio(measure)) }),
             );
+            let over: Vec<f64> = worlds.clone().flat_map(|world| self.over_oracle(world, strategy)).collect();
+            cells.push(Paired::of(&over).map_or("–".to_owned(), |over| shown_exp(&over)));
             cells
         };
         Table { caption: "All worlds".to_owned(), head, lines: (0..self.suite.strategies.len()).map(line).collect() }
@@ -116,14 +139,14 @@ impl<'a> Rows<'a> {
         let entry = &self.suite.worlds[world];
         let first = &self.suite.strategies[0].name;
         let mut head: Vec<String> = ["strategy", "complete", "way m"].map(str::to_owned).to_vec();
-        head.push(format!("− {first} [95 %], p"));
+        head.extend([format!("− {first} [95 %], p"), format!("÷ {ORACLE}")]);
         head.extend(SHARES.map(|share| format!("to {} %", (share * 1e3).round() / 10.0)));
         let others = [
             "area m",
             "scans",
             "rotation °",
             "travel s",
-            "seen %",
+            SEEN,
             "recall %",
             "precision %",
             "contacts",
@@ -135,6 +158,7 @@ impl<'a> Rows<'a> {
         }
         let mut lines: Vec<Vec<String>> =
             (0..self.suite.strategies.len()).map(|strategy| self.line(world, strategy)).collect();
+        lines.extend(self.oracle_line(world, &head));
         // What others have measured of a strategy that is not in the suite.
         let is_here = |name: &str| self.suite.strategies.iter().any(|one| one.name == name);
         for reference in entry.references.iter().filter(|one| !is_here(&one.strategy)) {
@@ -144,6 +168,21 @@ impl<'a> Rows<'a> {
             lines.push(cells);
         }
         Table { caption: entry.name.clone(), head, lines }
+    }
+
+    /// What the oracle's ways come to; `None`: there are none.
+    fn oracle_line(&self, world: usize, head: &[String]) -> Option<Vec<String>> {
+        let lengths: Vec<Length> = self.oracle(world).into_values().collect();
+        let ways = Sample::of(&lengths.iter().map(|length| length.way_m).collect::<Vec<_>>())?;
+        let seen = Sample::of(&lengths.iter().map(|length| length.seen).collect::<Vec<_>>())?;
+        let mut cells = vec![format!("{ORACLE}: knows the world, no bound"), format!("{} starts", lengths.len())];
+        cells.extend([format!("{:.1} ± {:.1}", ways.mean, ways.sd), "–".to_owned(), "1".to_owned()]);
+        let others = head.iter().skip(cells.len()).map(|name| match name == SEEN {
+            true => format!("{:.2}", 100.0 * seen.mean),
+            false => "–".to_owned(),
+        });
+        cells.extend(others.collect::<Vec<_>>());
+        Some(cells)
     }
 
     fn line(&self, world: usize, strategy: usize) -> Vec<String> {
@@ -157,6 +196,8 @@ impl<'a> Rows<'a> {
         cells.push(Sample::of(&ways).map_or("–".to_owned(), |way| format!("{:.1} ± {:.1}", way.mean, way.sd)));
         let differences: Vec<f64> = self.pairs(world, strategy, WAY).iter().map(|[own, first]| own - first).collect();
         cells.push(if strategy == 0 { "0".to_owned() } else { shown_difference(&differences) });
+        let over = Sample::of(&self.over_oracle(world, strategy));
+        cells.push(over.map_or("–".to_owned(), |over| format!("{:.2}", over.mean.exp())));
         let marks: [Measure; 4] = [|run| run.marks[0], |run| run.marks[1], WAY_99, |run| run.marks[3]];
         cells.extend(marks.map(|mark| mean(mark, 1)));
         cells.push(mean(|run| Some(run.area_m), 2));
@@ -235,8 +276,12 @@ fn shown_difference(differences: &[f64]) -> String {
 }
 
 fn shown_ratio(logarithms: &[f64]) -> String {
-    let Some(Paired { mean, interval: [low, high], p, .. }) = Paired::of(logarithms) else { return "–".to_owned() };
-    format!("{:.3} [{:.3}, {:.3}], {}", mean.exp(), low.exp(), high.exp(), shown_p(p))
+    Paired::of(logarithms).map_or("–".to_owned(), |paired| format!("{}, {}", shown_exp(&paired), shown_p(paired.p)))
+}
+
+/// A geometric mean with its interval, of logarithms.
+fn shown_exp(Paired { mean, interval: [low, high], .. }: &Paired) -> String {
+    format!("{:.3} [{:.3}, {:.3}]", mean.exp(), low.exp(), high.exp())
 }
 
 /// With a star where chance alone is taken to be ruled out (p < 0.05).
@@ -276,13 +321,20 @@ mod tests {
     #[test]
     fn a_run_that_is_not_complete_is_shown_and_is_no_part_of_a_mean() {
         let (suite, rows) = (suite(), rows([[10.0, 12.0], [20.0, 23.0], [30.0, 34.0], [40.0, 1000.0]]));
-        let tables = Rows::new(&suite, &rows).tables();
+        let length = |way_m: f64| Some(Length { way_m, seen: 0.9993 });
+        let lengths =
+            Lengths::from([((0, 0), length(5.0)), ((0, 1), length(8.0)), ((0, 2), None), ((1, 0), length(1.0))]);
+        let tables = Rows::new(&suite, &rows, &lengths).tables();
         let [overall, car, failures] = &tables[..] else { panic!("{tables:?}") };
-        assert_eq!(car.lines[0][..4], ["A", "4 of 4", "25.0 ± 12.9", "0"]);
+        assert_eq!(car.lines[0][..5], ["A", "4 of 4", "25.0 ± 12.9", "0", "2.24"]);
         // Differences 2, 3 and 4: mean 3, standard error 1/√3, t(0.975, 2) = 4.3027, t = 5.196: p = 0.0351.
         assert_eq!(car.lines[1][..4], ["B", "3 of 4", "23.0 ± 11.0", "+3.0 [+0.5, +5.5], p = 0.035 *"]);
         assert_eq!(car.lines[1].last().unwrap(), "9.3 ± 2.39 (6.16)");
-        assert_eq!(car.lines[2][..2], ["C", "not run"]);
+        // The geometric means of 10/5 and 20/8, and of 12/5 and 23/8; no way was found from the third start.
+        assert_eq!(car.lines[1][4], "2.63");
+        assert_eq!(car.lines[2][..5], ["Oracle: knows the world, no bound", "2 starts", "6.5 ± 2.1", "–", "1"]);
+        assert_eq!(car.lines[2][13], "99.93");
+        assert_eq!(car.lines[3][..2], ["C", "not run"]);
         assert!(car.lines.iter().all(|line| line.len() == car.head.len()), "{car:?}");
         assert_eq!(overall.lines[1][..3], ["B", "3 of 4", "3"]);
         // The geometric mean of 1.2, 1.15 and 34/30.

@@ -70,6 +70,11 @@ impl Terms {
         voxel.center(self.resolution)
     }
 
+    /// Radius of the ball around a robot in the centre of a voxel that no surface may touch (m).
+    fn ball_m(&self) -> f64 {
+        self.radius_m.max(0.5 * self.resolution)
+    }
+
     fn holds(&self, voxel: Voxel) -> bool {
         voxel.is_mappable() && self.bounds.is_none_or(|bounds| bounds.contains(self.center(voxel)))
     }
@@ -78,8 +83,7 @@ impl Terms {
     /// between two such neighbours.
     fn is_clear(&self, world: &World, voxel: Voxel) -> bool {
         let center = self.center(voxel);
-        let radius = self.radius_m.max(0.5 * self.resolution);
-        self.holds(voxel) && world.extents().contains(center) && !world.touches(center, center, radius)
+        self.holds(voxel) && world.extents().contains(center) && !world.touches(center, center, self.ball_m())
     }
 }
 
@@ -123,6 +127,18 @@ impl Truth {
     /// Edge of a voxel (m).
     pub fn resolution(&self) -> f64 {
         self.terms.resolution
+    }
+
+    /// What is free around a robot on its way through the face between two voxels in which it stands (m): the balls around both
+    /// have that much in common there.
+    pub fn passage_m(&self) -> f64 {
+        let [ball, half] = [self.terms.ball_m(), 0.5 * self.terms.resolution];
+        (ball * ball - half * half).max(0.0).sqrt()
+    }
+
+    /// A voxel near by from which a visible one is seen, or that one itself, if the robot can stand there.
+    pub fn near_view(&self, world: &World, voxel: Voxel) -> Option<Voxel> {
+        near_view(world, &self.terms, &self.stands, voxel)
     }
 
     /// So many starts, drawn from `random`: anywhere where the robot can be, with [`START_CLEARANCE_M`] around, looking
@@ -284,13 +300,18 @@ fn views(stands: &VoxelSet) -> Vec<Voxel> {
 }
 
 fn is_visible(world: &World, terms: &Terms, (stands, views): (&VoxelSet, &[Voxel]), voxel: Voxel) -> bool {
+    let target = terms.center(voxel);
+    near_view(world, terms, stands, voxel).is_some()
+        || views.iter().any(|view| sees(world, terms.center(*view), target))
+}
+
+fn near_view(world: &World, terms: &Terms, stands: &VoxelSet, voxel: Voxel) -> Option<Voxel> {
     if stands.contains(voxel) {
-        return true;
+        return Some(voxel);
     }
     let target = terms.center(voxel);
-    let from = |view: Voxel| sees(world, terms.center(view), target);
-    let near = (1..=NEAR).any(|reach| shell(reach).any(|step| stands.contains(voxel + step) && from(voxel + step)));
-    near || views.iter().any(|view| from(*view))
+    let mut near = (1..=NEAR).flat_map(|reach| shell(reach).map(|step| voxel + step));
+    near.find(|view| stands.contains(*view) && sees(world, terms.center(*view), target))
 }
 
 /// The steps that lead to the faces of a cube, half as long as `reach` voxels.

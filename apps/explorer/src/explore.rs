@@ -295,32 +295,38 @@ impl Explorer {
         self.journal.time("goals", || scene.sort_out(known, learned, memory, settings));
     }
 
-    /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left; only a verdict
-    /// on the map as it is then counts.
+    /// The goals from afar. A target that nothing sees is not looked for again until nothing else is left, or nothing that is nearer:
+    /// who left it for the end would come back for it. Only a verdict on the map as it is then counts.
     fn far_goals(&mut self, scene: &mut Scene, known: Known) -> Goals {
         let mut targets = scene.agenda.targets(known, &self.memory);
-        let Scene { space, verdicts, left, .. } = scene;
-        let robot = space.start();
-        targets.sort_by_key(|t| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>());
+        let robot = scene.space.start();
+        let away = |t: &Target| (t.voxel - robot).to_array().map(|c| i64::from(c).pow(2)).iter().sum::<i64>();
+        targets.sort_by_key(away);
         let (fresh, hidden): (Vec<Target>, Vec<Target>) =
             targets.into_iter().partition(|t| !self.memory.is_hidden(t.voxel));
-        let mut goals = Goals::default();
-        left.open = 0;
-        for candidates in [fresh, hidden] {
-            let far;
-            let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
-            let wanted = candidates.iter().take_while(|_| !is_to_stop());
-            (goals, far) = self.journal.time("sight", || Goals::far(space, range_m, wanted, verdicts));
-            self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), known.frontier);
-            if !goals.is_empty() {
-                left.open = candidates.len() as u64;
-                break;
-            }
+        scene.left.open = 0;
+        let goals = self.goals_of(&fresh, scene, known);
+        let nearest = goals.iter().map(|goal| away(&goal.target)).min();
+        let nearer = nearest.map_or(hidden.len(), |nearest| hidden.partition_point(|target| away(target) < nearest));
+        let again = self.goals_of(&hidden[..nearer], scene, known);
+        if again.is_empty() { goals } else { again }
+    }
+
+    /// Goals from afar of the first of some targets; what becomes of those that have none is kept and counted.
+    fn goals_of(&mut self, targets: &[Target], scene: &mut Scene, known: Known) -> Goals {
+        let Scene { space, verdicts, left, .. } = scene;
+        let (is_to_stop, range_m) = (self.settings.is_to_stop, self.sight.range_m);
+        let wanted = targets.iter().take_while(|_| !is_to_stop());
+        let (goals, far) = self.journal.time("sight", || Goals::far(space, range_m, wanted, verdicts));
+        self.memory.hide(far.invisible.iter().chain(&far.exhausted).copied(), known.frontier);
+        if goals.is_empty() {
             left.invisible += far.invisible.len() as u64;
             let (silent, exhausted): (Vec<Voxel>, Vec<Voxel>) =
                 far.exhausted.iter().partition(|voxel| self.memory.saw_nothing(**voxel));
             left.no_return += silent.len() as u64;
             left.unresolved += exhausted.len() as u64;
+        } else {
+            left.open = targets.len() as u64;
         }
         goals
     }

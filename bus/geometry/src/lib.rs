@@ -12,7 +12,7 @@
 //! | a dense box of voxels with numbers | [`region`] |
 //! | which voxels a segment passes, and what is seen from where | [`ray`], [`visibility`] |
 //! | where a body of some size can be, what hangs together, and the shortest way there | [`clearance`], [`component`], [`astar`] |
-//! | ways in straight lines, and where a camera is | [`polyline`], [`pose`] |
+//! | ways in straight lines, and where a camera is; short tours past many places | [`polyline`], [`pose`]; [`tour`] |
 //! | numbers drawn by lot, the same on every machine | [`random`] |
 //!
 //! ```
@@ -41,6 +41,7 @@ mod searches;
 pub mod set;
 pub mod state;
 pub mod states;
+pub mod tour;
 pub mod visibility;
 pub mod voxel;
 

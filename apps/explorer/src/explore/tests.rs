@@ -479,3 +479,43 @@ fn a_strategy_goes_on_with_its_own_memory_and_no_other_one_is_given_it() {
     let said = next.recall(&of_another_type).unwrap();
     assert!(said.starts_with("what Counting itself remembered is left aside: "), "{said}");
 }
+
+/// Regression: what had been hidden once was looked at last, wherever it was, so that the robot went to and fro between the ends of
+/// a world. A hall 8 m long has two shafts in its ceiling, too narrow for the robot and too deep to be seen into from near by.
+#[test]
+fn what_was_hidden_once_is_looked_at_before_what_is_farther_away() {
+    let mut grid = OccupancyGrid::new(RESOLUTION);
+    let shafts = [10, 70].map(|x| Voxel::new(x, 4, 16));
+    let mut changed = Vec::new();
+    for x in -1..81 {
+        for y in -1..10 {
+            for z in -1..18 {
+                let hall = (0..80).contains(&x) && (0..9).contains(&y) && (0..9).contains(&z);
+                let shaft = shafts.iter().any(|end| (end.x, end.y) == (x, y));
+                if !(shaft && z == 17) {
+                    let is_free = hall || shaft && (9..17).contains(&z);
+                    grid.set(Voxel::new(x, y, z), if is_free { State::Free } else { State::Occupied });
+                    changed.push(Voxel::new(x, y, z));
+                }
+            }
+        }
+    }
+    grid.advance(&changed);
+    let pose = Pose::looking(Voxel::new(5, 4, 4).center(RESOLUTION), Vector3::x());
+    let request = PlanRequest { id: 1, pose, revision: grid.revision(), outcome: Outcome::First };
+    let target = |explorer: &mut Explorer| {
+        explorer.hear_of_camera(&camera());
+        explorer.hear_of_map(&grid, &changed);
+        let plan = explorer.plan(&grid, &request);
+        let Decision::Go(path) = &plan.decision else { panic!("{plan:?}") };
+        (path.target, explorer.memory(&plan).0)
+    };
+    let new = || Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    let (first, left) = target(&mut new());
+    assert_eq!(first, shafts[0]);
+    for hidden in [vec![shafts[0]], vec![shafts[1]], shafts.to_vec()] {
+        let mut next = new();
+        next.succeed(&ExplorerMemory { hidden: hidden.clone(), ..left.clone() });
+        assert_eq!(target(&mut next).0, shafts[0], "{hidden:?}");
+    }
+}

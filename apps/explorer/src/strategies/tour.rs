@@ -2,16 +2,18 @@
 //! al., T-RO 2024).
 //!
 //! As there, the frontier is grouped, each group has viewpoints from which it is seen, and the robot goes on to the first stop of
-//! the shortest tour past all groups. Otherwise than there, groups are the cells of an octree (as in Dai et al., ICRA 2020), as
-//! small as can be afforded: in the end single voxels; a stop is for all groups that are seen from it; and its place is chosen with
-//! the tour, so that what can be seen in passing costs a detour, and no way of its own.
+//! the shortest tour past all groups. Otherwise than there, groups are the cells of an octree (as in Dai et al., ICRA 2020), the
+//! smaller the nearer, and as small as can be afforded: near the robot, and everywhere in the end, single voxels. So the tour knows of
+//! the least thing that is left near by, and does not come back for it. A stop is for all groups that are seen from it; and its place
+//! is chosen with the tour, so that what can be seen in passing costs a detour, and no way of its own.
 
 mod itinerary;
 mod roadmap;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use elk_geometry::Voxel;
+use elk_geometry::bricks::brick_of;
 use elk_mission::AppType;
 use nalgebra::Point3;
 
@@ -37,6 +39,12 @@ pub const TYPE: AppType = AppType {
 const MOST_GROUPS: usize = 64;
 /// Cells have an edge of so many powers of two at most (voxels).
 const COARSEST: u32 = 5;
+/// How far from the robot cells are single voxels, at least and at most (voxels): at twice the distance their edge is twice as long.
+const FINE: (f64, f64) = (0.5, 64.0);
+/// So many targets in a brick (8³ voxels) are much to be seen.
+const MUCH: usize = 24;
+/// As long as there is much to be seen anywhere, little is only seen to if it is so near (m).
+const LITTLE_NEAR_M: f64 = 3.0;
 /// Farther away than this viewpoints lie in a lattice twice as wide (m).
 const NEAR_M: f64 = 2.0;
 /// How far a viewpoint is from what it is for, at most (m): as the policy `elk` trusts a look.
@@ -80,7 +88,7 @@ impl Strategy for Tour {
         if let Some(goal) = journal.time("views", || in_sight(view)) {
             return Some(Route { points: vec![view.from], goal });
         }
-        let groups = groups(view);
+        let groups = worthwhile(view, groups(view));
         let roadmap = journal.time("roadmap", || Roadmap::new(view.space, view.space.start()));
         let (places, sets) = journal.time("views", || viewpoints(view, &groups, &roadmap));
         journal.count("groups", groups.len() as u64);
@@ -118,23 +126,44 @@ fn distance(one: &Place, other: &Place) -> f64 {
     (one.position - other.position).norm().max((one.way_m - other.way_m).abs())
 }
 
-/// The targets in groups: those in the cells of the smallest size that are not too many.
+/// The targets in groups: those in the cells of an octree, which are the larger the farther away they are, and as small as can be
+/// afforded.
 fn groups<'a>(view: &View<'a>) -> Vec<Group<'a>> {
     let far = view.open.iter().map(|target| Group { target, goal: None });
     let near = view.goals.iter().map(|goal| Group { target: &goal.target, goal: Some(goal.voxel) });
     // Of a target with a goal near by, that stands.
     let all: BTreeMap<Voxel, Group<'a>> = far.chain(near).map(|group| (group.target.voxel, group)).collect();
-    let mut groups: Vec<Group<'a>> = all.into_values().collect();
-    for bits in 1..=COARSEST {
+    if all.len() <= MOST_GROUPS {
+        return all.into_values().collect();
+    }
+    let ranges = std::iter::successors(Some(FINE.1), |range| Some(range / std::f64::consts::SQRT_2));
+    let mut groups = BTreeMap::new();
+    for range in ranges.take_while(|range| *range >= FINE.0) {
+        groups.clear();
+        for target in all.keys() {
+            let doubled = (target.distance(view.space.start()) / range).max(1.0).log2();
+            let bits = (doubled as u32).min(COARSEST);
+            groups.entry((bits, target.to_array().map(|c| c >> bits))).or_insert(*target);
+        }
         if groups.len() <= MOST_GROUPS {
             break;
         }
-        let cell = |group: &Group<'_>| group.target.voxel.to_array().map(|c| c >> bits);
-        let mut cells = BTreeMap::new();
-        for group in groups {
-            cells.entry(cell(&group)).or_insert(group);
-        }
-        groups = cells.into_values().collect();
+    }
+    let first: BTreeSet<Voxel> = groups.into_values().collect();
+    all.into_iter().filter(|(target, _)| first.contains(target)).map(|(_, group)| group).collect()
+}
+
+/// Those groups that the tour is to lead past: as long as there is much to be seen anywhere, what is little is left for later unless it
+/// is near. Behind much there may be more, from where the little is seen in passing.
+fn worthwhile<'a>(view: &View<'a>, mut groups: Vec<Group<'a>>) -> Vec<Group<'a>> {
+    let near = view.goals.iter().map(|goal| goal.target.voxel);
+    let targets: BTreeSet<Voxel> = view.open.iter().map(|target| target.voxel).chain(near).collect();
+    let mut counts: BTreeMap<Voxel, usize> = BTreeMap::new();
+    targets.iter().for_each(|target| *counts.entry(brick_of(*target)).or_default() += 1);
+    let is_much = |group: &Group<'_>| counts.get(&brick_of(group.target.voxel)).is_some_and(|count| *count >= MUCH);
+    if groups.iter().any(is_much) {
+        let away_m = |group: &Group<'_>| group.target.voxel.distance(view.space.start()) * view.space.resolution();
+        groups.retain(|group| is_much(group) || away_m(group) < LITTLE_NEAR_M);
     }
     groups
 }
@@ -195,5 +224,31 @@ mod tests {
         assert_eq!(groups_of(MOST_GROUPS as u32), MOST_GROUPS);
         let many = groups_of(1000);
         assert!(many <= MOST_GROUPS && many > MOST_GROUPS / 8, "{many}");
+    }
+
+    /// To the left a goal comes into sight after 0.5 m, to the right a wall after 1.6 m: of four voxels, or of 256.
+    #[test]
+    fn little_is_left_for_later_where_there_is_much() {
+        let choice = |edge: u32| {
+            let place = |k: u32| [12.55, 0.75 + 0.1 * f64::from(k % edge), 0.55 + 0.1 * f64::from(k / edge)];
+            let goals: Vec<[f64; 3]> = std::iter::once([0.45, 1.55, 1.25]).chain((0..edge * edge).map(place)).collect();
+            Room::new([13.0, 3.0, 2.5], [5.95, 1.55, 1.25], &goals).choice(&mut Tour)
+        };
+        assert_eq!(choice(2), Some(0));
+        assert!(choice(16).is_some_and(|goal| goal > 0));
+    }
+
+    /// A wall of 700 targets 6 m away and three near the robot, 0.1 m from each other: those are groups of their own.
+    #[test]
+    fn what_is_left_near_by_is_a_group_of_its_own() {
+        let wall = (0..700).map(|k| [7.05, 0.55 + 0.1 * f64::from(k % 35), 0.35 + 0.1 * f64::from(k / 35)]);
+        let near = [[1.25, 2.55, 1.25], [1.35, 2.55, 1.25], [1.35, 2.65, 1.25]];
+        let goals: Vec<[f64; 3]> = wall.chain(near).collect();
+        let room = Room::new([8.0, 5.0, 2.9], [1.05, 2.05, 1.25], &goals);
+        let view = room.view();
+        let groups = groups(&view);
+        let is_near = |group: &&Group<'_>| group.target.voxel.x < 20;
+        assert_eq!(groups.iter().filter(is_near).count(), near.len());
+        assert!(groups.len() <= MOST_GROUPS && groups.len() > near.len() + 3, "{}", groups.len());
     }
 }

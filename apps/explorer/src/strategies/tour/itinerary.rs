@@ -2,15 +2,15 @@
 //! neighbourhoods).
 //!
 //! The set that lies farthest off the tour so far is put in first, where that costs least (farthest insertion); so the ends of the
-//! world make the tour, and what lies by the way is seen in passing. Stretches are then turned round (2-opt, Croes 1958) or moved
-//! (Or-opt, Or 1976), and places exchanged, as long as that makes it shorter.
+//! world make the tour, and what lies by the way is seen in passing. Stretches are then turned round or moved, and places exchanged,
+//! as long as that makes it shorter.
+
+use elk_geometry::tour::shorten;
 
 /// Less than this is no shorter (m).
 const LEAST_M: f64 = 1e-6;
 /// How often all moves are tried.
 const ROUNDS: usize = 8;
-/// Stops in the longest stretch that is moved.
-const LONGEST_STRETCH: usize = 3;
 
 /// A stop of the tour.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub fn itinerary(start: usize, sets: &[Vec<usize>], distance: impl Fn(usize, usi
     let mut tour = Tour { start, sets, distance, stops: Vec::new() };
     tour.insert_all();
     for _ in 0..ROUNDS {
-        if !(tour.turn_round() | tour.move_stretches() | tour.exchange_places()) {
+        if !(shorten(start, &mut tour.stops, |stop| stop.place, &tour.distance) | tour.exchange_places()) {
             break;
         }
     }
@@ -103,63 +103,11 @@ impl<D: Fn(usize, usize) -> f64> Tour<'_, D> {
         k.checked_sub(1).map_or(self.start, |k| self.stops[k].place)
     }
 
-    fn place(&self, k: usize) -> Option<usize> {
-        self.stops.get(k).map(|stop| stop.place)
-    }
-
-    /// Length of the leg from `from` to stop `k`, if there is one.
-    fn leg(&self, from: usize, to: Option<usize>) -> f64 {
-        to.map_or(0.0, |to| (self.distance)(from, to))
-    }
-
-    /// 2-opt; answers whether the tour is shorter.
-    fn turn_round(&mut self) -> bool {
-        let mut shorter = false;
-        for i in 0..self.stops.len() {
-            for j in i + 1..self.stops.len() {
-                let [before, first, last] = [self.before(i), self.stops[i].place, self.stops[j].place];
-                let after = self.place(j + 1);
-                let now = self.leg(before, Some(first)) + self.leg(last, after);
-                if self.leg(before, Some(last)) + self.leg(first, after) < now - LEAST_M {
-                    self.stops[i..=j].reverse();
-                    shorter = true;
-                }
-            }
-        }
-        shorter
-    }
-
-    /// Or-opt; answers whether the tour is shorter.
-    fn move_stretches(&mut self) -> bool {
-        let mut shorter = false;
-        for length in 1..=LONGEST_STRETCH {
-            for i in 0..(self.stops.len() + 1).saturating_sub(length) {
-                shorter |= self.move_stretch(i, length);
-            }
-        }
-        shorter
-    }
-
-    fn move_stretch(&mut self, i: usize, length: usize) -> bool {
-        let [first, last] = [self.stops[i].place, self.stops[i + length - 1].place];
-        let (before, after) = (self.before(i), self.place(i + length));
-        let saved = self.leg(before, Some(first)) + self.leg(last, after) - self.leg(before, after);
-        let stretch: Vec<Stop> = self.stops.drain(i..i + length).collect();
-        let cost = |k: usize| {
-            let (from, to) = (self.before(k), self.place(k));
-            self.leg(from, Some(first)) + self.leg(last, to) - self.leg(from, to)
-        };
-        let best = (0..=self.stops.len()).map(|k| (cost(k), k)).min_by(|a, b| a.0.total_cmp(&b.0));
-        let (k, moved) = best.filter(|(cost, _)| *cost < saved - LEAST_M).map_or((i, false), |(_, k)| (k, true));
-        self.stops.splice(k..k, stretch);
-        moved
-    }
-
     /// Each stop to the place by which the way is shortest, of those that all its sets have; answers whether any moved.
     fn exchange_places(&mut self) -> bool {
         let mut shorter = false;
         for k in 0..self.stops.len() {
-            let (before, after) = (self.before(k), self.place(k + 1));
+            let (before, after) = (self.before(k), self.stops.get(k + 1).map(|stop| stop.place));
             let Some((first, others)) = self.stops[k].sets.split_first() else { continue };
             let shared = |place: &&usize| others.iter().all(|set| self.sets[*set].contains(place));
             let cost = |place: usize| self.detour(before, place, after);
