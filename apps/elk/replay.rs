@@ -12,7 +12,8 @@ use elk_outside::screen::Screen;
 use elk_outside::text;
 use elk_replay::keyboard::{self, Keyboard};
 use elk_replay::{
-    Console, PlayOptions, Played, Player, Press, Progress, Rate, ReproduceOptions, Reproduced, Tape, reproduce,
+    Console, PlayOptions, Played, Player, Press, Progress, Rate, ReproduceOptions, Reproduced, StreamCount, Tape,
+    reproduce,
 };
 
 use crate::arguments::CommunityArgs;
@@ -157,7 +158,7 @@ fn report_reproduced(log: &Path, done: &Reproduced) -> Result<ExitCode> {
     }
     let mut said = format!("{played} recorded messages played; said by the live apps:\n");
     for stream in streams {
-        let elk_replay::reproduce::StreamCount { key, source, recorded, live } = stream;
+        let StreamCount { key, source, recorded, live } = stream;
         let (key, source) = (text::name(key), text::name(source));
         said += &format!("  {key:<20} {source:<12} {live:>7} of {recorded}\n");
     }
@@ -165,7 +166,7 @@ fn report_reproduced(log: &Path, done: &Reproduced) -> Result<ExitCode> {
     let keys: Vec<String> = streams.iter().map(|stream| format!(" --keys {}", stream.key)).collect();
     said += &format!("compare: elk log diff {} {}{}\n", log.display(), folder.display(), keys.concat());
     say(&said)?;
-    let complete = streams.iter().all(|stream| stream.live == stream.recorded);
+    let complete = streams.iter().all(StreamCount::is_complete);
     Ok(if complete { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

@@ -20,6 +20,6 @@ pub mod tape;
 
 pub use error::ReplayError;
 pub use player::{Console, PlayOptions, Played, Player, Press, Progress};
-pub use reproduce::{ReproduceOptions, Reproduced, reproduce};
+pub use reproduce::{ReproduceOptions, Reproduced, StreamCount, reproduce};
 pub use schedule::Rate;
 pub use tape::Tape;

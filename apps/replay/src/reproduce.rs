@@ -41,6 +41,10 @@ const QUIET: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(12)];
 /// How often it is seen whether everyone is alive.
 const LOOK: Duration = Duration::from_millis(50);
 
+/// What apps show to persons, and what they keep for their successors: nobody's input as long as an app goes on. How much of it
+/// there is depends on an app's type, so it is neither waited for nor missed.
+const ASIDE_KEYS: [&str; 4] = ["DRAWING/*", "KEYS/*", "*_MEMORY", "*_PAST"];
+
 /// How a recording is to be reproduced.
 #[derive(Debug, Clone)]
 pub struct ReproduceOptions {
@@ -76,6 +80,13 @@ pub struct StreamCount {
     pub recorded: u64,
     /// Messages now.
     pub live: u64,
+}
+
+impl StreamCount {
+    /// Whether the app has said as often now what others go by.
+    pub fn is_complete(&self) -> bool {
+        self.live == self.recorded || is_aside(&self.key)
+    }
 }
 
 /// Plays the inputs of `log` into the apps of `mission` that `options` names, and logs what they say into a new run's
@@ -304,7 +315,9 @@ impl Reproduction {
     /// A stream of which less was heard than the recording has so far.
     fn behind(&self) -> Option<&Stream> {
         let lacks = |(stream, recorded): &(&Stream, &u64)| {
-            self.heard.get(*stream).copied().unwrap_or_default() < **recorded && !self.given_up.contains(stream)
+            self.heard.get(*stream).copied().unwrap_or_default() < **recorded
+                && !is_aside(&stream.0)
+                && !self.given_up.contains(stream)
         };
         self.recorded.iter().find(lacks).map(|(stream, _)| stream)
     }
@@ -383,6 +396,10 @@ fn note(heard: &mut BTreeMap<Stream, u64>, mail: &Mail<'_>) -> bool {
 
 fn is_volatile(key: &str) -> bool {
     VOLATILE_KEYS.iter().any(|pattern| matches(pattern, key))
+}
+
+fn is_aside(key: &str) -> bool {
+    ASIDE_KEYS.iter().any(|pattern| matches(pattern, key))
 }
 
 /// Whether what `source` said on `key` is played.
