@@ -228,7 +228,11 @@ fn whatever_is_written_to_a_running_mission_nobody_is_lost() {
 /// Memories are read when an app starts, and not by an app that is there; reports by the launcher, which says what is wrong
 /// with them itself.
 fn unread_by_apps(key: &str) -> bool {
-    key == "MAP_KNOWN" || key == "PROGRESS" || key.ends_with("_REPORT") || key.ends_with("_MEMORY")
+    key == "MAP_KNOWN"
+        || key == "PROGRESS"
+        || key == "EXPLORER_PAST"
+        || key.ends_with("_REPORT")
+        || key.ends_with("_MEMORY")
 }
 
 /// Each round, another choice of bad values lies there as the latest when the apps start.

@@ -49,7 +49,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = FOXGLOVE, value_parser = foxglove_address)]
     #[arg(conflicts_with_all = ["port", "listen"])]
     foxglove: Option<SocketAddr>,
-    /// Let pages of this site connect to --foxglove as well, such as https://app.foxglove.dev; repeat for more
+    /// Let pages of this site connect to --foxglove as well, such as <https://app.foxglove.dev>; repeat for more
     #[arg(long, value_name = "SITE", requires = "foxglove")]
     origin: Vec<String>,
     /// Pages and clients only look: they order and write nothing
