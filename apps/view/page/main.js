@@ -91,7 +91,8 @@ for (const [layer, { key }] of Object.entries(LAYERS)) KEYS[key] = () => world.s
 addEventListener("keydown", event => {
     const { target, key } = event;
     const inField = target.closest?.("input:not([type=checkbox]):not([type=range]), select, textarea, dialog[open]");
-    const pressing = key === " " && target.closest?.("button, input, summary");
+    // A button of a dialog that was closed keeps the focus until the next frame.
+    const pressing = key === " " && target.closest?.("button, input, summary")?.checkVisibility();
     const named = key.length === 1 ? key.toLowerCase() : key;
     const action = KEYS[named];
     // On some keyboards a bracket is typed with AltGr, which is no command to the browser.
