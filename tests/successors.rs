@@ -276,10 +276,6 @@ impl Table {
         let Some(Instance { app, client, life }) = &mut slot.instance else { return false };
         let mut handled = 0;
         let on_mail = |comms: &mut elk_bus::Comms, mail: &Mail<'_>| {
-            // What the framework asks the broker for of itself is not given to an app that it runs.
-            if mail.key().starts_with("DB_WANTED/") {
-                return Ok(());
-            }
             handled += 1;
             app.on_new_mail(comms, mail)
         };

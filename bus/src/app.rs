@@ -203,18 +203,19 @@ fn receive(app: &mut dyn App, client: &mut Client, pause: Duration) -> Result<us
         bytes += wire::HEADER + mail.value().byte_len();
         give(app, comms, mail)
     })?;
+    draw_if_asked(app, &mut client.comms)?;
     Ok(bytes)
 }
 
 /// Gives the app a message. One that it cannot use does not end it: the next one may be better.
 fn give(app: &mut dyn App, comms: &mut Comms, mail: &Mail<'_>) -> Result<(), AppError> {
-    if comms.take_newly_watched() {
-        app.draw(comms)?;
-    }
-    if !comms.is_for_app(mail) {
-        return Ok(());
-    }
+    draw_if_asked(app, comms)?;
     app.on_new_mail(comms, mail).or_else(|failure| comms.pass_over(mail, failure))
+}
+
+/// Has the app draw if somebody has begun to look, before it is given what was said after that.
+fn draw_if_asked(app: &mut dyn App, comms: &mut Comms) -> Result<(), AppError> {
+    if comms.take_newly_watched() { app.draw(comms) } else { Ok(()) }
 }
 
 /// Bytes of mail since an app that lets mail gather rested last.

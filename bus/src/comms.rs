@@ -8,7 +8,7 @@ use crate::clock::{Clock, monotonic_nanos};
 use crate::codec::{self, EncodeError};
 use crate::community::Community;
 use crate::complaints::Complaints;
-use crate::easel::Easel;
+use crate::drawing_state::DrawingState;
 use crate::key::{Key, Payload};
 use crate::link::{Downlink, Fill, Link, LinkError, Rejoin, Uplink};
 use crate::mail::Mail;
@@ -120,7 +120,7 @@ pub struct Comms {
     pub(crate) rejections: Complaints,
     pub(crate) refusals: Complaints,
     /// What it draws, and which keys it takes.
-    pub(crate) easel: Easel,
+    pub(crate) drawing: DrawingState,
     stopping: bool,
     epoch: u64,
 }
@@ -172,7 +172,7 @@ impl Comms {
             dropped: 0,
             rejections: Complaints::default(),
             refusals: Complaints::default(),
-            easel: Easel::default(),
+            drawing: DrawingState::default(),
             stopping: false,
             epoch: link.epoch,
         };

@@ -211,8 +211,10 @@ impl Inbox {
         match self.names.mail(&mut *self.down, frame) {
             Ok(mail) => {
                 self.seen.note(&frame.header, mail.key(), mail.source());
-                comms.note_word(&mail)?;
-                on_mail(comms, &mail)
+                match comms.note_word(&mail)? {
+                    true => on_mail(comms, &mail),
+                    false => Ok(()),
+                }
             }
             Err(Unreadable::Damaged(why)) => {
                 let (key, source) = self.names.of(frame.header.key, frame.header.source).unwrap_or(("?", "?"));

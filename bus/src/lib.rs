@@ -26,7 +26,7 @@ pub mod app;
 pub mod client;
 pub mod comms;
 mod complaints;
-mod easel;
+mod drawing_state;
 pub mod event_loop;
 mod failure;
 pub mod handlers;
@@ -47,7 +47,7 @@ use std::sync::atomic::AtomicBool;
 pub use app::{App, RunError, begin_app, run_app_on, take_turn};
 pub use client::Client;
 pub use comms::{Comms, CommsError, Drive, Origin};
-pub use easel::MAX_DRAWINGS;
+pub use drawing_state::MAX_DRAWINGS;
 /// What [`payload`] derives besides: a type says what its bytes are, and what every value of it has to keep to.
 pub use elk_describe as describe;
 /// Makes a struct or an enum travel: as the value of a [`Key`], or as a field of one.

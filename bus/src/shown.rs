@@ -33,7 +33,7 @@ use elk_drawing::{Drawing, KeyTable, variables};
 use elk_proto::broker::WANTED;
 
 use crate::comms::{Comms, CommsError};
-use crate::easel::MAX_DRAWINGS;
+use crate::drawing_state::MAX_DRAWINGS;
 use crate::mail::Mail;
 use crate::rejection::REJECTED;
 use crate::subscription::{any, number};
@@ -55,9 +55,9 @@ impl Comms {
             return self.cannot_draw(name, &why);
         }
         if primitives.is_empty() {
-            self.easel.drawn.remove(name);
-        } else if self.easel.drawn.len() < MAX_DRAWINGS || self.easel.drawn.contains_key(name) {
-            self.easel.drawn.insert(name.clone(), lifetime_s.is_some());
+            self.drawing.drawn.remove(name);
+        } else if self.drawing.drawn.len() < MAX_DRAWINGS || self.drawing.drawn.contains_key(name) {
+            self.drawing.drawn.insert(name.clone(), lifetime_s.is_some());
         } else {
             let why = format!("{MAX_DRAWINGS} others are there; take one away by drawing nothing under its name");
             return self.cannot_draw(name, &why);
@@ -75,11 +75,11 @@ impl Comms {
     /// what was drawn is there for whoever comes late, and [`App::draw`](crate::App::draw) is called when somebody begins to
     /// look. Until the broker has answered, somebody does.
     pub fn is_watched(&mut self) -> Result<bool, CommsError> {
-        if !std::mem::replace(&mut self.easel.asked, true) {
+        if !std::mem::replace(&mut self.drawing.asked, true) {
             let question = self.question();
             self.register_for_itself(number(&question))?;
         }
-        Ok(self.easel.watched != Some(false))
+        Ok(self.drawing.watched != Some(false))
     }
 
     fn question(&self) -> String {
@@ -91,8 +91,8 @@ impl Comms {
     /// given: that is said under [`REJECTED`], and on the page.
     pub fn take_keys(&mut self, table: &KeyTable) -> Result<(), CommsError> {
         let name = self.name().to_owned();
-        if self.easel.keyboard.is_none() {
-            self.easel.keyboard = Some(Keyboard::default());
+        if self.drawing.keyboard.is_none() {
+            self.drawing.keyboard = Some(Keyboard::default());
             self.register(&variables::key_press(&name))?;
             self.register_for_itself(any(CLIENTS.1))?;
             self.register_for_itself(any(variables::KEYS))?;
@@ -102,11 +102,12 @@ impl Comms {
 
     /// What this client has drawn goes with it, and so do its keys.
     pub(crate) fn take_down(&mut self) -> Result<(), CommsError> {
-        for (name, _) in std::mem::take(&mut self.easel.drawn).into_iter().filter(|(_, goes_by_itself)| !goes_by_itself)
+        for (name, _) in
+            std::mem::take(&mut self.drawing.drawn).into_iter().filter(|(_, goes_by_itself)| !goes_by_itself)
         {
             self.draw(&Drawing::new(name))?;
         }
-        if self.easel.keyboard.take().is_some() {
+        if self.drawing.keyboard.take().is_some() {
             let keys = variables::keys_of(self.name());
             self.publish(&keys, &KeyTable::default())?;
         }
@@ -115,40 +116,46 @@ impl Comms {
 
     /// Whether somebody has begun to look since this was asked last.
     pub(crate) fn take_newly_watched(&mut self) -> bool {
-        std::mem::take(&mut self.easel.newly_watched)
+        std::mem::take(&mut self.drawing.newly_watched)
     }
 
-    /// Takes note of what the client has asked for of itself.
-    pub(crate) fn note_word(&mut self, mail: &Mail<'_>) -> Result<(), CommsError> {
-        if self.easel.asked && mail.key().starts_with(WANTED) && mail.key() == self.question() {
-            let before = self.easel.watched.replace(mail.as_double() == Some(1.0));
-            self.easel.newly_watched = before != Some(true) && self.easel.watched == Some(true);
-            return Ok(());
+    /// Takes note of what the client has asked for of itself; whether the message is for the app as well.
+    pub(crate) fn note_word(&mut self, mail: &Mail<'_>) -> Result<bool, CommsError> {
+        let may_be_ours = [WANTED, "KEYS/", CLIENTS.0].iter().any(|beginning| mail.key().starts_with(beginning));
+        if !may_be_ours {
+            // A key was pressed when it was pressed; who comes later does nothing about it.
+            let is_late = mail.is_latest() && self.drawing.keyboard.is_some();
+            return Ok(!(is_late && mail.key() == variables::key_press(self.name()).name()));
         }
-        let Some(keyboard) = &mut self.easel.keyboard else { return Ok(()) };
-        if mail.key() == CLIENTS.0 {
-            keyboard.hear_of_clients(mail.as_text().unwrap_or_default());
-        } else if variables::is_keys(mail.key()) {
-            // Who declares what is no table of keys has none; those who read it say why.
-            let Ok(table) = mail.decode(&variables::keys_of(mail.source())) else { return Ok(()) };
-            keyboard.declare(mail.source(), mail.time(), table);
-        } else {
-            return Ok(());
+        if self.drawing.asked && mail.key() == self.question() {
+            let before = self.drawing.watched.replace(mail.as_double() == Some(1.0));
+            self.drawing.newly_watched = before != Some(true) && self.drawing.watched == Some(true);
+        } else if let Some(keyboard) = &mut self.drawing.keyboard {
+            if mail.key() == CLIENTS.0 {
+                keyboard.hear_of_clients(mail.as_text().unwrap_or_default());
+                self.say_conflicts()?;
+            } else if variables::is_keys(mail.key())
+                // Who declares what is no table of keys has none; those who read it say why.
+                && let Ok(table) = mail.decode(&variables::keys_of(mail.source()))
+            {
+                keyboard.declare(mail.source(), mail.time(), table);
+                self.say_conflicts()?;
+            }
         }
-        self.say_conflicts()
+        Ok(self.is_registered_for(mail))
     }
 
     /// Says which of the client's own keys are another's, once each.
     fn say_conflicts(&mut self) -> Result<(), CommsError> {
-        let Some(keyboard) = &self.easel.keyboard else { return Ok(()) };
+        let Some(keyboard) = &self.drawing.keyboard else { return Ok(()) };
         let lost: Vec<(String, String)> = keyboard
             .declared()
             .filter(|declared| declared.app == self.name())
             .filter_map(|declared| Some((declared.key.to_owned(), declared.taken_by?.to_owned())))
             .collect();
-        self.easel.said.retain(|key| lost.iter().any(|(lost, _)| lost == key));
+        self.drawing.said.retain(|key| lost.iter().any(|(lost, _)| lost == key));
         for (key, owner) in lost {
-            if self.easel.said.insert(key.clone()) {
+            if self.drawing.said.insert(key.clone()) {
                 let name = self.name().to_owned();
                 self.say_trouble(&format!("{name}: key {key:?} is not {name}'s: {owner} has declared it already"))?;
             }
@@ -159,16 +166,6 @@ impl Comms {
     fn say_trouble(&mut self, words: &str) -> Result<(), CommsError> {
         tell(words);
         self.notify(REJECTED, words)
-    }
-
-    /// Whether a message is for the app, and not only for what the client does of itself.
-    pub(crate) fn is_for_app(&self, mail: &Mail<'_>) -> bool {
-        // A key was pressed when it was pressed; who comes later does nothing about it.
-        if mail.is_latest() && mail.key() == variables::key_press(self.name()).name() && self.easel.keyboard.is_some() {
-            return false;
-        }
-        let may_be_ours = [WANTED, "KEYS/", CLIENTS.0].iter().any(|beginning| mail.key().starts_with(beginning));
-        !may_be_ours || self.is_registered_for(mail)
     }
 }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use elk_bus::clock::{Clock, Stopwatch};
 use elk_bus::{AppError, Comms, Handled, Handlers, Mail, any, tell};
-use elk_log::{Compression, LogError, LogOptions, Metadata, RecordRef};
+use elk_log::{Compression, LogError, LogOptions, Metadata, Reception};
 use elk_mission::variables::LOGGER_ERROR;
 use elk_mission::{AppType, Kind, Mission, ParamSpec, Params};
 use elk_outside::checksum::fnv1a_of_file;
@@ -105,10 +105,7 @@ pub struct Logger {
     keys: Vec<String>,
     flush_secs: f64,
     since_flush: Stopwatch,
-    /// Messages so far: the next one's place in the broker's order.
-    messages: u64,
-    /// When the last of them came (s, the community's clock).
-    received: f64,
+    reception: Reception,
     /// Messages that this app has missed, as far as the log says so.
     dropped: u64,
     trouble: Option<String>,
@@ -128,8 +125,7 @@ impl Logger {
         Self {
             recorder,
             keys,
-            messages: 0,
-            received: f64::NEG_INFINITY,
+            reception: Reception::begun(f64::NEG_INFINITY),
             dropped: 0,
             flush_secs: 1.0,
             since_flush: Stopwatch::start(),
@@ -140,7 +136,7 @@ impl Logger {
 
     /// Messages that came so far.
     pub fn messages(&self) -> u64 {
-        self.messages
+        self.reception.messages()
     }
 
     /// Flushes after half the time allowed: the next chance may come as late as that.
@@ -201,27 +197,13 @@ impl Logger {
     }
 
     fn begin(&mut self, comms: &mut Comms) -> Result<(), AppError> {
-        self.received = comms.time();
+        self.reception = Reception::begun(comms.time());
         self.flush(comms)
     }
 
     fn record(&mut self, comms: &mut Comms, mail: Mail<'_>) -> Result<(), AppError> {
         self.note_drops(comms)?;
-        let record = RecordRef {
-            key: mail.key(),
-            source: mail.source(),
-            source_aux: mail.source_aux(),
-            community: mail.community(),
-            time: mail.time(),
-            sequence: mail.sequence(),
-            // Mail gathers. A message came at once when it was said, but not before the one ahead of it.
-            received: mail.time().max(self.received).min(comms.time()),
-            order: self.messages,
-            epoch: comms.epoch(),
-            value: mail.value(),
-        };
-        self.messages += 1;
-        self.received = record.received;
+        let record = self.reception.record(&mail, comms.epoch(), comms.time());
         if let Err(error) = self.recorder.record(&record) {
             self.complain(&error, comms)?;
         }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `model`, `world`, `journal`, `track` | what pages show, kept so that a late page skips what was overwritten |
 //! | `drawings` | what apps draw, as long as it is to be seen |
+//! | `community` | one community after the other of a name |
 //! | `live`, `recorded` | where it comes from: a community, a log |
 //! | `admission` | names of this machine, and tokens |
 //! | `server`, `page`, `session`, `words`, `tail` | the page's server, its files, one page, what it says, a text log |
@@ -14,6 +15,7 @@
 //! What page and server say to each other is written down in `PROTOCOL.md`.
 
 mod admission;
+mod community;
 mod drawings;
 mod error;
 mod foxglove;

@@ -8,11 +8,12 @@ use std::time::Duration;
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE, VariableKind};
 use elk_bus::clock::Stopwatch;
 use elk_bus::drawing::variables::{self, DRAWINGS};
-use elk_bus::{Client, CommsError, Community, ConnectError, Payload, any};
+use elk_bus::{Client, CommsError, Community, Payload, any};
 use elk_spatial::Scan;
 use elk_spatial::keys::MAP_REQUEST;
 use elk_spatial::messages::CameraPose;
 
+use crate::community;
 use crate::model::{Heard, Wants, always};
 use crate::shared::{Command, Shared};
 use crate::table::variables;
@@ -23,34 +24,21 @@ const TABLE_EVERY: Duration = Duration::from_secs(1);
 const VALUES_EVERY: Duration = Duration::from_millis(100);
 /// The longest sleep without a look at what pages want.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// How long nobody tries to join again.
-const JOIN_EVERY: Duration = Duration::from_millis(500);
 
 /// Follows a community until `stop` is set, also through its end and the next one of its name.
 pub(crate) fn follow(community: &Community, shared: &Shared, commands: &Receiver<Command>, stop: &AtomicBool) {
     let (mut wants, mut is_first) = (Wants::default(), true);
-    while !stop.load(Ordering::Relaxed) {
-        let ended = match Client::connect(community, &format!("view-{}", std::process::id())) {
-            Ok(client) => {
-                shared.change(|model| {
-                    // What pages know is of the community before this one.
-                    if !std::mem::take(&mut is_first) {
-                        model.reset();
-                    }
-                    model.status(true, "");
-                });
-                let followed = Following::new(client, shared).run(&mut wants, commands, stop);
-                followed.err().map_or_else(|| "the view ends".to_owned(), |error| error.to_string())
+    let listen = |client: Client| {
+        shared.change(|model| {
+            // What pages know is of the community before this one.
+            if !std::mem::take(&mut is_first) {
+                model.reset();
             }
-            Err(ConnectError::NoBroker(_)) => format!("community {community} is not there; waiting for it"),
-            Err(error) => error.to_string(),
-        };
-        shared.change(|model| model.status(false, &ended));
-        let waited = Stopwatch::start();
-        while waited.elapsed() < JOIN_EVERY && !stop.load(Ordering::Relaxed) {
-            std::thread::sleep(LOOK_EVERY);
-        }
-    }
+            model.status(true, "");
+        });
+        Following::new(client, shared).run(&mut wants, commands, stop)
+    };
+    community::follow(community, "view", stop, listen, |why| shared.change(|model| model.status(false, why)));
 }
 
 /// A client that listens.

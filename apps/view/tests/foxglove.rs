@@ -1,10 +1,11 @@
 //! Foxglove's clients of a community that runs, over real sockets. What they are told is read by Foxglove's own code.
 
+mod broker;
 mod viewer;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
@@ -12,7 +13,7 @@ use std::time::Duration;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE};
 use elk_bus::clock::Stopwatch;
-use elk_bus::{BrokerConfig, Client, Clock, Community, Key, number, serve_broker};
+use elk_bus::{Client, Community, Key, number};
 use elk_geometry::{OccupancyGrid, Pose, State, Voxel};
 use elk_spatial::Scan;
 use elk_spatial::keys::{MAP_REQUEST, MAP_UPDATE, PROGRESS};
@@ -25,10 +26,9 @@ use foxglove::protocol::v1::server::ServerMessage;
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Value, json};
 
+use broker::broker;
 use viewer::{PATIENCE, Viewer};
 
-/// Tells this program that it is a broker, and of which community.
-const ROLE: &str = "ELK_FOXGLOVE_TEST_BROKER";
 const SCAN: Key<Scan<'static>> = Key::new("SCAN");
 
 /// What clients had done, and the parameters of a mission.
@@ -74,21 +74,6 @@ impl Mission for Hand {
         let parameter = |name: &str, value: Value| Parameter { name: name.into(), value };
         let resolution = *self.resolution.lock().unwrap();
         vec![parameter("Map.Res", resolution.into()), parameter("Sensor.Start", json!([1.0, 2.0, 3.5]))]
-    }
-}
-
-/// A broker as a process of its own: this program once more, in its other role.
-fn broker(community: &Community) -> Child {
-    let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "role"]).env(ROLE, community.as_str()).stdout(Stdio::null()).spawn().unwrap()
-}
-
-/// The broker, if this process was started as one.
-#[test]
-fn role() {
-    if let Ok(name) = std::env::var(ROLE) {
-        let community = Community::new(name).unwrap();
-        serve_broker(community.clone(), BrokerConfig::new(community.as_str()), Clock::new(1.0)).unwrap();
     }
 }
 

@@ -1,11 +1,12 @@
 //! Pages of a community that runs, over real sockets.
 
+mod broker;
 mod common;
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
@@ -13,7 +14,7 @@ use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
 use elk_bus::drawing::{Drawing, KeyPress, KeyTable, variables};
-use elk_bus::{BrokerConfig, Client, Clock, Community, serve_broker};
+use elk_bus::{Client, Community};
 use elk_geometry::{OccupancyGrid, Pose};
 use elk_spatial::keys::{MAP, MAP_UPDATE, camera_pose};
 use elk_spatial::map::MapUpdate;
@@ -23,10 +24,8 @@ use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 use tungstenite::Message;
 
+use broker::broker;
 use common::{PATIENCE, Page, wall};
-
-/// Tells this program that it is a broker, and of which community.
-const ROLE: &str = "ELK_VIEW_TEST_BROKER";
 
 /// A community, its view, and what pages had done.
 struct Lab {
@@ -64,21 +63,6 @@ impl Steering for Hand {
 
     fn log(&self, _: &str) -> Option<PathBuf> {
         None
-    }
-}
-
-/// A broker as a process of its own: this program once more, in its other role.
-fn broker(community: &Community) -> Child {
-    let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "role"]).env(ROLE, community.as_str()).stdout(Stdio::null()).spawn().unwrap()
-}
-
-/// The broker, if this process was started as one.
-#[test]
-fn role() {
-    if let Ok(name) = std::env::var(ROLE) {
-        let community = Community::new(name).unwrap();
-        serve_broker(community.clone(), BrokerConfig::new(community.as_str()), Clock::new(1.0)).unwrap();
     }
 }
 

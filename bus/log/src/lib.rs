@@ -65,7 +65,7 @@ mod writer;
 pub use error::LogError;
 pub use index::{Index, Topic};
 pub use reader::LogReader;
-pub use record::{Metadata, Record, RecordRef};
+pub use record::{Metadata, Reception, Record, RecordRef};
 pub use segments::{is_written, segments};
 pub use selection::Selection;
 pub use writer::{Compression, LogOptions, LogWriter, MAX_STAGED_BYTES};

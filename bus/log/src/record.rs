@@ -1,6 +1,6 @@
 //! What a log holds: messages as they crossed the bus, and where the run came from.
 
-use elk_bus::{Value, ValueRef};
+use elk_bus::{Mail, Value, ValueRef};
 
 /// A message as it crossed the bus.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,6 +51,45 @@ pub struct RecordRef<'a> {
     pub epoch: u64,
     /// See [`Record::value`].
     pub value: ValueRef<'a>,
+}
+
+/// A client's mail as records: in which order it came, and when.
+#[derive(Debug, Clone, Copy)]
+pub struct Reception {
+    messages: u64,
+    received: f64,
+}
+
+impl Reception {
+    /// Mail from now on (s, the community's clock).
+    pub fn begun(now: f64) -> Self {
+        Self { messages: 0, received: now }
+    }
+
+    /// Messages so far: the next one's place in the broker's order.
+    pub fn messages(&self) -> u64 {
+        self.messages
+    }
+
+    /// The record of the next message, in this life of the broker; it is read at `now` (s, the community's clock).
+    pub fn record<'a>(&mut self, mail: &Mail<'a>, epoch: u64, now: f64) -> RecordRef<'a> {
+        // Mail gathers. A message came at once when it was said, but not before the one ahead of it.
+        self.received = mail.time().max(self.received).min(now);
+        let order = self.messages;
+        self.messages += 1;
+        RecordRef {
+            key: mail.key(),
+            source: mail.source(),
+            source_aux: mail.source_aux(),
+            community: mail.community(),
+            time: mail.time(),
+            sequence: mail.sequence(),
+            received: self.received,
+            order,
+            epoch,
+            value: mail.value(),
+        }
+    }
 }
 
 impl Record {

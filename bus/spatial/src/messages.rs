@@ -283,18 +283,11 @@ pub struct ExplorerMemory {
     /// Seconds of CPU by phase of planning, by name.
     #[describe(unit = "s", longest = checks::MAX_PHASES, check = checks::phases)]
     pub cpu_secs: Vec<(String, f64)>,
-    /// Whether of the three lists that follow only what has come since is here, and the rest in the [`ExplorerPast`] that was said
-    /// last: what is in both is as it is here.
+    /// Whether `lists` has only what has come since the [`ExplorerPast`] that was said last, which has the rest: what is in both is as
+    /// it is here.
     pub goes_on: bool,
-    /// The voxels that the robot went through.
-    #[describe(longest = checks::MAX_REMEMBERED)]
-    pub trail: Vec<Voxel>,
-    /// What came of the targets so far, in lexicographic order.
-    #[describe(longest = checks::MAX_REMEMBERED)]
-    pub targets: Vec<TargetRecord>,
-    /// Targets that no new place saw when they were last looked for, in lexicographic order.
-    #[describe(longest = checks::MAX_REMEMBERED)]
-    pub hidden: Vec<Voxel>,
+    /// What it remembers of places.
+    pub lists: ExplorerPast,
     /// How things stood when they last changed.
     pub standing: Standing,
     /// The map's revision then.
@@ -322,6 +315,13 @@ pub struct ExplorerPast {
     /// Targets that no new place saw when they were last looked for, in lexicographic order.
     #[describe(longest = checks::MAX_REMEMBERED)]
     pub hidden: Vec<Voxel>,
+}
+
+impl ExplorerPast {
+    /// How long the lists are together.
+    pub fn entries(&self) -> usize {
+        self.trail.len() + self.targets.len() + self.hidden.len()
+    }
 }
 
 /// What became of the rays of all scans, on their way from the sensor into the map.

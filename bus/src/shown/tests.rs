@@ -13,11 +13,11 @@ use super::*;
 const COLOUR: [u8; 4] = rgb(1, 2, 3);
 
 fn broker() -> MemoryBroker {
-    MemoryBroker::new(BrokerConfig::new("easel"), Clock::new(1.0))
+    MemoryBroker::new(BrokerConfig::new("drawing"), Clock::new(1.0))
 }
 
 fn join(broker: &MemoryBroker, name: &str) -> Client {
-    Client::over(broker.connect(name).unwrap(), name, &Community::new("easel").unwrap())
+    Client::over(broker.connect(name).unwrap(), name, &Community::new("drawing").unwrap())
 }
 
 /// Somebody who looks.

@@ -77,7 +77,7 @@ impl Memory {
     pub fn recall(left: &ExplorerMemory, past: &ExplorerPast) -> Self {
         let nothing = ExplorerPast::default();
         let past = if left.goes_on { past } else { &nothing };
-        let records = || past.targets.iter().chain(&left.targets);
+        let records = || past.targets.iter().chain(&left.lists.targets);
         let path = match &left.plan.decision {
             Decision::Go(path) => Some(path.clone()),
             Decision::Done => None,
@@ -87,9 +87,9 @@ impl Memory {
             targets: records().map(|record| (record.target, record.clone())).collect(),
             remembered: records().map(|record| record.target).collect(),
             learned: BTreeSet::new(),
-            trail: past.trail.iter().chain(&left.trail).copied().collect(),
+            trail: past.trail.iter().chain(&left.lists.trail).copied().collect(),
             trail_turned: Vec::new(),
-            hidden: past.hidden.iter().chain(&left.hidden).copied().collect(),
+            hidden: past.hidden.iter().chain(&left.lists.hidden).copied().collect(),
             since: None,
             standing: left.standing,
             progress_at: left.progress_at,
@@ -101,7 +101,7 @@ impl Memory {
     /// Leaves it to a successor; the path is in the plan there.
     pub fn leave(&self, to: &mut ExplorerMemory) {
         to.goes_on = self.since.is_some();
-        let ExplorerPast { trail, targets, hidden } = match &self.since {
+        to.lists = match &self.since {
             None => self.whole(),
             Some(since) => ExplorerPast {
                 trail: since.trail.clone(),
@@ -109,7 +109,6 @@ impl Memory {
                 hidden: since.hidden.clone(),
             },
         };
-        (to.trail, to.targets, to.hidden) = (trail, targets, hidden);
         to.standing = self.standing;
         to.progress_at = self.progress_at;
         to.refused = self.refused;
@@ -130,7 +129,7 @@ impl Memory {
             return None;
         }
         let past = self.whole();
-        let said = past.trail.len() + past.targets.len() + past.hidden.len();
+        let said = past.entries();
         self.since = Some(Since { said, ..Since::default() });
         Some(past)
     }
@@ -374,8 +373,7 @@ mod tests {
                 prop_assert_eq!(Memory::recall(&left, &past).whole(), memory.whole());
                 past = memory.take_past().unwrap_or(past);
                 prop_assert_eq!(Memory::recall(&left, &past).whole(), memory.whole());
-                let [said, all] = [(&left.trail, &left.targets, &left.hidden), (&past.trail, &past.targets, &past.hidden)]
-                    .map(|(trail, targets, hidden)| trail.len() + targets.len() + hidden.len());
+                let [said, all] = [&left.lists, &past].map(ExplorerPast::entries);
                 let most = ((PLAN_ENTRIES * (all + PLAN_ENTRIES)) as f64).sqrt() as usize + 1;
                 prop_assert!(!left.goes_on || said <= most, "{said} entries where {all} were said");
             }

@@ -338,9 +338,11 @@ pub(super) fn fullest_memory(path: Path) -> ExplorerMemory {
         counters: (0..MAX_PHASES).map(|n| (format!("counter {n}"), MAX_COUNT)).collect(),
         strategy: None,
         cpu_secs: (0..MAX_PHASES).map(|n| (format!("phase {n}"), LARGEST_SUM)).collect(),
-        trail: line(1).collect(),
-        targets: elsewhere.chain([record(target, vec![target; MAX_CORNERS])]).collect(),
-        hidden: line(2).collect(),
+        lists: ExplorerPast {
+            trail: line(1).collect(),
+            targets: elsewhere.chain([record(target, vec![target; MAX_CORNERS])]).collect(),
+            hidden: line(2).collect(),
+        },
         standing: Standing::default(),
         progress_at: MAX_COUNT,
         refused: MAX_COUNT - 1,
@@ -384,7 +386,7 @@ fn where_the_map_has_no_voxels_there_is_no_trail() {
     let plan = explorer.plan(&grid, &request);
     let (memory, _) = explorer.memory(&plan);
     ExplorerMemory::check(&memory).unwrap();
-    assert!(memory.trail.is_empty() && plan.decision == Decision::Done, "{plan:?}");
+    assert!(memory.lists.trail.is_empty() && plan.decision == Decision::Done, "{plan:?}");
 }
 
 #[test]
@@ -515,7 +517,8 @@ fn what_was_hidden_once_is_looked_at_before_what_is_farther_away() {
     assert_eq!(first, shafts[0]);
     for hidden in [vec![shafts[0]], vec![shafts[1]], shafts.to_vec()] {
         let mut next = new();
-        next.succeed(&ExplorerMemory { hidden: hidden.clone(), ..left.clone() });
+        let lists = ExplorerPast { hidden: hidden.clone(), ..left.lists.clone() };
+        next.succeed(&ExplorerMemory { lists, ..left.clone() });
         assert_eq!(target(&mut next).0, shafts[0], "{hidden:?}");
     }
 }

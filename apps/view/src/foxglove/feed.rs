@@ -6,37 +6,25 @@ use std::time::Duration;
 
 use elk_bus::broker::table::{CommunityTable, REQUEST, TABLE};
 use elk_bus::clock::Stopwatch;
-use elk_bus::{Client, CommsError, Community, ConnectError, Mail, any};
-use elk_log::RecordRef;
+use elk_bus::{Client, CommsError, Community, any};
+use elk_log::Reception;
 use elk_spatial::keys::MAP_REQUEST;
 
 use super::hub::Hub;
+use crate::community;
 
 /// How often the broker's table is asked for.
 const TABLE_EVERY: Duration = Duration::from_secs(1);
 /// How often clients are told the time, and the longest sleep without a look at what they want.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// How long nobody tries to join again.
-const JOIN_EVERY: Duration = Duration::from_millis(500);
 
 /// Follows a community until `stop` is set, also through its end and the next one of its name.
 pub(super) fn follow(community: &Community, hub: &Hub, stop: &AtomicBool) {
-    while !stop.load(Ordering::Relaxed) {
-        let ended = match Client::connect(community, &format!("foxglove-{}", std::process::id())) {
-            Ok(client) => {
-                hub.joined();
-                let followed = Following { client, hub, heard: BTreeSet::new(), order: 0, received: 0.0 }.run(stop);
-                followed.err().map_or_else(|| "the view ends".to_owned(), |error| error.to_string())
-            }
-            Err(ConnectError::NoBroker(_)) => format!("community {community} is not there; waiting for it"),
-            Err(error) => error.to_string(),
-        };
-        hub.left(&ended);
-        let waited = Stopwatch::start();
-        while waited.elapsed() < JOIN_EVERY && !stop.load(Ordering::Relaxed) {
-            std::thread::sleep(LOOK_EVERY);
-        }
-    }
+    let listen = |client: Client| {
+        hub.joined();
+        Following { client, hub, heard: BTreeSet::new(), reception: Reception::begun(f64::NEG_INFINITY) }.run(stop)
+    };
+    community::follow(community, "foxglove", stop, listen, |why| hub.left(why));
 }
 
 /// A client that listens.
@@ -45,10 +33,7 @@ struct Following<'a> {
     hub: &'a Hub,
     /// What it is registered for.
     heard: BTreeSet<String>,
-    /// Messages so far.
-    order: u64,
-    /// When the last one was received (s).
-    received: f64,
+    reception: Reception,
 }
 
 impl Following<'_> {
@@ -78,19 +63,15 @@ impl Following<'_> {
 
     /// Hears what has come; the broker's table, if that has come.
     fn listen(&mut self) -> Result<Option<CommunityTable>, CommsError> {
-        let (hub, epoch, now) = (self.hub, self.client.comms.epoch(), self.client.comms.clock());
-        let (mut table, mut order, mut received) = (None, self.order, self.received);
+        let (hub, reception, mut table) = (self.hub, &mut self.reception, None);
+        let (epoch, clock) = (self.client.comms.epoch(), self.client.comms.clock());
         self.client.receive(LOOK_EVERY, |mail| {
             if mail.is(&TABLE) {
                 table = mail.decode(&TABLE).ok();
                 return;
             }
-            // As in a log: a message came at once when it was said, but not before the one ahead of it.
-            received = mail.time().max(received).min(now.now());
-            hub.hear(&record(mail, epoch, received, order));
-            order += 1;
+            hub.hear(&reception.record(mail, epoch, clock.now()));
         })?;
-        (self.order, self.received) = (order, received);
         Ok(table)
     }
 
@@ -109,20 +90,5 @@ impl Following<'_> {
         }
         self.heard = wanted;
         self.client.comms.flush()
-    }
-}
-
-fn record<'a>(mail: &Mail<'a>, epoch: u64, received: f64, order: u64) -> RecordRef<'a> {
-    RecordRef {
-        key: mail.key(),
-        source: mail.source(),
-        source_aux: mail.source_aux(),
-        community: mail.community(),
-        time: mail.time(),
-        sequence: mail.sequence(),
-        received,
-        order,
-        epoch,
-        value: mail.value(),
     }
 }

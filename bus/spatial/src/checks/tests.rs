@@ -97,8 +97,8 @@ fn what_cannot_be_is_named_with_its_way_and_what_is_right() {
     assert_eq!(said, "Plan.motion.scan_spacing_m is 0; it has to be 0.01 to 1000 m");
     let said = invalid("Plan", |plan| plan["decision"]["Go"]["points"] = json!([[0.0, 0.0, 0.0], [1e9, 0.0, 0.0]]));
     assert_eq!(said, "Plan.decision.Go.points[1].x is 1000000000; it has to be -327680 to 327680 m");
-    let said = invalid("ExplorerMemory", |memory| memory["trail"][0]["y"] = json!(i32::MIN));
-    assert!(said.starts_with("ExplorerMemory.trail[0] is a voxel with index -2147483648"), "{said}");
+    let said = invalid("ExplorerMemory", |memory| memory["lists"]["trail"][0]["y"] = json!(i32::MIN));
+    assert!(said.starts_with("ExplorerMemory.lists.trail[0] is a voxel with index -2147483648"), "{said}");
     let said = invalid("SensorReport", |report| report["scans"] = json!(u64::MAX));
     assert_eq!(said, "SensorReport.scans is 18446744073709551615; it has to be below 2^48");
     let said = invalid("MapMemory", |memory| memory["bricks"][0]["known"][0] = json!(7));

@@ -9,7 +9,7 @@ pub const MAX_DRAWINGS: usize = 64;
 
 /// What a client has drawn and declared, and whether anybody looks.
 #[derive(Default)]
-pub(crate) struct Easel {
+pub(crate) struct DrawingState {
     /// What was drawn and not taken away, with whether it goes by itself.
     pub drawn: BTreeMap<String, bool>,
     /// Whether the broker was asked if anybody looks.

@@ -1,0 +1,23 @@
+//! A broker as a process of its own: the test program once more, in its other role.
+
+use std::process::{Child, Command, Stdio};
+
+use elk_bus::{BrokerConfig, Clock, Community, serve_broker};
+
+/// Names the community of a process that is a broker.
+const ROLE: &str = "ELK_TEST_BROKER";
+
+/// Starts one.
+pub fn broker(community: &Community) -> Child {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", "broker::role"]).env(ROLE, community.as_str()).stdout(Stdio::null()).spawn().unwrap()
+}
+
+/// The broker, if this process was started as one.
+#[test]
+fn role() {
+    if let Ok(name) = std::env::var(ROLE) {
+        let community = Community::new(name).unwrap();
+        serve_broker(community.clone(), BrokerConfig::new(community.as_str()), Clock::new(1.0)).unwrap();
+    }
+}
