@@ -15,6 +15,7 @@ use std::time::Duration;
 
 use elk_bus::broker::table::CommunityTable;
 use elk_bus::clock::Stopwatch;
+use elk_bus::drawing::variables::{DRAWINGS, KEYS};
 use elk_bus::pattern::matches;
 use elk_bus::{Client, Drive, Mail, any, tell};
 use elk_log::diff::VOLATILE_KEYS;
@@ -43,7 +44,7 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// What apps show to persons, and what they keep for their successors: nobody's input as long as an app goes on. How much of it
 /// there is depends on an app's type, so it is neither waited for nor missed.
-const ASIDE_KEYS: [&str; 4] = ["DRAWING/*", "KEYS/*", "*_MEMORY", "*_PAST"];
+const ASIDE_KEYS: [&str; 4] = [DRAWINGS, KEYS, "*_MEMORY", "*_PAST"];
 
 /// How a recording is to be reproduced.
 #[derive(Debug, Clone)]

@@ -1,4 +1,4 @@
-//! Small files of maps, for those who try to break their readers: `cargo run -p elk-map --example seeds`.
+//! Small files of maps, for those who try to break their readers: `cargo run -p elk-map --example map_seeds`.
 
 use std::path::Path;
 
