@@ -1,0 +1,158 @@
+//! Semi-global matching: costs of a pixel, and of how its neighbours lie, summed along paths (Hirschmüller, *Stereo Processing by
+//! Semiglobal Matching and Mutual Information*, PAMI 2008; the energy is that of thesis 3.10 to 3.12).
+
+mod cost;
+mod path;
+
+use crate::components;
+use crate::disparity::{Disparity, Unmatched};
+use crate::image::Image;
+use crate::lanes::wide;
+use crate::matcher::{Checks, ConfigError, MatchError, Matcher, common_size};
+use crate::median;
+use crate::texture;
+use crate::winner::Winners;
+use path::{Paths, Penalties};
+
+/// How semi-global matching matches. Penalties are on the scale of costs, 0 to 54: of nine pixels, a quarter of what their
+/// census and their change along rows differ by.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SemiGlobalConfig {
+    /// P₁, of a step of one level between neighbours: slanted surfaces have many.
+    pub small: u8,
+    /// P₂, of a larger step: surfaces end seldom.
+    pub large: u8,
+    /// The same where the image has an edge: there they end.
+    pub edge: u8,
+    /// What is an edge: by how many grey levels neighbours differ at least.
+    pub contrast: u8,
+    /// What is asked of a match.
+    pub checks: Checks,
+}
+
+impl Default for SemiGlobalConfig {
+    fn default() -> Self {
+        let checks = Checks { uniqueness: 0, similarity: 2.0, ..Checks::default() };
+        Self { small: 27, large: 135, edge: 14, contrast: 14, checks }
+    }
+}
+
+/// Semi-global matching over four paths. The cost of a pixel is the Hamming distance of census transforms of 3 × 5 pixels and,
+/// beside it, the difference of changes along rows without regard to sampling, of the 3 × 3 pixels around it.
+///
+/// Working memory is three bytes for each pixel and level, and is kept from pair to pair.
+#[derive(Debug)]
+pub struct SemiGlobal {
+    config: SemiGlobalConfig,
+    scratch: Scratch,
+}
+
+#[derive(Debug, Default)]
+struct Scratch {
+    costs: cost::Volume,
+    /// Of each pixel and level what paths have come to.
+    sums: Vec<u16>,
+    paths: Paths,
+    winners: Winners,
+}
+
+impl SemiGlobal {
+    /// A matcher.
+    ///
+    /// # Errors
+    /// Penalties or a search that costs cannot be summed for.
+    pub fn new(config: SemiGlobalConfig) -> Result<Self, ConfigError> {
+        config.checks.check()?;
+        let SemiGlobalConfig { small, large, edge, .. } = config;
+        let max = u8::MAX - cost::MAX;
+        match small.max(edge) <= large && large <= max {
+            true => Ok(Self { config, scratch: Scratch::default() }),
+            false => Err(ConfigError::Penalties { small, edge, large, max }),
+        }
+    }
+}
+
+impl Matcher for SemiGlobal {
+    fn disparity(&mut self, left: &Image, right: &Image) -> Result<Disparity, MatchError> {
+        let (width, height) = common_size(left, right)?;
+        let checks = &self.config.checks;
+        let mut values = vec![Unmatched::OutOfRange.code(); width * height];
+        self.scratch.costs.measure(left, right, checks.levels);
+        forwards(left, &self.config, &mut self.scratch);
+        backwards(left, &self.config, &mut self.scratch, &mut values);
+        texture::reject(left, TEXTURE_RADIUS, checks.texture, &mut values);
+        let mut disparity = Disparity::new(width, median::smoothed(width, &values));
+        components::reject_small(&mut disparity, checks.component, checks.similarity);
+        Ok(disparity)
+    }
+}
+
+/// Half the side of the window whose texture is looked at: what SAD5's default windows see.
+const TEXTURE_RADIUS: usize = 6;
+
+impl SemiGlobalConfig {
+    fn penalties(&self) -> Penalties {
+        Penalties { small: self.small, large: self.large, edge: self.edge, contrast: self.contrast }
+    }
+}
+
+wide! {
+    /// Sums what paths from the left and from above come to.
+    fn forwards(left: &Image, config: &SemiGlobalConfig, scratch: &mut Scratch) {
+        let (width, height, levels) = (left.width(), left.height(), config.checks.levels);
+        let Scratch { costs, sums, paths, .. } = scratch;
+        sums.resize(width * height * levels, 0);
+        paths.begin(width, levels);
+        for y in 0..height {
+            let (row, before) = (left.row(y), left.nearest_row(y as isize - 1));
+            paths.begin_row();
+            for x in 0..width {
+                let differs = [row[x].abs_diff(row[x.saturating_sub(1)]), row[x].abs_diff(before[x])];
+                let at = (y * width + x) * levels;
+                paths.step::<false>(x, differs, config.penalties(), costs.of(at, levels), &mut sums[at..][..levels]);
+            }
+        }
+    }
+}
+
+wide! {
+    /// Adds to them what paths from the right and from below come to; of each row, done, the winners are taken.
+    fn backwards(left: &Image, config: &SemiGlobalConfig, scratch: &mut Scratch, values: &mut [f32]) {
+        let (width, height, checks) = (left.width(), left.height(), &config.checks);
+        let levels = checks.levels;
+        let Scratch { costs, sums, paths, winners } = scratch;
+        paths.begin(width, levels);
+        winners.prepare(width, levels);
+        for y in (0..height).rev() {
+            let (row, before) = (left.row(y), left.nearest_row(y as isize + 1));
+            paths.begin_row();
+            for x in (0..width).rev() {
+                let differs = [row[x].abs_diff(row[(x + 1).min(width - 1)]), row[x].abs_diff(before[x])];
+                let at = (y * width + x) * levels;
+                let sums = &mut sums[at..][..levels];
+                paths.step::<true>(x, differs, config.penalties(), costs.of(at, levels), sums);
+                winners.take(x, sums, checks.uniqueness);
+            }
+            winners.finish(checks.consistency, &mut values[y * width..][..width]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn penalties_that_do_not_fit_are_said() {
+        let error = SemiGlobal::new(SemiGlobalConfig { large: 220, ..Default::default() }).unwrap_err();
+        let said = "penalties of 27 for a step of one level and 14 to 220 for more: both at most the largest, and that at most \
+                    212, would be right";
+        assert_eq!(error.to_string(), said);
+        assert!(SemiGlobal::new(SemiGlobalConfig { small: 140, ..Default::default() }).is_err());
+        let checks = Checks { levels: 20, ..Checks::default() };
+        assert_eq!(
+            SemiGlobal::new(SemiGlobalConfig { checks, ..Default::default() }).unwrap_err(),
+            ConfigError::Levels { found: 20 }
+        );
+    }
+}
