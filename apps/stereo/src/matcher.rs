@@ -12,7 +12,7 @@ pub trait Matcher {
     /// The disparities of the left image of a rectified pair: the same row of both images shows the same points.
     ///
     /// # Errors
-    /// Images of different size.
+    /// Images of different size, and images too large.
     fn disparity(&mut self, left: &Image, right: &Image) -> Result<Disparity, MatchError>;
 }
 
@@ -29,6 +29,16 @@ pub enum MatchError {
         left: (usize, usize),
         /// Columns and rows of the right image.
         right: (usize, usize),
+    },
+    /// The matcher would need more memory than it may take.
+    #[error("{} × {} pixels and {levels} levels of disparity: a product of at most {most} would be right", size.0, size.1)]
+    Memory {
+        /// Columns and rows.
+        size: (usize, usize),
+        /// Levels of disparity.
+        levels: usize,
+        /// The largest product.
+        most: usize,
     },
 }
 
@@ -74,7 +84,7 @@ pub enum ConfigError {
     },
     /// Windows of which a sum of absolute differences does not fit 16 bits.
     #[error("windows of radius {found}: 1 to {max} would be right, as their costs have to fit 16 bits")]
-    Radius {
+    Window {
         /// The radius that was asked for.
         found: usize,
         /// The largest one.

@@ -58,7 +58,7 @@ impl Sad5 {
         config.preprocessing.check()?;
         match config.radius {
             1..=Self::MAX_RADIUS => Ok(Self { config, scratch: Scratch::default() }),
-            found => Err(ConfigError::Radius { found, max: Self::MAX_RADIUS }),
+            found => Err(ConfigError::Window { found, max: Self::MAX_RADIUS }),
         }
     }
 }

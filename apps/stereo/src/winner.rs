@@ -46,7 +46,7 @@ impl Winners {
         self.said[x] = match usize::from(level) {
             0 => Unmatched::OutOfRange.code(),
             border if border + 1 >= levels || border >= x => Unmatched::OutOfRange.code(),
-            _ if !is_unique(cost, least_but_around(costs, level, &self.levels), uniqueness) => {
+            _ if uniqueness > 0 && !is_unique(cost, least_but_around(costs, level, &self.levels), uniqueness) => {
                 Unmatched::Ambiguous.code()
             }
             inside => inside as f32 + vertex([costs[inside - 1], cost, costs[inside + 1]]),

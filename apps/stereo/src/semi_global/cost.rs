@@ -11,8 +11,7 @@ pub const MAX: u8 = (9 * (BITS + (MOST_CHANGE >> CHANGE_SHIFT)) + 2) >> 2;
 
 /// The bits of a census.
 const BITS: u8 = 14;
-/// The largest difference of changes that is told from larger ones, and as how many bits of a census it counts: a half or a
-/// quarter.
+/// The largest difference of changes that is told from larger ones; four grey levels of it count as a bit of the census.
 const MOST_CHANGE: u8 = 20;
 const CHANGE_SHIFT: u32 = 2;
 /// The largest change along rows.

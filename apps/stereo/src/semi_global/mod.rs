@@ -7,15 +7,15 @@ mod path;
 use crate::components;
 use crate::disparity::{Disparity, Unmatched};
 use crate::image::Image;
-use crate::lanes::wide;
+use crate::lanes::{blocks, blocks_mut, plus, wide};
 use crate::matcher::{Checks, ConfigError, MatchError, Matcher, common_size};
 use crate::median;
 use crate::texture;
 use crate::winner::Winners;
 use path::{Paths, Penalties};
 
-/// How semi-global matching matches. Penalties are on the scale of costs, 0 to 54: of nine pixels, a quarter of what their
-/// census and their change along rows differ by.
+/// How semi-global matching matches. Penalties are on the scale of costs, 0 to 43: a quarter of what nine pixels differ by, each in
+/// up to 14 bits of its census and as 5 more in its change along rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SemiGlobalConfig {
     /// P₁, of a step of one level between neighbours: slanted surfaces have many.
@@ -40,7 +40,8 @@ impl Default for SemiGlobalConfig {
 /// Semi-global matching over four paths. The cost of a pixel is the Hamming distance of census transforms of 3 × 5 pixels and,
 /// beside it, the difference of changes along rows without regard to sampling, of the 3 × 3 pixels around it.
 ///
-/// Working memory is three bytes for each pixel and level, and is kept from pair to pair.
+/// Working memory is three bytes for each pixel and level, and is kept from pair to pair; pairs that would take more than
+/// [`MAX_COSTS`](Self::MAX_COSTS) of them are refused.
 #[derive(Debug)]
 pub struct SemiGlobal {
     config: SemiGlobalConfig,
@@ -50,13 +51,16 @@ pub struct SemiGlobal {
 #[derive(Debug, Default)]
 struct Scratch {
     costs: cost::Volume,
-    /// Of each pixel and level what paths have come to.
+    /// Of each pixel and level what paths from the left and from above have come to.
     sums: Vec<u16>,
     paths: Paths,
     winners: Winners,
 }
 
 impl SemiGlobal {
+    /// The most pixels × levels that are matched: 3 GiB of working memory.
+    pub const MAX_COSTS: usize = 1 << 30;
+
     /// A matcher.
     ///
     /// # Errors
@@ -76,6 +80,10 @@ impl Matcher for SemiGlobal {
     fn disparity(&mut self, left: &Image, right: &Image) -> Result<Disparity, MatchError> {
         let (width, height) = common_size(left, right)?;
         let checks = &self.config.checks;
+        let costs = width * height * checks.levels;
+        if costs > Self::MAX_COSTS {
+            return Err(MatchError::Memory { size: (width, height), levels: checks.levels, most: Self::MAX_COSTS });
+        }
         let mut values = vec![Unmatched::OutOfRange.code(); width * height];
         self.scratch.costs.measure(left, right, checks.levels);
         forwards(left, &self.config, &mut self.scratch);
@@ -109,7 +117,7 @@ wide! {
             for x in 0..width {
                 let differs = [row[x].abs_diff(row[x.saturating_sub(1)]), row[x].abs_diff(before[x])];
                 let at = (y * width + x) * levels;
-                paths.step::<false>(x, differs, config.penalties(), costs.of(at, levels), &mut sums[at..][..levels]);
+                paths.step(x, differs, config.penalties(), costs.of(at, levels), &mut sums[at..][..levels]);
             }
         }
     }
@@ -123,15 +131,18 @@ wide! {
         let Scratch { costs, sums, paths, winners } = scratch;
         paths.begin(width, levels);
         winners.prepare(width, levels);
+        let mut total = vec![0; levels];
         for y in (0..height).rev() {
             let (row, before) = (left.row(y), left.nearest_row(y as isize + 1));
             paths.begin_row();
             for x in (0..width).rev() {
                 let differs = [row[x].abs_diff(row[(x + 1).min(width - 1)]), row[x].abs_diff(before[x])];
                 let at = (y * width + x) * levels;
-                let sums = &mut sums[at..][..levels];
-                paths.step::<true>(x, differs, config.penalties(), costs.of(at, levels), sums);
-                winners.take(x, sums, checks.uniqueness);
+                paths.step(x, differs, config.penalties(), costs.of(at, levels), &mut total);
+                for (total, &forwards) in blocks_mut(&mut total).iter_mut().zip(blocks(&sums[at..][..levels])) {
+                    *total = plus(*total, forwards);
+                }
+                winners.take(x, &mut total, checks.uniqueness);
             }
             winners.finish(checks.consistency, &mut values[y * width..][..width]);
         }
@@ -141,6 +152,14 @@ wide! {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_pair_that_would_take_too_much_memory_is_refused() {
+        let image = Image::from_fn(8192, 8192, |_, _| 0).unwrap();
+        let error = SemiGlobal::new(SemiGlobalConfig::default()).unwrap().disparity(&image, &image).unwrap_err();
+        let said = "8192 × 8192 pixels and 64 levels of disparity: a product of at most 1073741824 would be right";
+        assert_eq!(error.to_string(), said);
+    }
 
     #[test]
     fn penalties_that_do_not_fit_are_said() {

@@ -53,17 +53,10 @@ impl Paths {
         self.along_least = 0;
     }
 
-    /// On to the pixel at `x`, which differs by so many grey levels from those before it, along and across. What both paths have
-    /// come to there is added to the sums, or put there.
+    /// On to the pixel at `x`, which differs by so many grey levels from those before it, along and across: what both paths have
+    /// come to there.
     #[inline(always)]
-    pub fn step<const ADD: bool>(
-        &mut self,
-        x: usize,
-        differs: [u8; 2],
-        penalties: Penalties,
-        costs: &[u8],
-        sums: &mut [u16],
-    ) {
+    pub fn step(&mut self, x: usize, differs: [u8; 2], penalties: Penalties, costs: &[u8], sums: &mut [u16]) {
         let guarded = self.levels + 2 * GUARD;
         self.along.swap(0, 1);
         let [before, along] = &mut self.along;
@@ -73,8 +66,7 @@ impl Paths {
         self.across_least[x] = step(before, self.across_least[x], costs, penalties, differs[1], across);
         let both = blocks(&along[GUARD..]).iter().zip(blocks(&across[GUARD..]));
         for (sum, (&along, &across)) in blocks_mut(sums).iter_mut().zip(both) {
-            let here = plus(words(along), words(across));
-            *sum = if ADD { plus(*sum, here) } else { here };
+            *sum = plus(words(along), words(across));
         }
     }
 }
