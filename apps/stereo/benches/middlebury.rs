@@ -214,7 +214,7 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|");
     let uniqueness = Checks::default().uniqueness;
     show("SAD5", &pairs, &ours(&pairs, turns, sad5(Preprocessing::default(), uniqueness)));
-    show("SAD5, uniqueness 45", &pairs, &ours(&pairs, turns, sad5(Preprocessing::default(), 45)));
+    show("SAD5, uniqueness 42", &pairs, &ours(&pairs, turns, sad5(Preprocessing::default(), 42)));
     show("SAD5, DoG", &pairs, &ours(&pairs, turns, sad5(Preprocessing::DIFFERENCE_OF_GAUSSIANS, uniqueness)));
     show("SAD5, bilateral", &pairs, &ours(&pairs, 1, sad5(Preprocessing::BILATERAL, uniqueness)));
     show("semi-global", &pairs, &ours(&pairs, turns, semi_global));
