@@ -182,3 +182,58 @@ fn five_windows(rows: [&[u16]; 3], [left, x, right]: [usize; 3], costs: &mut [u1
         *cost = plus(center, plus(best, second));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// What is said of all rows, each cost worked out from (3.27) and (3.28) by itself.
+    fn by_itself([left, right]: [&Image; 2], radius: usize, checks: &Checks) -> Vec<f32> {
+        let (width, height) = (left.width(), left.height());
+        let window = |y: usize, x: usize, d: usize| {
+            let offsets = (0..=2 * radius).flat_map(|dy| (0..=2 * radius).map(move |dx| (dy, dx)));
+            let apart = |(dy, dx): (usize, usize)| {
+                let (y, x) =
+                    ((y + dy).saturating_sub(radius).min(height - 1), (x + dx).saturating_sub(radius).min(width - 1));
+                u16::from(left.row(y)[x].abs_diff(right.row(y)[x.saturating_sub(d)]))
+            };
+            offsets.map(apart).sum::<u16>()
+        };
+        let mut winners = Winners::default();
+        winners.prepare(width, checks.levels);
+        let mut values = vec![0.0; width * height];
+        for (y, values) in values.chunks_exact_mut(width).enumerate() {
+            for x in 0..width {
+                let cost = |d: usize| {
+                    let rows = [y.saturating_sub(radius), (y + radius).min(height - 1)];
+                    let columns = [x.saturating_sub(radius), (x + radius).min(width - 1)];
+                    let mut corners = [0, 1, 2, 3].map(|corner| window(rows[corner / 2], columns[corner % 2], d));
+                    corners.sort();
+                    window(y, x, d) + corners[0] + corners[1]
+                };
+                winners.take(x, &mut (0..checks.levels).map(cost).collect::<Vec<_>>(), checks.uniqueness);
+            }
+            winners.finish(checks.consistency, values);
+        }
+        values
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn sums_kept_from_window_to_window_are_those_of_each_by_itself(
+            width in 1usize..30,
+            height in 1usize..12,
+            radius in 1..=Sad5::MAX_RADIUS,
+            seed in any::<[u8; 64]>(),
+        ) {
+            let image = |more: usize| Image::from_fn(width, height, |r, c| seed[(r * 13 + (c + more) * 7) % 64]).unwrap();
+            let (left, right) = (image(0), image(3));
+            let checks = Checks { levels: 16, uniqueness: 2, ..Checks::default() };
+            let mut values = vec![0.0; width * height];
+            match_rows(&left, &right.mirrored(), radius, &checks, &mut Scratch::default(), &mut values);
+            prop_assert_eq!(values, by_itself([&left, &right], radius, &checks));
+        }
+    }
+}

@@ -205,12 +205,54 @@ fn sum([a, b, c]: [Bytes; 3]) -> u8x16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn bits_are_counted() {
         for code in 0u16..1 << 14 {
             let bytes = [(code & 127) as u8, (code >> 7) as u8].map(u8x16::splat);
             assert_eq!(hamming(bytes).to_array(), [code.count_ones() as u8; 16], "{code:b}");
+        }
+    }
+
+    /// The cost of a single pixel by itself.
+    fn by_itself([left, right]: [&Image; 2], [y, x, d]: [usize; 3]) -> u16 {
+        let (width, height) = (left.width() as isize, left.height() as isize);
+        let at = |image: &Image, y: isize, x: isize| {
+            i32::from(image.row(y.clamp(0, height - 1) as usize)[x.clamp(0, width - 1) as usize])
+        };
+        let (y, x, other) = (y as isize, x as isize, x.saturating_sub(d) as isize);
+        let darker = |image: &Image, x: isize, dy: isize, dx: isize| at(image, y + dy, x + dx) < at(image, y, x);
+        let around = (-2..=2).flat_map(|dy| (-1..=1).map(move |dx| (dy, dx)));
+        let bits = around.filter(|&(dy, dx)| darker(left, x, dy, dx) != darker(right, other, dy, dx)).count();
+        let changes = [sobel(left, CAP), sobel(right, CAP)];
+        let bounds = |image: &Image, x: isize| {
+            let here = at(image, y, x);
+            let halfway = [-1, 1].map(|dx| (here + at(image, y, x + dx)) / 2);
+            (here, here.min(halfway[0]).min(halfway[1]), here.max(halfway[0]).max(halfway[1]))
+        };
+        let ((a, a_low, a_high), (b, b_low, b_high)) = (bounds(&changes[0], x), bounds(&changes[1], other));
+        let apart = (a - b_high).max(b_low - a).max(0).min((b - a_high).max(a_low - b).max(0)).min(20);
+        bits as u16 + apart as u16 / 4
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20))]
+        #[test]
+        fn costs_of_all_pixels_are_those_of_each_by_itself(width in 1usize..24, height in 1usize..8, seed in any::<[u8; 64]>()) {
+            let image = |more: usize| Image::from_fn(width, height, |r, c| seed[(r * 13 + (c + more) * 7) % 64]).unwrap();
+            let (left, right) = (image(0), image(3));
+            let mut volume = Volume::default();
+            volume.measure(&left, &right, 16);
+            for (y, x, d) in (0..height).flat_map(|y| (0..width).flat_map(move |x| (0..16).map(move |d| (y, x, d)))) {
+                let rows = [y.saturating_sub(1), y, (y + 1).min(height - 1)];
+                let columns = [x.saturating_sub(1), x, (x + 1).min(width - 1)];
+                let sum: u16 =
+                    rows.iter().flat_map(|&y| columns.map(|x| by_itself([&left, &right], [y, x, d]))).sum();
+                let cost = volume.of((y * width + x) * 16, 16)[d];
+                prop_assert_eq!(u16::from(cost), (sum + 2) / 4, "row {}, column {}, level {}", y, x, d);
+                prop_assert!(cost <= MAX);
+            }
         }
     }
 }
