@@ -7,7 +7,7 @@ mod sobel;
 use crate::image::Image;
 use crate::matcher::{ConfigError, number};
 
-pub use bilateral::bilateral;
+pub use bilateral::{background_subtracted, bilateral};
 pub use difference_of_gaussians::difference_of_gaussians;
 pub use sobel::sobel;
 
@@ -28,7 +28,7 @@ pub enum Preprocessing {
         /// By how much the difference is multiplied.
         gain: f32,
     },
-    /// [`bilateral`] (thesis 3.17).
+    /// [`background_subtracted`]: what the bilateral filter (thesis 3.17) takes away.
     Bilateral {
         /// Half the side of the patch, in pixels.
         radius: usize,
@@ -36,6 +36,8 @@ pub enum Preprocessing {
         sigma_domain: f32,
         /// σ_r, in grey levels.
         sigma_range: f32,
+        /// By how much the difference is multiplied.
+        gain: f32,
     },
 }
 
@@ -51,7 +53,7 @@ impl Preprocessing {
     pub const DIFFERENCE_OF_GAUSSIANS: Self = Self::DifferenceOfGaussians { sigma: 0.7, gain: 8.0 };
 
     /// The bilateral filter with the thesis' σ_d = 10, σ_r = 5.
-    pub const BILATERAL: Self = Self::Bilateral { radius: 5, sigma_domain: 10.0, sigma_range: 5.0 };
+    pub const BILATERAL: Self = Self::Bilateral { radius: 5, sigma_domain: 10.0, sigma_range: 5.0, gain: 4.0 };
 
     /// The image, filtered.
     pub fn apply(&self, image: &Image) -> Image {
@@ -59,8 +61,8 @@ impl Preprocessing {
             Self::None => image.clone(),
             Self::Sobel { cap } => sobel(image, cap),
             Self::DifferenceOfGaussians { sigma, gain } => difference_of_gaussians(image, sigma, gain),
-            Self::Bilateral { radius, sigma_domain, sigma_range } => {
-                bilateral(image, radius, sigma_domain, sigma_range)
+            Self::Bilateral { radius, sigma_domain, sigma_range, gain } => {
+                background_subtracted(image, radius, sigma_domain, sigma_range, gain)
             }
         }
     }
@@ -78,7 +80,8 @@ impl Preprocessing {
                 in_range("sigma", sigma, 0.1, 8.0)?;
                 number("gain", gain)
             }
-            Self::Bilateral { radius, sigma_domain, sigma_range } => {
+            Self::Bilateral { radius, sigma_domain, sigma_range, gain } => {
+                number("gain", gain)?;
                 in_range("radius", radius as f32, 1.0, 64.0)?;
                 in_range("sigma_domain", sigma_domain, 0.1, 1e6)?;
                 in_range("sigma_range", sigma_range, 0.1, 1e6)
@@ -97,7 +100,7 @@ mod tests {
         assert_eq!(said(Preprocessing::Sobel { cap: 200 }), "cap of 200: 1 to 127 would be right");
         let nan = Preprocessing::DifferenceOfGaussians { sigma: f32::NAN, gain: 1.0 };
         assert_eq!(said(nan), "sigma of NaN: 0.1 to 8 would be right");
-        let wide = Preprocessing::Bilateral { radius: 1000, sigma_domain: 1.0, sigma_range: 1.0 };
+        let wide = Preprocessing::Bilateral { radius: 1000, sigma_domain: 1.0, sigma_range: 1.0, gain: 1.0 };
         assert_eq!(said(wide), "radius of 1000: 1 to 64 would be right");
         for filter in [Preprocessing::default(), Preprocessing::DIFFERENCE_OF_GAUSSIANS, Preprocessing::BILATERAL] {
             assert_eq!(filter.check(), Ok(()));
