@@ -1,5 +1,6 @@
 //! What can be looked into from where, over free voxels.
 
+mod centers;
 mod sweep;
 
 use nalgebra::{Point3, Vector3};
@@ -7,6 +8,7 @@ use nalgebra::{Point3, Vector3};
 use crate::ray::Traversal;
 use crate::set::{Near, VoxelSet};
 use crate::voxel::{FACES, Voxel};
+pub use centers::{entered, hidden};
 use sweep::{Layers, Rays, axes};
 
 /// Whether a camera at `from` (m, world) can look into voxel `target` among voxels of `resolution` (m): every voxel before it,
