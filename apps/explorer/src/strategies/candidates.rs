@@ -16,9 +16,8 @@ use elk_mission::{Kind, ParamSpec};
 use nalgebra::Vector3;
 
 use crate::app::param;
-use crate::goals::Goal;
 use crate::strategy::View;
-use outlook::Outlook;
+use outlook::{Candidate, Outlook, Pose};
 
 /// One pose is drawn for so many voxels in which the robot can be: 5 % (thesis 6.5.1.3).
 const VOXELS_A_POSE: usize = 20;
@@ -30,24 +29,6 @@ pub const SEED: ParamSpec = param(
     "0",
     "What is drawn by lot follows from it and from the number of the plan.",
 );
-
-/// A pose from which something of the frontier is seen.
-#[derive(Debug, Clone, Copy)]
-pub struct Candidate<'a> {
-    /// Where the camera is: in the middle of it.
-    pub place: Voxel,
-    /// Number of frontier voxels in the camera's view whose unknown side it looks into.
-    pub gain: usize,
-    /// Of the goals that are seen, the one nearest to the middle of the image.
-    pub goal: &'a Goal,
-}
-
-/// Where the camera is, in the middle of that voxel, and the direction (unit vector) in which it looks.
-#[derive(Debug, Clone, Copy)]
-pub struct Pose {
-    pub place: Voxel,
-    pub axis: Vector3<f64>,
-}
 
 /// What a pose is worth, its gain times its weight; of equals the first that was drawn is better.
 #[derive(Debug, Clone, Copy)]

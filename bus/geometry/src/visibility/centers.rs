@@ -1,6 +1,6 @@
 //! What is known of the lines between the centres of two voxels without walking them.
 
-use super::{axes, first_face};
+use super::sweep::{axes, first_face};
 use crate::frontier::Faces;
 use crate::set::Near;
 use crate::voxel::Voxel;

@@ -5,12 +5,29 @@ use elk_geometry::bricks::brick_of;
 use elk_geometry::frontier::Faces;
 use elk_geometry::set::Near;
 use elk_geometry::visibility::{entered, hidden, in_sight};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
-use super::{Candidate, Pose};
 use crate::goals::Goal;
 use crate::strategy::View;
 use crate::target::Target;
+
+/// A pose from which something of the frontier is seen.
+#[derive(Debug, Clone, Copy)]
+pub struct Candidate<'a> {
+    /// Where the camera is: in the middle of it.
+    pub place: Voxel,
+    /// Number of frontier voxels in the camera's view whose unknown side it looks into.
+    pub gain: usize,
+    /// Of the goals that are seen, the one nearest to the middle of the image.
+    pub goal: &'a Goal,
+}
+
+/// Where the camera is, in the middle of that voxel, and the direction (unit vector) in which it looks.
+#[derive(Debug, Clone, Copy)]
+pub struct Pose {
+    pub place: Voxel,
+    pub axis: Vector3<f64>,
+}
 
 /// Nearer than this (m) a frontier voxel has no direction, and is in view.
 const HERE_M: f64 = 1e-9;

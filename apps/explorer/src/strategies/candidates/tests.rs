@@ -4,7 +4,7 @@ use elk_spatial::CameraInfo;
 use proptest::prelude::*;
 
 use super::*;
-use crate::goals::Goals;
+use crate::goals::{Goal, Goals};
 use crate::sight::Sight;
 use crate::space::Space;
 use crate::target::{Known, Target};
