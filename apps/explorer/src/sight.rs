@@ -15,18 +15,38 @@ pub struct Sight {
     pub range_m: f64,
     /// Of [`Sight::half_angle`]: each voxel near a look is held against it.
     cos_half_angle: f64,
+    sin_half_angle: f64,
 }
 
 impl Sight {
     /// What a camera is sure to see. Of one that is not known that is what it is aimed at.
     pub fn of(camera: &CameraInfo) -> Self {
         let half_angle = (camera.cone_half_angle() - EDGE_MARGIN).max(0.0);
-        Self { half_angle, range_m: camera.reach_m(), cos_half_angle: half_angle.cos() }
+        let (sin_half_angle, cos_half_angle) = (half_angle.sin(), half_angle.cos());
+        Self { half_angle, range_m: camera.reach_m(), cos_half_angle, sin_half_angle }
     }
 
     /// Whether a camera that looks along `axis` has in view what lies in direction `toward` (unit vectors).
     pub fn covers(&self, axis: &Vector3<f64>, toward: &Vector3<f64>) -> bool {
         toward.dot(axis) >= self.cos_half_angle
+    }
+
+    /// Whether a camera that looks along `axis` (unit vector) may have in view and in range anything of a ball of `radius` (m)
+    /// whose middle is `toward` (m) from it: it has if not.
+    pub fn may_cover(&self, axis: &Vector3<f64>, toward: &Vector3<f64>, radius: f64) -> bool {
+        let (squared, farthest) = (toward.norm_squared(), self.range_m + radius);
+        let tangent = squared - radius * radius;
+        if tangent <= 0.0 {
+            return true;
+        }
+        // Seen from the camera the ball is a cone of half angle β: sin β = radius / distance, cos β = tangent / distance.
+        let tangent = tangent.sqrt();
+        let [sum_sin, sum_cos] = [
+            self.sin_half_angle * tangent + self.cos_half_angle * radius,
+            self.cos_half_angle * tangent - self.sin_half_angle * radius,
+        ];
+        let covers_all = sum_sin <= 0.0;
+        squared <= farthest * farthest && (covers_all || toward.dot(axis) >= sum_cos)
     }
 }
 

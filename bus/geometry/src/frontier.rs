@@ -85,9 +85,21 @@ pub struct Faces(u8);
 impl Faces {
     /// All of them.
     pub const ALL: Self = Self(0b11_1111);
+    /// How many different sets of them there are.
+    pub const SETS: usize = 64;
+
+    /// All these sets, each at the place that is its number.
+    pub fn sets() -> [Self; Self::SETS] {
+        std::array::from_fn(|number| Self(number as u8))
+    }
+
+    /// The number of this set among all.
+    pub fn number(self) -> usize {
+        self.0.into()
+    }
 
     /// Those of `voxel` of which `which` is true, by their number in [`FACES`].
-    fn of(voxel: Voxel, which: impl Fn(usize, Voxel) -> bool) -> Self {
+    pub fn of(voxel: Voxel, mut which: impl FnMut(usize, Voxel) -> bool) -> Self {
         let bit = |(n, face): (usize, &Voxel)| u8::from(which(n, voxel + *face)) << n;
         Self(FACES.iter().enumerate().map(bit).sum())
     }
@@ -95,6 +107,16 @@ impl Faces {
     /// Whether there is none.
     pub fn is_empty(self) -> bool {
         self.0 == 0
+    }
+
+    /// Whether any is in both.
+    pub fn meets(self, other: Self) -> bool {
+        self.0 & other.0 != 0
+    }
+
+    /// Those that are in one of two sets, or in both.
+    pub fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
     }
 
     /// The neighbours of `voxel` there, in the order of [`FACES`].

@@ -1,5 +1,6 @@
 //! What can be looked into from where, over free voxels.
 
+mod centers;
 mod sweep;
 
 use nalgebra::{Point3, Vector3};
@@ -7,7 +8,8 @@ use nalgebra::{Point3, Vector3};
 use crate::ray::Traversal;
 use crate::set::{Near, VoxelSet};
 use crate::voxel::{FACES, Voxel};
-use sweep::{Layers, Rays, axes};
+pub use centers::{entered, hidden};
+use sweep::{Layers, Rays, axes, first_face};
 
 /// Whether a camera at `from` (m, world) can look into voxel `target` among voxels of `resolution` (m): every voxel before it,
 /// on the straight line to its centre, is free.
@@ -169,16 +171,6 @@ fn before(aside: f64, along: f64) -> f64 {
 
 /// A place to look from: the voxel, and the point in it (m, world).
 pub type Place = (Voxel, Point3<f64>);
-
-/// The face through which the way from a voxel's centre in direction `d` leaves it: that of the largest component, of
-/// equals the first.
-fn first_face(d: Voxel) -> Voxel {
-    let components = d.to_array();
-    let largest = (1..3).fold(0, |a, b| if components[b].abs() > components[a].abs() { b } else { a });
-    let mut face = [0; 3];
-    face[largest] = components[largest].signum();
-    face.into()
-}
 
 /// All of `list`, neighbours far apart.
 fn spread<T: Copy>(list: &[T]) -> impl Iterator<Item = T> + '_ {

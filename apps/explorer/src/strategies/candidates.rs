@@ -1,4 +1,14 @@
-//! Poses drawn by lot where the robot can stand, and what the camera would see of the frontier from each (thesis 6.5.1.3).
+//! Poses drawn by lot where the robot can stand, and the one of them that is worth most for what its camera would see of the
+//! frontier (thesis 6.5.1.3).
+//!
+//! There are thousands of poses and thousands of frontier voxels. What a pose can see at most costs little to say, so the most
+//! promising is looked at first, and when no other promises as much as one has shown the rest is not looked at (lazy evaluation
+//! of greedy choices, Minoux, *Accelerated Greedy Algorithms for Maximizing Submodular Set Functions*, 1978). The choice is the
+//! one that is made by looking from all of them.
+
+mod outlook;
+
+use std::cmp::Ordering;
 
 use elk_geometry::Voxel;
 use elk_geometry::random::Random;
@@ -6,8 +16,8 @@ use elk_mission::{Kind, ParamSpec};
 use nalgebra::Vector3;
 
 use crate::app::param;
-use crate::goals::Goal;
 use crate::strategy::View;
+use outlook::{Candidate, Outlook, Pose};
 
 /// One pose is drawn for so many voxels in which the robot can be: 5 % (thesis 6.5.1.3).
 const VOXELS_A_POSE: usize = 20;
@@ -20,28 +30,60 @@ pub const SEED: ParamSpec = param(
     "What is drawn by lot follows from it and from the number of the plan.",
 );
 
-/// A pose from which something of the frontier is seen.
+/// What a pose is worth, its gain times its weight; of equals the first that was drawn is better.
 #[derive(Debug, Clone, Copy)]
-pub struct Candidate<'a> {
-    /// Where the camera is: in the middle of it.
-    pub place: Voxel,
-    /// Number of frontier voxels in the camera's view whose unknown side it looks into.
-    pub gain: usize,
-    /// Of the goals that are seen, the one nearest to the middle of the image.
-    pub goal: &'a Goal,
+struct Worth {
+    worth: f64,
+    drawn: usize,
+}
+
+impl Worth {
+    /// The better one first.
+    fn compare(&self, other: &Self) -> Ordering {
+        other.worth.total_cmp(&self.worth).then(self.drawn.cmp(&other.drawn))
+    }
+
+    fn is_better(&self, other: &Self) -> bool {
+        self.compare(other) == Ordering::Less
+    }
+}
+
+/// Of the poses drawn under `seed` that see any of the frontier the one whose gain times `weight` is largest, of equals the first;
+/// a place without a weight is none to go to.
+pub fn best<'a>(view: &View<'a>, seed: u64, weight: impl Fn(Voxel) -> Option<f64>) -> Option<Candidate<'a>> {
+    let outlook = Outlook::new(view);
+    let promise = |(drawn, pose): (usize, Pose)| {
+        let most = outlook.most(&pose);
+        let weight = weight(pose.place).filter(|_| most > 0)?;
+        Some((Worth { worth: most as f64 * weight, drawn }, weight, pose))
+    };
+    let mut promising: Vec<(Worth, f64, Pose)> = draw(view, seed).enumerate().filter_map(promise).collect();
+    promising.sort_unstable_by(|(one, ..), (other, ..)| one.compare(other));
+    let mut best: Option<(Worth, Candidate<'a>)> = None;
+    for (promise, weight, pose) in promising {
+        let is_best = |worth: Worth| best.is_none_or(|(shown, _)| worth.is_better(&shown));
+        if !is_best(promise) {
+            break;
+        }
+        let worth = |gain: usize| Worth { worth: gain as f64 * weight, ..promise };
+        if let Some(candidate) = outlook.look(&pose, |gain| is_best(worth(gain))) {
+            best = Some((worth(candidate.gain), candidate));
+        }
+    }
+    best.map(|(_, candidate)| candidate)
 }
 
 /// Poses drawn under `seed`, of every [`VOXELS_A_POSE`] voxels in which the robot can be one, in directions evenly over the
-/// sphere: those that see any of the frontier.
-pub fn candidates<'a>(view: &View<'a>, seed: u64) -> Vec<Candidate<'a>> {
+/// sphere.
+fn draw(view: &View<'_>, seed: u64) -> impl Iterator<Item = Pose> {
     let mut random = Random::new(seed, view.plan);
-    let mut voxels: Vec<Voxel> = view.space.reach.iter().collect();
-    // What the set has first is a matter of its past.
-    voxels.sort_unstable();
-    let drawn =
-        voxels.chunks(VOXELS_A_POSE).map(|run| (run[random.below(run.len())], direction(random.unit(), random.unit())));
-    let targets: Vec<(&Goal, bool)> = view.goals.iter_all().collect();
-    drawn.filter_map(|(place, axis)| candidate(view, &targets, place, axis)).collect()
+    let count = view.space.reach.len();
+    let lots = (0..count).step_by(VOXELS_A_POSE).map(|first| {
+        let place = first + random.below(VOXELS_A_POSE.min(count - first));
+        (place, direction(random.unit(), random.unit()))
+    });
+    let (places, axes): (Vec<usize>, Vec<Vector3<f64>>) = lots.unzip();
+    view.space.reach.select(places).into_iter().zip(axes).map(|(place, axis)| Pose { place, axis })
 }
 
 /// A direction; evenly over the sphere if both numbers are evenly in [0, 1).
@@ -51,39 +93,7 @@ fn direction(height: f64, turn: f64) -> Vector3<f64> {
     Vector3::new(radius * angle.cos(), radius * angle.sin(), z)
 }
 
-/// What is seen from `place` along `axis` of the goals, each with whether it is the one of its voxel.
-fn candidate<'a>(
-    view: &View<'_>,
-    goals: &[(&'a Goal, bool)],
-    place: Voxel,
-    axis: Vector3<f64>,
-) -> Option<Candidate<'a>> {
-    let (from, sight) = (view.space.center(place), view.sight);
-    let (mut gain, mut aim) = (0, None);
-    for (goal, is_first) in goals {
-        let toward = goal.target.voxel.center(view.space.resolution()) - from;
-        let distance = toward.norm();
-        let off_axis = toward.dot(&axis) / distance.max(1e-9);
-        let in_view = distance <= sight.range_m && (distance < 1e-9 || sight.covers(&axis, &(toward / distance)));
-        if in_view && goal.target.seen_from(view.space, from) {
-            gain += 1;
-            if *is_first && aim.is_none_or(|(best, _)| off_axis > best) {
-                aim = Some((off_axis, *goal));
-            }
-        }
-    }
-    aim.map(|(_, goal)| Candidate { place, gain, goal })
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn directions_are_even_over_the_sphere() {
-        let mut random = Random::new(1, 1);
-        let sum: Vector3<f64> = (0..20_000).map(|_| direction(random.unit(), random.unit())).sum();
-        // Five standard errors of each component's mean, whose variance is a third.
-        assert!((sum / 20_000.0).amax() < 5.0 * (1.0 / 3.0f64 / 20_000.0).sqrt(), "{sum}");
-    }
-}
+mod tests;
+#[cfg(test)]
+pub use tests::every;

@@ -2,7 +2,7 @@
 
 use elk_mission::{AppType, joined};
 
-use super::candidates::{SEED, candidates};
+use super::candidates::{SEED, best};
 use crate::app::{COMMON, app};
 use crate::journal::Journal;
 use crate::strategy::{Route, Strategy, View};
@@ -36,14 +36,14 @@ impl Strategy for InformationGain {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        let drawn = journal.time("gain", || candidates(view, self.seed));
-        let best = drawn.into_iter().rev().max_by_key(|candidate| candidate.gain)?;
+        let best = journal.time("gain", || best(view, self.seed, |_| Some(1.0)))?;
         journal.time("search", || view.route_by(best.place, best.goal))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::candidates::every;
     use super::*;
     use crate::Room;
 
@@ -55,7 +55,7 @@ mod tests {
         let goals: Vec<[f64; 3]> = std::iter::once([0.5, 1.5, 1.25]).chain(row).collect();
         let room = Room::new([8.0, 3.0, 2.5], [0.55, 1.05, 1.25], &goals);
         for seed in 0..5 {
-            let drawn = candidates(&room.view(), seed);
+            let drawn = every(&room.view(), seed);
             let most = drawn.iter().map(|candidate| candidate.gain).max();
             assert!(most >= Some(20), "{most:?}");
             let first = drawn.iter().find(|candidate| Some(candidate.gain) == most).unwrap();

@@ -2,7 +2,7 @@
 
 use elk_mission::{AppType, Kind, ParamSpec, joined};
 
-use super::candidates::{Candidate, SEED, candidates};
+use super::candidates::{SEED, best};
 use crate::app::{COMMON, app, param};
 use crate::journal::Journal;
 use crate::strategy::{Route, Strategy, View};
@@ -42,9 +42,9 @@ pub struct WeightedInformationGain {
 }
 
 impl WeightedInformationGain {
-    /// What a view of `gain` frontier voxels is worth at the end of `way_m` of way (6.41).
-    fn worth(&self, gain: usize, way_m: f64) -> f64 {
-        gain as f64 * (-self.lambda * way_m).exp()
+    /// What a frontier voxel is worth that is seen at the end of `way_m` of way (6.41).
+    fn weight(&self, way_m: f64) -> f64 {
+        (-self.lambda * way_m).exp()
     }
 }
 
@@ -58,19 +58,16 @@ impl Strategy for WeightedInformationGain {
     }
 
     fn plan(&mut self, view: &View<'_>, journal: &mut Journal) -> Option<Route> {
-        let drawn = journal.time("gain", || candidates(view, self.seed));
         let ways = journal.time("search", || view.ways());
-        let priced = drawn.iter().filter_map(|candidate| {
-            let Candidate { place, gain, .. } = candidate;
-            Some((self.worth(*gain, ways.length_to_m(*place)?), candidate))
-        });
-        let (_, best) = priced.rev().max_by(|(one, _), (other, _)| one.total_cmp(other))?;
+        let weight = |place| Some(self.weight(ways.length_to_m(place)?));
+        let best = journal.time("gain", || best(view, self.seed, weight))?;
         ways.route_by(best.place, best.goal)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::candidates::every;
     use super::*;
     use crate::{InformationGain, Room};
 
@@ -79,7 +76,7 @@ mod tests {
     fn how_far_it_goes_for_more_is_lambdas_business() {
         let near = |lambda: f64| {
             let strategy = WeightedInformationGain { seed: 0, lambda };
-            strategy.worth(1, 0.5) > strategy.worth(20, 6.0)
+            strategy.weight(0.5) > 20.0 * strategy.weight(6.0)
         };
         assert!(!near(0.54) && near(0.55));
     }
@@ -95,7 +92,7 @@ mod tests {
         for seed in 0..5 {
             let route = |strategy: &mut dyn Strategy| strategy.plan(&room.view(), &mut Journal::new(|| 0.0)).unwrap();
             let weighted = |lambda| route(&mut WeightedInformationGain { seed, lambda });
-            let drawn = candidates(&room.view(), seed);
+            let drawn = every(&room.view(), seed);
             assert!(drawn.iter().any(|candidate| candidate.gain >= 10));
             assert_eq!(weighted(0.0).points.last(), route(&mut InformationGain { seed }).points.last());
             let points = weighted(5.0).points;

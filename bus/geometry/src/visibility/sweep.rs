@@ -194,6 +194,16 @@ pub(super) fn axes(face: Voxel) -> [usize; 3] {
     }
 }
 
+/// The face through which the way from a voxel's centre in direction `d` leaves it: that of the largest component, of
+/// equals the first.
+pub(super) fn first_face(d: Voxel) -> Voxel {
+    let components = d.to_array();
+    let largest = (1..3).fold(0, |a, b| if components[b].abs() > components[a].abs() { b } else { a });
+    let mut face = [0; 3];
+    face[largest] = components[largest].signum();
+    face.into()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
