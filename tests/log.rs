@@ -241,7 +241,7 @@ fn an_alog_has_moos_layout_and_comes_back() {
 /// Two of MOOS-IvP's own logs, with the quirks of their time.
 #[test]
 fn logs_that_moos_ivp_wrote_are_read() {
-    let data = std::env::var("ELK_DATA").map_or_else(|_| Path::new("../shared/data").to_owned(), PathBuf::from);
+    let data = common::data::folder();
     for name in ["alogclip_test", "alogscan_test"] {
         let path = data.join("alog").join(format!("{name}.alog"));
         if !path.is_file() {

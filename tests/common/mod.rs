@@ -6,6 +6,7 @@ pub mod events;
 
 pub mod browser;
 pub mod car;
+pub mod data;
 pub mod lab;
 pub mod page;
 pub mod running;

@@ -49,7 +49,7 @@ fn a_map_is_what_octomap_itself_makes_of_the_same_scans() {
     all.push(("room", scans::room(100, 100).drain(..12).collect(), vec![(0.1, 0.0), (0.05, 0.0), (0.1, 3.0)]));
     for (name, sizes) in [("s100.scn", [0.1, 0.05]), ("real7s.scn", [0.05, 0.02])] {
         let Some(scans) = scans::recorded(name) else {
-            let why = format!("there is no {name} in {} (set ELK_DATA)", scans::data().display());
+            let why = format!("there is no {name} in {} (set ELK_DATA)", scans::data::folder().display());
             skip::skip("a_map_is_what_octomap_itself_makes_of_the_same_scans", "data", &why);
             continue;
         };

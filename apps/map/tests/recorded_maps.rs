@@ -1,9 +1,9 @@
 //! Maps that OctoMap wrote, read by us; skipped where the recorded data (`ELK_DATA`) are not there.
 
+#[path = "../../../tests/common/data.rs"]
+mod data;
 #[path = "../../../tests/common/skip.rs"]
 mod skip;
-
-use std::path::PathBuf;
 
 use elk_map::octomap::bt::{read_bt, write_bt};
 use elk_map::octomap::graph::read_graph;
@@ -12,8 +12,7 @@ use elk_map::{MapConfig, OccupancyMap};
 
 /// A recorded file; `None`, and said, where it is not there.
 fn recorded(test: &str, name: &str) -> Option<Vec<u8>> {
-    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let data = std::env::var_os("ELK_DATA").map_or_else(|| PathBuf::from(beside), PathBuf::from);
+    let data = data::folder();
     let bytes = std::fs::read(data.join(name)).ok();
     if bytes.is_none() {
         skip::skip(test, "data", &format!("there is no {name} in {} (set ELK_DATA)", data.display()));

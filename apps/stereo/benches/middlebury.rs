@@ -5,7 +5,12 @@
 //! matchers alike (Scharstein and Szeliski 2002). Times are CPU times of the whole way from two grey images to disparities, the least of
 //! `ELK_TURNS` (15), on one thread.
 
-use std::path::{Path, PathBuf};
+#[path = "../../../tests/common/data.rs"]
+mod data;
+#[path = "../tests/picture/mod.rs"]
+mod picture;
+
+use std::path::Path;
 use std::process::Command;
 
 use elk_stereo::{Checks, Image, Matcher, Preprocessing, Sad5, Sad5Config, SemiGlobal, SemiGlobalConfig};
@@ -44,42 +49,8 @@ fn now() -> f64 {
     time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 / 1e6
 }
 
-/// A grey image of a PNG or a binary PGM.
-fn read(path: &Path) -> Image {
-    let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    if bytes.starts_with(b"P5") {
-        return pgm(&bytes);
-    }
-    let mut reader = png::Decoder::new(bytes.as_slice()).read_info().unwrap();
-    let mut buffer = vec![0; reader.output_buffer_size()];
-    let info = reader.next_frame(&mut buffer).unwrap();
-    assert_eq!(info.bit_depth, png::BitDepth::Eight, "{}", path.display());
-    // Rec. 601 luma, as all that read colour as grey have it.
-    let grey = |pixel: &[u8]| match *pixel {
-        [r, g, b, ..] => (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)).round() as u8,
-        _ => pixel[0],
-    };
-    let pixels = buffer[..info.buffer_size()].chunks_exact(info.color_type.samples()).map(grey).collect();
-    Image::new(info.width as usize, info.height as usize, pixels).unwrap()
-}
-
-fn pgm(bytes: &[u8]) -> Image {
-    let mut rest = bytes;
-    let words: Vec<String> = (0..4)
-        .map(|_| {
-            let start = rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap();
-            let end = start + rest[start..].iter().position(u8::is_ascii_whitespace).unwrap();
-            let word = String::from_utf8_lossy(&rest[start..end]).into_owned();
-            rest = &rest[end..];
-            word
-        })
-        .collect();
-    let [width, height] = [&words[1], &words[2]].map(|side| side.parse().unwrap());
-    Image::new(width, height, rest[1..].to_vec()).unwrap()
-}
-
 fn load(folder: &Path, named: &Named) -> Pair {
-    let file = |name: &str| read(&folder.join(named.name).join(name));
+    let file = |name: &str| picture::read(&folder.join(named.name).join(name));
     let mask = |kind: &str| file(&format!("mask_{kind}_derived.png")).pixels().iter().map(|&grey| grey > 0).collect();
     Pair {
         name: named.name,
@@ -202,8 +173,7 @@ fn semi_global(levels: usize) -> Box<dyn Matcher> {
 }
 
 fn main() {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("ELK_DATA").map_or(beside, PathBuf::from).join("middlebury");
+    let data = data::folder().join("middlebury");
     let turns = std::env::var("ELK_TURNS").ok().and_then(|turns| turns.parse().ok()).unwrap_or(15);
     if !data.is_dir() {
         println!("middlebury: skipped, there is no {} (set ELK_DATA)", data.display());
@@ -215,6 +185,7 @@ fn main() {
     let uniqueness = Checks::default().uniqueness;
     show("SAD5", &pairs, &ours(&pairs, turns, sad5(Preprocessing::default(), uniqueness)));
     show("SAD5, uniqueness 42", &pairs, &ours(&pairs, turns, sad5(Preprocessing::default(), 42)));
+    show("SAD5, no filter", &pairs, &ours(&pairs, turns, sad5(Preprocessing::None, uniqueness)));
     show("SAD5, DoG", &pairs, &ours(&pairs, turns, sad5(Preprocessing::DIFFERENCE_OF_GAUSSIANS, uniqueness)));
     show("SAD5, bilateral", &pairs, &ours(&pairs, 1, sad5(Preprocessing::BILATERAL, uniqueness)));
     show("semi-global", &pairs, &ours(&pairs, turns, semi_global));

@@ -22,14 +22,18 @@ def block_matching(levels, speckle):
     return matcher
 
 
-def semi_global(levels):
+def semi_global(levels, consistency, speckle):
     return cv2.StereoSGBM_create(
-        0, levels, 5, P1=8 * 25, P2=32 * 25, disp12MaxDiff=1, preFilterCap=63, uniquenessRatio=0, speckleWindowSize=100, speckleRange=2,
-        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+        0, levels, 5, P1=8 * 25, P2=32 * 25, disp12MaxDiff=consistency, preFilterCap=63, uniquenessRatio=0, speckleWindowSize=speckle,
+        speckleRange=2, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     )
 
 
-MATCHERS = {"BM": lambda levels: block_matching(levels, 100), "SGBM-3way": semi_global}
+MATCHERS = {
+    "BM": lambda levels: block_matching(levels, 100),
+    "SGBM-3way": lambda levels: semi_global(levels, 1, 100),
+    "SGBM-3way-unchecked": lambda levels: semi_global(levels, -1, 0),
+}
 
 print("version", cv2.__version__, "0")
 for line in open(f"{folder}/pairs.txt"):

@@ -60,6 +60,12 @@ impl Image {
         Self::new(width, height, pixels)
     }
 
+    /// An image of the same size with these pixels.
+    pub(crate) fn with_pixels(&self, pixels: Vec<u8>) -> Self {
+        debug_assert_eq!(pixels.len(), self.pixels.len());
+        Self { width: self.width, pixels }
+    }
+
     /// The number of columns.
     pub fn width(&self) -> usize {
         self.width

@@ -40,7 +40,7 @@ pub use matcher::{Checks, ConfigError, MatchError, Matcher};
 pub use preprocessing::Preprocessing;
 pub use rectification::{Rectification, RectificationError};
 pub use sad5::{Sad5, Sad5Config};
-pub use semi_global::{SemiGlobal, SemiGlobalConfig};
+pub use semi_global::{Penalties, SemiGlobal, SemiGlobalConfig};
 pub use triangulation::{Noise, Rig, RigError};
 
 #[cfg(doctest)]

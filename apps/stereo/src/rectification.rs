@@ -125,12 +125,10 @@ impl Rectification {
     pub fn rectify(&self, left: &Image, right: &Image) -> Result<[Image; 2], RectificationError> {
         let rectify = |side, image: &Image, sources: &[Source]| {
             let found = [image.width(), image.height()];
-            let of_another_size = || RectificationError::Image { side, found, right: self.size };
-            if found != self.size {
-                return Err(of_another_size());
+            match found == self.size {
+                true => Ok(image.with_pixels(sources.iter().map(|source| source.grey(image)).collect())),
+                false => Err(RectificationError::Image { side, found, right: self.size }),
             }
-            let pixels = sources.iter().map(|source| source.grey(image)).collect();
-            Image::new(found[0], found[1], pixels).map_err(|_| of_another_size())
         };
         Ok([rectify("left", left, &self.left)?, rectify("right", right, &self.right)?])
     }

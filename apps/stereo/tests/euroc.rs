@@ -1,22 +1,15 @@
 //! Recorded pairs of a camera whose lenses bend and whose axes are not parallel; skipped where the recorded data (`ELK_DATA`) are not
 //! there.
 
+#[path = "../../../tests/common/data.rs"]
+mod data;
+mod picture;
 #[path = "../../../tests/common/skip.rs"]
 mod skip;
-
-use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix2, Vector2};
 
 use elk_stereo::{Image, Matcher, Rectification, SemiGlobal, SemiGlobalConfig, calibration};
-
-fn grey(path: &Path) -> Image {
-    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
-    let mut reader = png::Decoder::new(file).read_info().unwrap();
-    let mut pixels = vec![0; reader.output_buffer_size()];
-    let info = reader.next_frame(&mut pixels).unwrap();
-    Image::new(info.width as usize, info.height as usize, pixels).unwrap()
-}
 
 /// An image between its pixels, bilinearly.
 fn at(image: &Image, row: f64, column: f64) -> f64 {
@@ -60,8 +53,7 @@ fn rows_off(left: &Image, right: &Image, row: usize, column: usize, disparity: f
 
 #[test]
 fn rectified_pairs_of_a_recording_match_row_by_row() {
-    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let data = std::env::var_os("ELK_DATA").map_or_else(|| PathBuf::from(beside), PathBuf::from).join("stereo_euroc");
+    let data = data::folder().join("stereo_euroc");
     if !data.is_dir() {
         let test = "rectified_pairs_of_a_recording_match_row_by_row";
         return skip::skip(test, "data", &format!("there is no {} (set ELK_DATA)", data.display()));
@@ -75,7 +67,7 @@ fn rectified_pairs_of_a_recording_match_row_by_row() {
     let mut matcher = SemiGlobal::new(SemiGlobalConfig::default()).unwrap();
     let mut off = Vec::new();
     for name in names.iter().step_by(16) {
-        let [left, right] = ["cam0", "cam1"].map(|camera| grey(&data.join(camera).join(name)));
+        let [left, right] = ["cam0", "cam1"].map(|camera| picture::read(&data.join(camera).join(name)));
         let [left, right] = rectification.rectify(&left, &right).unwrap();
         let disparity = matcher.disparity(&left, &right).unwrap();
         assert!(disparity.density() > 0.5, "{name:?}: {}", disparity.density());

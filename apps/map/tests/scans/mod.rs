@@ -1,8 +1,11 @@
 //! Scans for tests and the benchmark, in single precision, as cameras give them and OctoMap takes them.
 #![allow(dead_code, reason = "each takes what it needs")]
 
+#[path = "../../../../tests/common/data.rs"]
+pub mod data;
+
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::{Point3, Vector3};
 
@@ -110,15 +113,9 @@ pub fn mixed(scans: usize, points: usize) -> Vec<Scan> {
         .collect()
 }
 
-/// Recorded data that are not the project's.
-pub fn data() -> PathBuf {
-    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    std::env::var_os("ELK_DATA").map_or_else(|| beside.into(), PathBuf::from)
-}
-
 /// A `SCN1` file of the recorded data: per scan the origin and the points, all f32 in the world frame.
 pub fn recorded(name: &str) -> Option<Vec<Scan>> {
-    let bytes = std::fs::read(data().join("scans").join(name)).ok()?;
+    let bytes = std::fs::read(data::folder().join("scans").join(name)).ok()?;
     let mut words = bytes[4..].chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]);
     let scans = u32::from_le_bytes(words.next()?);
     let point = |words: &mut dyn Iterator<Item = [u8; 4]>| {

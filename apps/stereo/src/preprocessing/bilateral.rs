@@ -25,7 +25,9 @@ pub fn bilateral(image: &Image, radius: usize, sigma_domain: f32, sigma_range: f
         }
         (sum / weights).round() as u8
     };
-    Image::from_fn(image.width(), image.height(), pixel).unwrap_or_else(|_| image.clone())
+    let pixel = &pixel;
+    let pixels = (0..image.height()).flat_map(|row| (0..image.width()).map(move |column| pixel(row, column)));
+    image.with_pixels(pixels.collect())
 }
 
 /// What the filter takes away, times `gain`; 128 stands for none. So the thesis' source uses the filter (Ansar, Castano and Matthies,
@@ -36,8 +38,7 @@ pub fn background_subtracted(image: &Image, radius: usize, sigma_domain: f32, si
     let pixel = |(&grey, &background): (&u8, &u8)| {
         (128.0 + gain * (f32::from(grey) - f32::from(background))).clamp(0.0, 255.0) as u8
     };
-    let pixels = image.pixels().iter().zip(background.pixels()).map(pixel).collect();
-    Image::new(image.width(), image.height(), pixels).unwrap_or(background)
+    image.with_pixels(image.pixels().iter().zip(background.pixels()).map(pixel).collect())
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ pub fn difference_of_gaussians(image: &Image, sigma: f32, gain: f32) -> Image {
     let scale = gain / ONE as f32;
     let pixel = |(&small, &large): (&i32, &i32)| (128.0 + (small - large) as f32 * scale).clamp(0.0, 255.0) as u8;
     let pixels = small.iter().zip(&large).map(pixel).collect();
-    Image::new(image.width(), image.height(), pixels).unwrap_or_else(|_| image.clone())
+    image.with_pixels(pixels)
 }
 
 /// What stands for 1 after both passes: kernels are of 7 bits each, so that 8 bits of grey through one of them fit 16.

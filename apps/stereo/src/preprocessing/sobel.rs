@@ -6,7 +6,7 @@ use crate::lanes::wide;
 pub fn sobel(image: &Image, cap: u8) -> Image {
     let mut pixels = Vec::with_capacity(image.pixels().len());
     filter(image, i16::from(cap), &mut pixels);
-    Image::new(image.width(), image.height(), pixels).unwrap_or_else(|_| image.clone())
+    image.with_pixels(pixels)
 }
 
 wide! {

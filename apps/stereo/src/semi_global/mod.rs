@@ -12,20 +12,14 @@ use crate::matcher::{Checks, ConfigError, MatchError, Matcher, common_size};
 use crate::median;
 use crate::texture;
 use crate::winner::Winners;
-use path::{Paths, Penalties};
+use path::Paths;
+pub use path::Penalties;
 
-/// How semi-global matching matches. Penalties are on the scale of costs, 0 to 43: a quarter of what nine pixels differ by, each in
-/// up to 14 bits of its census and as 5 more in its change along rows.
+/// How semi-global matching matches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SemiGlobalConfig {
-    /// P₁, of a step of one level between neighbours: slanted surfaces have many.
-    pub small: u8,
-    /// P₂, of a larger step: surfaces end seldom.
-    pub large: u8,
-    /// The same where the image has an edge: there they end.
-    pub edge: u8,
-    /// What is an edge: by how many grey levels neighbours differ at least.
-    pub contrast: u8,
+    /// What steps of disparity cost.
+    pub penalties: Penalties,
     /// What is asked of a match.
     pub checks: Checks,
 }
@@ -33,7 +27,7 @@ pub struct SemiGlobalConfig {
 impl Default for SemiGlobalConfig {
     fn default() -> Self {
         let checks = Checks { uniqueness: 0, similarity: 2.0, ..Checks::default() };
-        Self { small: 27, large: 135, edge: 14, contrast: 14, checks }
+        Self { penalties: Penalties::default(), checks }
     }
 }
 
@@ -67,7 +61,7 @@ impl SemiGlobal {
     /// Penalties or a search that costs cannot be summed for.
     pub fn new(config: SemiGlobalConfig) -> Result<Self, ConfigError> {
         config.checks.check()?;
-        let SemiGlobalConfig { small, large, edge, .. } = config;
+        let Penalties { small, large, edge, .. } = config.penalties;
         let max = u8::MAX - cost::MAX;
         match small.max(edge) <= large && large <= max {
             true => Ok(Self { config, scratch: Scratch::default() }),
@@ -98,12 +92,6 @@ impl Matcher for SemiGlobal {
 /// Half the side of the window whose texture is looked at: what SAD5's default windows see.
 const TEXTURE_RADIUS: usize = 6;
 
-impl SemiGlobalConfig {
-    fn penalties(&self) -> Penalties {
-        Penalties { small: self.small, large: self.large, edge: self.edge, contrast: self.contrast }
-    }
-}
-
 wide! {
     /// Sums what paths from the left and from above come to.
     fn forwards(left: &Image, config: &SemiGlobalConfig, scratch: &mut Scratch) {
@@ -117,7 +105,7 @@ wide! {
             for x in 0..width {
                 let differs = [row[x].abs_diff(row[x.saturating_sub(1)]), row[x].abs_diff(before[x])];
                 let at = (y * width + x) * levels;
-                paths.step(x, differs, config.penalties(), costs.of(at, levels), &mut sums[at..][..levels]);
+                paths.step(x, differs, config.penalties, costs.of(at, levels), &mut sums[at..][..levels]);
             }
         }
     }
@@ -138,7 +126,7 @@ wide! {
             for x in (0..width).rev() {
                 let differs = [row[x].abs_diff(row[(x + 1).min(width - 1)]), row[x].abs_diff(before[x])];
                 let at = (y * width + x) * levels;
-                paths.step(x, differs, config.penalties(), costs.of(at, levels), &mut total);
+                paths.step(x, differs, config.penalties, costs.of(at, levels), &mut total);
                 for (total, &forwards) in blocks_mut(&mut total).iter_mut().zip(blocks(&sums[at..][..levels])) {
                     *total = plus(*total, forwards);
                 }
@@ -163,11 +151,12 @@ mod tests {
 
     #[test]
     fn penalties_that_do_not_fit_are_said() {
-        let error = SemiGlobal::new(SemiGlobalConfig { large: 220, ..Default::default() }).unwrap_err();
+        let with = |penalties| SemiGlobal::new(SemiGlobalConfig { penalties, ..Default::default() });
+        let error = with(Penalties { large: 220, ..Default::default() }).unwrap_err();
         let said = "penalties of 27 for a step of one level and 14 to 220 for more: both at most the largest, and that at most \
                     212, would be right";
         assert_eq!(error.to_string(), said);
-        assert!(SemiGlobal::new(SemiGlobalConfig { small: 140, ..Default::default() }).is_err());
+        assert!(with(Penalties { small: 140, ..Default::default() }).is_err());
         let checks = Checks { levels: 20, ..Checks::default() };
         assert_eq!(
             SemiGlobal::new(SemiGlobalConfig { checks, ..Default::default() }).unwrap_err(),

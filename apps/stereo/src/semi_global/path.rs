@@ -4,13 +4,24 @@ use wide::u8x16;
 
 use crate::lanes::{LANES, blocks, blocks_mut, plus, words};
 
-/// What steps between neighbours cost.
-#[derive(Clone, Copy)]
+/// What steps of disparity between neighbours cost, on the scale of costs, 0 to 43: a quarter of what nine pixels differ by, each in
+/// up to 14 bits of its census and as 5 more in its change along rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Penalties {
+    /// P₁, of a step of one level: slanted surfaces have many.
     pub small: u8,
+    /// P₂, of a larger step: surfaces end seldom.
     pub large: u8,
+    /// The same where the image has an edge: there they end.
     pub edge: u8,
+    /// What is an edge: by how many grey levels neighbours differ at least.
     pub contrast: u8,
+}
+
+impl Default for Penalties {
+    fn default() -> Self {
+        Self { small: 27, large: 135, edge: 14, contrast: 14 }
+    }
 }
 
 /// Two paths to each pixel, one along its row and one across rows.
