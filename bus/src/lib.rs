@@ -74,6 +74,8 @@ pub use elk_describe::payload;
 pub use elk_describe::{Describe, Description, Invalid};
 /// What apps draw ([`Comms::draw`]), and the keys that they take ([`Comms::take_keys`]).
 pub use elk_drawing as drawing;
+/// MOOS' own TCP clients.
+pub use elk_moos as moos;
 pub use elk_os::child;
 pub use elk_os::clock::{self, Clock};
 pub use elk_os::limits::let_owner_in;
@@ -84,8 +86,6 @@ pub use elk_proto::codec::{self, DecodeError};
 pub use elk_proto::community::{self, Community};
 pub use elk_proto::key::{self, Key, Payload};
 pub use elk_proto::mail::{self, Mail};
-/// MOOS' own TCP clients.
-pub use elk_moos as moos;
 use elk_proto::outbox;
 pub use elk_proto::rejection::Rejection;
 pub use elk_proto::types::{self, Type, TypeRef};

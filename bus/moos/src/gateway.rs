@@ -221,7 +221,8 @@ impl Gateway {
                     }
                 }
                 Ok((_, from)) => {
-                    let said = format!("a client of MOOS' at {} is turned away: it is of no network that may come", from);
+                    let said =
+                        format!("a client of MOOS' at {} is turned away: it is of no network that may come", from);
                     self.complain(at, &said);
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => self.knocked = false,
@@ -506,40 +507,42 @@ impl Gateway {
         host: &mut Host,
         endpoints: &mut E,
     ) {
-        let who = match &connection.client {
-            Some(client) => format!("{} of MOOS'", client.name),
-            None => format!("a connection from {} that named no client", connection.from),
+        let Some(client) = connection.client else {
+            if let End::For(why) = end {
+                let said = format!("letting go of a connection from {}, and of others like it: {why}", connection.from);
+                self.complain(monotonic_nanos(), &said);
+            }
+            return;
         };
         if let End::For(why) = end {
-            tell(format_args!("elk db: letting go of {who}: {why}"));
+            tell(format_args!("elk db: letting go of {}, a client of MOOS': {why}", client.name));
         }
-        let Some(client) = connection.client else { return };
         self.by_client.remove(&client.id);
         let progress = endpoints.remotes().leave(client.id);
         host.leave(now, client.id, progress, true, endpoints);
     }
 }
 
-/// Who a connection is of, once it has said so.
+/// Who a connection is of, once it has said so in a whole packet.
 fn hello(connection: &mut Connection) -> Result<Option<Hello>, End> {
     loop {
         match connection.decoder.next_event()? {
             None => return Ok(None),
-            Some(Event::Message { message, .. }) => {
-                let said = Hello::read(&message);
-                return match said {
-                    Ok(hello) => Ok(Some(hello)),
-                    Err(reason) => {
-                        let at = connection.opened_at;
-                        put_poison(&reason, connection.out(at));
-                        let _ = connection.flush(at);
-                        Err(End::For(reason))
-                    }
-                };
-            }
+            Some(Event::Message { message, first: true }) => connection.hello = Some(Hello::read(&message)),
+            Some(Event::End) => break,
             Some(_) => {}
         }
     }
+    let at = connection.opened_at;
+    let reason = match connection.hello.take() {
+        Some(Ok(hello)) => return Ok(Some(hello)),
+        Some(Err(reason)) => reason,
+        None => "its first packet is empty".to_owned(),
+    };
+    put_poison(&reason, connection.out(at));
+    // It is let go of all the same.
+    let _ = connection.flush(at);
+    Err(End::For(reason))
 }
 
 /// Says on `DB_EVENT`, and where the broker has its words, what of a client was not taken: once of each variable. MOOS has

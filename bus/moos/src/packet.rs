@@ -130,9 +130,18 @@ enum Stage {
     Greeting,
     Header,
     /// Within a packet: bytes and messages that are left of it.
-    Messages { left: usize, messages: usize, first: bool },
+    Messages {
+        left: usize,
+        messages: usize,
+        first: bool,
+    },
     /// Within a message that is too long: bytes that are left of it, and of its packet behind it.
-    Skipping { skip: usize, bytes: usize, left: usize, messages: usize },
+    Skipping {
+        skip: usize,
+        bytes: usize,
+        left: usize,
+        messages: usize,
+    },
 }
 
 /// Cuts a stream of bytes into messages, whatever pieces it comes in.

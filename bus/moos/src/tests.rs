@@ -170,7 +170,8 @@ impl Owned {
 fn any_message() -> impl Strategy<Value = Owned> {
     let text = || proptest::collection::vec(any::<u8>(), 0..40);
     let number = || prop_oneof![Just(-1.0), -1e12..1e12];
-    let parts = (any::<i32>(), any::<(u8, u8)>(), [text(), text(), text(), text(), text()], [number(), number(), number()]);
+    let parts =
+        (any::<i32>(), any::<(u8, u8)>(), [text(), text(), text(), text(), text()], [number(), number(), number()]);
     parts.prop_map(|(id, letters, texts, numbers)| Owned { id, letters, texts, numbers })
 }
 

@@ -272,7 +272,8 @@ mod tests {
         let community = Community::new(format!("held-{}", std::process::id())).unwrap();
         let first = Namespace::make(&community).unwrap();
         first.folder().write("sessions", b"first").unwrap();
-        let start = || Server::start(community.clone(), BrokerConfig::new(community.to_string()), Clock::new(1.0), None);
+        let start =
+            || Server::start(community.clone(), BrokerConfig::new(community.to_string()), Clock::new(1.0), None);
         let error = start().err().unwrap();
         assert!(matches!(&error, ServeError::Folder { source: FolderError::Held { .. }, .. }), "{error}");
         assert_eq!(first.folder().read("sessions").unwrap(), b"first");
@@ -296,8 +297,9 @@ mod tests {
 
     #[test]
     fn who_holds_a_community_s_name_is_said_with_what_to_do() {
-        let start =
-            |name: &Community| Server::start(name.clone(), BrokerConfig::new(name.to_string()), Clock::new(1.0), None).err();
+        let start = |name: &Community| {
+            Server::start(name.clone(), BrokerConfig::new(name.to_string()), Clock::new(1.0), None).err()
+        };
         let name = |what: &str| Community::new(format!("{what}-{}", std::process::id())).unwrap();
 
         let bound = name("bound");

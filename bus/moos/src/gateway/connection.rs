@@ -5,6 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 
 use elk_proto::wire::ClientId;
 
+use crate::hello::Hello;
 use crate::packet::Decoder;
 use crate::session::Session;
 
@@ -24,6 +25,8 @@ pub(super) struct Connection {
     pub decoder: Decoder,
     /// `None`: it has not said yet who it is.
     pub client: Option<Named>,
+    /// What it has said of itself so far, or why that is nothing.
+    pub hello: Option<Result<Hello, String>>,
     /// When it was opened, when something came over it last, and when it last took something (ns, monotonic).
     pub opened_at: u64,
     pub heard_at: u64,
@@ -50,6 +53,7 @@ impl Connection {
             from,
             decoder: Decoder::of_client(longest),
             client: None,
+            hello: None,
             opened_at: now,
             heard_at: now,
             took_at: now,

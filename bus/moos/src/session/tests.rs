@@ -265,8 +265,11 @@ fn bytes_are_of_the_type_that_their_variable_carries() {
     town.say(&mut a, &[register("POSE", 0.0)]);
     let heard = town.hear(&mut a);
     assert_eq!((heard[0].data, &heard[0].value[..], heard[0].source.as_str()), (Data::BINARY, &b"typed"[..], "elk"));
-    let bytes = |key: &'static str| {
-        Message { key: key.as_bytes(), value: b"back", time: 99.0, ..Message::new(Kind::NOTIFY, Data::BINARY) }
+    let bytes = |key: &'static str| Message {
+        key: key.as_bytes(),
+        value: b"back",
+        time: 99.0,
+        ..Message::new(Kind::NOTIFY, Data::BINARY)
     };
     town.say(&mut a, &[bytes("POSE"), bytes("IMAGE"), bytes("POSE")]);
     assert_eq!(a.session.take_refusals(), []);
@@ -282,8 +285,10 @@ fn bytes_are_of_the_type_that_their_variable_carries() {
 fn what_is_asked_twice_is_answered_once_and_nobody_clears_the_variables_of_all() {
     let mut town = Town::new();
     let mut a = town.enter("a", Manner::Asynchronous, false);
-    let ask = |key: &'static str| {
-        Message { id: REQUEST_ID, key: key.as_bytes(), ..Message::new(Kind::SERVER_REQUEST, Data::STRING) }
+    let ask = |key: &'static str| Message {
+        id: REQUEST_ID,
+        key: key.as_bytes(),
+        ..Message::new(Kind::SERVER_REQUEST, Data::STRING)
     };
     let unnumbered = Message { id: 3, ..ask("ALL") };
     town.say(&mut a, &[ask("ALL"), ask("ALL"), ask("VAR_SUMMARY"), ask("PROC_SUMMARY"), ask("DB_CLIENTS"), unnumbered]);
