@@ -117,7 +117,7 @@ commands! {
     #[command(after_help = "Example: elk types Explorer")]
     Types(arguments: TypesArgs) => commands::types(arguments.element.as_deref());
     /// Serve a community: the broker by itself
-    #[command(after_help = "Example: elk db --mailbox 64 --moos 127.0.0.1:9000")]
+    #[command(after_help = "Example: elk db --mailbox 64")]
     Db(arguments: BrokerArgs) => commands::db(arguments);
     /// Run a sensor by itself
     #[command(after_help = "Example: elk sensor --type Simulator World=mission-files/worlds/car.obj")]

@@ -180,6 +180,11 @@ impl MoosClient {
         self.next_id += 1;
     }
 
+    /// Bytes that wait to be sent.
+    pub fn waiting_bytes(&self) -> usize {
+        self.outbox.len() - HEADER
+    }
+
     /// Sends what waits, as one packet; an asynchronous client's sign of life with it, if it is time.
     ///
     /// # Errors

@@ -267,23 +267,30 @@ impl Gateway {
             self.readable.remove(&token);
             return false;
         };
-        let held_back = connection.client.as_ref().is_some_and(|client| host.broker.holds_back(now, client.id));
-        if held_back {
-            self.connections.insert(token, connection);
-            return false;
-        }
-        let (moved, end) = match connection.look(&mut self.buffer) {
-            Look::Nothing => {
-                self.readable.remove(&token);
-                (false, None)
+        let (mut left, mut moved) = (READ_BYTES, false);
+        let end = loop {
+            let client = connection.client.as_ref();
+            if left == 0 || client.is_some_and(|client| host.broker.holds_back(now, client.id)) {
+                break None;
             }
-            Look::Over => (true, Some(End::Plain)),
-            Look::Bytes(bytes) => {
-                connection.heard_at = monotonic_nanos();
-                connection.decoder.extend(&self.buffer[..bytes]);
-                (true, self.understand(now, token, &mut connection, host, endpoints).err())
+            match connection.look(&mut self.buffer[..left]) {
+                // The poller says when there is more.
+                Look::Nothing => {
+                    self.readable.remove(&token);
+                    break None;
+                }
+                Look::Over => break Some(End::Plain),
+                Look::Bytes(bytes) => {
+                    (left, moved) = (left - bytes, true);
+                    connection.heard_at = monotonic_nanos();
+                    connection.decoder.extend(&self.buffer[..bytes]);
+                    if let Err(end) = self.understand(now, token, &mut connection, host, endpoints) {
+                        break Some(end);
+                    }
+                }
             }
         };
+        moved |= end.is_some();
         match end {
             Some(end) => self.let_go(now, connection, end, host, endpoints),
             None => _ = self.connections.insert(token, connection),
