@@ -455,15 +455,20 @@ impl Gateway {
             }
             let mut batch = self.spare.pop().unwrap_or_default();
             batch.clear();
+            let waiting = || self.connections.values().map(Connection::waiting).sum::<usize>();
             if host.broker.may_give(id) {
-                let waiting = || self.connections.values().map(Connection::waiting).sum::<usize>();
                 let copy = |frame: &Frame<'_>, batch: &mut Vec<u8>| copy_bulk(frame, waiting(), endpoints, batch);
                 host.broker.take_mail(id, BATCH_BYTES, &mut batch, copy);
             }
             if batch.is_empty() && !client.session.is_owed() {
                 return Ok(packets > 0);
             }
-            let answering = Answering { broker: &host.broker, requests: client.session.take_requests() };
+            let mut requests = client.session.take_requests();
+            if !requests.is_empty() && waiting() > MOST_WAITING {
+                // As what the server does not know: the asker waits for 2 s, and asks again.
+                requests.clear();
+            }
+            let answering = Answering { broker: &host.broker, requests };
             let time = community_time(now, host);
             let mut out = std::mem::take(connection.out(at));
             let Connection { client: Some(client), .. } = connection else { return Ok(false) };

@@ -123,14 +123,14 @@ impl<'a> Message<'a> {
     }
 
     /// Bytes that it takes in a packet.
-    pub fn len(&self) -> usize {
+    pub fn encoded_len(&self) -> usize {
         let texts = [self.source, self.source_aux, self.community, self.key, self.value];
         SHORTEST + texts.iter().map(|text| text.len()).sum::<usize>()
     }
 
     /// Appends it. Whoever encodes sees to it that it is shorter than 2 GiB.
     pub fn put(&self, out: &mut Vec<u8>) {
-        let len = self.len();
+        let len = self.encoded_len();
         out.reserve(len);
         put_i32(out, len as i32);
         put_i32(out, self.id);

@@ -43,7 +43,7 @@ impl<'a> PacketWriter<'a> {
     }
 
     /// Bytes so far.
-    pub fn len(&self) -> usize {
+    pub fn written(&self) -> usize {
         self.out.len() - self.start
     }
 

@@ -85,7 +85,7 @@ fn an_empty_message_is_the_shortest_and_a_packet_without_any_is_not_sent() {
     let empty = Message::new(Kind::NULL, Data::NOT_SET);
     let mut bytes = Vec::new();
     empty.put(&mut bytes);
-    assert_eq!((bytes.len(), empty.len()), (SHORTEST, SHORTEST));
+    assert_eq!((bytes.len(), empty.encoded_len()), (SHORTEST, SHORTEST));
     let mut out = vec![1, 2, 3];
     assert!(!PacketWriter::new(&mut out).finish());
     assert_eq!(out, [1, 2, 3]);

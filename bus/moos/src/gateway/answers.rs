@@ -48,7 +48,7 @@ fn put_text(key: &str, text: &str, packet: &mut PacketWriter<'_>) {
 fn put_variable(one: &Surveyed<'_>, packet: &mut PacketWriter<'_>) {
     let message = Message { id: REQUEST_ID, key: one.key.as_bytes(), ..Message::new(Kind::NOTIFY, Data::NOT_SET) };
     let Some(frame) = &one.latest else { return packet.put(&message) };
-    let is_here = frame.header.flags & BULK == 0 && packet.len() + frame.value.len() <= LONGEST;
+    let is_here = frame.header.flags & BULK == 0 && packet.written() + frame.value.len() <= LONGEST;
     let data = data_of(frame.header.value_kind);
     packet.put(&Message {
         data,
