@@ -36,7 +36,7 @@ fn a_client_of_moos_follows_a_mission_and_its_broker_s_death() {
     let mission = elk.launch(&small("manual", &bus));
     let patience = Patience::new();
     // It is registered before anybody has said anything, or is given what was said last.
-    let mut hear = |client: &mut MoosClient, wanted: &str| {
+    let hear = |client: &mut MoosClient, wanted: &str| {
         client.register(wanted, 0.0);
         let mut source = None;
         while source.is_none() {

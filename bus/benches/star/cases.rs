@@ -74,6 +74,7 @@ pub const CASES: &[Case] = &[
     case("keys", "10,000 variables, 20 clients", keys),
     case("idle", "eight apps with nothing to do", idle),
     case("moos-1khz", "one-way from a client of MOOS' and to one, 64 B at 1 kHz", moos_latency),
+    case("moos-idle", "the bus itself, 64 B at 1 kHz, with and without a gateway for MOOS' clients", moos_idle),
     case("moos-flat-out", "the same as fast as it goes", moos_flat_out),
     case("moos-bulk", "the same, 1 MB at 30 Hz, every byte read", moos_bulk),
     case("moos-connect", "100 clients of MOOS' connect, and one again and again", moos_connect),
@@ -328,6 +329,14 @@ fn moos_latency(bench: &Bench) -> BenchResult {
     let load = Load::paced(SMALL, MILLISECOND, bench.share(1500));
     let rows = compare(bench, TURNS, |_| Turn::to_readers(load, 1), &OF_MOOS)?;
     report::print("One-way, 64 B, 1 kHz, with clients of MOOS'", &LATENCY, &rows);
+    Ok(())
+}
+
+fn moos_idle(bench: &Bench) -> BenchResult {
+    let load = Load::paced(SMALL, MILLISECOND, bench.share(1500));
+    let ways = [(Way::ElkBesideMoos, Wanted::Nothing), (Way::Elk, Wanted::RatioAtMost(1.05))];
+    let rows = compare(bench, 2 * TURNS, |_| Turn::to_readers(load, 1), &ways)?;
+    report::print("One-way, 64 B, 1 kHz, beside a gateway that nobody uses", &LATENCY, &rows);
     Ok(())
 }
 

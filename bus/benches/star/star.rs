@@ -29,6 +29,8 @@ pub enum Way {
     Moos,
     /// From a client of elk's to one of MOOS', through elk's broker.
     ElkToMoos,
+    /// Through elk's broker, where clients of MOOS' could come in and none has.
+    ElkBesideMoos,
 }
 
 impl Way {
@@ -41,6 +43,7 @@ impl Way {
             Way::UnixStream => "AF_UNIX stream, one hop",
             Way::Moos => "MOOS → elk → MOOS",
             Way::ElkToMoos => "elk → elk → MOOS",
+            Way::ElkBesideMoos => "elk star, idle gateway",
         }
     }
 
@@ -52,18 +55,19 @@ impl Way {
             Way::UnixStream => "unix",
             Way::Moos => "moos",
             Way::ElkToMoos => "elk-to-moos",
+            Way::ElkBesideMoos => "elk",
         }
     }
 
     fn is_of_moos(self) -> bool {
-        matches!(self, Way::Moos | Way::ElkToMoos)
+        matches!(self, Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos)
     }
 
     /// What lies between publisher and readers.
     fn middle(self) -> Option<&'static str> {
         match self {
             Way::Elk => Some("broker"),
-            Way::Moos | Way::ElkToMoos => Some("gateway"),
+            Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => Some("gateway"),
             Way::BareTwoHops => Some("relay"),
             Way::BareDirect | Way::UnixStream => None,
         }
@@ -143,7 +147,7 @@ impl Turn {
         for (number, reader) in self.readers.iter().enumerate() {
             let load = Load { lossless: reader.lossless, ..self.load };
             // Only elk lets each reader choose; elsewhere the service is what it was made as.
-            let load = if namespace.way == Way::Elk { load } else { self.load };
+            let load = if namespace.way == Way::Elk || namespace.way.is_of_moos() { load } else { self.load };
             let more = vec![format!("reader={number}"), format!("pause_micros={}", reader.pause_micros)];
             readers.push(start("read", load, more)?);
         }
@@ -216,14 +220,14 @@ impl Namespace {
 
     fn prefix(&self) -> String {
         match self.way {
-            Way::Elk | Way::Moos | Way::ElkToMoos => format!("elk_{}=", self.name),
+            Way::Elk | Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => format!("elk_{}=", self.name),
             _ => bare_iceoryx2::prefix(&self.name),
         }
     }
 
     fn folder(&self) -> PathBuf {
         match self.way {
-            Way::Elk | Way::Moos | Way::ElkToMoos => {
+            Way::Elk | Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => {
                 let user = rustix::process::geteuid().as_raw();
                 std::env::temp_dir().join(format!("elk-{user}")).join(&self.name)
             }
