@@ -7,6 +7,7 @@ use std::sync::LazyLock;
 use clap::Args;
 use elk_bus::Community;
 use elk_bus::launched::{COMMUNITY, USUAL_COMMUNITY};
+use elk_bus::moos::gateway::{Address, GatewayOptions, Network};
 use elk_mission::Override;
 
 /// The community of commands that say none. It is a default, and not the argument's variable, for commands that are of no
@@ -31,6 +32,23 @@ pub struct BrokerArgs {
     /// Mail that is kept for each client, and for one that died and is started again (MB)
     #[arg(long, value_name = "MB", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub mailbox: u32,
+    /// Let MOOS' own clients in as well, as a MOOSDB does: where they connect
+    #[arg(long, value_name = "HOST:PORT")]
+    pub moos: Option<Address>,
+    /// From where else than this machine they may connect; may be said several times
+    #[arg(long, value_name = "NETWORK", requires = "moos")]
+    pub moos_from: Vec<Network>,
+    /// Let them publish under the names of others, as players of logs and bridges do
+    #[arg(long, requires = "moos")]
+    pub moos_any_source: bool,
+}
+
+impl BrokerArgs {
+    /// Where MOOS' clients may connect, if they may.
+    pub fn gateway(&self) -> Option<GatewayOptions> {
+        let (networks, any_source) = (self.moos_from.clone(), self.moos_any_source);
+        self.moos.clone().map(|address| GatewayOptions { networks, any_source, ..GatewayOptions::new(address) })
+    }
 }
 
 /// Which mission, and what to change in it.

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, anyhow, bail};
-use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker, tell};
+use elk_bus::moos::gateway::Listening;
+use elk_bus::{BrokerConfig, Clock, Community, RunOptions, run_app, serve_broker_at, tell};
 use elk_launcher::{AttachOptions, FinishedRun, LaunchOptions, StandbyGuard, end_leftovers};
 use elk_mission::{AppType, Mission, Registry, describe, element, instead};
 use elk_outside::colour::{self, Style};
@@ -174,11 +175,12 @@ fn of_element(registry: &Registry, element: &str) -> Result<Registry> {
 
 /// `elk db`
 pub fn db(arguments: BrokerArgs) -> Result<ExitCode> {
-    let community = arguments.community.community;
+    let community = arguments.community.community.clone();
     let config = BrokerConfig::new(community.as_str()).with_mailbox_bytes((arguments.mailbox as usize) << 20);
+    let moos = arguments.gateway().map(Listening::at).transpose()?;
     let standby = StandbyGuard::of_launcher();
     end_leftovers(&community).into_iter().for_each(|said| tell(format_args!("elk db: {said}")));
-    let served = serve_broker(community, config, Clock::new(1.0));
+    let served = serve_broker_at(community, config, Clock::new(1.0), moos);
     // What is left is ended all the same.
     if let Some(standby) = standby {
         standby.take_over();

@@ -74,6 +74,8 @@ pub use elk_describe::payload;
 pub use elk_describe::{Describe, Description, Invalid};
 /// What apps draw ([`Comms::draw`]), and the keys that they take ([`Comms::take_keys`]).
 pub use elk_drawing as drawing;
+/// MOOS' own TCP clients.
+pub use elk_moos as moos;
 pub use elk_os::child;
 pub use elk_os::clock::{self, Clock};
 pub use elk_os::limits::let_owner_in;
@@ -127,9 +129,20 @@ pub fn run_app(mut app: Box<dyn App>, options: &RunOptions) -> Result<(), RunErr
 
 /// Serves a community as this process until one of [`stop_signals`] comes.
 pub fn serve_broker(community: Community, config: BrokerConfig, clock: Clock) -> Result<(), ServeError> {
+    serve_broker_at(community, config, clock, None)
+}
+
+/// Serves a community as this process until one of [`stop_signals`] comes, also to clients of MOOS' where `moos` listens.
+pub fn serve_broker_at(
+    community: Community,
+    config: BrokerConfig,
+    clock: Clock,
+    moos: Option<moos::gateway::Listening>,
+) -> Result<(), ServeError> {
     let io = |source| ServeError::Io { community: community.clone(), source };
     let stop = stop_on_signals().map_err(io)?;
-    serve_broker_until(community.clone(), config, clock, &stop)
+    shm::Server::start(community.clone(), config, clock, moos)?.run(&stop);
+    Ok(())
 }
 
 /// Serves a community until `stop` is set.
@@ -139,6 +152,6 @@ pub fn serve_broker_until(
     clock: Clock,
     stop: &AtomicBool,
 ) -> Result<(), ServeError> {
-    shm::Server::start(community, config, clock)?.run(stop);
+    shm::Server::start(community, config, clock, None)?.run(stop);
     Ok(())
 }

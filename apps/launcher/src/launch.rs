@@ -117,6 +117,9 @@ pub fn launch(mut mission: Mission, options: &LaunchOptions) -> Result<FinishedR
 
     let LaunchOptions { program, community, headless, registry, detached, .. } = options;
     let state = LaunchState::of(&mission, &folder, manual);
+    if options.in_process && mission.moos.is_some() {
+        return Err(LaunchError::NoSockets);
+    }
     let backend: Box<dyn Backend> = match options.in_process {
         true => Box::new(Threads::new(community, &mission)),
         false => {

@@ -9,10 +9,10 @@ use elk_bus::clock::Stopwatch;
 
 use crate::children::Child;
 use crate::load::{Load, setting};
-use crate::os;
 use crate::report::{self, Column, Figures, Row, Wanted, column};
 use crate::star::{Namespace, Reader, Turn, Way};
 use crate::transport::BenchResult;
+use crate::{moos, os};
 
 /// How a run is measured.
 pub struct Bench {
@@ -73,7 +73,17 @@ pub const CASES: &[Case] = &[
     case("memory", "shared memory under scans of 2.4 MB, one slow reader", memory),
     case("keys", "10,000 variables, 20 clients", keys),
     case("idle", "eight apps with nothing to do", idle),
+    case("moos-1khz", "one-way from a client of MOOS' and to one, 64 B at 1 kHz", moos_latency),
+    case("moos-idle", "the bus itself, 64 B at 1 kHz, with and without a gateway for MOOS' clients", moos_idle),
+    case("moos-flat-out", "the same as fast as it goes", moos_flat_out),
+    case("moos-bulk", "the same, 1 MB at 30 Hz, every byte read", moos_bulk),
+    case("moos-connect", "100 clients of MOOS' connect, and one again and again", moos_connect),
+    case("moos-deaf", "1 MB at 35 Hz to a reader, beside one that never reads", moos_deaf),
 ];
+
+/// From MOOS to MOOS, and from elk to MOOS, beside the bus itself.
+const OF_MOOS: [(Way, Wanted); 3] =
+    [(Way::Moos, Wanted::Nothing), (Way::ElkToMoos, Wanted::Nothing), (Way::Elk, Wanted::Nothing)];
 
 const SMALL: usize = 64;
 const MILLISECOND: u64 = 1_000_000;
@@ -214,7 +224,7 @@ fn memory(bench: &Bench) -> BenchResult {
     let [prompt, lossless, slow] =
         [(false, 0), (true, 0), (false, 5000)].map(|(lossless, pause_micros)| Reader { lossless, pause_micros });
     let readers = vec![prompt, lossless, slow];
-    let turn = Turn { load, readers, watch_memory: true };
+    let turn = Turn { load, readers, watch_memory: true, is_beside_deaf: false };
     let ways = [(Way::Elk, Wanted::AtMost(100.0)), (Way::BareDirect, Wanted::Nothing)];
     let rows = compare(bench, 1, |_| turn.clone(), &ways)?;
     let title =
@@ -232,7 +242,7 @@ struct Community {
 
 impl Community {
     fn start(bench: &Bench, role: &str, clients: usize, settings: &[String]) -> BenchResult<Self> {
-        let namespace = Namespace::new(bench, Way::Elk);
+        let namespace = Namespace::new(bench, Way::Elk)?;
         let start = |role: &str, more: &[String]| {
             let words = [role.to_owned(), "elk".into(), namespace.name.clone()];
             Child::start(&bench.stop, &[words.as_slice(), more, settings].concat())
@@ -312,5 +322,80 @@ fn idle(bench: &Bench) -> BenchResult {
         &[column("percent", "% of a core", 3)],
         &[row],
     );
+    Ok(())
+}
+
+fn moos_latency(bench: &Bench) -> BenchResult {
+    let load = Load::paced(SMALL, MILLISECOND, bench.share(1500));
+    let rows = compare(bench, TURNS, |_| Turn::to_readers(load, 1), &OF_MOOS)?;
+    report::print("One-way, 64 B, 1 kHz, with clients of MOOS'", &LATENCY, &rows);
+    Ok(())
+}
+
+fn moos_idle(bench: &Bench) -> BenchResult {
+    let load = Load::paced(SMALL, MILLISECOND, bench.share(1500));
+    let ways = [(Way::ElkBesideMoos, Wanted::Nothing), (Way::Elk, Wanted::RatioAtMost(1.05))];
+    let rows = compare(bench, 2 * TURNS, |_| Turn::to_readers(load, 1), &ways)?;
+    report::print("One-way, 64 B, 1 kHz, beside a gateway that nobody uses", &LATENCY, &rows);
+    Ok(())
+}
+
+fn moos_flat_out(bench: &Bench) -> BenchResult {
+    let columns = [
+        column("rate", "messages/s", 0),
+        column("lost", "lost", 0),
+        column("rss_mb", "broker MB", 1),
+        column("p50", "p50 µs", 0),
+        column("p99", "p99 µs", 0),
+        column("cpu", "CPU µs/msg", 3),
+    ];
+    let load = Load::flat_out(SMALL, bench.share(6_000_000));
+    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &OF_MOOS)?;
+    let title = format!("64 B, 1 → 1, flat out, {} messages a turn, with clients of MOOS'", load.messages);
+    report::print(&title, &columns, &rows);
+    Ok(())
+}
+
+fn moos_bulk(bench: &Bench) -> BenchResult {
+    let load = Load::paced(1_000_000, 33_333_333, bench.share(90));
+    let rows = compare(bench, 5, |_| Turn::to_readers(load, 1), &OF_MOOS)?;
+    report::print("1 MB at 30 Hz, every byte read, with clients of MOOS'", &LATENCY, &rows);
+    Ok(())
+}
+
+fn moos_connect(bench: &Bench) -> BenchResult {
+    const CLIENTS: usize = 100;
+    let reconnects = bench.share(1000) as usize;
+    let [mut all, mut again] = [Wanted::AtMost(0.5), Wanted::Nothing].map(|wanted| Row::new("", wanted));
+    for _ in 0..bench.repetitions(5) {
+        let namespace = Namespace::new(bench, Way::Moos)?;
+        let broker = Child::start(&bench.stop, &["gateway".into(), "moos".into(), namespace.name.clone()])?;
+        let (connected, reconnected) = moos::connect(&namespace.name, CLIENTS, reconnects)?;
+        drop(broker);
+        namespace.check_left()?;
+        all.turns.push(Figures::from([("seconds", connected)]));
+        again.turns.push(Figures::from([("each", reconnected * 1e3 / reconnects as f64)]));
+    }
+    let rows = [
+        (all, column("seconds", "100 clients at once, s", 3)),
+        (again, column("each", "under one name again, ms each", 3)),
+    ];
+    report::list(&format!("Clients of MOOS' connect; {reconnects} times under one name, all welcomed"), &rows);
+    Ok(())
+}
+
+fn moos_deaf(bench: &Bench) -> BenchResult {
+    let columns = [
+        column("p50", "p50 µs", 1),
+        column("p99", "p99 µs", 1),
+        column("lost", "lost", 0),
+        column("rss_mb", "broker MB", 1),
+    ];
+    let load = Load::paced(1_000_000, 28_571_428, bench.share(35 * 60));
+    let [mut with, mut without] = ["beside a deaf one", "alone"].map(|title| Row::new(title, Wanted::Nothing));
+    let turn = Turn::to_readers(load, 1);
+    without.turns.push(turn.play(bench, Way::Moos)?);
+    with.turns.push(Turn { is_beside_deaf: true, ..turn }.play(bench, Way::Moos)?);
+    report::print("1 MB at 35 Hz, MOOS → elk → MOOS, and a client that never reads", &columns, &[with, without]);
     Ok(())
 }

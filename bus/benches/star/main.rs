@@ -11,7 +11,7 @@
 //! | [`star`] | one turn: a publisher, what lies between, its readers |
 //! | [`children`] | processes that are started, listened to, and never left behind |
 //! | [`roles`] | what such a process does; the same executable, run with `--role` |
-//! | [`transport`], [`elk`], [`baselines`] | the ways that a message can take |
+//! | [`transport`], [`elk`], [`moos`], [`baselines`] | the ways that a message can take |
 //! | [`load`], [`tally`] | what is sent, and what is made of what arrives |
 //! | [`report`], [`os`] | tables, and what the operating system knows |
 
@@ -20,6 +20,7 @@ mod cases;
 mod children;
 mod elk;
 mod load;
+mod moos;
 mod os;
 mod report;
 mod roles;

@@ -14,6 +14,7 @@ use crate::baselines::bare_iceoryx2::{self, BareIntake, BareOutlet};
 use crate::baselines::unix_stream::{StreamIntake, StreamOutlet};
 use crate::elk::{self, ElkIntake, ElkOutlet};
 use crate::load::{Load, Pace, setting};
+use crate::moos::{self, MoosIntake, MoosOutlet};
 use crate::tally::Tally;
 use crate::transport::{BenchResult, Intake, Outlet};
 
@@ -32,6 +33,8 @@ pub fn play(args: &[String]) -> BenchResult {
     };
     match role.as_str() {
         "broker" => elk::broker(namespace),
+        "gateway" => moos::broker(namespace),
+        "deaf" => moos::stay_deaf(namespace, setting(settings, "seconds")?, ready),
         "relay" => bare_iceoryx2::relay(namespace, &Load::from_words(settings)?, ready),
         "publish" => publish(transport, namespace, settings),
         "read" => read(transport, namespace, settings),
@@ -60,7 +63,8 @@ fn done(figures: &str) -> BenchResult {
 fn publish(transport: &str, namespace: &str, settings: &[String]) -> BenchResult {
     let load = Load::from_words(settings)?;
     let mut outlet: Box<dyn Outlet> = match transport {
-        "elk" => Box::new(ElkOutlet::open(namespace)?),
+        "elk" | "elk-to-moos" => Box::new(ElkOutlet::open(namespace)?),
+        "moos" => Box::new(MoosOutlet::open(namespace)?),
         "unix" => Box::new(StreamOutlet::open(namespace, setting(settings, "readers")?)?),
         _ => Box::new(BareOutlet::open(namespace, "up", &load)?),
     };
@@ -90,6 +94,7 @@ fn read(transport: &str, namespace: &str, settings: &[String]) -> BenchResult {
     let pause = Duration::from_micros(setting(settings, "pause_micros")?);
     let mut intake: Box<dyn Intake> = match transport {
         "elk" => Box::new(ElkIntake::open(namespace, &format!("reader-{reader}"), load.lossless)?),
+        "moos" | "elk-to-moos" => Box::new(MoosIntake::open(namespace, &format!("reader-{reader}"))?),
         "unix" => Box::new(StreamIntake::open(namespace, reader, &load)?),
         "direct" => Box::new(BareIntake::open(namespace, "up", &load)?),
         _ => Box::new(BareIntake::open(namespace, "down", &load)?),

@@ -7,9 +7,9 @@ use crate::baselines::bare_iceoryx2;
 use crate::cases::Bench;
 use crate::children::Child;
 use crate::load::{Load, setting};
-use crate::os;
 use crate::report::Figures;
 use crate::transport::BenchResult;
+use crate::{moos, os};
 
 /// How long a process may take to stand.
 const STANDING: Duration = Duration::from_secs(20);
@@ -25,6 +25,12 @@ pub enum Way {
     BareDirect,
     /// One hop over an `AF_UNIX` stream.
     UnixStream,
+    /// From a client of MOOS' to another, through elk's broker.
+    Moos,
+    /// From a client of elk's to one of MOOS', through elk's broker.
+    ElkToMoos,
+    /// Through elk's broker, where clients of MOOS' could come in and none has.
+    ElkBesideMoos,
 }
 
 impl Way {
@@ -35,6 +41,9 @@ impl Way {
             Way::BareTwoHops => "bare iceoryx2, two hops",
             Way::BareDirect => "bare iceoryx2, direct",
             Way::UnixStream => "AF_UNIX stream, one hop",
+            Way::Moos => "MOOS → elk → MOOS",
+            Way::ElkToMoos => "elk → elk → MOOS",
+            Way::ElkBesideMoos => "elk star, idle gateway",
         }
     }
 
@@ -44,13 +53,21 @@ impl Way {
             Way::BareTwoHops => "relayed",
             Way::BareDirect => "direct",
             Way::UnixStream => "unix",
+            Way::Moos => "moos",
+            Way::ElkToMoos => "elk-to-moos",
+            Way::ElkBesideMoos => "elk",
         }
+    }
+
+    fn is_of_moos(self) -> bool {
+        matches!(self, Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos)
     }
 
     /// What lies between publisher and readers.
     fn middle(self) -> Option<&'static str> {
         match self {
             Way::Elk => Some("broker"),
+            Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => Some("gateway"),
             Way::BareTwoHops => Some("relay"),
             Way::BareDirect | Way::UnixStream => None,
         }
@@ -75,18 +92,20 @@ pub struct Turn {
     pub readers: Vec<Reader>,
     /// Whether to watch shared memory, which costs the machine some CPU.
     pub watch_memory: bool,
+    /// Whether there is another client of MOOS', which registers and never reads.
+    pub is_beside_deaf: bool,
 }
 
 impl Turn {
     /// The load, to so many readers alike.
     pub fn to_readers(load: Load, readers: usize) -> Self {
         let reader = Reader { lossless: load.lossless, pause_micros: 0 };
-        Self { load, readers: vec![reader; readers], watch_memory: false }
+        Self { load, readers: vec![reader; readers], watch_memory: false, is_beside_deaf: false }
     }
 
     /// Plays the turn over a way; its figures.
     pub fn play(&self, bench: &Bench, way: Way) -> BenchResult<Figures> {
-        let namespace = Namespace::new(bench, way);
+        let namespace = Namespace::new(bench, way)?;
         let mut players = self.players(bench, &namespace)?;
         let before = players.cpu_nanos()?;
         players.publisher.tell("GO")?;
@@ -128,14 +147,18 @@ impl Turn {
         for (number, reader) in self.readers.iter().enumerate() {
             let load = Load { lossless: reader.lossless, ..self.load };
             // Only elk lets each reader choose; elsewhere the service is what it was made as.
-            let load = if namespace.way == Way::Elk { load } else { self.load };
+            let load = if namespace.way == Way::Elk || namespace.way.is_of_moos() { load } else { self.load };
             let more = vec![format!("reader={number}"), format!("pause_micros={}", reader.pause_micros)];
             readers.push(start("read", load, more)?);
         }
         readers.iter().try_for_each(|r| r.hear("READY", STANDING).map(|_| ()))?;
         let publisher = start("publish", self.load, vec![format!("readers={}", readers.len())])?;
         publisher.hear("READY", STANDING)?;
-        Ok(Players { publisher, readers, middle })
+        let seconds = self.patience().as_secs();
+        let deaf =
+            self.is_beside_deaf.then(|| start("deaf", self.load, vec![format!("seconds={seconds}")])).transpose()?;
+        deaf.iter().try_for_each(|one| one.hear("READY", STANDING).map(|_| ()))?;
+        Ok(Players { publisher, readers, _deaf: deaf, middle })
     }
 
     /// Far longer than any machine needs.
@@ -150,6 +173,7 @@ impl Turn {
 struct Players {
     publisher: Child,
     readers: Vec<Child>,
+    _deaf: Option<Child>,
     middle: Option<Child>,
 }
 
@@ -187,20 +211,23 @@ pub struct Namespace {
 
 impl Namespace {
     /// A namespace that no other run uses.
-    pub fn new(bench: &Bench, way: Way) -> Self {
-        Self { name: format!("star-{}-{}", std::process::id(), bench.next_turn()), way }
+    pub fn new(bench: &Bench, way: Way) -> BenchResult<Self> {
+        let name = format!("star-{}-{}", std::process::id(), bench.next_turn());
+        // Where clients of MOOS' connect, the name says.
+        let name = if way.is_of_moos() { format!("{name}-{}", moos::free_port()?) } else { name };
+        Ok(Self { name, way })
     }
 
     fn prefix(&self) -> String {
         match self.way {
-            Way::Elk => format!("elk_{}=", self.name),
+            Way::Elk | Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => format!("elk_{}=", self.name),
             _ => bare_iceoryx2::prefix(&self.name),
         }
     }
 
     fn folder(&self) -> PathBuf {
         match self.way {
-            Way::Elk => {
+            Way::Elk | Way::Moos | Way::ElkToMoos | Way::ElkBesideMoos => {
                 let user = rustix::process::geteuid().as_raw();
                 std::env::temp_dir().join(format!("elk-{user}")).join(&self.name)
             }
@@ -210,7 +237,8 @@ impl Namespace {
 
     /// The bus clears up behind itself; the baselines, killed as they are, cannot.
     pub fn check_left(&self) -> BenchResult {
-        let left = if self.way == Way::Elk { os::shared_files(&self.prefix()) } else { vec![] };
+        let left =
+            if self.way == Way::Elk || self.way.is_of_moos() { os::shared_files(&self.prefix()) } else { vec![] };
         if left.is_empty() { Ok(()) } else { Err(format!("left in shared memory: {left:?}").into()) }
     }
 }

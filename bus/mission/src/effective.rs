@@ -2,6 +2,9 @@
 
 use std::fmt::Write;
 
+use elk_bus::moos::gateway::GatewayOptions;
+
+use crate::bus::BUS;
 use crate::element::{self, ELEMENTS};
 use crate::policy::{self, Policy, Restart};
 use crate::spec::{AppSpec, Mission, Mode, Program};
@@ -21,6 +24,9 @@ impl Mission {
             escaped(&self.name),
             self.mailbox_mb
         );
+        if let Some(moos) = &self.moos {
+            put_bus(&mut text, moos);
+        }
         for app in &self.apps {
             put_app(&mut text, app, omit);
         }
@@ -31,6 +37,15 @@ impl Mission {
         }
         text + "</Scenario>\n"
     }
+}
+
+fn put_bus(text: &mut String, moos: &GatewayOptions) {
+    let from = moos.networks.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
+    let from = if from.is_empty() { from } else { format!(" from=\"{from}\"") };
+    let sources = if moos.any_source { "any" } else { "own" };
+    let address = escaped(&moos.address.to_string());
+    // Writing to a String cannot fail.
+    let _ = writeln!(text, "    <{BUS} moos=\"{address}\"{from} sources=\"{sources}\"/>");
 }
 
 fn put_app(text: &mut String, app: &AppSpec, omit: &dyn Fn(&AppSpec, &str) -> bool) {

@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use elk_bus::moos::gateway::GatewayOptions;
 use roxmltree::{Document, Node, ParsingOptions};
 
+use crate::bus::{self, BUS};
 use crate::draft::{self, Context, Draft};
 use crate::element::{self, Count, ELEMENTS};
 use crate::nearest::instead;
@@ -50,7 +52,7 @@ pub(crate) fn check(
         return None;
     }
     let (name, said_mode, broker) = head(scenario, file, problems);
-    let mut drafts = drafts(&context, scenario, problems);
+    let (mut drafts, moos) = drafts(&context, scenario, problems);
     count(&drafts, &at, problems);
     draft::suppose_elements(&mut drafts, registry, &at);
     names(&mut drafts, problems);
@@ -61,7 +63,7 @@ pub(crate) fn check(
     let apps: Vec<AppSpec> = drafts.into_iter().filter_map(|draft| draft.resolve(problems)).collect();
     let (file, bytes) = (file.to_owned(), text.as_bytes().to_vec());
     let (broker, mailbox_mb) = (broker.policy(), broker.mailbox_mb());
-    Some(Mission { name, file, bytes, mode, broker, mailbox_mb, apps })
+    Some(Mission { name, file, bytes, mode, broker, mailbox_mb, moos, apps })
 }
 
 fn no_xml(error: &roxmltree::Error, text: &str, problems: &mut Findings) {
@@ -135,9 +137,10 @@ fn head(scenario: Node, file: &Path, problems: &mut Findings) -> (String, Mode, 
     (name, mode, broker)
 }
 
-fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Draft> {
+/// The apps, and who else may come to the broker.
+fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> (Vec<Draft>, Option<GatewayOptions>) {
     loose_text(scenario, problems);
-    let mut drafts = Vec::new();
+    let (mut drafts, mut moos, mut of_bus) = (Vec::new(), None, 0);
     for node in scenario.children().filter(Node::is_element) {
         let element = node.tag_name().name();
         if drafts.len() == MOST_APPS {
@@ -147,14 +150,20 @@ fn drafts(context: &Context, scenario: Node, problems: &mut Findings) -> Vec<Dra
         }
         if element::named(element).is_some() {
             drafts.push(Draft::read(context, node, problems));
+        } else if element == BUS {
+            of_bus += 1;
+            if of_bus > 1 {
+                problems.add(&At::Byte(node.range().start), format!("a second <{BUS}>; one is right"));
+            }
+            moos = bus::read(node, problems);
         } else {
-            let known = ELEMENTS.map(|one| one.name);
+            let known: Vec<&str> = ELEMENTS.iter().map(|one| one.name).chain([BUS]).collect();
             let at = At::Byte(node.range().start);
             let right = instead(element, &known);
             problems.add(&at, format!("<{element}> is no element of a Scenario; {right}"));
         }
     }
-    drafts
+    (drafts, moos)
 }
 
 fn count(drafts: &[Draft], scenario: &At, problems: &mut Findings) {

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use elk_bus::launched::{COMMUNITY, LEASE, NAME, SUCCEED};
+use elk_bus::moos::gateway::GatewayOptions;
 use elk_bus::{App, AppError, Community};
 
 use crate::executable::executable;
@@ -65,6 +66,8 @@ pub struct Mission {
     pub broker: Policy,
     /// Mail that its broker keeps for each client (MB).
     pub mailbox_mb: u32,
+    /// Where clients of MOOS' may connect; `None`: nowhere.
+    pub moos: Option<GatewayOptions>,
     /// Its apps, in the order of the file; a logger that the file does not name comes last.
     pub apps: Vec<AppSpec>,
 }

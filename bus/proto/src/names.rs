@@ -86,11 +86,9 @@ impl Names {
         let text =
             |bytes: &'a [u8]| std::str::from_utf8(bytes).map_err(|_| Unreadable::Damaged("a text that is not UTF-8"));
         let value = match header.value_kind {
-            ValueKind::Double => {
-                let bytes =
-                    bytes.try_into().map_err(|_| Unreadable::Damaged("a number that is not eight bytes long"))?;
-                ValueRef::Double(f64::from_le_bytes(bytes))
-            }
+            ValueKind::Double => ValueRef::Double(
+                wire::double(bytes).ok_or(Unreadable::Damaged("a number that is not eight bytes long"))?,
+            ),
             ValueKind::Text => ValueRef::Text(text(bytes)?),
             ValueKind::Binary => ValueRef::Binary { type_: self.said_type(header.type_)?.as_ref(), bytes },
         };

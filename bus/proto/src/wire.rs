@@ -71,7 +71,8 @@ pub enum Named {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ValueKind {
-    /// Eight bytes of f64.
+    /// Eight bytes of f64; eight more of a second one, if its publisher is a client of MOOS' and gave one. Only such clients
+    /// are shown it.
     Double = 0,
     /// UTF-8 text.
     Text = 1,
@@ -333,6 +334,19 @@ pub fn first_frame(bytes: &[u8]) -> Result<Frame<'_>, &'static str> {
     };
     let (aux_end, value_end) = (HEADER + aux_len, HEADER + aux_len + value_len);
     Ok(Frame { header, aux: &bytes[HEADER..aux_end], value: &bytes[aux_end..value_end], bytes: &bytes[..len] })
+}
+
+/// The number that a value of kind [`ValueKind::Double`] is; `None`: it is none.
+#[inline]
+pub fn double(value: &[u8]) -> Option<f64> {
+    let (first, rest) = value.split_first_chunk()?;
+    matches!(rest.len(), 0 | 8).then(|| f64::from_le_bytes(*first))
+}
+
+/// The second number of such a value, if it has one.
+#[inline]
+pub fn second_double(value: &[u8]) -> Option<f64> {
+    (value.len() == 16).then(|| f64::from_bits(u64_at(value, 8)))
 }
 
 /// Whether a well-formed frame's value lies in shared memory.

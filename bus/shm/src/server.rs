@@ -17,6 +17,7 @@ use std::sync::atomic::Ordering::{Relaxed, Release};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
+use elk_moos::gateway::{Gateway, Listening, Remotes};
 use elk_os::clock::{Clock, Stopwatch, monotonic_nanos};
 use elk_os::limits;
 use elk_os::{Owner, tell};
@@ -120,8 +121,13 @@ pub struct Server {
 
 impl Server {
     /// Takes the community's name, and over from a broker that died, if there are clients of it that live; otherwise
-    /// clears away what crashed runs left.
-    pub fn start(community: Community, config: BrokerConfig, clock: Clock) -> Result<Self, ServeError> {
+    /// clears away what crashed runs left. Clients of MOOS' are let in where `moos` listens.
+    pub fn start(
+        community: Community,
+        mut config: BrokerConfig,
+        clock: Clock,
+        moos: Option<Listening>,
+    ) -> Result<Self, ServeError> {
         limits::raise_descriptors();
         limits::let_owner_in();
         let io = |source| ServeError::Io { community: community.clone(), source };
@@ -141,6 +147,11 @@ impl Server {
         let node = lane::node(&namespace)?;
         namespace.close_folder().map_err(unusable)?;
         leftovers::close_shared_memory(&namespace).map_err(io)?;
+        // Those of MOOS' come on top: they take no shared memory.
+        config.limits.clients += moos.as_ref().map_or(0, Listening::connections);
+        let ring = page.clone();
+        let gateway = moos.map(|moos| Gateway::start(moos, community.as_str(), move || ring.bell.ring()));
+        let gateway = gateway.transpose().map_err(io)?;
         let (sender, events) = channel();
         let bell = page.clone();
         std::thread::Builder::new()
@@ -161,8 +172,9 @@ impl Server {
             epoch: monotonic_nanos(),
             node: Some(node),
             copies,
+            remotes: Remotes::default(),
         };
-        Ok(Self { carrier: Carrier::new(community, clock, host, peers, page), events })
+        Ok(Self { carrier: Carrier::new(community, clock, host, peers, page, gateway), events })
     }
 
     /// Serves until `stop`; then sends the clients away and leaves nothing behind.
@@ -174,6 +186,7 @@ impl Server {
             carrier.host.broker.tick(now);
             let moved = carrier.take_events(now, events)
                 | carrier.take_batches(now)
+                | carrier.take_in_from_afar(now)
                 | carrier.let_go_of_the_gone(now)
                 | carrier.hand_out(now);
             carrier.follow_up(now);
@@ -187,7 +200,8 @@ impl Server {
 
     /// Sends everybody away and removes the community's files.
     fn part(&mut self) {
-        let Carrier { peers, page, .. } = &mut self.carrier;
+        let Carrier { peers, page, gateway, .. } = &mut self.carrier;
+        *gateway = None;
         for peer in peers.by_id.values() {
             peer.page.closed.store(SENT_AWAY, Release);
             peer.page.bell.ring();
@@ -258,7 +272,8 @@ mod tests {
         let community = Community::new(format!("held-{}", std::process::id())).unwrap();
         let first = Namespace::make(&community).unwrap();
         first.folder().write("sessions", b"first").unwrap();
-        let start = || Server::start(community.clone(), BrokerConfig::new(community.to_string()), Clock::new(1.0));
+        let start =
+            || Server::start(community.clone(), BrokerConfig::new(community.to_string()), Clock::new(1.0), None);
         let error = start().err().unwrap();
         assert!(matches!(&error, ServeError::Folder { source: FolderError::Held { .. }, .. }), "{error}");
         assert_eq!(first.folder().read("sessions").unwrap(), b"first");
@@ -282,8 +297,9 @@ mod tests {
 
     #[test]
     fn who_holds_a_community_s_name_is_said_with_what_to_do() {
-        let start =
-            |name: &Community| Server::start(name.clone(), BrokerConfig::new(name.to_string()), Clock::new(1.0)).err();
+        let start = |name: &Community| {
+            Server::start(name.clone(), BrokerConfig::new(name.to_string()), Clock::new(1.0), None).err()
+        };
         let name = |what: &str| Community::new(format!("{what}-{}", std::process::id())).unwrap();
 
         let bound = name("bound");

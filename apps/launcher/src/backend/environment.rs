@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
+use elk_bus::moos::gateway::GatewayOptions;
 use elk_bus::{Community, LEASE};
 use elk_mission::{AppSpec, Registry, Restart};
 
@@ -26,11 +27,16 @@ pub(crate) struct Environment {
 }
 
 impl Environment {
-    /// What starts the broker, with so much mail kept for each client (MB).
-    pub fn broker_command(&self, mailbox_mb: u32) -> Command {
+    /// What starts the broker, with so much mail kept for each client (MB), and perhaps with clients of MOOS'.
+    pub fn broker_command(&self, mailbox_mb: u32, moos: Option<&GatewayOptions>) -> Command {
         let mut command = Command::new(&self.program);
         command.arg("db").args(["--community", self.community.as_str()]);
         command.args(["--mailbox", &mailbox_mb.to_string()]);
+        if let Some(moos) = moos {
+            command.args(["--moos", &moos.address.to_string()]);
+            moos.networks.iter().for_each(|one| _ = command.args(["--moos-from", &one.to_string()]));
+            command.args(moos.any_source.then_some("--moos-any-source"));
+        }
         command
     }
 

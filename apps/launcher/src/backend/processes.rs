@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use elk_bus::child::Bond;
 use elk_bus::clock::Stopwatch;
+use elk_bus::moos::gateway::GatewayOptions;
 use elk_bus::{Client, Clock, Community, ConnectError, ProcessId, SUCCEED};
 use elk_mission::{AppSpec, Exchange, Mission, Program, element, instead};
 use elk_outside::time;
@@ -41,6 +42,7 @@ const ASK_EVERY: Duration = Duration::from_millis(5);
 pub(crate) struct Processes {
     environment: Environment,
     mailbox_mb: u32,
+    moos: Option<GatewayOptions>,
     supervisor: Supervisor,
     /// The broker's, then those of the apps, in the supervisor's order.
     slots: Vec<Slot>,
@@ -83,6 +85,7 @@ impl Processes {
         let mut all = Self {
             environment,
             mailbox_mb: mission.mailbox_mb,
+            moos: mission.moos.clone(),
             supervisor: Supervisor::new(broker, units),
             slots: std::iter::once(Slot::default()).chain(apps).collect(),
             retiring: Vec::new(),
@@ -250,7 +253,7 @@ impl Processes {
             Role::Successor => &slot.wanted,
         };
         let (name, mut command) = match app {
-            None => (DB.to_owned(), self.environment.broker_command(self.mailbox_mb)),
+            None => (DB.to_owned(), self.environment.broker_command(self.mailbox_mb, self.moos.as_ref())),
             Some(app) => (app.name.clone(), self.environment.app_command(app)),
         };
         if role == Role::Successor {

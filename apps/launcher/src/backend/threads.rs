@@ -258,6 +258,7 @@ mod tests {
             mode: Mode::Auto,
             broker,
             mailbox_mb,
+            moos: None,
             apps,
         };
         let mut threads = Threads::new(&Community::new("threads").unwrap(), &mission);

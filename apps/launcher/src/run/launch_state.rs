@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use elk_bus::clock::Stopwatch;
+use elk_bus::moos::gateway::{AddressError, GatewayOptions};
 use elk_bus::{Client, Community, ConnectError, FolderError, ProcessId, shm, text};
 use elk_mission::variables::LAUNCH_STATE;
 use elk_mission::{AppSpec, Exchange, Mission, Mode, Policy, Program, Registry, Restart, is_app_name};
@@ -16,7 +17,7 @@ use crate::error::LaunchError;
 use crate::process::escaped::RunId;
 
 /// Counts up when the words change.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// What it is called in the community's folder.
 const KEPT: &str = "launch-state";
 /// How long the broker may take to say the variable's value.
@@ -46,6 +47,7 @@ pub(crate) struct LaunchState {
     pub explorers: Vec<String>,
     broker_policy: PolicyState,
     mailbox_mb: u32,
+    moos: Option<MoosState>,
     pub broker: Option<ProcessId>,
     pub apps: Vec<AppState>,
 }
@@ -79,6 +81,14 @@ struct PolicyState {
     health_secs: Option<f64>,
 }
 
+/// Where clients of MOOS' may connect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct MoosState {
+    address: String,
+    networks: Vec<String>,
+    any_source: bool,
+}
+
 impl LaunchState {
     /// That of a mission before anything is started.
     pub fn of(mission: &Mission, folder: &Path, manual: bool) -> Self {
@@ -95,6 +105,7 @@ impl LaunchState {
             explorers: Vec::new(),
             broker_policy: PolicyState::of(&mission.broker),
             mailbox_mb: mission.mailbox_mb,
+            moos: mission.moos.as_ref().map(MoosState::of),
             broker: None,
             apps: mission.apps.iter().map(AppState::of).collect(),
         }
@@ -194,6 +205,7 @@ impl LaunchState {
             mode: if self.manual { Mode::Manual } else { Mode::Auto },
             broker: self.broker_policy.policy().map_err(odd)?,
             mailbox_mb: self.mailbox_mb,
+            moos: self.moos.as_ref().map(MoosState::options).transpose().map_err(odd)?,
             apps,
         })
     }
@@ -255,6 +267,21 @@ impl AppState {
                 Ok(foreign.exchange(&wanted, registry)?.app)
             }
         }
+    }
+}
+
+impl MoosState {
+    fn of(moos: &GatewayOptions) -> Self {
+        let networks = moos.networks.iter().map(ToString::to_string).collect();
+        Self { address: moos.address.to_string(), networks, any_source: moos.any_source }
+    }
+
+    /// The options, or what is wrong with their words.
+    fn options(&self) -> Result<GatewayOptions, String> {
+        let odd = |error: AddressError| format!("what its launcher left word of is odd: {error}");
+        let networks = self.networks.iter().map(|one| one.parse()).collect::<Result<_, _>>().map_err(odd)?;
+        let address = self.address.parse().map_err(odd)?;
+        Ok(GatewayOptions { networks, any_source: self.any_source, ..GatewayOptions::new(address) })
     }
 }
 

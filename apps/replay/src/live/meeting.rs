@@ -47,7 +47,7 @@ impl Meeting {
         let (ready, started) = channel();
         let (own_community, stopped) = (community.clone(), stop.clone());
         // A broker stays on the thread that it was made on.
-        let serve = move || match Server::start(own_community.clone(), config(&own_community), Clock::new(1.0)) {
+        let serve = move || match Server::start(own_community.clone(), config(&own_community), Clock::new(1.0), None) {
             Ok(mut server) => {
                 let _ = ready.send(Ok(()));
                 server.run(&stopped);

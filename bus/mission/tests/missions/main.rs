@@ -79,6 +79,29 @@ fn what_happens_to_those_who_die_or_hang_is_said_in_attributes() {
 }
 
 #[test]
+fn clients_of_moos_are_let_in_where_the_bus_says() {
+    let moos = |line: &str| parse(&with(line), &[]).map(|mission| mission.moos);
+    assert_eq!(moos("").unwrap(), None);
+    let said = moos(r#"<Bus moos="0.0.0.0:9000" from="192.168.1.0/24 10.0.0.7" sources="any"/>"#).unwrap().unwrap();
+    assert_eq!((said.address.to_string().as_str(), said.any_source), ("0.0.0.0:9000", true));
+    assert!(said.admits("192.168.1.9".parse().unwrap()) && !said.admits("10.0.0.8".parse().unwrap()));
+    let again = parse(&with(r#"<Bus moos="localhost:9000"/>"#), &[]).unwrap().to_xml(&|_, _| false);
+    assert!(again.contains(r#"<Bus moos="localhost:9000" sources="own"/>"#), "{again}");
+
+    let wrong = |line: &str, what: &str| {
+        let said = parse(&with(line), &[]).unwrap_err();
+        assert!(said.contains(what), "{said}");
+    };
+    wrong(r#"<Bus moos="9000"/>"#, "\"9000\" is no address to listen at; right is HOST:PORT");
+    wrong(r#"<Bus moos="localhost:9000" from="here"/>"#, "\"here\" is no network");
+    wrong(r#"<Bus moos="localhost:9000" sources="all"/>"#, "sources \"all\" is not offered; known: own, any");
+    wrong(r#"<Bus mos="localhost:9000"/>"#, "Bus has no attribute mos; did you mean moos?");
+    wrong("<Bus/>", "<Bus> says nothing of moos");
+    wrong(r#"<Bus moos="localhost:9000"><X/></Bus>"#, "<X> within <Bus>");
+    wrong(r#"<Bus moos="localhost:9000"/><Bus moos="localhost:9001"/>"#, "a second <Bus>");
+}
+
+#[test]
 fn a_mission_without_a_logger_gets_one_unless_it_says_none() {
     let names = |line| {
         let mission = parse(&with(line), &[]).unwrap();

@@ -20,6 +20,7 @@ mod registering;
 mod retained;
 mod state;
 mod summary;
+mod survey;
 pub mod table;
 mod wanted;
 
@@ -31,6 +32,7 @@ pub use state::reached::{Reached, Succession};
 pub use state::registration::Registration;
 pub use state::sessions::Session;
 pub use state::{Action, Broker, BrokerConfig, Limits};
+pub use survey::Surveyed;
 pub use wanted::WANTED;
 
 use crate::wire::{self, ClientId, Frame, FrameKind, WireError};

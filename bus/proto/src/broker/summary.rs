@@ -1,6 +1,5 @@
 //! The `DB_*` variables that MOOS' tools know, and `DB_DROPS`, which MOOS has no word for.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use super::state::Broker;
@@ -22,7 +21,7 @@ impl Broker {
         self.publish_own(now, "DB_DROPS", ValueKind::Text, drops.as_bytes());
         let quality = self.per_client(|c| format!("{}={}", c.name, c.latency.text()));
         self.publish_own(now, "DB_QOS", ValueKind::Text, quality.as_bytes());
-        let reads_and_writes = self.reads_and_writes();
+        let reads_and_writes = self.summary_of_reads_and_writes();
         self.publish_own(now, "DB_RWSUMMARY", ValueKind::Text, reads_and_writes.as_bytes());
         let table = self.variable_table();
         self.publish_own(now, "DB_VARSUMMARY", ValueKind::Text, table.as_bytes());
@@ -39,22 +38,13 @@ impl Broker {
     }
 
     /// `client=read:read&written:written,…`
-    fn reads_and_writes(&self) -> String {
-        let indices: BTreeMap<_, _> = self.sessions.present().map(|(id, _)| id).zip(0..).collect();
-        let mut read = vec![Vec::new(); indices.len()];
-        for (key, variable) in (0..).zip(self.variables.iter()) {
-            let readers: BTreeSet<_> = variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
-            for index in readers.iter().filter_map(|reader| indices.get(reader)) {
-                read[*index as usize].push(self.names.keys.name(key));
-            }
-        }
-        let most = LONGEST / (2 * read.len()).max(1);
-        let line = |((_, client), read): ((_, &Client), &Vec<&str>)| {
-            let written = client.published.iter().map(|k| self.names.keys.name(*k));
-            let (read, written) = (joined(read.iter().copied(), most), joined(written, most));
-            format!("{}={read}&{written}", client.name)
+    fn summary_of_reads_and_writes(&self) -> String {
+        let all: Vec<_> = self.reads_and_writes().collect();
+        let most = LONGEST / (2 * all.len()).max(1);
+        let line = |(name, read, written): &(&str, Vec<&str>, Vec<&str>)| {
+            format!("{name}={}&{}", joined(read, most), joined(written, most))
         };
-        self.sessions.present().zip(&read).map(line).collect::<Vec<_>>().join(",")
+        all.iter().map(line).collect::<Vec<_>>().join(",")
     }
 
     /// A table for people: name, time, writer, rate, type, value.
@@ -74,7 +64,7 @@ impl Broker {
             let source = self.names.sources.name(frame.header.source);
             let age = variable.last_write - self.time.started;
             let (kind, value) = match frame.header.value_kind {
-                ValueKind::Double => ('D', double(frame.value).map_or_else(String::new, |v| v.to_string())),
+                ValueKind::Double => ('D', wire::double(frame.value).map_or_else(String::new, |v| v.to_string())),
                 ValueKind::Text if frame.header.flags & BULK != 0 => ('S', String::new()),
                 ValueKind::Text => {
                     ('S', first_chars(&String::from_utf8_lossy(&frame.value[..frame.value.len().min(100)]), 25))
@@ -92,7 +82,7 @@ impl Broker {
 }
 
 /// Names with colons between them, up to about `most` bytes; then how many more there are.
-fn joined<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> String {
+fn joined(names: &[&str], most: usize) -> String {
     let (mut text, mut left_out) = (String::new(), 0);
     for name in names {
         if text.len() >= most {
@@ -108,10 +98,6 @@ fn joined<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> String {
         let _ = write!(text, ":+{left_out}");
     }
     text
-}
-
-fn double(value: &[u8]) -> Option<f64> {
-    value.try_into().ok().map(f64::from_le_bytes)
 }
 
 fn first_chars(text: &str, n: usize) -> String {

@@ -389,7 +389,7 @@ impl RegistrationEntry {
 
 fn latest(frame: &wire::Frame<'_>) -> Option<LatestValue> {
     Some(match frame.header.value_kind {
-        ValueKind::Double => LatestValue::Number(f64::from_le_bytes(frame.value.try_into().ok()?)),
+        ValueKind::Double => LatestValue::Number(wire::double(frame.value)?),
         ValueKind::Text if frame.header.flags & BULK != 0 => LatestValue::Long,
         ValueKind::Text => {
             let start = &frame.value[..frame.value.len().min(LONGEST_VALUE)];

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 
+use elk_moos::gateway::Gateway;
 use elk_os::clock::Clock;
 use elk_os::tell;
 use elk_proto::community::Community;
@@ -27,14 +28,28 @@ pub(super) struct Carrier {
     pub host: Host,
     pub peers: Peers,
     pub page: Arc<Page<BrokerPage>>,
+    /// Where clients of MOOS' come in, if they may.
+    pub gateway: Option<Gateway>,
     /// Buffers for batches of mail.
     spare: Vec<Vec<u8>>,
 }
 
 impl Carrier {
     /// Nobody has been let in yet.
-    pub fn new(community: Community, clock: Clock, host: Host, peers: Peers, page: Arc<Page<BrokerPage>>) -> Self {
-        Self { community, clock, host, peers, page, spare: Vec::new() }
+    pub fn new(
+        community: Community,
+        clock: Clock,
+        host: Host,
+        peers: Peers,
+        page: Arc<Page<BrokerPage>>,
+        gateway: Option<Gateway>,
+    ) -> Self {
+        Self { community, clock, host, peers, page, gateway, spare: Vec::new() }
+    }
+
+    /// What has come over the network.
+    pub fn take_in_from_afar(&mut self, now: f64) -> bool {
+        self.gateway.as_mut().is_some_and(|gateway| gateway.take_in(now, &mut self.host, &mut self.peers))
     }
 
     /// One batch from each client that has sent any; whoever has written over its page is let go of.
@@ -151,7 +166,8 @@ impl Carrier {
     pub fn hand_out(&mut self, now: f64) -> bool {
         // Who wants every message (a logger, say) is in no hurry.
         let (leisurely, urgent) = self.host.broker.with_mail().partition(|id| self.host.broker.is_lossless(*id));
-        let any = self.hand_out_to_all(now, urgent) | self.hand_out_to_all(now, leisurely);
+        let afar = self.gateway.as_mut().is_some_and(|gateway| gateway.hand_out(now, &mut self.host, &mut self.peers));
+        let any = self.hand_out_to_all(now, urgent) | self.hand_out_to_all(now, leisurely) | afar;
         self.settle(now) | any
     }
 

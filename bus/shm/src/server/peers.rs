@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
 
+use elk_moos::gateway::{Remotes, WithRemotes};
 use elk_os::clock::monotonic_nanos;
 use elk_os::{ProcessId, tell};
 use elk_proto::broker::{Broker, Retained, Session, Succession};
@@ -51,14 +52,17 @@ pub(super) struct Peers {
     pub node: Option<Node<Service>>,
     /// Room for copies of bulk values.
     pub copies: Rc<Budget>,
+    /// Clients that come over the network.
+    pub remotes: Remotes,
 }
 
 impl Endpoints for Peers {
     fn progress(&self, id: ClientId) -> Option<Progress> {
-        self.by_id.get(&id).map(|peer| peer.page.progress())
+        self.by_id.get(&id).map(|peer| peer.page.progress()).or_else(|| self.remotes.progress(id))
     }
 
     fn retire(&mut self, id: ClientId) {
+        self.remotes.retire(id);
         if let Some(peer) = self.by_id.get(&id) {
             peer.page.retire.store(1, SeqCst);
             peer.page.bell.ring();
@@ -78,7 +82,9 @@ impl Endpoints for Peers {
             process: process(holder, &session.name),
             session,
         };
-        let all: Vec<sessions::Held> = sessions.into_iter().map(held).collect();
+        // Whoever comes over the network comes back as a stranger, and says all again.
+        let stays = |(holder, _): &(ClientId, Session)| self.remotes.progress(*holder).is_none();
+        let all: Vec<sessions::Held> = sessions.into_iter().filter(stays).map(held).collect();
         if let Err(error) = sessions::write(&self.namespace, &all) {
             tell(format_args!(
                 "elk db: should this broker die, its clients are not known to the next: {error}{}",
@@ -122,6 +128,12 @@ impl Endpoints for Peers {
     fn follow(&mut self, succession: &Succession) {
         let held = self.by_id.values_mut().filter_map(|peer| peer.bulk.as_mut());
         held.for_each(|held| held.follow(succession));
+    }
+}
+
+impl WithRemotes for Peers {
+    fn remotes(&mut self) -> &mut Remotes {
+        &mut self.remotes
     }
 }
 

@@ -1,0 +1,214 @@
+//! What a client says, in the broker's words: names become numbers that it has introduced before.
+
+use std::collections::HashMap;
+
+use elk_proto::wire::{self, FrameKind, Header, Named, ValueKind};
+
+use super::refusal::Refusal;
+use super::table::{BYTES_TYPE, Table};
+use super::wildcard::Wildcard;
+use crate::message::{Data, Message, NO_NUMBER};
+
+/// Names that a session gives numbers to, of one kind; beyond them the broker has long refused more.
+const MOST_NAMES: usize = 1 << 16;
+
+/// The numbers that a client's names have on its way up.
+#[derive(Debug)]
+pub struct Up {
+    name: String,
+    /// The sequence of a message that its publisher has not numbered.
+    unnumbered: u64,
+    any_source: bool,
+    keys: Numbers,
+    sources: Numbers,
+    types: Numbers,
+    communities: Numbers,
+}
+
+/// Names of one kind, by their numbers.
+#[derive(Debug)]
+struct Numbers {
+    what: Named,
+    known: HashMap<Box<[u8]>, u32>,
+    /// The number of the first name: those before it are given without one.
+    first: u32,
+    /// The last one that was asked for: a publisher says the same name again and again.
+    last: Option<(Box<[u8]>, u32)>,
+}
+
+impl Numbers {
+    fn new(what: Named, first: u32) -> Self {
+        Self { what, known: HashMap::new(), first, last: None }
+    }
+
+    /// The number of a name; a new one is introduced in `batch`.
+    fn number(&mut self, name: &[u8], layout: u64, batch: &mut Vec<u8>) -> Result<u32, Refusal> {
+        if let Some((_, number)) = self.last.as_ref().filter(|(last, _)| **last == *name) {
+            return Ok(*number);
+        }
+        let number = match self.known.get(name) {
+            Some(number) => *number,
+            None => self.introduce(name, layout, batch)?,
+        };
+        self.last = Some((name.into(), number));
+        Ok(number)
+    }
+
+    fn introduce(&mut self, name: &[u8], layout: u64, batch: &mut Vec<u8>) -> Result<u32, Refusal> {
+        let text = text(name, name)?;
+        if text.len() > wire::MAX_NAME {
+            let reason = format!("a name of {} bytes; at most {} are allowed", text.len(), wire::MAX_NAME);
+            return Err(Refusal { key: shown(name), reason });
+        }
+        if self.known.len() >= MOST_NAMES {
+            let reason = format!("this client has used {MOST_NAMES} names already, and no more are allowed");
+            return Err(Refusal { key: shown(name), reason });
+        }
+        let number = self.first + self.known.len() as u32;
+        wire::put_definition(batch, self.what, number, text, layout, "");
+        self.known.insert(name.into(), number);
+        Ok(number)
+    }
+}
+
+impl Up {
+    /// That of a client of this name.
+    pub fn new(name: &str, life: u64, any_source: bool) -> Self {
+        Self {
+            name: name.to_owned(),
+            unnumbered: wire::first_sequence(life),
+            any_source,
+            keys: Numbers::new(Named::Key, 0),
+            // 0 is the client itself, and the broker's own community.
+            sources: Numbers::new(Named::Source, 1),
+            types: Numbers::new(Named::Type, 0),
+            communities: Numbers::new(Named::Community, 1),
+        }
+    }
+
+    /// A message that the client publishes.
+    pub fn notify(&mut self, message: &Message<'_>, table: &impl Table, batch: &mut Vec<u8>) -> Result<(), Refusal> {
+        let refused = |reason: &str| Err(Refusal { key: shown(message.key), reason: reason.to_owned() });
+        if !message.time.is_finite() {
+            return refused("its time is no number");
+        }
+        let number = number_of(message);
+        let (value_kind, value) = match message.data {
+            Data::DOUBLE => (ValueKind::Double, &number[..number_len(message)]),
+            Data::STRING => (ValueKind::Text, message.value),
+            Data::BINARY => (ValueKind::Binary, message.value),
+            _ => return refused("it carries neither a number, nor a text, nor bytes"),
+        };
+        if value_kind == ValueKind::Text && std::str::from_utf8(value).is_err() {
+            return refused("its text is not UTF-8: right is UTF-8, or binary data (NotifyBinary)");
+        }
+        text(message.source_aux, message.key)?;
+        let key = self.keys.number(message.key, 0, batch)?;
+        let type_ = match value_kind {
+            ValueKind::Binary => self.type_of(message.key, table, batch)?,
+            _ => 0,
+        };
+        let community = match message.community {
+            b"" => 0,
+            other => self.communities.number(other, 0, batch)?,
+        };
+        let (source, aux) = self.source(message, batch)?;
+        let header = Header {
+            value_kind,
+            key,
+            source,
+            type_,
+            community,
+            // MOOS counts from 0, and -1 is no count.
+            sequence: self.unnumbered + u64::try_from(message.id).map_or(0, |id| id + 1),
+            time: message.time,
+            ..Header::new(FrameKind::Notify)
+        };
+        wire::put(batch, &header, aux, value);
+        Ok(())
+    }
+
+    /// Under whose name a message goes out, with what is said of that one. A name that the client may not publish under
+    /// stands there, unless it says something else there.
+    fn source<'a>(&mut self, message: &Message<'a>, batch: &mut Vec<u8>) -> Result<(u32, &'a [u8]), Refusal> {
+        let Message { source, source_aux, .. } = *message;
+        if source.is_empty() || source == self.name.as_bytes() {
+            return Ok((0, source_aux));
+        }
+        if self.any_source {
+            return Ok((self.sources.number(source, 0, batch)?, source_aux));
+        }
+        text(source, message.key)?;
+        Ok((0, if source_aux.is_empty() { source } else { source_aux }))
+    }
+
+    /// The type of bytes: that of the variable, if it has one.
+    fn type_of(&mut self, key: &[u8], table: &impl Table, batch: &mut Vec<u8>) -> Result<u32, Refusal> {
+        let (name, layout) = table.type_of(text(key, key)?).unwrap_or((BYTES_TYPE, 0));
+        // Two versions of one type are two types.
+        let mut id = name.as_bytes().to_vec();
+        let number = self.types.last.as_ref().filter(|(last, _)| is_type(last, &id, layout)).map(|(_, number)| *number);
+        if let Some(number) = number {
+            return Ok(number);
+        }
+        id.push(0);
+        id.extend_from_slice(&layout.to_le_bytes());
+        let number = match self.types.known.get(&*id) {
+            Some(number) => *number,
+            None => {
+                let number = self.types.known.len() as u32;
+                wire::put_definition(batch, Named::Type, number, name, layout, "");
+                self.types.known.insert(id.as_slice().into(), number);
+                number
+            }
+        };
+        self.types.last = Some((id.into(), number));
+        Ok(number)
+    }
+
+    /// A subscription to a variable, or its end.
+    pub fn register(&mut self, message: &Message<'_>, kind: FrameKind, batch: &mut Vec<u8>) -> Result<(), Refusal> {
+        let key = text(message.key, message.key)?;
+        put_registration(batch, kind, key, "*", message.number);
+        Ok(())
+    }
+
+    /// A subscription to patterns, or its end.
+    pub fn wildcard(&mut self, message: &Message<'_>, kind: FrameKind, batch: &mut Vec<u8>) -> Result<(), Refusal> {
+        let Wildcard { sources, keys, interval } = Wildcard::read(text(message.value, message.value)?);
+        put_registration(batch, kind, &keys, &sources, interval);
+        Ok(())
+    }
+}
+
+fn put_registration(batch: &mut Vec<u8>, kind: FrameKind, keys: &str, sources: &str, interval: f64) {
+    let header = Header { time: interval, ..Header::new(kind) };
+    wire::put(batch, &header, keys.as_bytes(), sources.as_bytes());
+}
+
+fn is_type(id: &[u8], name: &[u8], layout: u64) -> bool {
+    id.strip_prefix(name).and_then(|rest| rest.strip_prefix(&[0])) == Some(&layout.to_le_bytes())
+}
+
+/// A number's bytes, and those of the second.
+fn number_of(message: &Message<'_>) -> [u8; 16] {
+    let mut bytes = [0; 16];
+    bytes[..8].copy_from_slice(&message.number.to_le_bytes());
+    bytes[8..].copy_from_slice(&message.second.to_le_bytes());
+    bytes
+}
+
+/// How many of them travel: the second number only if there is one.
+fn number_len(message: &Message<'_>) -> usize {
+    if message.second == NO_NUMBER { 8 } else { 16 }
+}
+
+/// Bytes that have to be a text; `key` is what they are said of.
+fn text<'a>(bytes: &'a [u8], key: &[u8]) -> Result<&'a str, Refusal> {
+    let not_utf8 = |_| Refusal { key: shown(key), reason: "a name is not UTF-8".to_owned() };
+    std::str::from_utf8(bytes).map_err(not_utf8)
+}
+
+fn shown(name: &[u8]) -> String {
+    String::from_utf8_lossy(&name[..name.len().min(wire::MAX_NAME)]).into_owned()
+}

@@ -1,0 +1,63 @@
+//! What of the community can be read from beside it: for transports whose clients ask in words of their own.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::state::Broker;
+use crate::wire::{self, Frame, ValueKind};
+
+/// A variable of the community.
+#[derive(Debug, Clone)]
+pub struct Surveyed<'a> {
+    /// Its name.
+    pub key: &'a str,
+    /// Its latest value, if it has one; its numbers are the broker's.
+    pub latest: Option<Frame<'a>>,
+    /// Who wrote that.
+    pub source: &'a str,
+    /// In which community that was.
+    pub community: &'a str,
+    /// When that was, since the broker's start (s).
+    pub written_secs: f64,
+    /// How often it is written (Hz).
+    pub rate_hz: f64,
+}
+
+impl Broker {
+    /// All variables, in the order in which they were first named.
+    pub fn survey(&self) -> impl Iterator<Item = Surveyed<'_>> {
+        (0..).zip(self.variables.iter()).map(|(key, variable)| {
+            let latest = wire::first_frame(&variable.latest).ok();
+            Surveyed {
+                key: self.names.keys.name(key),
+                source: latest.as_ref().map_or("", |frame| self.names.sources.name(frame.header.source)),
+                community: latest.as_ref().map_or("", |frame| self.names.communities.name(frame.header.community)),
+                latest,
+                written_secs: variable.last_write - self.time.started,
+                rate_hz: variable.rate_hz,
+            }
+        })
+    }
+
+    /// Name and layout of the type that a variable carries; `None`: none of a name, or it carries nothing yet.
+    pub fn type_of(&self, key: &str) -> Option<(&str, u64)> {
+        let lock = self.variables[self.names.keys.known(key)?].lock?;
+        let is_typed = lock.kind == ValueKind::Binary;
+        is_typed.then(|| (self.names.types.name(lock.type_), self.names.types.layout(lock.type_)))
+    }
+
+    /// Of each client that is there its name, and the variables that it reads and writes.
+    pub fn reads_and_writes(&self) -> impl Iterator<Item = (&str, Vec<&str>, Vec<&str>)> {
+        let indices: BTreeMap<_, _> = self.sessions.present().map(|(id, _)| id).zip(0..).collect();
+        let mut read = vec![Vec::new(); indices.len()];
+        for (key, variable) in (0..).zip(self.variables.iter()) {
+            let readers: BTreeSet<_> = variable.routes.iter().flat_map(|r| &r.deliveries).map(|d| d.client).collect();
+            for index in readers.iter().filter_map(|reader| indices.get(reader)) {
+                read[*index as usize].push(self.names.keys.name(key));
+            }
+        }
+        self.sessions.present().zip(read).map(|((_, client), read)| {
+            let written = client.published.iter().map(|key| self.names.keys.name(*key));
+            (client.name.as_str(), read, written.collect())
+        })
+    }
+}

@@ -1,0 +1,8 @@
+//! Clients of MOOS' over real sockets, beside clients of elk's over shared memory, before one broker.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod handshake;
+mod hostile;
+mod mail;
+mod server;

@@ -1,0 +1,73 @@
+//! Anything that a client of MOOS' may say, in pieces: its stream never does more than end, what a session makes of it is
+//! whole frames, and what the broker then has for it is whole packets.
+#![no_main]
+
+use elk_bus::broker::{Broker, BrokerConfig};
+use elk_bus::moos::hello::{Hello, Manner};
+use elk_bus::moos::packet::{Decoder, Event};
+use elk_bus::moos::session::{Session, Table};
+use elk_bus::{Introduction, wire};
+use libfuzzer_sys::fuzz_target;
+
+/// The longest message that is taken (bytes).
+const LONGEST: usize = 1 << 12;
+
+struct Types<'a>(&'a Broker);
+
+impl Table for Types<'_> {
+    fn type_of(&self, key: &str) -> Option<(&str, u64)> {
+        self.0.type_of(key)
+    }
+}
+
+fuzz_target!(|data: &[u8]| {
+    let Some(([piece, manner, any_source], said)) = data.split_first_chunk() else { return };
+    let manner = if manner % 2 == 0 { Manner::Asynchronous } else { Manner::Synchronous };
+    let mut broker = Broker::new(BrokerConfig::new("fuzz"), 1.0);
+    let id = broker.connect(1.0, &Introduction::new("stranger")).unwrap();
+    let mut session = Session::new("stranger", manner, 1, any_source % 2 == 0);
+    let mut decoder = Decoder::of_client(LONGEST);
+    decoder.extend(&elk_bus::moos::packet::greeting());
+    for piece in said.chunks(usize::from(*piece).max(1)) {
+        decoder.extend(piece);
+        assert!(decoder.capacity() <= 4 * LONGEST + 1024, "what is announced is not held");
+        let mut batch = Vec::new();
+        loop {
+            match decoder.next_event() {
+                Ok(Some(Event::Message { message, first })) => {
+                    let _ = Hello::read(&message);
+                    session.take(&message, first, &Types(&broker), &mut batch);
+                }
+                Ok(Some(Event::End)) => session.end_packet(),
+                Ok(Some(Event::TooLong { bytes })) => session.note_too_long(bytes, LONGEST),
+                Ok(Some(Event::Greeting)) => {}
+                Ok(None) => break,
+                Err(_) => return,
+            }
+        }
+        broker.receive(1.0, id, &batch).expect("a session says whole frames, and no number that it has not named");
+        hear(&mut broker, id, &mut session);
+    }
+});
+
+/// What the client is told.
+fn hear(broker: &mut Broker, id: wire::ClientId, session: &mut Session) {
+    if !session.may_be_told() {
+        return;
+    }
+    let (mut mail, mut out) = (Vec::new(), Vec::new());
+    broker.take_mail(id, usize::MAX, &mut mail, |_, _| {});
+    if !session.put_packet(1.0, &mail, &mut (), &mut out) {
+        assert!(out.is_empty());
+        return;
+    }
+    let mut decoder = Decoder::of_server(usize::MAX);
+    decoder.extend(&out);
+    let mut messages = 0;
+    while let Some(event) = decoder.next_event().expect("what a client is told is a packet") {
+        messages += usize::from(matches!(event, Event::Message { .. }));
+    }
+    assert!(messages > 0, "no packet is empty");
+    session.take_refusals();
+    session.take_requests();
+}
