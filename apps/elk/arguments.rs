@@ -57,8 +57,8 @@ pub struct MissionArgs {
     /// The mission file, the name of a built-in one (`elk missions` lists them), or the folder of a run that is to be had
     /// again
     pub mission: PathBuf,
-    /// Say a parameter here instead of in the file; `type` exchanges the app's type, `exec` (and `args`) puts another
-    /// program in its place; files from the working directory
+    /// Say a parameter here instead of in the file; `type` exchanges the app's type, `exec` (and `args`) or `pipe` puts
+    /// another program in its place; files from the working directory
     #[arg(long = "set", value_name = "APP.PARAM=VALUE")]
     pub sets: Vec<Override>,
 }

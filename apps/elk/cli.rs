@@ -13,6 +13,7 @@ use crate::evaluate::{self, EvaluateArgs};
 use crate::log::{self, LogCommand};
 use crate::mapfile::{self, MapFileCommand};
 use crate::new::{self, NewArgs};
+use crate::pipe::{self, PipeArgs};
 use crate::replay::{self, ReplayArgs};
 use crate::scope::{self, ScopeCommand};
 use crate::version::VERSION;
@@ -137,6 +138,10 @@ commands! {
     /// Run a logger by itself
     #[command(after_help = "Example: elk logger --type Mcap File=everything.mcap")]
     Logger(arguments: AppArgs) => commands::app("Logger", arguments);
+    /// Run a program in any language as an app: JSON lines on its standard input and output
+    #[command(after_help = "Example: elk pipe Shouter --subscribe 'GREET*' -- sh -c 'cat >&2'\n\nIts lines are \
+                            described in docs/pipe.md.")]
+    Pipe(arguments: PipeArgs) => pipe::pipe(arguments);
     /// Looks into a running community, and pokes.
     #[command(flatten)]
     Scope(arguments: ScopeCommand) => scope::run(arguments);

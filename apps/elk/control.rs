@@ -57,9 +57,9 @@ pub struct StartArgs {
 pub struct SwapArgs {
     /// Its name in the mission
     app: String,
-    /// `type=T` for another type, or `exec=FILE` (and `args="…"`) for any other program, and parameters that are to change;
-    /// the others stay as the mission set them
-    #[arg(value_name = "type=T | exec=FILE | PARAM=VALUE", value_parser = setting)]
+    /// `type=T` for another type, `exec=FILE` (and `args="…"`) for any other program, or `pipe="PROGRAM ARGS"` for one that
+    /// reads and writes lines, and parameters that are to change; the others stay as the mission set them
+    #[arg(value_name = "type=T | exec=FILE | pipe=LINE | PARAM=VALUE", value_parser = setting)]
     changes: Vec<(String, String)>,
     /// How long the new one may take to be ready (s); after that, the old one goes on
     #[arg(long, default_value_t = 20.0, value_parser = limit, value_name = "SECONDS")]
@@ -88,12 +88,13 @@ pub fn start(arguments: StartArgs) -> Result<ExitCode> {
 /// `elk swap`
 pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
     let SwapArgs { app, changes, limit: limit_secs, community } = arguments;
-    let (mut type_name, mut exec, mut args, mut params) = (None, None, None, Vec::new());
+    let (mut type_name, mut exec, mut args, mut pipe, mut params) = (None, None, None, None, Vec::new());
     for (name, text) in changes {
         let place = match name.as_str() {
             "type" => &mut type_name,
             "exec" => &mut exec,
             "args" => &mut args,
+            "pipe" => &mut pipe,
             _ => {
                 params.push((name, text));
                 continue;
@@ -106,10 +107,21 @@ pub fn swap(arguments: SwapArgs) -> Result<ExitCode> {
     if args.is_some() && exec.is_none() {
         bail!("args without exec; right is both or neither");
     }
+    if pipe.is_some() && exec.is_some() {
+        bail!("exec and pipe are both said; one is right");
+    }
     let args = split_arguments(&args.unwrap_or_default()).map_err(|error| anyhow!("args: {error}"))?;
-    let exec = exec.map(|exec| (exec, args));
+    let piped = pipe.is_some();
+    let exec = match pipe {
+        None => exec.map(|exec| (exec, args)),
+        Some(line) => {
+            let mut words = split_arguments(&line).map_err(|error| anyhow!("pipe: {error}"))?.into_iter();
+            let exec = words.next().context("pipe is empty; right is a program with its arguments")?;
+            Some((exec, words.collect()))
+        }
+    };
     let folder = std::env::current_dir().context("files are looked for from the working directory, and it is gone")?;
-    let wanted = Order::Swap { app, type_name, exec, params, folder, limit_secs };
+    let wanted = Order::Swap { app, type_name, exec, piped, params, folder, limit_secs };
     order(&community.community, &wanted, time::duration(limit_secs))
 }
 

@@ -13,6 +13,7 @@ mod manual;
 mod mapfile;
 mod missions;
 mod new;
+mod pipe;
 mod prune;
 mod registry;
 mod replay;

@@ -1,15 +1,19 @@
 //! The app framework: MOOS' three callbacks, driven by mail or by a tick.
 
 use std::fmt;
+use std::os::fd::BorrowedFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 
 use crate::broker::table;
 use crate::client::Client;
 use crate::clock::{Stopwatch, process_cpu_secs};
 use crate::comms::{Comms, CommsError};
 use crate::failure::{AppError, write_words};
-use crate::inbox::Inbox;
+use crate::inbox::{Inbox, Refused};
 use crate::mail::Mail;
 use crate::stop::Insistence;
 use crate::wire;
@@ -72,6 +76,28 @@ pub trait App: Send {
     /// wait for the processor meanwhile. Before it ends, the app is given all that the broker has for it by then.
     fn gathering(&self) -> Option<Duration> {
         None
+    }
+
+    /// A descriptor that the app waits for besides its mail (a device, a socket, a child): [`App::on_wake`] is called while it
+    /// is readable.
+    fn wake_fd(&self) -> Option<BorrowedFd<'_>> {
+        None
+    }
+
+    /// Called when the descriptor of [`App::wake_fd`] is readable.
+    fn on_wake(&mut self, _comms: &mut Comms) -> Result<(), AppError> {
+        Ok(())
+    }
+
+    /// Whether an app with a [`App::wake_fd`] takes mail now. While it does not, its mail waits in its mailbox, which forgets the
+    /// oldest when it is full, and counts.
+    fn takes_mail(&self) -> bool {
+        true
+    }
+
+    /// Called when the broker has refused a message or a registration of the app's; that is said and counted already.
+    fn on_refused(&mut self, _comms: &mut Comms, _refused: &Refused) -> Result<(), AppError> {
+        Ok(())
     }
 }
 
@@ -147,11 +173,24 @@ pub fn begin_app(app: &mut dyn App, client: &mut Client) -> Result<(), RunError>
 /// answers about how many bytes it was given. Ticks are not for such an app: it is driven by mail alone.
 pub fn take_turn(app: &mut dyn App, client: &mut Client) -> Result<usize, RunError> {
     let taken = receive(app, client, Duration::ZERO).and_then(|bytes| {
-        client.inbox.take_refusals().iter().try_for_each(|refused| client.comms.note_refused(refused))?;
+        hear_of_refusals(app, client)?;
         client.comms.flush()?;
         Ok(bytes)
     });
     taken.map_err(|source| failed(client, source))
+}
+
+/// Waits at most `patience` for what an app that takes turns waits for besides its mail ([`App::wake_fd`]), and wakes it;
+/// answers whether it was woken. Whoever lets it wait only while nobody has mail gets the same run each time.
+pub fn take_wake(app: &mut dyn App, client: &mut Client, patience: Duration) -> Result<bool, RunError> {
+    let woken = app.wake_fd().map_or(Ok(false), |fd| is_readable(&[fd], patience)).and_then(|is_woken| {
+        if is_woken {
+            app.on_wake(&mut client.comms)?;
+            client.comms.flush()?;
+        }
+        Ok(is_woken)
+    });
+    woken.map_err(|source| failed(client, source))
 }
 
 /// Starts the app and gives it its mail, until it is to leave.
@@ -161,16 +200,14 @@ fn serve(app: &mut dyn App, client: &mut Client, stop: &AtomicBool) -> Result<()
     let mut gathered = Gathered(0);
     while !stop.load(Ordering::Relaxed) && !client.comms.stopping() && !client.inbox.retiring() {
         let pause = if gathered.0 > 0 { Duration::ZERO } else { beat.pause(&client.comms) };
-        let bytes = receive(app, client, pause)?;
+        let bytes = attend(app, client, pause)?;
         if let Some(time) = app.gathering() {
             gathered.rest(bytes, time);
         }
         if beat.tick_is_due(&client.comms) {
             app.iterate(&mut client.comms)?;
         }
-        for refused in client.inbox.take_refusals() {
-            client.comms.note_refused(&refused)?;
-        }
+        hear_of_refusals(app, client)?;
         beat.status(&mut client.comms, &client.inbox)?;
     }
     Ok(())
@@ -194,6 +231,41 @@ fn leave(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
     rest?;
     client.comms.take_down()?;
     Ok(client.comms.say_goodbye()?)
+}
+
+fn hear_of_refusals(app: &mut dyn App, client: &mut Client) -> Result<(), AppError> {
+    for refused in client.inbox.take_refusals() {
+        client.comms.note_refused(&refused)?;
+        app.on_refused(&mut client.comms, &refused)?;
+    }
+    Ok(())
+}
+
+/// Waits at most `pause` for mail and for what else the app waits for, and gives it what has come; answers about how many bytes
+/// of mail that were.
+fn attend(app: &mut dyn App, client: &mut Client, pause: Duration) -> Result<usize, AppError> {
+    if app.wake_fd().is_none() {
+        return receive(app, client, pause);
+    }
+    client.comms.flush()?;
+    let takes_mail = app.takes_mail();
+    let mail = if takes_mail { Some(client.inbox.wake_fd()?) } else { None };
+    let all: Vec<BorrowedFd<'_>> = app.wake_fd().into_iter().chain(mail).collect();
+    is_readable(&all, pause)?;
+    if app.wake_fd().map_or(Ok(false), |fd| is_readable(&[fd], Duration::ZERO))? {
+        app.on_wake(&mut client.comms)?;
+    }
+    if takes_mail { receive(app, client, Duration::ZERO) } else { Ok(0) }
+}
+
+/// Waits until one of these is readable; whether one is. A signal ends the wait.
+fn is_readable(fds: &[BorrowedFd<'_>], patience: Duration) -> Result<bool, AppError> {
+    let mut fds: Vec<PollFd<'_>> = fds.iter().map(|fd| PollFd::from_borrowed_fd(*fd, PollFlags::IN)).collect();
+    let patience = Timespec::try_from(patience).ok();
+    match poll(&mut fds, patience.as_ref()) {
+        Err(Errno::INTR) => Ok(false),
+        ready => Ok(ready? > 0),
+    }
 }
 
 /// Gives the app the mail that has come, or comes within `pause`; answers about how many bytes that were.

@@ -44,7 +44,7 @@ pub mod subscription;
 
 use std::sync::atomic::AtomicBool;
 
-pub use app::{App, RunError, begin_app, run_app_on, take_turn};
+pub use app::{App, RunError, begin_app, run_app_on, take_turn, take_wake};
 pub use client::Client;
 pub use comms::{Comms, CommsError, Drive, Origin};
 pub use drawing_state::MAX_DRAWINGS;

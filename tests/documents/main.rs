@@ -74,7 +74,7 @@ const BESIDE_A_MISSION: [&str; 17] = [
 ];
 
 /// Needs a broker.
-const BESIDE_A_BROKER: [&str; 7] = ["sensor", "filter", "map", "explorer", "controller", "logger", "replay"];
+const BESIDE_A_BROKER: [&str; 8] = ["sensor", "filter", "map", "explorer", "controller", "logger", "replay", "pipe"];
 
 /// Takes those commands out that are one of these.
 fn take(all: &mut Vec<Command>, names: &[&str]) -> Vec<Command> {

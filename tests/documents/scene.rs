@@ -77,6 +77,7 @@ impl Course {
             ["elk", "explorer", ..] => Self::Joins("Explorer"),
             ["elk", "controller", ..] => Self::Joins("Controller"),
             ["elk", "logger", ..] => Self::Joins("Logger"),
+            ["elk", "pipe", ..] => Self::Joins("Shouter"),
             ["elk", "log", "record", ..] => Self::Joins("record-"),
             ["elk", "echo", ..] if !has("--count") => Self::Says("\n"),
             ["elk", "hz", ..] => Self::Says("RATE"),

@@ -5,12 +5,15 @@ use std::path::{Path, PathBuf};
 use elk_bus::clock::Stopwatch;
 use elk_geometry::random::Random;
 use elk_geometry::{Bounds, Pose};
-use elk_mission::{AppSpec, Mission, Override, Params, Program, Registry, element, instead};
+use elk_mission::{
+    AppSpec, Mission, Override, Params, Program, Registry, element, instead, join_arguments, split_arguments,
+};
+use elk_outside::checksum::fnv1a_of_file;
 use elk_spatial::messages::PoseCommand;
 use elk_world::{BUILT_IN, Placement, World};
 use nalgebra::Vector3;
 
-use crate::suite::{Place, Source, StrategyEntry, Suite, SuiteError, WorldEntry};
+use crate::suite::{Place, Runs, Source, StrategyEntry, Suite, SuiteError, WorldEntry};
 use crate::truth::{Start, Terms, Truth};
 
 /// The plainest of missions: a world's file is explored in it.
@@ -87,7 +90,7 @@ pub struct Plans {
     /// What is said otherwise, by strategy.
     sets: Vec<Vec<Override>>,
     sensor: String,
-    /// What the missions came to, all that is said and all defaults, by strategy.
+    /// What the missions came to, all that is said and all defaults, by strategy; and what is in a program's files.
     pub effective: Vec<String>,
     terms: Terms,
     pose_variable: String,
@@ -115,22 +118,27 @@ impl Plans {
         let plain = load(&base).map_err(|why| wrong(entry.at, format!("world {}: {why}", entry.name)))?;
         let explorer = only(&plain, element::EXPLORER).map_err(|why| wrong(entry.at, why))?.name.clone();
         let sensor = only(&plain, element::SENSOR).map_err(|why| wrong(entry.at, why))?.name.clone();
-        let (mut all, mut effective, mut last) = (Vec::new(), Vec::new(), plain);
+        let (mut all, mut effective, mut known, mut last) = (Vec::new(), Vec::new(), plain.clone(), plain);
         for strategy in &suite.strategies {
-            let sets = with_strategy(&base, &explorer, strategy, &last);
             let named =
                 |why: String| wrong(strategy.at, format!("explorer {} in world {}: {why}", strategy.name, entry.name));
+            let runs = what_runs(&strategy.runs, &explorer, &folder).map_err(named)?;
+            let sets = with_strategy(&base, runs, strategy, &last);
             last = load(&sets).map_err(named)?;
-            if let Some(foreign) = last.apps.iter().find(|app| !app.is_builtin()) {
+            let takes_turns = |app: &AppSpec| app.is_builtin() || (app.name == explorer && app.type_name() == "pipe");
+            if let Some(foreign) = last.apps.iter().find(|app| !takes_turns(app)) {
                 return Err(wrong(
                     entry.at,
                     format!("{} is a program of its own; all runs are threads of this process", foreign.name),
                 ));
             }
-            effective.push(last.to_xml(&|app, _| app.element == element::LOGGER));
+            effective.push(last.to_xml(&|app, _| app.element == element::LOGGER) + &program_files(&last));
+            if last.apps.iter().all(AppSpec::is_builtin) {
+                known = last.clone();
+            }
             all.push(sets);
         }
-        let facts = Facts::of(&last).map_err(|why| wrong(entry.at, format!("world {}: {why}", entry.name)))?;
+        let facts = Facts::of(&known).map_err(|why| wrong(entry.at, format!("world {}: {why}", entry.name)))?;
         let Facts { terms, pose_variable, speed, around, world_file, placement } = facts;
         let source = entry.source.clone();
         Ok(Ok(Self {
@@ -150,7 +158,7 @@ impl Plans {
 
     /// Digest of the world's file; 0 of a built-in one.
     pub fn world_digest(&self) -> u64 {
-        elk_outside::checksum::fnv1a_of_file(Path::new(&self.world_file)).unwrap_or(0)
+        fnv1a_of_file(Path::new(&self.world_file)).unwrap_or(0)
     }
 
     /// Reads the world, and looks for what can be known of it.
@@ -245,8 +253,37 @@ fn only<'a>(mission: &'a Mission, element: &str) -> Result<&'a AppSpec, String> 
     mission.of_element(element).next().ok_or_else(|| format!("the mission {} has no {element}", mission.name))
 }
 
+/// What is to run as the mission's explorer; a program with a folder is the suite's.
+fn what_runs(runs: &Runs, explorer: &str, folder: &Path) -> Result<Override, String> {
+    let (param, text) = match runs {
+        Runs::Type(name) => ("type", name.clone()),
+        Runs::Pipe(line) => {
+            let mut words = split_arguments(line).map_err(|error| format!("pipe: {error}"))?;
+            if let Some(program) = words.first_mut().filter(|program| program.contains('/')) {
+                *program = folder.join(&*program).to_string_lossy().into_owned();
+            }
+            ("pipe", join_arguments(&words))
+        }
+    };
+    Ok(Override { app: explorer.to_owned(), param: param.to_owned(), text })
+}
+
+/// What is in the files of the mission's programs, as far as their command lines name them: rows of another program are not
+/// this one's.
+fn program_files(mission: &Mission) -> String {
+    let words = mission.apps.iter().filter_map(|app| match &app.program {
+        Program::Builtin(..) => None,
+        Program::Foreign { exec, args, .. } => {
+            Some(std::iter::once(exec.clone()).chain(args.iter().map(PathBuf::from)))
+        }
+    });
+    let digest = |file: PathBuf| fnv1a_of_file(&file).ok().map(|digest| format!("{} {digest:016x}\n", file.display()));
+    words.flatten().filter_map(digest).collect()
+}
+
 /// A strategy in place of the mission's own; what it says itself counts. Nobody watches: a robot is not held back.
-fn with_strategy(base: &[Override], explorer: &str, strategy: &StrategyEntry, mission: &Mission) -> Vec<Override> {
+fn with_strategy(base: &[Override], runs: Override, strategy: &StrategyEntry, mission: &Mission) -> Vec<Override> {
+    let explorer = &runs.app;
     let set = |app: &str, param: &str, text: &str| Override {
         app: app.to_owned(),
         param: param.to_owned(),
@@ -254,8 +291,8 @@ fn with_strategy(base: &[Override], explorer: &str, strategy: &StrategyEntry, mi
     };
     let own = |param: &str| strategy.settings.iter().any(|(name, _)| name.eq_ignore_ascii_case(param));
     let mut sets: Vec<Override> =
-        base.iter().filter(|said| said.app != explorer || !own(&said.param)).cloned().collect();
-    sets.push(set(explorer, "type", &strategy.type_name));
+        base.iter().filter(|said| said.app != *explorer || !own(&said.param)).cloned().collect();
+    sets.push(runs.clone());
     sets.extend(strategy.settings.iter().map(|(param, text)| set(explorer, param, text)));
     for controller in mission.of_element(element::CONTROLLER) {
         let held = [("Pace", "0"), ("Manual", "false")].into_iter().filter(|(param, _)| controller.takes(param));
@@ -315,11 +352,13 @@ fn stream(name: &str) -> u64 {
 /// All of them, with their places.
 pub fn check_strategies(suite: &Suite, registry: &Registry) -> Result<(), SuiteError> {
     let known: Vec<&str> = registry.of_element(element::EXPLORER).map(|one| one.name).collect();
-    let unknown = suite.strategies.iter().filter(|one| !known.contains(&one.type_name.as_str()));
+    let types = suite.strategies.iter().filter_map(|one| match &one.runs {
+        Runs::Type(name) => Some((one.at, name)),
+        Runs::Pipe(_) => None,
+    });
+    let unknown = types.filter(|(_, name)| !known.contains(&name.as_str()));
     let problems: Vec<(Place, String)> = unknown
-        .map(|one| {
-            (one.at, format!("there is no Explorer of type {:?}; {}", one.type_name, instead(&one.type_name, &known)))
-        })
+        .map(|(at, name)| (at, format!("there is no Explorer of type {name:?}; {}", instead(name, &known))))
         .collect();
     if problems.is_empty() { Ok(()) } else { Err(SuiteError::Wrong { file: suite.file.clone(), problems }) }
 }

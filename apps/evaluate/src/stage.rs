@@ -1,13 +1,16 @@
 //! A mission as one thread's work: its apps take turns around a broker in memory, so that each run is the same run.
 
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use elk_bus::clock::Stopwatch;
 use elk_bus::clock::{monotonic_nanos, thread_cpu_secs};
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{App, BrokerConfig, Client, Clock, Community, Overheard, begin_app, take_turn};
+use elk_bus::{App, BrokerConfig, Client, Clock, Community, Overheard, begin_app, take_turn, take_wake};
 use elk_mission::{AppSpec, Mission, Program, element};
+use elk_pipe::{Errors, PipeApp};
 
 use crate::observer::Observer;
 use crate::outcome::{End, Outcome, Times, TracePoint};
@@ -17,6 +20,8 @@ use crate::suite::Limits;
 
 /// Rounds of a millisecond in which nobody has anything to do, after which a mission has come to a standstill.
 const STANDSTILL_ROUNDS: usize = 50;
+/// The longest wait for a program without a look whether to stop.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// How fast the community's clock runs: who waits for a time to pass does not keep others waiting.
 const WARP: f64 = 1000.0;
 /// Lines of what apps say that are kept for the reason of a failure.
@@ -158,6 +163,12 @@ impl<'a> Stage<'a> {
             if let Some(why) = self.observer.beyond(limits) {
                 return Ok(Over::Capped(why));
             }
+            if !moved && let Some(program) = self.players.iter().position(|player| player.app.wake_fd().is_some()) {
+                match self.hear_program(program, limits, stop)? {
+                    Ok(()) => continue,
+                    Err(why) => return Ok(Over::Failed(why)),
+                }
+            }
             idle = if moved { 0 } else { idle + 1 };
             if idle > STANDSTILL_ROUNDS {
                 return Ok(Over::Failed(self.observer.standstill()));
@@ -167,6 +178,31 @@ impl<'a> Stage<'a> {
                 std::thread::sleep(Duration::from_millis(1));
             }
         }
+    }
+
+    /// Waits for the next line of a program. It is waited for once everybody else has nothing to do, and one line at a time is
+    /// taken: so what comes of it does not depend on how fast it is.
+    fn hear_program(
+        &mut self,
+        program: usize,
+        limits: &Limits,
+        stop: &AtomicBool,
+    ) -> Result<Result<(), String>, Interrupted> {
+        let Player { name, app, client } = &mut self.players[program];
+        let waited = Stopwatch::start();
+        while waited.elapsed().as_secs_f64() < limits.answer_secs {
+            if stop.load(Ordering::Relaxed) {
+                return Err(Interrupted);
+            }
+            match take_wake(&mut **app, client, LOOK_EVERY) {
+                Ok(false) => {}
+                Ok(true) if client.comms.stopping() => return Ok(Err(format!("{name} ended by itself"))),
+                Ok(true) => return Ok(Ok(())),
+                Err(error) => return Ok(Err(error.to_string())),
+            }
+        }
+        let standstill = self.observer.standstill();
+        Ok(Err(format!("nothing came of the program for {} s: {standstill}", limits.answer_secs)))
     }
 
     /// Everybody takes a turn; whether anybody had anything to do.
@@ -187,6 +223,12 @@ fn build(app: &AppSpec) -> Result<Box<dyn App>, String> {
     match &app.program {
         Program::Builtin(app_type, params) => {
             (app_type.build)(params).map_err(|error| format!("{}: {error}", app.name))
+        }
+        Program::Foreign { exec, args, piped: true } => {
+            let mut command = Command::new(exec);
+            command.args(args);
+            let program = PipeApp::new(command, app.settings.clone(), Vec::new()).with_errors(Errors::Kept);
+            Ok(Box::new(program))
         }
         Program::Foreign { .. } => Err(format!("{} is a program of its own, and no thread of this one", app.name)),
     }

@@ -82,12 +82,21 @@ pub enum Source {
 pub struct StrategyEntry {
     /// What its rows are called.
     pub name: String,
-    /// The explorer's type.
-    pub type_name: String,
+    /// What runs.
+    pub runs: Runs,
     /// Its parameters.
     pub settings: Vec<(String, String)>,
     /// Where it stands in the suite.
     pub at: Place,
+}
+
+/// What runs as a strategy.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Runs {
+    /// An explorer of this type.
+    Type(String),
+    /// A program that reads and writes lines, with its arguments. A path with a folder is the suite's.
+    Pipe(String),
 }
 
 /// A length of way that somebody else has measured.
@@ -313,20 +322,27 @@ impl<'a, 'input> Reader<'a, 'input> {
     fn strategy(&mut self, node: Node<'a, 'input>) -> Option<StrategyEntry> {
         self.childless(node, &[]);
         if let Some(exec) = node.attribute_node("exec") {
-            let what = "a program of one's own cannot be evaluated yet: all runs are threads of this process; `elk compare` \
-                        takes programs, each run a mission of processes";
+            let what = "a program that is on the bus itself cannot be evaluated: all runs are threads of this process; right is \
+                        pipe=\"…\", a program that reads and writes lines, or `elk compare`, each run a mission of processes";
             self.wrong(exec.range().start, what);
             return None;
         }
-        let Some(type_name) = node.attribute("type").map(|text| text.trim().to_owned()) else {
-            self.wrong(node.range().start, "an <Explorer> says its type=\"…\"; `elk types Explorer` lists them");
-            return None;
+        let said = |name: &str| node.attribute(name).map(|text| text.trim().to_owned());
+        let runs = match (said("type"), said("pipe")) {
+            (Some(type_name), None) => Runs::Type(type_name),
+            (None, Some(line)) => Runs::Pipe(line),
+            _ => {
+                let right = "an <Explorer> says either its type=\"…\" (`elk types Explorer` lists them) or pipe=\"…\", a program";
+                self.wrong(node.range().start, right);
+                return None;
+            }
         };
-        let name = node.attribute("name").unwrap_or(&type_name).to_owned();
+        let (Runs::Type(usual) | Runs::Pipe(usual)) = &runs;
+        let name = node.attribute("name").unwrap_or(usual).to_owned();
         self.name(node, &name);
-        let settings = node.attributes().filter(|said| !["name", "type"].contains(&said.name()));
+        let settings = node.attributes().filter(|said| !["name", "type", "pipe"].contains(&said.name()));
         let settings = settings.map(|said| (said.name().to_owned(), said.value().to_owned())).collect();
-        Some(StrategyEntry { name, type_name, settings, at: self.place(node.range().start) })
+        Some(StrategyEntry { name, runs, settings, at: self.place(node.range().start) })
     }
 
     /// Complains of attributes that are none.
@@ -440,7 +456,7 @@ mod tests {
             (format!("<Suite>\n {right}<World/></Suite>"), "s.xml:2:44: right is either mission="),
             (
                 format!("<Suite>{right}<Explorer exec='./mine'/></Suite>"),
-                "a program of one's own cannot be evaluated yet",
+                "a program that is on the bus itself cannot be evaluated",
             ),
             (format!("<Suite>{right}<Explorer type='A'/></Suite>"), "there are two of the explorer A"),
             (format!("<Suite>{right}<Wrold/></Suite>"), "<Wrold> is no part of a suite; did you mean World?"),

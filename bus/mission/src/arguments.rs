@@ -45,6 +45,16 @@ pub fn split_arguments(text: &str) -> Result<Vec<String>, ArgumentsError> {
     Ok(arguments)
 }
 
+/// The text of which [`split_arguments`] makes these arguments.
+pub fn join_arguments<T: AsRef<str>>(arguments: &[T]) -> String {
+    let plain = |c: char| !c.is_whitespace() && !"'\"\\".contains(c);
+    let one = |argument: &T| match argument.as_ref() {
+        argument if !argument.is_empty() && argument.chars().all(plain) => argument.to_owned(),
+        argument => format!("'{}'", argument.replace('\'', r"'\''")),
+    };
+    arguments.iter().map(one).collect::<Vec<_>>().join(" ")
+}
+
 /// Takes what stands up to the end of a quote that was opened at letter `at`.
 fn quoted(
     quote: char,
@@ -112,5 +122,13 @@ mod tests {
         fn any_text_is_split_or_refused(text in any::<String>()) {
             let _ = split_arguments(&text);
         }
+    }
+
+    #[test]
+    fn arguments_are_quoted_where_they_would_be_taken_apart() {
+        let arguments = ["-v", "two words", "it's", "", "\\", "\"", "a#b"];
+        let text = join_arguments(&arguments);
+        assert!(text.starts_with(r"-v 'two words' 'it'\''s' '' "), "{text}");
+        assert_eq!(split_arguments(&text).unwrap(), arguments);
     }
 }

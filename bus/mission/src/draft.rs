@@ -49,6 +49,7 @@ enum Runs {
     Foreign {
         exec: String,
         args: Vec<String>,
+        piped: bool,
     },
     /// `<Logger type="none"/>`
     Nothing,
@@ -87,8 +88,8 @@ impl Draft {
         let given = |(name, text): &(String, String)| Given::new(name, text, at.clone(), at.clone(), "".as_ref());
         let runs = match &app.program {
             Program::Builtin(app_type, _) => Runs::Builtin(app_type),
-            Program::Foreign { exec, args } => {
-                Runs::Foreign { exec: exec.to_string_lossy().into_owned(), args: args.clone() }
+            Program::Foreign { exec, args, piped } => {
+                Runs::Foreign { exec: exec.to_string_lossy().into_owned(), args: args.clone(), piped: *piped }
             }
         };
         Self {
@@ -109,6 +110,18 @@ impl Draft {
             let value = node.attribute_node(name).map(|a| At::Byte(a.range_value().start));
             value.unwrap_or_else(|| self.at.clone())
         };
+        if let Some(line) = node.attribute("pipe") {
+            for other in ["type", "exec", "args"].into_iter().filter(|one| node.has_attribute(*one)) {
+                problems.add(&value_at(other), format!("{other} and pipe are both said; one is right"));
+            }
+            return piped(line).map_or_else(
+                |error| {
+                    problems.add(&value_at("pipe"), error);
+                    Runs::Unknown
+                },
+                |(exec, args)| Runs::Foreign { exec: executable(context, &exec), args, piped: true },
+            );
+        }
         match (node.attribute("type").map(str::trim), node.attribute("exec").map(str::trim)) {
             (Some(_), Some(_)) => {
                 problems.add(&value_at("exec"), "type and exec are both said; one is right");
@@ -121,7 +134,7 @@ impl Draft {
             (None, Some(exec)) => {
                 let exec = executable(context, exec);
                 match split_arguments(node.attribute("args").unwrap_or_default()) {
-                    Ok(args) => Runs::Foreign { exec, args },
+                    Ok(args) => Runs::Foreign { exec, args, piped: false },
                     Err(error) => {
                         problems.add(&value_at("args"), format!("args: {error}"));
                         Runs::Unknown
@@ -136,7 +149,10 @@ impl Draft {
             }
             (None, None) if known.is_empty() => {
                 let element = &self.element;
-                problems.add(&self.at, format!("<{element}> has no exec; right is exec=\"program\""));
+                problems.add(
+                    &self.at,
+                    format!("<{element}> has no exec; right is exec=\"program\", or pipe=\"program arguments\""),
+                );
                 Runs::Unknown
             }
             (None, None) => {
@@ -181,7 +197,7 @@ impl Draft {
         let value_at = At::Byte(attribute.range_value().start);
         let value = attribute.value().trim();
         match attribute.name() {
-            "type" | "exec" | "args" => {}
+            "type" | "exec" | "args" | "pipe" => {}
             "name" if is_app_name(value) => self.named = Some((value.to_owned(), value_at)),
             "name" => {
                 problems.add(&value_at, format!("{value:?} is no name for an app; right are {}", right_app_names()))
@@ -330,20 +346,21 @@ impl Draft {
     /// Takes what the command line says in place of what the file says.
     pub fn override_with(&mut self, said: &Override, at: At, registry: &Registry, problems: &mut Findings) {
         match said.param.as_str() {
-            "type" | "exec" if std::mem::replace(&mut self.exchanged, true) => {
-                problems.add(&at, "what runs is said twice; one type or exec is right");
+            "type" | "exec" | "pipe" if std::mem::replace(&mut self.exchanged, true) => {
+                problems.add(&at, "what runs is said twice; one type, exec or pipe is right");
             }
             "type" => self.become_type(&said.text, &at, registry, problems),
-            "exec" => match executable::executable(&said.text, Path::new("")) {
-                Ok(exec) => {
-                    let exec = std::path::absolute(&exec).unwrap_or(exec).to_string_lossy().into_owned();
-                    self.runs = Runs::Foreign { exec, args: Vec::new() };
-                }
+            "exec" => match found(&said.text) {
+                Ok(exec) => self.runs = Runs::Foreign { exec, args: Vec::new(), piped: false },
+                Err(message) => problems.add(&at, message),
+            },
+            "pipe" => match piped(&said.text).and_then(|(exec, args)| Ok((found(&exec)?, args))) {
+                Ok((exec, args)) => self.runs = Runs::Foreign { exec, args, piped: true },
                 Err(message) => problems.add(&at, message),
             },
             "args" => match (&mut self.runs, split_arguments(&said.text)) {
-                (Runs::Foreign { args, .. }, Ok(said)) => *args = said,
-                (Runs::Foreign { .. }, Err(error)) => problems.add(&at, format!("args: {error}")),
+                (Runs::Foreign { args, piped: false, .. }, Ok(said)) => *args = said,
+                (Runs::Foreign { piped: false, .. }, Err(error)) => problems.add(&at, format!("args: {error}")),
                 _ => problems.add(&at, "args without exec; right is both or neither"),
             },
             _ => self.set(said, at),
@@ -379,11 +396,11 @@ impl Draft {
                 let resolved = resolve(&table, self.given, &self.at, problems);
                 (Program::Builtin(app_type, resolved.params), resolved.settings, resolved.said)
             }
-            Runs::Foreign { exec, args } => {
+            Runs::Foreign { exec, args, piped } => {
                 let said = self.given.iter().map(|given| given.name.clone()).collect();
                 let settings = self.given.into_iter().map(|given| (given.name, given.text));
                 let exec = exec.into();
-                (Program::Foreign { exec, args }, settings.collect(), said)
+                (Program::Foreign { exec, args, piped }, settings.collect(), said)
             }
         };
         Some(AppSpec { name, element: self.element, program, policy, said, settings })
@@ -411,6 +428,19 @@ pub(crate) fn suppose_elements(drafts: &mut Vec<Draft>, registry: &Registry, sce
 
 fn is_command_line(at: &At) -> bool {
     matches!(at, At::CommandLine(_))
+}
+
+/// The program and its arguments that `pipe` says.
+fn piped(line: &str) -> Result<(String, Vec<String>), String> {
+    let mut words = split_arguments(line).map_err(|error| format!("pipe: {error}"))?.into_iter();
+    let exec = words.next().ok_or("pipe is empty; right is a program with its arguments")?;
+    Ok((exec, words.collect()))
+}
+
+/// An executable of the command line, where it is.
+fn found(exec: &str) -> Result<String, String> {
+    let exec = executable::executable(exec, Path::new(""))?;
+    Ok(std::path::absolute(&exec).unwrap_or(exec).to_string_lossy().into_owned())
 }
 
 /// A path with a folder is looked for from the mission's folder, a bare name in `PATH`.

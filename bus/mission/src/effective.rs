@@ -5,6 +5,7 @@ use std::fmt::Write;
 use elk_bus::moos::gateway::GatewayOptions;
 
 use crate::bus::BUS;
+use crate::arguments::join_arguments;
 use crate::element::{self, ELEMENTS};
 use crate::policy::{self, Policy, Restart};
 use crate::spec::{AppSpec, Mission, Mode, Program};
@@ -63,24 +64,19 @@ fn put_app(text: &mut String, app: &AppSpec, omit: &dyn Fn(&AppSpec, &str) -> bo
 fn program(program: &Program) -> String {
     match program {
         Program::Builtin(app_type, _) => format!(" type=\"{}\"", app_type.name),
-        Program::Foreign { exec, args } => {
+        Program::Foreign { exec, args, piped } => {
             let path = exec.to_string_lossy();
             // A bare name is looked for in `PATH`.
             let exec = if path.contains('/') { std::path::absolute(exec).ok() } else { None };
             let exec = exec.map_or(path.clone(), |exec| exec.to_string_lossy().into_owned().into());
-            let args: Vec<String> = args.iter().map(|one| quoted(one)).collect();
-            let args = if args.is_empty() { String::new() } else { format!(" args=\"{}\"", escaped(&args.join(" "))) };
+            if *piped {
+                let line = join_arguments(&[&[exec.into_owned()], &args[..]].concat());
+                return format!(" pipe=\"{}\"", escaped(&line));
+            }
+            let args =
+                if args.is_empty() { String::new() } else { format!(" args=\"{}\"", escaped(&join_arguments(args))) };
             format!(" exec=\"{}\"{args}", escaped(&exec))
         }
-    }
-}
-
-/// An argument as a shell would read it.
-fn quoted(argument: &str) -> String {
-    let plain = |c: char| !c.is_whitespace() && !"'\"\\".contains(c);
-    match !argument.is_empty() && argument.chars().all(plain) {
-        true => argument.to_owned(),
-        false => format!("'{}'", argument.replace('\'', r"'\''")),
     }
 }
 
@@ -117,9 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arguments_are_quoted_where_they_would_be_taken_apart() {
-        let args = ["-v", "two words", "it's", ""].map(quoted);
-        assert_eq!(args.join(" "), r"-v 'two words' 'it'\''s' ''");
+    fn letters_of_xml_are_escaped() {
         assert_eq!(escaped("a<b & \"c\"\n"), "a&lt;b &amp; &quot;c&quot;&#10;");
     }
 }

@@ -11,13 +11,15 @@ use crate::resolve::{Given, Table, resolve};
 use crate::spec::{AppSpec, AppType, Program};
 use crate::{variables, wiring};
 
-/// What is to be different about an app: `type=T`, or `exec=FILE`, and parameters.
+/// What is to be different about an app: `type=T`, `exec=FILE` or `pipe="PROGRAM ARGS"`, and parameters.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Exchange {
     /// Another type of the same element.
     pub type_name: Option<String>,
     /// Any executable instead, and its arguments.
     pub exec: Option<(String, Vec<String>)>,
+    /// That executable reads and writes lines.
+    pub piped: bool,
     /// Parameters that are said anew.
     pub params: Vec<(String, String)>,
     /// Where relative files and executables are looked for.
@@ -56,7 +58,7 @@ impl AppSpec {
         let mut problems = Findings::default();
         let exchanged = match self.what_runs(wanted, registry, &mut problems) {
             Some(Program::Builtin(app_type, _)) => Some(self.as_type(app_type, wanted, &mut problems)),
-            Some(Program::Foreign { exec, args }) => Some(self.as_executable(exec, args, wanted)),
+            Some(program @ Program::Foreign { .. }) => Some(self.as_executable(program, wanted)),
             None => None,
         };
         match exchanged {
@@ -85,10 +87,11 @@ impl AppSpec {
 
     /// The program of the new one; a built-in one's parameters are yet to be resolved.
     fn what_runs(&self, wanted: &Exchange, registry: &Registry, problems: &mut Findings) -> Option<Program> {
+        let word = if wanted.piped { "pipe" } else { "exec" };
         match (&wanted.type_name, &wanted.exec) {
             (Some(_), Some((exec, _))) => {
-                let at = At::CommandLine(format!("exec={exec}"));
-                problems.add(&at, "type and exec are both said; one is right");
+                let at = At::CommandLine(format!("{word}={exec}"));
+                problems.add(&at, format!("type and {word} are both said; one is right"));
                 None
             }
             (None, None) => Some(self.program.clone()),
@@ -104,9 +107,9 @@ impl AppSpec {
             }
             (None, Some((exec, args))) => {
                 let found = executable(exec, &wanted.folder);
-                let at = At::CommandLine(format!("exec={exec}"));
+                let at = At::CommandLine(format!("{word}={exec}"));
                 let exec = found.map_err(|message| problems.add(&at, message)).ok()?;
-                Some(Program::Foreign { exec, args: args.clone() })
+                Some(Program::Foreign { exec, args: args.clone(), piped: wanted.piped })
             }
         }
     }
@@ -132,10 +135,9 @@ impl AppSpec {
         Exchanged { app, dropped: lost.iter().map(|(name, text)| format!("{name}={text}")).collect() }
     }
 
-    fn as_executable(&self, exec: PathBuf, args: Vec<String>, wanted: &Exchange) -> Exchanged {
+    fn as_executable(&self, program: Program, wanted: &Exchange) -> Exchanged {
         let settings: Vec<_> = self.kept(wanted).chain(&wanted.params).cloned().collect();
         let said = settings.iter().map(|(name, _)| name.clone()).collect();
-        let program = Program::Foreign { exec, args };
         Exchanged { app: Self { program, settings, said, ..self.clone() }, dropped: Vec::new() }
     }
 }

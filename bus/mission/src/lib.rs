@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `type` | one of the element's types |
 //! | `exec`, `args` | any other executable instead, with its arguments ([`split_arguments`]) |
+//! | `pipe` | a program with its arguments that reads and writes lines (`elk pipe`) |
 //! | `name` | its name in the mission and on the bus; the element's, numbered, if not said |
 //! | `restart` | `never` (default): its death fails the mission; `on-failure`, `always`: it is started again |
 //! | `restarts`, `restart-window` | how often within how many seconds (5 in 60); once more, and the mission fails |
@@ -48,7 +49,7 @@ pub mod variables;
 mod wiring;
 mod xml;
 
-pub use arguments::{ArgumentsError, split_arguments};
+pub use arguments::{ArgumentsError, join_arguments, split_arguments};
 pub use describe::{describe, describe_params};
 pub use exchange::{Exchange, Exchanged};
 pub use kind::{Kind, MOOS_HOST, MOOS_PORT, ParamSpec, joined};

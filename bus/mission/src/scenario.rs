@@ -207,7 +207,7 @@ fn names(drafts: &mut [Draft], problems: &mut Findings) {
 
 fn apply(overrides: &[Override], drafts: &mut [Draft], registry: &Registry, problems: &mut Findings) {
     // What runs is said before what it is told, in whatever order they stand.
-    let says_what_runs = |one: &&Override| matches!(one.param.as_str(), "type" | "exec");
+    let says_what_runs = |one: &&Override| matches!(one.param.as_str(), "type" | "exec" | "pipe");
     let (programs, params): (Vec<&Override>, Vec<&Override>) = overrides.iter().partition(says_what_runs);
     for one in programs.into_iter().chain(params) {
         let at = At::CommandLine(one.to_string());

@@ -107,8 +107,10 @@ pub enum Program {
     Foreign {
         /// The executable: a path, or a name that is looked for in `PATH`.
         exec: PathBuf,
-        /// Arguments before its parameters.
+        /// Its arguments; parameters come behind them.
         args: Vec<String>,
+        /// It reads and writes lines, and `elk pipe` is on the bus for it; otherwise it is on the bus itself.
+        piped: bool,
     },
 }
 
@@ -151,31 +153,38 @@ impl Program {
 }
 
 impl AppSpec {
-    /// The type's name; `exec` for another executable.
+    /// The type's name; `exec` for another executable, `pipe` for one that reads and writes lines.
     pub fn type_name(&self) -> &str {
         match &self.program {
             Program::Builtin(app_type, _) => app_type.name,
-            Program::Foreign { .. } => "exec",
+            Program::Foreign { piped: false, .. } => "exec",
+            Program::Foreign { piped: true, .. } => "pipe",
         }
     }
 
     /// What starts it as a process of its own in this community: the same line that a person would type. `elk` is elk's own
     /// program, which has the built-in types.
     pub fn command(&self, elk: &Path, community: &Community) -> Command {
+        let settings = self.settings.iter().map(|(name, text)| format!("{name}={text}"));
         let mut command = match &self.program {
             Program::Builtin(app_type, _) => {
                 let mut command = Command::new(elk);
                 command.arg(app_type.element.to_lowercase()).args(["--type", app_type.name]);
-                command.args(["--name", &self.name, "--community", community.as_str()]);
+                command.args(["--name", &self.name, "--community", community.as_str()]).args(settings);
                 command
             }
-            Program::Foreign { exec, args } => {
+            Program::Foreign { exec, args, piped: false } => {
                 let mut command = Command::new(exec);
-                command.args(args).env(COMMUNITY, community.as_str()).env(NAME, &self.name);
+                command.args(args).env(COMMUNITY, community.as_str()).env(NAME, &self.name).args(settings);
+                command
+            }
+            Program::Foreign { exec, args, piped: true } => {
+                let mut command = Command::new(elk);
+                command.args(["pipe", &self.name, "--community", community.as_str()]).args(settings);
+                command.arg("--").arg(exec).args(args);
                 command
             }
         };
-        command.args(self.settings.iter().map(|(name, text)| format!("{name}={text}")));
         command.env_remove(SUCCEED).env_remove(LEASE);
         command
     }

@@ -307,7 +307,11 @@ impl Processes {
     fn note_explorer(&mut self, app: &AppSpec) {
         let what = match &app.program {
             Program::Builtin(app_type, _) => app_type.name.to_owned(),
-            Program::Foreign { exec, .. } => exec.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            Program::Foreign { exec, args, piped } => {
+                let exec = exec.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                // Of a language the script is what matters.
+                if *piped { [&[exec], &args[..]].concat().join(" ") } else { exec }
+            }
         };
         if app.element == element::EXPLORER && !self.explorers.contains(&what) {
             self.explorers.push(what);
@@ -499,8 +503,8 @@ impl Backend for Processes {
             Order::Start { limit_secs, .. } => {
                 self.supervisor.order_start(ticket, index, time::duration(limit_secs), now);
             }
-            Order::Swap { type_name, exec, params, folder, limit_secs, .. } => {
-                let wanted = Exchange { type_name, exec, params, folder };
+            Order::Swap { type_name, exec, piped, params, folder, limit_secs, .. } => {
+                let wanted = Exchange { type_name, exec, piped, params, folder };
                 self.swap(ticket, index, &wanted, time::duration(limit_secs));
             }
             Order::Apps | Order::Mission | Order::Pause | Order::Resume | Order::Step | Order::Leave => {}

@@ -238,7 +238,7 @@ mod tests {
         let app = AppSpec {
             name: name.to_owned(),
             element: name.to_owned(),
-            program: Program::Foreign { exec: "none".into(), args: Vec::new() },
+            program: Program::Foreign { exec: "none".into(), args: Vec::new(), piped: false },
             policy: Policy::default(),
             said: BTreeSet::new(),
             settings: Vec::new(),

@@ -32,6 +32,9 @@ pub enum Order {
         type_name: Option<String>,
         /// Any executable instead, and its arguments.
         exec: Option<(String, Vec<String>)>,
+        /// That executable reads and writes lines.
+        #[serde(default)]
+        piped: bool,
         /// Parameters that are said anew.
         params: Vec<(String, String)>,
         /// Where relative files are looked for.

@@ -60,6 +60,9 @@ pub(crate) struct AppState {
     /// `None`: an executable.
     type_name: Option<String>,
     exec: Option<(PathBuf, Vec<String>)>,
+    /// The executable reads and writes lines.
+    #[serde(default)]
+    piped: bool,
     /// What was set of its parameters.
     settings: Vec<(String, String)>,
     policy: PolicyState,
@@ -227,15 +230,16 @@ fn join(community: &Community) -> Result<Client, ConnectError> {
 impl AppState {
     /// That of an app that was not started yet.
     pub fn of(app: &AppSpec) -> Self {
-        let (type_name, exec) = match &app.program {
-            Program::Builtin(app_type, _) => (Some(app_type.name.to_owned()), None),
-            Program::Foreign { exec, args } => (None, Some((exec.clone(), args.clone()))),
+        let (type_name, exec, piped) = match &app.program {
+            Program::Builtin(app_type, _) => (Some(app_type.name.to_owned()), None, false),
+            Program::Foreign { exec, args, piped } => (None, Some((exec.clone(), args.clone())), *piped),
         };
         Self {
             name: app.name.clone(),
             element: app.element.clone(),
             type_name,
             exec,
+            piped,
             settings: app.settings.iter().filter(|(name, _)| app.said.contains(name)).cloned().collect(),
             policy: PolicyState::of(&app.policy),
             idle: false,
@@ -254,7 +258,7 @@ impl AppState {
         let foreign = AppSpec {
             name: self.name.clone(),
             element: self.element.clone(),
-            program: Program::Foreign { exec, args },
+            program: Program::Foreign { exec, args, piped: self.piped },
             policy,
             said,
             settings: self.settings.clone(),

@@ -55,8 +55,12 @@ fn a_type_that_takes_an_executables_place_is_not_told_what_it_has_no_word_for() 
 fn any_executable_takes_a_place_from_the_command_line() {
     let sets = ["Explorer.K=1", "Explorer.args=-v --fast", "Explorer.exec=/bin/sh"];
     let mine = app(&parse(LISTING_2, &sets).unwrap(), "Explorer");
-    let Program::Foreign { exec, args } = &mine.program else { panic!("not foreign") };
+    let Program::Foreign { exec, args, piped: false } = &mine.program else { panic!("not foreign") };
     assert_eq!((exec.as_path(), args.join(" ").as_str()), (Path::new("/bin/sh"), "-v --fast"));
+    let piped = app(&parse(LISTING_2, &["Explorer.K=1", "Explorer.pipe=/bin/sh -c 'read line'"]).unwrap(), "Explorer");
+    let Program::Foreign { exec, args, piped: true } = &piped.program else { panic!("not piped") };
+    assert_eq!((exec.as_path(), args.join("|").as_str()), (Path::new("/bin/sh"), "-c|read line"));
+    assert_eq!((piped.type_name(), piped.setting("K")), ("pipe", Some("1")));
     assert_eq!((mine.setting("K"), mine.setting("Dim")), (Some("1"), Some("5.7; 4.3; 4.5")));
     for (sets, said) in [
         (
@@ -66,7 +70,12 @@ fn any_executable_takes_a_place_from_the_command_line() {
         (vec!["Explorer.args=-v"], "--set Explorer.args=-v: args without exec; right is both or neither"),
         (
             vec!["Explorer.exec=/bin/sh", "Explorer.type=Simple"],
-            "--set Explorer.type=Simple: what runs is said twice; one type or exec is right",
+            "--set Explorer.type=Simple: what runs is said twice; one type, exec or pipe is right",
+        ),
+        (vec!["Explorer.pipe= "], "--set Explorer.pipe=: pipe is empty; right is a program with its arguments"),
+        (
+            vec!["Explorer.pipe=sh 'a"],
+            "--set Explorer.pipe=sh 'a: pipe: the ' at letter 4 is not closed; right is one more ', or \\' for the letter itself",
         ),
     ] {
         assert_eq!(parse(LISTING_2, &sets).unwrap_err(), said);

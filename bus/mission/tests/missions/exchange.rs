@@ -11,7 +11,10 @@ fn exchange(said: &[&str]) -> Exchange {
     for (name, text) in said.iter().map(|one| one.split_once('=').unwrap()) {
         match name {
             "type" => wanted.type_name = Some(text.to_owned()),
-            "exec" => wanted.exec = Some((text.to_owned(), vec!["-v".to_owned()])),
+            "exec" | "pipe" => {
+                wanted.exec = Some((text.to_owned(), vec!["-v".to_owned()]));
+                wanted.piped = name == "pipe";
+            }
             _ => wanted.params.push((name.to_owned(), text.to_owned())),
         }
     }
@@ -36,9 +39,11 @@ fn an_exchanged_app_keeps_what_was_set_and_what_the_new_one_has() {
     assert_eq!(simple.app.setting("Res"), Some("0.1"));
 
     let mine = swap(&["exec=/bin/sh", "K=1"]).app;
-    let Program::Foreign { exec, args } = &mine.program else { panic!("not foreign") };
+    let Program::Foreign { exec, args, piped: false } = &mine.program else { panic!("not foreign") };
     assert_eq!((exec.as_path(), args.as_slice()), (Path::new("/bin/sh"), ["-v".to_owned()].as_slice()));
     assert_eq!(mine.setting("Dim"), Some("5.7; 4.3; 4.5"));
+    let piped = swap(&["pipe=/bin/sh"]).app;
+    assert!(matches!(piped.program, Program::Foreign { piped: true, .. }) && piped.type_name() == "pipe");
     // Back again, what only a stranger understands is left behind.
     let back = mine.exchange(&exchange(&["type=Potential"]), &registry()).unwrap();
     assert_eq!(back.dropped, ["K=1"]);
@@ -59,6 +64,7 @@ fn an_exchange_that_is_wrong_says_what_would_be_right() {
             "Polcy=elk: Explorer ClosestFrontier has no parameter Polcy; did you mean Policy?",
         ),
         (vec!["exec=/bin/sh", "type=Potential"], "exec=/bin/sh: type and exec are both said; one is right"),
+        (vec!["pipe=/bin/sh", "type=Potential"], "pipe=/bin/sh: type and pipe are both said; one is right"),
         (vec!["exec=/"], "exec=/: / is no file; right is an executable"),
         (vec!["exec=./no/such"], "exec=./no/such: /./no/such cannot be run: No such file or directory (os error 2)"),
         (vec!["exec=/etc/passwd"], "exec=/etc/passwd: /etc/passwd is not executable; `chmod +x` makes a program of it"),

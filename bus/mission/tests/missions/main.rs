@@ -46,7 +46,7 @@ fn any_executable_can_take_a_stages_place() {
     let exec = r#"<Filter exec="./mine" args="-v  --fast" name="Mine" restart="on-failure"><K>3</K></Filter>"#;
     let mission = parse(&with(exec), &[]).unwrap();
     let mine = mission.apps.iter().find(|app| app.name == "Mine").unwrap();
-    let Program::Foreign { exec, args } = &mine.program else { panic!("not foreign") };
+    let Program::Foreign { exec, args, piped: false } = &mine.program else { panic!("not foreign") };
     assert_eq!((exec.as_path(), args.len()), (Path::new("./mine"), 2));
     assert_eq!(mine.policy, Policy { restart: Restart::OnFailure, ..Policy::default() });
     assert_eq!(settings(&mission, "Mine"), "K=3 Input=SCAN Output=SCAN_1");
@@ -168,10 +168,14 @@ proptest! {
 #[test]
 fn a_mission_written_down_again_is_the_same_mission() {
     let more = "<App name=\"Mine\" exec=\"./mine\" args=\"-v\" restart=\"always\" restarts=\"3\"><K>a &lt; b</K></App>";
+    let piped = "<App name=\"Mine\" pipe=\"./mine.py 'two words' it\\'s &quot;&quot;\"><K>1</K></App>";
     let sets = ["Map.Res=0.05", "Explorer.type=ClosestFrontier"];
-    for (text, sets) in
-        [(LISTING_2.to_owned(), vec![]), (with(more), sets.to_vec()), (with("<Logger type=\"none\"/>"), vec![])]
-    {
+    for (text, sets) in [
+        (LISTING_2.to_owned(), vec![]),
+        (with(more), sets.to_vec()),
+        (with(piped), vec![]),
+        (with("<Logger type=\"none\"/>"), vec![]),
+    ] {
         let mission = parse(&text, &sets).unwrap();
         let again = parse(&mission.to_xml(&|_, _| false), &[]).unwrap();
         assert_eq!((&again.name, again.mode, again.broker), (&mission.name, mission.mode, mission.broker));
@@ -179,10 +183,11 @@ fn a_mission_written_down_again_is_the_same_mission() {
         for (one, other) in again.apps.iter().zip(&mission.apps) {
             assert_eq!((&one.name, &one.element, one.type_name()), (&other.name, &other.element, other.type_name()));
             assert_eq!((&one.settings, one.policy), (&other.settings, other.policy));
-            if let (Program::Foreign { exec, args }, Program::Foreign { args: others, .. }) =
+            if let (Program::Foreign { exec, args, piped }, Program::Foreign { args: others, piped: was, .. }) =
                 (&one.program, &other.program)
             {
-                assert!(exec.is_absolute() && args == others);
+                assert!(exec.is_absolute() && args == others && piped == was);
+                assert_eq!(args.len(), if *piped { 3 } else { 1 });
             }
         }
     }

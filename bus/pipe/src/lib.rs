@@ -1,0 +1,17 @@
+//! A program in any language as an app: JSON lines on its standard input and output.
+//!
+//! | module | one idea |
+//! |---|---|
+//! | [`words`] | the lines: what a program says, and what it is told |
+//! | `program` | the process, what waits for it, and what it has said and nobody has read |
+//! | `carried` | what a variable carries, as the broker's table says it |
+//! | [`app`] | both ends together: an app of the bus whose callbacks are lines |
+
+pub mod app;
+mod carried;
+mod program;
+pub mod words;
+
+pub use app::PipeApp;
+pub use program::Errors;
+pub use words::Registration;
