@@ -16,6 +16,7 @@ mod new;
 mod prune;
 mod registry;
 mod replay;
+mod scenery;
 mod scope;
 mod target;
 mod terminal;
