@@ -17,6 +17,7 @@ mod pipe;
 mod prune;
 mod registry;
 mod replay;
+mod scenery;
 mod scope;
 mod target;
 mod terminal;

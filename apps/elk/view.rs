@@ -20,6 +20,7 @@ use serde_json::{Value, json};
 
 use crate::arguments::CommunityArgs;
 use crate::registry::registry;
+use crate::scenery;
 use crate::terminal::say;
 
 /// The port of a view that is told none; if it is taken, one of the next ones.
@@ -76,6 +77,7 @@ pub fn view(arguments: ViewArgs) -> Result<ExitCode> {
     let options = Options { address, any_port: arguments.port.is_none(), read_only: arguments.read_only };
     let community = arguments.community.community;
     let steering = Hand { community: community.clone(), registry: registry() };
+    let scenery = scenery::of(arguments.log.as_deref(), &community);
     let source = arguments.log.map_or(Source::Community(community), Source::Log);
     let stop = stop_on_signals().context("signals cannot be caught")?;
     yield_to_others();
@@ -83,7 +85,7 @@ pub fn view(arguments: ViewArgs) -> Result<ExitCode> {
         // Who does not read where it is has another way to know.
         let _ = say(&format!("{address}\n"));
     };
-    elk_view::serve(source, &options, Some(Arc::new(steering)), ready, &stop)?;
+    elk_view::serve(source, &options, Some(Arc::new(steering)), Some(scenery), ready, &stop)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -288,9 +288,33 @@ export function drawingMessage(app, name, primitives, frame = "world") {
     return Buffer.concat([head, ...data]);
 }
 
+/** The surfaces of a box without a lid between two corners, all seen from within. */
+export function boxOf([x0, y0, z0], [x1, y1, z1]) {
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(i => [i & 1 ? x1 : x0, i & 2 ? y1 : y0, i & 4 ? z1 : z0]);
+    const quads = [
+        [0, 1, 3, 2],
+        [0, 2, 6, 4],
+        [1, 5, 7, 3],
+        [0, 4, 5, 1],
+        [2, 3, 7, 6],
+    ];
+    return { corners, triangles: quads.flatMap(([a, b, c, d]) => [[a, b, c], [c, d, a]]) };
+}
+
+export function surfacesMessage({ corners, triangles }) {
+    const head = Buffer.alloc(12);
+    head[0] = 4;
+    head.writeUInt32LE(corners.length, 4);
+    head.writeUInt32LE(triangles.length, 8);
+    const bytes = [new Float32Array(corners.flat()), new Uint32Array(triangles.flat())].map(data => Buffer.from(data.buffer));
+    return Buffer.concat([head, ...bytes]);
+}
+
 export function scanMessage(points) {
-    const head = Buffer.alloc(8);
+    const head = Buffer.alloc(24);
     head[0] = 2;
     head.writeUInt32LE(points.length / 3, 4);
-    return Buffer.concat([head, Buffer.from(points.buffer, points.byteOffset, points.byteLength)]);
+    const step = points.reduce((most, part) => Math.max(most, Math.abs(part)), 1e-6) / 32767;
+    head.writeFloatLE(step, 20);
+    return Buffer.concat([head, Buffer.from(Int16Array.from(points, part => Math.round(part / step)).buffer)]);
 }

@@ -240,8 +240,8 @@ test("a binary message that is cut or too long is none", () => {
         assert.throws(() => readBinary(buffer(good.subarray(0, length))), Error);
     assert.throws(() => readBinary(buffer(Buffer.concat([good, Buffer.alloc(1)]))), /1 bytes after 2 bricks/);
     const scan = scanMessage(Float32Array.of(1, 2, 3));
-    assert.deepEqual([...readBinary(buffer(scan)).points], [1, 2, 3]);
-    assert.throws(() => readBinary(buffer(scan.subarray(0, 19))), /a scan of 1 points in 19 bytes/);
+    readBinary(buffer(scan)).points.forEach((part, i) => assert(Math.abs(part - (i + 1)) < 1e-4, `${part}`));
+    assert.throws(() => readBinary(buffer(scan.subarray(0, 29))), /a scan of 1 points in 29 bytes/);
     assert.equal(readBinary(buffer(Buffer.of(9, 1, 2))), null);
     const many = Buffer.from(good);
     many.writeUInt32LE(0xffffffff, 8);

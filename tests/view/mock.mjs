@@ -7,7 +7,7 @@ import { readFile } from "node:fs/promises";
 import { extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
 
-import { Run, scanMessage } from "./building.mjs";
+import { Run, boxOf, scanMessage, surfacesMessage } from "./building.mjs";
 import { WebSocketServerSide } from "./websocket.mjs";
 
 const PAGE = fileURLToPath(new URL("../../apps/view/page/", import.meta.url));
@@ -116,7 +116,11 @@ class Viewer {
         mock.received.push(message);
         if (message.type === "ack" && mock.acks) this.acked = message.number;
         if (message.type === "watch") this.watched = new Set(message.keys);
-        if (message.type === "show") this.layers = new Set(message.layers);
+        if (message.type === "show") {
+            const asks = message.layers.includes("world") && !this.layers.has("world");
+            this.layers = new Set(message.layers);
+            if (asks) mock.world.forEach(answer => this.send(answer));
+        }
         if (message.type === "logs") Object.assign(this, { log: message.app, logLines: 0 });
         if (message.type === "types") this.send({ type: "types", id: message.id, elements: ELEMENTS });
         if (message.type === "order") mock.order(this, message);
@@ -207,6 +211,10 @@ export class Mock {
     received = [];
     /** Drawings and keys, which a page is sent when it comes. */
     shown = [];
+    /** Why a recorded run is not whole, if it is not. */
+    damage = null;
+    /** What a page is sent that shows the world. */
+    world = [{ type: "world", ok: true, text: "" }, surfacesMessage(boxOf([0, 0, 0], [15, 10, 2.7]))];
     viewers = new Set();
     scan = 0;
     tick = 0;
@@ -242,7 +250,12 @@ export class Mock {
     }
 
     hello() {
-        const recorded = this.timeline && { log: "apartment-20261123-231812", start: 0, end: this.run.length / PACE };
+        const recorded = this.timeline && {
+            log: "apartment-20261123-231812",
+            start: 0,
+            end: this.run.length / PACE,
+            damage: this.damage,
+        };
         return {
             type: "hello",
             version: 1,

@@ -350,6 +350,13 @@ pageTest("a recorded run is sought, forwards and back, and played", { recorded: 
     await heard(mock, ({ type, looping }) => type === "play" && looping);
 });
 
+pageTest("a recorded run that is not whole says so", { recorded: true }, async ({ page, mock }) => {
+    mock.damage = "the log is not whole: the chunk at byte 7 is cut short";
+    for (const { socket } of mock.viewers) socket.cut();
+    await page.until("document.querySelector('#toasts .bad')?.textContent.includes('the chunk at byte 7')");
+    await page.until("document.querySelector('.events').textContent.includes('the chunk at byte 7')");
+});
+
 pageTest("all of it works with keys", {}, async ({ page, mock }) => {
     await page.press("?");
     await page.until("document.querySelector('#help').open");

@@ -7,9 +7,9 @@ use elk_mission::{Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
 use elk_spatial::Scan;
 use elk_spatial::checks::{MAX_COMMANDS_LOST, MAX_REVISIONS_AHEAD};
 use elk_spatial::keyframe::{Keyframe, MapPart, Step};
-use elk_spatial::keys::{ACCURACY_REPORT, MAP, MAP_PART, POSE_COMMAND, SENSOR_REPORT, camera_pose};
+use elk_spatial::keys::{ACCURACY_REPORT, MAP, MAP_PART, MOTION_REPORT, POSE_COMMAND, SENSOR_REPORT, camera_pose};
 use elk_spatial::map::{MapUpdate, UpdateError};
-use elk_spatial::messages::{AccuracyReport, CameraPose, PoseCommand, SensorReport};
+use elk_spatial::messages::{AccuracyReport, CameraPose, MotionReport, PoseCommand, SensorReport};
 use nalgebra::Isometry3;
 
 use crate::robot::{Robot, ScanError};
@@ -52,6 +52,8 @@ struct SensorApp {
     inherited: bool,
     /// The last evaluation of a map.
     evaluated: Option<AccuracyReport>,
+    /// Whether the controller has said that the robot goes no farther.
+    is_over: bool,
     /// What has come of the whole map.
     coming: Option<Keyframe>,
 }
@@ -75,6 +77,7 @@ impl SensorApp {
             past: Some(Past::default()),
             inherited: false,
             evaluated: None,
+            is_over: false,
             coming: None,
         }
     }
@@ -92,6 +95,7 @@ impl SensorApp {
         match self.robot.truth().is_some() {
             true => table
                 .recall(&ACCURACY_REPORT, Self::on_accuracy_report)
+                .on(&MOTION_REPORT, Self::on_end)
                 .on(&MAP, Self::on_map)
                 .on(&MAP_PART, Self::on_map_part)
                 .with(self),
@@ -115,6 +119,13 @@ impl SensorApp {
 
     fn on_accuracy_report(&mut self, _: &mut Comms, evaluated: AccuracyReport) -> Result<(), AppError> {
         self.evaluated = Some(evaluated);
+        Ok(())
+    }
+
+    /// The mission is over: whole maps that come from now on are the map that counts. To evaluate one takes longer than a
+    /// step does, so those that readers ask for on the way, as a view that comes late does, are passed over.
+    fn on_end(&mut self, _: &mut Comms, _: MotionReport) -> Result<(), AppError> {
+        self.is_over = true;
         Ok(())
     }
 
@@ -257,6 +268,9 @@ impl SensorApp {
 
     /// Evaluates a whole map that comes in parts of one revision, as it does when the robot stands still.
     fn on_map_part(&mut self, comms: &mut Comms, part: MapPart) -> Result<(), AppError> {
+        if !self.is_over {
+            return Ok(());
+        }
         let fits = self.coming.as_ref().is_some_and(|coming| coming.resolution() == part.resolution);
         let mut coming = self.coming.take().filter(|_| fits).unwrap_or_else(|| Keyframe::new(part.resolution));
         match coming.take(&part) {
@@ -273,6 +287,9 @@ impl SensorApp {
 
     /// Evaluates a whole map, or says again how right it was; only who knows the true world is asked.
     fn on_map(&mut self, comms: &mut Comms, update: MapUpdate) -> Result<(), AppError> {
+        if !self.is_over {
+            return Ok(());
+        }
         self.evaluated = match self.evaluated.take_if(|evaluated| evaluated.revision == update.revision) {
             Some(evaluated) => Some(evaluated),
             None => self.evaluate(&update)?,
@@ -381,10 +398,23 @@ mod tests {
 
         let mut map = OccupancyGrid::new(0.1);
         map.set(Voxel::new(0, 0, 8), State::Free);
+        // Somebody asks for the map on the way: a robot has no time to evaluate it.
+        let part = MapPart::of(&map, 1, 0, 8);
+        probe.comms.publish(&MAP_PART, &part).unwrap();
         probe.comms.publish(&MAP, &MapUpdate::new(map.whole(), 1)).unwrap();
         probe.comms.flush().unwrap();
         serve(&mut app, &mut sensor);
-        assert_eq!(heard(&mut probe), [("ACCURACY_REPORT".to_owned(), 1)]);
+        assert_eq!(heard(&mut probe), []);
+        probe
+            .comms
+            .publish(&MOTION_REPORT, &MotionReport { scans: 1, path_length_m: 0.4, free: 1, marks: Vec::new() })
+            .unwrap();
+        probe.comms.publish(&MAP_PART, &part).unwrap();
+        probe.comms.publish(&MAP, &MapUpdate::new(map.whole(), 1)).unwrap();
+        probe.comms.flush().unwrap();
+        serve(&mut app, &mut sensor);
+        // The second one is of the same revision: it is said again, not evaluated again.
+        assert_eq!(heard(&mut probe), [("ACCURACY_REPORT".to_owned(), 1), ("ACCURACY_REPORT".to_owned(), 1)]);
     }
     #[test]
     fn a_successor_goes_on_from_where_the_other_one_stood_and_takes_the_scan_that_is_missing() {

@@ -1,8 +1,9 @@
-// The server's binary messages: bricks of voxels, scans, and what apps draw.
+// The server's binary messages: bricks of voxels, scans, what apps draw, and the surfaces of a world.
 
 const BRICKS = 1;
 const SCAN = 2;
 const DRAWING = 3;
+const SURFACES = 4;
 /** Bytes of one plane of a brick: 8 × 8 × 8 bits. */
 const PLANE = 64;
 /** Planes of a brick, in the order of their bits. */
@@ -19,6 +20,8 @@ export function readBinary(buffer) {
             return readScan(view);
         case DRAWING:
             return readDrawing(view);
+        case SURFACES:
+            return readSurfaces(view);
         default:
             return null;
     }
@@ -54,9 +57,12 @@ function readBricks(view) {
 
 /** `{points}`: x, y, z of each point in turn (m, world). */
 function readScan(view) {
-    const count = view.byteLength >= 8 ? view.getUint32(4, true) : -1;
-    if (view.byteLength !== 8 + 12 * count) throw new Error(`a scan of ${count} points in ${view.byteLength} bytes`);
-    return { type: "scan", points: new Float32Array(view.buffer.slice(8)) };
+    const count = view.byteLength >= 24 ? view.getUint32(4, true) : -1;
+    if (view.byteLength !== 24 + 6 * count) throw new Error(`a scan of ${count} points in ${view.byteLength} bytes`);
+    const [x, y, z, step] = new Float32Array(view.buffer, 8, 4);
+    const camera = [x, y, z];
+    const steps = new Int16Array(view.buffer, 24, 3 * count);
+    return { type: "scan", points: Float32Array.from(steps, (steps, i) => camera[i % 3] + steps * step) };
 }
 
 /** Places that a kind of primitive has, if that is settled, and the numbers that are said of it. */
@@ -93,4 +99,18 @@ function readDrawing(view) {
     });
     if (at !== view.byteLength) throw new Error(`${view.byteLength - at} bytes after ${app}'s drawing ${name}`);
     return { ...drawing, type: "drawing" };
+}
+
+/** `{corners, triangles}`: x, y, z of each corner (m, world), and the numbers of three corners a triangle. */
+function readSurfaces(view) {
+    const [corners, triangles] = view.byteLength >= 12 ? [4, 8].map(at => view.getUint32(at, true)) : [-1, -1];
+    if (view.byteLength !== 12 * (1 + corners + triangles))
+        throw new Error(`surfaces of ${corners} corners and ${triangles} triangles in ${view.byteLength} bytes`);
+    const surfaces = {
+        type: "surfaces",
+        corners: new Float32Array(view.buffer, 12, 3 * corners),
+        triangles: new Uint32Array(view.buffer, 12 * (1 + corners), 3 * triangles),
+    };
+    if (surfaces.triangles.some(corner => corner >= corners)) throw new Error(`surfaces with a corner beyond ${corners}`);
+    return surfaces;
 }

@@ -39,6 +39,7 @@ export function connection(link, events) {
         status = { connected: true, text: "" };
         const name = message.mission ?? message.recorded?.log ?? message.live?.community ?? "";
         say(by("mission"), name);
+        if (message.recorded?.damage) events.say(message.recorded.damage, "bad");
         document.title = name ? `${name} – elk` : "elk";
         show();
     });

@@ -23,7 +23,7 @@ export class Link {
         this.address = address;
     }
 
-    /** Calls `handler(message)` for each message of a type; the page's own are `link`, `problem`, `bricks`, `scan` and `drawing`. */
+    /** Calls `handler(message)` for each message of a type; the page's own are `link`, `problem`, `bricks`, `scan`, `drawing` and `surfaces`. */
     on(type, handler) {
         this.#handlers.set(type, [...(this.#handlers.get(type) ?? []), handler]);
     }

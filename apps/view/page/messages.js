@@ -72,7 +72,7 @@ const SHAPES = {
     hello: record({
         version: index,
         live: optional(record({ community: text })),
-        recorded: optional(record({ log: text, start: number, end: number })),
+        recorded: optional(record({ log: text, start: number, end: number, damage: optional(text) })),
         read_only: flag,
         mission: optional(text),
         resolution: optional(number),
@@ -107,6 +107,7 @@ const SHAPES = {
     timeline: record({ start: number, end: number, at: number, playing: flag, rate: number, looping: flag }),
     drawings: record({ rows: list(record({ app: text, name: text })) }),
     keys: record({ rows: list(record({ app: text, key: text, meaning: text, taken_by: optional(text) })) }),
+    world: record({ ok: flag, text }),
     frame: record({ number: index }),
 };
 

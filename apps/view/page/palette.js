@@ -1,7 +1,7 @@
 // Colours: those of the style sheet for canvases, and the ramp by height.
 
 const RAMP = ["#52759f", "#3583a8", "#2a9d8f", "#8ab17d", "#e9c46a", "#f4a261"].map(fromHex);
-const NAMES = ["ground", "ink", "soft", "line", "accent", "free", "frontier", "plan", "way", "robot", "cut"];
+const NAMES = ["ground", "ink", "soft", "line", "accent", "free", "frontier", "plan", "way", "robot", "cut", "ghost"];
 
 /** The ramp as one array of red, green, blue (0 to 1), for a shader. */
 export const ramp = RAMP.flat();

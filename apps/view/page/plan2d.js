@@ -1,6 +1,7 @@
 // The 2-D view: the map from above, cut at a height, on a plain canvas. It is also what a browser without WebGL 2 gets.
 
 import { drawFlat } from "./drawnflat.js";
+import { sectionOf } from "./ghost.js";
 import { css, mix, ofHeight } from "./palette.js";
 import { frustumOf } from "./robot.js";
 import { SIDE } from "./voxels.js";
@@ -43,6 +44,7 @@ export class Plan2d {
         this.pixel = this.ratio / metre;
         this.#drawTiles();
         if (shown.has("grid")) this.#drawGrid(colours);
+        if (shown.has("world") && world.surfaces) this.#drawWorld(colours);
         if (shown.has("scan")) this.#drawScan(colours);
         if (shown.has("way")) this.#stroke(world.way, colours.way, 2);
         if (shown.has("plan")) this.#drawPlan(colours);
@@ -159,6 +161,19 @@ export class Plan2d {
             line(context, left, y, left + width, y);
         context.lineWidth = this.pixel;
         context.strokeStyle = css(colours.line, 0.45);
+        context.stroke();
+    }
+
+    /** What the cut leaves of the true world: lines where its surfaces go through the height. */
+    #drawWorld(colours) {
+        const { context, pixel, world } = this;
+        const height = world.clip ?? (world.robot ? world.robot.position[2] + HEADROOM : null);
+        if (this.section?.surfaces !== world.surfaces || this.section.height !== height)
+            this.section = { surfaces: world.surfaces, height, segments: sectionOf(world.surfaces, height) };
+        context.beginPath();
+        for (const [[x0, y0], [x1, y1]] of this.section.segments) line(context, x0, y0, x1, y1);
+        context.lineWidth = 1.5 * pixel;
+        context.strokeStyle = css(colours.ghost);
         context.stroke();
     }
 

@@ -2,6 +2,7 @@
 
 import { Chunks } from "./chunks.js";
 import { Drawn } from "./drawn.js";
+import { Ghost } from "./ghost.js";
 import { QuadIndices, program } from "./gl.js";
 import { Overlay } from "./overlay.js";
 import * as shaders from "./shaders.js";
@@ -21,12 +22,14 @@ export class Scene {
         this.chunks = new Chunks(this, world);
         this.overlay = new Overlay(this, world);
         this.drawn = new Drawn(this, world);
+        this.ghost = new Ghost(this, world);
         canvas.addEventListener("webglcontextlost", event => event.preventDefault());
         canvas.addEventListener("webglcontextrestored", () => {
             this.#start();
             this.chunks.restart();
             this.overlay.restart();
             this.drawn.restart();
+            this.ghost.restart();
             camera.changed();
         });
     }
@@ -68,6 +71,7 @@ export class Scene {
         if (shown.has("robot") && robot) overlay.drawRobot(colours);
         if (shown.has("drawings")) this.drawn.draw();
         if (shown.has("frontier")) chunks.drawFrontier(colours);
+        if (shown.has("world")) this.ghost.draw(colours);
         if (shown.has("robot") && robot?.camera) overlay.drawFrustum(colours);
         return chunks.waiting > 0;
     }

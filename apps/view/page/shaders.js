@@ -1,4 +1,4 @@
-// The shaders: faces of voxels, lines of some width, round points, plain triangles, cubes, labels and images.
+// The shaders: faces of voxels, lines of some width, round points, plain triangles, surfaces, cubes, labels and images.
 
 import { RAMP_STEPS } from "./palette.js";
 
@@ -154,6 +154,28 @@ flat in float light;
 uniform vec4 paint;
 out vec4 colour;
 void main() { colour = paint * tinted * vec4(vec3(light), 1.0); }`,
+};
+
+/** Surfaces that are seen through, below a height. */
+export const SURFACES = {
+    attributes: ["at"],
+    vertex: `${CAMERA}
+in vec3 at;
+out vec3 world;
+void main() {
+    world = at;
+    gl_Position = camera * vec4(at, 1.0);
+}`,
+    fragment: `
+in vec3 world;
+uniform vec4 paint;
+uniform float clip;
+out vec4 colour;
+void main() {
+    if (world.z > clip) discard;
+    vec3 normal = normalize(cross(dFdx(world), dFdy(world)));
+    colour = vec4(paint.rgb * (0.7 + 0.3 * abs(normal.z)), paint.a);
+}`,
 };
 
 /** A cube along the axes around each place, of 36 vertices. */

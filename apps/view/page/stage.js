@@ -46,6 +46,7 @@ export class Stage {
         layerSwitches(world, link);
         drawingList(world);
         world.watch(what => this.#worldChanged(what));
+        link.on("world", ({ ok, text }) => text && tell(text, ok ? undefined : "bad"));
         for (const end of ["hello", "reset"]) link.on(end, () => (this.#heldUntil = performance.now() + HOLD_MS));
         link.on("frame", () => (this.#heldUntil = 0));
         new ResizeObserver(() => this.redraw()).observe(by("stage"));

@@ -5,7 +5,7 @@ import { LAYERS } from "./world.js";
 
 const by = id => document.getElementById(id);
 /** Layers that the server need not send while they are hidden. */
-const SENT = ["scan", "drawings"];
+const SENT = ["scan", "drawings", "world"];
 
 /** The buttons; `show()` has them say how the stage is. */
 export function viewButtons(stage) {

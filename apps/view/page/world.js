@@ -14,6 +14,7 @@ export const LAYERS = {
     grid: { name: "Grid", key: "7", shown: true, colour: "line" },
     drawings: { name: "Drawings", key: "9", shown: true },
     closed: { name: "Backs of walls", key: "8", shown: false },
+    world: { name: "True world", key: "0", shown: false, colour: "ghost" },
 };
 
 export class World {
@@ -22,14 +23,21 @@ export class World {
     voxels = new Voxels();
     drawings = new Drawings();
     shown = new Set(Object.keys(LAYERS).filter(layer => LAYERS[layer].shown));
+    /** Surfaces of the world that a simulated sensor sees, or null: only a page that shows them has them. */
+    surfaces = null;
     /** Height (m) above which nothing is shown, or null. */
     clip = null;
 
     constructor(link) {
         this.#forget();
-        link.on("hello", () => this.forget());
+        link.on("hello", () => {
+            this.surfaces = null;
+            this.forget();
+        });
         link.on("reset", () => this.forget());
         link.on("bricks", message => this.#change(() => this.voxels.take(message)));
+        link.on("world", ({ ok }) => ok || this.#change(() => (this.surfaces = null)));
+        link.on("surfaces", surfaces => this.#change(() => this.shown.has("world") && (this.surfaces = surfaces)));
         link.on("scan", ({ points }) => this.#change(() => (this.scan = points)));
         link.on("robot", robot => this.#change(() => (this.robot = robot)));
         link.on("way", ({ from, points }) => this.#change(() => replaceFrom(this.way, from, points)));
@@ -59,6 +67,7 @@ export class World {
     show(layer, shown) {
         if (shown) this.shown.add(layer);
         else this.shown.delete(layer);
+        if (!this.shown.has("world")) this.surfaces = null;
         this.#tell("shown");
     }
 

@@ -6,6 +6,7 @@
 //! | `drawings` | what apps draw, as long as it is to be seen |
 //! | `community` | one community after the other of a name |
 //! | `live`, `recorded` | where it comes from: a community, a log |
+//! | `scenery` | the true world, for pages that show it |
 //! | `admission` | names of this machine, and tokens |
 //! | `server`, `page`, `session`, `words`, `tail` | the page's server, its files, one page, what it says, a text log |
 //! | `steering` | what pages can have done, behind a seam |
@@ -24,6 +25,7 @@ mod live;
 mod model;
 mod page;
 mod recorded;
+mod scenery;
 mod server;
 mod session;
 mod shared;
@@ -46,6 +48,7 @@ use serde_json::json;
 
 pub use error::ViewError;
 pub use foxglove::{FoxgloveOptions, Mission, Parameter, serve_foxglove};
+pub use scenery::{Scenery, Surfaces};
 pub use steering::Steering;
 pub use words::Order;
 
@@ -79,7 +82,8 @@ pub struct Options {
     pub read_only: bool,
 }
 
-/// Serves pages until `stop` is set; `on_ready` is told the address to open.
+/// Serves pages until `stop` is set; `on_ready` is told the address to open. `steering` does what pages say, `scenery` knows
+/// the world that they can show.
 ///
 /// # Errors
 /// The port is taken, or the log cannot be read.
@@ -87,6 +91,7 @@ pub fn serve(
     source: Source,
     options: &Options,
     steering: Option<Arc<dyn Steering>>,
+    scenery: Option<Arc<dyn Scenery>>,
     on_ready: impl FnOnce(&str),
     stop: &AtomicBool,
 ) -> Result<(), ViewError> {
@@ -103,14 +108,15 @@ pub fn serve(
             let recording = Recording::open(path)?;
             let (start, end) = recording.span();
             let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-            (json!({"live": null, "recorded": {"log": name, "start": start, "end": end}}), Some(recording), None)
+            let recorded = json!({"log": name, "start": start, "end": end, "damage": recording.damage()});
+            (json!({"live": null, "recorded": recorded}), Some(recording), None)
         }
     };
     let mut hello = hello;
     hello["type"] = "hello".into();
     hello["version"] = 1.into();
     hello["read_only"] = (options.read_only || steering.is_none()).into();
-    let shared = Arc::new(Shared::new(hello, steering, options.read_only, commands));
+    let shared = Arc::new(Shared::new(hello, steering, scenery, options.read_only, commands));
     std::thread::scope(|threads| {
         let (feeding, source) = (&shared, &source);
         let feed = move || match (source, recording) {
@@ -122,11 +128,17 @@ pub fn serve(
         named("feed").spawn_scoped(threads, feed).map_err(ViewError::Io)?;
         if let Some(steering) = &shared.steering {
             let ask = || {
+                let mut is_launched = false;
                 while !stop.load(Ordering::Relaxed) {
-                    if shared.is_watched()
-                        && let Some(rows) = steering.apps()
-                    {
-                        shared.change(|model| model.apps(&rows));
+                    if shared.is_watched() {
+                        let rows = steering.apps();
+                        // Which mission it is, nobody could say before there was a launcher.
+                        if !std::mem::replace(&mut is_launched, rows.is_some()) && is_launched {
+                            shared.scene.begin();
+                        }
+                        if let Some(rows) = rows {
+                            shared.change(|model| model.apps(&rows));
+                        }
                     }
                     std::thread::sleep(APPS_EVERY);
                 }

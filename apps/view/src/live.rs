@@ -36,6 +36,7 @@ pub(crate) fn follow(community: &Community, shared: &Shared, commands: &Receiver
             }
             model.status(true, "");
         });
+        shared.scene.begin();
         Following::new(client, shared).run(&mut wants, commands, stop)
     };
     community::follow(community, "view", stop, listen, |why| shared.change(|model| model.status(false, why)));

@@ -27,7 +27,7 @@ const MOST_POINTS: usize = 100_000;
 /// The most events, and lines of an app's log, that are kept.
 const MOST_LINES: usize = 2_000;
 /// The most points of a scan that a page is sent.
-const MOST_SCAN_POINTS: usize = 20_000;
+const MOST_SCAN_POINTS: usize = 8_000;
 /// Lists of a value that are longer are counted.
 const LONGEST_LIST: usize = 64;
 /// What the broker says of clients that come, go, and take over.
@@ -95,8 +95,8 @@ pub struct Model {
     progress: Value,
     is_over: bool,
     is_paused: bool,
-    /// When the run began (s).
-    began: f64,
+    /// When the run began (s); `None`: nobody has said yet.
+    began: Option<f64>,
     /// What was said of the run's end, by variable.
     reports: serde_json::Map<String, Value>,
     drawings: Drawings,
@@ -148,7 +148,7 @@ impl Default for Model {
             progress: json!({"type": "progress"}),
             is_over: false,
             is_paused: false,
-            began: 0.0,
+            began: None,
             reports: serde_json::Map::new(),
             drawings: Drawings::default(),
             keyboard: Keyboard::default(),
@@ -212,7 +212,7 @@ impl Model {
             key if REPORTS.contains(&key) => {
                 let report = heard.value.to_json(LONGEST_LIST).map_err(|error| error.to_string())?;
                 self.reports.insert(key.to_lowercase(), report);
-                // The sensor reports on every whole map, also on one that somebody asked for.
+                // What the sensor says of the map at the end comes before the explorer's own word or after it.
                 if self.reports.contains_key(&EXPLORATION_REPORT.name().to_lowercase()) {
                     self.tell(Fact::End, &json!({"type": "end", "summary": self.reports}));
                 }
@@ -264,7 +264,12 @@ impl Model {
 
     /// When the run began (s).
     pub fn began(&mut self, time: f64) {
-        self.began = time;
+        self.began = Some(time);
+    }
+
+    /// How long the run had gone on at `time` (s): all times that a page is told are counted so.
+    fn since_beginning(&self, time: f64) -> Option<f64> {
+        self.began.map(|began| time - began)
     }
 
     /// Which variables there are ([`crate::table`]).
@@ -336,6 +341,7 @@ impl Model {
             Err(error) => (Value::Null, error.to_string()),
         };
         let Heard { key, source, time, .. } = heard;
+        let time = self.since_beginning(*time);
         let message = json!({
             "type": "value", "key": key, "source": source, "time": time, "kind": kind, "value": value, "text": text,
         });
@@ -355,7 +361,8 @@ impl Model {
             json!({"horizontal": fov_x, "vertical": fov_y, "range": range})
         });
         let message = json!({
-            "type": "robot", "position": position, "quaternion": [x, y, z, w], "camera": camera, "time": time,
+            "type": "robot", "position": position, "quaternion": [x, y, z, w], "camera": camera,
+            "time": self.since_beginning(time),
         });
         self.tell(Fact::Robot, &message);
     }
@@ -376,7 +383,7 @@ impl Model {
         self.coverage.push([path_length_m, free as f64]);
         self.progress = json!({
             "type": "progress", "scans": scans, "way": path_length_m, "known": free,
-            "frontier": self.world.frontier(), "time": time - self.began,
+            "frontier": self.world.frontier(), "time": self.since_beginning(time),
         });
         self.is_over = finished;
         self.tell_progress();
@@ -414,8 +421,12 @@ impl Model {
         if let Some((from, points)) = self.coverage.next(&mut seen.coverage) {
             news.push(message(&json!({"type": "curve", "name": "coverage", "from": from, "points": points})));
         }
-        if let Some((_, events)) = self.events.next(&mut seen.events) {
-            let event = |(time, text): &(f64, String)| message(&json!({"type": "event", "time": time, "text": text}));
+        // Before it is known when the run began, nobody can say when anything happened.
+        if let Some(began) = self.began
+            && let Some((_, events)) = self.events.next(&mut seen.events)
+        {
+            let event =
+                |(at, text): &(f64, String)| message(&json!({"type": "event", "time": at - began, "text": text}));
             news.extend(events.iter().map(event));
         }
         if wants.scan && seen.scan != self.scan.0 {
@@ -447,14 +458,54 @@ fn forward_left_up(pose: &Pose) -> UnitQuaternion<f64> {
     UnitQuaternion::from_matrix(&axes)
 }
 
+/// A scan as pages are sent it, see `PROTOCOL.md`: of very many points every second, third, …, each as three whole numbers of
+/// steps from the camera.
 fn scan_frame(scan: &Scan<'_>) -> Bytes {
-    let step = scan.points.len().div_ceil(MOST_SCAN_POINTS).max(1);
-    let mut frame = vec![SCAN, 0, 0, 0, 0, 0, 0, 0];
-    let mut count = 0u32;
-    for point in scan.world_points().step_by(step) {
-        single(&point).iter().for_each(|value| frame.extend(value.to_le_bytes()));
-        count += 1;
-    }
-    frame[4..8].copy_from_slice(&count.to_le_bytes());
+    let every = scan.points.len().div_ceil(MOST_SCAN_POINTS).max(1);
+    let camera = scan.pose.position();
+    let offsets: Vec<Vector3<f64>> = scan.world_points().step_by(every).map(|point| point - camera).collect();
+    let farthest = offsets.iter().map(Vector3::amax).fold(0.0, f64::max);
+    // A scan of the camera's own place alone has any step.
+    let step = if farthest > 0.0 { farthest / f64::from(i16::MAX) } else { 1.0 };
+    let mut frame = vec![SCAN, 0, 0, 0];
+    frame.extend((offsets.len() as u32).to_le_bytes());
+    single(&camera).iter().chain([&(step as f32)]).for_each(|value| frame.extend(value.to_le_bytes()));
+    let steps =
+        offsets.iter().flat_map(|offset| [offset.x, offset.y, offset.z]).map(|part| (part / step).round() as i16);
+    steps.for_each(|steps| frame.extend(steps.to_le_bytes()));
     frame.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::*;
+
+    fn shown(points: Vec<[f32; 3]>) -> Vec<[f64; 3]> {
+        let count = points.len();
+        let pose = Pose(Isometry3::from_parts(Vector3::new(7.0, 8.0, 9.0).into(), UnitQuaternion::identity()));
+        let frame = scan_frame(&Scan::new(1, 1, pose, points.into_iter().map(Point3::from).collect()));
+        let float = |at: usize| f64::from(f32::from_le_bytes(frame[at..at + 4].try_into().unwrap()));
+        let steps = |at: usize| f64::from(i16::from_le_bytes(frame[at..at + 2].try_into().unwrap()));
+        let sent = u32::from_le_bytes(frame[4..8].try_into().unwrap()) as usize;
+        assert!(sent <= MOST_SCAN_POINTS && sent >= count.min(MOST_SCAN_POINTS / 2));
+        assert_eq!((frame[0], frame.len()), (SCAN, 24 + 6 * sent));
+        let part = |point: usize, axis: usize| float(8 + 4 * axis) + float(20) * steps(24 + 6 * point + 2 * axis);
+        (0..sent).map(|point| [0, 1, 2].map(|axis| part(point, axis))).collect()
+    }
+
+    #[test]
+    fn a_scan_is_shown_where_it_was_to_within_a_millimetre() {
+        let points = vec![[30.0, -29.9, 0.001], [0.0; 3], [-1.5, 2.5, 30.0]];
+        for (shown, [x, y, z]) in shown(points.clone()).iter().zip(points) {
+            let off = (Vector3::from(*shown)
+                - Vector3::new(7.0 + f64::from(x), 8.0 + f64::from(y), 9.0 + f64::from(z)))
+            .amax();
+            assert!(off < 1e-3, "{off}");
+        }
+        assert_eq!(shown(vec![[0.0; 3]]), [[7.0, 8.0, 9.0]]);
+        assert_eq!(shown(Vec::new()), [[0.0; 3]; 0]);
+        assert_eq!(shown(vec![[1.0; 3]; 20_001]).len(), 6_667);
+    }
 }

@@ -45,6 +45,7 @@ files! {
     "drawn.js",
     "drawnflat.js",
     "favicon.svg",
+    "ghost.js",
     "gl.js",
     "help.js",
     "link.js",

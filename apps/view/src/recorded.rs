@@ -89,6 +89,14 @@ impl Recording {
         (self.start, self.end)
     }
 
+    /// Why not all of it is there, in words; `None`: it is whole, as far as its index says.
+    pub fn damage(&self) -> Option<String> {
+        let damage = self.index.damage();
+        let first = damage.first()?;
+        let others = if damage.len() > 1 { format!(", and {} places more", damage.len() - 1) } else { String::new() };
+        Some(format!("the log is not whole: {first}{others}; what is there is shown"))
+    }
+
     /// Its variables, as the page lists them.
     pub fn variables(&self) -> Value {
         let secs = (self.end - self.start).max(1e-3);

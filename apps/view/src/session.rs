@@ -40,6 +40,9 @@ pub(crate) struct Session {
     seen: Seen,
     sent: u64,
     taken: u64,
+    /// Whether the page shows the world, and of which run it was sent that.
+    shows_world: bool,
+    world_of: Option<u64>,
     log: Option<Tail>,
     orders: usize,
     /// Where what was ordered is answered; `None` at the end of an order.
@@ -58,8 +61,20 @@ pub(crate) async fn serve(number: u64, socket: WebSocket, shared: Arc<Shared>) {
     // Until a page says what it shows, it shows all.
     let (wants, seen) = (Wants { scan: true, drawings: true, ..Wants::default() }, Seen::default());
     shared.want(number, wants.clone());
-    let mut session =
-        Session { number, shared: shared.clone(), out, wants, seen, sent: 0, taken: 0, log: None, orders: 0, answers };
+    let mut session = Session {
+        number,
+        shared: shared.clone(),
+        out,
+        wants,
+        seen,
+        sent: 0,
+        taken: 0,
+        shows_world: false,
+        world_of: None,
+        log: None,
+        orders: 0,
+        answers,
+    };
     let mut logs = interval(LOG_EVERY);
     let mut due = Instant::now();
     if session.send(message(&shared.hello)).await.is_ok() {
@@ -107,6 +122,7 @@ impl Session {
 
     /// Sends what is new.
     async fn frame(&mut self, changes: &mut tokio::sync::watch::Receiver<u64>) -> Result<(), Gone> {
+        self.show_world();
         let news = self.shared.model().news(&mut self.seen, &self.wants, FRAME_BYTES);
         if news.is_empty() {
             return Ok(());
@@ -141,6 +157,10 @@ impl Session {
             Ok(Said::Show { layers }) => {
                 (self.wants.scan, self.wants.drawings) = (layers.contains("scan"), layers.contains("drawings"));
                 self.shared.want(self.number, self.wants.clone());
+                self.shows_world = layers.contains("world");
+                // A page that hides the world forgets it.
+                self.world_of = self.world_of.filter(|_| self.shows_world);
+                self.show_world();
                 Ok(())
             }
             Ok(Said::Logs { app }) => {
@@ -175,6 +195,25 @@ impl Session {
                 Ok(())
             }
         }
+    }
+
+    /// Has the world read and sent, if the page shows it and has not been sent that of this run.
+    fn show_world(&mut self) {
+        let run = self.shared.scene.run();
+        if !self.shows_world || self.world_of == Some(run) || self.orders >= MOST_ORDERS {
+            return;
+        }
+        self.world_of = Some(run);
+        self.orders += 1;
+        let (shared, answers) = (self.shared.clone(), self.answers.clone());
+        tokio::task::spawn_blocking(move || {
+            let messages = shared.scene.messages();
+            let last = messages.len() - 1;
+            for (number, message) in messages.into_iter().enumerate() {
+                // A page that has gone is shown nothing.
+                let _ = answers.blocking_send((message, number == last));
+            }
+        });
     }
 
     /// Hands a key that was pressed to the app that has declared it; what was done, in words.

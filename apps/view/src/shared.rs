@@ -9,6 +9,7 @@ use serde_json::Value;
 use tokio::sync::watch;
 
 use crate::model::{Model, Wants};
+use crate::scenery::{Scene, Scenery};
 use crate::steering::Steering;
 
 /// What pages have a feed do.
@@ -34,12 +35,20 @@ pub(crate) struct Shared {
     pub hello: Value,
     /// Whoever does what pages say; `None`: pages only look.
     pub steering: Option<Arc<dyn Steering>>,
+    /// The world, for pages that show it.
+    pub scene: Scene,
     /// Whether pages may order and poke.
     pub read_only: bool,
 }
 
 impl Shared {
-    pub fn new(hello: Value, steering: Option<Arc<dyn Steering>>, read_only: bool, commands: Sender<Command>) -> Self {
+    pub fn new(
+        hello: Value,
+        steering: Option<Arc<dyn Steering>>,
+        scenery: Option<Arc<dyn Scenery>>,
+        read_only: bool,
+        commands: Sender<Command>,
+    ) -> Self {
         Self {
             model: Mutex::default(),
             changed: watch::Sender::new(0),
@@ -47,6 +56,7 @@ impl Shared {
             commands: Mutex::new(commands),
             hello,
             steering,
+            scene: Scene::new(scenery),
             read_only,
         }
     }

@@ -19,7 +19,7 @@ use elk_geometry::{OccupancyGrid, Pose};
 use elk_spatial::keys::{MAP, MAP_UPDATE, camera_pose};
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::CameraPose;
-use elk_view::{Options, Order, Source, Steering, serve};
+use elk_view::{Options, Order, Scenery, Source, Steering, Surfaces, serve};
 use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 use tungstenite::Message;
@@ -66,6 +66,13 @@ impl Steering for Hand {
     }
 }
 
+impl Scenery for Hand {
+    fn surfaces(&self) -> Result<Surfaces, String> {
+        let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        Ok(Surfaces { remark: "a floor".to_owned(), corners, triangles: vec![[0, 1, 2]] })
+    }
+}
+
 impl Lab {
     fn new(name: &str, read_only: bool, listen: &str) -> Self {
         let community = Community::new(format!("view-{name}-{}", std::process::id())).unwrap();
@@ -77,7 +84,8 @@ impl Lab {
         let source = Source::Community(community.clone());
         let (hand, stop) = (Arc::new(Hand(orders.clone())), view_stops.clone());
         let view = std::thread::spawn(move || {
-            serve(source, &options, Some(hand), |url| ready.send(url.to_owned()).unwrap(), &stop).unwrap();
+            serve(source, &options, Some(hand.clone()), Some(hand), |url| ready.send(url.to_owned()).unwrap(), &stop)
+                .unwrap();
         });
         let url: String = address.recv_timeout(PATIENCE).unwrap();
         let address = url.trim_start_matches("http://").split('/').next().unwrap().parse().unwrap();
@@ -180,6 +188,10 @@ fn a_page_has_the_map_the_robot_and_what_it_watches_however_late_it_comes() {
     let off = quaternion.iter().zip([0.0, 0.0, half, half]).map(|(one, other)| (one - other).abs());
     assert!(off.fold(0.0, f64::max) < 1e-9, "{quaternion:?}");
     assert_eq!(late.last("apps")["rows"][0]["name"], "Map");
+    // Times are those of the run, not of the world's clock.
+    for (kind, message) in ["robot", "event"].map(|kind| (kind, late.last(kind))) {
+        assert!((0.0..600.0).contains(&message["time"].as_f64().unwrap()), "{kind}: {message}");
+    }
 }
 
 #[test]
@@ -406,4 +418,45 @@ fn fifty_pages_of_which_some_never_read_hold_up_nobody() {
     while page.occupied() < 2_000 {
         page.next("frame");
     }
+}
+
+#[test]
+fn the_world_is_sent_to_who_shows_it_and_to_nobody_else() {
+    let lab = Lab::new("world", false, "127.0.0.1");
+    let (mut map, mut client) = (OccupancyGrid::new(0.1), lab.client("Map"));
+    let (mut looks, mut shows) = (lab.page(), lab.page());
+    let show = |page: &mut Page, layers: &[&str]| page.say(&json!({"type": "show", "layers": layers}));
+    let mut scan = 0;
+    let mut say = |pages: [&mut Page; 2]| {
+        scan += 1;
+        client.comms.publish(&MAP_UPDATE, &wall(&mut map, scan)).unwrap();
+        client.comms.flush().unwrap();
+        for page in pages {
+            while page.occupied() != 40 * scan as u32 {
+                page.next("frame");
+            }
+        }
+    };
+    // The community is there by then, and its launcher.
+    say([&mut looks, &mut shows]);
+    looks.last("apps");
+    show(&mut looks, &["scan"]);
+    show(&mut shows, &["scan", "world"]);
+    assert_eq!(shows.next("world"), json!({"type": "world", "ok": true, "text": "a floor"}));
+    // Frames go on, and bring it to nobody a second time.
+    (0..3).for_each(|_| say([&mut looks, &mut shows]));
+    assert_eq!((looks.surfaces, shows.surfaces), (0, 1));
+    // Who has hidden it has forgotten it.
+    show(&mut shows, &[]);
+    show(&mut shows, &["world"]);
+    shows.next("world");
+    say([&mut looks, &mut shows]);
+    assert_eq!((looks.surfaces, shows.surfaces), (0, 2));
+    // A page that switches it on and off without an end has as many answers under way as any.
+    for _ in 0..200 {
+        show(&mut shows, &["world"]);
+        show(&mut shows, &[]);
+    }
+    say([&mut looks, &mut shows]);
+    assert!(shows.surfaces <= 202, "{}", shows.surfaces);
 }

@@ -67,23 +67,47 @@ fn drawn_at(scan: i32) -> Option<&'static str> {
     }
 }
 
+/// A view of a log until this is dropped, and where.
+struct View {
+    address: std::net::SocketAddr,
+    stop: Arc<AtomicBool>,
+    thread: Option<std::thread::JoinHandle<Result<(), ViewError>>>,
+}
+
+impl View {
+    fn of(log: &Path) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (ready, address) = channel();
+        let options = Options { address: "127.0.0.1:0".parse().unwrap(), any_port: false, read_only: false };
+        let (stopped, source) = (stop.clone(), Source::Log(log.to_owned()));
+        let ready = move |url: &str| ready.send(url.to_owned()).unwrap();
+        let thread = std::thread::spawn(move || serve(source, &options, None, None, ready, &stopped));
+        let url: String = address.recv().unwrap();
+        let address = url.trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
+        Self { address, stop, thread: Some(thread) }
+    }
+}
+
+impl Drop for View {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let ended = self.thread.take().map(std::thread::JoinHandle::join);
+        assert!(std::thread::panicking() || matches!(ended, Some(Ok(Ok(())))));
+    }
+}
+
 #[test]
 fn the_state_at_any_time_is_whole_backwards_too() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
     recorded(&log);
-    let stop = Arc::new(AtomicBool::new(false));
-    let (ready, address) = channel();
-    let options = Options { address: "127.0.0.1:0".parse().unwrap(), any_port: false, read_only: false };
-    let stopped = stop.clone();
-    let view = std::thread::spawn(move || {
-        serve(Source::Log(log), &options, None, |url| ready.send(url.to_owned()).unwrap(), &stopped)
-    });
-    let url: String = address.recv().unwrap();
-    let address = url.trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
-    let mut page = Page::open(address, "");
+    let view = View::of(&log);
+    let mut page = Page::open(view.address, "");
     let hello = page.next("hello");
-    assert_eq!(hello["recorded"], json!({"log": "log.mcap", "start": 1001.0, "end": 1000.0 + f64::from(SCANS)}));
+    assert_eq!(
+        hello["recorded"],
+        json!({"log": "log.mcap", "start": 1001.0, "end": 1000.0 + f64::from(SCANS), "damage": null})
+    );
     assert_eq!((&hello["live"], &hello["read_only"]), (&json!(null), &json!(true)));
     page.say(&json!({"type": "play", "playing": false, "rate": 1.0, "looping": false}));
     for scan in [2_000, 1_500, 2_999, 7, 1_100, 1_500, 3_000, 1_499, 1, 2_500, 600] {
@@ -106,8 +130,31 @@ fn the_state_at_any_time_is_whole_backwards_too() {
     while page.occupied() != 40 * SCANS as u32 || page.last("timeline")["playing"] != json!(false) {
         page.next("frame");
     }
-    stop.store(true, Ordering::Relaxed);
-    view.join().unwrap().unwrap();
+}
+
+#[test]
+fn a_log_that_is_cut_in_the_middle_is_shown_as_far_as_it_goes_and_that_is_said_to_everybody() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.mcap");
+    recorded(&log);
+    let whole = std::fs::read(&log).unwrap();
+    std::fs::write(&log, &whole[..whole.len() / 2]).unwrap();
+    let view = View::of(&log);
+    let (mut page, end) =
+        (Page::open(view.address, ""), |hello: &serde_json::Value| hello["recorded"]["end"].as_f64().unwrap());
+    let hello = page.next("hello");
+    let damage = hello["recorded"]["damage"].as_str().unwrap();
+    assert!(damage.contains("is not whole") && damage.contains("log.mcap"), "{damage}");
+    let last = end(&hello);
+    assert!(last > 1100.0 && last < 900.0 + f64::from(SCANS), "{last}");
+    for time in [last, 1050.5, last] {
+        page.say(&json!({"type": "seek", "time": time}));
+        while page.last("timeline")["at"] != json!(time) || page.occupied() != 40 * (time - 1000.0) as u32 {
+            page.next("frame");
+        }
+    }
+    // Who comes later is told as well.
+    assert_eq!(Page::open(view.address, "").next("hello"), hello);
 }
 
 #[test]
@@ -116,11 +163,11 @@ fn what_is_no_log_is_refused_by_name() {
     let path = folder.path().join("no.mcap");
     let options = Options { address: "127.0.0.1:0".parse().unwrap(), any_port: false, read_only: false };
     let stop = AtomicBool::new(false);
-    let refused = serve(Source::Log(path.clone()), &options, None, |_| {}, &stop).unwrap_err();
+    let refused = serve(Source::Log(path.clone()), &options, None, None, |_| {}, &stop).unwrap_err();
     assert!(matches!(refused, ViewError::Log(_)) && refused.to_string().contains("no.mcap"), "{refused}");
     // A port that is taken is named, and what to do.
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let options = Options { address: taken.local_addr().unwrap(), ..options };
-    let refused = serve(Source::Log(path), &options, None, |_| {}, &stop).unwrap_err();
+    let refused = serve(Source::Log(path), &options, None, None, |_| {}, &stop).unwrap_err();
     assert!(refused.to_string().contains("--port"), "{refused}");
 }

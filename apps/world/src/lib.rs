@@ -10,6 +10,7 @@
 //! | [`world`], [`bvh`], [`ray`], [`triangle`], `distance` | where surfaces are, and what is free between them |
 //! | `exits`, [`openness`], [`inspection`], [`units`] | what a person wants to know of a world before it is used |
 //! | [`suitability`] | whether a mission can be run in it |
+//! | [`mesh`] | surfaces as few triangles, to be shown |
 //! | [`truth`] | how right a map of it is |
 //! | [`scenery`] | the workshop in which the worlds that come with elk are built |
 
@@ -17,6 +18,7 @@ pub mod bvh;
 mod distance;
 mod exits;
 pub mod inspection;
+pub mod mesh;
 pub mod openness;
 mod partition;
 pub mod placement;
@@ -32,6 +34,7 @@ pub mod units;
 pub mod winding;
 pub mod world;
 
+pub use mesh::Mesh;
 pub use placement::Placement;
 pub use read::Format;
 pub use world::{BUILT_IN, CAR_INTERIOR, START_CLEARANCE_M, World, WorldError};

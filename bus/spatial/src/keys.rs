@@ -66,7 +66,7 @@ typed! {
     EXPLORATION_REPORT: ExplorationReport;
     /// Sensor to anyone: scans and contacts.
     SENSOR_REPORT: SensorReport;
-    /// Sensor to anyone: the last whole map against the true world.
+    /// Sensor to anyone, at the end: the whole map against the true world.
     ACCURACY_REPORT: AccuracyReport;
 }
 

@@ -24,6 +24,8 @@ pub struct Page {
     pub resets: u32,
     /// Drawings by app and name: what was said of each, as far as it is listed.
     pub drawings: BTreeMap<(String, String), Value>,
+    /// How often it was sent the surfaces of a world.
+    pub surfaces: u32,
     /// The last message of each kind.
     last: BTreeMap<String, Value>,
 }
@@ -35,7 +37,14 @@ impl Page {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let request = format!("ws://{address}/ws{query}").into_client_request().unwrap();
         let (socket, _) = tungstenite::client(request, stream).unwrap();
-        Self { socket, bricks: BTreeMap::new(), resets: 0, drawings: BTreeMap::new(), last: BTreeMap::new() }
+        Self {
+            socket,
+            bricks: BTreeMap::new(),
+            resets: 0,
+            drawings: BTreeMap::new(),
+            surfaces: 0,
+            last: BTreeMap::new(),
+        }
     }
 
     /// Says something.
@@ -74,6 +83,7 @@ impl Page {
                     let text = |field: &str| said[field].as_str().unwrap().to_owned();
                     self.drawings.insert((text("app"), text("name")), said);
                 }
+                Message::Binary(frame) if frame[0] == 4 => self.surfaces += 1,
                 _ => {}
             }
         }
