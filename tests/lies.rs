@@ -403,6 +403,7 @@ fn long_lies() -> Vec<(String, Value)> {
         commands: 0,
         allowed: 0,
         steps: 0,
+        last_step: None,
         requests: 0,
         path_length_m: 0.0,
         leg: None,

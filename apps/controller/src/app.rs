@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use elk_bus::{AppError, Comms, Handled, Handlers, Key, Mail, Rejection, number, tell, text};
 use elk_mission::{AppType, Kind, MOOS_HOST, MOOS_PORT, ParamSpec, Params};
-use elk_spatial::checks::MAX_COUNT;
 use elk_spatial::keyframe::MapPart;
 use elk_spatial::keys::{
     CAMERA_POSE, MAP, MAP_PART, MAP_RECALL, MAP_REQUEST, MAP_UPDATE, MOTION, MOTION_MEMORY, MOTION_REPORT, PLAN,
@@ -14,6 +13,7 @@ use elk_spatial::keys::{
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{Awaited, CameraPose, MotionMemory, Plan};
 
+use crate::allowance::Allowance;
 use crate::follower::{Action, Follower, Unfit};
 use crate::pace::Pace;
 
@@ -63,11 +63,7 @@ const PARAMS: &[ParamSpec] = &[
 pub struct ControllerApp {
     follower: Follower,
     camera_pose: Key<CameraPose>,
-    paused: bool,
-    /// Steps that a person allowed and that were not taken yet.
-    steps: u64,
-    /// The last pose command that was not held back.
-    allowed: u64,
+    allowance: Allowance,
     pace: Pace,
     /// What the follower wants said, held back from the first command on that waits for a step.
     held: VecDeque<Action>,
@@ -81,9 +77,7 @@ impl ControllerApp {
         Self {
             follower: Follower::default(),
             camera_pose: camera_pose(params.text("MOOSPoseVarName")),
-            paused: params.flag("Manual"),
-            steps: 0,
-            allowed: 0,
+            allowance: Allowance { paused: params.flag("Manual"), ..Allowance::default() },
             pace: Pace::new(params.number("Speed"), params.number("TurnRate").to_radians(), params.number("Pace")),
             held: VecDeque::new(),
             remembered: None,
@@ -117,7 +111,7 @@ impl ControllerApp {
 
     fn succeed(&mut self, _: &mut Comms, memory: MotionMemory) -> Result<(), AppError> {
         self.follower = Follower::successor(&memory).map_err(Rejection::new)?;
-        (self.allowed, self.steps) = (memory.allowed, memory.steps);
+        self.allowance = self.allowance.successor(&memory);
         self.remembered = Some(memory);
         Ok(())
     }
@@ -127,7 +121,7 @@ impl ControllerApp {
         self.held.extend(self.follower.on_camera_pose(&camera).map_err(Rejection::new)?);
         self.pace.is_at(&camera.pose);
         if self.follower.commands() < before {
-            (self.allowed, self.steps) = (0, 0);
+            (self.allowance.allowed, self.allowance.steps) = (0, 0);
             tell(format_args!(
                 "{}: {before} commands were counted here, {} by the sensor, which knows: it goes on from there",
                 comms.name(),
@@ -166,30 +160,28 @@ impl ControllerApp {
 
     fn on_motion(&mut self, _: &mut Comms, word: &str) -> Result<(), Rejection> {
         match word {
-            "pause" => self.paused = true,
-            "run" => (self.paused, self.steps) = (false, 0),
+            "pause" => self.allowance.paused = true,
+            "run" => self.allowance.run(),
             _ => return Err(Rejection::new("it has to be the text pause or run")),
         }
         Ok(())
     }
 
-    /// A step is for who waits for one now: one that lies there from before was meant for a predecessor, who took it.
     fn on_step(&mut self, _: &mut Comms, _: f64, mail: &Mail<'_>) -> Result<(), AppError> {
-        if self.paused && !mail.is_latest() {
-            self.steps = (self.steps + 1).min(MAX_COUNT);
-        }
+        self.allowance.step(mail);
         Ok(())
     }
 
     /// Says what is not held back; before that it is remembered that it was going to be said.
     fn say(&mut self, comms: &mut Comms) -> Result<(), AppError> {
         let (mut actions, now) = (Vec::new(), comms.time());
-        while let Some(action) = self.held.pop_front_if(|action| {
-            is_there(action, &mut self.pace, now) && allows(action, self.paused, &mut self.steps, &mut self.allowed)
-        }) {
+        while let Some(action) = self
+            .held
+            .pop_front_if(|action| is_there(action, &mut self.pace, now) && allows(action, &mut self.allowance))
+        {
             actions.push(action);
         }
-        let memory = self.follower.memory(self.allowed, self.steps);
+        let memory = self.follower.memory(&self.allowance);
         if memory.awaited != Awaited::Start && self.remembered.as_ref() != Some(&memory) {
             comms.publish(&MOTION_MEMORY, &memory)?;
             self.remembered = Some(memory);
@@ -199,17 +191,11 @@ impl ControllerApp {
 }
 
 /// Whether `action` may be said now; a pose command that has to wait for a step takes one.
-fn allows(action: &Action, paused: bool, steps: &mut u64, allowed: &mut u64) -> bool {
-    let Action::Command(command) = action else {
-        return true;
-    };
-    let waits = paused && command.id > *allowed;
-    if waits && *steps == 0 {
-        return false;
+fn allows(action: &Action, allowance: &mut Allowance) -> bool {
+    match action {
+        Action::Command(command) => allowance.allows(command.id),
+        _ => true,
     }
-    *steps -= u64::from(waits);
-    *allowed = command.id;
-    true
 }
 
 /// Whether a robot that goes at this pace would be where `action` sends it.
@@ -252,9 +238,7 @@ mod tests {
         let app = ControllerApp {
             follower: Follower::default(),
             camera_pose: camera_pose(CAMERA_POSE),
-            paused,
-            steps: 0,
-            allowed: 0,
+            allowance: Allowance { paused, ..Allowance::default() },
             pace: Pace::default(),
             held: VecDeque::new(),
             remembered: None,
@@ -340,7 +324,29 @@ mod tests {
         bench.say(STEP, 1.0);
         bench.say(MOTION, "pause");
         assert!(bench.heard().is_empty());
-        assert_eq!((bench.app.state.paused, bench.app.state.steps), (true, 0), "a step without a pause is none");
+        assert_eq!(
+            (bench.app.state.allowance.paused, bench.app.state.allowance.steps),
+            (true, 0),
+            "a step without a pause is none"
+        );
+    }
+
+    #[test]
+    fn a_step_is_taken_by_a_controller_that_starts_after_it() {
+        let mut bench = Bench::new(true);
+        bench.say(MOTION, "pause");
+        bench.exchange();
+        assert!(bench.heard().is_empty());
+        // Its place is empty while a person is quick.
+        bench.client = join(&bench.broker, "nobody");
+        bench.app = app(false);
+        bench.say(STEP, 1.0);
+        bench.others.comms.flush().unwrap();
+        bench.client = join(&bench.broker, "Controller");
+        bench.start();
+        assert_eq!(bench.heard(), [1]);
+        bench.exchange();
+        assert_eq!((bench.heard(), bench.app.state.allowance.steps), (vec![1], 0), "said again, and no second step");
     }
 
     #[test]
@@ -357,7 +363,10 @@ mod tests {
         assert_eq!(bench.heard(), [1]);
         bench.exchange();
         assert_eq!(bench.heard(), [1], "the sensor has not carried it out: perhaps it was not said");
-        assert_eq!(bench.app.state.steps, 1, "the second step is still to be taken, the latest STEP is no third");
+        assert_eq!(
+            bench.app.state.allowance.steps, 1,
+            "the second step is still to be taken, the latest STEP is no third"
+        );
         bench.scanned(1);
         assert_eq!(bench.heard(), [-1]);
         bench.exchange();

@@ -22,6 +22,7 @@ use elk_spatial::messages::{
 };
 use nalgebra::Point3;
 
+use crate::allowance::Allowance;
 use crate::record::Record;
 
 /// What the follower wants done: a message that is to be published.
@@ -129,14 +130,16 @@ impl Follower {
         })
     }
 
-    /// What a successor has to know; `allowed` and `steps` as [`MotionMemory`] has them.
-    pub fn memory(&self, allowed: u64, steps: u64) -> MotionMemory {
+    /// What a successor has to know, of what a person allowed as well.
+    pub fn memory(&self, allowance: &Allowance) -> MotionMemory {
+        let Allowance { allowed, steps, last_step, .. } = *allowance;
         MotionMemory {
             pose: self.pose,
             awaited: self.awaited.clone(),
             commands: self.commands,
             allowed,
             steps,
+            last_step,
             requests: self.requests,
             path_length_m: self.path_length_m,
             leg: self.underway.as_ref().map(|u| u.leg.clone()),

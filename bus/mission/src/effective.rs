@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use elk_bus::moos::gateway::GatewayOptions;
 
-use crate::bus::BUS;
 use crate::arguments::join_arguments;
+use crate::bus::BUS;
 use crate::element::{self, ELEMENTS};
 use crate::policy::{self, Policy, Restart};
 use crate::spec::{AppSpec, Mission, Mode, Program};

@@ -247,6 +247,9 @@ pub struct MotionMemory {
     /// Steps that a person allowed and that were not taken yet.
     #[describe(count)]
     pub steps: u64,
+    /// When the latest step that it has heard of was allowed (s, the community's clock).
+    #[describe(unit = "s")]
+    pub last_step: Option<f64>,
     /// The last plan request made.
     #[describe(count)]
     pub requests: u64,

@@ -1,4 +1,5 @@
 use super::*;
+use crate::allowance::Allowance;
 use elk_spatial::messages::MotionPolicy;
 use nalgebra::Vector3;
 
@@ -31,7 +32,7 @@ impl Bench {
     /// Puts a successor in the follower's place, and tells it what the bus remembers. It says nothing but, perhaps, the
     /// other one's last words again.
     fn exchange(&mut self) -> Vec<Action> {
-        self.follower = Follower::successor(&self.follower.memory(0, 0)).unwrap();
+        self.follower = Follower::successor(&self.follower.memory(&Allowance::default())).unwrap();
         assert!(self.follower.on_map(&MapUpdate::new(self.map.whole(), self.scan)).unwrap().is_empty());
         self.follower.resume()
     }
@@ -206,7 +207,7 @@ fn a_successor_says_again_what_was_perhaps_not_said() {
     let said = bench.follower.on_plan(&plan(&first, true)).unwrap();
     assert_eq!(bench.exchange(), said);
     let Some(Action::Command(command)) = said.last() else { panic!("{said:?}") };
-    bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
+    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default())).unwrap();
     bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: command.pose }).unwrap();
     assert!(bench.follower.resume().is_empty(), "the sensor has carried it out");
     let actions = bench.scan(2, vec![(Voxel::new(20, 1, 3), State::Occupied)]);
@@ -221,7 +222,7 @@ fn a_successor_says_again_what_was_perhaps_not_said() {
 #[test]
 fn a_plan_waits_for_the_map_that_it_was_made_from() {
     let (mut bench, first) = Bench::new();
-    bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
+    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default())).unwrap();
     assert!(bench.follower.on_plan(&plan(&first, true)).unwrap().is_empty());
     let actions = bench.follower.on_map(&MapUpdate::new(bench.map.whole(), 1)).unwrap();
     assert!(matches!(actions[..], [Action::Command(_)]), "{actions:?}");
@@ -271,9 +272,9 @@ fn a_sensor_that_did_what_nobody_commanded_is_not_believed() {
     assert_eq!(asked.outcome, Outcome::Unresolved);
     // What stands in the way is said again and again: the way is taken back once.
     let command = bench.commands.last().unwrap().id;
-    let length = bench.follower.memory(0, 0).path_length_m;
+    let length = bench.follower.memory(&Allowance::default()).path_length_m;
     (0..9).for_each(|_| drop(bench.follower.on_camera_pose(&camera(command)).unwrap()));
-    assert!(bench.follower.memory(0, 0).path_length_m >= length - 0.4 - 1e-9);
+    assert!(bench.follower.memory(&Allowance::default()).path_length_m >= length - 0.4 - 1e-9);
 }
 
 /// Regression: the plan for a place where the robot was not was followed, and refused by the sensor.
@@ -289,7 +290,7 @@ fn a_request_from_a_wrong_place_is_made_anew_from_the_right_one() {
     assert_eq!(bench.follow(&plan(&request(&actions), true)).outcome, Outcome::Unresolved);
     // A successor says what its predecessor would have said, once.
     let (mut bench, first) = Bench::new();
-    bench.follower = Follower::successor(&bench.follower.memory(0, 0)).unwrap();
+    bench.follower = Follower::successor(&bench.follower.memory(&Allowance::default())).unwrap();
     let pose = Pose::looking(at(0.9), Vector3::y());
     assert!(bench.follower.on_camera_pose(&CameraPose { command: 1, pose }).unwrap().is_empty());
     assert_eq!(bench.follower.resume(), [Action::Request(PlanRequest { id: 2, pose, ..first })]);
@@ -349,7 +350,7 @@ fn is_third(action: &Action) -> bool {
 #[test]
 fn the_sensor_has_the_last_word_on_how_many_commands_there_were() {
     let (bench, _) = Bench::new();
-    let mut memory = bench.follower.memory(0, 0);
+    let mut memory = bench.follower.memory(&Allowance::default());
     let pose = memory.pose;
     memory.commands = 1 << 47;
     memory.awaited = Awaited::Map(PoseCommand { id: memory.commands, via: vec![], pose });
