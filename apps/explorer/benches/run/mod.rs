@@ -6,7 +6,7 @@ use std::ops::AddAssign;
 
 use elk_bus::clock::thread_cpu_secs;
 use elk_bus::codec::{self, encode_onto};
-use elk_controller::{Action, Follower};
+use elk_controller::{Action, Allowance, Follower};
 use elk_explorer::strategies::Start;
 use elk_explorer::{
     ClosestFrontier, Explorer, InformationGain, Policy, Potential, Random, Settings, Strategy, Tour,
@@ -204,7 +204,7 @@ impl Run {
     /// Says how it went.
     pub fn print(&self, world: &str) {
         let digest = self.record.plans.finish();
-        let motion = self.follower.memory(0, 0);
+        let motion = self.follower.memory(&Allowance::default());
         let ended = self.explorer.report().map(|report| (report.complete, report.plans));
         println!(
             "{world} {}: complete and plans {ended:?}, {} scans, {:.1} m, contacts {:?}, digest {digest:016x}",
