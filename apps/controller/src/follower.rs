@@ -214,10 +214,12 @@ impl Follower {
             _ => (camera.pose, camera.command),
         };
         self.carried_out = camera.command;
-        if let Some(Underway { leg, .. }) = &mut self.underway {
+        if let Some(underway) = &mut self.underway {
+            let stays = camera.command == self.commands && underway.stands_before_step(camera.pose.position());
+            let leg = &mut underway.leg;
             // Of the step that it did not take, once.
             self.path_length_m -= std::mem::take(&mut leg.step_m);
-            leg.blocked = true;
+            leg.ended = Some(if stays { Outcome::Refused } else { Outcome::Cut });
         }
         match &self.awaited {
             Awaited::Plan(request) => self.ask_anew(request.clone()),
@@ -414,7 +416,7 @@ impl Underway {
             allowed: allowed.into_iter().collect(),
             done_m: 0.0,
             step_m: 0.0,
-            blocked: false,
+            ended: None,
             looks: 0,
         };
         Ok(Self { leg, path: path.clone(), way, clearance })
@@ -433,8 +435,8 @@ impl Underway {
     }
 
     fn next(&mut self, grid: &OccupancyGrid) -> Next {
-        if self.leg.blocked {
-            return Next::Ask(Outcome::Cut);
+        if let Some(outcome) = self.leg.ended {
+            return Next::Ask(outcome);
         }
         let resolved = self.resolved(grid);
         if resolved && (self.leg.plan.motion.early_stop || self.leg.looks > 0) {
@@ -483,13 +485,21 @@ impl Underway {
         grid.state(self.path.target) != State::Free || !self.path.unknown.iter().any(unknown)
     }
 
-    /// Whether what was learned since the plan was made is in the way.
+    /// Whether what was learned since the plan was made is in the way. The robot may always leave the voxel that it is in: of one
+    /// that is occupied it is in the part that is not.
     fn cut(&self, grid: &OccupancyGrid) -> bool {
         let rest = self.way.part(self.leg.done_m, self.way.length());
+        let robot = Voxel::containing(self.way.at(self.leg.done_m), self.leg.resolution);
         rest.windows(2).any(|p| {
-            let mut refused = self.clearance.refused(grid, p[0], p[1]);
+            let mut refused = self.clearance.refused(grid, p[0], p[1]).filter(|v| *v != robot);
             refused.any(|v| grid.state(v) == State::Occupied || self.leg.allowed.binary_search(&v).is_err())
         })
+    }
+
+    /// Whether `position` (m, world) is where the last step began.
+    fn stands_before_step(&self, position: Point3<f64>) -> bool {
+        let Leg { done_m, step_m, .. } = self.leg;
+        step_m > 0.0 && (self.way.at(done_m - step_m) - position).norm() < 1e-6
     }
 }
 

@@ -226,7 +226,7 @@ impl Explorer {
     fn plan_over(&mut self, known: Known, request: &PlanRequest) -> Plan {
         let before = self.journal.total_secs();
         self.plans = (self.plans + 1).min(MAX_COUNT);
-        self.memory.learn(request, known, self.no_return);
+        self.memory.learn(request, known, self.settings.policy.scan_spacing_m, self.no_return);
         self.weighed = Weighed::default();
         Plan {
             request: request.id,

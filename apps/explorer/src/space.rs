@@ -28,6 +28,8 @@ pub struct Space {
     clearance: Clearance,
     /// Where the robot has been.
     trail: VoxelSet,
+    /// Where it was refused to go.
+    barred: VoxelSet,
     passable: VoxelSet,
     /// Smallest and largest of the bricks that were heard of.
     known: Option<[Voxel; 2]>,
@@ -51,6 +53,7 @@ impl Space {
             resolution: grid.resolution(),
             clearance: clearance.clone(),
             trail: VoxelSet::new(),
+            barred: VoxelSet::new(),
             passable: VoxelSet::new(),
             known: None,
         };
@@ -88,6 +91,17 @@ impl Space {
         changed
     }
 
+    /// Takes note that there are more voxels that the robot must not go through, whatever the map says. Answers the voxels of which
+    /// anything is other than it was.
+    pub fn bar<'a>(&mut self, voxels: impl IntoIterator<Item = &'a Voxel>) -> VoxelSet {
+        let come: BTreeSet<Voxel> =
+            voxels.into_iter().filter(|voxel| self.barred.insert(**voxel)).map(|voxel| brick_of(*voxel)).collect();
+        let closed = changes(come, |brick| self.passable.replace(brick, &self.passable_cells(brick)));
+        let mut changed = VoxelSet::new();
+        self.reach.update(&self.passable, self.start(), &closed, &mut |brick, cells| changed.unite(brick, cells));
+        changed
+    }
+
     /// The bricks that cells of a brick are near enough to for the robot not to be in.
     fn near(&self, (brick, cells): &(Voxel, Mask)) -> impl Iterator<Item = Voxel> + use<> {
         let reach = self.clearance.reach();
@@ -102,7 +116,8 @@ impl Space {
 
     fn passable_cells(&self, brick: Voxel) -> Mask {
         let (free, trail) = (self.free.brick(brick), self.trail.brick(brick));
-        mask::or(&self.clearance.clear(&self.free, brick), &mask::and(free, trail))
+        let clear = mask::or(&self.clearance.clear(&self.free, brick), &mask::and(free, trail));
+        mask::without(&clear, self.barred.brick(brick))
     }
 
     /// The robot first gets out of a tight corner, to where most can be reached from; answers the voxels that it can get to, or
@@ -246,13 +261,13 @@ mod tests {
         #[test]
         fn incremental_equals_worked_out_anew(
             radius in prop_oneof![Just(0.0), Just(0.1), Just(0.25)],
-            edits in prop::collection::vec((voxel(), prop::collection::vec((voxel(), 0..8u8), 0..40), any::<bool>()), 1..8),
+            edits in prop::collection::vec((voxel(), prop::collection::vec((voxel(), 0..8u8), 0..40), prop::option::of(voxel()), any::<bool>()), 1..8),
         ) {
             let mut grid = corridor(5);
             let clearance = Clearance::new(radius, 0.1).unwrap();
-            let mut trail: BTreeSet<Voxel> = BTreeSet::new();
+            let (mut trail, mut all_barred): (BTreeSet<Voxel>, BTreeSet<Voxel>) = Default::default();
             let mut space = Space::around(&grid, Voxel::new(3, 2, 2), &clearance, &trail);
-            for (robot, cells, back_off) in edits {
+            for (robot, cells, barred, back_off) in edits {
                 let mut bricks = BTreeSet::new();
                 for (voxel, state) in cells {
                     // Mostly free, as a map is.
@@ -266,7 +281,11 @@ mod tests {
                 turned.retain(|(voxel, on)| trail.contains(voxel) == *on);
                 let before = space.clone();
                 let mut changed = space.follow(&grid, robot, bricks, turned);
+                all_barred.extend(&barred);
+                let closed = space.bar(&barred);
+                closed.bricks().for_each(|(brick, cells)| changed.unite(brick, cells));
                 let mut anew = Space::around(&grid, robot, &clearance, &trail);
+                anew.bar(&all_barred);
                 if back_off {
                     let moved = space.back_off();
                     prop_assert_eq!(anew.back_off().is_some(), moved.is_some());

@@ -84,16 +84,36 @@ impl Cluster {
 
 impl Clusters {
     /// Takes note that some of the voxels `turned` have come or gone: `is_in` says which are there now. All others are as they
-    /// were.
-    pub fn update(&mut self, turned: impl IntoIterator<Item = Voxel>, is_in: impl Fn(Voxel) -> bool) {
+    /// were. Answers those that have.
+    pub fn update(
+        &mut self,
+        turned: impl IntoIterator<Item = Voxel>,
+        is_in: impl Fn(Voxel) -> bool,
+    ) -> BTreeSet<Voxel> {
         let turned: BTreeSet<Voxel> =
             turned.into_iter().filter(|v| is_in(*v) != self.numbers.contains_key(v)).collect();
-        let (come, mut gone): (BTreeSet<Voxel>, BTreeSet<Voxel>) = turned.into_iter().partition(|v| is_in(*v));
+        let (come, mut gone): (BTreeSet<Voxel>, BTreeSet<Voxel>) = turned.iter().partition(|v| is_in(**v));
         // Hole by hole, so that the searches around one of them meet near it.
         while let Some(first) = gone.pop_first() {
             self.remove(hole(first, &mut gone));
         }
         come.into_iter().for_each(|voxel| self.add(voxel));
+        turned
+    }
+
+    /// The voxels that are at most `steps` steps within their cluster from one of `sources`, which need not be there themselves.
+    pub fn within(&self, sources: impl IntoIterator<Item = Voxel>, steps: usize) -> BTreeSet<Voxel> {
+        let mut front: Vec<Voxel> = sources.into_iter().collect();
+        let mut found: BTreeSet<Voxel> = front.iter().copied().filter(|v| self.numbers.contains_key(v)).collect();
+        for _ in 0..steps {
+            let next = front.iter().flat_map(|voxel| self.beside(*voxel));
+            let next: Vec<Voxel> = next.filter(|near| found.insert(*near)).collect();
+            if next.is_empty() {
+                break;
+            }
+            front = next;
+        }
+        found
     }
 
     /// The cluster that a voxel is in; `None`: it is not there.

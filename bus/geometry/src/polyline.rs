@@ -72,6 +72,21 @@ impl Polyline {
         points
     }
 
+    /// After how much of the way (m) it comes nearest to `point`; the first of equals.
+    pub fn nearest(&self, point: Point3<f64>) -> f64 {
+        let mut best = ((point - self.points[0]).norm(), 0.0);
+        for (ends, start) in self.points.windows(2).zip(&self.lengths) {
+            let along = ends[1] - ends[0];
+            let length = along.norm();
+            let s = (along.dot(&(point - ends[0])) / length).clamp(0.0, length);
+            let distance = (point - (ends[0] + along / length * s)).norm();
+            if distance < best.0 {
+                best = (distance, start + s);
+            }
+        }
+        best.1
+    }
+
     /// Points along the way, `step` (m) apart, its first and its last point among them; each with its length of way.
     pub fn samples(&self, step: f64) -> impl Iterator<Item = (f64, Point3<f64>)> + '_ {
         let count = (self.length() / step).ceil().max(0.0) as usize;

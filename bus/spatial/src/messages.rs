@@ -318,12 +318,15 @@ pub struct ExplorerPast {
     /// Targets that no new place saw when they were last looked for, in lexicographic order.
     #[describe(longest = checks::MAX_REMEMBERED)]
     pub hidden: Vec<Voxel>,
+    /// Voxels of ways on which the sensor refused to go, in lexicographic order.
+    #[describe(longest = checks::MAX_REMEMBERED)]
+    pub refused: Vec<Voxel>,
 }
 
 impl ExplorerPast {
     /// How long the lists are together.
     pub fn entries(&self) -> usize {
-        self.trail.len() + self.targets.len() + self.hidden.len()
+        self.trail.len() + self.targets.len() + self.hidden.len() + self.refused.len()
     }
 }
 
@@ -424,8 +427,8 @@ pub struct Leg {
     /// Length of the last step (m).
     #[describe(unit = "m", range = checks::LENGTHS_M)]
     pub step_m: f64,
-    /// The sensor refused to go on.
-    pub blocked: bool,
+    /// What it ended by that no map shows: the sensor refused to go on, or knew better where it was.
+    pub ended: Option<Outcome>,
     /// Looks taken at its end.
     #[describe(count)]
     pub looks: u64,
@@ -498,6 +501,8 @@ pub enum Outcome {
     Unresolved,
     /// New obstacles cut the path before its end.
     Cut,
+    /// The sensor refused the next step: something is in the way that the map does not show.
+    Refused,
 }
 
 /// What an explorer decides.

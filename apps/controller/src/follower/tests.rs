@@ -148,7 +148,7 @@ fn a_new_obstacle_near_the_rest_of_the_path_cuts_it() {
 }
 
 #[test]
-fn a_refused_command_is_a_cut_and_no_way() {
+fn a_refused_command_is_said_to_be_one_and_is_no_way() {
     let (mut bench, first) = Bench::new();
     let actions = bench.follower.on_plan(&plan(&first, true)).unwrap();
     let Some(Action::Command(command)) = actions.last() else { panic!() };
@@ -156,7 +156,19 @@ fn a_refused_command_is_a_cut_and_no_way() {
     bench.follower.on_camera_pose(&CameraPose { command: command.id, pose: stayed }).unwrap();
     let actions = bench.scan(2, vec![]);
     let [Action::Progress(progress), Action::Request(asked)] = &actions[..] else { panic!("{actions:?}") };
-    assert_eq!((asked.outcome, asked.pose, progress.path_length_m), (Outcome::Cut, stayed, 0.0));
+    assert_eq!((asked.outcome, asked.pose, progress.path_length_m), (Outcome::Refused, stayed, 0.0));
+}
+
+/// Regression: the map knew better than before what the robot stood in, and each path out of it was cut before its first step.
+#[test]
+fn the_robot_may_leave_the_voxel_that_it_is_in() {
+    let (mut bench, first) = Bench::new();
+    let robot = Voxel::containing(first.pose.position(), 0.1);
+    bench.scan(2, vec![(robot, State::Occupied)]);
+    let plan = Plan { revision: 2, ..plan(&first, true) };
+    bench.follower.on_plan(&plan).unwrap();
+    let there = bench.scan(3, vec![(robot + Voxel::new(0, 0, 1), State::Occupied)]);
+    assert!(matches!(there.last(), Some(Action::Command(_))), "{there:?}");
 }
 
 #[test]

@@ -62,10 +62,11 @@ impl Agenda {
         }
         if settings.min_frontier > 1 {
             let is_reached = |voxel| known.frontier.contains(voxel) && space.component.contains(voxel);
-            self.clusters.update(stale.iter().flat_map(|(brick, cells)| voxels_of(*brick, *cells)), is_reached);
-            // How large a cluster is may have changed with a voxel far away.
-            for brick in known.frontier.bricks().into_keys() {
-                stale.entry(brick).or_insert(mask::NONE);
+            let stale_voxels = stale.iter().flat_map(|(brick, cells)| voxels_of(*brick, *cells));
+            let turned = self.clusters.update(stale_voxels, is_reached);
+            // Who is in a small cluster now, or was, and in a large one before, or now, is at most its size from what has turned.
+            for voxel in self.clusters.within(turned, settings.min_frontier - 1) {
+                stale.entry(brick_of(voxel)).or_insert(mask::NONE);
             }
         }
         let mut near = NearGoals::new(space, known.sight.range_m);

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use elk_geometry::mask::Mask;
 use elk_geometry::ray::Traversal;
-use elk_geometry::{FrontierSet, Pose, State, Voxel, VoxelSet};
+use elk_geometry::{FrontierSet, Polyline, Pose, State, Voxel, VoxelSet};
 use elk_spatial::checks::{MAX_CORNERS, MAX_COUNT, MAX_REMEMBERED, MAX_TRIES, path_in};
 use elk_spatial::messages::{
     Decision, ExplorerMemory, ExplorerPast, Outcome, Path, PlanRequest, Standing, TargetRecord,
@@ -40,7 +40,11 @@ pub struct Memory {
     /// What came to it when the last plan was made (`true`), or left it.
     trail_turned: Vec<(Voxel, bool)>,
     hidden: BTreeSet<Voxel>,
-    /// What has come to trail, targets and hidden since they were said whole; `None`: they have to be, something was forgotten.
+    /// Voxels of ways on which the sensor refused to go: each refused step's, without those where the robot has been.
+    barred: BTreeSet<Voxel>,
+    /// Those that came to them when the last plan was made.
+    barred_now: Vec<Voxel>,
+    /// What has come to trail, targets, hidden and barred since they were said whole; `None`: they have to be, something was forgotten.
     since: Option<Since>,
     /// How things stood when they last changed, and the revision then.
     standing: Standing,
@@ -56,6 +60,7 @@ struct Since {
     trail: Vec<Voxel>,
     targets: BTreeSet<Voxel>,
     hidden: Vec<Voxel>,
+    barred: Vec<Voxel>,
     /// Entries of that past.
     said: usize,
 }
@@ -64,7 +69,7 @@ impl Since {
     /// Whether to say all anew costs less than to go on: with each plan this is said again, and the past only with some of them.
     /// What is said with a plan then grows with the square root of what is known.
     fn is_long(&self) -> bool {
-        let entries = self.trail.len() + self.targets.len() + self.hidden.len();
+        let entries = self.trail.len() + self.targets.len() + self.hidden.len() + self.barred.len();
         entries * entries > PLAN_ENTRIES * (self.said + PLAN_ENTRIES)
     }
 }
@@ -90,6 +95,8 @@ impl Memory {
             trail: past.trail.iter().chain(&left.lists.trail).copied().collect(),
             trail_turned: Vec::new(),
             hidden: past.hidden.iter().chain(&left.lists.hidden).copied().collect(),
+            barred: past.refused.iter().chain(&left.lists.refused).copied().collect(),
+            barred_now: Vec::new(),
             since: None,
             standing: left.standing,
             progress_at: left.progress_at,
@@ -107,6 +114,7 @@ impl Memory {
                 trail: since.trail.clone(),
                 targets: since.targets.iter().filter_map(|target| self.targets.get(target)).cloned().collect(),
                 hidden: since.hidden.clone(),
+                refused: since.barred.clone(),
             },
         };
         to.standing = self.standing;
@@ -120,6 +128,7 @@ impl Memory {
             trail: self.trail.iter().copied().collect(),
             targets: self.targets.values().cloned().collect(),
             hidden: self.hidden.iter().copied().collect(),
+            refused: self.barred.iter().copied().collect(),
         }
     }
 
@@ -144,8 +153,9 @@ impl Memory {
         self.targets.entry(target).or_insert_with(new)
     }
 
-    /// Takes note of how the last path went; of the rays of all scans so far, `no_return` went without a return.
-    pub fn learn(&mut self, request: &PlanRequest, known: Known, no_return: u64) {
+    /// Takes note of how the last path went, on which there was a scan every `step_m` (m); of the rays of all scans so far,
+    /// `no_return` went without a return.
+    pub fn learn(&mut self, request: &PlanRequest, known: Known, step_m: f64, no_return: u64) {
         let Known { grid, frontier, .. } = known;
         let resolution = grid.resolution();
         let robot = Voxel::containing(request.pose.position(), resolution);
@@ -154,7 +164,8 @@ impl Memory {
         if let Some(path) = &followed {
             // What cuts a path is seen on the way. Where it began the map was the plan's, and free.
             let begun = path.points.first() != Some(&request.pose.position());
-            self.refused = (self.refused + u64::from(request.outcome == Outcome::Cut && !begun)).min(MAX_COUNT);
+            let refused = request.outcome == Outcome::Refused || (request.outcome == Outcome::Cut && !begun);
+            self.refused = (self.refused + u64::from(refused)).min(MAX_COUNT);
             if frontier.contains(path.target) {
                 self.judge(path, request.outcome, robot, resolution);
             }
@@ -164,6 +175,10 @@ impl Memory {
             self.judge_view(&path.looks, request.pose.position(), known);
         }
         self.no_return = no_return;
+        self.barred_now.clear();
+        if let Some(path) = followed.as_ref().filter(|_| request.outcome == Outcome::Refused) {
+            self.bar(path, request.pose.position(), (step_m, resolution));
+        }
         self.extend_trail(followed.as_ref(), robot, resolution);
         self.forget(robot, frontier);
         let now = Standing {
@@ -201,7 +216,7 @@ impl Memory {
         let record = self.record(path.target);
         match outcome {
             Outcome::Unresolved => tried_from(record, robot),
-            Outcome::Cut => {
+            Outcome::Cut | Outcome::Refused => {
                 record.cuts += 1;
                 if record.cuts >= CUTS {
                     record.cuts = 0;
@@ -233,6 +248,26 @@ impl Memory {
                 tried_from(record, robot);
             }
         }
+    }
+
+    /// The sensor refused to go on along `path` from `from` (m, world), a step of `step_m` (m) or what is left: what is in the way is
+    /// somewhere on it, other than where the robot has been, and no plan leads through there any more.
+    fn bar(&mut self, path: &Path, from: Point3<f64>, (step_m, resolution): (f64, f64)) {
+        let Some(way) = Polyline::new(path.points.iter().copied()) else {
+            return;
+        };
+        let robot = Voxel::containing(from, resolution);
+        let begun = way.nearest(from);
+        let step = way.part(begun, (begun + step_m).min(way.length()));
+        let entered = step.windows(2).flat_map(|p| Traversal::new(p[0], p[1], resolution)).filter(|v| *v != robot);
+        let entered: BTreeSet<Voxel> = entered.filter(|voxel| voxel.is_mappable()).collect();
+        let new: BTreeSet<Voxel> = entered.difference(&self.trail).copied().collect();
+        let new = if new.is_empty() { entered } else { new };
+        let room = MAX_REMEMBERED - self.barred.len().min(MAX_REMEMBERED);
+        let come = new.into_iter().filter(|voxel| !self.barred.contains(voxel)).take(room);
+        self.barred_now = come.collect();
+        self.barred.extend(&self.barred_now);
+        self.since.iter_mut().for_each(|since| since.barred.extend(&self.barred_now));
     }
 
     /// The robot went along `path`, if there was one, until it was in `robot`. Where the map has no voxels it leaves no trail.
@@ -301,6 +336,16 @@ impl Memory {
         self.trail_turned.iter().copied()
     }
 
+    /// Voxels of ways on which the sensor refused to go.
+    pub fn barred(&self) -> &BTreeSet<Voxel> {
+        &self.barred
+    }
+
+    /// Those of them that came when the last plan was made.
+    pub fn barred_now(&self) -> &[Voxel] {
+        &self.barred_now
+    }
+
     /// The targets of a brick (in bricks) of which anything is remembered.
     pub fn remembered(&self, brick: Voxel) -> &Mask {
         self.remembered.brick(brick)
@@ -325,7 +370,7 @@ impl Memory {
         self.targets.get(&target).is_some_and(|record| record.no_return)
     }
 
-    /// Paths on which the sensor did not take a single step.
+    /// Steps that the sensor refused, and paths that were cut before the first step.
     pub fn refused(&self) -> u64 {
         self.refused
     }
@@ -346,9 +391,28 @@ fn tried_from(record: &mut TargetRecord, place: Voxel) {
 #[cfg(test)]
 mod tests {
     use elk_geometry::{OccupancyGrid, State};
+    use nalgebra::Vector3;
     use proptest::prelude::*;
 
     use super::*;
+
+    /// A metre along x.
+    fn straight(from: Voxel) -> Path {
+        let from_m = from.center(0.1);
+        Path { points: vec![from_m, from_m + Vector3::x()], target: from, unknown: vec![], looks: vec![] }
+    }
+
+    #[test]
+    fn of_a_refused_step_what_the_robot_was_not_in_is_barred() {
+        let at = |x: i32| Voxel::new(x, 0, 0);
+        let mut memory = Memory::default();
+        memory.extend_trail(Some(&straight(at(0))), at(4), 0.1);
+        memory.bar(&straight(at(2)), at(3).center(0.1), (0.4, 0.1));
+        assert_eq!(memory.barred().iter().copied().collect::<Vec<_>>(), [at(5), at(6), at(7)]);
+        // Where it has been all the way it is somewhere all the same.
+        memory.bar(&straight(at(0)), at(0).center(0.1), (0.2, 0.1));
+        assert_eq!(memory.barred_now(), [at(1), at(2)]);
+    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
@@ -367,6 +431,7 @@ mod tests {
                     0 => memory.forget_trail(voxel),
                     1..15 => memory.extend_trail(None, voxel, 0.1),
                     15..30 => memory.record(voxel).cuts += 1,
+                    30..33 => memory.bar(&straight(voxel), voxel.center(0.1), (0.3, 0.1)),
                     _ => memory.hide([voxel].into_iter(), &frontier),
                 }
                 memory.leave(&mut left);

@@ -45,7 +45,8 @@ impl Scene {
     }
 
     fn anew(known: Known, robot: Voxel, memory: &Memory, settings: &Settings) -> Self {
-        let space = Space::around(known.grid, robot, &settings.clearance, memory.trail());
+        let mut space = Space::around(known.grid, robot, &settings.clearance, memory.trail());
+        space.bar(memory.barred());
         let (verdicts, agenda, changed) = (Verdicts::default(), Agenda::default(), VoxelSet::new());
         Self { space, verdicts, agenda, left: FrontiersLeft::default(), changed, unseen: None }
     }
@@ -53,6 +54,8 @@ impl Scene {
     fn follow(mut self, known: Known, robot: Voxel, changed: &VoxelSet, memory: &Memory) -> Self {
         let bricks = changed.bricks().map(|(brick, _)| brick);
         self.changed = self.space.follow(known.grid, robot, bricks, memory.trail_turned());
+        let barred = self.space.bar(memory.barred_now());
+        barred.bricks().for_each(|(brick, cells)| self.changed.unite(brick, cells));
         self.hear_of_space();
         // What was unknown and is occupied now is free neither way.
         changed.bricks().for_each(|(brick, cells)| self.changed.unite(brick, cells));
@@ -149,7 +152,7 @@ mod tests {
                 let outcome = if target.is_some() { Outcome::Unresolved } else { Outcome::First };
                 let request = PlanRequest { id: 1, pose: Pose::looking(position, Vector3::x()), revision: 1, outcome };
                 let known = Known { grid: &grid, frontier: &frontier, sight: Sight::default() };
-                memory.learn(&request, known, 0);
+                memory.learn(&request, known, settings.policy.scan_spacing_m, 0);
                 let learned = memory.take_learned();
                 let scene = |before: (Option<Scene>, VoxelSet), learned: &BTreeSet<Voxel>| {
                     let mut scene = Scene::around(known, position, before, &memory, &settings);

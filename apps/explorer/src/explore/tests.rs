@@ -342,6 +342,7 @@ pub(super) fn fullest_memory(path: Path) -> ExplorerMemory {
             trail: line(1).collect(),
             targets: elsewhere.chain([record(target, vec![target; MAX_CORNERS])]).collect(),
             hidden: line(2).collect(),
+            refused: line(3).collect(),
         },
         standing: Standing::default(),
         progress_at: MAX_COUNT,
@@ -521,4 +522,59 @@ fn what_was_hidden_once_is_looked_at_before_what_is_farther_away() {
         next.succeed(&ExplorerMemory { lists, ..left.clone() });
         assert_eq!(target(&mut next).0, shafts[0], "{hidden:?}");
     }
+}
+
+/// Regression: where the sensor refused to go on the map stayed free, and the same step was planned again a hundred times.
+#[test]
+fn a_refused_step_is_not_planned_again_by_a_successor_either() {
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    explorer.hear_of_camera(&camera());
+    let mut grid = OccupancyGrid::new(RESOLUTION);
+    let pose = Pose::looking(Point3::new(0.35, 0.45, 0.55), Vector3::new(1.0, 0.3, 0.0));
+    let changed = scan(&mut grid, &pose);
+    grid.advance(&changed);
+    explorer.hear_of_map(&grid, &changed);
+    let (mut outcome, mut refused, mut past) = (Outcome::First, BTreeSet::new(), ExplorerPast::default());
+    for id in 1..20 {
+        let plan = explorer.plan(&grid, &PlanRequest { id, pose, revision: grid.revision(), outcome });
+        let Decision::Go(path) = &plan.decision else {
+            assert!(id > 2, "there are ways round");
+            return;
+        };
+        let way = Polyline::new(path.points.iter().copied()).unwrap();
+        let step = way.part(0.0, 0.4);
+        let entered = step.windows(2).flat_map(|p| Traversal::new(p[0], p[1], RESOLUTION)).skip(1);
+        let entered: BTreeSet<Voxel> = entered.collect();
+        assert!(entered.is_disjoint(&refused), "plan {id} goes where it was refused to");
+        refused.extend(entered);
+        outcome = Outcome::Refused;
+        past = explorer.take_past().unwrap_or(past);
+        let mut next = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+        next.hear_of_past(past.clone());
+        next.succeed(&explorer.memory(&plan).0);
+        next.hear_of_camera(&camera());
+        next.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
+        explorer = next;
+    }
+}
+
+/// Regression: a robot in a closed box of a saved map had explored it.
+#[test]
+fn who_is_shut_in_has_not_explored() {
+    let mut explorer = Explorer::new(Box::new(ClosestFrontier), settings(Policy::elk(0.4)));
+    explorer.hear_of_camera(&camera());
+    let mut grid = OccupancyGrid::new(RESOLUTION);
+    let here = Voxel::new(5, 5, 5);
+    let cells = (0..11).flat_map(|x| (0..11).flat_map(move |y| (0..11).map(move |z| Voxel::new(x, y, z))));
+    for voxel in cells {
+        let far = (0..3).map(|axis| (voxel.to_array()[axis] - here.to_array()[axis]).abs()).max().unwrap();
+        grid.set(voxel, if far == 3 { State::Occupied } else { State::Free });
+    }
+    grid.advance(&[]);
+    explorer.hear_of_map(&grid, grid.bricks().voxels().map(|(voxel, _)| voxel));
+    let pose = Pose::looking(here.center(RESOLUTION), Vector3::x());
+    let plan = explorer.plan(&grid, &PlanRequest { id: 1, pose, revision: grid.revision(), outcome: Outcome::First });
+    assert_eq!(plan.decision, Decision::Done);
+    let report = explorer.report().unwrap();
+    assert!(!report.complete && report.reason.contains("is shut in: the map has 125 free voxels"), "{report:?}");
 }

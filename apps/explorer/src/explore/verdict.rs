@@ -55,7 +55,7 @@ impl Verdict {
     /// Judges a run by how it ended, by the frontier that is left, and by the map.
     pub fn of(why: StopReason, left: &FrontiersLeft, scene: &Scene, grid: &OccupancyGrid, settings: &Settings) -> Self {
         let missed = || left_over(left, grid.resolution(), settings);
-        let short = why.failure(left, settings).or_else(|| walled_in(scene.robot(), grid, left));
+        let short = why.failure(left, settings).or_else(|| walled_in(scene, grid, left));
         let short = short.or_else(|| nothing_to_explore(scene.robot(), grid, settings.bounds)).or_else(missed);
         short.map_or_else(|| Self::explored(left, settings), |reason| Self { complete: false, reason })
     }
@@ -100,14 +100,22 @@ fn left_over(left: &FrontiersLeft, resolution: f64, settings: &Settings) -> Opti
     })
 }
 
-/// Why a robot gets nowhere that stands where the map has an obstacle: in one that was saved, and is wrong there.
-fn walled_in(robot: Voxel, grid: &OccupancyGrid, left: &FrontiersLeft) -> Option<String> {
+/// Why a robot gets nowhere: it stands where the map has an obstacle, or more of the frontier is out of its reach than there are
+/// voxels that it can be in.
+fn walled_in(scene: &Scene, grid: &OccupancyGrid, left: &FrontiersLeft) -> Option<String> {
+    let (robot, room) = (scene.robot(), scene.space.component.len());
     let place = shown(robot.center(grid.resolution()));
-    (grid.state(robot) == State::Occupied && left.unreachable > 0).then(|| {
+    let unreachable = left.unreachable;
+    if grid.state(robot) == State::Occupied && unreachable > 0 {
+        return Some(format!(
+            "the robot at {place} m stands in what the map calls occupied, and {unreachable} frontier voxels are out of its \
+             reach: is its start right for the map that it began with (Map.From)?"
+        ));
+    }
+    (unreachable > room as u64).then(|| {
         format!(
-            "the robot at {place} m stands in what the map calls occupied, and {} frontier voxels are out of its reach: is its \
-             start right for the map that it began with (Map.From)?",
-            left.unreachable
+            "the robot at {place} m is shut in: the map has {room} free voxels around it, and {unreachable} frontier voxels \
+             beyond; is its start right, and the map that it began with (Map.From)?"
         )
     })
 }
