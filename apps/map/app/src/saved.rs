@@ -4,14 +4,20 @@ use std::path::Path;
 
 use elk_bus::AppError;
 use elk_map::{Format, MapConfig, OccupancyMap, RestoreError, Saved};
+use elk_mission::Kind;
 use elk_outside::file;
 
 /// More than a brick takes in any file (bytes): in an `.ot` it is 585 nodes of at most 8 bytes (a ColorOcTree's), and what is
 /// above them.
 const MOST_BYTES_A_BRICK: u64 = 8192;
 
+/// A file that has to be there.
+const THERE: Kind = Kind::File { builtin: &[], at_once: true };
+
 /// The map that goes on from a saved one.
 pub fn read(path: &Path, config: MapConfig) -> Result<OccupancyMap, AppError> {
+    // In the words in which a mission is told of any file.
+    THERE.parse(&path.to_string_lossy(), Path::new("")).map_err(|e| format!("From: {e}"))?;
     let (name, most) = (path.display(), MOST_BYTES_A_BRICK * (config.max_bricks as u64 + 1));
     let bytes = file::read(path, most).map_err(|e| format!("From: cannot read {name}: {e}"))?;
     let saved = Saved::read(&bytes).map_err(|e| format!("From: cannot read {name}: {e}"))?;

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use elk_bus::Mail;
 use elk_map::{Format, MapConfig, OccupancyMap, Saved};
-use elk_spatial::keys::MAP_UPDATE;
+use elk_spatial::keys::{MAP, MAP_UPDATE};
 use elk_spatial::map::MapUpdate;
 use nalgebra::Point3;
 
@@ -22,6 +22,10 @@ fn known() -> OccupancyMap {
 
 fn stage(folder: &Path) -> Stage {
     Stage::new(folder, &known(), &[], "MAP_*")
+}
+
+fn stage_of(file: &Path) -> Stage {
+    Stage::of(file, &[], "MAP_*")
 }
 
 /// Lets the map do what it can; the updates that it says.
@@ -70,6 +74,48 @@ fn what_a_predecessor_left_goes_before_the_file() {
     bench.scan(2, 0.3);
     let said = updates(&mut bench);
     assert_eq!(said.iter().map(|update| (update.revision, update.since, update.scan)).collect::<Vec<_>>(), [(3, 2, 2)]);
+}
+
+#[test]
+fn a_successor_needs_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bench = stage(folder.path());
+    bench.scan(1, 0.3);
+    assert_eq!(updates(&mut bench).len(), 2);
+    bench.stop();
+    std::fs::remove_file(folder.path().join("known.elkmap")).unwrap();
+    bench.exchange();
+    bench.scan(2, 0.3);
+    let said = updates(&mut bench);
+    assert_eq!(said.iter().map(|update| (update.revision, update.since, update.scan)).collect::<Vec<_>>(), [(3, 2, 2)]);
+}
+
+/// One that is killed leaves no memory, and its readers have what it said of the file.
+#[test]
+fn without_memory_and_without_file_a_successor_asks_its_readers() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bench = stage(folder.path());
+    let said = updates(&mut bench);
+    std::fs::remove_file(folder.path().join("known.elkmap")).unwrap();
+    bench.exchange();
+    assert_eq!(updates(&mut bench), [], "it has nothing to say");
+    bench.others.comms.publish(&MAP, &said[0]).unwrap();
+    bench.scan(1, 0.3);
+    let said = updates(&mut bench);
+    assert_eq!(said.iter().map(|update| (update.revision, update.since)).collect::<Vec<_>>(), [(2, 1)]);
+}
+
+#[test]
+fn the_first_map_needs_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("known.elkmap");
+    let mut bench = stage(folder.path());
+    std::fs::remove_file(&file).unwrap();
+    let error = bench.try_give().unwrap_err().to_string();
+    assert!(error.contains(&format!("From: there is no file {}", file.display())), "{error}");
+    std::fs::create_dir(&file).unwrap();
+    let error = stage_of(&file).try_give().unwrap_err().to_string();
+    assert!(error.contains(&format!("From: {} is a folder; right is a file", file.display())), "{error}");
 }
 
 fn saved() -> Saved {
