@@ -115,6 +115,8 @@ impl OccupancyMap {
             let home = brick_of(sensor.lattice.voxel(sensor.at));
             new.sort_by(|a, b| a.distance(home).total_cmp(&b.distance(home)));
             new.truncate(room);
+            // In the order in which the grid comes to have them.
+            new.sort_unstable();
         }
         for brick in new {
             self.table.find_or_add(brick);
