@@ -24,15 +24,16 @@ pub enum Format {
     Bt,
 }
 
-/// A map that was read from a file.
+/// A map that was read from the bytes of a file. OctoMap's take no memory besides these, an `.elkmap` no more than half again as
+/// much.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Saved {
+pub enum Saved<'a> {
     /// All that the map knew.
     Snapshot(Snapshot),
     /// Log-odds.
-    LogOdds(TreeFile<f32>),
+    LogOdds(TreeFile<'a, f32>),
     /// Occupied (`true`) and free cubes.
-    Occupancy(TreeFile<bool>),
+    Occupancy(TreeFile<'a, bool>),
 }
 
 /// Why bytes are no map.
@@ -73,12 +74,12 @@ impl Format {
     }
 }
 
-impl Saved {
+impl<'a> Saved<'a> {
     /// The map in a file, whose first bytes tell of which kind it is.
     ///
     /// # Errors
     /// It is of no such kind, cut off or damaged.
-    pub fn read(bytes: &[u8]) -> Result<Self, SavedError> {
+    pub fn read(bytes: &'a [u8]) -> Result<Self, SavedError> {
         let begins = |magic: &[u8]| bytes.starts_with(magic);
         match () {
             () if begins(&elkmap::MAGIC) => Ok(Self::Snapshot(elkmap::read(bytes)?)),
@@ -106,25 +107,27 @@ impl OccupancyMap {
     ///
     /// # Errors
     /// Its voxels are not of this size, it is larger than this map may be, or it is none of a map.
-    pub fn from_saved(config: MapConfig, saved: &Saved) -> Result<Self, RestoreError> {
+    pub fn from_saved(config: MapConfig, saved: &Saved<'_>) -> Result<Self, RestoreError> {
         match saved {
             Saved::Snapshot(snapshot) => Self::restore(config, snapshot),
-            Saved::LogOdds(file) => Self::from_tree(config, file, |log_odds| log_odds),
+            Saved::LogOdds(file) => Self::of_cubes(config, file.resolution, file.cubes()),
             Saved::Occupancy(file) => {
-                Self::from_tree(config, file, |occupied| if occupied { config.hit } else { config.miss })
+                let log_odds = |occupied| if occupied { config.hit } else { config.miss };
+                let cubes = file.cubes().map(|Cube { min, edge, value }| Cube { min, edge, value: log_odds(value) });
+                Self::of_cubes(config, file.resolution, cubes)
             }
         }
     }
 
-    /// The map of a tree, `log_odds` being those of its values.
-    fn from_tree<V: Copy + PartialEq>(
+    /// The map of cubes of log-odds.
+    fn of_cubes(
         config: MapConfig,
-        file: &TreeFile<V>,
-        log_odds: impl Fn(V) -> f32,
+        resolution: f64,
+        cubes: impl Iterator<Item = Cube<f32>>,
     ) -> Result<Self, RestoreError> {
-        let mut map = Self::with_room_for(config, 0, file.resolution)?;
-        for Cube { min, edge, value } in file.tree.cubes() {
-            let log_odds = log_odds(value).clamp(config.clamp_min, config.clamp_max);
+        let mut map = Self::with_room_for(config, 0, resolution)?;
+        for Cube { min, edge, value } in cubes {
+            let log_odds = value.clamp(config.clamp_min, config.clamp_max);
             let bricks = (edge as i32 / BRICK).max(1);
             // A single cube may stand for more voxels than any memory holds.
             map.see_room_for(brick_of(min), (bricks as usize).pow(3))?;
@@ -187,7 +190,8 @@ mod tests {
     }
 
     fn again(format: Format, map: &OccupancyMap) -> OccupancyMap {
-        let saved = Saved::read(&format.write(map)).unwrap();
+        let bytes = format.write(map);
+        let saved = Saved::read(&bytes).unwrap();
         assert_eq!(saved.resolution(), 0.1);
         OccupancyMap::from_saved(MapConfig::default(), &saved).unwrap()
     }
@@ -207,7 +211,8 @@ mod tests {
                 for (voxel, log_odds) in map.known().filter(|_| format != Format::Bt) {
                     prop_assert_eq!(again.log_odds(voxel), Some(log_odds));
                 }
-                prop_assert_eq!(Saved::read(&format.write(&again)), Saved::read(&format.write(&map)));
+                let [ours, right] = [&again, &map].map(|map| format.write(map));
+                prop_assert_eq!(Saved::read(&ours), Saved::read(&right));
             }
         }
     }
@@ -226,16 +231,19 @@ mod tests {
     /// A file of 30 bytes may call the whole world free.
     #[test]
     fn a_cube_that_no_map_holds_is_refused_before_it_is_made() {
-        let file = |tree| Saved::Occupancy(TreeFile { resolution: 0.1, tree });
         let config = MapConfig { max_bricks: 64, ..MapConfig::default() };
-        let of = |tree| OccupancyMap::from_saved(config, &file(tree));
-        let world = of(Node::Leaf(false)).unwrap_err();
+        let of = |tree: Node<f32>| {
+            let mut bytes = Vec::new();
+            write_ot(&mut bytes, &tree, 0.1).unwrap();
+            OccupancyMap::from_saved(config, &Saved::read(&bytes).unwrap())
+        };
+        let world = of(Node::Leaf(-0.4)).unwrap_err();
         assert_eq!(world, RestoreError::TooMany { bricks: 1 << 39, most: 64 });
         // A cube of four bricks along each edge fits, and one more brick does not.
-        let mut voxels: Vec<(Voxel, bool)> = cube(4 * BRICK).map(|voxel| (voxel, true)).collect();
+        let mut voxels: Vec<(Voxel, f32)> = cube(4 * BRICK).map(|voxel| (voxel, 0.85)).collect();
         let map = of(Node::from_voxels(voxels.iter().copied())).unwrap();
         assert_eq!((map.grid().occupied(), map.is_full()), (voxels.len(), true));
-        voxels.push((Voxel::new(-1, 0, 0), true));
+        voxels.push((Voxel::new(-1, 0, 0), 0.85));
         assert!(matches!(of(Node::from_voxels(voxels)), Err(RestoreError::TooMany { bricks: 65, most: 64 })));
     }
 
@@ -243,7 +251,8 @@ mod tests {
     fn what_does_not_fit_is_refused() {
         let map = map_of(&vec![([0.05; 3].into(), vec![[3.95, 0.05, 0.05].into()])]);
         for format in FORMATS {
-            let saved = Saved::read(&format.write(&map)).unwrap();
+            let bytes = format.write(&map);
+            let saved = Saved::read(&bytes).unwrap();
             let finer = MapConfig { resolution: 0.05, ..MapConfig::default() };
             let smaller = MapConfig { max_bricks: 4, ..MapConfig::default() };
             let refused = [finer, smaller].map(|config| OccupancyMap::from_saved(config, &saved).unwrap_err());

@@ -7,9 +7,9 @@ use elk_map::{Format, MapConfig, OccupancyMap, RestoreError, Saved};
 use elk_mission::Kind;
 use elk_outside::file;
 
-/// More than a brick takes in any file (bytes): in an `.ot` it is 585 nodes of at most 8 bytes (a ColorOcTree's), and what is
-/// above them.
-const MOST_BYTES_A_BRICK: u64 = 8192;
+/// What a brick takes at most in any file (bytes): in an `.ot` 585 nodes of at most 8 bytes (a ColorOcTree's), and the 13 above
+/// them.
+const MOST_BYTES_A_BRICK: u64 = 8 * (585 + 13);
 
 /// A file that has to be there.
 const THERE: Kind = Kind::File { builtin: &[], at_once: true };

@@ -42,7 +42,7 @@ fn a_saved_map_is_said_whole_before_the_first_scan_which_then_continues_it() {
     let folder = tempfile::tempdir().unwrap();
     let mut bench = stage(folder.path());
     let said = updates(&mut bench);
-    let right = MapUpdate::new(OccupancyMap::from_saved(MapConfig::default(), &saved()).unwrap().grid().whole(), 0);
+    let right = MapUpdate::new(restored().grid().whole(), 0);
     assert_eq!(said, [right]);
     assert_eq!((said[0].revision, said[0].since), (1, 0));
     bench.scan(1, 0.3);
@@ -118,6 +118,7 @@ fn the_first_map_needs_the_file() {
     assert!(error.contains(&format!("From: {} is a folder; right is a file", file.display())), "{error}");
 }
 
-fn saved() -> Saved {
-    Saved::read(&Format::ElkMap.write(&known())).unwrap()
+/// What goes on from the file.
+fn restored() -> OccupancyMap {
+    OccupancyMap::from_saved(MapConfig::default(), &Saved::read(&Format::ElkMap.write(&known())).unwrap()).unwrap()
 }
