@@ -98,8 +98,8 @@ impl OccupancyMap {
             let end = sensor.lattice.voxel(ray.end).to_array();
             (low, high) = (std::array::from_fn(|i| low[i].min(end[i])), std::array::from_fn(|i| high[i].max(end[i])));
         }
-        self.scratch.clear(start, low.into(), high.into());
-        Fan::new(sensor.lattice, sensor.at, &mut self.scratch)
+        self.scratch.clear(start, low.into(), high.into(), self.table.room());
+        Fan::new(sensor.lattice, sensor.at, &mut self.scratch, &self.table)
             .mark(rays, self.config.integration == Integration::EndVoxels);
         self.scratch.take()
     }
