@@ -56,7 +56,8 @@ pub enum RestoreError {
     Config(#[from] ConfigError),
     /// It is larger than this one may be.
     #[error(
-        "it has {bricks} bricks, and {most} are the most that this map may have: allow for more, or use larger voxels"
+        "it has {bricks} bricks of 8x8x8 voxels, and {most} are the most that this map may have: allow for more, or use larger \
+         voxels"
     )]
     TooMany {
         /// Bricks that it has.

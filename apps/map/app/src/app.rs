@@ -459,7 +459,8 @@ impl MapApp {
             let most = self.map.config().max_bricks;
             tell(format_args!(
                 "{name}: the map is full: {no_room} of {points} points of scan {id} lie beyond its {most} bricks (MaxBricks) \
-                 and are left out; set Map.MaxBricks or a coarser Res. Counted from now on"
+                 and are left out; allow for more by a larger MaxBricks, of the explorer as well, or set a coarser Res. \
+                 Counted from now on"
             ));
         }
     }

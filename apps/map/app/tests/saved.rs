@@ -118,6 +118,32 @@ fn the_first_map_needs_the_file() {
     assert!(error.contains(&format!("From: {} is a folder; right is a file", file.display())), "{error}");
 }
 
+#[test]
+fn a_file_that_does_not_serve_is_said_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.graph");
+    let said = |bytes: &[u8], settings: &[(&str, String)]| {
+        std::fs::write(&file, bytes).unwrap();
+        Stage::of(&file, settings, "MAP_*").try_give().unwrap_err().to_string()
+    };
+    let graph = [&3u32.to_le_bytes()[..], &1u32.to_le_bytes(), &3u32.to_le_bytes(), &[0; 99]].concat();
+    let graph = said(&graph, &[]);
+    let right = format!(
+        "it is a .graph of OctoMap's, which holds scans and no map: make a map of them, and take that \
+         (elk mapfile convert {} -o MAP.elkmap --res METRES)",
+        file.display()
+    );
+    assert!(graph.contains(&right), "{graph}");
+    let mut large = OccupancyMap::new(MapConfig::default()).unwrap();
+    large.insert(Point3::new(0.05, 0.05, 0.05), [Point3::new(79.95, 0.05, 0.05)]);
+    let few = [("MaxBricks", "64".to_owned())];
+    for format in [Format::ElkMap, Format::Ot, Format::Bt] {
+        let said = said(&format.write(&large), &few);
+        assert!(said.contains("it has 100 bricks of 8x8x8 voxels, and 64 are the most"), "{said}");
+        assert!(said.contains("set MaxBricks to 100 or more, of the explorer as well"), "{said}");
+    }
+}
+
 /// What goes on from the file.
 fn restored() -> OccupancyMap {
     OccupancyMap::from_saved(MapConfig::default(), &Saved::read(&Format::ElkMap.write(&known())).unwrap()).unwrap()
