@@ -26,8 +26,11 @@ fn ray(elk: &Elk, name: &str, axis: usize, resolution: f64) {
 }
 
 fn log_odds(elk: &Elk, name: &str, voxel: [i32; 3]) -> f32 {
-    let saved = Saved::read(&std::fs::read(elk.folder().join(name)).unwrap()).unwrap();
-    OccupancyMap::from_saved(MapConfig::default(), &saved).unwrap().log_odds(Voxel::from(voxel)).unwrap()
+    let bytes = std::fs::read(elk.folder().join(name)).unwrap();
+    OccupancyMap::from_saved(MapConfig::default(), &Saved::read(&bytes).unwrap())
+        .unwrap()
+        .log_odds(Voxel::from(voxel))
+        .unwrap()
 }
 
 #[test]

@@ -67,8 +67,8 @@ fn half(elk: &Elk, file: &str) -> Run {
 }
 
 fn saved(file: &Path) -> OccupancyMap {
-    let saved = Saved::read(&std::fs::read(file).unwrap()).unwrap();
-    OccupancyMap::from_saved(MapConfig::default(), &saved).unwrap()
+    let bytes = std::fs::read(file).unwrap();
+    OccupancyMap::from_saved(MapConfig::default(), &Saved::read(&bytes).unwrap()).unwrap()
 }
 
 #[test]

@@ -127,7 +127,7 @@ fn load(path: &Path, resolution: f64) -> Result<OccupancyMap> {
     map_of(path, &Saved::read(&bytes).with_context(unreadable)?)
 }
 
-fn map_of(path: &Path, saved: &Saved) -> Result<OccupancyMap> {
+fn map_of(path: &Path, saved: &Saved<'_>) -> Result<OccupancyMap> {
     let map = OccupancyMap::from_saved(config(saved.resolution()), saved);
     map.with_context(|| format!("cannot use {}", path.display()))
 }

@@ -241,7 +241,7 @@ fn param(spec: &ParamSpec) -> Value {
         Kind::Choice(choices) => ("choice", "", Some(choices), None, None),
         Kind::Text => ("text", "", None, None, None),
         Kind::Variable => ("variable", "", None, None, None),
-        Kind::File { builtin } => ("file", "", (!builtin.is_empty()).then_some(builtin), None, None),
+        Kind::File { builtin, .. } => ("file", "", (!builtin.is_empty()).then_some(builtin), None, None),
     };
     json!({
         "name": spec.name, "kind": kind, "default": spec.default, "unit": Some(unit).filter(|unit| !unit.is_empty()),

@@ -1,8 +1,8 @@
 //! Numbers out of the bytes of a file, little-endian, one after another. Nothing is believed of how many there are to come.
 
 /// Bytes that are read from front to back.
-#[derive(Debug, Clone)]
-pub(crate) struct Bytes<'a> {
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bytes<'a> {
     rest: &'a [u8],
     /// Where `rest` begins in the file.
     at: usize,
@@ -10,7 +10,7 @@ pub(crate) struct Bytes<'a> {
 
 /// The file ends where there should be more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct CutOff {
+pub struct CutOff {
     /// The file's length.
     pub end: usize,
 }

@@ -1,7 +1,8 @@
 //! What is done to a map on request, beside scans: a box is forgotten, everything fades, another map is taken in.
 //!
 //! Each answers the voxels whose state changed, for [`OccupancyMap::advance`], as [`OccupancyMap::insert`] does; grid and
-//! frontier are kept up with it.
+//! frontier are kept up with it. A brick of which nothing is known any more is given back, by the map and, once they have heard
+//! of that, by its copies.
 
 use elk_geometry::delta::Changes;
 use elk_geometry::mask::{self, Mask};
@@ -14,7 +15,8 @@ use crate::snapshot::RestoreError;
 use crate::volume::Volume;
 
 impl OccupancyMap {
-    /// Forgets what is known of the voxels whose centres lie in a box (m, world): they are unknown, as if never seen.
+    /// Forgets what is known of the voxels whose centres lie in a box (m, world): they are unknown, as if never seen. Costs by the
+    /// bricks of the box, or by those of the map where these are fewer.
     pub fn clear_box(&mut self, bounds: Bounds) -> Changes {
         let reach = reach_m(self.config.resolution);
         // Where there is no map there is nothing to forget; a box of no numbers holds nothing.
@@ -24,17 +26,32 @@ impl OccupancyMap {
             return Changes::default();
         }
         let volume = Volume::new(Some(within), self.config.resolution);
-        self.edit(|position, brick, codes| brick.forget(&volume.mask(position), codes))
+        self.edit(self.bricks_in(&volume), |position, brick, codes| brick.forget(&volume.mask(position), codes))
+    }
+
+    /// The bricks that have voxels in a volume.
+    fn bricks_in(&self, volume: &Volume) -> Vec<Voxel> {
+        let all = (0..self.table.len()).map(|i| self.table.position(i));
+        let Some([x, y, z]) = volume.bricks() else { return all.collect() };
+        let length = |[from, to]: [i32; 2]| (to - from).max(0) as usize;
+        if [x, y, z].map(length).into_iter().product::<usize>() > self.table.len() {
+            let is_in = |at: &Voxel| at.to_array().iter().zip([x, y, z]).all(|(c, [from, to])| (from..to).contains(c));
+            return all.filter(is_in).collect();
+        }
+        let columns = (x[0]..x[1]).flat_map(|x| (y[0]..y[1]).map(move |y| (x, y)));
+        let places = columns.flat_map(|(x, y)| (z[0]..z[1]).map(move |z| Voxel::new(x, y, z)));
+        places.filter(|position| self.table.find(*position).is_some()).collect()
     }
 
     /// Brings all log-odds nearer to 0 by `step` (> 0): a voxel that comes to 0 is unknown again. What is seen once more is
-    /// refreshed by that; what is not fades.
+    /// refreshed by that; what is not fades. Costs by all that is known, as all of it changes.
     pub fn decay(&mut self, step: f32) -> Changes {
         if step.is_nan() || step <= 0.0 {
             return Changes::default();
         }
         let config = self.config;
-        self.edit(|_, brick, codes| {
+        let all = (0..self.table.len()).map(|i| self.table.position(i)).collect();
+        self.edit(all, |_, brick, codes| {
             let mut faded = mask::NONE;
             for cell in mask::cells(&{ brick.known }) {
                 let before = brick.log_odds.get(cell, codes);
@@ -49,37 +66,38 @@ impl OccupancyMap {
     }
 
     /// Takes in what another map of the same voxels knows, as if what it saw had been seen here as well: log-odds add up, within
-    /// what this map allows.
+    /// what this map allows. Costs by what the other one knows.
     ///
     /// # Errors
     /// Its voxels are not of this size, or there is no room for its bricks; nothing is taken in then.
     pub fn merge(&mut self, other: &OccupancyMap) -> Result<Changes, RestoreError> {
-        let known = || (0..other.bricks.len()).filter(|i| other.bricks[*i].known != mask::NONE);
-        let new = known().filter(|i| self.table.find(other.table.position(*i)).is_none()).count();
+        let mut theirs: Vec<Voxel> = (0..other.table.len()).map(|i| other.table.position(i)).collect();
+        theirs.sort_unstable();
+        let new = theirs.iter().filter(|position| self.table.find(**position).is_none()).count();
         self.config.see_whether_it_fits(self.table.len() + new, other.config.resolution)?;
-        for i in known() {
-            self.table.find_or_add(other.table.position(i));
+        for position in &theirs {
+            self.table.find_or_add(*position);
         }
         self.grow();
         let config = self.config;
-        Ok(self.edit(|position, brick, codes| {
+        Ok(self.edit(theirs, |position, brick, codes| {
             let Some(theirs) = other.table.find(position).map(|i| &other.bricks[i]) else { return };
             for cell in mask::cells(&theirs.known) {
                 let sum = brick.log_odds.get(cell, codes) + theirs.log_odds.get(cell, &other.codes);
                 brick.know(cell, sum.clamp(config.clamp_min, config.clamp_max), &config, codes);
             }
-            brick.ever_hit = union(&brick.ever_hit, &theirs.ever_hit);
+            brick.ever_hit = mask::or(&brick.ever_hit, &theirs.ever_hit);
         }))
     }
 
-    /// Changes the bricks one by one.
-    fn edit(&mut self, change: impl Fn(Voxel, &mut Brick, &mut Codes)) -> Changes {
-        let mut order: Vec<usize> = (0..self.bricks.len()).collect();
-        order.sort_unstable_by_key(|&i| self.table.position(i));
+    /// Changes these bricks one by one.
+    fn edit(&mut self, mut bricks: Vec<Voxel>, change: impl Fn(Voxel, &mut Brick, &mut Codes)) -> Changes {
+        bricks.sort_unstable();
         let mut changed = Changed::default();
-        for i in order {
-            let position = self.table.position(i);
-            self.change_brick(i, &mut changed, |brick, codes| change(position, brick, codes));
+        for position in bricks {
+            if let Some(i) = self.table.find(position) {
+                self.change_brick(i, &mut changed, |brick, codes| change(position, brick, codes));
+            }
         }
         self.conclude(changed)
     }
@@ -97,15 +115,12 @@ impl Brick {
     }
 }
 
-fn union(one: &Mask, other: &Mask) -> Mask {
-    std::array::from_fn(|z| one[z] | other[z])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::occupancy::MapConfig;
-    use elk_geometry::bricks::BRICK_CELLS;
+    use elk_geometry::bricks::{BRICK_CELLS, brick_of};
+    use elk_geometry::voxel::FACES;
     use elk_geometry::{FrontierSet, State};
     use nalgebra::Point3;
     use proptest::prelude::*;
@@ -119,6 +134,24 @@ mod tests {
 
     fn scans() -> impl Strategy<Value = Scans> {
         prop::collection::vec((point(), prop::collection::vec(point(), 1..30)), 1..4)
+    }
+
+    #[derive(Debug, Clone)]
+    enum Edit {
+        Scan(Point3<f64>, Vec<Point3<f64>>),
+        Clear(Bounds),
+        Decay(f32),
+        Merge(Scans),
+    }
+
+    fn edit() -> impl Strategy<Value = Edit> {
+        let side = || prop::array::uniform3(0.1..4.0f64).prop_map(nalgebra::Vector3::from);
+        prop_oneof![
+            (point(), prop::collection::vec(point(), 1..30)).prop_map(|(origin, points)| Edit::Scan(origin, points)),
+            (point(), side()).prop_map(|(mid, dim)| Edit::Clear(Bounds::from_mid_dim(mid, dim))),
+            prop_oneof![0.05..1.0f32, Just(10.0)].prop_map(Edit::Decay),
+            scans().prop_map(Edit::Merge),
+        ]
     }
 
     fn map_of(scans: &Scans) -> OccupancyMap {
@@ -161,10 +194,30 @@ mod tests {
         }
     }
 
+    /// It has the bricks in which something is known, in the order of its grid, each beside its neighbours, and room for as many as
+    /// it may still have.
+    fn assert_bricks(map: &OccupancyMap) {
+        let known: BTreeSet<Voxel> = map.known().map(|(voxel, _)| brick_of(voxel)).collect();
+        let own: Vec<Voxel> = (0..map.table.len()).map(|i| map.table.position(i)).collect();
+        assert_eq!(
+            (own.iter().copied().collect::<BTreeSet<_>>(), own.len(), map.bricks.len()),
+            (known, own.len(), own.len())
+        );
+        assert_eq!(map.grid().bricks().iter().map(|(brick, _)| brick).collect::<Vec<_>>(), own);
+        for (i, position) in own.iter().enumerate() {
+            assert_eq!(map.table.find(*position), Some(i));
+            let beside = |face: usize| own.iter().position(|other| *other == *position + FACES[face]);
+            assert!((0..6).all(|face| map.table.beyond(i, face) == beside(face)));
+        }
+        assert_eq!(map.is_full(), own.len() == map.config().max_bricks);
+        assert!(map.bricks.capacity() <= own.len() + own.len() / 4 + 5);
+    }
+
     /// Sets, grid, frontier and copy are what the log-odds say, looked at anew; `reader` is a copy of before, `changed` what it
     /// is told.
     fn assert_in_step(map: &mut OccupancyMap, reader: &mut elk_geometry::OccupancyGrid, changed: &Changes) {
         assert_sets(map);
+        assert_bricks(map);
         reader.apply(&map.advance(changed)).unwrap();
         let states = |grid: &elk_geometry::OccupancyGrid| -> BTreeMap<Voxel, State> {
             grid.bricks().voxels().filter(|(_, state)| *state != State::Unknown).collect()
@@ -174,10 +227,12 @@ mod tests {
             states(map.grid()).into_iter().map(|(v, state)| (v, state == State::Occupied)).collect();
         assert_eq!(shown, right);
         assert_eq!(states(reader), states(map.grid()));
+        assert_eq!(reader.bricks().len(), map.grid().bricks().len());
         let occupied = right.values().filter(|occupied| **occupied).count();
         assert_eq!((map.grid().occupied(), map.grid().free()), (occupied, right.len() - occupied));
         let free: Vec<Voxel> = right.iter().filter(|(_, occupied)| !**occupied).map(|(v, _)| *v).collect();
         let mut all = FrontierSet::new(map.config().bounds);
+        all.set_full(map.is_full(), map.grid());
         all.update(map.grid(), &free);
         assert_eq!(map.frontier().collect::<BTreeSet<_>>(), all.iter().collect::<BTreeSet<_>>());
         assert_eq!(map.frontier_len(), all.len());
@@ -200,6 +255,48 @@ mod tests {
             see(&mut map, &after);
             see(&mut restored, &after);
             prop_assert_eq!(known(&map), known(&restored));
+        }
+
+        /// Whatever is done to it, a map is what it would be of the voxels that survived, in as much room.
+        #[test]
+        fn edits_in_any_order_leave_what_survives(edits in prop::collection::vec(edit(), 1..12), max_bricks in 20..90usize) {
+            let mut map = OccupancyMap::new(MapConfig { max_bricks, ..MapConfig::default() }).unwrap();
+            let (mut reader, mut survives) = (map.grid().clone(), BTreeMap::new());
+            for edit in edits {
+                let changed = match edit {
+                    Edit::Scan(origin, points) => {
+                        let changed = map.insert(origin, points).changed;
+                        survives = known(&map);
+                        changed
+                    }
+                    Edit::Clear(bounds) => {
+                        survives.retain(|voxel, _| !bounds.contains(voxel.center(0.1)));
+                        map.clear_box(bounds)
+                    }
+                    Edit::Decay(step) => {
+                        survives.values_mut().for_each(|l| *l -= l.clamp(-step, step));
+                        survives.retain(|_, l| *l != 0.0);
+                        map.decay(step)
+                    }
+                    Edit::Merge(scans) => match map.merge(&map_of(&scans)) {
+                        Ok(changed) => {
+                            for (voxel, l) in known(&map_of(&scans)) {
+                                let own = survives.entry(voxel).or_insert(0.0);
+                                *own = (*own + l).clamp(-2.0, 3.5);
+                            }
+                            changed
+                        }
+                        Err(error) => {
+                            let bricks: BTreeSet<Voxel> =
+                                survives.keys().copied().chain(known(&map_of(&scans)).into_keys()).map(brick_of).collect();
+                            prop_assert_eq!(error, RestoreError::TooMany { bricks: bricks.len(), most: max_bricks });
+                            Changes::default()
+                        }
+                    },
+                };
+                prop_assert_eq!(&known(&map), &survives);
+                assert_in_step(&mut map, &mut reader, &changed);
+            }
         }
 
         #[test]
@@ -234,6 +331,24 @@ mod tests {
             prop_assert_eq!(known(&a).into_keys().collect::<BTreeSet<_>>(), all);
             [&mut a, &mut b].into_iter().for_each(|map| see(map, &after));
             prop_assert_eq!(known(&a), known(&b), "what was ever hit is the same");
+        }
+    }
+
+    /// Found by their places in a box that has fewer than the map, else by looking at all of the map's.
+    #[test]
+    fn the_bricks_of_a_box_are_those_that_have_voxels_in_it() {
+        let map = map_of(&vec![([0.05; 3].into(), vec![[9.95, 0.05, 0.05].into(), [0.05, -7.0, 0.05].into()])]);
+        for (dim, few) in [(0.5, true), (2.0, false), (30.0, false)] {
+            let volume = Volume::new(
+                Some(Bounds::from_mid_dim(Point3::new(3.0, 0.0, 0.0), nalgebra::Vector3::new(dim, dim, 0.5))),
+                0.1,
+            );
+            let places: i32 = volume.bricks().unwrap().iter().map(|[from, to]| to - from).product();
+            assert_eq!((places as usize) < map.table.len(), few);
+            let all = (0..map.table.len()).map(|i| map.table.position(i));
+            let right: BTreeSet<Voxel> = all.filter(|position| volume.mask(*position) != mask::NONE).collect();
+            let found: BTreeSet<Voxel> = map.bricks_in(&volume).into_iter().collect();
+            assert!(!found.is_empty() && found == right, "{dim}: {found:?}, {right:?}");
         }
     }
 

@@ -12,6 +12,7 @@
 use elk_geometry::Voxel;
 
 use crate::marks::Scratch;
+use crate::table::BrickTable;
 use crate::walk::{Lattice, Point, Walk, direction_and_length};
 
 /// Slabs of the longest ray that is not walked voxel by voxel: what 32 bits hold with [`ONE`] for one.
@@ -52,6 +53,7 @@ pub struct Fan<'a> {
     /// How far it is to the border of the sensor's voxel, by axis, upwards and downwards (voxels).
     ahead: [[f64; 2]; 3],
     scratch: &'a mut Scratch,
+    map: &'a BrickTable,
     /// Where the sensor's voxel is in the window, and what a step to the next block there adds to an address.
     home: [i32; 3],
     strides: [i32; 3],
@@ -100,8 +102,8 @@ impl Along {
 type Ways = [u32; LANES];
 
 impl<'a> Fan<'a> {
-    /// No rays yet, from `origin` (m, world) in the map.
-    pub fn new(lattice: Lattice, origin: Point, scratch: &'a mut Scratch) -> Self {
+    /// No rays yet, from `origin` (m, world) in a map that has these bricks.
+    pub fn new(lattice: Lattice, origin: Point, scratch: &'a mut Scratch, map: &'a BrickTable) -> Self {
         let start = lattice.voxel(origin);
         let at = start.to_array();
         let ahead = std::array::from_fn(|axis| {
@@ -110,7 +112,7 @@ impl<'a> Fan<'a> {
         });
         let (home, strides) = (scratch.in_window(start), scratch.strides());
         let marked = vec![[NO_WAY; MOST_SLABS as usize + LANES]; 24];
-        Self { lattice, origin, start, ahead, scratch, home, strides, marked }
+        Self { lattice, origin, start, ahead, scratch, map, home, strides, marked }
     }
 
     /// Marks what the rays pass and hit. `once`: of rays that hit the same voxel all but the first are left out.
@@ -141,8 +143,8 @@ impl<'a> Fan<'a> {
                 self.walk(ray);
             }
             match ray.tip {
-                Tip::Hit => self.scratch.hit(end),
-                Tip::Edge => self.scratch.pass_all(std::iter::once(end)),
+                Tip::Hit => self.scratch.hit(end, self.map),
+                Tip::Edge => self.scratch.pass_all(std::iter::once(end), self.map),
                 Tip::Open => {}
             }
         }
@@ -151,7 +153,7 @@ impl<'a> Fan<'a> {
     /// Marks a ray voxel by voxel.
     #[cold]
     fn walk(&mut self, ray: &Ray) {
-        self.scratch.pass_all(Walk::new(&self.lattice, self.origin, ray.end));
+        self.scratch.pass_all(Walk::new(&self.lattice, self.origin, ray.end), self.map);
     }
 
     /// Marks a ray slab by slab; whether there was no doubt.

@@ -23,9 +23,9 @@ impl OccupancyMap {
         })
     }
 
-    /// Looks again at bricks that changed, and at those beside them where anything has become known or unknown: `changed` are
-    /// their numbers, and the cells that have.
-    pub(crate) fn update_frontier(&mut self, changed: &[(usize, Mask)]) {
+    /// The bricks to look at again where these changed: their numbers, and the cells that have become known or unknown. They
+    /// themselves, and those beside them where there are such cells.
+    pub(crate) fn beside(&self, changed: &[(usize, Mask)]) -> Vec<usize> {
         let mut revise: Vec<usize> = Vec::with_capacity(2 * changed.len());
         for (i, extent) in changed {
             revise.push(*i);
@@ -34,11 +34,17 @@ impl OccupancyMap {
         }
         revise.sort_unstable();
         revise.dedup();
-        revise.into_iter().for_each(|i| self.look_at(i));
+        revise
+    }
+
+    /// Looks again at bricks of these numbers.
+    pub(crate) fn update_frontier(&mut self, revise: &[usize]) {
+        revise.iter().for_each(|i| self.look_at(*i));
     }
 
     /// Looks again at all bricks.
     pub(crate) fn update_all_of_the_frontier(&mut self) {
+        self.full = self.is_full();
         (0..self.bricks.len()).for_each(|i| self.look_at(i));
     }
 
@@ -72,7 +78,7 @@ impl OccupancyMap {
                 std::array::from_fn(|z| inside[z] & !known[z])
             }
             // What there is no room for it cannot come to know.
-            None if self.is_full() => mask::NONE,
+            None if self.full => mask::NONE,
             None => inside(),
         }
     }

@@ -98,8 +98,8 @@ impl OccupancyMap {
             let end = sensor.lattice.voxel(ray.end).to_array();
             (low, high) = (std::array::from_fn(|i| low[i].min(end[i])), std::array::from_fn(|i| high[i].max(end[i])));
         }
-        self.scratch.clear(start, low.into(), high.into());
-        Fan::new(sensor.lattice, sensor.at, &mut self.scratch)
+        self.scratch.clear(start, low.into(), high.into(), self.table.room());
+        Fan::new(sensor.lattice, sensor.at, &mut self.scratch, &self.table)
             .mark(rays, self.config.integration == Integration::EndVoxels);
         self.scratch.take()
     }
@@ -115,6 +115,8 @@ impl OccupancyMap {
             let home = brick_of(sensor.lattice.voxel(sensor.at));
             new.sort_by(|a, b| a.distance(home).total_cmp(&b.distance(home)));
             new.truncate(room);
+            // In the order in which the grid comes to have them.
+            new.sort_unstable();
         }
         for brick in new {
             self.table.find_or_add(brick);

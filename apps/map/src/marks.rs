@@ -2,15 +2,18 @@
 //!
 //! In a window of blocks of 8³ voxels around the sensor a voxel is found by address alone: the sum of what each of its
 //! coordinates gives. There what is passed is a byte a voxel, because a byte is written without being read, and most voxels are
-//! passed many times. What lies beyond is found by hashing.
+//! passed many times. What lies beyond is found by hashing; of blocks there that the map does not have only so many are kept, the
+//! nearest to the sensor, as it has room for, in whatever order they come.
 
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
+use std::collections::binary_heap::PeekMut;
+use std::collections::{BinaryHeap, HashMap};
 use std::hash::BuildHasherDefault;
 
 use elk_geometry::Voxel;
 use elk_geometry::bricks::{BrickHasher, brick_of, cell_of};
 use elk_geometry::mask::{self, Mask};
+
+use crate::table::BrickTable;
 
 /// Blocks of the largest window: half a kilobyte each.
 const MOST_BLOCKS: u64 = 1 << 16;
@@ -18,8 +21,6 @@ const MOST_BLOCKS: u64 = 1 << 16;
 const FARTHEST: i32 = 4096;
 /// Bits of an address that tell the voxel in its block.
 const CELL_BITS: u32 = 9;
-/// Blocks beyond the window that are looked at at most.
-const MOST_FAR: usize = 1 << 18;
 
 /// What a scan says of a block.
 #[derive(Debug, Clone, Copy, Default)]
@@ -79,11 +80,18 @@ pub struct Scratch {
     hit: Vec<Mask>,
     /// Blocks elsewhere.
     far: HashMap<Voxel, Marks, BuildHasherDefault<BrickHasher>>,
+    /// Those of them that the map does not have: how far from the sensor's (the bits of a distance, which are in the order of
+    /// distances), and where. As many as it has room for.
+    new: BinaryHeap<(u64, Voxel)>,
+    room: usize,
+    /// The sensor's block.
+    home: [i32; 3],
 }
 
 impl Scratch {
-    /// No marks, and a window for rays from `center` to between `low` and `high` (voxels).
-    pub fn clear(&mut self, center: Voxel, low: Voxel, high: Voxel) {
+    /// No marks, and a window for rays from `center` to between `low` and `high` (voxels), in a map that has room for so many
+    /// more bricks.
+    pub fn clear(&mut self, center: Voxel, low: Voxel, high: Voxel, room: usize) {
         self.window = Window::around(brick_of(center), brick_of(low), brick_of(high));
         let blocks = self.window.blocks.iter().map(|n| *n as usize).product();
         // All of it is 0: see `take`.
@@ -92,6 +100,8 @@ impl Scratch {
         self.hit.clear();
         self.hit.resize(blocks, mask::NONE);
         self.far.clear();
+        self.new.clear();
+        (self.room, self.home) = (room, brick_of(center).to_array());
     }
 
     /// Whether all rays from the window's centre to this voxel lie in the window.
@@ -121,42 +131,48 @@ impl Scratch {
         self.entered[(address >> CELL_BITS) as usize] = 1;
     }
 
-    /// Marks voxels, wherever they are, as passed.
-    pub fn pass_all(&mut self, voxels: impl Iterator<Item = Voxel>) {
+    /// Marks voxels, wherever they are, as passed; `map` has the bricks that there are already.
+    pub fn pass_all(&mut self, voxels: impl Iterator<Item = Voxel>, map: &BrickTable) {
         for voxel in voxels {
             match self.window.number(brick_of(voxel)) {
                 Some(number) => self.pass((number << CELL_BITS | cell_of(voxel)) as u32),
-                None => match self.beyond(brick_of(voxel)) {
-                    Some(marks) => mask::set(&mut marks.passed, cell_of(voxel)),
-                    None => return,
-                },
+                None => {
+                    let marks = self.beyond(brick_of(voxel), map);
+                    marks.into_iter().for_each(|marks| mask::set(&mut marks.passed, cell_of(voxel)));
+                }
             }
         }
     }
 
     /// Marks a voxel, wherever it is, as hit.
     #[inline]
-    pub fn hit(&mut self, voxel: Voxel) {
+    pub fn hit(&mut self, voxel: Voxel, map: &BrickTable) {
         match self.window.number(brick_of(voxel)) {
             Some(number) => {
                 self.entered[number] = 1;
                 mask::set(&mut self.hit[number], cell_of(voxel));
             }
             None => {
-                if let Some(marks) = self.beyond(brick_of(voxel)) {
-                    mask::set(&mut marks.hit, cell_of(voxel));
-                }
+                let marks = self.beyond(brick_of(voxel), map);
+                marks.into_iter().for_each(|marks| mask::set(&mut marks.hit, cell_of(voxel)));
             }
         }
     }
 
-    /// A block beyond the window; `None` if there are too many.
-    fn beyond(&mut self, block: Voxel) -> Option<&mut Marks> {
-        let is_full = self.far.len() >= MOST_FAR;
-        match self.far.entry(block) {
-            Entry::Vacant(_) if is_full => None,
-            entry => Some(entry.or_default()),
+    /// A block beyond the window; `None` if the map has no room for it, as others are nearer.
+    fn beyond(&mut self, block: Voxel, map: &BrickTable) -> Option<&mut Marks> {
+        if !self.far.contains_key(&block) && map.find(block).is_none() {
+            let place = (block.distance(self.home.into()).to_bits(), block);
+            if self.new.len() < self.room {
+                self.new.push(place);
+            } else {
+                // Whichever is farthest goes, and does not come back: so the nearest of all are left, with all their marks.
+                let farthest = self.new.peek_mut().filter(|farthest| place < **farthest)?;
+                self.far.remove(&PeekMut::pop(farthest).1);
+                self.new.push(place);
+            }
         }
+        Some(self.far.entry(block).or_default())
     }
 
     /// Whether a voxel was hit.

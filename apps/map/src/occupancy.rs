@@ -1,7 +1,7 @@
 //! The map: what is known of every voxel, as log-odds of being occupied (thesis 6.3.1; Hornung et al., *OctoMap*, 2013,
 //! section 3.1).
 
-use elk_geometry::bricks::{brick_of, cell_of, voxel_at};
+use elk_geometry::bricks::{brick_of, cell_of, swap_remove, voxel_at};
 use elk_geometry::delta::{Changes, Delta};
 use elk_geometry::limits::RESOLUTIONS_M;
 use elk_geometry::mask::{self, Mask};
@@ -66,7 +66,8 @@ pub struct MapConfig {
     pub max_range: f64,
     /// How far a ray without a return frees voxels (m); 0: not at all, as nothing is known of where it ended.
     pub free_no_return: f64,
-    /// Bricks that the map may have (8³ voxels and about 1.3 kB each); what lies in others is left out.
+    /// Bricks that the map may have (8³ voxels and about 1.3 kB each); what lies in others is left out. One of which nothing is
+    /// known any more is given back.
     pub max_bricks: usize,
     /// The volume in which frontiers count; `None`: everywhere.
     pub bounds: Option<Bounds>,
@@ -222,9 +223,11 @@ pub(crate) struct Changed {
     states: Changes,
     /// The numbers of their bricks, and the cells that have become known or unknown.
     extents: Vec<(usize, Mask)>,
+    /// Bricks of which nothing is known any more.
+    unknown: Vec<Voxel>,
 }
 
-/// A log-odds occupancy map with its frontier.
+/// A log-odds occupancy map with its frontier. Of each of its bricks something is known.
 #[derive(Debug, Clone)]
 pub struct OccupancyMap {
     pub(crate) config: MapConfig,
@@ -329,19 +332,31 @@ impl OccupancyMap {
             self.grid.set_cells(position, &states, &brick.known, &brick.occupied);
             changed.states.add((position, states));
             changed.extents.push((i, extent));
+            changed.unknown.extend((brick.known == mask::NONE).then_some(position));
         }
     }
 
-    /// Brings the frontier up to date with changed bricks; answers the voxels whose state changed.
+    /// Gives back the bricks of which nothing is known any more, and brings the frontier up to date with those that changed;
+    /// answers the voxels whose state changed.
     pub(crate) fn conclude(&mut self, changed: Changed) -> Changes {
-        // A map that has become full has another frontier everywhere.
-        let is_full = self.is_full();
-        let was_full = std::mem::replace(&mut self.full, is_full);
-        match is_full && !was_full {
-            true => self.update_all_of_the_frontier(),
-            false => self.update_frontier(&changed.extents),
+        let mut revise = self.beside(&changed.extents);
+        if !changed.unknown.is_empty() {
+            let positions: Vec<Voxel> = revise.into_iter().map(|i| self.table.position(i)).collect();
+            changed.unknown.into_iter().for_each(|position| self.give_back(position));
+            revise = positions.into_iter().filter_map(|position| self.table.find(position)).collect();
+        }
+        // A map that has become full, or has room again, has another frontier everywhere.
+        match self.is_full() == self.full {
+            true => self.update_frontier(&revise),
+            false => self.update_all_of_the_frontier(),
         }
         changed.states
+    }
+
+    fn give_back(&mut self, position: Voxel) {
+        if let Some(i) = self.table.remove(position) {
+            self.frontier_len -= mask::count(&swap_remove(&mut self.bricks, i).frontier);
+        }
     }
 }
 

@@ -4,20 +4,30 @@
 //! The first two are a text header, its last line `data`, then the nodes of an [octree](crate::octree), depth first.
 
 pub mod bt;
+mod cubes;
 pub mod graph;
 mod header;
 pub mod ot;
 
 use crate::bytes::CutOff;
-use crate::octree::{DEPTH, Node};
+use crate::octree::DEPTH;
+pub use cubes::Cubes;
 
-/// A tree as a file has it.
+/// A tree as a file has it, looked through to its end: it is kept as those bytes, and takes no memory besides.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TreeFile<V> {
+pub struct TreeFile<'a, V> {
     /// Edge of a voxel (m).
     pub resolution: f64,
-    /// The known cubes with their values.
-    pub tree: Node<V>,
+    /// Nodes as OctoMap counts them: leaves and inner nodes, the root included.
+    pub nodes: usize,
+    cubes: Cubes<'a, V>,
+}
+
+impl<'a, V: Clone> TreeFile<'a, V> {
+    /// The known cubes with their values, depth first, children by index: pruned or not, as they are in the file.
+    pub fn cubes(&self) -> Cubes<'a, V> {
+        self.cubes.clone()
+    }
 }
 
 /// Why bytes are no `.bt` or `.ot` file.

@@ -11,6 +11,8 @@ use crate::occupancy::OccupancyMap;
 pub const DEPTH: u32 = 16;
 /// What a voxel index lacks to its OctoMap key.
 const KEY_OF_ZERO: i32 = 1 << (DEPTH - 1);
+/// The lowest voxel of all.
+pub(crate) const ROOT: Voxel = Voxel::new(-KEY_OF_ZERO, -KEY_OF_ZERO, -KEY_OF_ZERO);
 
 /// A node and everything below it.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,26 +100,29 @@ impl<V: Copy + PartialEq> Node<V> {
     /// All known cubes, in the order of the files: depth first, children by index.
     pub fn cubes(&self) -> Vec<Cube<V>> {
         let mut cubes = Vec::new();
-        self.collect(Voxel::new(-KEY_OF_ZERO, -KEY_OF_ZERO, -KEY_OF_ZERO), DEPTH, &mut cubes);
+        self.collect(Cube { min: ROOT, edge: 1 << DEPTH, value: () }, &mut cubes);
         cubes
     }
 
-    fn collect(&self, min: Voxel, level: u32, cubes: &mut Vec<Cube<V>>) {
+    fn collect(&self, own: Cube<()>, cubes: &mut Vec<Cube<V>>) {
         match self {
             Node::Unknown => {}
-            Node::Leaf(value) => cubes.push(Cube { min, edge: 1 << level, value: *value }),
+            Node::Leaf(value) => cubes.push(Cube { min: own.min, edge: own.edge, value: *value }),
+            // A tree made by hand may be too deep; its cubes would be smaller than a voxel.
+            Node::Inner(_) if own.edge == 1 => {}
             Node::Inner(children) => {
-                // A tree made by hand may be too deep; its cubes would be smaller than a voxel.
-                let Some(level) = level.checked_sub(1) else {
-                    return;
-                };
-                for (i, child) in children.iter().enumerate() {
-                    let upper = |axis: usize| ((i >> axis & 1) as i32) << level;
-                    child.collect(min + Voxel::new(upper(0), upper(1), upper(2)), level, cubes);
-                }
+                (0..).zip(children.iter()).for_each(|(i, child)| child.collect(half(own, i), cubes))
             }
         }
     }
+}
+
+/// Child `i` of a cube: half as long, the upper half along x, y, z where bits 0, 1, 2 of `i` are set.
+#[inline]
+pub(crate) fn half(cube: Cube<()>, i: u32) -> Cube<()> {
+    let edge = cube.edge / 2;
+    let upper = |axis: u32| ((i >> axis & 1) * edge) as i32;
+    Cube { min: cube.min + Voxel::new(upper(0), upper(1), upper(2)), edge, value: () }
 }
 
 impl OccupancyMap {

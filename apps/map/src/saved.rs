@@ -8,6 +8,7 @@ use elk_geometry::bricks::{BRICK, brick_of, cell_of};
 use crate::elkmap::{self, ElkMapError};
 use crate::occupancy::{MapConfig, OccupancyMap};
 use crate::octomap::bt::{self, read_bt, write_bt};
+use crate::octomap::graph::is_graph;
 use crate::octomap::ot::{self, read_ot, write_ot};
 use crate::octomap::{TreeFile, TreeFileError};
 use crate::octree::Cube;
@@ -24,15 +25,16 @@ pub enum Format {
     Bt,
 }
 
-/// A map that was read from a file.
+/// A map that was read from the bytes of a file. OctoMap's take no memory besides these, an `.elkmap` no more than half again as
+/// much.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Saved {
+pub enum Saved<'a> {
     /// All that the map knew.
     Snapshot(Snapshot),
     /// Log-odds.
-    LogOdds(TreeFile<f32>),
+    LogOdds(TreeFile<'a, f32>),
     /// Occupied (`true`) and free cubes.
-    Occupancy(TreeFile<bool>),
+    Occupancy(TreeFile<'a, bool>),
 }
 
 /// Why bytes are no map.
@@ -41,6 +43,9 @@ pub enum SavedError {
     /// They do not begin as any of the files does.
     #[error("it is no map: it begins neither as an .elkmap, nor as OctoMap's .ot or .bt")]
     Unknown,
+    /// Scans and their poses.
+    #[error("it is a .graph of OctoMap's, which holds scans and no map: make a map of them, and take that")]
+    Graph,
     /// An `.elkmap` that cannot be read.
     #[error(transparent)]
     ElkMap(#[from] ElkMapError),
@@ -73,15 +78,16 @@ impl Format {
     }
 }
 
-impl Saved {
+impl<'a> Saved<'a> {
     /// The map in a file, whose first bytes tell of which kind it is.
     ///
     /// # Errors
     /// It is of no such kind, cut off or damaged.
-    pub fn read(bytes: &[u8]) -> Result<Self, SavedError> {
+    pub fn read(bytes: &'a [u8]) -> Result<Self, SavedError> {
         let begins = |magic: &[u8]| bytes.starts_with(magic);
         match () {
             () if begins(&elkmap::MAGIC) => Ok(Self::Snapshot(elkmap::read(bytes)?)),
+            () if is_graph(bytes) => Err(SavedError::Graph),
             // The first line of an .ot is not the beginning of a .bt's, nor the other way round.
             () if begins(bt::MAGIC.as_bytes()) || begins(&bt::LEGACY_MAGIC) => Ok(Self::Occupancy(read_bt(bytes)?)),
             () if begins(ot::MAGIC.as_bytes()) => Ok(Self::LogOdds(read_ot(bytes)?)),
@@ -106,29 +112,28 @@ impl OccupancyMap {
     ///
     /// # Errors
     /// Its voxels are not of this size, it is larger than this map may be, or it is none of a map.
-    pub fn from_saved(config: MapConfig, saved: &Saved) -> Result<Self, RestoreError> {
+    pub fn from_saved(config: MapConfig, saved: &Saved<'_>) -> Result<Self, RestoreError> {
         match saved {
             Saved::Snapshot(snapshot) => Self::restore(config, snapshot),
-            Saved::LogOdds(file) => Self::from_tree(config, file, |log_odds| log_odds),
+            Saved::LogOdds(file) => Self::of_cubes(config, file.resolution, file.cubes()),
             Saved::Occupancy(file) => {
-                Self::from_tree(config, file, |occupied| if occupied { config.hit } else { config.miss })
+                let log_odds = |occupied| if occupied { config.hit } else { config.miss };
+                let cubes = file.cubes().map(|Cube { min, edge, value }| Cube { min, edge, value: log_odds(value) });
+                Self::of_cubes(config, file.resolution, cubes)
             }
         }
     }
 
-    /// The map of a tree, `log_odds` being those of its values.
-    fn from_tree<V: Copy + PartialEq>(
+    /// The map of cubes of log-odds.
+    fn of_cubes(
         config: MapConfig,
-        file: &TreeFile<V>,
-        log_odds: impl Fn(V) -> f32,
+        resolution: f64,
+        cubes: impl Iterator<Item = Cube<f32>> + Clone,
     ) -> Result<Self, RestoreError> {
-        let mut map = Self::with_room_for(config, 0, file.resolution)?;
-        for Cube { min, edge, value } in file.tree.cubes() {
-            let log_odds = log_odds(value).clamp(config.clamp_min, config.clamp_max);
-            let bricks = (edge as i32 / BRICK).max(1);
-            // A single cube may stand for more voxels than any memory holds.
-            map.see_room_for(brick_of(min), (bricks as usize).pow(3))?;
-            for brick in cube(bricks) {
+        let mut map = Self::with_room_for(config, bricks_of(cubes.clone()), resolution)?;
+        for Cube { min, edge, value } in cubes {
+            let log_odds = value.clamp(config.clamp_min, config.clamp_max);
+            for brick in cube((edge as i32 / BRICK).max(1)) {
                 let offset = Voxel::from(brick.to_array().map(|c| c * BRICK));
                 map.know_block(min + offset, (edge as i32).min(BRICK), log_odds);
             }
@@ -139,12 +144,6 @@ impl OccupancyMap {
         map.shown_at(1)
     }
 
-    /// Whether there is room for this many bricks, the first of them at `position`; a brick that is there takes none.
-    fn see_room_for(&self, position: Voxel, bricks: usize) -> Result<(), RestoreError> {
-        let known = self.table.find(position).is_some();
-        self.config.see_whether_it_fits(self.table.len() + if known { 0 } else { bricks }, self.config.resolution)
-    }
-
     /// Gives the voxels of a cube within one brick, `min` being the lowest, these log-odds.
     fn know_block(&mut self, min: Voxel, edge: i32, log_odds: f32) {
         if let Some(i) = self.table.find_or_add(brick_of(min)) {
@@ -153,6 +152,17 @@ impl OccupancyMap {
             cube(edge).for_each(|offset| brick.know(cell_of(min + offset), log_odds, config, codes));
         }
     }
+}
+
+/// Bricks of the cubes of a tree, depth first: those of one brick follow each other, and a single cube may stand for more bricks
+/// than any memory holds.
+fn bricks_of(cubes: impl Iterator<Item = Cube<f32>>) -> usize {
+    let mut last = None;
+    let new = |Cube { min, edge, .. }| match (edge as usize / BRICK as usize).pow(3) {
+        0 => usize::from(last.replace(brick_of(min)) != Some(brick_of(min))),
+        bricks => bricks,
+    };
+    cubes.map(new).sum()
 }
 
 /// The places of a cube of this edge.
@@ -187,7 +197,8 @@ mod tests {
     }
 
     fn again(format: Format, map: &OccupancyMap) -> OccupancyMap {
-        let saved = Saved::read(&format.write(map)).unwrap();
+        let bytes = format.write(map);
+        let saved = Saved::read(&bytes).unwrap();
         assert_eq!(saved.resolution(), 0.1);
         OccupancyMap::from_saved(MapConfig::default(), &saved).unwrap()
     }
@@ -207,7 +218,8 @@ mod tests {
                 for (voxel, log_odds) in map.known().filter(|_| format != Format::Bt) {
                     prop_assert_eq!(again.log_odds(voxel), Some(log_odds));
                 }
-                prop_assert_eq!(Saved::read(&format.write(&again)), Saved::read(&format.write(&map)));
+                let [ours, right] = [&again, &map].map(|map| format.write(map));
+                prop_assert_eq!(Saved::read(&ours), Saved::read(&right));
             }
         }
     }
@@ -223,27 +235,41 @@ mod tests {
         assert!(matches!(Saved::read(b"# Octomap OcTree file"), Err(SavedError::Tree(TreeFileError::HeaderEnd))));
     }
 
+    #[test]
+    fn scans_are_no_map_however_many_they_are() {
+        let graph =
+            |scans: u32| [&scans.to_le_bytes()[..], &1u32.to_le_bytes(), &3u32.to_le_bytes(), &[0; 99]].concat();
+        for scans in [1, 3, 7] {
+            assert_eq!(Saved::read(&graph(scans)), Err(SavedError::Graph), "{scans}");
+        }
+    }
+
     /// A file of 30 bytes may call the whole world free.
     #[test]
     fn a_cube_that_no_map_holds_is_refused_before_it_is_made() {
-        let file = |tree| Saved::Occupancy(TreeFile { resolution: 0.1, tree });
         let config = MapConfig { max_bricks: 64, ..MapConfig::default() };
-        let of = |tree| OccupancyMap::from_saved(config, &file(tree));
-        let world = of(Node::Leaf(false)).unwrap_err();
+        let of = |tree: Node<f32>| {
+            let mut bytes = Vec::new();
+            write_ot(&mut bytes, &tree, 0.1).unwrap();
+            OccupancyMap::from_saved(config, &Saved::read(&bytes).unwrap())
+        };
+        let world = of(Node::Leaf(-0.4)).unwrap_err();
         assert_eq!(world, RestoreError::TooMany { bricks: 1 << 39, most: 64 });
         // A cube of four bricks along each edge fits, and one more brick does not.
-        let mut voxels: Vec<(Voxel, bool)> = cube(4 * BRICK).map(|voxel| (voxel, true)).collect();
+        let mut voxels: Vec<(Voxel, f32)> = cube(4 * BRICK).map(|voxel| (voxel, 0.85)).collect();
         let map = of(Node::from_voxels(voxels.iter().copied())).unwrap();
         assert_eq!((map.grid().occupied(), map.is_full()), (voxels.len(), true));
-        voxels.push((Voxel::new(-1, 0, 0), true));
-        assert!(matches!(of(Node::from_voxels(voxels)), Err(RestoreError::TooMany { bricks: 65, most: 64 })));
+        voxels.extend([(Voxel::new(-1, 0, 0), 0.85), (Voxel::new(0, 0, -20), 0.85), (Voxel::new(3, 1, -18), 0.85)]);
+        let said = of(Node::from_voxels(voxels)).unwrap_err();
+        assert_eq!(said, RestoreError::TooMany { bricks: 66, most: 64 }, "all that there are");
     }
 
     #[test]
     fn what_does_not_fit_is_refused() {
         let map = map_of(&vec![([0.05; 3].into(), vec![[3.95, 0.05, 0.05].into()])]);
         for format in FORMATS {
-            let saved = Saved::read(&format.write(&map)).unwrap();
+            let bytes = format.write(&map);
+            let saved = Saved::read(&bytes).unwrap();
             let finer = MapConfig { resolution: 0.05, ..MapConfig::default() };
             let smaller = MapConfig { max_bricks: 4, ..MapConfig::default() };
             let refused = [finer, smaller].map(|config| OccupancyMap::from_saved(config, &saved).unwrap_err());

@@ -20,7 +20,7 @@ pub struct Snapshot {
     pub revision: u64,
     /// Edge of a voxel (m).
     pub resolution: f64,
-    /// The bricks, in the order in which they were first entered.
+    /// The bricks, in the map's order; something is known of each.
     pub bricks: Vec<BrickSnapshot>,
 }
 
@@ -56,7 +56,8 @@ pub enum RestoreError {
     Config(#[from] ConfigError),
     /// It is larger than this one may be.
     #[error(
-        "it has {bricks} bricks, and {most} are the most that this map may have: allow for more, or use larger voxels"
+        "it has {bricks} bricks of 8x8x8 voxels, and {most} are the most that this map may have: allow for more, or use larger \
+         voxels"
     )]
     TooMany {
         /// Bricks that it has.
@@ -96,11 +97,10 @@ impl OccupancyMap {
     /// All that the map knows.
     pub fn snapshot(&self) -> Snapshot {
         let bricks = self.bricks.iter().enumerate();
-        let known = bricks.filter(|(_, brick)| brick.known != mask::NONE);
         Snapshot {
             revision: self.grid.revision(),
             resolution: self.config.resolution,
-            bricks: known.map(|(i, brick)| brick.remember(self.table.position(i), &self.codes)).collect(),
+            bricks: bricks.map(|(i, brick)| brick.remember(self.table.position(i), &self.codes)).collect(),
         }
     }
 
@@ -109,8 +109,9 @@ impl OccupancyMap {
     /// # Errors
     /// Its voxels were not of this size, it is larger than this one may be, or it is none of a map.
     pub fn restore(config: MapConfig, snapshot: &Snapshot) -> Result<Self, RestoreError> {
-        let mut map = Self::with_room_for(config, snapshot.bricks.len(), snapshot.resolution)?;
-        for brick in &snapshot.bricks {
+        let known = || snapshot.bricks.iter().filter(|brick| brick.known != mask::NONE);
+        let mut map = Self::with_room_for(config, known().count(), snapshot.resolution)?;
+        for brick in known() {
             let recalled = Brick::recall(brick, &config, &mut map.codes)?;
             map.put(brick.position, recalled)?;
         }
@@ -125,8 +126,9 @@ impl OccupancyMap {
     /// # Errors
     /// The copy's voxels are not of this size, it is not the whole grid, or it is larger than this map may be.
     pub fn from_states(config: MapConfig, whole: &Delta<'_>) -> Result<Self, RestoreError> {
-        let mut map = Self::with_room_for(config, whole.bricks.len(), whole.resolution)?;
-        for states in whole.bricks.iter() {
+        let known = || whole.bricks.iter().filter(|brick| !brick.is_unknown());
+        let mut map = Self::with_room_for(config, known().count(), whole.resolution)?;
+        for states in known() {
             let seen = Brick::seen_once(states, &config, &mut map.codes);
             map.put(states.position(), seen)?;
         }
@@ -189,7 +191,7 @@ impl Brick {
         if left.log_odds.len() != mask::count(&left.known) || !left.log_odds.iter().all(|one| one.is_finite()) {
             return Err(RestoreError::Brick { position: left.position });
         }
-        let mut brick = Self { ever_hit: left.ever_hit, ..Self::new() };
+        let mut brick = Self { ever_hit: mask::and(&left.ever_hit, &left.known), ..Self::new() };
         for (cell, log_odds) in mask::cells(&left.known).zip(&left.log_odds) {
             brick.know(cell, log_odds.clamp(config.clamp_min, config.clamp_max), config, codes);
         }

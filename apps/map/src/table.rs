@@ -1,13 +1,13 @@
 //! Where the bricks of a map are: a hash of positions for strangers, direct links for neighbours.
 
 use elk_geometry::Voxel;
-use elk_geometry::bricks::{BrickIndex, push};
+use elk_geometry::bricks::{BrickIndex, push, swap_remove};
 use elk_geometry::voxel::FACES;
 
 /// A neighbour that there is not.
 const UNLINKED: u32 = u32::MAX;
 
-/// Numbers bricks in the order in which they were added, up to a limit.
+/// Numbers bricks in the order in which they were added, up to a limit; the last one gets the number of one that is taken out.
 #[derive(Debug, Clone)]
 pub struct BrickTable {
     index: BrickIndex,
@@ -48,6 +48,26 @@ impl BrickTable {
             }
         }
         Some(next)
+    }
+
+    /// Takes a brick out; answers the number that it had, which is the last one's now.
+    pub fn remove(&mut self, position: Voxel) -> Option<usize> {
+        let (i, last) = (self.find(position)?, self.len() - 1);
+        self.link_neighbours(i, UNLINKED);
+        self.index.swap_remove(i, last, |i| self.positions[i]);
+        swap_remove(&mut self.positions, i);
+        swap_remove(&mut self.links, i);
+        if i != last {
+            self.link_neighbours(i, i as u32);
+        }
+        Some(i)
+    }
+
+    /// Tells the bricks beyond the faces of brick `i` what there is on their side of it.
+    fn link_neighbours(&mut self, i: usize, link: u32) {
+        for (face, other) in self.links[i].into_iter().enumerate().filter(|(_, other)| *other != UNLINKED) {
+            self.links[other as usize][face ^ 1] = link;
+        }
     }
 
     /// The number of the brick beyond `face` (an index into [`FACES`]) of brick `i`, if there is one.

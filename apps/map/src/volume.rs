@@ -25,6 +25,11 @@ impl Volume {
         Self(bounds.map(|b| std::array::from_fn(|axis| range(b, axis))))
     }
 
+    /// The bricks that it has voxels of, as half-open ranges of their positions; `None`: all.
+    pub fn bricks(&self) -> Option<[[i32; 2]; 3]> {
+        self.0.map(|ranges| ranges.map(|[from, to]| [from >> 3, (to + 7) >> 3]))
+    }
+
     /// The cells of the brick at `position` (in bricks) that lie in the volume, and where a map can have voxels at all.
     pub fn mask(&self, position: Voxel) -> Mask {
         if !voxel_at(position, 0).is_mappable() {

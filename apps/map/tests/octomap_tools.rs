@@ -62,9 +62,9 @@ fn octomap_reads_our_files_and_writes_the_same_bytes() {
         assert!(same.is_empty() || read(to) == read(same), "{from} to {to}");
     }
     // As OctoMap reads a .bt, every voxel is at its clamp.
-    let theirs = read_ot(&read("b.ot")).unwrap();
-    let states = theirs.tree.cubes().into_iter().map(|cube| (cube.min, cube.edge, cube.value > 0.0));
-    let right = read_bt(&read("ours.bt")).unwrap().tree.cubes();
-    assert_eq!(states.collect::<Vec<_>>(), right.iter().map(|c| (c.min, c.edge, c.value)).collect::<Vec<_>>());
-    assert!(theirs.tree.cubes().iter().all(|cube| cube.value < -1.9 || cube.value > 3.4));
+    let (theirs, ours) = (read("b.ot"), read("ours.bt"));
+    let (theirs, ours) = (read_ot(&theirs).unwrap(), read_bt(&ours).unwrap());
+    let states = theirs.cubes().map(|cube| (cube.min, cube.edge, cube.value > 0.0));
+    assert!(states.eq(ours.cubes().map(|c| (c.min, c.edge, c.value))));
+    assert!(theirs.cubes().all(|cube| cube.value < -1.9 || cube.value > 3.4));
 }

@@ -5,10 +5,9 @@ mod data;
 #[path = "../../../tests/common/skip.rs"]
 mod skip;
 
-use elk_map::octomap::bt::{read_bt, write_bt};
+use elk_map::octomap::bt::read_bt;
 use elk_map::octomap::graph::read_graph;
-use elk_map::octomap::ot::{read_ot, write_ot};
-use elk_map::{MapConfig, OccupancyMap};
+use elk_map::{Format, MapConfig, OccupancyMap, Saved};
 
 /// A recorded file; `None`, and said, where it is not there.
 fn recorded(test: &str, name: &str) -> Option<Vec<u8>> {
@@ -20,14 +19,19 @@ fn recorded(test: &str, name: &str) -> Option<Vec<u8>> {
     bytes
 }
 
+/// The map of a file, as sure of its voxels as the file.
+fn again(bytes: &[u8]) -> OccupancyMap {
+    let saved = Saved::read(bytes).unwrap();
+    let (clamp_min, clamp_max) = (-100.0, 100.0);
+    let config = MapConfig { resolution: saved.resolution(), clamp_min, clamp_max, ..MapConfig::default() };
+    OccupancyMap::from_saved(config, &saved).unwrap()
+}
+
 #[test]
 fn log_odds_that_octomap_wrote_are_read_and_written_to_the_byte() {
     let test = "log_odds_that_octomap_wrote_are_read_and_written_to_the_byte";
     let Some(bytes) = recorded(test, "scans/s100_r010.ot") else { return };
-    let file = read_ot(&bytes).unwrap();
-    let mut ours = Vec::new();
-    write_ot(&mut ours, &file.tree, file.resolution).unwrap();
-    assert!(ours == bytes, "the same tree has the same bytes");
+    assert!(Format::Ot.write(&again(&bytes)) == bytes, "the same tree has the same bytes");
 }
 
 #[test]
@@ -49,16 +53,15 @@ fn maps_that_octomap_wrote_are_read_and_written_alike() {
         let Some(bytes) = recorded(test, name) else { continue };
         let file = read_bt(&bytes).unwrap();
         if nodes != 0 {
-            assert_eq!(file.tree.count(), nodes, "{name}");
+            assert_eq!(file.nodes, nodes, "{name}");
         }
-        let mut ours = Vec::new();
-        write_bt(&mut ours, &file.tree, file.resolution).unwrap();
-        assert_eq!(read_bt(&ours).unwrap(), file, "{name}");
+        let ours = Format::Bt.write(&again(&bytes));
+        assert!(read_bt(&ours).unwrap().cubes().eq(file.cubes()), "{name}");
         let tail = |bytes: &[u8]| bytes[bytes.windows(5).position(|w| w == b"data\n").unwrap()..].to_vec();
         assert_eq!(tail(&ours), tail(&bytes), "{name}: the same tree has the same bytes");
         if name.starts_with("scans") {
             let count = |value| -> u64 {
-                let cubes = file.tree.cubes().into_iter().filter(|c| c.value == value);
+                let cubes = file.cubes().filter(|c| c.value == value);
                 cubes.map(|c| u64::from(c.edge).pow(3)).sum()
             };
             assert_eq!((count(true), count(false)), (44_016, 265_650), "what OctoMap's iterators count");

@@ -51,6 +51,15 @@ pub fn push<T>(list: &mut Vec<T>, one: T) {
     list.push(one);
 }
 
+/// Takes one out of such a list; the last one comes to stand in its place. Once a fifth of the list is vacant it is given back.
+pub fn swap_remove<T>(list: &mut Vec<T>, place: usize) -> T {
+    let one = list.swap_remove(place);
+    if list.len() + list.len() / 4 + 4 < list.capacity() {
+        list.shrink_to(list.len() + list.len() / 8);
+    }
+    one
+}
+
 /// Smallest corner, and the corner beyond the largest, of bricks and of a voxel.
 pub fn corners(include: Voxel, bricks: impl Iterator<Item = Voxel>) -> (Voxel, Voxel) {
     let (mut min, mut max) = (include, include + Voxel::new(1, 1, 1));
@@ -132,6 +141,21 @@ impl BrickIndex {
     /// Takes in a number whose position has none yet.
     pub fn insert(&mut self, number: usize, position: impl Fn(usize) -> Voxel) {
         self.0.insert_unique(hash(position(number)), number as u32, |number| hash(position(*number as usize)));
+    }
+
+    /// Takes out the number of a brick, which becomes that of the brick whose number was the `last`; `position` says where each was
+    /// before.
+    pub fn swap_remove(&mut self, number: usize, last: usize, position: impl Fn(usize) -> Voxel) {
+        if let Ok(entry) = self.0.find_entry(hash(position(number)), |other| *other as usize == number) {
+            entry.remove();
+        }
+        if let Some(moved) = self.0.find_mut(hash(position(last)), |other| *other as usize == last) {
+            *moved = number as u32;
+        }
+        if 8 * self.0.len() < self.0.capacity() {
+            let now = |other: usize| position(if other == number { last } else { other });
+            self.0.shrink_to(2 * self.0.len(), |other| hash(now(*other as usize)));
+        }
     }
 }
 

@@ -9,8 +9,8 @@ use crate::state::BrickStates;
 use crate::states::States;
 use crate::voxel::Voxel;
 
-/// What changed in a grid from one revision to another: the bricks in which anything changed, whole.
-/// `since == 0` makes it the whole grid.
+/// What changed in a grid from one revision to another: the bricks in which anything changed, whole, and those that have got another
+/// number ([`OccupancyGrid::packed`](crate::OccupancyGrid::packed)). `since == 0` makes it the whole grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Delta<'a> {
     /// The revision that the bricks belong to.

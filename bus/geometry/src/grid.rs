@@ -1,6 +1,7 @@
 //! The three-valued grid: what is known of every voxel, in numbered revisions, so that others can keep copies of it.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use crate::bricks::{brick_of, cell_of};
 use crate::delta::{Changes, Delta, DeltaError};
@@ -16,12 +17,14 @@ pub struct OccupancyGrid {
     resolution: f64,
     revision: u64,
     counts: [usize; 3],
+    /// Bricks that stand elsewhere in their order since the last revision.
+    moved: BTreeSet<Voxel>,
 }
 
 impl OccupancyGrid {
     /// An unknown world with voxels of `resolution` (m), at revision 0.
     pub fn new(resolution: f64) -> Self {
-        Self { states: States::default(), resolution, revision: 0, counts: [0; 3] }
+        Self { states: States::default(), resolution, revision: 0, counts: [0; 3], moved: BTreeSet::new() }
     }
 
     /// Edge of a voxel (m).
@@ -72,9 +75,6 @@ impl OccupancyGrid {
 
     /// Sets one voxel; answers whether that changed it.
     pub fn set(&mut self, voxel: Voxel, state: State) -> bool {
-        if state == State::Unknown && self.states.brick(brick_of(voxel)).is_none() {
-            return false;
-        }
         let mut cells = self.states.brick(brick_of(voxel)).copied().unwrap_or_default();
         cells.set(cell_of(voxel), state);
         self.replace(brick_of(voxel), &cells) != mask::NONE
@@ -87,10 +87,12 @@ impl OccupancyGrid {
         self.replace(brick, &Cells::new(&put(own.known(), known), &put(own.occupied(), occupied)));
     }
 
-    /// Gives a brick other cells; answers those that were not as they are now.
+    /// Gives a brick other cells; answers those that were not as they are now. Of which nothing is known there is no brick.
     fn replace(&mut self, brick: Voxel, new: &Cells) -> Mask {
-        let own = self.states.brick_mut(brick);
-        let before = std::mem::replace(own, *new);
+        let before = match *new == Cells::UNKNOWN {
+            true => self.give_back(brick),
+            false => std::mem::replace(self.states.brick_mut(brick), *new),
+        };
         for (state, of) in
             [(State::Free, [before.free(), new.free()]), (State::Occupied, [before, *new].map(|c| *c.occupied()))]
         {
@@ -98,6 +100,14 @@ impl OccupancyGrid {
             self.counts[state as usize] = self.counts[state as usize] + now - before;
         }
         before.differing(new)
+    }
+
+    /// Forgets a brick; answers what its cells were.
+    fn give_back(&mut self, brick: Voxel) -> Cells {
+        let before = self.states.brick(brick).copied().unwrap_or_default();
+        self.moved.extend(self.states.remove(brick));
+        self.moved.remove(&brick);
+        before
     }
 
     /// Applies what changed in another grid, of which this is a copy; answers what that changed here, in the delta's order.
@@ -122,6 +132,7 @@ impl OccupancyGrid {
             delta.bricks.iter().for_each(|packed| changes.add(self.write(packed, None)));
         }
         self.revision = delta.revision;
+        self.moved.clear();
         Ok(changes)
     }
 
@@ -129,9 +140,7 @@ impl OccupancyGrid {
     fn write(&mut self, packed: &BrickStates, before: Option<&States>) -> (Voxel, Mask) {
         let (position, new) = (packed.position(), packed.unpack());
         let before = before.unwrap_or(&self.states).brick(position).copied().unwrap_or_default();
-        if new != Cells::UNKNOWN || self.states.brick(position).is_some() {
-            self.replace(position, &new);
-        }
+        self.replace(position, &new);
         (position, before.differing(&new))
     }
 
@@ -146,21 +155,28 @@ impl OccupancyGrid {
         Delta { revision: self.revision, since: 0, resolution: self.resolution, bricks: Cow::Owned(bricks) }
     }
 
-    /// At most so many of its bricks, from the one that so many others come before, in the order of [`States::iter`]. Bricks are
-    /// only ever added to that order, at its end: the number of one never changes.
+    /// At most so many of its bricks, from the one that so many others come before, in the order of [`States::iter`]. The number
+    /// of a brick changes only if it takes the place of one that is given back, and the next delta has it then.
     pub fn packed(&self, first: usize, most: usize) -> Vec<BrickStates> {
         self.states.iter_from(first).take(most).map(|(b, cells)| BrickStates::pack(b, cells)).collect()
     }
 
     /// Advances to the next revision and answers what changed: the bricks that hold `changed` voxels.
     pub fn advance(&mut self, changed: &[Voxel]) -> Delta<'static> {
-        let touched: std::collections::BTreeSet<Voxel> = changed.iter().map(|v| brick_of(*v)).collect();
+        let touched: BTreeSet<Voxel> = changed.iter().map(|v| brick_of(*v)).collect();
         self.advance_bricks(touched)
     }
 
-    /// The same, of the bricks in which anything changed, in this order.
+    /// The same, of the bricks in which anything changed, in this order; those that have got another number follow.
     pub fn advance_bricks(&mut self, changed: impl IntoIterator<Item = Voxel>) -> Delta<'static> {
-        let bricks = changed.into_iter().filter_map(|b| Some(BrickStates::pack(b, self.states.brick(b)?))).collect();
+        let mut moved = std::mem::take(&mut self.moved);
+        let mut changed: Vec<Voxel> = changed.into_iter().collect();
+        for brick in &changed {
+            moved.remove(brick);
+        }
+        changed.extend(moved);
+        let pack = |brick| BrickStates::pack(brick, self.states.brick(brick).unwrap_or(&Cells::UNKNOWN));
+        let bricks = changed.into_iter().map(pack).collect();
         // The first delta is the whole grid: there is no revision 0 to continue from.
         let since = self.revision;
         self.revision += 1;
@@ -172,11 +188,13 @@ impl OccupancyGrid {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::collections::BTreeMap;
 
     /// Some cells of some bricks, and what they are to be.
     fn cells() -> impl Strategy<Value = Vec<(Voxel, State)>> {
         let state = prop_oneof![Just(State::Unknown), Just(State::Free), Just(State::Occupied)];
-        let voxel = prop::array::uniform3(-9..9i32).prop_map(Voxel::from);
+        // Few in a brick, so that some bricks come to hold none.
+        let voxel = prop::array::uniform3(-2..2i32).prop_map(|v| Voxel::from(v.map(|c| 5 * c)));
         prop::collection::vec((voxel, state), 0..60)
     }
 
@@ -196,11 +214,14 @@ mod tests {
             let changed = set_all(&mut map, &then);
             let update = map.advance(&changed);
             let update = if whole { map.whole() } else { update };
-            let said: std::collections::BTreeSet<Voxel> = reader.apply(&update).unwrap().voxels().collect();
+            let said: BTreeSet<Voxel> = reader.apply(&update).unwrap().voxels().collect();
             let differs = |voxel: &Voxel| before.state(*voxel) != map.state(*voxel);
             let all = then.iter().map(|(voxel, _)| *voxel);
             prop_assert_eq!(said, all.filter(differs).collect());
             prop_assert!(map.bricks().voxels().all(|(voxel, state)| reader.state(voxel) == state));
+            let known = |grid: &OccupancyGrid| grid.bricks().iter().map(|(brick, cells)| (brick, *cells)).collect::<BTreeMap<_, _>>();
+            prop_assert_eq!(known(&reader), known(&map));
+            prop_assert!(map.bricks().iter().all(|(_, cells)| *cells != Cells::UNKNOWN), "what is not known takes no brick");
             prop_assert_eq!((reader.free(), reader.occupied()), (map.free(), map.occupied()));
         }
     }
@@ -217,6 +238,21 @@ mod tests {
             assert_eq!(reader.state(voxel), state);
         }
         assert_eq!((reader.free(), reader.occupied(), reader.revision()), (1, 1, 2));
+    }
+
+    #[test]
+    fn a_brick_that_is_given_back_is_said_and_the_one_in_its_place_again() {
+        let mut map = OccupancyGrid::new(0.1);
+        let voxels = [0, 8, 16].map(|x| Voxel::new(x, 0, 0));
+        assert!(voxels.iter().all(|voxel| map.set(*voxel, State::Free)));
+        map.advance(&voxels);
+        map.set(voxels[0], State::Unknown);
+        let said = map.advance(&voxels[..1]);
+        assert_eq!(said.bricks.iter().map(BrickStates::position).collect::<Vec<_>>(), [voxels[0], brick_of(voxels[2])]);
+        assert_eq!((said.bricks[0].unpack(), map.bricks().len()), (Cells::UNKNOWN, 2));
+        let order: Vec<Voxel> = map.bricks().iter().map(|(brick, _)| brick).collect();
+        assert_eq!(order, [brick_of(voxels[2]), brick_of(voxels[1])]);
+        assert_eq!(map.advance(&[]).bricks.len(), 0, "once");
     }
 
     #[test]

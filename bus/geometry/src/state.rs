@@ -116,6 +116,11 @@ impl BrickStates {
         self.brick.map(i32::from).into()
     }
 
+    /// Whether nothing is known of any cell.
+    pub fn is_unknown(&self) -> bool {
+        self.unpack() == Cells::UNKNOWN
+    }
+
     /// The states of all cells; unknown where the bytes are too few, or say free and occupied at once.
     pub fn unpack(&self) -> Cells {
         let (mut free, mut occupied) = (mask::NONE, mask::NONE);

@@ -1,11 +1,11 @@
 //! The states of many voxels, sparse: two bits each, in bricks of 8×8×8 cells that are found through a hash of their position.
 
-use crate::bricks::{BRICK_CELLS, BrickIndex, brick_of, cell_of, push, voxel_at};
+use crate::bricks::{BRICK_CELLS, BrickIndex, brick_of, cell_of, push, swap_remove, voxel_at};
 use crate::state::{Cells, State};
 use crate::voxel::Voxel;
 
-/// The states of voxels; those never written are unknown. Bricks are kept in the order in which they were first written, so
-/// that every walk over them is the same on every run.
+/// The states of voxels; those never written are unknown. Bricks are kept in the order in which they were first written, and in the
+/// place of one that is given back stands the last one, so that every walk over them is the same on every run.
 #[derive(Debug, Clone, Default)]
 pub struct States {
     index: BrickIndex,
@@ -34,7 +34,15 @@ impl States {
         &mut self.bricks[found.unwrap_or(next)].1
     }
 
-    /// All bricks with their cells, in the order in which they were first written.
+    /// Gives a brick back: its cells are unknown. Answers the brick that stands in its place now, if another one does.
+    pub(crate) fn remove(&mut self, brick: Voxel) -> Option<Voxel> {
+        let place = self.index.find(brick, |i| self.bricks[i].0)?;
+        self.index.swap_remove(place, self.bricks.len() - 1, |i| self.bricks[i].0);
+        swap_remove(&mut self.bricks, place);
+        self.bricks.get(place).map(|(moved, _)| *moved)
+    }
+
+    /// All bricks with their cells, in their order.
     pub fn iter(&self) -> impl Iterator<Item = (Voxel, &Cells)> {
         self.iter_from(0)
     }
@@ -72,14 +80,20 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_written_is_read(writes in prop::collection::vec((prop::array::uniform3(-9..9i32), 0..3usize), 0..200)) {
+        fn what_was_written_is_read(writes in prop::collection::vec((prop::array::uniform3(-9..9i32), 0..3usize, 0..4), 0..200)) {
             let (mut states, mut model) = (States::default(), std::collections::BTreeMap::new());
-            for (voxel, state) in writes {
+            for (voxel, state, gone) in writes {
                 let (voxel, state) = (Voxel::from(voxel), [State::Unknown, State::Free, State::Occupied][state]);
                 states.brick_mut(brick_of(voxel)).set(cell_of(voxel), state);
                 model.insert(voxel, state);
+                if gone == 0 {
+                    states.remove(brick_of(voxel));
+                    model.retain(|other, _| brick_of(*other) != brick_of(voxel));
+                }
             }
             prop_assert!(model.iter().all(|(voxel, state)| states.get(*voxel) == *state));
+            let bricks: std::collections::BTreeSet<Voxel> = model.keys().map(|voxel| brick_of(*voxel)).collect();
+            prop_assert_eq!((states.iter().map(|(brick, _)| brick).collect(), states.len()), (bricks.clone(), bricks.len()));
             let all = states.voxels().filter(|(_, state)| *state != State::Unknown).count();
             prop_assert_eq!(all, model.values().filter(|state| **state != State::Unknown).count());
             for (_, cells) in states.iter() {

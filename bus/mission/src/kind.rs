@@ -50,10 +50,12 @@ pub enum Kind {
     Text,
     /// The name of a variable of the community.
     Variable,
-    /// A file to read, relative to the mission file; must exist. A name in `builtin` stands for itself.
+    /// A file to read, relative to the mission file. A name in `builtin` stands for itself.
     File {
         /// Names that are no files but built into the program.
         builtin: &'static [&'static str],
+        /// Whether it has to be there whenever the parameter is read. If not, the app looks for it when it needs it.
+        at_once: bool,
     },
 }
 

@@ -107,7 +107,7 @@ fn as_text(kind: &Kind, value: &ParamValue) -> String {
         (ParamValue::Integer(value), _) => value.to_string(),
         (ParamValue::Flag(value), _) => value.to_string(),
         (ParamValue::Point([x, y, z]), _) => format!("{x}; {y}; {z}"),
-        (ParamValue::Text(value), Kind::File { builtin }) if !builtin.contains(&value.as_str()) => {
+        (ParamValue::Text(value), Kind::File { builtin, .. }) if !builtin.contains(&value.as_str()) => {
             let path = std::path::absolute(value).unwrap_or_else(|_| value.into());
             path.to_string_lossy().into_owned()
         }

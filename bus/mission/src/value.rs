@@ -45,7 +45,7 @@ impl Kind {
             Kind::Choice(words) => choice(text, words),
             Kind::Text => Ok(ParamValue::Text(text.to_owned())),
             Kind::Variable => variable(text, self),
-            Kind::File { builtin } => file(text, builtin, folder),
+            Kind::File { builtin, at_once } => file(text, builtin, *at_once, folder),
         }
     }
 
@@ -69,8 +69,8 @@ impl Kind {
             Kind::Choice(words) => format!("one of {}", words.join(", ")),
             Kind::Text => "any text".to_owned(),
             Kind::Variable => "the name of a variable (no space, comma, '*' or '?')".to_owned(),
-            Kind::File { builtin: [] } => "a file".to_owned(),
-            Kind::File { builtin } => format!("a file, or built in: {}", builtin.join(", ")),
+            Kind::File { builtin: [], .. } => "a file".to_owned(),
+            Kind::File { builtin, .. } => format!("a file, or built in: {}", builtin.join(", ")),
         }
     }
 }
@@ -184,13 +184,16 @@ fn variable(text: &str, kind: &Kind) -> Result<ParamValue, ValueError> {
     }
 }
 
-fn file(text: &str, builtin: &[&str], folder: &Path) -> Result<ParamValue, ValueError> {
+fn file(text: &str, builtin: &[&str], at_once: bool, folder: &Path) -> Result<ParamValue, ValueError> {
     let path = folder.join(text);
     if builtin.contains(&text) {
         return Ok(ParamValue::Text(text.to_owned()));
     }
-    match path.is_file() {
+    match !at_once || path.is_file() {
         true => Ok(ParamValue::Text(path.to_string_lossy().into_owned())),
+        false if path.is_dir() => {
+            Err(ValueError { found: format!("{} is a folder", path.display()), right: "right is a file".to_owned() })
+        }
         false => Err(ValueError {
             found: format!("there is no file {}", path.display()),
             right: instead_of_file(text, builtin, &path),
@@ -304,7 +307,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("hall.obj"), "").unwrap();
         let shown = folder.path().display();
-        let kind = Kind::File { builtin: &["car-interior"] };
+        let kind = Kind::File { builtin: &["car-interior"], at_once: true };
         let says = |text: &str| match kind.parse(text, folder.path()) {
             Ok(value) => format!("{value:?}"),
             Err(error) => error.to_string(),
@@ -313,5 +316,10 @@ mod tests {
         assert_eq!(says("car-interior"), r#"Text("car-interior")"#);
         assert_eq!(says("hal.obj"), format!("there is no file {shown}/hal.obj; did you mean {shown}/hall.obj?"));
         assert_eq!(says("moon.obj"), format!("there is no file {shown}/moon.obj; known: car-interior"));
+        assert_eq!(says("."), format!("{shown}/. is a folder; right is a file"));
+        let later = Kind::File { builtin: &["none"], at_once: false };
+        let path = |text: &str| later.parse(text, folder.path()).map_err(|error| error.to_string());
+        let [moon, none] = [format!("{shown}/moon.obj"), "none".to_owned()].map(|text| Ok(ParamValue::Text(text)));
+        assert_eq!([path("moon.obj"), path("none")], [moon, none], "looked for by who needs it");
     }
 }

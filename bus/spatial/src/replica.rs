@@ -254,10 +254,12 @@ impl Replica {
     }
 
     fn look_at_size(&self, update: &MapUpdate) -> Result<(), UpdateError> {
-        let known = self.grid.bricks();
+        let is_known = |brick: &&BrickStates| self.grid.bricks().brick(brick.position()).is_some();
+        let (old, new): (Vec<_>, Vec<_>) = update.bricks.iter().partition(is_known);
+        let given_back = old.iter().filter(|brick| brick.is_unknown()).count();
         self.look_at_number(match update.since {
             0 => update.bricks.len(),
-            _ => known.len() + update.bricks.iter().filter(|b| known.brick(b.position()).is_none()).count(),
+            _ => self.grid.bricks().len() - given_back + new.iter().filter(|brick| !brick.is_unknown()).count(),
         })
     }
 

@@ -181,7 +181,7 @@ fn ingredients(app: &AppSpec) -> Vec<Ingredient> {
         Program::Foreign { .. } => &[],
     };
     let files = files.iter().filter_map(|param| match param.kind {
-        Kind::File { builtin } => Some((param.name, app.setting(param.name)?, builtin)),
+        Kind::File { builtin, .. } => Some((param.name, app.setting(param.name)?, builtin)),
         _ => None,
     });
     let named = files.filter(|(_, file, builtin)| !file.is_empty() && !builtin.contains(file));

@@ -9,7 +9,7 @@ use elk_geometry::Bounds;
 use elk_geometry::delta::Delta;
 use elk_geometry::limits::RESOLUTIONS_M;
 use elk_map::{Dropped, Grazing, Insertion, Integration, MapConfig, OccupancyMap};
-use elk_mission::{AppType, Kind, ParamSpec, Params};
+use elk_mission::{AppType, Kind, ParamSpec, Params, PreflightReport};
 
 use elk_spatial::checks::{MAX_BRICKS, MAX_COUNT, MAX_POINTS, MAX_REVISIONS_AHEAD, within_range};
 use elk_spatial::keys::{
@@ -35,7 +35,10 @@ pub static TYPES: &[AppType] = &[AppType {
     summary: "Log-odds occupancy of voxels, with its frontier; from a saved map on, and into one: OctoMap's files, or its own.",
     params: PARAMS,
     build: |params| Ok(Box::new(MapApp::new(params)?.on_the_bus())),
-    preflight: None,
+    preflight: Some(|params, _| match MapApp::new(params).and_then(|map| map.saved()) {
+        Ok(_) => PreflightReport::default(),
+        Err(error) => PreflightReport::fault(error),
+    }),
 }];
 
 const fn number(
@@ -105,7 +108,7 @@ const PARAMS: &[ParamSpec] = &[
     number("ClampMax", ("", 0.01, 100.0), "3.5", "Largest log-odds of a voxel."),
     ParamSpec {
         name: "From",
-        kind: Kind::File { builtin: &[NOTHING] },
+        kind: Kind::File { builtin: &[NOTHING], at_once: false },
         default: Some(NOTHING),
         doc: "The saved map to begin with, .elkmap, .ot or .bt, with voxels of this Res; none: an unknown world.",
     },
@@ -148,6 +151,8 @@ fn config(params: &Params) -> Result<MapConfig, AppError> {
     })
 }
 
+/// The revision that a saved map is.
+const SAVED: u64 = 1;
 /// How long a map that was killed waits for a reader's copy before it begins anew (s): longer than any reader plans. After
 /// half of it any copy will do.
 const COPY_PATIENCE_SECS: f64 = 10.0;
@@ -163,11 +168,13 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// a whole map of three values each. Publishing the memory with every scan instead would write the whole map where
 /// little has changed, and cost the more, the larger the world is.
 ///
-/// One that begins with a saved map has it as revision 1 before anything is heard, and says it whole before the first scan;
-/// what a predecessor left is of a later revision, and so goes before it. Where nobody has a copy of the predecessor's
-/// map, the saved one is what is left.
+/// One that begins with a saved map has it as revision 1, and says it whole before the first scan. What a predecessor left goes
+/// before it, and the file is not even looked for. Where nobody has a copy of the predecessor's map, the saved one is what is
+/// left.
 struct MapApp {
     map: OccupancyMap,
+    /// The saved map to begin with.
+    from: Option<PathBuf>,
     input: Key<Scan<'static>>,
     file: Option<PathBuf>,
     last_scan: u64,
@@ -196,12 +203,9 @@ struct MapApp {
 impl MapApp {
     fn new(params: &Params) -> Result<Self, AppError> {
         let (from, file) = (params.text("From"), params.text("File"));
-        let config = config(params)?;
         Ok(Self {
-            map: match from == NOTHING {
-                true => OccupancyMap::new(config).map_err(|error| error.to_string())?,
-                false => saved::read(from.as_ref(), config)?,
-            },
+            map: OccupancyMap::new(config(params)?).map_err(|error| error.to_string())?,
+            from: (from != NOTHING).then(|| from.into()),
             input: Key::named(params.text("Input")),
             file: (!file.is_empty()).then(|| file.into()),
             last_scan: 0,
@@ -217,6 +221,11 @@ impl MapApp {
             rays: RayTally::default(),
             camera: CameraInfo::default(),
         })
+    }
+
+    /// The saved map to begin with, if there is to be one.
+    fn saved(&self) -> Result<Option<OccupancyMap>, AppError> {
+        self.from.as_ref().map(|path| saved::read(path, *self.map.config())).transpose()
     }
 
     fn on_the_bus(self) -> impl App {
@@ -268,8 +277,11 @@ impl MapApp {
         let revision = past.revision();
         // It may have died in the middle of an answer.
         self.requested |= revision > 0;
-        match past.memory.take() {
-            Some((map, scan)) if map.grid().revision() <= revision => (self.map, self.last_scan) = (*map, scan),
+        let (memory, mut is_left) = (past.memory.take(), false);
+        match memory {
+            Some((map, scan)) if map.grid().revision() <= revision => {
+                (self.map, self.last_scan, is_left) = (*map, scan, true);
+            }
             Some((map, _)) => {
                 let (name, left) = (comms.name(), map.grid().revision());
                 tell(format_args!(
@@ -278,6 +290,14 @@ impl MapApp {
                 ));
             }
             None => {}
+        }
+        if !is_left && revision <= SAVED {
+            match self.saved() {
+                Ok(Some(map)) => self.map = map,
+                Err(error) if revision == 0 => return Err(error),
+                // What was said of it readers have.
+                Ok(None) | Err(_) => {}
+            }
         }
         if revision == 0 && self.map.grid().revision() > 0 {
             // A saved map, of which nobody has heard.
@@ -331,11 +351,22 @@ impl MapApp {
         if waited < COPY_PATIENCE_SECS {
             return Ok(());
         }
-        let (name, own) = (comms.name(), self.map.grid().revision());
+        let own = self.map.grid().revision();
+        let saved = if own == 0 { self.saved() } else { Ok(None) };
+        let begins_with = match &saved {
+            Ok(Some(_)) => "what From says".to_owned(),
+            Ok(None) if own > 0 => format!("a copy of revision {own}"),
+            Ok(None) => "nothing".to_owned(),
+            Err(error) => format!("nothing, as what From says is not there ({error})"),
+        };
         tell(format_args!(
-            "{name}: the map was lost: nobody has a copy of its revision {revision}; it goes on from revision {own} (0: from \
-             nothing, or 1: from what From says), and what is missing has to be explored again"
+            "{}: the map was lost: nobody has a copy of its revision {revision}; it goes on from {begins_with}, and what is \
+             missing has to be explored again",
+            comms.name()
         ));
+        if let Ok(Some(map)) = saved {
+            self.map = map;
+        }
         self.map.skip_to(revision);
         self.next_is_whole = true;
         self.begin(comms)
@@ -428,7 +459,8 @@ impl MapApp {
             let most = self.map.config().max_bricks;
             tell(format_args!(
                 "{name}: the map is full: {no_room} of {points} points of scan {id} lie beyond its {most} bricks (MaxBricks) \
-                 and are left out; set Map.MaxBricks or a coarser Res. Counted from now on"
+                 and are left out; allow for more by a larger MaxBricks, of the explorer as well, or set a coarser Res. \
+                 Counted from now on"
             ));
         }
     }

@@ -229,6 +229,36 @@ fn no_more_bricks_come_into_being_than_there_is_room_for() {
     assert!(OccupancyMap::from_states(smaller, &map.grid().whole()).is_err());
 }
 
+/// Regression: of blocks beyond the window around the sensor the first 2¹⁸ were kept, whatever came behind them.
+#[test]
+fn where_there_is_not_room_for_all_the_nearest_count_in_any_order() {
+    let end = |i: i32| {
+        let angle = f64::from(i) * 0.031;
+        Point3::new(3000.0 * angle.cos(), 3000.0 * angle.sin(), f64::from(i % 7) * 400.0 - 1200.0)
+    };
+    let config = MapConfig { max_bricks: 20_000, ..MapConfig::default() };
+    let maps = [false, true].map(|backward| {
+        let mut map = OccupancyMap::new(config).unwrap();
+        map.insert(Point3::origin(), [Point3::new(700.0, 0.5, 0.25)]);
+        let points: Vec<_> = (0..200).map(|i| end(if backward { 199 - i } else { i })).collect();
+        (map.insert(Point3::origin(), points), map)
+    });
+    let [(seen, map), (of_backward, backward)] = maps;
+    assert_eq!((seen.dropped.no_room, map.is_full()), (200, true));
+    assert!(seen == of_backward);
+    assert!(map.snapshot() == backward.snapshot());
+    // Each ray frees as far as any does.
+    let brick = |point: Point3<f64>| brick_of(Voxel::containing(point, 0.1)).distance(Voxel::new(0, 0, 0));
+    let known = |i: i32| {
+        let along = |share: f64| Point3::origin() + (end(i) - Point3::origin()) * share;
+        let is_known = |step: &i32| map.log_odds(Voxel::containing(along(f64::from(*step) * 1e-4), 0.1)).is_some();
+        brick(along(f64::from((1..10_000).take_while(is_known).last().unwrap()) * 1e-4))
+    };
+    let reach: Vec<f64> = (1..200).map(known).collect();
+    let ends = reach.iter().fold([f64::MAX, 0.0f64], |[low, high], r| [low.min(*r), high.max(*r)]);
+    assert!(ends[0] > 40.0 && ends[1] - ends[0] < 3.0, "{ends:?}");
+}
+
 #[test]
 fn grazing_rules_differ_in_what_they_spare() {
     let wall = Voxel::new(3, 0, 0);

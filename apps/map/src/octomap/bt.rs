@@ -4,9 +4,10 @@
 use std::io::{self, Write};
 
 use crate::bytes::Bytes;
+use crate::octomap::cubes::{INNER, Read, Value};
 use crate::octomap::header::{self, Header};
 use crate::octomap::{TreeFile, TreeFileError};
-use crate::octree::{DEPTH, Node};
+use crate::octree::Node;
 
 /// How a `.bt` file begins.
 pub(crate) const MAGIC: &str = "# Octomap OcTree binary file";
@@ -46,18 +47,18 @@ fn write_node(data: &mut Vec<u8>, node: &Node<bool>) {
     }
 }
 
-/// Reads a `.bt` file, of before 2011 as well. Never allocates more than a fixed multiple of the bytes that are there.
+/// Reads a `.bt` file, of before 2011 as well.
 ///
 /// # Errors
 /// It is no such file, is cut off or damaged.
-pub fn read_bt(bytes: &[u8]) -> Result<TreeFile<bool>, TreeFileError> {
+pub fn read_bt(bytes: &[u8]) -> Result<TreeFile<'_, bool>, TreeFileError> {
     let (header, data) =
         if bytes.starts_with(&LEGACY_MAGIC) { legacy_header(bytes)? } else { Header::read(bytes, MAGIC)? };
     if header.kind != "OcTree" {
         let right = "an OcTree, which alone has a .bt form: convert it with OctoMap's convert_octree";
         return Err(TreeFileError::Kind { found: header.kind, right });
     }
-    header.tree(data, |data| read_inner(data, 0))
+    header.tree(data, 0)
 }
 
 /// The header of before 2011: an i32 for the kind of tree, the resolution as an f64, and the number of nodes as a u32.
@@ -71,22 +72,13 @@ fn legacy_header(bytes: &[u8]) -> Result<(Header, Bytes<'_>), TreeFileError> {
     }
 }
 
-/// The inner node `depth` levels below the root, and what is below it. Recursion ends at [`DEPTH`].
-fn read_inner(data: &mut Bytes<'_>, depth: u32) -> Result<Node<bool>, TreeFileError> {
-    if depth == DEPTH {
-        return Err(TreeFileError::TooDeep(data.at()));
+impl Value for bool {
+    fn read(bits: u32, _: usize, data: &mut Bytes<'_>) -> Result<Read<Self>, TreeFileError> {
+        Ok(match bits {
+            INNER => Read::Inner(data.u16()?.into()),
+            leaf => Read::Leaf(leaf == 2),
+        })
     }
-    let record = data.u16()?;
-    let mut children = Box::new([const { Node::Unknown }; 8]);
-    for (i, child) in children.iter_mut().enumerate() {
-        *child = match record >> (2 * i) & 3 {
-            0 => Node::Unknown,
-            1 => Node::Leaf(false),
-            2 => Node::Leaf(true),
-            _ => read_inner(data, depth + 1)?,
-        };
-    }
-    Ok(Node::Inner(children))
 }
 
 #[cfg(test)]
@@ -113,7 +105,10 @@ mod tests {
         #[test]
         fn what_was_written_is_read(voxels in voxels()) {
             let tree = Node::from_voxels(voxels);
-            prop_assert_eq!(read_bt(&bytes_of(&tree)), Ok(TreeFile { resolution: 0.1, tree }));
+            let bytes = bytes_of(&tree);
+            let file = read_bt(&bytes).unwrap();
+            prop_assert_eq!((file.resolution, file.nodes), (0.1, tree.count()));
+            prop_assert_eq!(file.cubes().collect::<Vec<_>>(), tree.cubes());
         }
 
         #[test]
@@ -154,8 +149,10 @@ mod tests {
 
     #[test]
     fn a_world_of_one_value_can_be_written() {
-        let file = read_bt(&bytes_of(&Node::Leaf(true))).unwrap();
-        assert_eq!((file.tree.count(), file.tree.get(Voxel::new(5, -7, 9))), (9, Some(true)));
+        let bytes = bytes_of(&Node::Leaf(true));
+        let file = read_bt(&bytes).unwrap();
+        assert!(file.nodes == 9 && file.cubes().all(|cube| cube.value && cube.edge == 1 << 15));
+        assert_eq!(file.cubes().count(), 8);
     }
 
     #[test]
@@ -167,7 +164,9 @@ mod tests {
             [&LEGACY_MAGIC[..], &resolution.to_le_bytes(), &nodes.to_le_bytes(), data].concat()
         };
         let nodes = tree.count() as u32;
-        assert_eq!(read_bt(&legacy(0.25, nodes)), Ok(TreeFile { resolution: 0.25, tree }));
+        let bytes = legacy(0.25, nodes);
+        let read = read_bt(&bytes).unwrap();
+        assert_eq!((read.resolution, read.cubes().collect()), (0.25, tree.cubes()));
         assert_eq!(read_bt(&legacy(-1.0, nodes)), Err(TreeFileError::Resolution(-1.0)));
         assert!(matches!(read_bt(&legacy(0.25, u32::MAX)), Err(TreeFileError::Count { .. })));
         assert_eq!(read_bt(&legacy(0.25, nodes)[..10]), Err(TreeFileError::Truncated(10)));

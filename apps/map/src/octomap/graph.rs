@@ -84,6 +84,12 @@ pub enum GraphError {
     Trailing(usize),
 }
 
+/// Whether bytes begin as a `.graph` does that has scans: behind two numbers the 3 of a vector. No other file of OctoMap's has that
+/// there; in a `.bt` of before 2011 it would be the edge of its voxels, and less than 10⁻³⁰⁰ m.
+pub(crate) fn is_graph(bytes: &[u8]) -> bool {
+    bytes.get(8..12) == Some(&[3, 0, 0, 0])
+}
+
 /// Reads a `.graph` file; the edges are passed over. Never allocates more than a fixed multiple of the bytes that are there.
 ///
 /// # Errors

@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 
 use crate::bytes::Bytes;
+use crate::octomap::cubes::{Cubes, Value};
 use crate::octomap::{TreeFile, TreeFileError};
-use crate::octree::Node;
 
 /// What the header says.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,18 +55,10 @@ impl Header {
         Ok((Self { kind, nodes, resolution }, Bytes::new(rest, bytes.len() - rest.len())))
     }
 
-    /// The tree behind this header, which `read` reads; a file that announces no node and has no data holds an unknown world.
-    pub fn tree<V: Copy + PartialEq>(
-        &self,
-        mut data: Bytes<'_>,
-        read: impl FnOnce(&mut Bytes<'_>) -> Result<Node<V>, TreeFileError>,
-    ) -> Result<TreeFile<V>, TreeFileError> {
-        let tree = if self.nodes == 0 && data.left() == 0 { Node::Unknown } else { read(&mut data)? };
-        match (data.left(), tree.count()) {
-            (0, found) if found == self.nodes => Ok(TreeFile { resolution: self.resolution, tree }),
-            (0, found) => Err(TreeFileError::Count { announced: self.nodes, found }),
-            (more, _) => Err(TreeFileError::Trailing(more)),
-        }
+    /// The tree behind this header, each of whose nodes has so many bytes `beside` its value.
+    pub fn tree<V: Value>(self, data: Bytes<'_>, beside: usize) -> Result<TreeFile<'_, V>, TreeFileError> {
+        let Self { nodes, resolution, .. } = self;
+        Ok(TreeFile { resolution, nodes, cubes: Cubes::of(data, nodes, beside)? })
     }
 }
 

@@ -3,9 +3,10 @@
 use std::io::{self, Write};
 
 use crate::bytes::Bytes;
+use crate::octomap::cubes::{INNER, Read, Value};
 use crate::octomap::header::{self, Header};
 use crate::octomap::{TreeFile, TreeFileError};
-use crate::octree::{DEPTH, Node};
+use crate::octree::Node;
 
 /// How an `.ot` file begins.
 pub(crate) const MAGIC: &str = "# Octomap OcTree file";
@@ -41,12 +42,11 @@ fn write_node(data: &mut Vec<u8>, node: &Node<f32>) -> f32 {
 }
 
 /// Reads the log-odds of an `.ot` file: of an `OcTree`, an `OcTreeStamped` (whose times are in no file), or a `ColorOcTree`,
-/// whose colours are left out. The tree is as it is in the file, pruned or not. Never allocates more than a fixed multiple of
-/// the bytes that are there.
+/// whose colours are left out.
 ///
 /// # Errors
 /// It is no such file, is cut off or damaged.
-pub fn read_ot(bytes: &[u8]) -> Result<TreeFile<f32>, TreeFileError> {
+pub fn read_ot(bytes: &[u8]) -> Result<TreeFile<'_, f32>, TreeFileError> {
     let (header, data) = Header::read(bytes, MAGIC)?;
     let beside = match header.kind.as_str() {
         "OcTree" | "OcTreeStamped" => 0,
@@ -56,30 +56,21 @@ pub fn read_ot(bytes: &[u8]) -> Result<TreeFile<f32>, TreeFileError> {
             return Err(TreeFileError::Kind { found: header.kind, right });
         }
     };
-    header.tree(data, |data| read_node(data, 0, beside))
+    header.tree(data, beside)
 }
 
-/// The node `depth` levels below the root, and what is below it; each has `beside` bytes beside its log-odds. Recursion ends
-/// at [`DEPTH`].
-fn read_node(data: &mut Bytes<'_>, depth: u32, beside: usize) -> Result<Node<f32>, TreeFileError> {
-    let at = data.at();
-    let log_odds = data.f32()?;
-    data.skip(beside)?;
-    let mask = data.u8()?;
-    if !log_odds.is_finite() {
-        return Err(TreeFileError::LogOdds { at, found: log_odds });
+impl Value for f32 {
+    fn read(_: u32, beside: usize, data: &mut Bytes<'_>) -> Result<Read<Self>, TreeFileError> {
+        let at = data.at();
+        let log_odds = data.f32()?;
+        data.skip(beside)?;
+        let children = u32::from(data.u8()?);
+        match (log_odds.is_finite(), children) {
+            (false, _) => Err(TreeFileError::LogOdds { at, found: log_odds }),
+            (true, 0) => Ok(Read::Leaf(log_odds)),
+            (true, _) => Ok(Read::Inner((0..8).fold(0, |all, i| all | (children >> i & 1) * INNER << (2 * i)))),
+        }
     }
-    if mask == 0 {
-        return Ok(Node::Leaf(log_odds));
-    }
-    if depth == DEPTH {
-        return Err(TreeFileError::TooDeep(at));
-    }
-    let mut children = Box::new([const { Node::Unknown }; 8]);
-    for (_, child) in children.iter_mut().enumerate().filter(|(i, _)| mask >> i & 1 == 1) {
-        *child = read_node(data, depth + 1, beside)?;
-    }
-    Ok(Node::Inner(children))
 }
 
 #[cfg(test)]
@@ -114,10 +105,11 @@ mod tests {
         #[test]
         fn what_was_written_is_read(voxels in voxels()) {
             let tree = Node::from_voxels(voxels);
-            let file = TreeFile { resolution: 0.1, tree };
-            prop_assert_eq!(read_ot(&bytes_of(&file.tree)), Ok(file.clone()));
-            for (kind, beside) in [("1", 0), ("OcTreeStamped", 0), ("ColorOcTree", 3)] {
-                prop_assert_eq!(read_ot(&with_beside(&file.tree, kind, beside)), Ok(file.clone()), "{}", kind);
+            for (kind, beside) in [("OcTree", 0), ("1", 0), ("OcTreeStamped", 0), ("ColorOcTree", 3)] {
+                let bytes = with_beside(&tree, kind, beside);
+                let file = read_ot(&bytes).unwrap();
+                prop_assert_eq!((file.resolution, file.nodes), (0.1, tree.count()));
+                prop_assert_eq!(file.cubes().collect::<Vec<_>>(), tree.cubes(), "{}", kind);
             }
         }
 
@@ -165,6 +157,8 @@ mod tests {
         let data = bytes.windows(5).position(|w| w == b"data\n").unwrap() + 5;
         assert_eq!(bytes.len() - data, 5 * tree.count());
         assert_eq!(bytes[data..data + 4], 0.85f32.to_le_bytes());
-        assert_eq!(read_ot(&bytes_of(&Node::Leaf(0.5))).unwrap().tree, Node::Leaf(0.5), "one cube is the world");
+        let world = bytes_of(&Node::Leaf(0.5));
+        let cubes: Vec<_> = read_ot(&world).unwrap().cubes().collect();
+        assert_eq!(cubes, Node::Leaf(0.5).cubes(), "one cube is the world");
     }
 }

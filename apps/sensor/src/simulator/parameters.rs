@@ -21,7 +21,7 @@ const PIXELS: Kind = Kind::Integer { min: 1, max: 10_000 };
 pub(super) const PARAMS: &[ParamSpec] = &[
     param(
         "World",
-        Kind::File { builtin: &BUILT_IN },
+        Kind::File { builtin: &BUILT_IN, at_once: true },
         CAR_INTERIOR,
         "The world: an OBJ, STL, PLY or glTF file; `elk world info FILE` says what is in it.",
     ),

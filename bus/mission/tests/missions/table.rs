@@ -32,7 +32,7 @@ pub const SENSOR: &[AppType] = &[AppType {
         PORT,
         param("MOOSPoseVarName", Kind::Variable, Some("SIM_SENSOR"), "Variable of its pose."),
         param("PoseEstimator", Kind::Choice(&["none"]), Some("none"), "Accepted."),
-        param("World", Kind::File { builtin: &["car-interior"] }, Some("car-interior"), "World."),
+        param("World", Kind::File { builtin: &["car-interior"], at_once: true }, Some("car-interior"), "World."),
     ],
     build: unbuilt,
     preflight: None,

@@ -8,8 +8,8 @@ pub fn go_on_from(bytes: &[u8]) {
     let config = MapConfig { resolution: saved.resolution(), max_bricks: 256, ..MapConfig::default() };
     let Ok(map) = OccupancyMap::from_saved(config, &saved) else { return };
     for format in [Format::ElkMap, Format::Ot, Format::Bt] {
-        let again = Saved::read(&format.write(&map)).unwrap();
-        let again = OccupancyMap::from_saved(config, &again).unwrap();
+        let bytes = format.write(&map);
+        let again = OccupancyMap::from_saved(config, &Saved::read(&bytes).unwrap()).unwrap();
         assert_eq!(again.occupancy_tree(), map.occupancy_tree());
         assert_eq!(again.frontier_len(), map.frontier_len());
     }

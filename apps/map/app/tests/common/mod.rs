@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use elk_bus::memory::MemoryBroker;
-use elk_bus::{App, BrokerConfig, Client, Clock, Comms, Community, Mail, any};
+use elk_bus::{App, AppError, BrokerConfig, Client, Clock, Comms, Community, Mail, any};
 use elk_geometry::Pose;
 use elk_map::{Format, OccupancyMap};
 use elk_spatial::keys::SCAN;
@@ -40,6 +40,11 @@ impl Stage {
     pub fn new(folder: &Path, map: &OccupancyMap, settings: &[(&str, String)], keys: &str) -> Self {
         let file = folder.join("known.elkmap");
         std::fs::write(&file, Format::ElkMap.write(map)).unwrap();
+        Self::of(&file, settings, keys)
+    }
+
+    /// The same of a file.
+    pub fn of(file: &Path, settings: &[(&str, String)], keys: &str) -> Self {
         let broker = MemoryBroker::new(BrokerConfig::new(NAME), Clock::new(1.0));
         let (client, mut others) = (join(&broker, "Map"), join(&broker, "others"));
         others.comms.register(any(keys).lossless()).unwrap();
@@ -69,11 +74,15 @@ impl Stage {
 
     /// Gives the map the mail that is there now; how many messages that were.
     pub fn give(&mut self) -> usize {
+        self.try_give().unwrap()
+    }
+
+    /// The same, as far as it has no error.
+    pub fn try_give(&mut self) -> Result<usize, AppError> {
         self.others.comms.flush().unwrap();
         let (app, Client { comms, inbox }) = (&mut self.app, &mut self.client);
-        let given = inbox
-            .receive(comms, Duration::ZERO, |comms: &mut Comms, mail: &Mail<'_>| app.on_new_mail(comms, mail))
-            .unwrap();
+        let given =
+            inbox.receive(comms, Duration::ZERO, |comms: &mut Comms, mail: &Mail<'_>| app.on_new_mail(comms, mail));
         self.client.comms.flush().unwrap();
         given
     }
