@@ -20,6 +20,8 @@ pub struct TreeFile<'a, V> {
     pub resolution: f64,
     /// Nodes as OctoMap counts them: leaves and inner nodes, the root included.
     pub nodes: usize,
+    /// Bricks that a map of it has, of 8³ voxels each: a single cube may stand for more than any memory holds.
+    pub bricks: usize,
     cubes: Cubes<'a, V>,
 }
 

@@ -115,22 +115,22 @@ impl OccupancyMap {
     pub fn from_saved(config: MapConfig, saved: &Saved<'_>) -> Result<Self, RestoreError> {
         match saved {
             Saved::Snapshot(snapshot) => Self::restore(config, snapshot),
-            Saved::LogOdds(file) => Self::of_cubes(config, file.resolution, file.cubes()),
+            Saved::LogOdds(file) => Self::of_cubes(config, file, file.cubes()),
             Saved::Occupancy(file) => {
                 let log_odds = |occupied| if occupied { config.hit } else { config.miss };
                 let cubes = file.cubes().map(|Cube { min, edge, value }| Cube { min, edge, value: log_odds(value) });
-                Self::of_cubes(config, file.resolution, cubes)
+                Self::of_cubes(config, file, cubes)
             }
         }
     }
 
-    /// The map of cubes of log-odds.
-    fn of_cubes(
+    /// The map of a file, whose cubes have these log-odds.
+    fn of_cubes<V>(
         config: MapConfig,
-        resolution: f64,
-        cubes: impl Iterator<Item = Cube<f32>> + Clone,
+        file: &TreeFile<'_, V>,
+        cubes: impl Iterator<Item = Cube<f32>>,
     ) -> Result<Self, RestoreError> {
-        let mut map = Self::with_room_for(config, bricks_of(cubes.clone()), resolution)?;
+        let mut map = Self::with_room_for(config, file.bricks, file.resolution)?;
         for Cube { min, edge, value } in cubes {
             let log_odds = value.clamp(config.clamp_min, config.clamp_max);
             for brick in cube((edge as i32 / BRICK).max(1)) {
@@ -152,17 +152,6 @@ impl OccupancyMap {
             cube(edge).for_each(|offset| brick.know(cell_of(min + offset), log_odds, config, codes));
         }
     }
-}
-
-/// Bricks of the cubes of a tree, depth first: those of one brick follow each other, and a single cube may stand for more bricks
-/// than any memory holds.
-fn bricks_of(cubes: impl Iterator<Item = Cube<f32>>) -> usize {
-    let mut last = None;
-    let new = |Cube { min, edge, .. }| match (edge as usize / BRICK as usize).pow(3) {
-        0 => usize::from(last.replace(brick_of(min)) != Some(brick_of(min))),
-        bricks => bricks,
-    };
-    cubes.map(new).sum()
 }
 
 /// The places of a cube of this edge.

@@ -3,6 +3,8 @@
 
 use std::marker::PhantomData;
 
+use elk_geometry::bricks::{BRICK, brick_of};
+
 use crate::bytes::Bytes;
 use crate::octomap::TreeFileError;
 use crate::octree::{Cube, DEPTH, ROOT, half};
@@ -48,20 +50,29 @@ pub struct Cubes<'a, V> {
 }
 
 impl<'a, V: Value> Cubes<'a, V> {
-    /// Those of the tree that these data are, to the last byte, of so many nodes, each with so many bytes `beside` its value.
+    /// Those of the tree that these data are, to the last byte, of so many nodes, each with so many bytes `beside` its value; and how
+    /// many bricks they lie in.
     ///
     /// # Errors
     /// The data are no such tree.
-    pub(super) fn of(data: Bytes<'a>, nodes: usize, beside: usize) -> Result<Self, TreeFileError> {
+    pub(super) fn of(data: Bytes<'a>, nodes: usize, beside: usize) -> Result<(Self, usize), TreeFileError> {
         // A file that announces no node and has no data holds an unknown world.
         let is_unknown = nodes == 0 && data.left() == 0;
         let above_root = Inner { cube: Cube { min: ROOT, edge: 2 << DEPTH, value: () }, next: 0, left: INNER };
         let way = if is_unknown { Vec::new() } else { vec![above_root] };
         let cubes = Self { data, beside, way, nodes: 0, value: PhantomData };
-        let mut all = cubes.clone();
-        while all.step()?.is_some() {}
+        let (mut all, mut bricks, mut last) = (cubes.clone(), 0, None);
+        while let Some(Cube { min, edge, .. }) = all.step()? {
+            // Depth first, cubes of one brick follow each other.
+            let brick = Some(brick_of(min));
+            bricks += match edge / BRICK as u32 {
+                0 => usize::from(last != brick),
+                edge => (edge as usize).pow(3),
+            };
+            last = brick;
+        }
         match (all.data.left(), all.nodes) {
-            (0, found) if found == nodes => Ok(cubes),
+            (0, found) if found == nodes => Ok((cubes, bricks)),
             (0, found) => Err(TreeFileError::Count { announced: nodes, found }),
             (more, _) => Err(TreeFileError::Trailing(more)),
         }

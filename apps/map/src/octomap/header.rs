@@ -58,7 +58,8 @@ impl Header {
     /// The tree behind this header, each of whose nodes has so many bytes `beside` its value.
     pub fn tree<V: Value>(self, data: Bytes<'_>, beside: usize) -> Result<TreeFile<'_, V>, TreeFileError> {
         let Self { nodes, resolution, .. } = self;
-        Ok(TreeFile { resolution, nodes, cubes: Cubes::of(data, nodes, beside)? })
+        let (cubes, bricks) = Cubes::of(data, nodes, beside)?;
+        Ok(TreeFile { resolution, nodes, bricks, cubes })
     }
 }
 

@@ -68,7 +68,7 @@ impl Value for f32 {
         match (log_odds.is_finite(), children) {
             (false, _) => Err(TreeFileError::LogOdds { at, found: log_odds }),
             (true, 0) => Ok(Read::Leaf(log_odds)),
-            (true, _) => Ok(Read::Inner((0..8).fold(0, |all, i| all | (children >> i & 1) * INNER << (2 * i)))),
+            (true, _) => Ok(Read::Inner((0..8).fold(0, |all, i| all | ((children >> i & 1) * INNER) << (2 * i)))),
         }
     }
 }
