@@ -20,9 +20,12 @@ use crate::outgoing::{Outgoing, Said};
 /// How often a client looks whether the broker is there that it waits for.
 const JOIN_EVERY: Duration = Duration::from_millis(100);
 
-/// What a launcher has handed over to this program: name, community, parameters (name and text), other arguments.
+/// Name, community, parameters (name and text), other arguments.
+type Launched = (String, String, Vec<(String, String)>, Vec<String>);
+
+/// What a launcher has handed over to this program.
 #[pyfunction]
-pub fn launched(arguments: Vec<String>) -> PyResult<(String, String, Vec<(String, String)>, Vec<String>)> {
+pub fn launched(arguments: Vec<String>) -> PyResult<Launched> {
     let mut arguments = arguments.into_iter();
     let program = arguments.next().unwrap_or_default();
     let options = RunOptions::from_arguments(&program, arguments.collect()).map_err(error)?;
@@ -204,15 +207,14 @@ impl PyApp<'_> {
         callback: impl FnOnce() -> String,
         act: impl FnOnce(Python<'_>, &Bound<'_, PyAny>) -> PyResult<()>,
     ) -> Result<(), AppError> {
-        let done = self.runner.outgoing.lend(comms, || {
+        self.runner.outgoing.lend(comms, || {
             Python::attach(|py| {
                 act(py, self.handler.bind(py)).map_err(|exception| match exception.is_instance_of::<Rejection>(py) {
                     true => AppError::from(elk_bus::Rejection::new(exception.value(py))),
                     false => AppError::from(Raised { callback: callback(), exception }),
                 })
             })
-        });
-        done
+        })
     }
 
     fn call_plain(&self, comms: &mut Comms, name: &'static str) -> Result<(), AppError> {

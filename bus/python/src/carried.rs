@@ -28,11 +28,18 @@ pub struct Known {
     /// The name of who asks.
     asker: String,
     carried: Mutex<BTreeMap<String, Carried>>,
+    /// Held while somebody asks: two of one name are not let in.
+    asking: Mutex<()>,
 }
 
 impl Known {
     pub fn new(name: &str, community: &Community) -> Self {
-        Self { community: community.clone(), asker: format!("{name}_asks"), carried: Mutex::default() }
+        Self {
+            community: community.clone(),
+            asker: format!("{name}_asks"),
+            carried: Mutex::default(),
+            asking: Mutex::default(),
+        }
     }
 
     /// What Python means by a value of a variable: numbers and texts as they are unless a type is named, bytes as MOOS'
@@ -101,6 +108,7 @@ impl Known {
 
     /// Asks the broker, as a client that comes and goes: whoever is in the midst of a callback hears nothing meanwhile.
     fn ask(&self) -> Result<CommunityTable, String> {
+        let _turn = self.asking.lock().unwrap_or_else(PoisonError::into_inner);
         let words = |error: &dyn std::fmt::Display| error.to_string();
         let mut client = Client::connect(&self.community, &self.asker).map_err(|error| words(&error))?;
         client.comms.notify(REQUEST, 1.0).map_err(|error| words(&error))?;

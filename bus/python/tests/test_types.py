@@ -3,6 +3,7 @@
 import gc
 import math
 import subprocess
+import threading
 
 import numpy
 
@@ -40,6 +41,15 @@ class Types(OnABus):
         self.assertIn("request", said["example"])
         self.assertIn("docs", said["description"]["struct"])
         self.assertIsNone(self.writer.describe("NOBODY_S"))
+
+    def test_two_threads_ask_at_once(self):
+        self.start_controller()
+        said = []
+        ask = lambda: said.append(self.writer.describe("PLAN")["type"])
+        threads = [threading.Thread(target=ask) for _ in range(8)]
+        [thread.start() for thread in threads]
+        [thread.join() for thread in threads]
+        self.assertEqual(said, ["Plan"] * 8)
 
     def test_dicts_travel_and_come_back_as_they_were(self):
         example = self.start_controller()
