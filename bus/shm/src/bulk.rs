@@ -238,7 +238,7 @@ impl BulkReader {
     /// A value in place; or a copy of it, if the program holds so many that the publisher would soon have no room.
     fn current_of(&self, sample: BulkSample) -> Current {
         let (number, is_in_place) = (*sample.user_header(), self.held.len() < HELD_BY_PROGRAM);
-        let value = if is_in_place { Held::new(sample) } else { Held::new(sample.payload().to_vec()) };
+        let value = if is_in_place { Held::new(sample) } else { Held::new(Vec::from(sample.payload())) };
         Current { number, value, is_in_place }
     }
 
