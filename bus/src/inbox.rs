@@ -284,7 +284,7 @@ mod tests {
         fn retiring(&self) -> bool {
             false
         }
-        fn bulk(&mut self, _: BulkRef) -> Option<&[u8]> {
+        fn bulk(&mut self, _: BulkRef) -> Option<&crate::link::Held> {
             None
         }
         fn attach(&mut self, _: u32) -> bool {

@@ -144,8 +144,15 @@ impl RunOptions {
     pub fn from_launcher() -> Result<Self, OptionError> {
         let mut arguments = std::env::args_os();
         let program = arguments.next().map(text).transpose()?.unwrap_or_default();
-        let arguments = arguments.map(text).collect::<Result<Vec<_>, _>>()?;
-        Self::told(&program, &variable, arguments)
+        Self::from_arguments(&program, arguments.map(text).collect::<Result<_, _>>()?)
+    }
+
+    /// As [`RunOptions::from_launcher`], for a program whose arguments are not those of its process: one that is interpreted.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn from_arguments(program: &str, arguments: Vec<String>) -> Result<Self, OptionError> {
+        Self::told(program, &variable, arguments)
     }
 
     fn told(program: &str, variable: &Variables<'_>, arguments: Vec<String>) -> Result<Self, OptionError> {

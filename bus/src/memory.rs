@@ -12,7 +12,7 @@ use elk_proto::host::{Endpoints, Host, Progress};
 
 use crate::broker::{AdmissionError, Broker, BrokerConfig, Introduction, Limits, Retained, Session};
 use crate::clock::{Clock, Stopwatch, monotonic_nanos};
-use crate::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
+use crate::link::{Batch, Downlink, Fill, Held, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
 use crate::wire::{BulkRef, ClientId};
 
 /// The longest that who listens for a client sleeps.
@@ -371,7 +371,7 @@ impl Downlink for MemoryDown {
         self.connection.shared.lock().is_retiring(self.connection.id)
     }
 
-    fn bulk(&mut self, _: BulkRef) -> Option<&[u8]> {
+    fn bulk(&mut self, _: BulkRef) -> Option<&Held> {
         None
     }
 

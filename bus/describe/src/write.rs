@@ -43,6 +43,20 @@ impl Description {
     }
 }
 
+impl Field {
+    /// Puts the field's value behind `bytes`, as [`Description::to_bytes`] does; without one its default. `way` leads to it in what
+    /// an error says.
+    ///
+    /// # Errors
+    /// The JSON is no value of the field, or none is there and there is no default.
+    pub fn put(&self, json: Option<&Value>, way: &str, bytes: &mut Vec<u8>) -> Result<(), String> {
+        match json.or(self.default.as_ref()) {
+            Some(json) => write_field(self, json, way, bytes),
+            None => Err(format!("{way} is missing")),
+        }
+    }
+}
+
 type Written = Result<(), String>;
 
 fn write(kind: &Kind, json: &Value, field: &str, bytes: &mut Vec<u8>) -> Written {
@@ -164,10 +178,7 @@ fn write_fields(fields: &[Field], object: &Map<String, Value>, field: &str, byte
     if let Some(unknown) = object.keys().find(|name| !fields.iter().any(|field| field.name == **name)) {
         return Err(format!("{} has no field {unknown}; it has {}", named(field), names(fields)));
     }
-    fields.iter().try_for_each(|one| match object.get(&one.name).or(one.default.as_ref()) {
-        Some(json) => write_field(one, json, &joined(field, &one.name), bytes),
-        None => Err(format!("{} is missing", joined(field, &one.name))),
-    })
+    fields.iter().try_for_each(|one| one.put(object.get(&one.name), &joined(field, &one.name), bytes))
 }
 
 /// The value of a field, in the field's range.

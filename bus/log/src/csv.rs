@@ -33,6 +33,17 @@ pub const HEADER: &str = "time,key,source,value\n";
 pub fn put_csv(out: &mut impl Write, secs: f64, record: &RecordRef<'_>) -> std::io::Result<()> {
     let mut line =
         |name: &str, number: &str| writeln!(out, "{secs:.6},{},{},{number}", quoted(name), quoted(record.source));
+    put_numbers(record, &mut line)
+}
+
+/// Hands the numbers of a record to `line`: under the name of each, in digits that come back bit for bit.
+///
+/// # Errors
+/// What `line` fails with.
+pub fn put_numbers(
+    record: &RecordRef<'_>,
+    line: &mut impl FnMut(&str, &str) -> std::io::Result<()>,
+) -> std::io::Result<()> {
     let most = record.key.len() + LONGEST_NAME;
     let fields = match record.value {
         ValueRef::Double(number) => return line(record.key, &digits(number)),
@@ -42,9 +53,9 @@ pub fn put_csv(out: &mut impl Write, secs: f64, record: &RecordRef<'_>) -> std::
             serde_json::from_str(text).ok().or_else(meant)
         }
         ValueRef::Text(_) => None,
-        ValueRef::Binary { type_, bytes } => return put_typed(record.key, most, type_, bytes, &mut line),
+        ValueRef::Binary { type_, bytes } => return put_typed(record.key, most, type_, bytes, line),
     };
-    fields.map_or(Ok(()), |fields| each_number(record.key, most, &fields, &mut line))
+    fields.map_or(Ok(()), |fields| each_number(record.key, most, &fields, line))
 }
 
 /// Hands the numbers in a value of a type to `line`; of one that nobody has described there are none.

@@ -11,8 +11,11 @@ use crate::words::{Publish, number_of};
 /// What a variable carries.
 #[derive(Debug, Clone)]
 pub enum Carried {
+    /// Numbers.
     Number,
+    /// Texts.
     Text,
+    /// Values of this type.
     Typed(Type),
 }
 
@@ -63,10 +66,8 @@ impl Carried {
     /// # Errors
     /// It is none of what the variable carries: which field, and what would be right.
     pub fn value(&self, said: &Publish) -> Result<BusValue, String> {
-        let Publish { variable, value, type_name } = said;
-        if let Some(other) = type_name.as_deref().filter(|name| *name != self.name()) {
-            return Err(format!("{variable} carries {}, and not {other}", self.name()));
-        }
+        let Publish { variable, value, .. } = said;
+        self.check_type(said)?;
         let wrong = |right: &str| format!("{variable} is {}; it has to be a {right}", shortened(value));
         match self {
             Self::Number => number_of(value).map(BusValue::Double).ok_or_else(|| wrong("number")),
@@ -76,6 +77,17 @@ impl Carried {
                 let bytes = description.to_bytes(value).map_err(|error| error.to_string())?;
                 Ok(BusValue::Binary { type_: type_.clone(), bytes })
             }
+        }
+    }
+
+    /// Whether the type that a program names, if it does, is the one.
+    ///
+    /// # Errors
+    /// It is another one.
+    pub fn check_type(&self, said: &Publish) -> Result<(), String> {
+        match said.type_name.as_deref().filter(|name| *name != self.name()) {
+            Some(other) => Err(format!("{} carries {}, and not {other}", said.variable, self.name())),
+            None => Ok(()),
         }
     }
 

@@ -4,11 +4,11 @@
 //! |---|---|
 //! | [`words`] | the lines: what a program says, and what it is told |
 //! | `program` | the process, what waits for it, and what it has said and nobody has read |
-//! | `carried` | what a variable carries, as the broker's table says it |
+//! | [`carried`] | what a variable carries, as the broker's table says it |
 //! | [`app`] | both ends together: an app of the bus whose callbacks are lines |
 
 pub mod app;
-mod carried;
+pub mod carried;
 mod program;
 pub mod words;
 

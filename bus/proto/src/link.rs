@@ -1,7 +1,9 @@
 //! What a transport gives a client: a way up to the broker, a way down from it, and a way back should the broker die.
 
+use std::fmt;
 use std::io::Write;
 use std::ops::Deref;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -89,12 +91,42 @@ pub trait Downlink {
     /// Whether the client is to leave at the next message boundary, because its successor is ready.
     fn retiring(&self) -> bool;
 
-    /// The bytes of a bulk value in place; they stay until the next call or the end of the batch. `None`: it was
-    /// overwritten before this client came to read it.
-    fn bulk(&mut self, reference: BulkRef) -> Option<&[u8]>;
+    /// A bulk value in place; who keeps it for longer than until the next call holds it. `None`: it was overwritten before
+    /// this client came to read it.
+    fn bulk(&mut self, reference: BulkRef) -> Option<&Held>;
 
     /// Opens the memory where client `publisher` writes its bulk values; whether that worked.
     fn attach(&mut self, publisher: u32) -> bool;
+}
+
+/// A bulk value where it lies, in its publisher's shared memory: nothing else is written there while somebody holds it. Of
+/// a publisher's values that a client holds a few lie there; more are copies.
+#[derive(Clone)]
+pub struct Held(Rc<dyn Deref<Target = [u8]>>);
+
+impl Held {
+    /// A value that stays in these bytes.
+    pub fn new(bytes: impl Deref<Target = [u8]> + 'static) -> Self {
+        Self(Rc::new(bytes))
+    }
+
+    /// How many hold it.
+    pub fn holders(&self) -> usize {
+        Rc::strong_count(&self.0)
+    }
+}
+
+impl Deref for Held {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl fmt::Debug for Held {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} bytes", self.len())
+    }
 }
 
 /// A received batch; the transport takes its memory back when it is dropped.

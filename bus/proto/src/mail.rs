@@ -2,6 +2,7 @@
 
 use crate::codec::DecodeError;
 use crate::key::{Key, Payload};
+use crate::link::Held;
 use crate::rejection::Rejection;
 use crate::value::ValueRef;
 use crate::wire::{self, Header, LATEST};
@@ -17,6 +18,8 @@ pub struct Mail<'a> {
     pub(super) community: &'a str,
     pub(super) source_aux: &'a str,
     pub(super) value: ValueRef<'a>,
+    /// The value, if it is a bulk value.
+    pub(super) held: Option<&'a Held>,
 }
 
 /// Under whose name a message is published.
@@ -96,6 +99,12 @@ impl<'a> Mail<'a> {
     #[inline]
     pub fn value(&self) -> ValueRef<'a> {
         self.value
+    }
+
+    /// The value's bytes, for who keeps them for longer than it has the message: `None` if they lie in the message, and not in
+    /// its publisher's shared memory.
+    pub fn hold(&self) -> Option<Held> {
+        self.held.cloned()
     }
 
     /// The value, if it is a number.

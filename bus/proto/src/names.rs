@@ -79,10 +79,11 @@ impl Names {
         let key = self.said(Named::Key, header.key)?;
         let source = self.said_source(header.source)?;
         let community = self.said(Named::Community, header.community)?;
-        let bytes = match header.flags & BULK {
-            0 => frame.value,
-            _ => BulkRef::from_bytes(frame.value).and_then(|reference| down.bulk(reference)).ok_or(Unreadable::Gone)?,
+        let held = match header.flags & BULK {
+            0 => None,
+            _ => Some(BulkRef::from_bytes(frame.value).and_then(|at| down.bulk(at)).ok_or(Unreadable::Gone)?),
         };
+        let bytes = held.map_or(frame.value, |held| &**held);
         let text =
             |bytes: &'a [u8]| std::str::from_utf8(bytes).map_err(|_| Unreadable::Damaged("a text that is not UTF-8"));
         let value = match header.value_kind {
@@ -100,6 +101,7 @@ impl Names {
             reader: &self.reader,
             source_aux: if header.flags & ATTACH != 0 { "" } else { text(frame.aux)? },
             value,
+            held,
         })
     }
 

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use elk_os::clock::Stopwatch;
 use elk_os::tell;
-use elk_proto::link::{Fill, LinkError};
+use elk_proto::link::{Fill, Held, LinkError};
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -31,6 +31,8 @@ pub const QUEUE: usize = 8;
 pub const DEPTH: u64 = 4;
 /// Values that are kept in place at one end, for late registrants or to be sent again; beyond that they are copied.
 pub const HELD: usize = 20;
+/// Values of a publisher that a receiver's program may hold in place; beyond that it is given copies.
+const HELD_BY_PROGRAM: usize = 8;
 /// Chunks of a publisher's segment: queues and holders together never need more in practice, and a publisher that
 /// finds none free sends by batch instead.
 const CHUNKS: usize = 64;
@@ -121,7 +123,9 @@ impl Write for Slot<'_> {
 /// A receiving end.
 pub struct BulkReader {
     subscriber: Subscriber<Service, [u8], u64>,
-    current: Option<BulkSample>,
+    current: Option<Current>,
+    /// Values that the program holds in place, or has held.
+    held: Vec<Held>,
     /// The number of the last value that was taken out of the queue; at least that, if it could not be read.
     reached: u64,
     name: String,
@@ -131,6 +135,13 @@ pub struct BulkReader {
     gave_up: bool,
     /// It has been said that values cannot be read.
     said: Cell<bool>,
+}
+
+/// The value that was taken out of a receiver's queue last.
+struct Current {
+    number: u64,
+    value: Held,
+    is_in_place: bool,
 }
 
 /// What was taken out of a receiver's queue.
@@ -149,7 +160,7 @@ impl BulkReader {
             .create()
             .map_err(failed(format_args!("reading bulk service {name}")))?;
         let (name, said) = (name.to_owned(), Cell::new(false));
-        Ok(Self { subscriber, current: None, reached: 0, name, longest: 0, gave_up: false, said })
+        Ok(Self { subscriber, current: None, held: Vec::new(), reached: 0, name, longest: 0, gave_up: false, said })
     }
 
     /// The next value that came and can be read, whichever it is.
@@ -196,25 +207,39 @@ impl BulkReader {
 
     /// Value number `wanted`, of `len` bytes, in place; lets go of all before it. `None` if it was overwritten, or if its
     /// segment cannot be mapped for longer than [`PATIENCE`].
-    pub fn get(&mut self, wanted: u64, len: usize) -> Option<&[u8]> {
+    pub fn get(&mut self, wanted: u64, len: usize) -> Option<&Held> {
         if self.reached < wanted && (len > self.longest || self.reached + 1 < wanted) {
             self.wait_for_room(len);
         }
         while self.reached < wanted {
-            self.current = None;
+            self.let_go();
             match self.take() {
                 Taken::Value(sample) => {
                     self.reached = *sample.user_header();
                     if sample.payload().len() > self.longest {
                         (self.longest, self.gave_up) = (sample.payload().len(), false);
                     }
-                    self.current = Some(sample);
+                    self.current = Some(self.current_of(sample));
                 }
                 Taken::Lost => self.reached += 1,
                 Taken::Nothing => return None,
             }
         }
-        self.current.as_ref().filter(|s| *s.user_header() == wanted).map(|s| s.payload())
+        self.current.as_ref().filter(|current| current.number == wanted).map(|current| &current.value)
+    }
+
+    /// Lets go of the value that was taken out last, unless the program holds it.
+    fn let_go(&mut self) {
+        self.held.retain(|value| value.holders() > 1);
+        let current = self.current.take().filter(|current| current.is_in_place && current.value.holders() > 1);
+        self.held.extend(current.map(|current| current.value));
+    }
+
+    /// A value in place; or a copy of it, if the program holds so many that the publisher would soon have no room.
+    fn current_of(&self, sample: BulkSample) -> Current {
+        let (number, is_in_place) = (*sample.user_header(), self.held.len() < HELD_BY_PROGRAM);
+        let value = if is_in_place { Held::new(sample) } else { Held::new(Vec::from(sample.payload())) };
+        Current { number, value, is_in_place }
     }
 
     /// Waits until a segment for values of `len` bytes could be mapped: what is taken out of the queue and cannot be, is
@@ -394,6 +419,31 @@ mod tests {
             taken.clear();
         }
         assert_eq!(reader.get(3, 10).unwrap().len(), 10, "nothing behind it is lost");
+        drop((reader, writer, node));
+        leftovers::remove(&namespace);
+    }
+
+    #[test]
+    fn a_program_that_holds_many_values_has_the_first_in_place_and_copies_of_the_rest() {
+        let community = Community::new(format!("holds-{}", std::process::id())).unwrap();
+        let namespace = Namespace::make(&community).unwrap();
+        let node = lane::node(&namespace).unwrap();
+        let mut writer = BulkWriter::open(&node, "bulk", 1000).unwrap();
+        let mut reader = BulkReader::open(&node, "bulk").unwrap();
+        let mut read = |filled: u8| {
+            let number = writer.send(1000, &mut |to| to.write_all(&[filled; 1000])).unwrap().unwrap();
+            let newest = writer.sent;
+            writer.kept.let_go(newest, |_| false);
+            let value = reader.get(number, 1000).unwrap().clone();
+            (value, reader.held.len())
+        };
+        let many: Vec<Held> = (0..100).map(|filled| read(filled).0).collect();
+        for (filled, value) in (0_u8..).zip(&many) {
+            assert!(value.len() == 1000 && value.iter().all(|byte| *byte == filled), "value {filled} was overwritten");
+        }
+        assert_eq!(read(100).1, HELD_BY_PROGRAM, "so many are held in place");
+        drop(many);
+        assert_eq!(read(101).1, 0, "nobody holds any of them");
         drop((reader, writer, node));
         leftovers::remove(&namespace);
     }

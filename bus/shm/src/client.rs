@@ -16,7 +16,7 @@ use elk_os::{Owner, tell};
 use elk_proto::ClockSetting;
 use elk_proto::broker::Introduction;
 use elk_proto::community::Community;
-use elk_proto::link::{Batch, Downlink, Fill, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
+use elk_proto::link::{Batch, Downlink, Fill, Held, Link, LinkError, REJOIN_PATIENCE, Rejoin, Uplink, Wake};
 use elk_proto::wire::{self, BulkRef, FrameKind, Header};
 use iceoryx2::node::Node;
 
@@ -473,7 +473,7 @@ impl Downlink for ShmDown {
         self.line.page.retire.load(Relaxed) != 0
     }
 
-    fn bulk(&mut self, reference: BulkRef) -> Option<&[u8]> {
+    fn bulk(&mut self, reference: BulkRef) -> Option<&Held> {
         let len = usize::try_from(reference.len).unwrap_or(usize::MAX);
         self.bulk.get_mut(&reference.client)?.get(reference.sample, len)
     }

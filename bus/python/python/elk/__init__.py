@@ -1,0 +1,24 @@
+"""elk for Python: the bus over shared memory with MOOS' words, typed values as Python's own, logs as columns.
+
+    import elk
+
+    class Echo(elk.App):
+        def on_start_up(self):
+            self.register("SPEED")
+
+        def on_new_mail(self, message):
+            self.notify("SPEED_ECHO", message.double())
+
+    Echo("echo").run()
+
+`elk.comms()` has pymoos' names, `elk.listen` is an asyncio iterator, `elk.Log` reads recorded runs. Times are seconds of the
+community's clock; lengths and poses are metres and the units that a type's description says (`Message.description()`).
+"""
+
+from ._app import App
+from ._comms import comms
+from ._elk import Error, Message, Rejection, __version__
+from ._listen import listen
+from ._log import Log
+
+__all__ = ["App", "Error", "Log", "Message", "Rejection", "__version__", "comms", "listen"]

@@ -1,0 +1,78 @@
+"""An asyncio iterator over messages."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any, Deque, List, Optional
+from collections import deque
+
+from ._comms import MOST_WAITING, comms
+from ._elk import Message
+
+
+class listen(comms):
+    """A client of a community whose messages come in an asyncio loop:
+
+        async with elk.listen("elk", "listener", ["NAV_*"]) as bus:
+            async for message in bus:
+                bus.notify("SEEN", message.time())
+    """
+
+    def __init__(self, community: str, name: str, variables: List[str], **how: Any) -> None:
+        super().__init__()
+        self._community, self._name, self._variables, self._how = community, name, variables, how
+        self._messages: Deque[Message] = deque()
+        self._loop: Optional[asyncio.AbstractEventLoop] = None
+        self._news: Optional[asyncio.Event] = None
+        self._given_up = 0
+
+    async def __aenter__(self) -> "listen":
+        self._loop, self._news = asyncio.get_running_loop(), asyncio.Event()
+        self.run(self._community, self._name)
+        return self
+
+    async def __aexit__(self, *_: Any) -> None:
+        await asyncio.get_running_loop().run_in_executor(None, self.close)
+
+    def __aiter__(self) -> "listen":
+        return self
+
+    async def __anext__(self) -> Message:
+        assert self._news is not None, "listen is used with `async with`"
+        while not self._messages:
+            self._check()
+            if not self.is_running():
+                raise StopAsyncIteration
+            self._news.clear()
+            if not self._messages:
+                await self._news.wait()
+        return self._messages.popleft()
+
+    def lost(self) -> int:
+        """Messages that were given up because nobody took them."""
+        return self._given_up
+
+    def _tell(self) -> None:
+        try:
+            self._loop.call_soon_threadsafe(self._news.set)
+        except RuntimeError:
+            pass  # the loop is closed: nobody waits
+
+    def on_start_up(self) -> None:
+        for variable in self._variables:
+            self.register(variable, **self._how)
+        super().on_start_up()
+
+    def on_new_mail(self, message: Message) -> None:
+        if len(self._messages) >= MOST_WAITING:
+            self._messages.popleft()
+            self._given_up += 1
+        self._messages.append(message)
+        if len(self._messages) == 1:
+            self._tell()
+
+    def _live(self) -> None:
+        try:
+            super()._live()
+        finally:
+            self._tell()
