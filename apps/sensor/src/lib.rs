@@ -1,8 +1,9 @@
 //! Where depth comes from: one trait, a simulated camera behind it, and the app around it, which is written once.
 //!
 //! [`source`] is the seam: whatever answers "a scan from this pose" is a sensor. [`robot`] carries it where it is sent, and
-//! counts; [`app`] puts that on the bus, and [`program`] makes a program of it. [`simulator`] is a depth camera in a
-//! [`World`](elk_world::World), which is what is truly there and which only it knows.
+//! counts; [`app`] puts that on the bus, and [`program`] makes a program of it. Two are elk's own: [`simulator`] is a depth
+//! camera in a [`World`](elk_world::World), which is what is truly there, and [`simulated_stereo`] two cameras in one, whose
+//! pictures are matched; [`surroundings`] is what both have in common.
 //!
 //! # A sensor of one's own
 //!
@@ -21,8 +22,10 @@ pub mod app;
 pub mod camera;
 pub mod program;
 pub mod robot;
+pub mod simulated_stereo;
 pub mod simulator;
 pub mod source;
+pub mod surroundings;
 mod types;
 
 pub use camera::Camera;
