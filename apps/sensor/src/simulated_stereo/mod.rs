@@ -16,10 +16,11 @@ pub use texture::{Look, Texture};
 use elk_mission::{AppType, ParamSpec, joined};
 
 use crate::app::{COMMON, app};
-use crate::surroundings;
+use crate::{matching, surroundings};
 
-const PARAMS: [ParamSpec; parameters::PARAMS.len() + surroundings::PARAMS.len()] =
-    joined(surroundings::PARAMS, parameters::PARAMS);
+const OWN: [ParamSpec; parameters::PARAMS.len() + matching::PARAMS.len()] =
+    joined(parameters::PARAMS, matching::PARAMS);
+const PARAMS: [ParamSpec; surroundings::PARAMS.len() + OWN.len()] = joined(surroundings::PARAMS, &OWN);
 
 /// Its row in the table of sensors.
 pub const TYPE: AppType = AppType {

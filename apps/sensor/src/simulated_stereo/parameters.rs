@@ -2,18 +2,18 @@
 
 use elk_bus::AppError;
 use elk_mission::{Kind, Mission, ParamSpec, Params, PreflightReport};
-use elk_stereo::{Checks, ConfigError, Matcher, Sad5, Sad5Config, SemiGlobal, SemiGlobalConfig};
 
 use super::eyes::Eyes;
 use super::source::{Settings, SimulatedStereo};
 use super::texture::Look;
 use crate::app::param;
 use crate::camera::Camera;
+use crate::matching::matcher;
 use crate::surroundings::{self, body, check_pixels, range, seed};
 
 const PIXELS: Kind = Kind::Integer { min: 16, max: 10_000 };
 
-/// What a mission file can say of it, beside its surroundings.
+/// What a mission file can say of it, beside its surroundings and how it matches.
 pub(super) const PARAMS: &[ParamSpec] = &[
     param("Width", PIXELS, "320", "Pixels in a row of each image; more than Disparities."),
     param("Height", PIXELS, "240", "Rows of each image."),
@@ -30,28 +30,10 @@ pub(super) const PARAMS: &[ParamSpec] = &[
         "How far the right camera is to the right of the left one, whose pose is the sensor's.",
     ),
     param(
-        "Disparities",
-        Kind::Integer { min: 16, max: Checks::MAX_LEVELS as i64 },
-        "64",
-        "Disparities that are searched, a multiple of 16: what is nearer than focal length * Baseline / (Disparities - 2) is not seen.",
-    ),
-    param(
-        "Matcher",
-        Kind::Choice(&["SAD5", "SemiGlobal"]),
-        "SAD5",
-        "How the images are matched: by sums of absolute differences over five windows (thesis 3.2.5), or semi-global (slower, right more often).",
-    ),
-    param(
         "Range",
         Kind::Number { unit: "m", min: 0.0, max: 1e4 },
         "0",
         "How far points are believed, whose error grows with the square of it: what is matched farther away gives no return; 0: all are.",
-    ),
-    param(
-        "ImageNoise",
-        Kind::Number { unit: "", min: 0.0, max: 100.0 },
-        "1",
-        "Standard deviation of each pixel's noise, in grey levels of 0 to 255; nothing is matched where it alone is seen.",
     ),
     param(
         "Texture",
@@ -94,28 +76,6 @@ fn check(params: &Params) -> Result<(), AppError> {
         .into()),
     }
 }
-
-fn matcher(params: &Params) -> Result<Box<dyn Matcher + Send>, ConfigError> {
-    let asked = |checks: Checks| Checks {
-        levels: params.integer("Disparities") as usize,
-        texture: checks.texture.max(BLANK * params.number("ImageNoise") as f32),
-        ..checks
-    };
-    Ok(match params.text("Matcher") {
-        "SAD5" => {
-            let config = Sad5Config::default();
-            Box::new(Sad5::new(Sad5Config { checks: asked(config.checks.clone()), ..config })?)
-        }
-        _ => {
-            let config = SemiGlobalConfig::default();
-            Box::new(SemiGlobal::new(SemiGlobalConfig { checks: asked(config.checks.clone()), ..config })?)
-        }
-    })
-}
-
-/// Neighbours of a blank wall differ by 1.13 times the noise's standard deviation in the mean; windows in which it is less than
-/// this many times it are such.
-const BLANK: f32 = 1.5;
 
 fn settings(params: &Params) -> Settings {
     // The table keeps the numbers of pixels within 32 bits.
