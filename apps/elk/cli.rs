@@ -19,7 +19,7 @@ use crate::scope::{self, ScopeCommand};
 use crate::version::VERSION;
 use crate::view::{self, ViewArgs};
 use crate::world::{self, WorldCommand};
-use crate::{commands, control, manual};
+use crate::{commands, control, manual, sensor};
 
 /// Explores worlds as mission files say, each app a process of its own.
 #[derive(Debug, Parser)]
@@ -120,9 +120,11 @@ commands! {
     /// Serve a community: the broker by itself
     #[command(after_help = "Example: elk db --mailbox 64")]
     Db(arguments: BrokerArgs) => commands::db(arguments);
-    /// Run a sensor by itself
-    #[command(after_help = "Example: elk sensor --type Simulator World=mission-files/worlds/car.obj")]
-    Sensor(arguments: AppArgs) => commands::app("Sensor", arguments);
+    /// Run a sensor by itself, or look at one pair of images of a stereo camera
+    #[command(after_help = "Example: elk sensor --type Simulator World=mission-files/worlds/car.obj\n         \
+                            elk sensor --type Stereo docs/seeing/left.png docs/seeing/right.png \
+                            --calibration docs/seeing/cameras.yaml -o seen")]
+    Sensor(arguments: sensor::SensorArgs) => sensor::run(arguments);
     /// Run a filter by itself
     #[command(after_help = "Example: elk filter --type Distance Threshold=5 Input=SCAN Output=SCAN_1")]
     Filter(arguments: AppArgs) => commands::app("Filter", arguments);
@@ -150,7 +152,7 @@ commands! {
                             elk world check room.obj --scale 0.5 --start '0.5; 0.5; 0.4'")]
     #[command(subcommand)]
     World(arguments: WorldCommand) => world::run(arguments);
-    /// Look into the files of maps, and make one of another
+    /// Look into the files of maps, make one of another, and hold one against the true world
     #[command(after_help = "Example: elk mapfile info logs/apartment-20261123-224512/map.bt\n         \
                             elk mapfile convert logs/apartment-20261123-224512/map.bt -o apartment.ot")]
     #[command(subcommand)]

@@ -19,6 +19,7 @@ mod registry;
 mod replay;
 mod scenery;
 mod scope;
+mod sensor;
 mod target;
 mod terminal;
 mod version;

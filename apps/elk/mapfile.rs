@@ -1,4 +1,4 @@
-//! `elk mapfile`: looks into the files of maps, and makes one of another.
+//! `elk mapfile`: looks into the files of maps, makes one of another, and holds one against the true world.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -10,10 +10,11 @@ use elk_map::octomap::graph::read_graph;
 use elk_map::{Format, MapConfig, OccupancyMap, Saved};
 use elk_outside::file;
 use elk_spatial::checks::MAX_BRICKS;
+use elk_world::surface::{SurfaceScore, surface_score};
 
 use crate::target::Target;
 use crate::terminal::say;
-use crate::world::resolution;
+use crate::world::{WorldArgs, length, resolution};
 
 /// More than the files of the largest maps have (bytes).
 const LONGEST: u64 = 2 << 30;
@@ -35,6 +36,22 @@ pub enum MapFileCommand {
         Of several files, all of voxels of one size, the log-odds add up. A .graph is inserted scan by scan."
     )]
     Convert(ConvertArgs),
+    /// Say how much of a world's surfaces a map has, and how much of what the map has for surfaces is there
+    #[command(after_help = "Example: elk mapfile score logs/apartment-20261123-224512/map.bt apartment")]
+    Score(ScoreArgs),
+}
+
+/// What is held against what.
+#[derive(Debug, Args)]
+pub struct ScoreArgs {
+    /// The map: .elkmap, .ot or .bt
+    map: PathBuf,
+    /// Which world.
+    #[command(flatten)]
+    world: WorldArgs,
+    /// How far from a surface a voxel may be, along each axis (m); half a voxel if not said
+    #[arg(long, value_parser = length)]
+    tolerance: Option<f64>,
 }
 
 /// What is made of what.
@@ -56,6 +73,7 @@ pub fn run(command: MapFileCommand) -> Result<ExitCode> {
     match command {
         MapFileCommand::Info { file } => info(&file)?,
         MapFileCommand::Convert(arguments) => convert(&arguments)?,
+        MapFileCommand::Score(arguments) => score(&arguments)?,
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -114,6 +132,21 @@ fn convert(arguments: &ConvertArgs) -> Result<()> {
     file::write(target.draft(), &bytes).with_context(|| format!("cannot write {}", target.shown()))?;
     let said = format!("{}\n{}", target.shown(), contents(&map, bytes.len()));
     target.conclude(&said)
+}
+
+fn score(arguments: &ScoreArgs) -> Result<()> {
+    let path = &arguments.map;
+    let saved = Saved::read(&read(path)?).with_context(|| format!("cannot read {}", path.display()))?;
+    let map = map_of(path, &saved)?;
+    let (name, world) = arguments.world.load()?;
+    let tolerance = arguments.tolerance.unwrap_or(map.config().resolution / 2.0);
+    let SurfaceScore { area_m2, recall, occupied, precision } = surface_score(&world, map.grid(), tolerance);
+    let [recall, precision] = [recall, precision].map(|share| share * 100.0);
+    say(&format!(
+        "{}: surfaces of {name}, to {tolerance} m\n  recall     {recall:.2} % of {area_m2:.1} m²\n  precision  {precision:.2} % of \
+         {occupied} occupied voxels\n",
+        path.display()
+    ))
 }
 
 /// The map in a file, or the one of the scans in it.

@@ -67,7 +67,8 @@ pub fn run(command: WorldCommand) -> Result<ExitCode> {
 }
 
 impl WorldArgs {
-    fn load(&self) -> Result<(String, World)> {
+    /// Its name, and the world.
+    pub fn load(&self) -> Result<(String, World)> {
         let name = self.world.to_string_lossy().into_owned();
         let placement = Placement::new(self.scale, &self.up).map_err(anyhow::Error::msg)?;
         let world = World::load(&name, &placement)?;
@@ -107,6 +108,11 @@ fn point(text: &str) -> Result<Point3<f64>, String> {
         Ok(_) => Err("right is \"x; y; z\"".to_owned()),
         Err(error) => Err(error.to_string()),
     }
+}
+
+/// A length that may be 0, in metres.
+pub fn length(text: &str) -> Result<f64, String> {
+    number(text, "m", &(0.0..=*RESOLUTIONS_M.end()))
 }
 
 /// The edge of a voxel, in metres.

@@ -71,6 +71,7 @@ impl Course {
             ["elk", "db", ..] => Self::Joins(""),
             ["elk", "launch", ..] if has("--pace") => Self::Says(" scans"),
             ["elk", "launch", "mission-files/thesis-listing-2.xml"] => Self::Says("Enter takes a step"),
+            ["elk", "sensor", "--type", "Stereo", ..] => Self::Ends,
             ["elk", "sensor", ..] => Self::Joins("Sensor"),
             ["elk", "filter", ..] => Self::Joins("Filter"),
             ["elk", "map", ..] => Self::Joins("Map"),

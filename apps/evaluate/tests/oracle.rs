@@ -8,6 +8,7 @@ use elk_geometry::random::Random;
 use elk_geometry::{Bounds, Pose};
 use elk_map::{MapConfig, OccupancyMap};
 use elk_sensor::simulator::{Settings, Simulator};
+use elk_sensor::surroundings::Body;
 use elk_sensor::{Camera, Robot};
 use elk_spatial::messages::PoseCommand;
 use elk_world::{Placement, World};
@@ -31,7 +32,7 @@ fn followed(world: &World, truth: &Truth, corners: &[Point3<f64>]) -> (f64, u64)
         |place: Point3<f64>, [yaw, pitch]: [f64; 2]| Pose::from_yaw_pitch(place, yaw.to_radians(), pitch.to_radians());
     let camera = Camera::new(PIXELS, PIXELS, FOV_DEG.to_radians());
     let settings = Settings { camera, ..Settings::default() };
-    let simulator = Simulator::new(world.clone(), settings, pose(corners[0], [0.0; 2]));
+    let simulator = Simulator::new(Body::new(world.clone(), pose(corners[0], [0.0; 2]), 0.05), settings);
     let mut robot = Robot::new(Box::new(simulator)).unwrap();
     let mut map = OccupancyMap::new(MapConfig { resolution: truth.resolution(), ..MapConfig::default() }).unwrap();
     let mut id = 0;

@@ -1,7 +1,8 @@
 //! CPU time of a 100×100 scan in each world: `cargo run --release -p elk-sensor --example scan_time`
 
 use elk_bus::clock::thread_cpu_secs;
-use elk_sensor::simulator::{Settings, Simulator, random_start};
+use elk_sensor::simulator::{Settings, Simulator};
+use elk_sensor::surroundings::{Body, random_start};
 use elk_sensor::{Capture, DepthSource};
 use elk_world::World;
 use elk_world::scenery::SITES;
@@ -17,7 +18,7 @@ fn main() -> Result<(), elk_sensor::AppError> {
         let mut points = 0;
         for seed in 0..SCANS {
             let pose = random_start(&world, seed)?;
-            let mut simulator = Simulator::new(world.clone(), Settings::default(), pose);
+            let mut simulator = Simulator::new(Body::new(world.clone(), pose, 0.05), Settings::default());
             let before = thread_cpu_secs();
             points += simulator.scan(&Capture { scan: 1, time_secs: 0.0, pose })?.points.len();
             scanning += thread_cpu_secs() - before;

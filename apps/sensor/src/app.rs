@@ -319,13 +319,14 @@ mod tests {
 
     use super::*;
     use crate::simulator::{Settings, Simulator};
+    use crate::surroundings::Body;
     use elk_world::{CAR_INTERIOR, Placement, World};
     use nalgebra::Point3;
 
     fn app() -> Handled<SensorApp> {
         let world = World::load(CAR_INTERIOR, &Placement::default()).unwrap();
         let start = Pose::from_yaw_pitch(Point3::new(0.0, 0.0, 0.8), 0.0, 0.0);
-        let simulator = Simulator::new(world, Settings::default(), start);
+        let simulator = Simulator::new(Body::new(world, start, 0.05), Settings::default());
         SensorApp::new(Robot::new(Box::new(simulator)).unwrap(), (SCAN, camera_pose("SIM_SENSOR"))).on_the_bus()
     }
 

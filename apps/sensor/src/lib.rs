@@ -1,8 +1,10 @@
 //! Where depth comes from: one trait, a simulated camera behind it, and the app around it, which is written once.
 //!
 //! [`source`] is the seam: whatever answers "a scan from this pose" is a sensor. [`robot`] carries it where it is sent, and
-//! counts; [`app`] puts that on the bus, and [`program`] makes a program of it. [`simulator`] is a depth camera in a
-//! [`World`](elk_world::World), which is what is truly there and which only it knows.
+//! counts; [`app`] puts that on the bus, and [`program`] makes a program of it. Two are elk's own: [`simulator`] is a depth
+//! camera in a [`World`](elk_world::World), which is what is truly there, and [`simulated_stereo`] two cameras in one, whose
+//! pictures are matched; [`surroundings`] is what both have in common. [`stereo_pair`] is one pair of a real stereo camera,
+//! [`matching`] how pairs are matched.
 //!
 //! # A sensor of one's own
 //!
@@ -19,10 +21,14 @@ pub const EXAMPLE: &str = include_str!("../examples/hall.rs");
 
 pub mod app;
 pub mod camera;
+pub mod matching;
 pub mod program;
 pub mod robot;
+pub mod simulated_stereo;
 pub mod simulator;
 pub mod source;
+pub mod stereo_pair;
+pub mod surroundings;
 mod types;
 
 pub use camera::Camera;

@@ -2,7 +2,8 @@
 
 use elk_geometry::Pose;
 use elk_geometry::random::Random;
-use elk_sensor::simulator::{Settings, Simulator, StereoNoise, random_start};
+use elk_sensor::simulator::{Settings, Simulator, StereoNoise};
+use elk_sensor::surroundings::{Body, random_start};
 use elk_sensor::{Camera, Obstruction, Robot, Travel};
 use elk_spatial::Scan;
 use elk_spatial::messages::PoseCommand;
@@ -23,7 +24,11 @@ fn at(x: f64, y: f64, z: f64) -> Pose {
 }
 
 fn robot(settings: Settings) -> Robot {
-    Robot::new(Box::new(Simulator::new(room(), settings, at(0.5, 1.0, 1.0)))).unwrap()
+    robot_of(0.05, settings)
+}
+
+fn robot_of(radius: f64, settings: Settings) -> Robot {
+    Robot::new(Box::new(Simulator::new(Body::new(room(), at(0.5, 1.0, 1.0), radius), settings))).unwrap()
 }
 
 fn go(robot: &mut Robot, id: u64, pose: Pose) -> (Travel, Scan<'static>) {
@@ -109,8 +114,7 @@ fn a_ray_out_of_an_open_world_gives_no_point() {
 
 #[test]
 fn the_body_touches_what_comes_within_its_radius() {
-    let settings = Settings { body_radius: 0.2, ..Settings::default() };
-    let mut s = robot(settings);
+    let mut s = robot_of(0.2, Settings::default());
     assert!(!go(&mut s, 1, at(0.5, 1.0, 1.0)).0.contact, "standing still in the open");
     assert!(!go(&mut s, 2, at(3.0, 3.75, 1.0)).0.contact, "past the closet at 0.25 m");
     assert!(go(&mut s, 3, at(1.5, 3.85, 1.0)).0.contact, "to 0.15 m from its front");
@@ -133,7 +137,7 @@ fn poses_in_solids_beyond_walls_and_nowhere_are_refused() {
     let (through, _) = go(&mut s, 5, at(3.0, 4.5, 1.0));
     assert!(matches!(through.refused, Some(Obstruction::Blocked(..))), "the closet is in the way");
     assert_eq!((s.contacts(), s.scans()), (Some(4), 5));
-    let message = Robot::new(Box::new(Simulator::new(room(), Settings::default(), at(1.5, 4.5, 1.0))));
+    let message = Robot::new(Box::new(Simulator::new(Body::new(room(), at(1.5, 4.5, 1.0), 0.05), Settings::default())));
     let message = message.err().unwrap().to_string();
     assert_eq!(message, "(1.500; 4.500; 1.000) is inside an obstacle or outside the world");
 }

@@ -71,29 +71,34 @@ impl Bvh {
         self.any(|bounds| overlap(bounds, &around), meets)
     }
 
-    /// How far along the ray the first surface is, in lengths of its direction.
-    pub fn nearest(&self, ray: &Ray) -> Option<f64> {
-        let mut nearest = f64::INFINITY;
+    /// How far along the ray the first surface is, in lengths of its direction, and which of [`Bvh::triangles`] it is.
+    pub fn nearest(&self, ray: &Ray) -> Option<(f64, usize)> {
+        let mut nearest = (f64::INFINITY, 0);
         self.descend(0, ray, &mut nearest);
-        nearest.is_finite().then_some(nearest)
+        nearest.0.is_finite().then_some(nearest)
     }
 
-    fn descend(&self, mut node: usize, ray: &Ray, nearest: &mut f64) {
+    fn descend(&self, mut node: usize, ray: &Ray, nearest: &mut (f64, usize)) {
         loop {
             match self.nodes[node].content {
                 Content::Triangles { first, count } => {
-                    let hits = self.range(first, count).iter().filter_map(|triangle| ray.hit(triangle));
-                    *nearest = hits.fold(*nearest, |nearest, hit| nearest.min(hit.t));
+                    for (triangle, index) in self.range(first, count).iter().zip(first as usize..) {
+                        if let Some(hit) = ray.hit(triangle)
+                            && hit.t < nearest.0
+                        {
+                            *nearest = (hit.t, index);
+                        }
+                    }
                     return;
                 }
                 Content::RightChild(right) => {
                     let enter = |child: usize| (ray.enter(&self.nodes[child].bounds), child);
                     let (left, right) = (enter(node + 1), enter(right as usize));
                     let (near, far) = if left.0 <= right.0 { (left, right) } else { (right, left) };
-                    if near.0 < *nearest {
+                    if near.0 < nearest.0 {
                         self.descend(near.1, ray, nearest);
                     }
-                    if far.0 >= *nearest {
+                    if far.0 >= nearest.0 {
                         return;
                     }
                     node = far.1;

@@ -12,6 +12,7 @@
 //! | [`suitability`] | whether a mission can be run in it |
 //! | [`mesh`] | surfaces as few triangles, to be shown |
 //! | [`truth`] | how right a map of it is |
+//! | [`surface`] | how much of its surfaces a map has, and how much of the map's is there |
 //! | [`scenery`] | the workshop in which the worlds that come with elk are built |
 
 pub mod bvh;
@@ -27,6 +28,7 @@ pub mod ray;
 pub mod read;
 pub mod scenery;
 pub mod suitability;
+pub mod surface;
 mod topology;
 pub mod triangle;
 pub mod truth;

@@ -20,7 +20,7 @@ impl Triangle {
     }
 
     /// Its normal, twice its area long (m²).
-    pub(crate) fn normal(&self) -> Vector3<f64> {
+    pub fn normal(&self) -> Vector3<f64> {
         let [a, b, c] = self.0;
         (b - a).cross(&(c - a))
     }

@@ -336,7 +336,7 @@ impl World {
     /// How far from `origin` (m, world) along `direction` the first surface is, in lengths of `direction`; `None` if
     /// there is none.
     pub fn cast(&self, origin: Point3<f64>, direction: Vector3<f64>) -> Option<f64> {
-        self.surfaces.nearest(&Ray::new(origin, direction))
+        self.surfaces.nearest(&Ray::new(origin, direction)).map(|(t, _)| t)
     }
 
     /// Whether `point` (m, world) is inside the shell and in no solid: whether its winding number is negative, by a

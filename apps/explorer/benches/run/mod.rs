@@ -18,6 +18,7 @@ use elk_geometry::{Bounds, Clearance, OccupancyGrid, Pose};
 use elk_map::{MapConfig, OccupancyMap};
 use elk_sensor::Robot;
 use elk_sensor::simulator::{self, Simulator};
+use elk_sensor::surroundings::Body;
 use elk_spatial::checks::MAX_BRICKS;
 use elk_spatial::map::MapUpdate;
 use elk_spatial::messages::{CameraPose, Decision, MotionReport, Plan, PlanRequest, PoseCommand};
@@ -98,7 +99,7 @@ pub struct Run {
 impl Run {
     /// A robot at `start` in `world` that explores what is in `bounds`, and knows nothing yet.
     pub fn new(world: World, start: Pose, bounds: Bounds, strategy: Box<dyn Strategy>) -> Self {
-        let simulator = Simulator::new(world, simulator::Settings::default(), start);
+        let simulator = Simulator::new(Body::new(world, start, 0.05), simulator::Settings::default());
         Self {
             robot: Robot::new(Box::new(simulator)).expect("the start is free"),
             map: OccupancyMap::new(config()).expect("the settings make sense"),

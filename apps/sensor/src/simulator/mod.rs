@@ -1,23 +1,26 @@
-//! A depth camera in a world that only the simulator knows (thesis 3.3), and the body that carries it.
+//! A depth camera in a world that only the simulator knows (thesis 3.3).
 
 mod noise;
 mod parameters;
-mod preflight;
 mod source;
 
 pub use noise::StereoNoise;
-pub use source::{Settings, Simulator, random_start};
+pub use source::{Settings, Simulator};
 
 use elk_mission::{AppType, joined};
 
 use crate::app::{COMMON, app};
+use crate::surroundings;
+
+const PARAMS: [elk_mission::ParamSpec; parameters::PARAMS.len() + surroundings::PARAMS.len()] =
+    joined(surroundings::PARAMS, parameters::PARAMS);
 
 /// Its row in the table of sensors.
 pub const TYPE: AppType = AppType {
     element: "Sensor",
     name: "Simulator",
     summary: "A depth camera in a world of triangles, by ray casting; moves on pose commands and counts contacts.",
-    params: &joined::<{ parameters::PARAMS.len() + COMMON.len() }>(parameters::PARAMS, COMMON),
+    params: &joined::<{ PARAMS.len() + COMMON.len() }>(&PARAMS, COMMON),
     build: |params| app(params, Box::new(parameters::simulator(params)?)),
-    preflight: Some(preflight::preflight),
+    preflight: Some(surroundings::preflight),
 };

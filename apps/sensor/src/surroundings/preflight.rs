@@ -5,15 +5,15 @@ use elk_mission::{AppSpec, Mission, Params, PreflightReport, element};
 use elk_world::suitability::{Suitability, Wanted, suitability};
 use nalgebra::{Point3, Vector3};
 
-use super::parameters::{pixels, start, world};
+use super::parameters::{check_pixels, start, world};
 
 /// The map's parameters where the mission has a map of another kind.
 const RESOLUTION_M: f64 = 0.1;
 
 /// Loads the world, and sees that the robot can start in it, and that map and filters have something of what it sees
 /// there.
-pub(super) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
-    let looked = pixels(params).and_then(|_| {
+pub(crate) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
+    let looked = check_pixels(params).and_then(|()| {
         let world = world(params)?;
         let start = start(params, &world)?;
         Ok(suitability(&world, &wanted(start.position(), params, mission)))

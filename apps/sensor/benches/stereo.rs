@@ -1,0 +1,85 @@
+//! What a scan of a simulated stereo camera costs, part by part, beside a depth camera of as many pixels:
+//! `cargo bench -p elk-sensor --bench stereo`
+//!
+//! CPU time of one thread, median, and least of so many scans (`ELK_TURNS`, 15) from places all over the apartment.
+
+use elk_bus::clock::thread_cpu_secs;
+use elk_map::{MapConfig, OccupancyMap};
+use elk_sensor::simulated_stereo::{Eyes, Look, Settings, SimulatedStereo};
+use elk_sensor::simulator::{self, Simulator};
+use elk_sensor::surroundings::{Body, random_start};
+use elk_sensor::{AppError, Camera, Capture, DepthSource, Points, Pose};
+use elk_stereo::{Matcher, Sad5, Sad5Config, SemiGlobal, SemiGlobalConfig};
+use elk_world::{Placement, World};
+
+fn main() -> Result<(), AppError> {
+    let turns = std::env::var("ELK_TURNS").map_or(Ok(15), |said| said.parse::<u64>())?;
+    let world = World::load("apartment", &Placement::default())?;
+    let places: Vec<Pose> = (1..=turns).map(|seed| random_start(&world, seed)).collect::<Result<_, _>>()?;
+    println!("{:44} {:>9} {:>9}", "CPU ms of a scan", "median", "least");
+    for (width, height) in [(320, 240), (640, 480)] {
+        let camera = Camera::new(width, height, 75_f64.to_radians());
+        let body = || Body::new(world.clone(), places[0], 0.05);
+        let mut exact = Simulator::new(body(), simulator::Settings { camera, ..simulator::Settings::default() });
+        let seen = |capture: &Capture, exact: &mut Simulator| exact.scan(capture).map(|_| ());
+        let times = places.iter().enumerate().map(|(i, &pose)| timed(|| seen(&capture(i, pose), &mut exact)));
+        say(&format!("{width} × {height}, depth camera"), times.collect::<Result<_, _>>()?);
+        for name in ["SAD5", "semi-global"] {
+            let eyes = Eyes { camera, baseline_m: 0.12, noise: 1.0, seed: 1 };
+            let settings = Settings { eyes, look: Look { contrast: 20.0, blank: 0.0, seed: 1 }, range: None };
+            let mut stereo = SimulatedStereo::new(body(), settings, matcher(name)?)?;
+            let mut map = OccupancyMap::new(MapConfig::default())?;
+            let (mut rendering, mut matching, mut mapping) = (Vec::new(), Vec::new(), Vec::new());
+            let mut density = 0.0;
+            for (i, &pose) in places.iter().enumerate() {
+                let mut pair = None;
+                rendering.push(timed(|| {
+                    pair = Some(stereo.pair(&capture(i, pose)));
+                    Ok(())
+                })?);
+                let Some(pair) = pair else { unreachable!("it was rendered") };
+                let mut points = Points::default();
+                matching.push(timed(|| {
+                    points = stereo.matched(&pair)?.points;
+                    Ok(())
+                })?);
+                density += points.len() as f64 / f64::from(width * height) / turns as f64;
+                mapping.push(timed(|| {
+                    map.insert(pose.position(), points.iter().map(|point| pose.to_world(point.cast())));
+                    Ok(())
+                })?);
+            }
+            let all: Vec<f64> = matching.iter().zip(&mapping).map(|(a, b)| a + b).collect();
+            let of = |what: &str| format!("{width} × {height} × 64, {name}: {what}");
+            say(&of("rendering"), rendering);
+            say(&of("pair to scan"), matching);
+            say(&of("scan into the map"), mapping);
+            say(&of("pair to map"), all);
+            println!("{:44} {:8.1} %", of("matched"), density * 100.0);
+        }
+    }
+    Ok(())
+}
+
+fn capture(index: usize, pose: Pose) -> Capture {
+    Capture { scan: index as u64 + 1, time_secs: 0.0, pose }
+}
+
+fn matcher(name: &str) -> Result<Box<dyn Matcher + Send>, AppError> {
+    Ok(match name {
+        "SAD5" => Box::new(Sad5::new(Sad5Config::default())?),
+        _ => Box::new(SemiGlobal::new(SemiGlobalConfig::default())?),
+    })
+}
+
+/// What it takes (CPU s).
+fn timed(work: impl FnOnce() -> Result<(), AppError>) -> Result<f64, AppError> {
+    let before = thread_cpu_secs();
+    work()?;
+    Ok(thread_cpu_secs() - before)
+}
+
+fn say(what: &str, mut times: Vec<f64>) {
+    times.sort_by(f64::total_cmp);
+    println!("{what:44} {:9.2} {:9.2}", times[times.len() / 2] * 1e3, times[0] * 1e3);
+}

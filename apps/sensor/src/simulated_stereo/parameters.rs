@@ -1,0 +1,92 @@
+//! The stereo camera as a mission file says it.
+
+use elk_bus::AppError;
+use elk_mission::{Kind, Mission, ParamSpec, Params, PreflightReport};
+
+use super::eyes::Eyes;
+use super::source::{Settings, SimulatedStereo};
+use super::texture::Look;
+use crate::app::param;
+use crate::camera::Camera;
+use crate::matching::matcher;
+use crate::surroundings::{self, body, check_pixels, range, seed};
+
+const PIXELS: Kind = Kind::Integer { min: 16, max: 10_000 };
+
+/// What a mission file can say of it, beside its surroundings and how it matches.
+pub(super) const PARAMS: &[ParamSpec] = &[
+    param("Width", PIXELS, "320", "Pixels in a row of each image; more than Disparities."),
+    param("Height", PIXELS, "240", "Rows of each image."),
+    param(
+        "Fov",
+        Kind::Number { unit: "deg", min: 1.0, max: 170.0 },
+        "75",
+        "Horizontal field of view; pixels are square, so Width and Height give the vertical one.",
+    ),
+    param(
+        "Baseline",
+        Kind::Number { unit: "m", min: 0.001, max: 10.0 },
+        "0.12",
+        "How far the right camera is to the right of the left one, whose pose is the sensor's.",
+    ),
+    param(
+        "Range",
+        Kind::Number { unit: "m", min: 0.0, max: 1e4 },
+        "0",
+        "How far points are believed, whose error grows with the square of it: what is matched farther away gives no return; 0: all are.",
+    ),
+    param(
+        "Texture",
+        Kind::Number { unit: "", min: 0.0, max: 100.0 },
+        "20",
+        "How far each octave of the surfaces' texture takes grey levels up and down; 0: blank walls, of which nothing is seen.",
+    ),
+    param(
+        "BlankShare",
+        Kind::Number { unit: "", min: 0.0, max: 1.0 },
+        "0",
+        "Share of the world's planes that have no texture, drawn from Seed.",
+    ),
+];
+
+/// The stereo camera that the parameters say.
+pub(super) fn simulated_stereo(params: &Params) -> Result<SimulatedStereo, AppError> {
+    check(params)?;
+    Ok(SimulatedStereo::new(body(params)?, settings(params), matcher(params)?)?)
+}
+
+/// Whether a mission can be run with it, looked at before anything starts.
+pub(super) fn preflight(params: &Params, mission: &Mission) -> PreflightReport {
+    match check(params) {
+        Ok(()) => surroundings::preflight(params, mission),
+        Err(error) => PreflightReport::fault(error),
+    }
+}
+
+/// Sees that its images can be matched.
+fn check(params: &Params) -> Result<(), AppError> {
+    check_pixels(params)?;
+    matcher(params).map_err(|error| format!("Disparities: {error}"))?;
+    let (width, levels) = (params.integer("Width"), params.integer("Disparities"));
+    match width > levels {
+        true => Ok(()),
+        false => Err(format!(
+            "Width is {width} and Disparities {levels}: no column has that many on its left; right is a Width of more than Disparities"
+        )
+        .into()),
+    }
+}
+
+fn settings(params: &Params) -> Settings {
+    // The table keeps the numbers of pixels within 32 bits.
+    let pixels = |name| params.integer(name) as u32;
+    let eyes = Eyes {
+        camera: Camera::new(pixels("Width"), pixels("Height"), params.number("Fov").to_radians()),
+        baseline_m: params.number("Baseline"),
+        noise: params.number("ImageNoise"),
+        seed: seed(params),
+    };
+    let look =
+        Look { contrast: params.number("Texture") as f32, blank: params.number("BlankShare"), seed: seed(params) };
+    Settings { eyes, look, range: range(params) }
+}

@@ -1,0 +1,100 @@
+//! The depth source: a pair of images, and what a matcher makes of them.
+
+use elk_bus::AppError;
+use elk_geometry::Pose;
+use elk_spatial::{CameraInfo, Points};
+use elk_stereo::{Disparity, Image, MatchError, Matcher, Rig, RigError};
+use nalgebra::Point3;
+
+use super::eyes::Eyes;
+use super::texture::{Look, Texture};
+use crate::source::{Capture, DepthSource, Seen, Truth};
+use crate::surroundings::Body;
+
+/// What a simulated stereo camera is, beside its matcher.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Its two cameras.
+    pub eyes: Eyes,
+    /// How the world looks to them.
+    pub look: Look,
+    /// How far its points are believed (m); `None`: all are.
+    pub range: Option<f64>,
+}
+
+/// The stereo camera, and the body that carries it.
+pub struct SimulatedStereo {
+    body: Body,
+    texture: Texture,
+    settings: Settings,
+    rig: Rig,
+    matcher: Box<dyn Matcher + Send>,
+}
+
+impl SimulatedStereo {
+    /// A stereo camera that a body carries, whose images `matcher` matches.
+    ///
+    /// # Errors
+    /// Cameras with which nothing can be triangulated.
+    pub fn new(body: Body, settings: Settings, matcher: Box<dyn Matcher + Send>) -> Result<Self, RigError> {
+        let Eyes { camera, baseline_m, .. } = settings.eyes;
+        // elk-stereo counts pixels from their centres.
+        let middle = [camera.height, camera.width].map(|side| (f64::from(side) - 1.0) / 2.0);
+        let rig = Rig::new(camera.focal_px, middle, baseline_m)?;
+        let texture = Texture::new(body.world(), &settings.look);
+        Ok(Self { body, texture, settings, rig, matcher })
+    }
+
+    /// The left and the right image of a scan, whose pose is that of the left camera.
+    pub fn pair(&self, capture: &Capture) -> [Image; 2] {
+        self.settings.eyes.render(self.body.world(), &self.texture, &capture.pose, capture.scan)
+    }
+
+    /// What is seen in a pair of its images.
+    ///
+    /// # Errors
+    /// Images that are no pair of its cameras.
+    pub fn matched(&mut self, [left, right]: &[Image; 2]) -> Result<Seen, MatchError> {
+        let disparity = self.matcher.disparity(left, right)?;
+        Ok(seen(&self.rig, &disparity, self.settings.range))
+    }
+}
+
+/// A scan of disparities, in the frame of the left camera: a point for each pixel that was matched, and, of a pixel that was
+/// matched farther away than `range` (m), the direction in which there is nothing up to there. Of a pixel that was not matched
+/// nothing is known, whatever the reason: it is in neither list, and frees nothing.
+pub fn seen(rig: &Rig, disparity: &Disparity, range: Option<f64>) -> Seen {
+    let range = range.unwrap_or(f64::INFINITY);
+    let (mut points, mut no_return) = (Vec::new(), Vec::new());
+    for (_, _, point) in rig.cloud(disparity) {
+        match point.coords.norm() <= range {
+            true => points.push(point.cast()),
+            false => no_return.push(Point3::from(point.coords.normalize()).cast()),
+        }
+    }
+    let listed = |list: Vec<Point3<f32>>| -> Points<'static> { list.into_iter().collect() };
+    Seen { points: listed(points), no_return: listed(no_return) }
+}
+
+impl DepthSource for SimulatedStereo {
+    fn camera(&self) -> CameraInfo {
+        self.settings.eyes.camera.info(self.settings.range.unwrap_or(0.0))
+    }
+
+    fn start(&self) -> Pose {
+        self.body.start()
+    }
+
+    fn scan(&mut self, capture: &Capture) -> Result<Seen, AppError> {
+        let pair = self.pair(capture);
+        Ok(self.matched(&pair)?)
+    }
+
+    fn truth(&self) -> Option<&dyn Truth> {
+        Some(&self.body)
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        self.body.remarks().to_vec()
+    }
+}

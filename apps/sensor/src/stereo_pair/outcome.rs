@@ -1,0 +1,128 @@
+//! What was seen in a pair, and its files.
+
+use elk_stereo::{Disparity, Image, Noise, Rectification, Rig, Unmatched};
+use nalgebra::UnitQuaternion;
+use png::{BitDepth, ColorType, Encoder, EncodingError};
+
+use super::reasons::Reasons;
+
+/// Parts of a pixel that a disparity of 1 has in a file, as in KITTI's.
+const PARTS: f32 = 256.0;
+/// Columns between the two halves of the picture.
+const GAP: usize = 4;
+
+/// What was seen in a pair.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    rig: Rig,
+    left_from_rectified: UnitQuaternion<f64>,
+    left: Image,
+    disparity: Disparity,
+}
+
+impl Outcome {
+    pub(super) fn new(rectification: &Rectification, left: Image, disparity: Disparity) -> Self {
+        Self { rig: *rectification.rig(), left_from_rectified: rectification.left_from_rectified(), left, disparity }
+    }
+
+    /// The disparities of the rectified left image.
+    pub fn disparity(&self) -> &Disparity {
+        &self.disparity
+    }
+
+    /// How many pixels were matched, how near and far (m), and why the others were not.
+    pub fn summary(&self) -> String {
+        let mut depths: Vec<f64> = self.rig.cloud(&self.disparity).map(|(_, _, point)| point.z).collect();
+        depths.sort_by(f64::total_cmp);
+        let reasons = Reasons::of(&self.disparity);
+        let matched = format!(
+            "{} of {} pixels matched ({:.1} %); {reasons}",
+            depths.len(),
+            self.left.pixels().len(),
+            self.disparity.density() * 100.0
+        );
+        match depths[..] {
+            [nearest, .., farthest] => {
+                let median = depths[depths.len() / 2];
+                format!("{matched}\n{nearest:.2} to {farthest:.2} m ahead, half of it nearer than {median:.2} m")
+            }
+            _ => matched,
+        }
+    }
+
+    /// The disparities as a PNG of 16 bits grey: 256 times the disparity in pixels, 0 where there is none (as KITTI has it).
+    ///
+    /// # Errors
+    /// It cannot be encoded.
+    pub fn disparity_png(&self) -> Result<Vec<u8>, EncodingError> {
+        // Disparities are below 256, so that all fit.
+        let part = |said: Result<f32, Unmatched>| said.map_or(0, |disparity| (disparity * PARTS).round() as u16);
+        let bytes: Vec<u8> = self.disparity.iter().flat_map(|said| part(said).to_be_bytes()).collect();
+        encoded([self.left.width(), self.left.height()], ColorType::Grayscale, BitDepth::Sixteen, &bytes)
+    }
+
+    /// A picture as a PNG: the rectified left image, and beside it the disparities, red near and blue far. What was not matched is
+    /// dark: grey without texture, black for all other reasons.
+    ///
+    /// # Errors
+    /// It cannot be encoded.
+    pub fn picture_png(&self) -> Result<Vec<u8>, EncodingError> {
+        let (width, height) = (self.left.width(), self.left.height());
+        let nearest = self.disparity.iter().flatten().fold(1.0, f32::max);
+        let mut bytes = Vec::with_capacity(3 * (2 * width + GAP) * height);
+        for row in 0..height {
+            bytes.extend(self.left.row(row).iter().flat_map(|&grey| [grey; 3]));
+            bytes.extend([255; 3 * GAP]);
+            bytes.extend((0..width).flat_map(|column| match self.disparity.get(row, column) {
+                Ok(disparity) => colour(disparity / nearest),
+                Err(Unmatched::Textureless) => [70; 3],
+                Err(_) => [0; 3],
+            }));
+        }
+        encoded([2 * width + GAP, height], ColorType::Rgb, BitDepth::Eight, &bytes)
+    }
+
+    /// The points as a PLY (binary, little endian), in the frame of the calibrated left camera (x right, y down, z forward; m), each
+    /// with the grey level of its pixel and the standard deviation of its depth (m; thesis 6.5.3).
+    pub fn cloud_ply(&self) -> Vec<u8> {
+        let cloud: Vec<_> = self.rig.cloud(&self.disparity).collect();
+        let mut bytes = format!(
+            "ply\nformat binary_little_endian 1.0\ncomment x right, y down, z forward, metres\nelement vertex {}\n\
+             property float x\nproperty float y\nproperty float z\nproperty float deviation\nproperty uchar red\n\
+             property uchar green\nproperty uchar blue\nend_header\n",
+            cloud.len()
+        )
+        .into_bytes();
+        for (row, column, point) in cloud {
+            let scale = self.rig.focal() * self.rig.baseline();
+            let deviation = point.z * point.z / scale * Noise::default().disparity;
+            let point = self.left_from_rectified * point;
+            let numbers = [point.x, point.y, point.z, deviation];
+            bytes.extend(numbers.into_iter().flat_map(|number| (number as f32).to_le_bytes()));
+            bytes.extend([self.left.row(row)[column]; 3]);
+        }
+        bytes
+    }
+}
+
+/// A colour from blue (0) over green to red (1).
+fn colour(share: f32) -> [u8; 3] {
+    let hump = |middle: f32| ((1.5 - (4.0 * share - middle).abs()).clamp(0.0, 1.0) * 255.0).round() as u8;
+    [hump(3.0), hump(2.0), hump(1.0)]
+}
+
+fn encoded(
+    [width, height]: [usize; 2],
+    colour: ColorType,
+    depth: BitDepth,
+    bytes: &[u8],
+) -> Result<Vec<u8>, EncodingError> {
+    let mut file = Vec::new();
+    let mut encoder = Encoder::new(&mut file, width as u32, height as u32);
+    encoder.set_color(colour);
+    encoder.set_depth(depth);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(bytes)?;
+    writer.finish()?;
+    Ok(file)
+}
