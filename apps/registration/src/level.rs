@@ -16,10 +16,12 @@ pub(crate) struct Surface<const D: usize> {
 
 /// One voxel.
 #[derive(Clone, Copy, Debug)]
-struct Cell<const D: usize> {
+pub(crate) struct Cell<const D: usize> {
     index: Index<D>,
     moments: Moments<D>,
-    surface: Option<Surface<D>>,
+    pub surface: Option<Surface<D>>,
+    /// Whether voxels of finer levels in it have surfaces.
+    pub is_refined: bool,
     /// When it last was added to, as the caller counts.
     seen: u64,
 }
@@ -47,6 +49,10 @@ impl<const D: usize> Level<D> {
         Self { size, table: Table::new(), cells: Vec::new(), changed: Vec::new() }
     }
 
+    pub fn size(&self) -> f64 {
+        self.size
+    }
+
     pub fn len(&self) -> usize {
         self.cells.len()
     }
@@ -55,17 +61,17 @@ impl<const D: usize> Level<D> {
         self.cells.iter().map(|cell| cell.moments).collect()
     }
 
-    /// The voxel in which a place is, once it is shifted by so many voxels.
-    fn index(&self, place: &SVector<f64, D>, shift: f64) -> Index<D> {
-        std::array::from_fn(|axis| ((place[axis] / self.size + shift).floor() as i32).clamp(-LIMIT, LIMIT))
+    /// The voxel in which a place is.
+    fn index(&self, place: &SVector<f64, D>) -> Index<D> {
+        std::array::from_fn(|axis| ((place[axis] / self.size).floor() as i32).clamp(-LIMIT, LIMIT))
     }
 
     /// Adds points to the voxel in which their mean is.
     pub fn add(&mut self, moments: &Moments<D>, now: u64) {
-        let index = self.index(&moments.mean, 0.0);
+        let index = self.index(&moments.mean);
         let place = self.table.get_or_insert(&index, self.cells.len());
         if place == self.cells.len() {
-            self.cells.push(Cell { index, moments: *moments, surface: None, seen: now });
+            self.cells.push(Cell { index, moments: *moments, surface: None, is_refined: false, seen: now });
             self.changed.push(index);
             return;
         }
@@ -117,16 +123,56 @@ impl<const D: usize> Level<D> {
         is_surface.then_some(Surface { point: moments.mean, normal })
     }
 
-    /// The surface of the voxel in which a place is. Where it has none, the nearest of the voxels that the place's own cube of a voxel's size
-    /// reaches into.
-    pub fn near(&self, place: &SVector<f64, D>) -> Option<&Surface<D>> {
-        let of = |cell: usize| self.cells[cell].surface.as_ref();
-        let own = self.table.get(&self.index(place, 0.0)).and_then(of);
-        own.or_else(|| {
-            let beside = self.table.cube(self.index(place, -0.5), 2).filter_map(|(_, cell)| of(cell));
-            let distance = |surface: &&Surface<D>| (surface.point - place).norm_squared();
-            beside.min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        })
+    /// Marks the voxels in which finer surfaces are: those of the next finer level.
+    pub fn refine(&mut self, finer: &Self) {
+        self.cells.iter_mut().for_each(|cell| cell.is_refined = false);
+        for cell in finer.cells.iter().filter(|cell| cell.is_refined || cell.surface.is_some()) {
+            if let Some(place) = self.table.get(&cell.index.map(|i| i >> 1)) {
+                self.cells[place].is_refined = true;
+            }
+        }
+    }
+
+    /// The voxels that come within half an edge of a place.
+    pub fn beside(&self, place: &SVector<f64, D>) -> impl Iterator<Item = (Index<D>, usize)> {
+        self.table.cube(self.index(&place.add_scalar(-self.size / 2.0)), 2)
+    }
+
+    /// Those of the voxels of which a voxel of the next coarser level consists, the nearest to a place first.
+    pub fn within<'a>(
+        &'a self,
+        coarser: &Index<D>,
+        place: &SVector<f64, D>,
+    ) -> impl Iterator<Item = (Index<D>, usize)> + use<'a, D> {
+        let is_upper = |axis: usize| place[axis] > f64::from(2 * coarser[axis] + 1) * self.size;
+        self.table.halves(coarser, (0..D).map(|axis| usize::from(is_upper(axis)) << axis).sum())
+    }
+
+    /// A voxel by its place.
+    pub fn cell(&self, place: usize) -> &Cell<D> {
+        &self.cells[place]
+    }
+
+    /// The voxels that have a surface and none finer in them.
+    #[cfg(test)]
+    pub fn unrefined_surfaces(&self) -> impl Iterator<Item = Index<D>> {
+        self.cells.iter().filter(|cell| cell.surface.is_some() && !cell.is_refined).map(|cell| cell.index)
+    }
+
+    /// The surface of a voxel.
+    #[cfg(test)]
+    pub fn surface_at(&self, index: &Index<D>) -> Option<Surface<D>> {
+        self.table.get(index).and_then(|place| self.cells[place].surface)
+    }
+
+    /// The square of a place's distance from a voxel, m².
+    pub fn distance_squared(&self, index: &Index<D>, place: &SVector<f64, D>) -> f64 {
+        (0..D)
+            .map(|axis| {
+                let least = f64::from(index[axis]) * self.size;
+                (least - place[axis]).max(place[axis] - least - self.size).max(0.0).powi(2)
+            })
+            .sum()
     }
 }
 
@@ -172,9 +218,12 @@ mod tests {
             level.add(&Moments::of(SVector::from([5.0, 5.0, f64::from(i) * 0.01])), 1);
         }
         level.update_surfaces();
-        let normal = level.near(&SVector::from([0.7, 0.7, 0.625])).unwrap().normal;
+        let at = |place: [f64; 3]| {
+            level.table.get(&level.index(&SVector::from(place))).and_then(|place| level.cells[place].surface)
+        };
+        let normal = at([0.7, 0.7, 0.625]).unwrap().normal;
         assert!(normal.dot(&SVector::from([-0.6, 0.0, 0.8])).abs() > 1.0 - 1e-9, "{normal}");
-        assert_eq!(level.near(&SVector::from([5.0, 5.0, 3.0])), None);
-        assert_eq!(level.near(&SVector::from([0.7, 0.7, 1.3])), None, "it is 0.4 m above the sheet");
+        assert_eq!(at([5.0, 5.0, 3.0]), None);
+        assert_eq!(at([0.7, 0.7, 1.3]), None, "it is 0.4 m above the sheet");
     }
 }

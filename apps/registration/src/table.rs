@@ -88,6 +88,23 @@ impl<const D: usize> Table<D> {
         })
     }
 
+    /// The indices and places of the voxels of half the edge of which a voxel consists, `first` first (bit i: the upper half along axis i),
+    /// its opposite last. They are of one brick.
+    pub fn halves<'a>(
+        &'a self,
+        coarser: &Index<D>,
+        first: usize,
+    ) -> impl Iterator<Item = (Index<D>, usize)> + use<'a, D> {
+        let lowest = coarser.map(|i| i << 1);
+        let (_, brick) = self.slots[self.slot(Self::key(&lowest))];
+        let cells = self.places.get(brick as usize * Self::BRICK..).unwrap_or_default();
+        (0..if brick == NONE { 0 } else { 1usize << D }).filter_map(move |i| {
+            let index = std::array::from_fn(|axis| lowest[axis] + ((i ^ first) >> axis & 1) as i32);
+            let place = cells[Self::cell(&index)];
+            (place != NONE).then_some((index, place as usize))
+        })
+    }
+
     /// The place of a voxel; `next`, if it has had none, which is then its own.
     pub fn get_or_insert(&mut self, index: &Index<D>, next: usize) -> usize {
         let key = Self::key(index);
@@ -141,6 +158,11 @@ mod tests {
             prop_assert!(table.cube(first, 18).eq(known.iter().map(|(&index, &place)| (index, place))));
             for index in (-9..9).flat_map(|x| (-9..9).flat_map(move |y| (-9..9).map(move |z| [x, y, z].map(|i| i + base)))) {
                 prop_assert_eq!(table.get(&index), known.get(&index).copied());
+                let place_first = index[0].unsigned_abs() as usize % 8;
+                let halves: BTreeMap<_, _> = table.halves(&index, place_first).collect();
+                let twice = index.map(|i| 2 * i..2 * i + 2);
+                let within = known.iter().filter(|(index, _)| (0..3).all(|axis| twice[axis].contains(&index[axis])));
+                prop_assert_eq!(halves, within.map(|(&index, &place)| (index, place)).collect());
             }
         }
     }

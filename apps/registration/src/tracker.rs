@@ -22,12 +22,15 @@ pub struct TrackerConfig {
     pub turn: f64,
     /// What the last so many scans that were added have not seen is forgotten.
     pub window: u64,
+    /// After so many lost scans in a row the map begins anew where the sensor is supposed to be.
+    pub patience: u64,
 }
 
 /// What became of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Tracked<P, const N: usize> {
-    /// It is the first, and the map begins with it, where the tracker was told to start.
+    /// The map begins with it: it is the first, taken where the tracker was told to start, or those before were lost, and it is where the sensor is
+    /// supposed to be. Then nobody knows where all poses from here on are to those before.
     Started,
     /// It was registered.
     Found(Estimate<P, N>),
@@ -48,6 +51,8 @@ pub struct Tracker<P, const D: usize, const N: usize> {
     motion: P,
     /// Where the last scan was added to the map.
     added: P,
+    /// How many scans were lost since one was found.
+    lost: u64,
 }
 
 impl<P: Pose<D, N>, const D: usize, const N: usize> Tracker<P, D, N> {
@@ -59,15 +64,21 @@ impl<P: Pose<D, N>, const D: usize, const N: usize> Tracker<P, D, N> {
         range("step", config.step, 0.0, 1000.0)?;
         range("turn", config.turn, 0.0, 4.0)?;
         range("window", config.window as f64, 1.0, 1e9)?;
+        range("patience", config.patience as f64, 1.0, 1e9)?;
         start.check()?;
         let icp = Icp::new(config.icp.clone())?;
         let map = Map::new(config.resolution);
-        Ok(Self { config, icp, map, pose: start, motion: P::identity(), added: start })
+        Ok(Self { config, icp, map, pose: start, motion: P::identity(), added: start, lost: 0 })
     }
 
     /// What it registers against.
     pub fn map(&self) -> &Map<D> {
         &self.map
+    }
+
+    /// Where the sensor is supposed to be: the last pose that was found, moved on by what was guessed since.
+    pub fn supposed(&self) -> &P {
+        &self.pose
     }
 
     /// Takes the next scan: points in the sensor's frame, metres. `motion` is how the sensor has moved since the last scan, as it saw itself (pose_last⁻¹
@@ -77,32 +88,46 @@ impl<P: Pose<D, N>, const D: usize, const N: usize> Tracker<P, D, N> {
     /// Points that are no scan. It is as if there had been none.
     pub fn track(&mut self, points: &[Point<f32, D>], motion: Option<P>) -> Result<Tracked<P, N>, CloudError> {
         let cloud = Cloud::new(points, self.config.resolution)?;
-        if self.map.is_empty() {
-            return Ok(match self.add(&cloud) {
-                Ok(()) => Tracked::Started,
-                Err(error) => Tracked::Lost(error.into()),
-            });
-        }
         let guess = self.pose * motion.unwrap_or(self.motion);
-        let estimate = match self.icp.register(&self.map, &cloud, &guess) {
-            Ok(estimate) => estimate,
+        if self.map.is_empty() {
+            return Ok(self.start(&cloud));
+        }
+        match self.icp.register(&self.map, &cloud, &guess) {
+            Ok(estimate) => Ok(self.found(&cloud, estimate)),
             Err(lost) => {
                 // A motion that an odometry says goes on; one that was supposed does not.
                 self.pose = if motion.is_some() && guess.check().is_ok() { guess } else { self.pose };
                 self.motion = P::identity();
-                return Ok(Tracked::Lost(lost));
+                self.lost += 1;
+                if self.lost > self.config.patience {
+                    self.map = Map::new(self.config.resolution);
+                    return Ok(self.start(&cloud));
+                }
+                Ok(Tracked::Lost(lost))
             }
-        };
+        }
+    }
+
+    fn start(&mut self, cloud: &Cloud<D>) -> Tracked<P, N> {
+        self.lost = 0;
+        match self.add(cloud) {
+            Ok(()) => Tracked::Started,
+            Err(error) => Tracked::Lost(error.into()),
+        }
+    }
+
+    fn found(&mut self, cloud: &Cloud<D>, estimate: Estimate<P, N>) -> Tracked<P, N> {
+        self.lost = 0;
         self.motion = self.pose.inverse() * estimate.pose;
         self.pose = estimate.pose;
         let since = self.added.inverse() * self.pose;
         if since.position().norm() >= self.config.step || since.angle() >= self.config.turn {
             // A pose that was found is one.
-            if let Err(error) = self.add(&cloud) {
-                return Ok(Tracked::Lost(error.into()));
+            if let Err(error) = self.add(cloud) {
+                return Tracked::Lost(error.into());
             }
         }
-        Ok(Tracked::Found(estimate))
+        Tracked::Found(estimate)
     }
 
     fn add(&mut self, cloud: &Cloud<D>) -> Result<(), PoseError> {

@@ -8,7 +8,7 @@ use scenes::Dice;
 
 fn config() -> TrackerConfig {
     let resolution = Resolution::new(0.1, 4).unwrap();
-    TrackerConfig { resolution, icp: IcpConfig::default(), step: 0.3, turn: 0.2, window: 30 }
+    TrackerConfig { resolution, icp: IcpConfig::default(), step: 0.3, turn: 0.2, window: 30, patience: 10 }
 }
 
 /// Along a circle of radius 1 m, looking ahead.
@@ -92,6 +92,27 @@ fn who_is_lost_says_so_and_finds_back() {
         }
     }
     assert_eq!(lost, [12, 13, 14, 15]);
+}
+
+#[test]
+fn who_stays_lost_begins_anew() {
+    let mut dice = Dice(4);
+    let config = TrackerConfig { patience: 2, ..config() };
+    let mut tracker = Tracker::new(config, circle(0)).unwrap();
+    let mut outcomes = String::new();
+    for i in 0..10 {
+        // From the fifth scan on it is in another room, of which the odometry says nothing.
+        let pose = if i < 5 { circle(i) } else { Isometry2::new(Vector2::new(0.9, 1.6), 2.3) };
+        let room =
+            if i < 5 { scenes::plan() } else { scenes::Room { walls: [[-0.2, -9.0], [1.4, 9.0]], blocks: vec![] } };
+        let points = scenes::laser(&room, &pose, 0.01, &mut dice);
+        outcomes.push(match tracker.track(&points, Some(Isometry2::identity())).unwrap() {
+            Tracked::Started => 'S',
+            Tracked::Found(_) => 'F',
+            Tracked::Lost(_) => 'L',
+        });
+    }
+    assert_eq!(outcomes, "SFFFFLLSFF");
 }
 
 #[test]
