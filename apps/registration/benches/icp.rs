@@ -87,7 +87,7 @@ fn main() {
         println!("icp: skipped, there is no {} (set ELK_DATA)", data.display());
         return;
     }
-    let turns = stopwatch::turns();
+    let turns = std::env::var("ELK_TURNS").ok().and_then(|turns| turns.parse().ok()).unwrap_or(15);
     let [source, target] = ["source.ply", "target.ply"].map(|name| ply(&data.join(name)));
     let truth = std::fs::read_to_string(data.join("T_target_source.txt")).unwrap();
     let clouds = Clouds { source, target, truth: pose(truth.split_whitespace()) };

@@ -13,6 +13,7 @@
 
 pub mod carmen;
 pub mod cloud;
+pub mod depth;
 mod eigen;
 pub mod estimate;
 pub mod icp;
@@ -25,6 +26,7 @@ mod table;
 pub mod tracker;
 
 pub use cloud::{Cloud, CloudError};
+pub use depth::{DepthCamera, DepthError};
 pub use estimate::{Estimate, Health, Lost};
 pub use icp::{Icp, IcpConfig};
 pub use map::Map;

@@ -18,8 +18,3 @@ pub fn least<T>(turns: usize, mut work: impl FnMut() -> T) -> (f64, T) {
     let first = timed();
     (1..turns).map(|_| timed()).fold(first, |best, next| (best.0.min(next.0), next.1))
 }
-
-/// How often things are timed: `ELK_TURNS`, 15.
-pub fn turns() -> usize {
-    std::env::var("ELK_TURNS").ok().and_then(|turns| turns.parse().ok()).unwrap_or(15)
-}
