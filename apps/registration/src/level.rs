@@ -133,6 +133,11 @@ impl<const D: usize> Level<D> {
         }
     }
 
+    /// The surface of the voxel in which a place is.
+    pub fn at(&self, place: &SVector<f64, D>) -> Option<&Surface<D>> {
+        self.table.get(&self.index(place)).and_then(|place| self.cells[place].surface.as_ref())
+    }
+
     /// The voxels that come within half an edge of a place.
     pub fn beside(&self, place: &SVector<f64, D>) -> impl Iterator<Item = (Index<D>, usize)> {
         self.table.cube(self.index(&place.add_scalar(-self.size / 2.0)), 2)
@@ -218,9 +223,7 @@ mod tests {
             level.add(&Moments::of(SVector::from([5.0, 5.0, f64::from(i) * 0.01])), 1);
         }
         level.update_surfaces();
-        let at = |place: [f64; 3]| {
-            level.table.get(&level.index(&SVector::from(place))).and_then(|place| level.cells[place].surface)
-        };
+        let at = |place: [f64; 3]| level.at(&SVector::from(place));
         let normal = at([0.7, 0.7, 0.625]).unwrap().normal;
         assert!(normal.dot(&SVector::from([-0.6, 0.0, 0.8])).abs() > 1.0 - 1e-9, "{normal}");
         assert_eq!(at([5.0, 5.0, 3.0]), None);

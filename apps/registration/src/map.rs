@@ -71,6 +71,10 @@ impl<const D: usize> Map<D> {
     /// The surface of the voxel next to a place, of those that have one and none finer in them; less than an edge of a level's
     /// voxels off. On the coarsest level one farther than half an edge may be missed.
     pub(crate) fn near(&self, place: &SVector<f64, D>, level: usize) -> Option<&Surface<D>> {
+        // Most places are in such a voxel, and nothing is nearer.
+        if let Some(surface) = self.levels[0].at(place) {
+            return Some(surface);
+        }
         let reach = self.levels[level].size();
         let mut nearest = Nearest { distance_squared: reach * reach, surface: None };
         let top = self.levels.len() - 1;
