@@ -8,11 +8,12 @@ use std::process::Command;
 use serde_json::Value;
 
 /// The libraries, and where they lie.
-const LIBRARIES: [(&str, &str); 4] = [
+const LIBRARIES: [(&str, &str); 5] = [
     ("elk-geometry", "bus/geometry"),
     ("elk-map", "apps/map"),
     ("elk-field", "apps/field"),
     ("elk-stereo", "apps/stereo"),
+    ("elk-registration", "apps/registration"),
 ];
 
 /// The machine that elk is built for here, as Rust calls it.

@@ -1,0 +1,357 @@
+//! Logs of 2-D lasers as CARMEN writes them: lines of text, each a message.
+//!
+//! Of these, `FLASER` and `ODOM` are read, all others are passed over:
+//!
+//! ```text
+//! ODOM x y theta tv rv accel ipc_timestamp ipc_hostname logger_timestamp
+//! FLASER num_readings [range_readings] x y theta odom_x odom_y odom_theta ipc_timestamp ipc_hostname logger_timestamp
+//! ```
+//!
+//! Metres and radians. The beams of a `FLASER` go from −90° on to the left, evenly over 180°.
+
+use std::io::{BufRead, Read};
+
+use nalgebra::{Isometry2, Point2, Vector2};
+
+/// One scan of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LaserScan {
+    /// Which line of the log it is, from 1.
+    pub line: usize,
+    /// When it was taken, seconds; none where the log says 0, as some do of all.
+    pub time: Option<f64>,
+    /// Ranges of the beams, metres, from right to left. What a beam without return reads is the laser's own: mostly the largest range.
+    pub ranges: Vec<f32>,
+    /// Where the laser was, as the log says: in logs that were corrected, by whatever corrected them.
+    pub pose: Isometry2<f64>,
+    /// Where wheels say that it was: the motions of the log's `ODOM` lines one after the other, or what the scan says itself where there are none.
+    pub odometry: Isometry2<f64>,
+}
+
+impl LaserScan {
+    /// The bearing of a beam, radians, 0 ahead: with an even number of beams each has its share of 180°, with an odd one the outermost are 180° apart.
+    pub fn bearing(&self, beam: usize) -> f64 {
+        let shares = self.ranges.len() - self.ranges.len() % 2;
+        std::f64::consts::PI * (beam as f64 / shares.max(1) as f64 - 0.5)
+    }
+
+    /// The points that the beams hit nearer than `range_max` metres, in the laser's frame: x ahead, y to the left.
+    pub fn points(&self, range_max: f32) -> Vec<Point2<f32>> {
+        let hit = |(beam, &range): (usize, &f32)| {
+            let (sin, cos) = self.bearing(beam).sin_cos();
+            (range > 0.0 && range < range_max).then(|| Point2::new(cos as f32 * range, sin as f32 * range))
+        };
+        self.ranges.iter().enumerate().filter_map(hit).collect()
+    }
+}
+
+/// A line that could not be used, or a log that could not be read on.
+#[derive(Debug, thiserror::Error)]
+#[error("{log}:{line}: {fault}")]
+pub struct CarmenError {
+    /// The log.
+    pub log: String,
+    /// Which line, from 1.
+    pub line: usize,
+    /// What is wrong with it.
+    pub fault: Fault,
+}
+
+/// What is wrong with a line.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// A word that should be a number.
+    #[error("{found:?} as {what}: a finite number would be right")]
+    Number {
+        /// What the number would be.
+        what: &'static str,
+        /// The word.
+        found: String,
+    },
+    /// A range that is none.
+    #[error("beam {beam} of {found} m: a finite range of at least 0 would be right")]
+    Range {
+        /// Which beam, from 0.
+        beam: usize,
+        /// The range, metres.
+        found: f64,
+    },
+    /// A scan of no beam, or of more than a laser has.
+    #[error("a scan of {found} beams: 1 to {MAX_BEAMS} would be right")]
+    Beams {
+        /// How many it says it has.
+        found: String,
+    },
+    /// A line that is not as long as its kind is.
+    #[error("{kind} with {found} words: {wanted} would be right")]
+    Words {
+        /// The kind of line.
+        kind: &'static str,
+        /// How many words there are.
+        found: usize,
+        /// How many there should be.
+        wanted: usize,
+    },
+    /// A scan from before the last one.
+    #[error("a scan of {found} s after one of {last} s: times go forwards")]
+    Backwards {
+        /// Its time, seconds.
+        found: f64,
+        /// That of the last scan, seconds.
+        last: f64,
+    },
+    /// A line that no laser writes.
+    #[error("a line of more than {MAX_LINE} bytes: this is no CARMEN log")]
+    Long,
+    /// The log cannot be read any further.
+    #[error("cannot be read on: {0}")]
+    Io(#[from] std::io::Error),
+}
+
+/// The most beams of a scan.
+pub const MAX_BEAMS: usize = 10_000;
+/// The most bytes of a line.
+pub const MAX_LINE: u64 = 1 << 18;
+
+/// The scans of a log, one by one. A line that cannot be used is an error, and the next one goes on behind it; whoever counts the errors knows how many
+/// were left out.
+pub struct Reader<R> {
+    log: String,
+    input: R,
+    line: usize,
+    is_over: bool,
+    last_time: Option<f64>,
+    reckoning: Reckoning,
+}
+
+/// Where wheels say that the robot is.
+#[derive(Default)]
+struct Reckoning {
+    /// All motions one after the other.
+    pose: Isometry2<f64>,
+    /// The last pose that a line said.
+    said: Option<Isometry2<f64>>,
+    /// That of the last scan.
+    scan: Option<Isometry2<f64>>,
+}
+
+impl Reckoning {
+    fn moved(&mut self, to: Isometry2<f64>, time: f64) {
+        // Behind each scan that it corrected GMapping writes an `ODOM` without a time, from which odometry then goes on: nothing has moved.
+        let is_corrected = time == 0.0 && self.scan == Some(to);
+        match self.said {
+            Some(said) if !is_corrected => self.pose *= said.inverse() * to,
+            Some(_) => (),
+            None => self.pose = to,
+        }
+        self.said = Some(to);
+    }
+}
+
+impl<R: BufRead> Reader<R> {
+    /// Of a log that errors call so.
+    pub fn new(log: impl Into<String>, input: R) -> Self {
+        let log = log.into();
+        Self { log, input, line: 0, is_over: false, last_time: None, reckoning: Reckoning::default() }
+    }
+
+    /// The next line; none at the end.
+    fn line(&mut self) -> Result<Option<String>, Fault> {
+        let mut bytes = Vec::new();
+        self.line += 1;
+        self.input.by_ref().take(MAX_LINE).read_until(b'\n', &mut bytes)?;
+        if bytes.len() as u64 == MAX_LINE && bytes.last() != Some(&b'\n') {
+            self.skip_line()?;
+            return Err(Fault::Long);
+        }
+        Ok((!bytes.is_empty()).then(|| String::from_utf8_lossy(&bytes).into_owned()))
+    }
+
+    fn skip_line(&mut self) -> std::io::Result<()> {
+        loop {
+            let buffer = self.input.fill_buf()?;
+            let end = buffer.iter().position(|&byte| byte == b'\n');
+            let used = end.map_or(buffer.len(), |end| end + 1);
+            let is_over = end.is_some() || used == 0;
+            self.input.consume(used);
+            if is_over {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The scan of a line, if it has one.
+    fn scan(&mut self, line: &str) -> Result<Option<LaserScan>, Fault> {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words.first() {
+            Some(&"ODOM") => {
+                count("ODOM", &words, 10)?;
+                let time = number("a time", words[7])?;
+                self.reckoning.moved(pose(&words[1..4])?, time);
+                Ok(None)
+            }
+            Some(&"FLASER") => self.laser(&words).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    fn laser(&mut self, words: &[&str]) -> Result<LaserScan, Fault> {
+        let said = words.get(1).copied().unwrap_or_default();
+        let beams = said.parse().ok().filter(|beams| (1..=MAX_BEAMS).contains(beams));
+        let beams: usize = beams.ok_or_else(|| Fault::Beams { found: said.to_owned() })?;
+        count("FLASER", words, beams + 11)?;
+        let (ranges, rest) = words[2..].split_at(beams);
+        let range = |(beam, word): (usize, &&str)| {
+            let found: f64 = word.parse().map_err(|_| Fault::Number { what: "a range", found: (*word).to_owned() })?;
+            match found.is_finite() && found >= 0.0 {
+                true => Ok(found as f32),
+                false => Err(Fault::Range { beam, found }),
+            }
+        };
+        let ranges = ranges.iter().enumerate().map(range).collect::<Result<_, _>>()?;
+        let (pose, own) = (pose(&rest[..3])?, pose(&rest[3..6])?);
+        let time = Some(number("a time", rest[6])?).filter(|&time| time != 0.0);
+        self.reckoning.scan = Some(pose);
+        if let (Some(found), Some(last)) = (time, self.last_time)
+            && found < last
+        {
+            return Err(Fault::Backwards { found, last });
+        }
+        self.last_time = time.or(self.last_time);
+        let odometry = if self.reckoning.said.is_some() { self.reckoning.pose } else { own };
+        Ok(LaserScan { line: self.line, time, ranges, pose, odometry })
+    }
+}
+
+fn count(kind: &'static str, words: &[&str], wanted: usize) -> Result<(), Fault> {
+    match words.len() == wanted {
+        true => Ok(()),
+        false => Err(Fault::Words { kind, found: words.len(), wanted }),
+    }
+}
+
+fn number(what: &'static str, word: &str) -> Result<f64, Fault> {
+    let number = word.parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| Fault::Number { what, found: word.to_owned() })
+}
+
+/// A pose of three words.
+fn pose(words: &[&str]) -> Result<Isometry2<f64>, Fault> {
+    let [x, y, angle] = [0, 1, 2].map(|i| number(["x", "y", "an angle"][i], words[i]));
+    Ok(Isometry2::new(Vector2::new(x?, y?), angle?))
+}
+
+impl<R: BufRead> Iterator for Reader<R> {
+    type Item = Result<LaserScan, CarmenError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while !self.is_over {
+            let scan = match self.line() {
+                Ok(None) => return None,
+                Ok(Some(line)) => self.scan(&line),
+                Err(fault) => Err(fault),
+            };
+            self.is_over = matches!(scan, Err(Fault::Io(_)));
+            let error = |fault| CarmenError { log: self.log.clone(), line: self.line, fault };
+            if let Some(next) = scan.transpose() {
+                return Some(next.map_err(error));
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The scans of a log, and what was wrong with it.
+    fn read(log: &str) -> (Vec<LaserScan>, Vec<String>) {
+        let (mut scans, mut errors) = (Vec::new(), Vec::new());
+        for next in Reader::new("a.log", log.as_bytes()) {
+            match next {
+                Ok(scan) => scans.push(scan),
+                Err(error) => errors.push(error.to_string()),
+            }
+        }
+        (scans, errors)
+    }
+
+    #[test]
+    fn a_log_has_scans_poses_and_odometry() {
+        let log = "# a comment\nPARAM robot_frontlaser_offset 0.0 nohost 0\n\
+            ODOM 0 0 0 0 0 0 1.0 host 1.0\nODOM 1 0 0 0 0 0 2.0 host 2.0\n\
+            FLASER 3 1.0 2.0 81.91 1.5 0.25 0.5 1.5 0.25 0.5 2.5 host 2.5\n\
+            ODOM 1.5 0.25 0.5 0 0 0 0 host 0\nODOM 2.5 0.25 0.5 0 0 0 3.0 host 3.0\n\
+            FLASER 2 1.0 2.0 2.4 0.3 0.5 2.4 0.3 0.5 3.5 host 3.5";
+        let (scans, errors) = read(log);
+        assert_eq!(errors, Vec::<String>::new());
+        assert_eq!((scans.len(), scans[0].line, scans[1].line), (2, 5, 8));
+        assert_eq!((scans[0].time, scans[0].ranges.as_slice()), (Some(2.5), &[1.0, 2.0, 81.91][..]));
+        assert_eq!(scans[0].pose, Isometry2::new(Vector2::new(1.5, 0.25), 0.5));
+        assert_eq!(scans[0].odometry, Isometry2::translation(1.0, 0.0));
+        // A metre along x, from where it was said to be at an angle of 0.5.
+        let moved = scans[1].odometry.translation.vector - Vector2::new(1.0 + 0.5f64.cos(), -(0.5f64.sin()));
+        assert!(moved.norm() < 1e-12, "{}", scans[1].odometry);
+
+        let points = scans[0].points(50.0);
+        assert_eq!(points.len(), 2, "one beam came not back");
+        assert!(
+            (points[0] - Point2::new(0.0, -1.0)).norm() < 1e-6 && (points[1] - Point2::new(2.0, 0.0)).norm() < 1e-6
+        );
+        let bearings = [0, 1].map(|beam| scans[1].bearing(beam).to_degrees());
+        assert!((bearings[0] + 90.0).abs() < 1e-9 && bearings[1].abs() < 1e-9, "{bearings:?}");
+    }
+
+    #[test]
+    fn a_log_without_odometry_has_that_of_its_scans() {
+        let (scans, _) = read("FLASER 1 1.0 9 9 0 1 2 0 0 host 0");
+        assert_eq!(scans[0].odometry, Isometry2::translation(1.0, 2.0));
+        assert_eq!(scans[0].time, None);
+    }
+
+    #[test]
+    fn bad_lines_are_said_and_passed_over() {
+        let long = format!("FLASER 1 {}\n", "1".repeat(300_000));
+        let log = [
+            "FLASER 0 0 0 0 0 0 0 1.0 host 1.0\n",
+            "FLASER 2 1.0 NaN 0 0 0 0 0 0 1.0 host 1.0\n",
+            "FLASER 2 1.0 -2 0 0 0 0 0 0 1.0 host 1.0\n",
+            "FLASER 2 1.0 2.0 0 0 0 0 0 0 5.0 host 5.0\n",
+            "FLASER 2 1.0 2.0 0 0 0 0 0 0 4.0 host 4.0\n",
+            "FLASER 3 1.0 2.0 0 0 0 0 0 0 6.0 host 6.0\n",
+            "FLASER\n",
+            &long,
+            "ODOM 0 nan 0 0 0 0 1.0 host 1.0\n",
+            "ODOM 0 0\n",
+            "FLASER 2 1.0 2.0 0 0 0 0 0 0 7.0 host 7.0\n",
+        ];
+        let (scans, errors) = read(&log.concat());
+        let wanted = [
+            "a.log:1: a scan of 0 beams: 1 to 10000 would be right",
+            "a.log:2: beam 1 of NaN m: a finite range of at least 0 would be right",
+            "a.log:3: beam 1 of -2 m: a finite range of at least 0 would be right",
+            "a.log:5: a scan of 4 s after one of 5 s: times go forwards",
+            "a.log:6: FLASER with 13 words: 14 would be right",
+            "a.log:7: a scan of  beams: 1 to 10000 would be right",
+            "a.log:8: a line of more than 262144 bytes: this is no CARMEN log",
+            "a.log:9: \"nan\" as y: a finite number would be right",
+            "a.log:10: ODOM with 3 words: 10 would be right",
+        ];
+        assert_eq!(errors, wanted);
+        assert_eq!(scans.iter().map(|scan| scan.line).collect::<Vec<_>>(), [4, 11]);
+    }
+
+    #[test]
+    fn a_log_that_breaks_off_ends() {
+        struct Broken;
+        impl Read for Broken {
+            fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+                Err(std::io::Error::other("no disk"))
+            }
+        }
+        let read: Vec<_> = Reader::new("a.log", std::io::BufReader::new(Broken)).take(9).collect();
+        assert_eq!(read.len(), 1);
+        assert_eq!(read[0].as_ref().unwrap_err().to_string(), "a.log:1: cannot be read on: no disk");
+    }
+}
