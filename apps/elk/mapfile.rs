@@ -136,7 +136,8 @@ fn convert(arguments: &ConvertArgs) -> Result<()> {
 
 fn score(arguments: &ScoreArgs) -> Result<()> {
     let path = &arguments.map;
-    let saved = Saved::read(&read(path)?).with_context(|| format!("cannot read {}", path.display()))?;
+    let bytes = read(path)?;
+    let saved = Saved::read(&bytes).with_context(|| format!("cannot read {}", path.display()))?;
     let map = map_of(path, &saved)?;
     let (name, world) = arguments.world.load()?;
     let tolerance = arguments.tolerance.unwrap_or(map.config().resolution / 2.0);
